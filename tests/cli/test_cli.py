@@ -170,7 +170,7 @@ def test_inspect_a_recording(good, command, flight):
     assert (
         "1500 samples" in out
         and "position: 30 fixes" in out
-        and "\nno mistakes found\nnot checked: " in out
+        and "\nno mistakes found\ninconclusive: " in out
     )
     flight.write_text(TOML.replace('unit = "deg/s"', 'unit = "rad/s"'))
     code, out, err = command("inspect", flight)

@@ -41,6 +41,22 @@ def test_chunks_change_nothing(monkeypatch, chunk):
 
 
 @short
+@pytest.mark.parametrize("lost, events", [(5, 5), (6, 1), (40, 1)])
+def test_many_lost_samples_are_one_event(lost, events):
+    whole = flight()
+    imu = whole.imu
+    keep = np.ones(len(imu.t), bool)
+    keep[20 : 20 + 8 * lost : 8] = False
+    left = replace(whole, imu=imu._replace(**{k: c[keep] for k, c in imu._asdict().items()}))
+    found = fused(left).events
+    assert len(found) == events and "bridged" in found[0][1]
+    assert found[0][0] == pytest.approx(imu.t[19])
+    if events == 1:
+        step = imu.dt[20]
+        assert found[0][1].startswith(f"{lost} IMU gaps of {step:.3g} to {step:.3g} s from here on")
+
+
+@short
 def test_progress_rises_to_one(monkeypatch):
     monkeypatch.setattr(preparation, "ROWS_AT_ONCE", 64)
     told = []

@@ -17,7 +17,7 @@ class Checked(NamedTuple):
 
     facts: list[str]  # lines: what was found to be as it should
     reasons: list[Reason]  # what should not be so in a right set-up
-    inconclusive: list[str]  # lines "what was to be checked: inconclusive, why"
+    inconclusive: list[str]  # lines "what could not be checked: why"
 
     @classmethod
     def nothing(cls) -> "Checked":
@@ -27,7 +27,7 @@ class Checked(NamedTuple):
     @classmethod
     def unknown(cls, what: str, why: str) -> "Checked":
         """That `what` cannot be told, and why."""
-        return cls([], [], [f"{what}: inconclusive, {why}"])
+        return cls([], [], [f"{what}: {why}"])
 
     def add(self, other: "Checked") -> None:
         """Take in what another check says."""

@@ -1,8 +1,11 @@
 """The clock of the fixes against that of the IMU, over a minute either way.
 
-Two quantities are compared that no mounting changes: the size of the specific force, |dv/dt - g|,
-and the rate of turn about the vertical, that of the course over ground. Their correlation is taken
-over all lags. What it shows is believed where it is far likelier than any lag farther off.
+Two quantities are compared first that no mounting changes: the size of the specific force,
+|dv/dt - g|, and the rate of turn about the vertical, that of the course over ground. Their
+correlation is taken over all lags. What it shows is believed where it is far likelier than any lag
+farther off. Near there the whole vectors are compared, dv/dt - g in NED and the specific force in
+axes that the gyros hold still: for each stretch of time and lag the rotation is taken that fits
+them best (Wahba's problem, by singular values; Markley 1988), and the lag where least is left over.
 """
 
 from collections.abc import Iterator
@@ -12,7 +15,7 @@ import numpy as np
 
 from ..data import Aiding
 from ..geodesy import STANDARD_GRAVITY
-from ..typing import Array
+from ..typing import Array, Ints
 from ..verdict import Reason
 from .checked import Checked, label
 from .motion import Felt, Moved, Subject, course_rate, moved
@@ -26,11 +29,13 @@ HALF = 1.0
 FAR, EVIDENCE = 3.0, 10.0
 """A lag is believed where the logarithm of its likelihood over that of any other more than FAR (s)
 off is above EVIDENCE."""
-SYSTEMATIC = {"acceleration": 0.02, "turns": 0.08}
+SYSTEMATIC = {"acceleration": 0.02, "turns": 0.08, "vectors": 0.01}
 """What no scatter shows, s: the course of an antenna ahead of the rear axle leads the turn of the
 vehicle, that of an aircraft lags its own."""
-LEAST_FIXES, BLOCKS = 30, 10
-SURE, LEAST = 5.0, 0.1
+STRETCH = 30.0
+"""Seconds over which the gyros hold axes still."""
+LEAST_FIXES, BLOCKS, LEAST_BLOCKS = 30, 10, 4
+SURE, LEAST = 5.0, 0.08
 """A lag is a reason from so many standard deviations and seconds on."""
 LEAPS = {
     18.0: "the leap seconds between GPS time and UTC",
@@ -103,16 +108,58 @@ def coarse_lag(subject: Subject, source: Aiding) -> Lag | None:
         return None
     best = max(lags, key=lambda lag: lag.evidence)
     sure = [lag for lag in lags if lag.evidence > EVIDENCE] or [best]
-    seconds, weight = np.array([[lag.seconds, lag.sd**-2] for lag in sure]).T
+    known = [(lag.seconds, lag.sd) for lag in sure]
+    known += [_by_vectors(fixes, source.kind, subject.felt, best.seconds)]
+    seconds, weight = np.array([(lag, sd**-2) for lag, sd in known if np.isfinite(sd)]).T
     mean = float(np.average(seconds, weights=weight))
     # quantities that disagree are not better known than that
     spread = float(np.sqrt(max(1.0, (weight * (seconds - mean) ** 2).sum())))
     return best._replace(seconds=mean, sd=spread * float(weight.sum() ** -0.5))
 
 
+def _half(fixes: Moved, kind: str) -> float:
+    """Half the window of an acceleration, s: positions are the noisier."""
+    return max(HALF, fixes.interval) * (2 if kind == "position" else 1)
+
+
+def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[float, float]:
+    """(lag, sd) in s within a second of `near`, by whole vectors; sd is infinite where there are
+    too few."""
+    half = _half(fixes, kind)
+    a = (fixes.at(fixes.t + half) - fixes.at(fixes.t - half)) / (2 * half)
+    a -= [0.0, 0.0, STANDARD_GRAVITY]
+    lags = near + np.arange(-1.0, 1.0 + COARSE / 4, COARSE / 2)
+    inside = (fixes.t + lags[0] - half > motion.t[0]) & (fixes.t + lags[-1] + half < motion.t[-1])
+    use = np.isfinite(a).all(axis=1) & inside
+    t, a = fixes.t[use], a[use]
+    _, edges = np.unique(np.floor(t / STRETCH), return_index=True)
+    if len(edges) < LEAST_BLOCKS or len(t) < LEAST_FIXES:
+        return near, np.inf
+    integral = motion.at_antenna(fixes.arm)
+    left = np.stack([_left_over(a, motion.mean(integral, t + lag, half), edges) for lag in lags])
+    total = left.sum(axis=1)
+    independent = 3 * len(t) * fixes.interval / (2 * half)
+    if not independent / 2 * np.log(np.median(total) / max(total.min(), 1e-12)) > EVIDENCE:
+        return near, np.inf
+    # leaving out one part of the record after the other (jackknife)
+    parts = np.array_split(np.arange(len(edges)), min(BLOCKS, len(edges)))
+    others = np.array([_top(lags, left[:, part].sum(axis=1) - total) for part in parts])
+    sd = np.sqrt((len(parts) - 1) * np.mean((others - others.mean()) ** 2))
+    return _top(lags, -total), float(np.hypot(sd, SYSTEMATIC["vectors"]))
+
+
+def _left_over(a: Array, f: Array, edges: Ints) -> Array:
+    """(k,) sum of squares that is left of vectors `a` (n, 3) less `f` (n, 3), rotated as fits best
+    in each stretch that begins at a row of `edges` (k,)."""
+    u, s, v = np.linalg.svd(np.add.reduceat(a[:, :, None] * f[:, None, :], edges, axis=0))
+    s[:, 2] *= np.sign(np.linalg.det(u) * np.linalg.det(v))
+    squares = np.add.reduceat((a * a + f * f).sum(axis=1), edges)
+    return np.asarray(squares - 2 * s.sum(axis=1))
+
+
 def _series(fixes: Moved, kind: str, motion: Felt) -> Iterator[Series]:
     """The quantities to compare."""
-    half = max(HALF, fixes.interval) * (2 if kind == "position" else 1)
+    half = _half(fixes, kind)
     first, last = fixes.at(fixes.t - half), fixes.at(fixes.t + half)
     a = (last - first) / (2 * half)
     force = np.linalg.norm(a - [0, 0, STANDARD_GRAVITY], axis=1)
@@ -136,8 +183,9 @@ def _lag(series: Series, name: str) -> Lag | None:
     if not np.isfinite(r).any():
         return None
     top = int(np.nanargmax(r))
-    far = np.nan_to_num(r[np.abs(lags - lags[top]) > FAR])
-    other = min(max(0.0, float(far.max(initial=0.0))), 0.999)
+    # what fits as well with the opposite sign is no clock
+    far = np.nan_to_num(np.abs(r[np.abs(lags - lags[top]) > FAR]))
+    other = min(float(far.max(initial=0.0)), 0.999)
     lag, sd = _refined(series, float(lags[top]))
     best = min(max(float(r[top]), 0.0), 0.9999)
     evidence = series.independent / 2 * np.log((1 - other**2) / (1 - best**2))
@@ -184,7 +232,7 @@ def _top(lags: Array, r: Array) -> float:
         left, middle, right = r[k - 1 : k + 2]
         bend = left - 2 * middle + right
         if bend < 0:
-            return float(lags[k] + 0.5 * (left - right) / bend * FINE)
+            return float(lags[k] + 0.5 * (left - right) / bend * (lags[1] - lags[0]))
     return float(lags[k])
 
 

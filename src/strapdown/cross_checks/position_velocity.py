@@ -21,18 +21,20 @@ from .motion import Subject
 
 WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
-LEAST_FIXES, LEAST_WINDOWS = 30, 6
+LEAST_FIXES, LEAST_WINDOWS, LEAST_STEPS = 30, 6, 8
+"""Fixes, displacements that move, and steps from block to block that are needed."""
 MOVING = 5.0
 """A displacement tells something from so many claimed standard deviations on."""
 WRONG, RIGHT = 0.3, 0.2
 """Median misfit of displacements, as a share of them: axes are wrong above WRONG, and others
 explain them where they halve it and come below RIGHT."""
+MOST_WEIGHT = 100.0
 SURE = 5.0
 """Standard deviations from which a difference is no chance."""
 SCALE, ANGLE, LAG, DRIFT = 0.015, np.radians(1.5), 0.08, 0.04
 """Differences up to these are not spoken of: ratio, rad, s, m/s."""
-FARTHEST = 60.0
-"""The largest lag that is looked for, s."""
+FARTHEST, SETTLED, MOST_STEPS = 60.0, 0.02, 5
+"""The largest lag that is looked for, the last step of the search, both s, and the most steps."""
 FACTORS = {
     3.6: "km/h read as m/s",
     1 / 3.6: "m/s read as km/h",
@@ -136,6 +138,7 @@ class Pair(NamedTuple):
     t_v: Array  # (m,) s
     v: Array  # (m, 3) m/s NED; NaN where there is no vertical part
     pause: float  # s: a longer one ends what can be integrated
+    has_height: bool  # whether the positions have heights
 
     def integral(self, v: Array, at: Array) -> Array:
         """The integral of the velocities `v` (m, k), straight between its fixes, to the times
@@ -199,10 +202,12 @@ def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
     if common.sum() < LEAST_FIXES:
         return None
     t, y, sd = t[common], y[common], sd[common]
-    y = np.c_[y[:, :2], np.where(np.isfinite(y[:, 2]), y[:, 2], np.nanmedian(np.r_[y[:, 2], 0]))]
+    high = np.isfinite(y[:, 2])
+    heights = np.interp(t, t[high], y[high, 2]) if high.any() else np.zeros(len(t))
+    y = np.c_[y[:, :2], heights]
     p = np.vstack([np.zeros(3), np.cumsum(displacement(y[1:], y[:-1]), axis=0)])
     pause = 3 * max(float(np.median(np.diff(t))), float(np.median(np.diff(t_v)))) + 0.1
-    return Pair(label(position), label(velocity), t, p, sd, t_v, v, pause)
+    return Pair(label(position), label(velocity), t, p, sd, t_v, v, pause, high.mean() > 0.9)
 
 
 def _rows(aiding: Aiding) -> tuple[Array, Array, Array]:
@@ -246,7 +251,7 @@ def _gross(pair: Pair) -> list[Reason] | None:
     # another reading must be clearly better than the axes as they are
     best = min(fits, key=lambda fit: fit[0])
     off, factor, axes = fits[0] if fits[0][0] < max(RIGHT, 2 * best[0]) else best
-    weight = as_read / WRONG * SURE
+    weight = min(as_read / WRONG * SURE, MOST_WEIGHT)
     if off < min(RIGHT, as_read / 2):
         return _misread(pair, axes, factor, off, as_read, weight)
     lag, off = _coarse_lag(pair, misfit, integrated)
@@ -347,16 +352,19 @@ def _fine(pair: Pair, what: str) -> Checked:
     found = Checked.nothing()
     block = _blocks(pair)
     lag, x, sd = 0.0, np.full(3, np.nan), np.full(3, np.nan)
-    for _ in range(3):
+    for _ in range(MOST_STEPS):
         x, sd = _horizontal(pair, block, lag)
         if not np.isfinite(x).all():
             return Checked.unknown(what, "too little motion for scale and latency")
         lag += x[2]
-        if abs(x[2]) < 0.02 or abs(lag) > FARTHEST:
+        if abs(x[2]) < SETTLED or abs(lag) > FARTHEST:
             break
+    if abs(x[2]) >= SETTLED:
+        return Checked.unknown(what, "no latency between the two fits them")
     found.facts.append(
-        f"{what}: scale {1 / (1 + x[0]):.4f} +- {sd[0]:.4f}, turned by {np.degrees(-x[1]):+.2f} +- "
-        f"{np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- {sd[2]:.3f} s"
+        f"{what}: the velocity is {1 / (1 + x[0]):.4f} +- {sd[0]:.4f} of the change of position, "
+        f"turned by {np.degrees(-x[1]):+.2f} +- {np.degrees(sd[1]):.2f} deg, later by {lag:+.3f} +- "
+        f"{sd[2]:.3f} s"
     )
     found.reasons.extend(_departures(pair, np.r_[x[:2], lag], sd))
     found.add(_vertical(pair, block, lag, what))
@@ -364,7 +372,7 @@ def _fine(pair: Pair, what: str) -> Checked:
     for name, value, least in (("scale", sd[0], SCALE), ("latency", sd[2], LAG)):
         if not value * SURE < 3 * least:
             found.inconclusive.append(
-                f"{name} of {what}: inconclusive, known to +- {value:.2g} only: too little motion"
+                f"{name} of {what}: known to +- {value:.2g} only: too little motion"
             )
     return found
 
@@ -373,10 +381,12 @@ def _blocks(pair: Pair) -> Ints:
     """(n,) number of the stretch of BLOCK seconds without a pause that each position is in."""
     length = max(BLOCK, 12 * float(np.median(np.diff(pair.t))))
     pauses = pair.pauses(pair.t)
-    _, block = np.unique(
-        np.floor((pair.t - pair.t[0]) / length) + 1e6 * pauses, return_inverse=True
-    )
-    return block
+    return _numbered(np.floor((pair.t - pair.t[0]) / length) + 1e6 * pauses)
+
+
+def _numbered(values: Array | Ints) -> Ints:
+    """(n,) 0, 1, 2 ...: numbers of the runs of equal values."""
+    return np.r_[0, np.cumsum(np.diff(values) != 0)][: len(values)]
 
 
 def _within(columns: Array, block: Ints) -> Array:
@@ -403,7 +413,7 @@ def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
     e = pair.p[:, :2] - W
     use: Mask = np.asarray(np.isfinite(e).all(axis=1))
     for _ in range(2):
-        number = np.unique(block[use], return_inverse=True)[1]
+        number = _numbered(block[use])
         columns = _within(np.c_[e[use], W[use], v[use]], number)
         ex, ey, wx, wy, vx, vy = columns.T
         A = np.c_[np.r_[wx, wy], np.r_[-wy, wx], np.r_[vx, vy]]
@@ -417,7 +427,7 @@ def _horizontal(pair: Pair, block: Ints, lag: float) -> tuple[Array, Array]:
 
 def _departures(pair: Pair, x: Array, sd: Array) -> Iterator[Reason]:
     """Reasons from what `_horizontal` found."""
-    scale, angle, lag = np.abs(x) / np.maximum(SURE * sd, [SCALE, ANGLE, LAG])
+    scale, angle, lag = (np.abs(x) / np.maximum(SURE * sd, [SCALE, ANGLE, LAG])).tolist()
     if scale > 1:
         factor = 1 / (1 + x[0])
         yield _unit_reason(pair, factor, f"(+- {sd[0]:.2g})", scale)
@@ -445,15 +455,15 @@ def _departures(pair: Pair, x: Array, sd: Array) -> Iterator[Reason]:
 def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     """Sign and scale of the vertical velocity."""
     known = np.isfinite(pair.v[:, 2])
-    if known.mean() < 0.9:
-        return Checked.unknown(f"vertical of {what}", "the velocity has no vertical part")
+    if known.mean() < 0.9 or not pair.has_height:
+        return Checked.unknown(f"vertical of {what}", "one of the two has no vertical part")
     v = np.where(known, pair.v[:, 2], 0.0)[:, None]
     W = pair.integral(v, pair.t + lag)[:, 0]
     use = np.isfinite(W)
-    number = np.unique(block[use], return_inverse=True)[1]
+    number = _numbered(block[use])
     p, W = _within(np.c_[pair.p[use, 2], W[use]], number).T
     keep = _sound((p - W)[:, None]) | _sound((p + W)[:, None])
-    number = np.unique(number[keep], return_inverse=True)[1]
+    number = _numbered(number[keep])
     x, sd, _ = clustered(W[keep, None], p[keep], number)
     if not v.any():
         return _no_vertical(pair, p)
@@ -466,7 +476,7 @@ def _vertical(pair: Pair, block: Ints, lag: float, what: str) -> Checked:
     if abs(x[0] - 1) > max(SURE * sd[0], 0.25):
         seen = f"its vertical part is {1 / x[0]:.3g} times the change of height of {pair.position}"
         remedy = "check unit, scale and column of both verticals"
-        weight = abs(x[0] - 1) / max(SURE * sd[0], 0.25)
+        weight = float(abs(x[0] - 1) / max(SURE * sd[0], 0.25))
         return Checked([], [Reason("unit", seen, remedy, pair.velocity, weight)], [])
     return Checked.nothing()
 
@@ -497,19 +507,19 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
     v = np.where(np.isfinite(pair.v), pair.v, 0.0)
     e = pair.p - pair.integral(v, pair.t + lag)
     use = np.isfinite(e).all(axis=1)
-    number, count = np.unique(block[use], return_inverse=True)[1], np.bincount(block[use])
+    number, count = _numbered(block[use]), np.bincount(block[use])
     count = count[count > 0]
     middle = np.bincount(number, pair.t[use]) / count
     same = np.diff(np.bincount(number, pair.pauses(pair.t)[use]) / count) == 0
-    if same.sum() < 2 * LEAST_WINDOWS:
+    if same.sum() < LEAST_STEPS:
         return
     for axis, name in enumerate(("north", "east", "down")):
         level = np.bincount(number, e[use, axis]) / count
         steps, seconds = np.diff(level)[same], np.diff(middle)[same]
         rate = steps.sum() / seconds.sum()
         scatter = (steps - rate * seconds).std() * np.sqrt(len(steps)) / seconds.sum()
-        weight = abs(rate) / max(SURE * scatter, DRIFT)
-        if weight > 1 and not (axis == 2 and not v[:, 2].any()):
+        weight = float(abs(rate) / max(SURE * scatter, DRIFT))
+        if weight > 1 and (axis < 2 or (pair.has_height and v[:, 2].any())):
             yield Reason(
                 "lasting errors",
                 f"its mean {name} rate differs by {rate:+.3f} +- {scatter:.3f} m/s from {pair.velocity}",

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..aiding import find
+from ..core.contract import Imu
+from ..core.earth import A
 from ..data import Aiding
 from ..preprocessing.stationary import at_rest
 from ..typing import Array, Mask
@@ -20,21 +22,20 @@ LEAST_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
 and velocities, and of others, which may be coarse."""
 IMU_SHARE = 0.3
 """The same of IMU samples, which are often written twice and do little harm."""
-STUCK_TIME, STUCK_FIXES = 5.0, 10
-"""A source is stuck where a value lasts for so many seconds and fixes while the IMU moves."""
+STUCK_TIME, STUCK_FIXES, JUMP = 5.0, 10, 5.0
+"""A source is stuck where a value lasts for so many seconds and fixes and ends in a jump of so many
+usual ones."""
 
 
 def check(subject: Subject) -> Checked:
     """All recorded sources, and the IMU."""
     found = Checked.nothing()
-    recording = subject.recording
-    moving = ~at_rest(recording.imu)
-    for aiding in recording.aidings:
+    for aiding in subject.recording.aidings:
         if find(aiding.kind).recorded:
             found.reasons.extend(_repeated(aiding))
         if aiding.kind in ("position", "velocity"):
-            found.reasons.extend(_stuck(aiding, recording.imu.t, moving))
-    found.reasons.extend(_imu(subject, moving))
+            found.reasons.extend(_stuck(aiding))
+    found.reasons.extend(_imu(subject.recording.imu))
     return found
 
 
@@ -69,36 +70,32 @@ def _repeated(aiding: Aiding) -> Iterator[Reason]:
         )
 
 
-def _stuck(aiding: Aiding, t_imu: Array, moving: Mask) -> Iterator[Reason]:
-    """The longest time for which a value is held while the IMU moves."""
+def _stuck(aiding: Aiding) -> Iterator[Reason]:
+    """The longest time for which a value is held before a jump that is none of its usual ones."""
     new = np.flatnonzero(~_same(aiding.y))
-    if len(new) < 2:
+    if len(new) < 3:
         return
     last = np.r_[new[1:], len(aiding.t)] - 1
     seconds, fixes = aiding.t[last] - aiding.t[new], last - new
-    total = np.r_[0, np.cumsum(moving)]
-    begin, end = np.searchsorted(t_imu, aiding.t[new]), np.searchsorted(t_imu, aiding.t[last])
-    shaken = (total[end] - total[begin]) > 0.8 * np.maximum(end - begin, 1)
-    stuck = shaken & (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES)
-    jump = np.r_[np.abs(np.diff(aiding.y[new], axis=0)).max(axis=1), 0.0]
-    usual = 5 * float(np.median(jump))
-    stuck &= jump > usual
+    metres = [A, A, 1.0] if aiding.kind == "position" else 1.0
+    jumps = np.r_[np.abs(np.diff(aiding.y[new] * metres, axis=0)).max(axis=1), 0.0]
+    stuck = (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES) & (jumps > JUMP * np.median(jumps))
     if not stuck.any():
         return
     k = int(np.argmax(np.where(stuck, seconds, 0)))
     yield Reason(
         "repeated",
-        f"one value from {aiding.t[new[k]]:.1f} to {aiding.t[last[k]]:.1f} s while the IMU moves, "
-        f"then a jump: stuck ({int(stuck.sum())} times)",
+        f"one value from {aiding.t[new[k]]:.1f} to {aiding.t[last[k]]:.1f} s, then a jump: stuck "
+        f"(times: {int(stuck.sum())})",
         "leave those rows out",
         label(aiding),
         float(min(seconds[k] / STUCK_TIME, 10.0)),
     )
 
 
-def _imu(subject: Subject, moving: Mask) -> Iterator[Reason]:
+def _imu(imu: Imu) -> Iterator[Reason]:
     """IMU samples in motion that read the same as the one before."""
-    imu = subject.recording.imu
+    moving = ~at_rest(imu)
     values = np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]
     same = np.r_[False, (np.abs(np.diff(values, axis=0)) < 1e-9).all(axis=1)] & moving
     share = same.sum() / max(int(moving.sum()), 1)

@@ -9,12 +9,9 @@ from ..checks import DataError
 from ..core import loop
 from ..core.contract import BA, BG, POS, STATES, VEL, Imu, Start
 from ..data import Aiding, Innovations, Solution, Trajectory
+from ..preprocessing.imu_samples import MOST_SHORT_GAPS, SHORT_GAP
 from ..typing import Array
 from .prepare import ROWS_AT_ONCE, Run, brought, positioned
-
-SHORT_GAP, MOST_SHORT_GAPS = 2.5, 5
-"""Gaps up to so many intervals of the samples are told in one line where there are more than so
-many."""
 
 
 def solution(run: Run) -> Solution:

@@ -11,7 +11,7 @@ from ..cross_checks.all import check
 from ..data import Aiding
 from ..preprocessing.attitude_checks import facts_and_problems as of_attitude
 from ..preprocessing.fixes import overlap_notes
-from ..preprocessing.imu_samples import GAP_MEDIANS
+from ..preprocessing.imu_samples import GAP_MEDIANS, MOST_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
@@ -19,9 +19,6 @@ from ..recording import Recording
 from ..typing import Array, Ints, Mask
 from .contract import Findings
 from .magnetic_record import facts_and_problems as of_field
-
-SHORT_GAP, MOST_SHORT_GAPS = 2.5, 5
-"""Gaps up to so many median intervals are one line where there are more than so many of them."""
 
 
 def recording_facts(recording: Recording, *more: str) -> Findings:

@@ -27,7 +27,7 @@ class Inspection(NamedTuple):
     def lines(self) -> list[str]:
         """All lines, ready to print."""
         verdict = [f"problem: {text}" for text in self.problems] or ["no mistakes found"]
-        untold = [f"not checked: {text}" for text in self.inconclusive]
+        untold = [f"inconclusive: {text}" for text in self.inconclusive]
         return [str(self.path), *("  " + text for text in self.facts), *verdict, *untold]
 
     def __str__(self) -> str:

@@ -24,6 +24,9 @@ standard atmosphere of the library ends, and a pressurised or submerged sensor."
 LEAST_SHARE, LONG_RECORD = 0.2, 10.0
 """An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than LEAST_SHARE of
 one of them in common, probably differ in clock."""
+GPS_EPOCH, WEEK = 315964800.0, 604800.0
+"""Seconds from the epoch of Unix time to that of GPS time, less the leap seconds since; of a
+week."""
 PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
     1e-3: "kPa read as Pa",
@@ -194,8 +197,26 @@ def overlap(imu: Imu, t: Array, name: str) -> None:
         raise DataError(
             f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here "
             f"{t[0]:.3f} to {t[-1]:.3f} s; "
-            "add `offset` to one `time`, or check the units of time"
+            + (likely_shift(start, stop, float(t[0]), float(t[-1])) or "")
+            + "add `offset` to one `time`, or check the units of time"
         )
+
+
+def likely_shift(start: float, stop: float, first: float, last: float) -> str | None:
+    """What brings fixes from `first` to `last` into the record from `start` to `stop` (s): a time
+    zone, whole days, another epoch. None where none of these does."""
+    shifts = [(1800.0 * k, f"a time zone, {k / 2:+g} h?") for k in range(-28, 29) if k]
+    shifts += [(86400.0 * k, f"whole days, {k:+d}?") for k in range(-7, 8) if k]
+    for sign in (1.0, -1.0):
+        shifts.append((sign * GPS_EPOCH, "the epochs of Unix time and GPS time?"))
+        weeks = round((sign * (start - first) - GPS_EPOCH) / WEEK)
+        shifts.append((sign * (GPS_EPOCH + WEEK * weeks), "Unix time against seconds of the week?"))
+    least = 0.5 * min(stop - start, last - first)
+    common = [(min(stop, last + s) - max(start, first + s), -abs(s), s, what) for s, what in shifts]
+    overlap, _, shift, what = max(common)
+    if overlap < max(least, 1e-9):
+        return None
+    return f"{shift:+.0f} s added to its time bring it there ({what}); "
 
 
 def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:

@@ -14,6 +14,9 @@ from .plausible import mistakes
 GAP_MEDIANS = 1.75
 """An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and
 coarse time stamps rarely reach it."""
+SHORT_GAP, MOST_SHORT_GAPS = 2.5, 5
+"""Gaps up to so many intervals are told in one line where there are more than so many: single lost
+samples, or time stamps that jitter."""
 LATE = 10
 """Rows that come later in a file than their time says by at most this many are sorted; at most
 so many in a row are dropped as stray."""

@@ -1,0 +1,63 @@
+"""The clock of the fixes: offsets are measured within what is claimed, leap seconds are named."""
+
+import bent
+import numpy as np
+import pytest
+
+from strapdown.cross_checks.clock import check, coarse_lag
+from strapdown.cross_checks.motion import Subject
+
+
+@pytest.mark.parametrize("seconds", [-40.3, -1.0, -0.25, 0.0, 0.1, 2.0, 18.0])
+def test_an_offset_is_measured(drive, seconds):
+    subject = Subject(bent.later(drive, seconds))
+    (source,) = subject.sources("velocity")
+    lag = coarse_lag(subject, source)
+    assert lag.believed and lag.sd < 0.05
+    assert abs(lag.seconds + seconds) < 3 * lag.sd
+
+
+def test_of_an_aircraft_by_its_accelerations(flight):
+    subject = Subject(bent.later(flight, 7.0))
+    lag = coarse_lag(subject, subject.sources("velocity")[0])
+    assert lag.believed and abs(lag.seconds + 7.0) < max(3 * lag.sd, 0.1)
+
+
+@pytest.mark.parametrize(
+    "seconds, words",
+    [
+        (18.0, "leap seconds between GPS time and UTC"),
+        (-37.0, "leap seconds between TAI and UTC"),
+        (19.0, "TAI against GPS time"),
+    ],
+)
+def test_leap_seconds_are_named(drive, seconds, words):
+    (reason,) = check(Subject(bent.later(drive, seconds))).reasons
+    assert reason.cause == "clock" and reason.source == "" and words in reason.seen
+    assert f"add {-seconds:+.4g} s to `offset`" in reason.remedy
+
+
+def test_one_source_alone(drive):
+    (reason,) = check(Subject(bent.later(drive, 0.5, "velocity"))).reasons
+    assert reason.source == "GNSS velocity" and "-0.5" in reason.seen
+
+
+def test_a_right_clock_is_a_fact(drive):
+    found = check(Subject(drive))
+    assert found.reasons == [] and any("clock of GNSS velocity" in fact for fact in found.facts)
+
+
+def test_an_antenna_far_from_the_imu():
+    """A mast that swings: without the lever arm the accelerations are others."""
+    import strapdown as sd
+
+    ship = sd.simulate("ship", duration=600.0, seed=1003)
+    lag = coarse_lag(Subject(ship), ship.aidings[1])
+    assert lag.believed and abs(lag.seconds) < max(3 * lag.sd, 0.05)
+
+
+def test_an_even_motion_is_inconclusive(drive):
+    still = bent.velocity(drive, lambda v: np.tile([10.0, 0.0, 0.0], (len(v), 1)))
+    found = check(Subject(still))
+    assert any("clock of GNSS velocity" in text for text in found.inconclusive)
+    assert not any(reason.source == "GNSS velocity" for reason in found.reasons)
