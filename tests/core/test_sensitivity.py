@@ -7,6 +7,7 @@ from test_adjoint import NOISE, SD, STATES, belief, corrected, predict, transiti
 
 from strapdown.core.adjoint import width
 from strapdown.core.contract import compile_kernel
+from strapdown.core.error_state import DX, inject_all
 from strapdown.core.sensitivity import (
     BEHIND,
     INVERSE,
@@ -79,12 +80,18 @@ def test_a_fix_shows_the_constants_and_takes_up_what_it_uses(n, gate, y):
     np.testing.assert_allclose(found / scale, after / scale, rtol=1e-9, atol=1e-9)
 
 
-def test_the_belief_of_a_fix_stands_behind_it():
+@pytest.mark.parametrize("gate", [np.inf, 1e-6])
+def test_the_belief_before_a_fix_stands_behind_it(gate):
+    """Whether the fix was used or not: with its innovation inside, derivatives and innovations
+    would have something in common."""
     made = belief(16)
-    corrected(made, (1.0, -2.0, 3.0))
+    before = np.r_[made.v, made.C.ravel(), made.omega, made.ba]
+    corrected(made, (0.01, -0.02, 0.03), gate)
+    if gate == np.inf:
+        inject_all(made, made.workspace[DX])
+        assert np.abs(made.v - before[:3]).max() > 1e-4
     kept = record(made)[width(16) :]
-    expected = np.r_[made.v, made.C.ravel(), made.omega, made.ba]
-    np.testing.assert_array_equal(kept[:INVERSE], expected)
+    np.testing.assert_allclose(kept[:INVERSE], before, atol=1e-6)
 
 
 def test_what_was_not_measured_or_is_marked_does_not_count():

@@ -23,7 +23,7 @@ from .adjoint import (
     kept_rows,
 )
 from .contract import MOST_STATES, RUN_SENSITIVITY, SAVE_STEP, Belief
-from .error_state import PREDICTED, WORK
+from .error_state import DX, PREDICTED, WORK
 from .jit import helper, inlined, kernel, matrix
 from .kalman import decay, transition, used_rows, whiten_rows
 
@@ -31,7 +31,7 @@ REJECTED = 10.0
 """The first number of the record of a fix that was measured and not used: REJECTED + rows."""
 BEHIND = 27
 """Numbers that a record has beyond `adjoint.width`: v (3), C (9), omega (3), accelerometer bias
-(3) and L^-1 (9) of a fix; INVERSE is where L^-1 begins among them."""
+(3), all before the fix, and L^-1 (9); INVERSE is where L^-1 begins among them."""
 INVERSE = 18
 LANES = 16
 """Columns that V has room for."""
@@ -52,16 +52,23 @@ def save_step(belief: Belief, record: Array) -> None:
     rows = int(workspace[WORK.start + used])
     if rows == 0:
         return
+    share = 1.0
     if record[0] == 0.0:
         kept_rows(belief, record, rows)
-        record[0] = REJECTED + rows
-    at = record.size - BEHIND
+        record[0], share = REJECTED + rows, 0.0
+    # from after the fix back to before it: with its own innovation inside, J' e has a mean
+    dx, at = workspace[DX], record.size - BEHIND
+    x, y, z = -share * dx[6], -share * dx[7], -share * dx[8]
     for i in range(3):
-        record[at + i], record[at + 12 + i] = belief.v[i], belief.omega[i]
-        record[at + 15 + i] = belief.ba[i]
+        record[at + i], record[at + 12 + i] = belief.v[i] - share * dx[3 + i], belief.omega[i]
+        record[at + 15 + i] = belief.ba[i] - share * dx[9 + i]
         for j in range(3):
-            record[at + 3 + 3 * i + j] = belief.C[i, j]
             record[at + INVERSE + 3 * i + j] = 1.0 if i == j else 0.0
+    for j in range(3):
+        a, b, c = belief.C[0, j], belief.C[1, j], belief.C[2, j]
+        record[at + 3 + j] = a + y * c - z * b
+        record[at + 6 + j] = b + z * a - x * c
+        record[at + 9 + j] = c + x * b - y * a
     whiten_rows(matrix(record, at + INVERSE, 3, 3), workspace[WORK], used)
 
 

@@ -265,7 +265,7 @@ class _Runs:
         """Whether the i-th estimate is one to report."""
         least = LEAST[unknown.kind]
         if "velocity" not in self.kinds:
-            least = LEAST_CLOCK_ALONE
+            least = LEAST_CLOCK_ALONE if unknown.kind == CLOCK else np.inf
         return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
 
     def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Array]:
