@@ -19,7 +19,7 @@ CAUSES = {
     "clock": "time stamps",
     "unit": "unit or scale",
     "axes": "axes of the IMU",
-    "frame": "frame of the velocity",
+    "frame": "axes",
     "height": "height above geoid or ellipsoid",
     "lever arm": "lever arm of the antenna",
     "mounting": "mounting of the IMU",
@@ -147,6 +147,6 @@ def _merged(verdicts: list[Verdict]) -> Verdict:
         known = heaviest.setdefault((reason.cause, reason.source), reason)
         if reason.weight > known.weight:
             heaviest[reason.cause, reason.source] = reason
-    ranked = sorted(heaviest.values(), key=lambda reason: -reason.weight)
+    ranked = list(heaviest.values())  # causes before symptoms, as each has them
     untested = dict.fromkeys(text for verdict in verdicts for text in verdict.untested)
     return Verdict(verdicts[0].word, tuple(ranked), tuple(untested))

@@ -191,10 +191,10 @@ class _Runs:
     def roughly(self, first: Trial) -> Trial:
         """The trial to settle from: with the clocks that the motion itself shows, where `first`
         fits badly and they improve it. Raises DataError where something else is wrong."""
-        if first.fit.misfit <= MISFIT:
-            return first
         subject = Subject(self.recording)
         check_axes(subject)
+        if first.fit.misfit <= MISFIT:
+            return first
         for theta in coarse_clocks(subject, self.constants):
             new = self.way.tried(theta)
             if new.fit.cost < COARSE_GAIN * first.fit.cost:

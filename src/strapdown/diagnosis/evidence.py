@@ -242,7 +242,8 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
         "axes" if quarter else "mounting",
         f"the course is {abs(off):.0f} deg to the {'right' if off > 0 else 'left'} of the heading "
         f"while moving, steadily ({OFF_COURSE:.0f} deg at most)",
-        f"turn the axes of the IMU by {off:+.0f} deg about down ([imu] axes or mounting)",
+        f"turn the axes of the IMU by {-off:+.0f} deg about down (add that to `heading` of [imu] "
+        f"mounting, or change `axes`)",
         weight=abs(off) / OFF_COURSE,
     )
 
