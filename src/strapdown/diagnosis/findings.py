@@ -26,7 +26,7 @@ LEAST_Z = 5.0
 LEAST_GAIN = 25.0
 """Of all changes together, in the sum of min(NIS, 30)."""
 
-MISFIT = 2.0
+MISFIT = 1.5
 """Times the expected NIS from which a fit is bad: an offset may be beyond what a linear estimate can
 find, or something else is wrong."""
 

@@ -14,7 +14,7 @@ from .installation import ARM, CLOCK, MOUNTING, SCALE, Constant
 PRIOR = {CLOCK: 10.0, ARM: 1.0, MOUNTING: np.radians(20.0), SCALE: 0.05}
 """s, m, rad: standard deviation of what was given, before the run. A constant that is hardly seen
 would else gather false information, because its derivatives are noisy."""
-MOST_RUNS = 10
+MOST_RUNS = 15
 RISE = 1.02
 """A step is taken unless the cost of a run rises by more than this factor."""
 HALVINGS = 3
