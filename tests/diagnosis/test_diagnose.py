@@ -10,7 +10,6 @@ from installed import car, flown, wrong
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.diagnosis.diagnose import first_causes
 from strapdown.diagnosis.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.diagnosis.settling import MOST_RUNS
 from strapdown.sensor_models.gnss import Gnss
@@ -153,30 +152,12 @@ def test_without_positions_there_is_nothing_to_diagnose():
         sd.diagnose(replace(recording, aidings=recording.aidings[2:]))
 
 
-@pytest.mark.parametrize("name", FAULTS)
-def test_the_first_cause_is_the_true_one(name):
-    fault, _ = FAULTS[name]
-    if fault[1] == -18.0:
-        return  # beyond what a linear estimate can see
-    causes = first_causes(wrong(car(1012), *fault))
-    assert causes[0].cause == fault[0]
-    assert [reason.weight for reason in causes] == sorted(
-        (reason.weight for reason in causes), reverse=True
-    )
-
-
-def test_a_right_one_has_no_first_cause():
-    assert first_causes(car(1013)) == [] == first_causes(flown(1013))
-    assert first_causes(car(1013), filter="ukf") == []
-
-
 @pytest.mark.deep
 def test_right_ones_are_left_alone():
-    """60 seeds: not one finding, nor a first cause."""
+    """60 seeds: not one finding."""
     for seed in range(1200, 1220):
         for recording in (car(seed), car(seed, 300.0, "industrial", False), flown(seed)):
             assert not sd.diagnose(recording).found
-            assert first_causes(recording) == []
 
 
 @pytest.mark.deep

@@ -9,7 +9,7 @@ from installed import car
 from recordings import flight
 
 from strapdown import filters
-from strapdown.diagnosis.installation import Model, applied, constants, rotation, slower
+from strapdown.diagnosis.installation import Model, applied, constants, rotation
 from strapdown.engine.prepare import Asked
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
 from strapdown.geodesy import displacement
@@ -128,17 +128,3 @@ def test_each_antenna_has_an_arm_of_its_own():
     found = constants((position, velocity, other))
     arms = {one.sources for one in found if one.kind == "lever arm"}
     assert arms == {(0, 1), (2,)} and sum(one.kind == "clock" for one in found) == 3
-
-
-def test_slower_samples_keep_all_motion_and_the_gaps():
-    from recordings import without_samples
-
-    recording = without_samples(car(1040, 20.0), (5.0, 6.0))
-    made = slower(recording, 20.0)
-    assert len(made.imu.t) == pytest.approx(len(recording.imu.t) / 5, rel=0.02)
-    for fast, slow in zip(recording.imu[1:], made.imu[1:]):
-        np.testing.assert_allclose(slow.sum(axis=0), fast.sum(axis=0))
-    begin = made.imu.t - made.imu.dt
-    pauses = begin[1:] - made.imu.t[:-1]
-    assert pauses.max() == pytest.approx(1.0) and (pauses > 1e-6).sum() == 1
-    assert slower(made, 20.0) is made

@@ -2,7 +2,7 @@
 arms, mounting and odometer scale, each found, consistent with what was given, or not observable.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from .. import filters
 from ..checks import DataError
 from ..core import loop
-from ..core.adjoint import SMOOTHER
 from ..core.contract import Filter, Start
 from ..cross_checks.motion import Subject
 from ..engine.finish import solution
@@ -18,7 +17,6 @@ from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Progress, Say
-from ..verdict import Reason
 from .coarse import check_axes, coarse_clocks
 from .findings import (
     CONSISTENT,
@@ -43,7 +41,6 @@ from .installation import (
     Model,
     applied,
     constants,
-    slower,
 )
 from .settling import (
     MOST_RUNS,
@@ -52,8 +49,6 @@ from .settling import (
     Trial,
     Unknown,
     estimated,
-    explained,
-    groups,
     unknowns,
     whole,
 )
@@ -72,13 +67,8 @@ MOTIONS = {
     SCALE: ("drive faster",) * 3,
 }
 """{kind: what would show it, by axis}."""
-ARM_SHARE = 0.5
-"""Of what a lever arm explains alone: its three numbers take up most of a clock's error too, but a
-clock takes up less than a fifth of an arm's."""
 COARSE_GAIN = 0.8
 """A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
-FAST = 20.0
-"""Hz of the IMU samples of `first_causes`."""
 
 
 def diagnose(
@@ -100,34 +90,6 @@ def diagnose(
     DataError.
     """
     return _Runs(recording, filter, Asked(options, imu, start, say=say), progress).diagnosis()
-
-
-def first_causes(
-    recording: Recording,
-    filter: str | Filter = "closed-loop",
-    imu: GivenImu | None = None,
-    start: Start | None = None,
-    **options: Any,
-) -> list[Reason]:
-    """What of the installation is probably wrong, by a single run over IMU samples of `FAST` Hz:
-    the kinds of constants that alone would explain most of the misfit, the likeliest first.
-
-    Empty where none would, and for a filter or sources that cannot be diagnosed. The values are
-    first estimates: `diagnose` settles them. Arguments as of `diagnose`. Raises DataError.
-    """
-    filter = filters.find(filter)
-    kinds = {a.kind for a in recording.aidings}
-    if filter.smoother is not SMOOTHER or "position" not in kinds:
-        return []
-    runs = _Runs(slower(recording, FAST), filter, Asked(options, imu, start))
-    first = runs.way.tried(np.zeros(len(runs.constants)))
-    found = sorted(
-        (one for group in groups(runs.constants) for one in runs.probable(first, group)),
-        key=lambda one: -one[0] * (ARM_SHARE if one[1].cause == ARM else 1.0),
-    )
-    # in the order of the gain: none weighs more than the one before
-    most = np.minimum.accumulate([reason.weight for _, reason in found])
-    return [reason._replace(weight=float(w)) for (_, reason), w in zip(found, most)]
 
 
 class _Runs:
@@ -209,21 +171,6 @@ class _Runs:
         others = clocks[1:]  # beside what is common to all: by how much they differ from the first
         found = estimated(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
-
-    def probable(self, first: Trial, group: Sequence[Unknown]) -> Iterator[tuple[float, Reason]]:
-        """(what it explains of the sum of NIS, Reason) where this group alone would be wrong."""
-        found = estimated(first, group, self.way.centre)
-        gain = explained(first, group, found.step)
-        wrong = [self.wrong(each, found, i) for i, each in enumerate(group)]
-        if gain <= LEAST_GAIN or not any(wrong):
-            return
-        some = [
-            self.estimate(each, found, i, float(found.value[i]), one, gain)
-            for i, (each, one) in enumerate(zip(group, wrong))
-        ]
-        kind = group[0].kind
-        remedy = {kind: ["run `strapdown diagnose` to settle it and to say what to change"]}
-        yield gain, reasons(some, remedy, "would fall")[0]
 
     def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """What the last trial says of what was sought."""

@@ -87,19 +87,6 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
     return replace(recording, imu=imu, aidings=tuple(aidings))
 
 
-def slower(recording: Recording, rate: float) -> Recording:
-    """The recording with the IMU samples summed to about `rate` (Hz), but not across gaps."""
-    imu = recording.imu
-    number = np.floor((imu.t - 0.5 * imu.dt - imu.t[0]) * rate)
-    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
-    first = np.r_[0, 1 + np.flatnonzero((np.diff(number) > 0) | gap)]
-    if 2 * len(first) > len(imu.t):
-        return recording
-    last = np.r_[first[1:] - 1, len(imu.t) - 1]
-    sums = (np.add.reduceat(column, first) for column in imu[1:])
-    return replace(recording, imu=Imu(imu.t[last], *sums))
-
-
 def rotation(turn: Array) -> Array:
     """(3, 3) exp(turn x)."""
     from scipy.spatial.transform import Rotation

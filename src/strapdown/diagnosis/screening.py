@@ -61,13 +61,14 @@ class Suspect(NamedTuple):
 
 def thinned(recording: Recording) -> Recording:
     """The recording with a fix of each source every `PACE` s or more, of sources that say something of the
-    installation, and with samples of `STEP` s, but whole ones at these fixes: a lever arm needs
-    the angular rate of that moment."""
+    installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever arm
+    needs the angular rate of that moment. Nothing is summed across a gap."""
     imu, (begin, end) = recording.imu, recording.span
     pace = max(PACE, (end - begin) / MOST)
     aidings = tuple(_paced(a, pace) for a in thinned_sources(recording.aidings))
     part = np.floor((imu.t - begin) / max(STEP, pace / 2) - 1e-6)
-    begins = np.r_[True, part[1:] != part[:-1]]
+    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
+    begins = np.r_[True, (part[1:] != part[:-1]) | gap]
     at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
     begins[at[at < len(begins)]] = True
     begins[at[at + 1 < len(begins)] + 1] = True
