@@ -23,6 +23,8 @@ WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
 LEAST_FIXES, LEAST_WINDOWS, LEAST_STEPS = 30, 6, 8
 """Fixes, displacements that move, and steps from block to block that are needed."""
+MOST_FIXES = 1500
+"""Positions that are compared: more would say little more."""
 MOVING = 5.0
 """A displacement tells something from so many claimed standard deviations on."""
 WRONG, RIGHT = 0.3, 0.2
@@ -203,7 +205,8 @@ def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
     common = (t >= t_v[0]) & (t <= t_v[-1])
     if common.sum() < LEAST_FIXES:
         return None
-    t, y, sd = t[common], y[common], sd[common]
+    some = np.flatnonzero(common)[:: max(1, int(common.sum()) // MOST_FIXES)]
+    t, y, sd = t[some], y[some], sd[some]
     high = np.isfinite(y[:, 2])
     heights = np.interp(t, t[high], y[high, 2]) if high.any() else np.zeros(len(t))
     y = np.c_[y[:, :2], heights]
