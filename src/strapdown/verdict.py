@@ -24,14 +24,14 @@ CAUSES = {
     "lever arm": "lever arm of the antenna",
     "mounting": "mounting of the IMU",
     "odometer scale": "scale of the odometer",
-    "fix noise": "standard deviations of fixes",
-    "lasting errors": "errors of fixes that last",
+    "fix noise": "standard deviations",
+    "lasting errors": "lasting errors",
     "repeated": "repeated or held values",
     "imu noise": "description of the IMU",
     "accelerometer": "accelerometer bias or scale",
     "gyro": "gyro bias or scale",
     "heading": "heading at the start",
-    "outliers": "fixes that are far off",
+    "outliers": "outliers",
     "unknown": "set-up",
 }
 """{cause: words for it}: what can be wrong with a set-up."""
