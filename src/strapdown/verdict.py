@@ -30,7 +30,6 @@ CAUSES = {
     "imu noise": "description of the IMU",
     "accelerometer": "accelerometer bias or scale",
     "gyro": "gyro bias or scale",
-    "heading": "heading at the start",
     "outliers": "outliers",
     "unknown": "set-up",
 }
