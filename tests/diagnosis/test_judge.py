@@ -77,3 +77,13 @@ def test_a_verdict_is_found_when_asked_for_and_once(drive):
     solution = sd.fuse(drive)
     assert solution.verdict is solution.verdict
     assert np.isfinite(solution.meta["bias_sd"]).all()
+
+
+def test_a_check_that_fails_is_said_and_costs_no_result(drive, monkeypatch):
+    def broken(solution):
+        raise IndexError("index 5 is out of bounds")
+
+    monkeypatch.setattr("strapdown.diagnosis.screening.look", broken)
+    verdict = sd.fuse(drive).verdict
+    assert verdict.trusted
+    assert any("index 5 is out of bounds" in text for text in verdict.untested)

@@ -1,20 +1,22 @@
 """The Verdict of a Solution, from the statistics of its run, its positions against its velocities
 and the sensitivity of its innovations to the installation."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 
-from ..checks import DataError
 from ..cross_checks import position_velocity
 from ..cross_checks.all import check
 from ..cross_checks.motion import Subject
 from ..data import Solution
+from ..plugins import one_line
 from ..verdict import Reason, Verdict
 from . import evidence, screening
 from .evidence import GATED, Fixes
 from .installation import CONSTRAINED
 
+Found = TypeVar("Found")
 SHORTEST = 30.0  # s of a run that says something of itself
 AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
 HEIGHTS = {"position", "altitude", "pressure", "pressure-altitude", "zero-sea-level"}
@@ -28,18 +30,28 @@ def judge(solution: Solution) -> Verdict:
         return Verdict.of([], ["anything: it was read from a file that has no verdict"])
     sources = evidence.by_source(solution)
     untested = list(_untested(solution, sources))
-    symptoms = list(_symptoms(solution, sources))
+
+    def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
+        """What a check finds; one that fails is said, and does not cost the user the result."""
+        try:
+            return function(*arguments)
+        except Exception as error:
+            untested.append(f"{what}: it cannot be looked at here ({one_line(error)})")
+            return None
+
+    symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
     causes: list[Reason] = []
     if any(source.kind == "position" for source in sources):
-        try:
-            causes, unknown = screening.look(solution)
-            untested += unknown
-        except DataError as error:
-            untested.append(f"clock and lever arm: {error}")
+        causes, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
+        untested += unknown
     # what compares the parts of the recording takes longer: all of it only where there is doubt
     doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))
-    checked = check(recording) if doubt else position_velocity.check(Subject(recording))
-    return Verdict.of(_once([*checked.reasons, *causes]), untested, symptoms)
+    checked = attempt(
+        "the parts of the recording",
+        lambda: check(recording) if doubt else position_velocity.check(Subject(recording)),
+    )
+    found = [*(checked.reasons if checked else []), *causes]
+    return Verdict.of(_once(found), untested, symptoms)
 
 
 def _once(reasons: list[Reason]) -> list[Reason]:
