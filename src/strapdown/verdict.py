@@ -15,6 +15,8 @@ SEVERITY = (NOT_TO_BE_TRUSTED, DOUBTFUL, NOT_JUDGED, TRUSTED)
 GRAVE = 3.0
 """Sum of the weights that makes a result not to be trusted; a single one of 1 makes it doubtful, less
 is a remark."""
+HEAVIEST = 1000.0
+"""A larger weight says no more, and JSON knows no infinity."""
 CAUSES = {
     "clock": "time stamps",
     "unit": "unit or scale",
@@ -31,6 +33,7 @@ CAUSES = {
     "accelerometer": "accelerometer bias or scale",
     "gyro": "gyro bias or scale",
     "outliers": "outliers",
+    "samples": "missing samples of the IMU",
     "unknown": "set-up",
 }
 """{cause: words for it}: what can be wrong with a set-up."""
@@ -75,11 +78,16 @@ class Verdict:
         """The verdict that these reasons come to. Symptoms, which may have several causes, stand
         behind reasons that have one."""
         ranked = tuple(
-            reason
+            reason._replace(weight=float(min(reason.weight, HEAVIEST)))
             for group in (reasons, symptoms)
             for reason in sorted(group, key=lambda reason: -reason.weight)
         )
-        total = sum(reason.weight for reason in ranked if reason.weight >= 1.0)
+        # a cause that shows in several places is one cause
+        heaviest: dict[str, float] = {}
+        for reason in ranked:
+            if reason.weight >= 1.0:
+                heaviest[reason.cause] = max(reason.weight, heaviest.get(reason.cause, 0.0))
+        total = sum(heaviest.values())
         word = NOT_TO_BE_TRUSTED if total >= GRAVE else DOUBTFUL if total else TRUSTED
         return cls(word, ranked, tuple(untested))
 

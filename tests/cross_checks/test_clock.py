@@ -38,8 +38,12 @@ def test_leap_seconds_are_named(drive, seconds, words):
 
 
 def test_one_source_alone(drive):
-    (reason,) = check(Subject(bent.later(drive, 0.5, "velocity"))).reasons
+    late = bent.later(drive, 0.5, "velocity")
+    (reason,) = check(Subject(late, apart=True)).reasons
     assert reason.source == "GNSS velocity" and "-0.5" in reason.seen
+    # positions that hardly tell are taken to be as late, unless they are known not to be
+    (reason,) = check(Subject(late)).reasons
+    assert reason.source == "" and "every source" in reason.remedy
 
 
 def test_a_right_clock_is_a_fact(drive):

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown.data import Innovations, Solution, Trajectory
+from strapdown.core.contract import Imu
+from strapdown.data import Aiding, Innovations, Solution, Trajectory
 from strapdown.diagnosis import evidence
+from strapdown.recording import Recording
 from strapdown.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict
 
 pytestmark = pytest.mark.short
@@ -32,7 +34,11 @@ def made_up(nis_factor=1.0, seed=0, lasting=0.0, **meta):
         Innovations(
             t, np.zeros(COUNT, int), e, (e**2).sum(axis=1), np.ones(COUNT, bool), ("GNSS",), (16.3,)
         ),
-        meta={"kinds": {"GNSS": "position"}, "bias_sd": [0.02, 1e-4], "imu": "mems", **meta},
+        meta={"start": {"t": 0.0}, "bias_sd": [0.02, 1e-4], "imu": "mems", **meta},
+        recording=Recording(
+            Imu(t, np.full(COUNT, 0.2), np.zeros((COUNT, 3)), np.zeros((COUNT, 3))),
+            (Aiding("position", t, np.zeros((COUNT, 3)), np.ones((COUNT, 3)), name="GNSS"),),
+        ),
     )
 
 
@@ -163,6 +169,20 @@ def test_a_course_beside_the_heading_is_axes_or_mounting(turned, cause, seen):
     assert found.cause == cause and seen in found.seen
 
 
+def test_missing_samples_are_a_reason_and_end_what_the_course_says():
+    solution = made_up()
+    imu = solution.recording.imu
+    keep = (imu.t <= 100) | (imu.t > 140)
+    holed = replace(solution.recording, imu=Imu(*(column[keep] for column in imu)))
+    (found,) = evidence.gaps(replace(solution, recording=holed))
+    assert found.cause == "samples" and "40 s" in found.seen and "at 100 s" in found.seen
+    half = np.radians(60) / 2
+    q = solution.trajectory.q_nb.copy()
+    q[solution.t > 100] = [np.cos(half), 0.0, 0.0, np.sin(half)]
+    turned = replace(solution, trajectory=replace(solution.trajectory, q_nb=q), recording=holed)
+    assert not list(evidence.course(turned, solution.t))
+
+
 def test_a_filter_that_stopped_is_not_to_be_trusted():
     reasons = evidence.stopped(made_up(stopped="stopped at 3 s: diverged"))
     assert Verdict.of(reasons).word == NOT_TO_BE_TRUSTED
@@ -171,6 +191,6 @@ def test_a_filter_that_stopped_is_not_to_be_trusted():
 def test_verdicts_rank_their_reasons_and_come_back_from_a_file():
     light, heavy = Reason("clock", "a", "b", "GNSS", 1.2), Reason("axes", "c", "d", weight=1.5)
     verdict = Verdict.of([light, heavy], ["heading: no turn"])
-    assert verdict.word == DOUBTFUL and verdict.reasons[0] is heavy and not verdict.trusted
+    assert verdict.word == DOUBTFUL and verdict.reasons[0] == heavy and not verdict.trusted
     assert Verdict.from_dict(verdict.as_dict()) == verdict
     assert verdict.line == "doubtful: axes of the IMU: c; d"

@@ -64,6 +64,8 @@ def velocities(position: Aiding, velocity: Aiding | None) -> Velocities:
     """Of the velocity source, else of differences of positions."""
     if velocity is not None:
         return Velocities(velocity.t, velocity.y, velocity.sd)
+    _, first = np.unique(position.t, return_index=True)  # two fixes of one time have no velocity
+    position = position._where(np.isin(np.arange(len(position.t)), first))
     if len(position.t) < 2:
         return Velocities(position.t, np.zeros((1, 3)), np.full((1, 3), UNKNOWN_SPEED))
     step = np.diff(position.t)[:, None]

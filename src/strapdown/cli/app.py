@@ -269,7 +269,10 @@ def fuse(
         f"report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
     )
     if diagnosed:
-        diagnose.show(seen, filter, grade, begin, options)
+        try:
+            diagnose.show(seen, filter, grade, begin, options)
+        except sd.DataError as error:  # the results are written
+            print(f"diagnose: {error}")
     end(strict, [solution.verdict])
 
 

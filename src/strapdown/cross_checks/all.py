@@ -31,7 +31,8 @@ def check(recording: Recording) -> Checked:
         if reason.cause in SPOILT and reason.weight >= GRAVE
     }
     left = tuple(a for a in recording.aidings if a.kind != "velocity" or label(a) not in useless)
-    subject = Subject(replace(recording, aidings=left))
+    apart = any(reason.cause == "clock" for reason in found.reasons)
+    subject = Subject(replace(recording, aidings=left), apart)
     for name in sorted(useless):
         found.inconclusive.append(f"{name} against the IMU: correct it first")
     for each in CHECKS:

@@ -99,7 +99,7 @@ def check(subject: Subject) -> Checked:
                 f"clock of {lag.source} against the IMU: {lag.seconds:+.2f} +- {lag.sd:.2f} s to "
                 f"add, by its {lag.by} (correlation {lag.correlation:.2f})"
             )
-    found.reasons.extend(_reasons(lags, len(sources)))
+    found.reasons.extend(_reasons(lags, len(sources), subject.apart))
     return found
 
 
@@ -250,26 +250,26 @@ def _unclear(lag: Lag) -> str:
     return f"acceleration and turns disagree by {2 * lag.sd:.1f} s"
 
 
-def _reasons(lags: list[Lag], sources: int) -> Iterator[Reason]:
-    """Reasons from lags that are believed; one where all sources have the same."""
+def _reasons(lags: list[Lag], sources: int, apart: bool) -> Iterator[Reason]:
+    """Reasons from lags that are believed: one for all sources, unless they are known to be `apart`
+    or their lags disagree."""
     wrong = [lag for lag in lags if _weight(lag) > 1]
     if not wrong:
         return
-    common = float(
-        np.average([lag.seconds for lag in wrong], weights=[lag.sd**-2 for lag in wrong])
+    sure = min(wrong, key=lambda lag: lag.sd)
+    together = all(
+        abs(lag.seconds - sure.seconds) < max(SURE * np.hypot(lag.sd, sure.sd), LEAST)
+        for lag in lags
     )
-    together = len(wrong) == sources and all(
-        abs(lag.seconds - common) < max(SURE * lag.sd, LEAST) for lag in wrong
-    )
-    if together and sources > 1:
-        sure = min(wrong, key=lambda lag: lag.sd)
+    if together and sources > 1 and not apart:
         yield _reason(sure, f"the fixes fit the IMU with {sure.seconds:+.2f}", "")
         return
     for lag in wrong:
-        yield _reason(lag, f"it fits the IMU with {lag.seconds:+.2f}", lag.source)
+        yield _reason(lag, f"it fits the IMU with {lag.seconds:+.2f}", lag.source, sources == 1)
 
 
-def _reason(lag: Lag, seen: str, source: str) -> Reason:
+def _reason(lag: Lag, seen: str, source: str, alone: bool = True) -> Reason:
+    """The Reason of a lag; `alone`: the clock of the IMU may as well be the one that is off."""
     near = min(LEAPS, key=lambda leap: abs(abs(lag.seconds) - leap))
     leap = abs(abs(lag.seconds) - near) < max(SURE * lag.sd, 0.3)
     whose = f"the `time` of {source}" if source else "the `time` of every source of fixes"
@@ -278,7 +278,8 @@ def _reason(lag: Lag, seen: str, source: str) -> Reason:
         "clock",
         f"{seen} +- {lag.sd:.2f} s added to its time, by {lag.by}"
         + (f": {LEAPS[near]}" if leap else ""),
-        f"add {add:+.4g} s to `offset` of {whose}, or {-add:+.4g} s to that of the IMU",
+        f"add {add:+.3g} s to `offset` of {whose}"
+        + (f", or {-add:+.3g} s to that of the IMU" if alone else ""),
         source,
         _weight(lag),
     )

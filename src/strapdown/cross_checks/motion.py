@@ -33,6 +33,7 @@ class Subject:
     """A recording under check, with what several checks need of it."""
 
     recording: Recording
+    apart: bool = False  # whether positions and velocities are known to differ in time
 
     @cached_property
     def felt(self) -> Felt:

@@ -71,7 +71,8 @@ def check(subject: Subject) -> Checked:
     weight = abs(fit.angle) / max(SURE * fit.sd, LEAST)
     if weight <= 1:
         return Checked([fact], [], [])
-    return Checked([], [_reason(fit, label(source), weight)], [])
+    mounted = "imu_mounting" in subject.recording.meta
+    return Checked([], [_reason(fit, label(source), weight, mounted)], [])
 
 
 def in_plane(fixes: Moved, motion: Felt) -> Fit | None:
@@ -148,25 +149,26 @@ def _fit(forces: Array, accelerations: Array, interval: float) -> Fit | None:
     )
 
 
-def _reason(fit: Fit, source: str, weight: float) -> Reason:
-    """The Reason of an IMU that is turned."""
+def _reason(fit: Fit, source: str, weight: float, mounted: bool) -> Reason:
+    """The Reason of an IMU that is turned; `mounted` is whether its description has a mounting,
+    before which `axes` act."""
     turn = float(wrap(-fit.angle))
     near = np.round(turn / (np.pi / 2)) * np.pi / 2
-    right = near and abs(turn - near) < RIGHT_ANGLE
-    degrees = np.degrees(near % (2 * np.pi)) if right else np.degrees(turn)
-    axes = {90: "-y +x +z", 180: "-x -y +z", 270: "+y -x +z"}
+    right = bool(near) and abs(turn - near) < RIGHT_ANGLE
+    degrees = float(np.degrees(near if right else turn))
+    axes = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
     seen = (
         f"forces point {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.sd):.0f} deg off the "
         f"accelerations of {source} (correlation {fit.correlation:.2f})"
     )
     if right:
-        seen += f": the IMU is turned by {360 - degrees:.0f} deg about the vertical"
-        remedy = (
-            f'turn `axes` of [imu] by {degrees:.0f} deg (of FRD that is "{axes[round(degrees)]}")'
-        )
-        return Reason("axes", seen, remedy, weight=weight)
+        seen += f": the IMU is turned by {-degrees % 360:.0f} deg about the vertical"
     remedy = f"add {degrees:+.0f} deg to `heading` of `mounting` of [imu]"
-    return Reason("mounting", seen, remedy, weight=weight)
+    if right and not mounted:
+        remedy = (
+            f'turn `axes` of [imu] by {degrees:+.0f} deg (of FRD that is "{axes[round(degrees)]}")'
+        )
+    return Reason("axes" if right else "mounting", seen, remedy, weight=weight)
 
 
 def _left_handed(mirrored: Fit, fit: Fit, source: str) -> Reason:

@@ -78,7 +78,9 @@ def _stuck(aiding: Aiding) -> Iterator[Reason]:
     last = np.r_[new[1:], len(aiding.t)] - 1
     seconds, fixes = aiding.t[last] - aiding.t[new], last - new
     metres = [A, A, 1.0] if aiding.kind == "position" else 1.0
-    jumps = np.r_[np.abs(np.diff(aiding.y[new] * metres, axis=0)).max(axis=1), 0.0]
+    # what is not measured does not jump
+    change = np.nan_to_num(np.abs(np.diff(aiding.y[new] * metres, axis=0)))
+    jumps = np.r_[change.max(axis=1), 0.0]
     stuck = (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES) & (jumps > JUMP * np.median(jumps))
     if not stuck.any():
         return

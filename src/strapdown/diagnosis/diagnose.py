@@ -16,7 +16,7 @@ from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
-from ..typing import Array, Progress, Say
+from ..typing import Array, Mask, Progress, Say
 from .coarse import check_axes, coarse_clocks
 from .findings import (
     CONSISTENT,
@@ -175,17 +175,18 @@ class _Runs:
     def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """What the last trial says of what was sought."""
         final = estimated(last, sought, self.way.centre)
-        wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
+        wrong, alone = self.surely(last, sought, final)
         value, theta, best = final.value.copy(), first.theta, first.made
-        if wrong.any():
+        if alone is not None:
             some = [each for each, one in zip(sought, wrong) if one]
-            value[wrong], theta = self.alone(last, some, final.value[wrong])
+            value[wrong], theta = alone.value, whole(some, alone.value)
+            final.sd[wrong] = alone.sd
             best = self.begun(theta)
             best.complete()
             self.way.runs += 1
         gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
         if gain <= LEAST_GAIN:
-            wrong, value, gain = wrong & False, final.value, 0.0
+            wrong, value, gain = np.zeros(len(sought), bool), final.value, 0.0
             theta, best = first.theta, first.made
         shares = (value / final.model_sd) ** 2 * wrong
         shares *= gain / max(shares.sum(), 1e-300)
@@ -215,12 +216,25 @@ class _Runs:
             least = LEAST_CLOCK_ALONE if unknown.kind == CLOCK else np.inf
         return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
 
-    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> tuple[Array, Array]:
-        """Values of the unknowns `some` with all others as given, and theta (m,) with them."""
+    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> Estimated:
+        """The unknowns `some` with all others as given."""
         theta = whole(some, value)
         there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
-        value = estimated(there, some, self.way.centre).value
-        return value, whole(some, value)
+        return estimated(there, some, self.way.centre)
+
+    def surely(
+        self, last: Trial, sought: Sequence[Unknown], final: Estimated
+    ) -> tuple[Mask, Estimated | None]:
+        """Which of those sought are wrong (q,), also with all others as given; and these alone."""
+        wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
+        while wrong.any():
+            some = [each for each, one in zip(sought, wrong) if one]
+            alone = self.alone(last, some, final.value[wrong])
+            sure = np.array([self.wrong(each, alone, k) for k, each in enumerate(some)])
+            if sure.all():
+                return wrong, alone
+            wrong[np.flatnonzero(wrong)[~sure]] = False
+        return wrong, None
 
     def estimate(
         self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
@@ -237,6 +251,12 @@ class _Runs:
             given = 1.0
         sd = float(final.sd[i])
         status = FOUND if wrong else NOT_OBSERVABLE if sd > LARGEST_SD[unknown.kind] else CONSISTENT
+        motion = MOTIONS[unknown.kind][unknown.axis]
+        if "velocity" not in self.kinds and status == CONSISTENT:
+            status = NOT_OBSERVABLE
+            motion = (
+                f"add a source of velocity: positions show no less than {LEAST_CLOCK_ALONE:g} s"
+            )
         antennas = sum(each.kind == ARM for each in self.constants) // 3
         return Estimate(
             named(unknown, names, antennas),
@@ -248,7 +268,7 @@ class _Runs:
             value * factor,
             sd * factor,
             gain,
-            MOTIONS[unknown.kind][unknown.axis] if status == NOT_OBSERVABLE else "",
+            motion if status == NOT_OBSERVABLE else "",
         )
 
     def never(self, sought: Sequence[Unknown]) -> list[Estimate]:

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import ATT, BA, BG, INVALID
+from ..core.contract import ATT, BA, BG
+from ..core.loop import BRIDGE
 from ..core.rotation import quaternion_to_euler
 from ..data import Solution
 from ..typing import Array, Mask
@@ -31,8 +32,12 @@ LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
-UNPLACED = 0.2  # share of rows without a valid position
+LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
+
+
+DIAGNOSE = "run `strapdown inspect` and `strapdown diagnose`; if they name nothing,"
+"""What to do first where a source does not fit."""
 
 
 class Fixes(NamedTuple):
@@ -53,13 +58,15 @@ def by_source(solution: Solution) -> list[Fixes]:
     rows = np.isfinite(every.innovation).sum(axis=1)
     expected = np.array([np.nan, *MEDIAN_CHI2.values()])[rows]
     found = []
-    for s, (name, gate) in enumerate(zip(every.names, every.gates)):
+    assert solution.recording is not None
+    sources = zip(every.names, every.gates, solution.recording.aidings)
+    for s, (name, gate, aiding) in enumerate(sources):
         own = np.flatnonzero((every.source == s) & (rows > 0))
         if len(own):
             found.append(
                 Fixes(
                     name,
-                    solution.meta.get("kinds", {}).get(name, name),
+                    aiding.kind,
                     every.t[own],
                     every.innovation[own],
                     every.nis[own] / expected[own],
@@ -71,7 +78,7 @@ def by_source(solution: Solution) -> list[Fixes]:
 
 
 def stopped(solution: Solution) -> Iterator[Reason]:
-    """The filter diverged, or has no position for long."""
+    """The filter diverged."""
     if "stopped" in solution.meta:
         yield Reason(
             "unknown",
@@ -79,14 +86,28 @@ def stopped(solution: Solution) -> Iterator[Reason]:
             "run `strapdown inspect` on the recording and mend what it names",
             weight=10 * GRAVE,
         )
-    share = float((solution.status == INVALID).mean())
-    if share > UNPLACED:
+
+
+def first_gap(solution: Solution) -> tuple[float, float]:
+    """(when it begins, how long it is) in s of the first gap of the samples that is longer than the
+    loop bridges; (inf, 0) without any."""
+    assert solution.recording is not None
+    imu = solution.recording.imu
+    missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
+    long = np.flatnonzero((missing > BRIDGE) & (imu.t[:-1] > solution.meta["start"]["t"]))
+    return (float(imu.t[long[0]]), float(missing[long].max())) if len(long) else (np.inf, 0.0)
+
+
+def gaps(solution: Solution) -> Iterator[Reason]:
+    """Samples that are missing for longer than the loop bridges."""
+    when, longest = first_gap(solution)
+    if longest:
         yield Reason(
-            "unknown",
-            f"{100 * share:.0f} % of the rows are invalid: no fix was accepted after a gap of the "
-            f"IMU",
-            "look for missing samples and for the time base of the IMU",
-            weight=share / UNPLACED,
+            "samples",
+            f"up to {longest:.3g} s of samples are missing, first at {when:.0f} s ({BRIDGE:g} s are "
+            f"bridged); what came after rests on the fixes alone, its heading above all",
+            "use the parts before and after on their own (`--from`, `--to`)",
+            weight=max(1.0, min(longest / LONG_GAP, GRAVE)),
         )
 
 
@@ -100,11 +121,13 @@ def biases(solution: Solution) -> Iterator[Reason]:
         ("accelerometer", solution.b_a[-1], described[0], claimed[-1, BA], 1.0, "m/s^2"),
         ("gyro", solution.b_g[-1], described[1], claimed[-1, BG], np.degrees(1), "deg/s"),
     ):
-        times = np.where(np.abs(bias) > SURE * np.nan_to_num(sd), np.abs(bias) / allowed, 0.0)
+        times = np.where(
+            np.abs(bias) > SURE * np.nan_to_num(sd), np.abs(bias) / max(allowed, 1e-12), 0.0
+        )
         axis = int(np.argmax(times))
         if times[axis] > BIAS:
             seen = (
-                f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.2g} {unit}, "
+                f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.3g} {unit}, "
                 f"{times[axis]:.3g} times the {allowed * scale:.2g} {unit} of its description"
             )
             found.append((sensor, seen, float(times[axis] / BIAS)))
@@ -130,7 +153,7 @@ def noise(source: Fixes) -> Iterator[Reason]:
             "lasting errors" if correlation(source) > LASTING else "fix noise",
             f"the fixes differ from the prediction {times:.2g} times as much as the standard "
             f"deviations say ({np.sqrt(NIS_HIGH):.2g} times at most)",
-            "check its unit, its time and the lever arm; if they are right, give it a larger sd",
+            DIAGNOSE + " give it a larger sd",
             source.name,
             ratio / NIS_HIGH,
         )
@@ -141,16 +164,16 @@ def noise(source: Fixes) -> Iterator[Reason]:
             f"between {start:.0f} and {stop:.0f} s the fixes differ from the prediction up to "
             f"{np.sqrt(worst):.2g} times as much as the standard deviations say "
             f"({np.sqrt(NIS_PART):.2g} times at most)",
-            "look at these times in the page, or leave the fixes out there",
+            DIAGNOSE + " give it a larger sd, or leave the fixes out there",
             source.name,
             worst / NIS_PART,
         )
     if ratio < NIS_LOW and source.kind in ("position", "velocity"):
         yield Reason(
             "fix noise",
-            f"the fixes agree with the prediction {1 / times:.2g} times better than the standard "
+            f"the fixes agree with the prediction {1 / times:.0f} times better than the standard "
             f"deviations say",
-            f"divide its sd by about {1 / times:.1g}; the result is better than it claims",
+            f"divide its sd by about {1 / times:.0f}; the result claims too little, and could be better",
             source.name,
         )
 
@@ -189,7 +212,7 @@ def rejections(source: Fixes) -> Iterator[Reason]:
             "outliers",
             f"{100 * share:.0f} % of the fixes were rejected (0.1 % expected, {100 * REJECTED:.0f} "
             f"% at most)",
-            "check its unit, its time and its sd",
+            DIAGNOSE + " give it a larger sd, or leave out what is wrong",
             source.name,
             share / REJECTED,
         )
@@ -200,7 +223,7 @@ def rejections(source: Fixes) -> Iterator[Reason]:
             "outliers",
             f"{100 * lifted:.0f} % of the fixes were used only because so many before them had been "
             f"rejected ({100 * LIFTED:.0f} % at most)",
-            "check its unit, its time and its sd",
+            DIAGNOSE + " give it a larger sd, or leave out what is wrong",
             source.name,
             lifted / LIFTED,
         )
@@ -213,7 +236,7 @@ def rejections(source: Fixes) -> Iterator[Reason]:
             "outliers",
             f"none of the {inside.sum()} fixes from {times[longest]:.0f} s on was accepted for "
             f"{seconds:.0f} s ({UNBELIEVED:.0f} s at most)",
-            "look at these times in the page",
+            DIAGNOSE + " look at these times in the page",
             source.name,
             min(seconds / UNBELIEVED, GRAVE),
         )
@@ -225,7 +248,7 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
     made = solution.trajectory
     if made.v_n is None or made.q_nb is None:
         return
-    later = t[t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])]
+    later = t[(t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])) & (t < first_gap(solution)[0])]
     later = later[:: max(1, len(later) // ENOUGH)]
     rows = np.minimum(np.searchsorted(made.t, later), len(made.t) - 1)
     v = made.v_n[rows]

@@ -11,7 +11,7 @@ from ..cross_checks.all import check
 from ..cross_checks.motion import Subject
 from ..data import Solution
 from ..plugins import one_line
-from ..verdict import Reason, Verdict
+from ..verdict import NOT_JUDGED, Reason, Verdict
 from . import evidence, screening
 from .evidence import GATED, Fixes
 from .installation import CONSTRAINED
@@ -27,7 +27,7 @@ def judge(solution: Solution) -> Verdict:
     """The Verdict of a Solution that `fuse` or `smooth` made of a recording."""
     recording = solution.recording
     if recording is None:
-        return Verdict.of([], ["anything: it was read from a file that has no verdict"])
+        return Verdict(NOT_JUDGED, untested=("anything: the recording is not there",))
     sources = evidence.by_source(solution)
     untested = list(_untested(solution, sources))
 
@@ -40,29 +40,40 @@ def judge(solution: Solution) -> Verdict:
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
-    causes: list[Reason] = []
+    causes = list(evidence.gaps(solution))
     if any(source.kind == "position" for source in sources):
-        causes, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
-        untested += unknown
-    # what compares the parts of the recording takes longer: all of it only where there is doubt
+        looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
+        causes += looked
+        untested += unknown if _moves(solution) else []
+    # what compares the parts of the recording takes longer: all of it only where there is doubt, or
+    # where the filter's own gates tell nothing
     doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))
+    gated = all(np.isfinite(source.ratio).all() for source in sources)
     checked = attempt(
         "the parts of the recording",
-        lambda: check(recording) if doubt else position_velocity.check(Subject(recording)),
+        lambda: (
+            check(recording) if doubt or not gated else position_velocity.check(Subject(recording))
+        ),
     )
-    found = [*(checked.reasons if checked else []), *causes]
-    return Verdict.of(_once(found), untested, symptoms)
+    if not sources and not symptoms and not (checked and checked.reasons):
+        return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
+    return Verdict.of(_once(checked.reasons if checked else [], causes), untested, symptoms)
 
 
-def _once(reasons: list[Reason]) -> list[Reason]:
-    """The weightiest of those with the same cause."""
-    ranked = sorted(reasons, key=lambda reason: reason.weight)
-    return list({reason.cause: reason for reason in ranked}.values())
+def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
+    """Reasons of both, each cause of each source once: the weightiest. A small clock offset that the
+    innovations ask for is known better than one that motions compared ask for."""
+    if any(reason.cause == "clock" for reason in of_run):
+        of_recording = [reason for reason in of_recording if reason.cause != "clock"]
+    ranked = sorted([*of_recording, *of_run], key=lambda reason: reason.weight)
+    return list({(reason.cause, reason.source): reason for reason in ranked}.values())
 
 
 def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
     """What the run shows that a right set-up does not."""
-    yield from evidence.stopped(solution)
+    if "stopped" in solution.meta:  # what it did before is of no interest
+        yield from evidence.stopped(solution)
+        return
     yield from evidence.biases(solution)
     yield from evidence.smoother(solution)
     for source in sources:
@@ -76,31 +87,39 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
 
 def _untested(solution: Solution, sources: list[Fixes]) -> Iterator[str]:
     """What could not be tested, and why."""
-    seconds = float(np.ptp(solution.t)) if len(solution.t) > 1 else 0.0
+    assert solution.recording is not None
+    seconds = solution.recording.span[1] - solution.meta["start"]["t"]
     if seconds < SHORTEST:
         yield f"anything that takes time: the run lasts {seconds:.0f} s"
     few = [source.name for source in sources if len(source.t) < GATED]
     if few:
         yield f"innovations of {', '.join(few)}: fewer than {GATED} fixes"
     if any(not np.isfinite(source.ratio).all() for source in sources):
-        yield f"innovations: {solution.meta.get('filter', 'the filter')} does not gate"
+        yield (
+            f"innovations: {solution.meta.get('filter', 'the filter')} does not weigh its fixes "
+            f"against their standard deviations"
+        )
+    silent = set(solution.innovations.names) - {source.name for source in sources}
+    if silent:
+        yield f"{', '.join(sorted(silent))}: none of its fixes was used"
     if solution.meta.get("bias_sd") is None:
         yield "biases: the IMU is not described"
     kinds = {source.kind for source in sources}
+    moves = _moves(solution)
     if not kinds & {"position", "velocity"}:
         yield "clock and lever arm: there is no GNSS"
+    elif not moves:
+        yield "clock, lever arm and heading: it hardly moves"
     elif not {"position", "velocity"} <= kinds:
         yield (
-            "clock, lever arm and lasting errors of the fixes: position and velocity are not both "
-            "measured"
+            "clock below half a second, lever arm and lasting errors of the fixes: position and "
+            "velocity are not both measured"
         )
-    elif not _moves(solution):
-        yield "clock, lever arm and heading: it hardly moves"
     if "position" in kinds and len(kinds & HEIGHTS) < 2:
         yield "height above geoid or ellipsoid: there is one source of height"
     if not kinds & set(CONSTRAINED):
-        yield "mounting of the IMU in the vehicle: no constraint or odometer shows it"
-    if evidence.heading_never_seen(solution):
+        yield "mounting of the IMU: no constraint or odometer shows it"
+    if moves and evidence.heading_never_seen(solution):
         yield "heading: no turn or acceleration showed it, its error is that of the start"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import filters
 from ..core import loop
-from ..core.contract import POS, VEL, Imu, Noise, Start
+from ..core.contract import POS, STATES, VEL, Imu, Noise, Start
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
 from ..engine.sensitivity import begin_sensitive, fit, sums
@@ -21,9 +21,11 @@ from .findings import AXES, LEAST_Z, UNITS
 from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
 from .settling import Trial, Unknown, estimated, explained, groups
 
-STEP, PACE, MOST = 0.5, 1.0, 1000
-"""s: of the thinned samples, and between the fixes of a source that are used; and how many of them
-are."""
+STEP, PACE = 0.5, 1.0
+"""s: of the thinned samples, and between the fixes of a source that are used."""
+ROWS = 5000  # of a solution, in which motion is looked for
+WINDOW = 1000.0
+"""s that are looked at: of a longer recording those with the most motion."""
 LEAST = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
 """s, m, rad: smaller ones are no reason for doubt."""
 KNOWN = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
@@ -59,14 +61,42 @@ class Suspect(NamedTuple):
         return self.explained * (ARM_SHARE if self.unknowns[0].kind == ARM else 1.0)
 
 
+def window(solution: Solution) -> tuple[Recording, Start]:
+    """The part of the recording to look at, and the Start that the solution has there."""
+    assert solution.recording is not None
+    recording, start = solution.recording, Start(**solution.meta["start"])
+    made, seconds = solution.trajectory, recording.span[1] - start.t
+    if seconds <= WINDOW or made.v_n is None or made.sd is None:
+        return recording, start
+    some = made.taking(slice(None, None, max(1, len(made.t) // ROWS)))
+    assert some.v_n is not None
+    change = np.nan_to_num(np.abs(np.diff(some.v_n, axis=0)).sum(axis=1))
+    motion = np.r_[0.0, np.cumsum(change)]
+    last = np.searchsorted(some.t, some.t + WINDOW)
+    best = int(np.argmax(motion[np.minimum(last, len(motion) - 1)] - motion))
+    end = float(some.t[best]) + WINDOW
+    if best == 0:
+        return recording.between(stop=start.t + WINDOW), start
+    rows = np.searchsorted(made.t, some.t[best])
+    there = start._replace(
+        t=float(made.t[rows]),
+        lla=tuple(made.lla[rows].tolist()),
+        v=tuple(made.v_n[rows].tolist()),
+        rph=tuple(made.rph[rows].tolist()),
+        ba=tuple(np.nan_to_num(solution.b_a[rows]).tolist()),
+        bg=tuple(np.nan_to_num(solution.b_g[rows]).tolist()),
+        sd=tuple(np.where(np.isfinite(made.sd[rows]), made.sd[rows], start.sd[:STATES]).tolist()),
+    )
+    return recording.between(there.t, end), there
+
+
 def thinned(recording: Recording) -> Recording:
-    """The recording with a fix of each source every `PACE` s or more, of sources that say something of the
-    installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever arm
-    needs the angular rate of that moment. Nothing is summed across a gap."""
-    imu, (begin, end) = recording.imu, recording.span
-    pace = max(PACE, (end - begin) / MOST)
-    aidings = tuple(_paced(a, pace) for a in thinned_sources(recording.aidings))
-    part = np.floor((imu.t - begin) / max(STEP, pace / 2) - 1e-6)
+    """The recording with a fix of each source every `PACE` s or more, of sources that say something
+    of the installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever
+    arm needs the angular rate of that moment. Nothing is summed across a gap."""
+    imu = recording.imu
+    aidings = tuple(map(_paced, of_installation(recording.aidings)))
+    part = np.floor((imu.t - recording.span[0]) / STEP - 1e-6)
     gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
     begins = np.r_[True, (part[1:] != part[:-1]) | gap]
     at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
@@ -78,18 +108,17 @@ def thinned(recording: Recording) -> Recording:
     return Recording(samples, aidings)
 
 
-def _paced(aiding: Aiding, pace: float) -> Aiding:
-    number = np.floor(aiding.t / pace + 1e-6)
+def _paced(aiding: Aiding) -> Aiding:
+    number = np.floor(aiding.t / PACE + 1e-6)
     return aiding._where(np.r_[True, number[1:] != number[:-1]])
 
 
 def suspects(solution: Solution) -> list[Suspect]:
     """What would explain the innovations of a solution, the likeliest first; [] where nothing
     tells. Raises DataError."""
-    assert solution.recording is not None
-    recording = thinned(solution.recording)
+    part, start = window(solution)
+    recording, noise = thinned(part), Noise(**solution.meta["noise"])
     known = constants(recording.aidings)
-    start, noise = Start(**solution.meta["start"]), Noise(**solution.meta["noise"])
     run = begin_sensitive(
         recording, filters.find("closed-loop"), Asked({}, start=start, noise=noise)
     )
@@ -115,7 +144,12 @@ def look(solution: Solution) -> tuple[list[Reason], list[str]]:
     found, alone = suspects(solution), not _has(solution, "velocity")
     likely = [each for each in found if _matters(each, alone)]
     reasons = [_reason(solution, each) for each in likely[:1]]
-    return reasons, [] if alone else [text for each in found for text in _unknown(solution, each)]
+    if alone:
+        return reasons, []
+    unknown = [text for each in found for text in _unknown(solution, each)]
+    # of clocks one line is enough: that of all, which is known best
+    clocks = [text for text in unknown if text.startswith(CLOCK)]
+    return reasons, [text for text in unknown if text not in clocks[1:]]
 
 
 def _has(solution: Solution, kind: str) -> bool:
@@ -141,7 +175,7 @@ def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
 def _concerned(solution: Solution, suspect: Suspect) -> str:
     """Names of the sources that it concerns."""
     assert solution.recording is not None
-    names = [a.name or a.kind for a in thinned_sources(solution.recording.aidings)]
+    names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
     if suspect.unknowns[0].kind == MOUNTING:
         return "the IMU"
     return " and ".join(names[i] for i in suspect.unknowns[0].sources)
@@ -155,11 +189,13 @@ def harm(solution: Solution, suspect: Suspect) -> float:
     rows = slice(None, None, max(1, len(made.t) // 500))
     v, sd = made.v_n, made.sd
     assert v is not None and sd is not None
+    if not np.isfinite(sd[rows, :6]).all(axis=0).any():
+        return HARMFUL  # the filter claims nothing
     of_position, of_velocity = (np.nanmedian(sd[rows, each].max(axis=1)) for each in (POS, VEL))
     speed = np.sqrt(np.nanmean((v[rows] ** 2).sum(axis=1)))
     if kind == ARM:
         return float(size / of_position)
-    kinds = [a.kind for a in thinned_sources(solution.recording.aidings)]
+    kinds = [a.kind for a in of_installation(solution.recording.aidings)]
     if kind == CLOCK and "position" in (kinds[i] for i in suspect.unknowns[0].sources):
         return float(size * speed / of_position)
     if kind == CLOCK:
@@ -168,7 +204,7 @@ def harm(solution: Solution, suspect: Suspect) -> float:
     return float(size * speed / of_velocity)
 
 
-def thinned_sources(aidings: Sequence[Aiding]) -> list[Aiding]:
+def of_installation(aidings: Sequence[Aiding]) -> list[Aiding]:
     """Those that say something of the installation."""
     return [a for a in aidings if a.kind in (*GNSS, *CONSTRAINED)]
 
@@ -193,15 +229,17 @@ def _reason(solution: Solution, suspect: Suspect) -> Reason:
         for i in clear
     )
     what = {
-        CLOCK: f"its innovations ask for {values} on its time stamps",
-        ARM: f"its innovations ask for an antenna {values} of where it is said to be",
+        CLOCK: f"the innovations ask for {values} on the time stamps",
+        ARM: f"the innovations ask for an antenna that is moved by {values}",
         MOUNTING: f"the constraints ask for an IMU turned by {values}",
-        SCALE: f"its speeds are too large by a factor of {1 + suspect.value[0]:.3f}",
+        SCALE: f"the speeds are too large by a factor of {1 + suspect.value[0]:.3f}",
     }[kind]
+    times = harm(solution, suspect)
     return Reason(
         kind,
-        f"{what}, {suspect.z.max():.0f} standard deviations ({LEAST_Z:.0f} at most)",
+        f"{what}, {suspect.z.max():.0f} standard deviations ({LEAST_Z:.0f} at most); errors of about "
+        f"{times:.2g} claimed standard deviations",
         "run `strapdown diagnose` for the value and what it changes",
         sources,
-        max(1.0, harm(solution, suspect) / HARMFUL),
+        max(1.0, times / HARMFUL),
     )

@@ -115,6 +115,8 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
     """Take a Run to its end; per piece its Corrections and J (k, 3, m), the derivatives of their
     whitened innovations."""
     (n, m), at = V.shape, run.cursor.at
+    if m > LANES:
+        raise DataError(f"there are {m} constants to follow, {LANES} at most: leave sources out")
     columns = np.zeros(V_SIZE)
     columns[:MOVED].reshape(-1, LANES)[:n, :m] = V
     at[loop.SAVE_STEP], forces = address(save_step), _Forces(run.samples)

@@ -29,7 +29,7 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     imu, reference = recording.imu, recording.reference
     unusual = doubts(imu, gyro_bias_sd(recording.meta))
     found = Findings.of(imu_facts(imu), [f"imu: {text}" for text in unusual])
-    found.add(*aiding_facts(imu, recording.aidings))
+    found.add(*aiding_facts(imu, recording.aidings, recording.meta))
     for aiding in recording.aidings:
         if find(aiding.kind).parameters == "field":
             found.add(*of_field(aiding, imu))
@@ -123,8 +123,9 @@ def _triple(values: Iterable[float], digits: int = 2) -> str:
     return "[" + " ".join(f"{value:.{digits}f}" for value in values) + "]"
 
 
-def aiding_facts(imu: Imu, aidings: Iterable[Aiding]) -> Findings:
-    """Findings on fixes: their times, what is held, attitudes and turns against those of the gyro."""
+def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: Mapping[str, Any]) -> Findings:
+    """Findings on fixes: their times, attitudes against those of the gyro, and what the parts of the
+    recording, whose `meta` it is, say of each other."""
     found, aidings = Findings.of(), list(aidings)
     for aiding in aidings:
         found.add([_span(imu, aiding)])
@@ -142,7 +143,7 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding]) -> Findings:
                 f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or "
                 f"is a scale wrong?"
             )
-    found.take(*check(Recording(imu, tuple(aidings))))
+    found.take(*check(Recording(imu, tuple(aidings), None, dict(meta))))
     return found
 
 

@@ -69,7 +69,7 @@ def _parts(path: Path, description: Description, found: Findings) -> list[str]:
         )
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
-    found.add(*aiding_facts(imu, aidings))
+    found.add(*aiding_facts(imu, aidings, meta))
     return notes
 
 
