@@ -28,7 +28,7 @@ WINDOW = 1000.0
 """s that are looked at: of a longer recording those with the most motion."""
 LEAST = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
 """s, m, rad: smaller ones are no reason for doubt."""
-KNOWN = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
+KNOWN = {CLOCK: 0.03, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
 """s, m, rad: standard deviations from which a constant counts as not tested."""
 HARMFUL = 3.0
 """Claimed standard deviations that an error must not exceed."""
@@ -238,7 +238,7 @@ def _reason(solution: Solution, suspect: Suspect) -> Reason:
     return Reason(
         kind,
         f"{what}, {suspect.z.max():.0f} standard deviations ({LEAST_Z:.0f} at most); errors of about "
-        f"{times:.2g} claimed standard deviations",
+        f"{times:.0f} claimed standard deviations",
         "run `strapdown diagnose` for the value and what it changes",
         sources,
         max(1.0, times / HARMFUL),
