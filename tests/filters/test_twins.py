@@ -177,7 +177,8 @@ def test_over_two_minutes_of_a_tactical_imu_the_loops_are_one(ten_minutes):
         sd.fuse(recording, name, start=begin)
         for name in ("closed-loop", "closed-loop-error-bias", "open-loop", "periodic-reset")
     )
-    for solution, bound in zip(others, (1e-4, 0.05, 0.05)):
+    # what second order makes of the start, whose level is known to 5 deg
+    for solution, bound in zip(others, (1e-4, 0.06, 0.06)):
         late = slice(3000, None)
         assert (
             np.abs(displacement(closed.trajectory.lla, solution.trajectory.lla))[late].max() < bound

@@ -195,7 +195,7 @@ def test_a_scenario_file_with_it(tmp_path):
             "attitude: 101 a second come faster than the IMU's samples, 100",
         ),
         ("[0.2, 0.2, 1.5]", "[0.2, 1.5]", r"\[attitude\] sd_deg has 2 numbers"),
-        ("[0.2, 0.2, 1.5]", '"low"', "must be a number"),
+        ("[0.2, 0.2, 1.5]", '"low"', "must be a finite number"),
         ("[0.2, 0.2, 1.5]", "[0.2, 0.0, 1.5]", "3 finite numbers.* above 0"),
         ("[0.2, 0.2, 1.5]", "[0.2, 45, 1.5]", "at most 0.523599"),
         ("[attitude]", "[[attitude]]", r"write a section \[attitude\]"),

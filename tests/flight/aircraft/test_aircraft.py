@@ -483,7 +483,7 @@ def test_aircraft_files(tmp_path):
         ("[body]\nmass = 1", "unknown key 'mass' .did you mean 'mass_kg'"),
         (
             "\n".join(lines).replace("mass_kg = 11.0", "mass_kg = '11'"),
-            "mass_kg is '11'; it must be a number",
+            "mass_kg is '11'; it must be a finite number",
         ),
         ("body = 1", "write a section"),
         ("[wings]", "unknown key 'wings' .did you mean 'wing'"),
