@@ -168,7 +168,8 @@ def beyond(found: Mapping[str, Errors], window: tuple[float, float] | None = Non
             if share > BEYOND_SHARE:
                 said.append(
                     f"{name}: {group} error beyond 3σ of what the filter claims at "
-                    f"{100 * share:.0f} % of the times."
+                    f"{100 * share:.0f} % of the times, against the reference. The verdict does not "
+                    f"know it, and it may err itself."
                 )
     return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
 

@@ -28,7 +28,7 @@ LOOKS = {
         "✕",
         "Something in the set-up is wrong. Correct it and run again.",
     ),
-    NOT_JUDGED: ("unknown", "?", "Nothing is known of the run that it comes from."),
+    NOT_JUDGED: ("unknown", "?", "Nothing tells whether to trust it."),
 }
 """{word: its class in page.css, its mark, what it means}."""
 
