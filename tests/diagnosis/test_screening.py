@@ -10,6 +10,8 @@ from recordings import without_samples
 
 import strapdown as sd
 from strapdown.diagnosis import screening
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sim.trajectory import demo_flight
 
 DEG = np.pi / 180
 FAULTS = {
@@ -74,3 +76,16 @@ def test_right_ones_are_left_alone():
     for seed in range(1200, 1220):
         for recording in (car(seed), car(seed, 300.0, "industrial", False), flown(seed)):
             assert screening.look(sd.fuse(recording))[0] == []
+
+
+def test_a_long_recording_is_looked_at_where_it_moves_most():
+    flight = sd.simulate(demo_flight(), 2400.0, "tactical", 1042, 20.0, Gnss(interval=1.0))
+    late = replace(
+        flight, aidings=tuple(replace(a, parameters=(3.0, 0.0, 0.0)) for a in flight.aidings)
+    )
+    solution = sd.fuse(late, every=10)
+    part, start = screening.window(solution)
+    assert part.span[1] - part.span[0] == pytest.approx(screening.WINDOW, abs=1.0)
+    assert part.span[0] == pytest.approx(start.t, abs=0.1)
+    (reason,), _ = screening.look(solution)
+    assert reason.cause == "lever arm" and reason.weight > 1
