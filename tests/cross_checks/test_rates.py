@@ -106,4 +106,5 @@ def test_mistakes_found(motion):
             print(f"\n{motion}, {name}: found {hits}, named first {first} of {len(right)}")
     total = len(MISTAKES) * len(right)
     print(f"\n{motion}: found {found}, named first {named} of {total}")
-    assert found >= 0.85 * total and named >= 0.8 * total
+    # four of the 24 mistakes are clocks that a ship, which hardly accelerates, does not show
+    assert found >= 0.8 * total and named >= 0.8 * total
