@@ -18,9 +18,12 @@ import strapdown as sd
 from . import calibrate, compare, diagnose, fly, simulation
 from .console import (
     FORMATS_AND_TABLES,
+    FROM,
     IMU,
+    NOT_TRUSTED,
     OPTION,
     STRICT,
+    TO,
     Progress,
     Reads,
     end,
@@ -48,8 +51,6 @@ app = typer.Typer(
 )
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
-FOUND_WRONG = 3
-"""Exit code where a recording or a result was read, and something is wrong with it."""
 
 
 def main() -> None:
@@ -174,14 +175,8 @@ def fuse(
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
     imu: IMU = None,
-    start: Annotated[
-        float | None,
-        typer.Option("--from", metavar="T", help="First second of the recording to use."),
-    ] = None,
-    stop: Annotated[
-        float | None,
-        typer.Option("--to", metavar="T", help="Last second of the recording to use."),
-    ] = None,
+    start: FROM = None,
+    stop: TO = None,
     hide: Annotated[
         str | None,
         typer.Option(metavar="T:T,...", help="Withhold recorded fixes in these windows, s."),
@@ -344,7 +339,7 @@ def inspect(
             part.write_text(text)
         print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
     if found.problems:
-        raise typer.Exit(FOUND_WRONG)
+        raise typer.Exit(NOT_TRUSTED)
 
 
 @app.command()

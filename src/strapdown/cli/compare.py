@@ -10,8 +10,10 @@ import typer
 import strapdown as sd
 
 from .console import (
+    FROM,
     IMU,
     STRICT,
+    TO,
     Progress,
     end,
     number,
@@ -54,14 +56,8 @@ def compare(
     outages: OUTAGES = "30/300",
     imu: IMU = None,
     kinds: KINDS = None,
-    start: Annotated[
-        float | None,
-        typer.Option("--from", metavar="T", help="First second of the recording to use."),
-    ] = None,
-    stop: Annotated[
-        float | None,
-        typer.Option("--to", metavar="T", help="Last second of the recording to use."),
-    ] = None,
+    start: FROM = None,
+    stop: TO = None,
     ahrs: Annotated[
         str | None,
         typer.Option(

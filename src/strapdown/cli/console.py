@@ -37,6 +37,13 @@ OPTION = Annotated[
         help="An option of the filter (see `strapdown filters`); may be repeated.",
     ),
 ]
+FROM = Annotated[
+    float | None,
+    typer.Option("--from", metavar="T", help="First second of the recording to use."),
+]
+TO = Annotated[
+    float | None, typer.Option("--to", metavar="T", help="Last second of the recording to use.")
+]
 STRICT = Annotated[
     bool,
     typer.Option(
@@ -62,8 +69,8 @@ SCHEDULER = Annotated[
 FORMATS, FORMATS_AND_TABLES = "<formats>", "<formats and tables>"
 """What `Reads` puts the formats in place of; with tables, those that are only inspected too."""
 NOT_TRUSTED = 3
-"""Exit code of a command with --strict whose result is not trusted; docs/conventions.md lists
-all."""
+"""Exit code of a command with --strict whose result is not trusted, and of `inspect` where it finds
+something wrong; docs/conventions.md lists all."""
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 

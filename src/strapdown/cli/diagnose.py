@@ -8,7 +8,7 @@ import typer
 
 import strapdown as sd
 
-from .console import IMU, OPTION, Progress, option_values, recording_argument
+from .console import FROM, IMU, OPTION, TO, Progress, option_values, recording_argument
 
 if TYPE_CHECKING:
     from ..core.contract import Start
@@ -20,14 +20,8 @@ def diagnose(
         str, typer.Option(help="The closed loop or one of its relatives.")
     ] = "closed-loop",
     imu: IMU = None,
-    start: Annotated[
-        float | None,
-        typer.Option("--from", metavar="T", help="First second of the recording to use."),
-    ] = None,
-    stop: Annotated[
-        float | None,
-        typer.Option("--to", metavar="T", help="Last second of the recording to use."),
-    ] = None,
+    start: FROM = None,
+    stop: TO = None,
     option: OPTION = None,
 ) -> None:
     """Say what of the installation is wrong: clock offset and lever arm of the GNSS, mounting of

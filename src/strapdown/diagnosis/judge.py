@@ -26,8 +26,7 @@ HEIGHTS = {"position", "altitude", "pressure", "pressure-altitude", "zero-sea-le
 def judge(solution: Solution) -> Verdict:
     """The Verdict of a Solution that `fuse` or `smooth` made of a recording."""
     recording = solution.recording
-    if recording is None:
-        return Verdict(NOT_JUDGED, untested=("anything: the recording is not there",))
+    assert recording is not None  # `Solution.verdict` asks for no other
     sources = evidence.by_source(solution)
     untested = list(_untested(solution, sources))
 
