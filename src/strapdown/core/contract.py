@@ -40,6 +40,7 @@ __all__ = [
     "Slots",
     "Measurement",
     "Source",
+    "Condition",
     "Observe",
     "Predict",
     "Correct",
@@ -65,6 +66,7 @@ __all__ = [
     "VALID",
     "BRIDGED",
     "INVALID",
+    "DOUBTFUL",
     "OBSERVE",
     "PREDICT",
     "CORRECT",
@@ -230,9 +232,9 @@ class Output(NamedTuple):
 PARAMETERS, WALK, FIRST = 8, 6, 7
 """Numbers that a source hands to its observer; of a source that brings states along, the last
 two are their random walk (unit/sqrt(s)) and the index of the first of them."""
-VALID, BRIDGED, INVALID = 0, 1, 2
+VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
-before the next accepted position fix."""
+before the next accepted position fix; not to be believed, because something contradicts it."""
 NUMBERED = (
     "position",
     "velocity",
@@ -365,7 +367,9 @@ Observe: TypeAlias = Callable[[Belief, Array, Array, Array, Array], int]
 Predict: TypeAlias = Callable[[Belief, Array, float, Noise], None]
 """(belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments over dt (s)."""
 Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, Array, float, Array], float]
-"""(belief, y, sd, kind, observe, parameters, gate, innovation) -> NIS."""
+"""(belief, y, sd, kind, observe, parameters, gate, innovation (6,)) -> NIS: the innovation y -
+h(belief), and behind it the same whitened, N(0, 1) each where the filter is right; NaN of what is
+not measured or has no covariance."""
 SaveStep: TypeAlias = Callable[[Belief, Array], None]
 """(belief, record (width,)): what the adjoint of the last call of predict or correct needs, also
 where it did nothing."""
@@ -378,6 +382,13 @@ Configure: TypeAlias = Callable[
 """(options, sources that the filter uses) -> (options, notes). Raises ValueError."""
 Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[float, str]]]
 """(t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)] of the kept rows."""
+
+
+class Condition(NamedTuple):
+    """What a filter can say of itself while it runs; in `Filter.conditions`."""
+
+    text: str  # as in an event, with the remedy
+    doubtful: bool = True  # whether rows are DOUBTFUL as long as it lasts
 
 
 def first_event(t: Array, where: Mask, text: str) -> list[tuple[float, str]]:
@@ -419,6 +430,10 @@ class Filter(NamedTuple):
     unaided_note: str = ""  # what to say where a recording has no source that it can use
     smoother: Smoother | None = None
     diagnose: Diagnose | None = None  # what of the kept rows a user must know
+    # what it can say of itself, and the number of its workspace in which its kernels leave which of
+    # them holds now, counted from 1; 0 for none
+    conditions: tuple[Condition, ...] = ()
+    condition: int | None = None
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied
