@@ -54,9 +54,10 @@ NOW, CAUSE = 0, 1
 scale (inf: not described), their noise (rad/sqrt(s), m/s/sqrt(s)), and what the vehicle never
 exceeds: speed (m/s), ellipsoidal height (m)."""
 
-LENGTH, REPEATS, STEP, WATCHED = 0, 1, 2, 3
+LENGTH, REPEATS, STEP, LATELY, WATCHED = range(5)
 """Columns of Cursor.watched, one row per axis of gyro and accelerometer: samples at the present
-value, samples that repeated the one before, smallest change seen (rad/s, m/s^2)."""
+value, samples that repeated the one before, smallest change seen (rad/s, m/s^2), the share of
+repeats among the last samples in which any axis repeated its value."""
 
 CHANNELS = 7
 SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)

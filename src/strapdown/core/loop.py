@@ -85,7 +85,7 @@ T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15
 standard deviations, status; then a filter's own, then the states that aidings brought along and
 their standard deviations."""
-F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
+F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, FIX_WIDTH = 0, 1, 2, 5, 6, 7, 10
 """Columns of Output.fix; use is one of the next four."""
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
 
@@ -297,7 +297,7 @@ def _use_fix(
     cursor.rejected[s] += use == REJECTED_FIX
     row[F_T], row[F_SOURCE], row[F_NIS], row[F_USE] = t, s, nis, use
     for i in range(3):
-        row[F_INNOVATION + i] = innovation[i]
+        row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
     at[FIX] += 1
 
 
