@@ -26,19 +26,28 @@ class Events:
 
     def take(self, cursor: Cursor) -> list[Array]:
         """Take over what the log holds; returns the rows that are new and no more of the same."""
-        new = []
+        said = len(self.rows)
         for row in cursor.log[: cursor.at[log.LOGGED]]:
-            alike = self._counts.setdefault((row[log.CODE], row[log.WHICH]), [])
-            if alike and (
-                row[log.T] - alike[-1][log.UNTIL] <= log.FOLD or len(alike) == MOST_OF_A_KIND
-            ):
-                _merge(alike[-1], row)
-            else:
-                alike.append(row.copy())
-                self.rows.append(alike[-1])
-                new.append(alike[-1])
+            self._fold(row)
         cursor.at[log.LOGGED] = 0
-        return new
+        return self.rows[said:]
+
+    def tell(self, code: int, t: Array, values: Array) -> None:
+        """Take over what was seen at the times `t` (s), in their order, with these values."""
+        apart = np.flatnonzero(np.diff(t) > log.FOLD) + 1
+        for rows in np.split(np.arange(len(t)), apart) if len(t) else ():
+            first, last = t[rows[0]], t[rows[-1]]
+            self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
+
+    def _fold(self, row: Array) -> None:
+        alike = self._counts.setdefault((row[log.CODE], row[log.WHICH]), [])
+        if alike and (
+            row[log.T] - alike[-1][log.UNTIL] <= log.FOLD or len(alike) == MOST_OF_A_KIND
+        ):
+            _merge(alike[-1], row)
+        else:
+            alike.append(row.copy())
+            self.rows.append(alike[-1])
 
     def text(self, row: Array) -> str:
         """What a row of the log says."""
@@ -187,5 +196,9 @@ WORDS: dict[int, Words] = {
         f"{row[log.UNTIL]:.0f} s"
     ),
     log.IN_CONDITION: lambda e, row, s, value: e.condition(s),
+    log.APART: lambda e, row, s, value: (
+        f"filter and smoother are up to {value:.2g} standard deviations apart, until "
+        f"{row[log.UNTIL]:.0f} s: what came later contradicts what came before"
+    ),
 }
 """How each code of the log is said."""
