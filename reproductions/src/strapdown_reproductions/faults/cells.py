@@ -15,7 +15,7 @@ from .judging import Judged, Nominal, judged, nominal, refused
 from .not_showable import hidden
 from .raw import Raw, raw
 from .runs import Subject, family, kinds, kinds_with, run, start_of
-from .worlds import GENTLE, MOTIONS, WORLDS, World, simulated
+from .worlds import DATE, GENTLE, MOTIONS, WORLDS, World, simulated
 
 
 class Task(NamedTuple):
@@ -40,14 +40,11 @@ def right(task: Task, kinds: tuple[str, ...]) -> _Right:
     world = MOTIONS[task.motion]
     recording = simulated(world, task.seed)
     data = raw(recording, kinds, task.seed, NOMINAL)
-    cleaned = data.recording(world.imu, date="2025-06-01")
+    cleaned = data.recording(world.imu, date=DATE)
     start = start_of(task.subject, cleaned)
     outcome = run(task.subject, data, world, recording, start)
     assert recording.reference is not None
-    own = nominal(outcome, recording.reference)
-    # what a run without a fault says is no news, but one that is wrong must say so
-    fresh = own._replace(says=frozenset())
-    return _Right(recording, start, own, judged(outcome, recording.reference, fresh))
+    return _Right(recording, start, *nominal(outcome, recording.reference))
 
 
 def cells(task: Task, names: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
@@ -84,7 +81,7 @@ def _elsewhere(task: Task, world: World, kinds: tuple[str, ...], right: _Right) 
     there = right._replace(recording=recording)
     data = raw(recording, kinds, task.seed, NOMINAL)
     try:
-        start = start_of(task.subject, data.recording(world.imu, date="2025-06-01"))
+        start = start_of(task.subject, data.recording(world.imu, date=DATE))
     except DataError as error:
         return refused(error)
     return _run(task.subject, data, world, there, start)

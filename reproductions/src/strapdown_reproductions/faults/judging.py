@@ -4,8 +4,8 @@ From 60 s on, an error of a component of position, velocity or attitude is compa
 standard deviations that the filter states for it; where it states none, with twice the largest
 error of the run without a fault. A run is wrong where a component is beyond that for a second in
 all. It is silently wrong where that second lies in rows whose status is valid or bridged, and no
-event and no note says what the run without a fault does not say too. A number of rejected fixes says
-nothing.
+event and no note says what the run without a fault does not say too. Where that run is wrong
+itself and says so, its events count as said here too. A number of rejected fixes says nothing.
 """
 
 import re
@@ -33,14 +33,16 @@ class Outcome(NamedTuple):
 
     trajectory: Trajectory
     status: Ints  # (n,)
-    says: tuple[str, ...]  # events and notes
+    notes: tuple[str, ...]
+    events: tuple[str, ...]
 
 
 class Nominal(NamedTuple):
     """The run without a fault that others are compared with."""
 
     largest: Array  # (9,) error of each component; NaN of what is not estimated
-    says: frozenset[str]  # in plain words, without numbers
+    # what it says though nothing is wrong, in plain words, without numbers
+    says: frozenset[str]
 
 
 class Judged(NamedTuple):
@@ -86,12 +88,14 @@ def _errors(outcome: Outcome, reference: Trajectory) -> _Errors:
     return _Errors(size[late], sd[late], outcome.status[e.rows][late], step)
 
 
-def nominal(outcome: Outcome, reference: Trajectory) -> Nominal:
-    """The Nominal of a run without a fault."""
+def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
+    """A run without a fault, and what it comes to itself."""
     e = _errors(outcome, reference)
     known = np.isfinite(e.size).any(axis=0)
     largest = np.where(known, np.nanmax(e.size, axis=0, initial=0.0), np.nan)
-    return Nominal(largest, frozenset(map(plain, outcome.says)))
+    notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.events))
+    own = judged(outcome, reference, Nominal(largest, notes))
+    return Nominal(largest, notes | events if own.verdict == OK else notes), own
 
 
 def refused(error: Exception) -> Judged:
@@ -103,7 +107,7 @@ def refused(error: Exception) -> Judged:
 
 def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     """What a run comes to beside the run without a fault."""
-    new = news(outcome.says, right.says)
+    new = news((*outcome.notes, *outcome.events), right.says)
     text = " | ".join(new)
     try:
         e = _errors(outcome, reference)

@@ -29,6 +29,8 @@ OPTIONS: dict[str, dict[str, Any]] = {"pkf": {"components": 50}}
 """A tenth of its components, for the time it takes."""
 LAG = 0.3
 """s that a stream waits for late events."""
+SLOW, SLOW_SEEDS = ("pkf", "ukf", "ckf"), 1
+"""Filters that take ten times as long, and the most seeds that they run on."""
 WITH_ATTITUDE = ("mekf",)
 """Filters that an attitude record is given to though they could do without."""
 
@@ -104,8 +106,8 @@ def run(subject: Subject, raw: Raw, world: World, right: Recording, start: Start
 
 def outcome(solution: Solution) -> Outcome:
     """The Outcome of a Solution."""
-    said = (*solution.meta["notes"], *(text for _, text in solution.events))
-    return Outcome(solution.trajectory, solution.status, said)
+    events = tuple(text for _, text in solution.events)
+    return Outcome(solution.trajectory, solution.status, tuple(solution.meta["notes"]), events)
 
 
 def start_of(subject: Subject, right: Recording) -> Start:
@@ -144,8 +146,9 @@ def _live(
             status.append(stream.status)
         taken += 1
     stream.finish()
-    said = (*stream.notes, *(text for _, text in getattr(stream, "events", ())))
-    return Outcome(_trajectory(np.array(rows).reshape(-1, 16 + STATES), filter), np.array(status), said)
+    events = tuple(text for _, text in getattr(stream, "events", ()))
+    table = np.array(rows).reshape(-1, 16 + STATES)
+    return Outcome(_trajectory(table, filter), np.array(status), tuple(stream.notes), events)
 
 
 def _sized(a: Aiding, raw: Raw) -> Aiding:

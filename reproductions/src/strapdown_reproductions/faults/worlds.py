@@ -2,7 +2,7 @@
 which a filter may go wrong all the same."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 from strapdown.recording import Recording
@@ -16,7 +16,7 @@ from strapdown.sim.trajectory import DEG, Motion, demo_flight
 
 DURATION, RATE = 210.0, 50.0
 DATE = "2025-06-01"
-ROWS = 10.0
+ROWS = 5.0
 """Rows a second that are kept of a solution."""
 NAVIGATION, ATTITUDE, HEAVE = "navigation", "attitude", "heave"
 """Families of filters."""
@@ -97,7 +97,7 @@ MOTIONS = {
     world.name: world
     for world in (
         World(GENTLE, demo_flight, (NAVIGATION, ATTITUDE)),
-        World(HARD, hard_flight, (NAVIGATION, ATTITUDE), "industrial"),
+        World(HARD, hard_flight, (NAVIGATION, ATTITUDE)),
         World(IN_HAND, in_hand, (ATTITUDE,), "consumer"),
         World(
             AFLOAT,
@@ -130,7 +130,7 @@ WORLDS = {
 """Where there is no fault."""
 
 
-@cache
+@lru_cache(maxsize=20)
 def simulated(world: World, seed: int) -> Recording:
     """The right recording of a world, with every source that a filter may ask for."""
     return simulate(
