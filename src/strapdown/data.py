@@ -183,6 +183,8 @@ class Innovations:
     accepted: Mask  # (m,)
     names: tuple[str, ...] = ()  # of the sources
     gates: tuple[float, ...] = ()  # of the sources: bounds on the NIS
+    # (m, 3) whitened: N(0, 1) each where the filter is right; NaN without a covariance, None of a file
+    whitened: Array | None = None
 
 
 @dataclass(frozen=True)

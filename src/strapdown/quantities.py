@@ -22,31 +22,35 @@ class Quantity(NamedTuple):
     innovation: str = ""  # dimension of its innovation and standard deviation; empty: its own
     most: float = math.inf  # largest magnitude that a sensor reads, SI
     hint: str = ""  # what is probably wrong beyond it
+    # smallest standard deviation of its innovation that a sensor has, SI: less is a mistake
+    least_sd: float = 0.0
 
 
 OWN = {
     quantity.name: quantity
     for quantity in (
-        Quantity("latitude", "angle", innovation="length"),
+        Quantity("latitude", "angle", innovation="length", least_sd=1e-3),
         Quantity(
             "longitude",
             "angle",
             innovation="length",
             most=2 * math.pi,
             hint="is the unit deg, or is a scale missing?",
+            least_sd=1e-3,
         ),
-        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?"),
-        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?"),
-        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?"),
-        Quantity("acceleration", "acceleration"),
+        Quantity("angle", "angle", most=4 * math.pi, hint="is the unit deg?", least_sd=1e-6),
+        Quantity("length", "length", most=500e3, hint="is the unit mm or ft?", least_sd=1e-3),
+        Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?", least_sd=1e-4),
+        Quantity("acceleration", "acceleration", least_sd=1e-6),
         Quantity(
             "magnetic field",
             "magnetic field",
             most=1e-3,
             hint="the Earth's is 22 to 67 uT: is the unit gauss, uT, nT or mgauss, or is a scale "
             "missing?",
+            least_sd=1e-11,
         ),
-        Quantity("pressure", "pressure", innovation="length"),
+        Quantity("pressure", "pressure", innovation="length", least_sd=1e-3),
     )
 }
 

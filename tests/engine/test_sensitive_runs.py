@@ -11,7 +11,7 @@ from recordings import flight, without_samples
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core import loop
+from strapdown.core import cursor as places, loop
 from strapdown.diagnosis.installation import CLOCK, Model, applied, constants
 from strapdown.engine import sensitivity
 from strapdown.engine.prepare import Asked, Run
@@ -114,7 +114,7 @@ def test_a_record_has_room_for_every_call(troubled, monkeypatch):
     def advancing(run, stop, *more):
         rooms.append(sensitivity.most_calls(run, stop))
         advance(run, stop, *more)
-        used.append(int(run.cursor.at[loop.RECORDED]))
+        used.append(int(run.cursor.at[places.RECORDED]))
 
     monkeypatch.setattr(Run, "advance", advancing)
     sensitive(troubled)

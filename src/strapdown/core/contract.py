@@ -203,10 +203,10 @@ class Fixes(NamedTuple):
 class Cursor(NamedTuple):
     """The loop's own state, so that a run can stop and go on at any sample."""
 
-    at: Ints  # int64, see the names in core/loop.py
-    now: Array  # time of the belief, s
+    at: Ints  # int64, see the names in core/cursor.py, as of the other tables
+    now: Array  # time of the belief, s, and of the last cause of doubt
     previous: Array  # the last sample: increments (6), seconds
-    work: Array  # increments in use (6), a part of them (6), innovation (3)
+    work: Array  # increments in use (6), a part of them (6), innovation (6)
     accepted: Ints  # int64 per source
     rejected: Ints  # int64 per source
     in_a_row: Ints  # int64 per source: rejections since the last accepted fix
@@ -215,6 +215,11 @@ class Cursor(NamedTuple):
     # int64 per source: how many of them were used so, positions and velocities apart
     lifts: Ints
     last: Array  # per source: time up to which its own states have walked
+    limits: Array  # what samples, fixes and the belief never exceed
+    watched: Array  # (6, WATCHED): repeated values of each axis
+    floor: Array  # (sources, 3): least standard deviations
+    tests: Array  # (sources, TESTS): tests of the innovations
+    log: Array  # (rows, LOG_WIDTH): what a user must know
 
 
 class Output(NamedTuple):
@@ -292,7 +297,9 @@ if COMPILED:
     IMU = _named(Imu, _line, _line, _table, _table)
     FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
     CURSOR = _named(
-        Cursor, _count, _line, _line, _line, _count, _count, _count, _line, _count, _line
+        Cursor,
+        *(_count, _line, _line, _line, _count, _count, _count, _line, _count, _line),
+        *(_line, _table, _table, _table, _table),
     )
     OUTPUT, RECORDED_OUTPUT = (
         _named(Output, _table, _cube, _table, record, _count) for record in (_line, _table)

@@ -22,6 +22,7 @@ from . import contract
 from .contract import (
     BRIDGED,
     CORRECT,
+    DOUBTFUL,
     FIRST,
     INVALID,
     OBSERVE,
@@ -39,35 +40,52 @@ from .contract import (
     Noise,
     Output,
 )
+from .cursor import (
+    BELIEF_TOO_FAST,
+    BELIEF_TOO_HIGH,
+    BRIDGED_GAP,
+    CONDITION,
+    DOUBTFUL_CONDITIONS,
+    EVERY,
+    FAULT,
+    FIX,
+    FIXES,
+    HELD_GAP,
+    HIGHEST,
+    IN_CONDITION,
+    LAST_USED,
+    LEFT_OUT,
+    LIFTED,
+    LIFTED_AT,
+    LOG_FULL,
+    LOGGED,
+    LOWEST,
+    OUT,
+    PHASE,
+    POSITIONED,
+    RECORDED,
+    REJECTING,
+    ROW,
+    SAVE_STEP,
+    SHOWN,
+    SPEED,
+    STATUS,
+    STOP,
+    TOO_FAR,
+    UNCONFIRMED,
+    say,
+)
 from .earth import LATITUDE_LIMIT
+from .integrity import confirm, doubt, measured, oppose, plausible, reachable, test
 from .jit import caller, flatten, helper, inlined, kernel, plain
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
 
-(
-    ROW,
-    STOP,
-    FIX,
-    FIXES,
-    OUT,
-    EVERY,
-    PHASE,
-    STATUS,
-    FAULT,
-    POSITIONED,
-    RECORDED,
-    SAVE_STEP,
-    CURSOR_SIZE,
-) = range(13)
-"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep
-rows with row % every == phase, status of the belief, FAULT = 1 once the belief left the
-latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a
-position, calls of predict and correct so far, and the address of the kernel that records a call."""
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15
 standard deviations, status; then a filter's own, then the states that aidings brought along and
 their standard deviations."""
-F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
+F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, FIX_WIDTH = 0, 1, 2, 5, 6, 7, 10
 """Columns of Output.fix; use is one of the next four."""
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
 
@@ -81,6 +99,7 @@ LONGEST_HOLD = (
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
+NOT_USABLE = 2  # what `plausible` says of a sample that cannot be
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
 predict_at, correct_at, observe_at, save_step_at = (
@@ -115,16 +134,22 @@ def run(
             at[STATUS] = VALID
         # a run may begin anywhere inside its first sample
         inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME
-        compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
-        for i in range(3):
-            cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
-        cursor.previous[6] = dt
+        assumed, wrong = noise, plausible(imu.dtheta[row], imu.dv[row], dt, t, cursor)
+        if wrong:
+            assumed = wider(noise, BRIDGE_GYRO, BRIDGE_ACCEL)
+        if wrong < NOT_USABLE:
+            compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
+            for i in range(3):
+                cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
+            cursor.previous[6] = dt
+        else:  # bridged, as a missing one
+            _rates_held(belief, dt, cursor.previous, sample)
         if now[0] - begin > inside:  # the belief stands inside this sample: use the rest of it
             share = max(t - now[0], 0.0) / dt
             dt *= share
             for i in range(6):
                 sample[i] *= share
-        _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t, dt)
+        _advance(predict, correct, observers, belief, fixes, assumed, cursor, out, t, dt)
         if not (
             abs(belief.lla[0]) <= LATITUDE_LIMIT
             and belief.P[0, 0] >= 0
@@ -135,13 +160,17 @@ def run(
             at[STOP] = row
             return
         at[ROW] = row + 1
+        at[SHOWN] = _shown(belief, cursor, t)
         if row % at[EVERY] == at[PHASE]:
-            _write_row(belief, t, at[STATUS], out.nav[at[OUT]])
+            _write_row(belief, t, at[SHOWN], out.nav[at[OUT]])
             if out.covariance.shape[0] > 0:
                 _write_covariance(belief.P, out.covariance[at[OUT]])
             if out.mark.size > 0:
                 out.mark[at[OUT]] = at[RECORDED]
             at[OUT] += 1
+        if at[LOGGED] >= LOG_FULL:  # the caller empties it, and goes on
+            at[STOP] = row + 1
+            return
 
 
 run_recorded = kernel(RUN_RECORDED)(plain(run))
@@ -189,12 +218,23 @@ def _use_fix(
 ) -> None:
     """Hand the next fix to the filter and keep the books of its source."""
     at, k = cursor.at, cursor.at[FIX]
-    s, innovation, row = fixes.source[k], cursor.work[12:15], out.fix[k]
-    gate, lifted, nis = fixes.gate[s], False, 0.0
+    s, innovation, row = fixes.source[k], cursor.work[12:18], out.fix[k]
+    gate, lifted, nis, t, tests = (
+        fixes.gate[s],
+        False,
+        0.0,
+        fixes.t[k],
+        cursor.tests[fixes.source[k]],
+    )
     if fixes.parameters[s, WALK] > 0:
-        _walk(belief.P, fixes.parameters, s, fixes.t[k] - cursor.last[s])
-        cursor.last[s] = fixes.t[k]
-    while True:  # once, or a second time with the gate lifted
+        _walk(belief.P, fixes.parameters, s, t - cursor.last[s])
+        cursor.last[s] = t
+    believable = measured(fixes, k, belief, cursor)
+    if not believable:
+        nis = math.nan
+        for i in range(6):
+            innovation[i] = math.nan
+    while believable:  # once, or a second time with the gate lifted
         found = correct_at(correct)(
             belief,
             fixes.y[k],
@@ -209,13 +249,21 @@ def _use_fix(
         if lifted:
             break
         nis = found
+        test(cursor, s, innovation, nis, t)
         if not (
             nis > gate
             and cursor.in_a_row[s] >= REJECTED
-            and fixes.t[k] - cursor.since[s] >= LIFT_AFTER
+            and t - cursor.since[s] >= LIFT_AFTER
             and cursor.lifts[s] < LIFTS
         ):
             break
+        tests[REJECTING] = 1.0
+        doubt(cursor, t)
+        if fixes.kind[s] == POSITION_KIND and not reachable(belief, innovation, s, t, cursor):
+            say(cursor, TOO_FAR, s, t, _distance(innovation))
+            break
+        if tests[LIFTED_AT] == 0:
+            say(cursor, LIFTED, s, t, _distance(innovation))
         _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
         gate, lifted = math.inf, True
     use = ACCEPTED
@@ -225,21 +273,41 @@ def _use_fix(
     elif nis > fixes.gate[s]:
         use = REACQUIRED if lifted else REJECTED_FIX
         if cursor.in_a_row[s] == 0:
-            cursor.since[s] = fixes.t[k]
+            cursor.since[s] = t
         cursor.in_a_row[s] += 1
+        if lifted:
+            tests[LIFTED_AT] = cursor.in_a_row[s]
         if lifted and fixes.kind[s] != POSITION_KIND and fixes.kind[s] != VELOCITY_KIND:
             cursor.lifts[s] += 1
-            cursor.since[s] = fixes.t[k]
+            cursor.since[s] = t
+        if cursor.lifts[s] == LIFTS and cursor.in_a_row[s] == tests[LIFTED_AT] + REJECTED:
+            say(cursor, LEFT_OUT, s, cursor.since[s], 0.0)
+            tests[REJECTING] = 0.0
     else:
         cursor.in_a_row[s] = cursor.lifts[s] = 0
+        tests[LIFTED_AT] = tests[REJECTING] = 0.0
+    if use > 0:
+        tests[LAST_USED] = t
+    if use == ACCEPTED and at[UNCONFIRMED] > 0:
+        confirm(cursor, t)
+    oppose(cursor, s)
     if use > 0 and fixes.kind[s] == POSITION_KIND and at[STATUS] == INVALID:
         at[STATUS] = VALID
     cursor.accepted[s] += use > 0
     cursor.rejected[s] += use == REJECTED_FIX
-    row[F_T], row[F_SOURCE], row[F_NIS], row[F_USE] = fixes.t[k], s, nis, use
+    row[F_T], row[F_SOURCE], row[F_NIS], row[F_USE] = t, s, nis, use
     for i in range(3):
-        row[F_INNOVATION + i] = innovation[i]
+        row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
     at[FIX] += 1
+
+
+@helper
+def _distance(innovation: Array) -> float:
+    squares = 0.0
+    for i in range(3):
+        if not math.isnan(innovation[i]):
+            squares += innovation[i] * innovation[i]
+    return math.sqrt(squares)
 
 
 @helper
@@ -302,14 +370,8 @@ def _cross_gap(
     at, now, u, last = cursor.at, cursor.now, cursor.work[0:6], cursor.previous
     short = until - now[0] <= BRIDGE
     gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
-    wide = Noise(
-        math.hypot(noise.gyro, gyro),
-        math.hypot(noise.accel, accel),
-        noise.gyro_bias,
-        noise.accel_bias,
-        noise.gyro_decay,
-        noise.accel_decay,
-    )
+    wide = wider(noise, gyro, accel)
+    say(cursor, BRIDGED_GAP if short else HELD_GAP, 0, now[0], until - now[0])
     grown = now[0] + LONGEST_HOLD
     while min(until, grown) - now[0] > SAME_TIME:
         step = min(LONGEST_STEP, until - now[0])
@@ -317,15 +379,68 @@ def _cross_gap(
             for i in range(6):
                 u[i] = last[i] * (step / last[6])
         else:
-            stationary_increments(belief.lla, belief.v, belief.C, step, u)
-            for i in range(3):
-                u[i] += belief.bg[i] * step
-                u[3 + i] += belief.ba[i] * step
+            _held(belief, step, u)
         _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
     now[0] = until
     # last: fixes inside the gap do not end it
     at[STATUS] = max(at[STATUS], BRIDGED if short else INVALID)
     last[6] = 0.0
+
+
+@helper
+def wider(noise: Noise, gyro: float, accel: float) -> Noise:
+    """The noise with so much added to its densities."""
+    return Noise(
+        math.hypot(noise.gyro, gyro),
+        math.hypot(noise.accel, accel),
+        noise.gyro_bias,
+        noise.accel_bias,
+        noise.gyro_decay,
+        noise.accel_decay,
+    )
+
+
+@helper
+def _held(belief: Belief, step: float, u: Array) -> None:
+    """Increments over `step` s that hold velocity and attitude."""
+    stationary_increments(belief.lla, belief.v, belief.C, step, u)
+    for i in range(3):
+        u[i] += belief.bg[i] * step
+        u[3 + i] += belief.ba[i] * step
+
+
+@helper
+def _rates_held(belief: Belief, dt: float, last: Array, u: Array) -> None:
+    """Increments over dt at the rates of the last sample, or, without one, that hold velocity and
+    attitude."""
+    if last[6] > 0:
+        for i in range(6):
+            u[i] = last[i] * (dt / last[6])
+    else:
+        _held(belief, dt, u)
+
+
+@inlined
+def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
+    """The status of a row: invalid before doubtful before bridged before valid."""
+    at, doubtful = cursor.at, cursor.at[UNCONFIRMED] > 0
+    if at[CONDITION] >= 0:
+        condition = int(belief.workspace[at[CONDITION]])
+        if condition > 0:
+            say(cursor, IN_CONDITION, condition - 1, t, 0.0)
+            doubtful |= (at[DOUBTFUL_CONDITIONS] >> (condition - 1)) & 1 == 1
+    if at[POSITIONED]:
+        v, limits = belief.v, cursor.limits
+        square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        if square > limits[SPEED] * limits[SPEED]:
+            say(cursor, BELIEF_TOO_FAST, 0, t, math.sqrt(square))
+            doubt(cursor, t)
+        if belief.lla[2] < limits[LOWEST] or belief.lla[2] > limits[HIGHEST]:
+            say(cursor, BELIEF_TOO_HIGH, 0, t, belief.lla[2])
+            doubt(cursor, t)
+    if at[STATUS] == INVALID or not doubtful:
+        return at[STATUS]
+    return DOUBTFUL
 
 
 @inlined

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import filters
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.contract import POS, STATES, VEL, Imu, Noise, Start
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
@@ -124,7 +124,7 @@ def suspects(solution: Solution) -> list[Suspect]:
     )
     model = Model(run, known, True)
     found = sums(run, model.derivatives, model.start)
-    fixes = run.out.fix[: run.cursor.at[loop.FIX]]
+    fixes = run.out.fix[: run.cursor.at[places.FIX]]
     measured = np.isfinite(fixes[:, loop.F_INNOVATION : loop.F_NIS]).sum()
     excess = float(np.nansum(fixes[:, loop.F_NIS]) - measured)
     trial = Trial(np.zeros(len(known)), fit(run), found, run)

@@ -10,6 +10,7 @@ from ..core.contract import Filter, Noise, Start
 from ..data import Solution
 from ..recording import Recording
 from ..typing import Progress, Say
+from ..vehicle import Vehicle
 from .attitude_first import fed
 from .finish import solution
 from .heading_hypotheses import aligned
@@ -37,6 +38,7 @@ def fuse(
     progress: Progress | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
+    vehicle: str | Vehicle | None = None,
     **options: Any,
 ) -> Solution:
     """Run `filter` over `recording` and return the Solution.
@@ -47,13 +49,14 @@ def fuse(
     whole covariance of these rows too; say: told of slow compilation; progress: called with the
     fraction done; ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate`
     Hz is the `attitude` aiding (default: `attitude-mekf` where `filter` needs attitude, the
-    recording has none and something in it measures the heading); options: the filter's own. Raises
-    DataError.
+    recording has none and something in it measures the heading); vehicle: one of vehicle.VEHICLES, or
+    a Vehicle, beyond whose bounds nothing is believed (default: what the recording names, else any);
+    options: the filter's own. Raises DataError.
     """
     run = begin(
         recording,
         filter,
-        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate),
+        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle),
     )
     run.complete(progress)
     return solution(run)

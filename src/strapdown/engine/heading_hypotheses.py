@@ -18,7 +18,7 @@ from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.contract import Noise, Start
 from ..geodesy import wrap
 from ..recording import Recording
@@ -202,13 +202,13 @@ def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
     sums = np.empty(len(runs))
     rows = np.empty(len(runs))
     for i, run in enumerate(runs):
-        if not run.cursor.at[loop.FAULT]:
+        if not run.cursor.at[places.FAULT]:
             run.advance(row)
-        used = run.out.fix[: run.cursor.at[loop.FIX]]
+        used = run.out.fix[: run.cursor.at[places.FIX]]
         rows[i] = np.isfinite(used[:, loop.F_INNOVATION : loop.F_NIS]).sum()
         sums[i] = (
             np.inf
-            if run.cursor.at[loop.FAULT]
+            if run.cursor.at[places.FAULT]
             else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), OUTLIER).sum()
         )
     best = int(np.argmin(sums))

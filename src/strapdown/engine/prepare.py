@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import aiding, filters
 from ..checks import DataError
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.contract import (
     COMPILED,
     FIRST,
@@ -37,6 +37,9 @@ from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Ints, Progress, Say
+from ..vehicle import Vehicle, find as find_vehicle
+from .events import Events
+from .limits import floors, limits
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
@@ -65,6 +68,7 @@ class Asked(NamedTuple):
     say: Say | None = None
     ahrs: str | Filter | None = None
     ahrs_rate: float = AHRS_RATE  # Hz
+    vehicle: str | Vehicle | None = None
 
 
 class Prepared(NamedTuple):
@@ -193,25 +197,38 @@ def _three_columns(values: ArrayLike) -> Array:
     return np.pad(columns, ((0, 0), (0, 3 - columns.shape[1])), constant_values=np.nan)
 
 
-def new_cursor(filter: Filter, t: float, sources: int) -> Cursor:
-    """A Cursor at time `t` before the first sample, for that many sources."""
+def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Array) -> Cursor:
+    """A Cursor at time `t` before the first sample, for these sources; `limits` as
+    `engine.limits.limits` gives them."""
+    sources = len(aidings)
 
     def count() -> Ints:
         return np.zeros(sources, np.int64)
 
     cursor = Cursor(
-        np.zeros(loop.CURSOR_SIZE, np.int64),
-        np.array([float(t)]),
+        np.zeros(places.CURSOR_SIZE, np.int64),
+        np.array([float(t), -np.inf]),
         np.zeros(7),
-        np.zeros(15),
+        np.zeros(18),
         count(),
         count(),
         count(),
         np.zeros(sources),
         count(),
         np.full(sources, float(t)),
+        limits,
+        np.zeros((6, places.WATCHED)),
+        floors(aidings),
+        np.zeros((sources, places.TESTS)),
+        np.zeros((places.LOG_ROWS, places.LOG_WIDTH)),
     )
-    cursor.at[loop.EVERY], cursor.at[loop.POSITIONED] = 1, positioned(filter)
+    at = cursor.at
+    at[places.EVERY], at[places.POSITIONED] = 1, positioned(filter)
+    at[places.CONDITION] = -1 if filter.condition is None else filter.condition
+    doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
+    at[places.DOUBTFUL_CONDITIONS] = sum(1 << k for k in doubtful)
+    cursor.watched[:, places.STEP] = np.inf
+    cursor.tests[:, places.TESTED], cursor.tests[:, places.LAST_USED] = -np.inf, t
     return cursor
 
 
@@ -237,29 +254,33 @@ class Run(NamedTuple):
     out: Output
     first: int  # row of the samples that it begins with
     options: dict[str, Any]  # the filter's own, with those that its sources decided
+    events: Events  # what the loop said so far
 
     def advance(
         self, rows: int, out: Output | None = None, run: Callable[..., None] = loop.run
     ) -> None:
         """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run`
         is `loop.run_recorded` where that has a record."""
-        self.cursor.at[loop.STOP] = rows
+        at = self.cursor.at
         with blamed_at_run(self.filter, self.recording.aidings):
-            run(
-                *self.kernels,
-                self.belief,
-                self.samples,
-                self.fixes,
-                self.noise,
-                self.cursor,
-                out or self.out,
-            )
+            while at[places.ROW] < rows and not at[places.FAULT]:
+                at[places.STOP] = rows  # the loop stops earlier where its log is full
+                run(
+                    *self.kernels,
+                    self.belief,
+                    self.samples,
+                    self.fixes,
+                    self.noise,
+                    self.cursor,
+                    out or self.out,
+                )
+                self.events.take(self.cursor)
 
     def chunks(self, rows: int) -> Iterator[int]:
         """Rows to stop at: every `rows` samples and the last. Ends early where the filter does."""
         at = self.cursor.at
-        while at[loop.ROW] < len(self.samples.t) and not at[loop.FAULT]:
-            yield min(int(at[loop.ROW]) + rows, len(self.samples.t))
+        while at[places.ROW] < len(self.samples.t) and not at[places.FAULT]:
+            yield min(int(at[places.ROW]) + rows, len(self.samples.t))
 
     def complete(self, progress: Progress | None = None) -> None:
         """Go on to the end of the samples; `progress` is called with the fraction done."""
@@ -271,7 +292,7 @@ class Run(NamedTuple):
     @property
     def done(self) -> float:
         """Fraction of the samples."""
-        return (self.cursor.at[loop.ROW] - self.first) / (len(self.samples.t) - self.first)
+        return (self.cursor.at[places.ROW] - self.first) / (len(self.samples.t) - self.first)
 
 
 def ready(
@@ -312,10 +333,15 @@ def ready(
             f"the longest gap is {LONGEST_GAP:.0f} s"
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME)
-    cursor = new_cursor(filter, start.t, len(fixes.kind))
+    vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))
+    cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle))
     every = asked.every
-    cursor.at[loop.ROW], cursor.at[loop.FIXES], cursor.at[loop.EVERY] = first, len(fixes.t), every
-    cursor.at[loop.PHASE] = (rows - 1) % every
+    cursor.at[places.ROW], cursor.at[places.FIXES], cursor.at[places.EVERY] = (
+        first,
+        len(fixes.t),
+        every,
+    )
+    cursor.at[places.PHASE] = (rows - 1) % every
     kept = -(-(rows - first) // every)
     used = replace(
         recording,
@@ -337,6 +363,7 @@ def ready(
         out,
         first,
         options,
+        Events(filter, aidings),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.adjoint import INNOVATION, SMOOTHER, width
 from ..core.contract import COMPILED, Filter, Imu, address, compile_kernel, is_cached
 from ..core.error_state import PREDICTED
@@ -119,15 +119,15 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
         raise DataError(f"there are {m} constants to follow, {LANES} at most: leave sources out")
     columns = np.zeros(V_SIZE)
     columns[:MOVED].reshape(-1, LANES)[:n, :m] = V
-    at[loop.SAVE_STEP], forces = address(save_step), _Forces(run.samples)
+    at[places.SAVE_STEP], forces = address(save_step), _Forces(run.samples)
     room = np.empty((0, width(n) + BEHIND))
     for stop in run.chunks(RECORDED_ROWS):
-        before, at[loop.RECORDED] = at[loop.FIX], 0
+        before, at[places.RECORDED] = at[places.FIX], 0
         if len(room) < (needed := most_calls(run, stop)):
             room = np.empty((needed, width(n) + BEHIND))
         run.advance(stop, run.out._replace(record=room), loop.run_recorded)
-        record = room[: at[loop.RECORDED]]
-        corrections = _corrections(run.out.fix[before : at[loop.FIX]], record, n, forces)
+        record = room[: at[places.RECORDED]]
+        corrections = _corrections(run.out.fix[before : at[places.FIX]], record, n, forces)
         h, J = (np.zeros((len(corrections.t), 3, LANES)) for _ in range(2))
         h[:, :, :m] = derivatives(corrections)
         run_sensitivity(n, record, h, columns, J)
@@ -137,7 +137,7 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
 def most_calls(run: Run, stop: int) -> int:
     """Calls of predict and correct to the end of the sample before row `stop`, or more: a fix
     splits a sample and is tried twice at most, and a gap has its steps."""
-    row, k = run.cursor.at[[loop.ROW, loop.FIX]]
+    row, k = run.cursor.at[[places.ROW, places.FIX]]
     t, dt = run.samples.t[row:stop], run.samples.dt[row:stop]
     gaps = t - dt - np.r_[run.cursor.now[0], t[:-1]]
     steps = np.ceil(np.clip(gaps, 0.0, loop.LONGEST_HOLD) / loop.LONGEST_STEP) + 1
@@ -206,12 +206,12 @@ class Fit(NamedTuple):
 
 def fit(run: Run) -> Fit:
     """The Fit of a Run that has ended or broken off."""
-    fix = run.out.fix[: run.cursor.at[loop.FIX]]
+    fix = run.out.fix[: run.cursor.at[places.FIX]]
     fix = fix[np.isfinite(fix[:, loop.F_NIS])]
     if not len(fix):
         return Fit(0.0, 0, 1.0)
     rows = np.isfinite(fix[:, loop.F_INNOVATION : loop.F_NIS]).sum(axis=1)
-    whole = not run.cursor.at[loop.FAULT]
+    whole = not run.cursor.at[places.FAULT]
     cost = np.minimum(fix[:, loop.F_NIS], LARGEST_NIS).mean() if whole else LARGEST_NIS
     return Fit(float(cost), len(fix), float(rows.mean()))
 

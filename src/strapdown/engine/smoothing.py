@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.contract import (
     COMPILED,
     STATES,
@@ -32,7 +32,9 @@ from ..data import Solution
 from ..geodesy import displacement
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
+from ..vehicle import Vehicle
 from .batch import begin
+from .events import Events
 from .finish import solution
 from .prepare import Asked, GivenImu, Run, new_output
 
@@ -53,6 +55,7 @@ def smooth(
     progress: Progress | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
+    vehicle: str | Vehicle | None = None,
     **options: Any,
 ) -> Solution:
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
@@ -69,7 +72,7 @@ def smooth(
     run = begin(
         recording,
         filter,
-        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate),
+        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle),
     )
     kernels: list[Any] = [
         run_back,
@@ -93,11 +96,11 @@ def both_ways(run: Run, report: Progress) -> Differences:
     """Fill the output of a Run that has not begun with smoothed rows, and say how far the filter
     was from them; `report` is told the fraction done. Its kernels must be compiled."""
     at = run.cursor.at
-    at[loop.SAVE_STEP], keeping = (
+    at[places.SAVE_STEP], keeping = (
         address(_smoother(run).save_step),
-        at[[loop.EVERY, loop.PHASE]],
+        at[[places.EVERY, places.PHASE]],
     )
-    at[loop.PHASE] = -1  # no rows on the way forwards: those of the way back take their place
+    at[places.PHASE] = -1  # no rows on the way forwards: those of the way back take their place
     kept = [_stand(run)]
     for rows in run.chunks(RECORDED_ROWS):
         run.advance(rows)
@@ -123,8 +126,8 @@ class _Stand(NamedTuple):
 def _stand(run: Run) -> _Stand:
     at = run.cursor.at
     return _Stand(
-        int(at[loop.ROW]),
-        int(at[loop.RECORDED]),
+        int(at[places.ROW]),
+        int(at[places.RECORDED]),
         [part.copy() for each in (run.belief, run.cursor) for part in each],
     )
 
@@ -140,6 +143,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
 
     `keeping` says which rows there are: those whose number by the first is the second.
     """
+    run = run._replace(events=Events(run.filter, run.recording.aidings))  # all is said already
     n, pairs = len(run.belief.P), list(zip(kept, kept[1:]))
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
     k, adjoint_step, (every, phase) = (
@@ -162,13 +166,13 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
             slice(out[number - 1], out[number]),
         )
         _restore(run, before)
-        run.cursor.at[loop.OUT] = run.cursor.at[loop.RECORDED] = 0
-        run.cursor.at[[loop.EVERY, loop.PHASE]] = keeping
+        run.cursor.at[places.OUT] = run.cursor.at[places.RECORDED] = 0
+        run.cursor.at[[places.EVERY, places.PHASE]] = keeping
         run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
         filtered = run.out.nav[whole, : loop.ROW_STATUS].copy()
         run_back(
             adjoint_step,
-            room.record[: run.cursor.at[loop.RECORDED]],
+            room.record[: run.cursor.at[places.RECORDED]],
             room.mark[:rows],
             room.covariance[:rows],
             estimated,
@@ -181,7 +185,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
         differences.add(filtered, run.out.nav[whole])
         report(1 - (number - 1) / len(pairs) / 2)
     _restore(run, kept[-1])
-    run.cursor.at[loop.OUT] = out[-1]
+    run.cursor.at[places.OUT] = out[-1]
     return differences
 
 

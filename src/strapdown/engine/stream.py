@@ -10,10 +10,13 @@ import numpy as np
 
 from .. import aiding, filters
 from ..checks import DataError
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.contract import Belief, Filter, Imu, Noise, Start, entry_point
 from ..data import Aiding
 from ..typing import Say
+from ..vehicle import Vehicle, find as find_vehicle
+from .events import Events
+from .limits import limits
 from .prepare import (
     LONGEST_GAP,
     GivenImu,
@@ -82,11 +85,12 @@ class Stream:
         aidings: Sequence[Aiding] = (),
         lag: float = 0.0,
         say: Say | None = None,
+        vehicle: str | Vehicle | None = None,
         **options: Any,
     ) -> None:
         if not lag >= 0:
             raise DataError(f"lag is {lag} s; it must be 0 or more")
-        self.noise, _ = assumed_noise(imu, noise, needed=False)
+        self.noise, spec = assumed_noise(imu, noise, needed=False)
         filter = filters.find(filter)
         used, _ = usable(filter, aidings)
         check_needs(
@@ -114,9 +118,16 @@ class Stream:
             sd=np.full((MOST_WAITING_FIXES, 3), np.nan),
         )
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
-        self._cursor = new_cursor(filter, start.t, len(used))
+        self._cursor = new_cursor(
+            filter, start.t, used, limits(spec, self.noise, find_vehicle(vehicle))
+        )
+        self._events = Events(filter, used)
         # no output rows
-        self._cursor.at[loop.EVERY], self._cursor.at[loop.PHASE], self._cursor.at[loop.STOP] = (
+        (
+            self._cursor.at[places.EVERY],
+            self._cursor.at[places.PHASE],
+            self._cursor.at[places.STOP],
+        ) = (
             2,
             1,
             1,
@@ -142,8 +153,13 @@ class Stream:
 
     @property
     def status(self) -> int:
-        """VALID, BRIDGED or INVALID, as of a row of a Solution."""
-        return int(self._cursor.at[loop.STATUS])
+        """VALID, BRIDGED, INVALID or DOUBTFUL, as of a row of a Solution."""
+        return int(self._cursor.at[places.SHOWN])
+
+    @property
+    def events(self) -> list[tuple[float, str]]:
+        """[(t, text)] of what a user must know, as of a Solution."""
+        return self._events.all
 
     def step(self, event: Sample | Fix) -> Belief:
         """Take a Sample or a Fix, use what has waited long enough, and return the belief
@@ -230,19 +246,21 @@ class Stream:
             fixes.y[k, : len(y)], fixes.sd[k, : len(y)] = y, sd
             k += 1
         imu.t[0], imu.dt[0], imu.dtheta[0], imu.dv[0] = sample
-        at[loop.ROW], at[loop.STOP], at[loop.FIXES] = 0, 1, k
+        at[places.ROW], at[places.STOP], at[places.FIXES] = 0, 1, k
         try:
             self._run(*self._arguments)
         except Exception as error:
             blame(error, self._filter, self._used)
             raise
-        if at[loop.FAULT]:
+        if at[places.LOGGED]:
+            self._events.take(self._cursor)
+        if at[places.FAULT]:
             raise DataError(
                 f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results "
                 f"hold, or the filter diverged"
             )
         if k:
-            at[loop.FIX] = at[loop.FIXES] = 0
+            at[places.FIX] = at[places.FIXES] = 0
         self._late, self._late_fix = sample[0], sample[0] - loop.SAME_TIME
 
     @property

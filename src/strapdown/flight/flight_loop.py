@@ -20,7 +20,7 @@ from ..aiding.pressure import (
     TROPOPAUSE,
     pressure_altitude,
 )
-from ..core import loop
+from ..core import cursor as places, loop
 from ..core.contract import (
     POSITION_KIND,
     PRESSURE_ALTITUDE_KIND,
@@ -267,7 +267,7 @@ def fly(
         if at[INPUTS] >= 0:
             _tell(belief.workspace, at[INPUTS], cut, work, state, steering.wind, dt)
         _fill(errors, fixes, at, state, C, t, work[SLOPES])
-        cursor.at[loop.STOP] = row + 1
+        cursor.at[places.STOP] = row + 1
         if imagined:
             run_at(run)(predict, correct, observers, belief, imu, fixes, model_noise, cursor, out)
         else:
@@ -286,7 +286,7 @@ def fly(
                 dt,
                 vehicle.commands,
             )
-        elif cursor.at[loop.FAULT] == 0:
+        elif cursor.at[places.FAULT] == 0:
             steer(
                 steering.pilot,
                 steering.memory,
@@ -309,7 +309,7 @@ def fly(
         _write(journal, row, vehicle, steering, C, cut)
         at[CAUSE] = (
             FILTER
-            if cursor.at[loop.FAULT]
+            if cursor.at[places.FAULT]
             else _cause(state, C, vehicle.limits, loads[ALPHA], at, dt)
         )
         at[ROW] = row + 1

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ...checks import DataError
-from ...core import loop
+from ...core import cursor as places, loop
 from ...core.contract import Belief, Cursor, Filter, Imu, Noise, Start
 from ...data import Aiding
 from ...engine.batch import begin
@@ -174,7 +174,7 @@ def _stands(run: Run, rows: Iterable[int]) -> dict[int, Stand]:
     stands: dict[int, Stand] = {}
     for row in sorted(rows):
         run.advance(row)
-        if run.cursor.at[loop.FAULT]:
+        if run.cursor.at[places.FAULT]:
             break
         stands[row] = _copied(run.belief, run.cursor)
     return stands
@@ -182,7 +182,7 @@ def _stands(run: Run, rows: Iterable[int]) -> dict[int, Stand]:
 
 def _stopped(run: Run) -> str:
     """Why `run` stopped, "" where it did not."""
-    if not run.cursor.at[loop.FAULT]:
+    if not run.cursor.at[places.FAULT]:
         return ""
     try:
         return solution(run).meta["stopped"]
@@ -226,7 +226,7 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
     rows, fixes = slice(outage.branch, outage.last), run.fixes
     samples = Imu(*(column[rows] for column in run.samples))
     near = slice(
-        int(cursor.at[loop.FIX]),
+        int(cursor.at[places.FIX]),
         int(np.searchsorted(fixes.t, samples.t[-1] + loop.SAME_TIME, side="right")),
     )
     t, source = fixes.t[near], fixes.source[near]
@@ -235,15 +235,15 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
         t=t[keep], source=source[keep], y=fixes.y[near][keep], sd=fixes.sd[near][keep]
     )
     at, unscored = cursor.at, outage.first - outage.branch
-    at[[loop.ROW, loop.FIX, loop.OUT]], at[loop.FIXES] = 0, keep.sum()
-    at[loop.EVERY], at[loop.PHASE] = 1, -1
+    at[[places.ROW, places.FIX, places.OUT]], at[places.FIXES] = 0, keep.sum()
+    at[places.EVERY], at[places.PHASE] = 1, -1
     out = new_output(run.filter, belief, len(samples.t) - unscored, False, len(fixes.t))
     start = run.start._replace(t=float(cursor.now[0]))
     branched = run._replace(
         samples=samples, start=start, belief=belief, fixes=fixes, cursor=cursor, out=out, first=0
     )
     branched.advance(unscored)
-    if not at[loop.FAULT]:
-        at[loop.PHASE] = 0
+    if not at[places.FAULT]:
+        at[places.PHASE] = 0
         branched.advance(len(samples.t))
     return branched

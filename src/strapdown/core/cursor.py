@@ -1,0 +1,120 @@
+"""Names of the places in the arrays of a Cursor, and the log in which the loop says what a user
+must know."""
+
+from .contract import Cursor
+from .jit import helper
+
+(
+    ROW,
+    STOP,
+    FIX,
+    FIXES,
+    OUT,
+    EVERY,
+    PHASE,
+    STATUS,
+    FAULT,
+    POSITIONED,
+    RECORDED,
+    SAVE_STEP,
+    SAMPLES,
+    REPEATING,
+    AGAINST,
+    UNCONFIRMED,
+    SHOWN,
+    CONDITION,
+    DOUBTFUL_CONDITIONS,
+    LOGGED,
+    CURSOR_SIZE,
+) = range(21)
+"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep
+rows with row % every == phase, status by gaps alone, FAULT = 1 once the belief left the
+latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a
+position, calls of predict and correct so far, and the address of the kernel that records a call;
+samples so far, axes that repeat their value, sources that contradict the belief, fixes that must still confirm it, status as
+rows show it, place of the filter's condition in its workspace or -1, bits of those conditions that
+make rows doubtful, rows of the log."""
+
+NOW, CAUSE = 0, 1
+"""Cursor.now: time of the belief, time of the last cause of doubt."""
+
+(
+    GYRO_RANGE,
+    ACCEL_RANGE,
+    GYRO_FULL_SCALE,
+    ACCEL_FULL_SCALE,
+    GYRO_NOISE,
+    ACCEL_NOISE,
+    SPEED,
+    LOWEST,
+    HIGHEST,
+    LIMITS,
+) = range(10)
+"""Cursor.limits: what no sample exceeds (rad/s, m/s^2), where the described sensors are at full
+scale (inf: not described), their noise (rad/sqrt(s), m/s/sqrt(s)), and what the vehicle never
+exceeds: speed (m/s), ellipsoidal height (m)."""
+
+LENGTH, REPEATS, STEP, LATELY, WATCHED = range(5)
+"""Columns of Cursor.watched, one row per axis of gyro and accelerometer: samples at the present
+value, samples that repeated the one before, smallest change seen (rad/s, m/s^2), the share of
+repeats among the last samples in which any axis repeated its value."""
+
+CHANNELS = 7
+SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)
+WHITENED, WHITENED_COUNT = slice(21, 24), slice(24, 27)
+NIS_SUM, NIS_COUNT, TESTED, REJECTING, OPPOSES, LIFTED_AT, LAST_USED, TESTS = range(27, 35)
+"""Columns of Cursor.tests, one row per source. Of each of seven tests (whitened innovations above
+and below what is allowed, by component, and the NIS): the cumulative sum, its terms, whether it
+fails. Sums and counts of the present second, and when the last one ended. Whether its fixes are
+rejected for so long that the gate was or must be lifted, whether it contradicts the belief by
+either, rejections in a row when the gate was lifted last, 0 since a fix passed, time of the last
+fix that was used."""
+
+T, UNTIL, CODE, WHICH, COUNT, VALUE, LOG_WIDTH = range(7)
+"""Columns of Cursor.log: first and last time (s), what it is, of which source, axis or condition,
+how often, its largest value."""
+(
+    BRIDGED_GAP,
+    HELD_GAP,
+    LIFTED,
+    LEFT_OUT,
+    TOO_FAR,
+    OUT_OF_RANGE,
+    FULL_SCALE,
+    STUCK,
+    FLOORED,
+    NO_FIX,
+    TOO_FAST,
+    TOO_HIGH,
+    MEAN_OFF,
+    NIS_OFF,
+    BELIEF_TOO_FAST,
+    BELIEF_TOO_HIGH,
+    IN_CONDITION,
+    CODES,
+) = range(18)
+"""What a row of the log can be; engine/events.py has their words."""
+FOLD = 10.0  # s within which what happens again belongs to the same row of the log
+LOG_ROWS, LOG_FULL = 256, 128  # of which the loop stops at the second, so that the log is emptied
+
+
+@helper
+def say(cursor: Cursor, code: int, which: int, t: float, value: float) -> None:
+    """Write into the log, or into the row of it that says the same of less than FOLD s ago.
+
+    Rows are merged as intervals are, so that it does not matter when the log is emptied.
+    """
+    log, logged = cursor.log, cursor.at[LOGGED]
+    for row in range(logged - 1, -1, -1):
+        if log[row, CODE] == code and log[row, WHICH] == which:
+            if t - log[row, UNTIL] <= FOLD or logged == log.shape[0]:
+                log[row, UNTIL] = max(log[row, UNTIL], t)
+                log[row, COUNT] += 1
+                if abs(value) > abs(log[row, VALUE]):
+                    log[row, VALUE] = value
+                return
+            break
+    if logged < log.shape[0]:
+        log[logged, T], log[logged, UNTIL], log[logged, COUNT] = t, t, 1
+        log[logged, CODE], log[logged, WHICH], log[logged, VALUE] = code, which, value
+        cursor.at[LOGGED] = logged + 1

@@ -1,0 +1,182 @@
+"""What a run says while it goes on, in words: the rows of the loop's log as events (t, text)."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .. import aiding, quantities
+from ..core import cursor as log, loop
+from ..core.contract import POS, Cursor, Filter
+from ..data import Aiding
+from ..typing import Array
+
+MOST_OF_A_KIND = 20
+"""Events of one kind and source that are kept apart; the last one takes in all that follow."""
+SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
+NED = ("north", "east", "down")
+
+
+class Events:
+    """The events of a run of `filter` with these sources: `take` empties the log of its cursor."""
+
+    def __init__(self, filter: Filter, aidings: Sequence[Aiding]) -> None:
+        self.rows: list[Array] = []
+        self._filter, self._aidings = filter, aidings
+        self._counts: dict[tuple[float, float], list[Array]] = {}
+
+    def take(self, cursor: Cursor) -> list[Array]:
+        """Take over what the log holds; returns the rows that are new and no more of the same."""
+        new = []
+        for row in cursor.log[: cursor.at[log.LOGGED]]:
+            alike = self._counts.setdefault((row[log.CODE], row[log.WHICH]), [])
+            if alike and (
+                row[log.T] - alike[-1][log.UNTIL] <= log.FOLD or len(alike) == MOST_OF_A_KIND
+            ):
+                _merge(alike[-1], row)
+            else:
+                alike.append(row.copy())
+                self.rows.append(alike[-1])
+                new.append(alike[-1])
+        cursor.at[log.LOGGED] = 0
+        return new
+
+    def text(self, row: Array) -> str:
+        """What a row of the log says."""
+        which, value = int(row[log.WHICH]), float(row[log.VALUE])
+        return WORDS[int(row[log.CODE])](self, row, which, value)
+
+    @property
+    def all(self) -> list[tuple[float, str]]:
+        """[(t, text)] in the order of time."""
+        return sorted((float(row[log.T]), self.text(row)) for row in self.rows)
+
+    def name(self, s: int) -> str:
+        """The source as tables show it."""
+        return self._aidings[s].name or self._aidings[s].kind
+
+    def component(self, which: int) -> str:
+        """Source and component of a mean: "position north"."""
+        s, i = divmod(which, 3)
+        kind = self._aidings[s].kind
+        width = len(aiding.find(kind).quantities)
+        return f"{self.name(s)} {NED[i]}" if width == 3 else self.name(s)
+
+    def size(self, s: int, value: float) -> str:
+        """An innovation of source `s` with its unit."""
+        unit, shown = quantities.shown_unit(aiding.find(self._aidings[s].kind).quantities[0])
+        return f"{value * shown:.3g} {unit}"
+
+    @property
+    def held(self) -> str:
+        """What happens in a gap that is too long to be bridged."""
+        return (
+            "velocity and attitude held, invalid until the next position fix"
+            if POS.start in self._filter.estimates
+            else "attitude held"
+        )
+
+    def condition(self, which: int) -> str:
+        """What the filter says of itself."""
+        return self._filter.conditions[which].text
+
+
+def _merge(row: Array, more: Array) -> None:
+    row[log.UNTIL] = max(row[log.UNTIL], more[log.UNTIL])
+    row[log.COUNT] += more[log.COUNT]
+    if abs(more[log.VALUE]) > abs(row[log.VALUE]):
+        row[log.VALUE] = more[log.VALUE]
+
+
+def _gap(events: Events, row: Array, value: float, what: str) -> str:
+    if row[log.COUNT] == 1:
+        return f"IMU gap of {value:.3g} s: {what}"
+    return (
+        f"{row[log.COUNT]:.0f} IMU gaps of up to {value:.3g} s from here to {row[log.UNTIL]:.1f} s: "
+        f"{what}"
+    )
+
+
+def _times(row: Array) -> str:
+    """How often and until when, of what happened more than once."""
+    if row[log.COUNT] == 1:
+        return ""
+    return f" ({row[log.COUNT]:.0f} times until {row[log.UNTIL]:.1f} s)"
+
+
+def _imu(which: int, value: float) -> tuple[str, str]:
+    shown = f"{np.degrees(value):.4g} deg/s" if which < 3 else f"{value:.4g} m/s^2"
+    return f"{SENSORS[which]} {'xyz'[which % 3]}", shown
+
+
+def _out_of_range(events: Events, row: Array, which: int, value: float) -> str:
+    axis, shown = _imu(which, value)
+    return f"{axis} reads {shown}, which cannot be: bridged{_times(row)}"
+
+
+def _full_scale(events: Events, row: Array, which: int, value: float) -> str:
+    axis, shown = _imu(which, value)
+    return f"{axis} is at full scale, {shown}: what it measured was larger{_times(row)}"
+
+
+def _stuck(events: Events, row: Array, which: int, value: float) -> str:
+    axis, shown = _imu(which, value)
+    until = f" until {row[log.UNTIL]:.1f} s" if row[log.UNTIL] > row[log.T] else ""
+    return f"{axis} is stuck at {shown}{until}: check the sensor and its record"
+
+
+def _mean_off(events: Events, row: Array, which: int, value: float) -> str:
+    return (
+        f"{events.component(which)}: fixes are {abs(value):.2g} standard deviations off the "
+        f"prediction on average, until {row[log.UNTIL]:.0f} s: they drift or jump, or contradict "
+        f"another source"
+    )
+
+
+Words = Callable[[Events, Array, int, float], str]
+WORDS: dict[int, Words] = {
+    log.BRIDGED_GAP: lambda e, row, s, value: _gap(e, row, value, "bridged"),
+    log.HELD_GAP: lambda e, row, s, value: _gap(e, row, value, e.held),
+    log.LIFTED: lambda e, row, s, value: (
+        f"{e.name(s)}: gate lifted after {loop.REJECTED} or more rejections in a row over "
+        f"{loop.LIFT_AFTER:g} s"
+    ),
+    log.LEFT_OUT: lambda e, row, s, value: (
+        f"{e.name(s)}: left out from here until one of its fixes passes the gate: lifting it "
+        f"{loop.LIFTS} times did not help"
+    ),
+    log.TOO_FAR: lambda e, row, s, value: (
+        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, further than the vehicle can have "
+        f"gone: left out{_times(row)}"
+    ),
+    log.OUT_OF_RANGE: _out_of_range,
+    log.FULL_SCALE: _full_scale,
+    log.STUCK: _stuck,
+    log.FLOORED: lambda e, row, s, value: (
+        f"{e.name(s)}: standard deviations are smaller than any receiver's, {e.size(s, value)}: "
+        f"raised{_times(row)}"
+    ),
+    log.NO_FIX: lambda e, row, s, value: (
+        f"{e.name(s)}: latitude 0 and longitude 0 are no fix: left out{_times(row)}"
+    ),
+    log.TOO_FAST: lambda e, row, s, value: (
+        f"{e.name(s)}: {value:.4g} m/s is faster than the vehicle: left out{_times(row)}"
+    ),
+    log.TOO_HIGH: lambda e, row, s, value: (
+        f"{e.name(s)}: a height of {value:.4g} m is beyond the vehicle's: left out{_times(row)}"
+    ),
+    log.MEAN_OFF: _mean_off,
+    log.NIS_OFF: lambda e, row, s, value: (
+        f"{e.name(s)}: fixes scatter {np.sqrt(value):.2g} times as much as their standard deviations "
+        f"say, until {row[log.UNTIL]:.0f} s"
+    ),
+    log.BELIEF_TOO_FAST: lambda e, row, s, value: (
+        f"the filter's speed of {value:.4g} m/s is beyond the vehicle's, until "
+        f"{row[log.UNTIL]:.0f} s"
+    ),
+    log.BELIEF_TOO_HIGH: lambda e, row, s, value: (
+        f"the filter's height of {value:.4g} m is beyond the vehicle's, until "
+        f"{row[log.UNTIL]:.0f} s"
+    ),
+    log.IN_CONDITION: lambda e, row, s, value: e.condition(s),
+}
+"""How each code of the log is said."""

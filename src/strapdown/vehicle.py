@@ -1,0 +1,55 @@
+"""What carries the sensors, and what it never exceeds: samples, fixes and states beyond that are
+mistakes."""
+
+import math
+from dataclasses import dataclass
+
+from .checks import DataError, check_choice, check_number
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """Bounds of a vehicle, generous ones. Raises DataError where they are none."""
+
+    name: str = "own"
+    speed: float = 1000.0  # m/s over ground
+    acceleration: float = 50 * STANDARD_GRAVITY  # m/s^2 of a sample, shocks included
+    lowest: float = -12e3  # m above the ellipsoid
+    highest: float = 100e3
+
+    def __post_init__(self) -> None:
+        for bound in ("speed", "acceleration"):
+            check_number(getattr(self, bound), f"vehicle {bound}", above=0)
+        for bound in ("lowest", "highest"):
+            check_number(getattr(self, bound), f"vehicle {bound}", least=-math.inf)
+        if not self.lowest < self.highest:
+            raise DataError(
+                f"vehicle lowest is {self.lowest:g} m and highest {self.highest:g} m; the lowest "
+                f"height must be below the highest"
+            )
+
+
+VEHICLES = {
+    vehicle.name: vehicle
+    for vehicle in (
+        Vehicle("any"),
+        Vehicle("pedestrian", speed=15, lowest=-500, highest=9e3),
+        Vehicle("car", speed=120, lowest=-500, highest=7e3),
+        Vehicle("ship", speed=60, lowest=-200, highest=5e3),
+        Vehicle("multicopter", speed=100, lowest=-500, highest=10e3),
+        Vehicle("aircraft", speed=400, lowest=-500, highest=25e3),
+    )
+}
+"""By name. Shocks and hand-held knocks reach tens of g, so that all have the bound of `any` on
+acceleration."""
+
+
+def find(vehicle: str | Vehicle | None) -> Vehicle:
+    """The Vehicle of a name; "any" for None. Raises DataError naming those there are."""
+    if isinstance(vehicle, Vehicle):
+        return vehicle
+    name = "any" if vehicle is None else vehicle
+    check_choice(name, "vehicle", VEHICLES)
+    return VEHICLES[name]
