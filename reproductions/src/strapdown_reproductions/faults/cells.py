@@ -97,8 +97,8 @@ def _run(subject: Subject, data: Raw, world: World, right: _Right, start: Start)
 
 
 def _row(task: Task, name: str, of: str, found: Judged) -> dict[str, Any]:
-    subject = task.subject
-    why = hidden(name, family(filters.find(subject.filter)), task.motion)
+    subject, filter = task.subject, filters.find(task.subject.filter)
+    why = hidden(name, family(filter), task.motion, kinds(filter))
     return {
         "fault": name,
         "of": of,

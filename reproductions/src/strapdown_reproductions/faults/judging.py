@@ -122,8 +122,7 @@ def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     ratio = ratios.max(axis=1, initial=0.0)
     believed = np.isin(e.status, (VALID, BRIDGED))
     wrong_s, believed_s = (
-        float((beyond.sum()) * e.step)
-        for beyond in (ratio > SIGMAS, (ratio > SIGMAS) & believed)
+        float((beyond.sum()) * e.step) for beyond in (ratio > SIGMAS, (ratio > SIGMAS) & believed)
     )
     return Judged(
         _verdict(wrong_s, believed_s, bool(new)),

@@ -3,7 +3,7 @@ refused, how soon a small one that lasts is said, and what flights without a fau
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from .judging import news, plain
 from .runs import OPTIONS, kinds
 from .worlds import GENTLE, HARD, IN_HAND, MOTIONS, simulated
 
-TRIALS, QUICK_TRIALS = 1000, 10
-"""Flights with jumps, which are the first of those without."""
 SIZES, LASTING = (50.0, 20.0, 10.0), 5.0
 """m of jumps whose first fix must be refused, and of one that must be said."""
 EARLIEST, LATEST = 70.0, 170.0
@@ -36,26 +34,25 @@ NOMINALS = (
 """(filter, motion) of the runs without a fault."""
 NO_ALARMS = ("accelerometer bias not excited",)
 """How events begin that say what a right recording lacks."""
-COLUMNS = ("what", "size", "filter", "motion", "seed", "refused", "said_after", "doubtful_s", "says")
+COLUMNS = (
+    "what",
+    "size",
+    "filter",
+    "motion",
+    "seed",
+    "refused",
+    "said_after",
+    "doubtful_s",
+    "says",
+)
 
 
-class Flight(NamedTuple):
-    """One trial: a seed."""
-
-    seed: int
-
-
-def tasks(count: int, seed: int) -> list[Flight]:
-    """So many flights, from that seed on."""
-    return [Flight(s) for s in range(seed, seed + count)]
-
-
-def trial(flight: Flight) -> list[dict[str, Any]]:
+def trial(seed: int) -> list[dict[str, Any]]:
     """Rows of one seed: all jumps of the closed loop, and every run without a fault."""
-    recording = _recording("closed-loop", GENTLE, flight.seed)
+    recording = _recording("closed-loop", GENTLE, seed)
     right = fuse(recording, "closed-loop", every=MOTIONS[GENTLE].every)
-    rows = [_jumped(flight, recording, right, size, what) for size, what in _jumps()]
-    return rows + [_nominal(flight.seed, name, motion) for name, motion in NOMINALS]
+    rows = [_jumped(seed, recording, right, size, what) for size, what in _jumps()]
+    return rows + [_nominal(seed, name, motion) for name, motion in NOMINALS]
 
 
 def _jumps() -> Iterator[tuple[float, str]]:
@@ -73,10 +70,10 @@ def _recording(name: str, motion: str, seed: int) -> Recording:
 
 
 def _jumped(
-    flight: Flight, recording: Recording, right: Solution, size: float, what: str
+    seed: int, recording: Recording, right: Solution, size: float, what: str
 ) -> dict[str, Any]:
     """The row of a jump to some side at some time."""
-    rng = np.random.default_rng([flight.seed, round(size)])
+    rng = np.random.default_rng([seed, round(size)])
     where, side = rng.uniform(EARLIEST, LATEST), rng.uniform(0, 2 * np.pi)
     position, *others = recording.aidings
     wrong = np.flatnonzero(position.t >= where)
@@ -94,7 +91,7 @@ def _jumped(
     said = [t for t, text in solution.events if t >= first - 1e-6 and news([text], known)]
     said += solution.t[(solution.status == DOUBTFUL) & (solution.t >= first)].tolist()[:1]
     return _row(
-        (what, size, "closed-loop", GENTLE, flight.seed),
+        (what, size, "closed-loop", GENTLE, seed),
         solution,
         refused=not fixes.accepted[at].any(),
         said_after=min(said, default=np.inf) - first,

@@ -343,13 +343,9 @@ def _(raw: Raw):
 
 @fault("start 1 km off", START)
 def _(raw: Raw):
-    raw.start = lambda start: start._replace(
-        lla=(start.lla[0] + 1000 / 6371e3, *start.lla[1:])
-    )
+    raw.start = lambda start: start._replace(lla=(start.lla[0] + 1000 / 6371e3, *start.lla[1:]))
 
 
 @fault("start 30 deg off in roll", START)
 def _(raw: Raw):
-    raw.start = lambda start: start._replace(
-        rph=(start.rph[0] + np.radians(30), *start.rph[1:])
-    )
+    raw.start = lambda start: start._replace(rph=(start.rph[0] + np.radians(30), *start.rph[1:]))

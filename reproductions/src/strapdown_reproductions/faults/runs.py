@@ -1,8 +1,9 @@
 """One run: a filter over raw data, in batch, smoothed or live."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from heapq import merge
-from typing import Any, NamedTuple
+from operator import itemgetter
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,11 +15,11 @@ from strapdown.engine.batch import fuse
 from strapdown.engine.smoothing import smooth
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.recording import Recording
-from strapdown.typing import Array
+from strapdown.typing import Array, Ints
 
 from .fault import AHRS, GNSS, HEIGHT, KINDS, LIVE, MAGNETOMETER, START, Fault
 from .judging import Outcome
-from .raw import Raw
+from .raw import Fixes, Raw
 from .worlds import ATTITUDE, DATE, HEAVE, NAVIGATION, World
 
 BATCH, SMOOTHED, STREAM = "batch", "smoothed", "live"
@@ -99,9 +100,7 @@ def run(subject: Subject, raw: Raw, world: World, right: Recording, start: Start
         return _live(subject.filter, raw, world, right, given or start)
     way = smooth if subject.way == SMOOTHED else fuse
     recording = raw.recording(world.imu, date=DATE)
-    return outcome(
-        way(recording, subject.filter, start=given, every=world.every, **options)
-    )
+    return outcome(way(recording, subject.filter, start=given, every=world.every, **options))
 
 
 def outcome(solution: Solution) -> Outcome:
@@ -116,15 +115,11 @@ def start_of(subject: Subject, right: Recording) -> Start:
     return Start(**solution.meta["start"])
 
 
-class _Arrival(NamedTuple):
-    t: float
-    number: int
-    event: Sample | Fix
+Arrival: TypeAlias = tuple[float, Sample | Fix]
+"""When an event comes, and the event."""
 
 
-def _live(
-    name: str, raw: Raw, world: World, right: Recording, start: Start | None
-) -> Outcome:
+def _live(name: str, raw: Raw, world: World, right: Recording, start: Start | None) -> Outcome:
     """A stream that gets each event when it arrives, with the stamp that it bears."""
     assert start is not None
     filter = filters.find(name)
@@ -132,19 +127,17 @@ def _live(
     stream = Stream(name, start, imu=world.imu, aidings=aidings, lag=LAG)
     rows: list[Array] = []
     status: list[int] = []
-    taken, last = 0, -np.inf
-    for _, _, event in sorted(
-        merge(_samples(raw), _fixes(raw, [a.kind for a in aidings])), key=lambda one: one[:2]
-    ):
+    places = {a.kind: i for i, a in enumerate(aidings)}
+    fixes = (_fixes(source, places[source.kind]) for source in raw.sources.values())
+    samples, last = 0, -np.inf
+    for _, event in merge(*fixes, _samples(raw), key=itemgetter(0)):
         belief = stream.step(event)
-        if isinstance(event, Fix) or stream.t <= last:
-            continue
-        last = stream.t
-        if taken % world.every == 0:
+        samples += isinstance(event, Sample)
+        if samples % world.every == 0 and stream.t > last:
+            last = stream.t
             sd = np.sqrt(np.maximum(np.diag(belief.P)[:STATES], 0.0))
-            rows.append(np.r_[last, belief.lla, belief.v, belief.C.ravel(), sd])
+            rows.append(np.concatenate([[last], belief.lla, belief.v, belief.C.ravel(), sd]))
             status.append(stream.status)
-        taken += 1
     stream.finish()
     events = tuple(text for _, text in getattr(stream, "events", ()))
     table = np.array(rows).reshape(-1, 16 + STATES)
@@ -156,30 +149,30 @@ def _sized(a: Aiding, raw: Raw) -> Aiding:
     return Aiding(a.kind, a.t, a.y, a.sd, raw.sources[a.kind].parameters, name=a.name)
 
 
-def _samples(raw: Raw) -> list[_Arrival]:
-    """Increments as a careful logger makes them: over the nominal interval where stamps are apart
-    by more or by less than nothing."""
+def _samples(raw: Raw) -> Iterator[Arrival]:
+    """Increments as a careful logger makes them: over the usual interval where stamps are further
+    apart, or not apart at all."""
     dt = np.diff(raw.t, prepend=np.nan)
     usual = np.nanmedian(dt)
     dt = np.where((dt > 0) & (dt < 1.75 * usual), dt, usual)
-    dtheta, dv = raw.gyro * dt[:, None], raw.accel * dt[:, None]
-    columns = (raw.t.tolist(), dt.tolist(), map(tuple, dtheta.tolist()), map(tuple, dv.tolist()))
-    return [
-        _Arrival(at, i, Sample(*sample))
-        for i, (at, sample) in enumerate(zip(raw.arrival.tolist(), zip(*columns)))
-        if np.isfinite(at)
-    ]
+    order = _order(raw.arrival)
+    columns = np.c_[raw.arrival, raw.t, dt, raw.gyro * dt[:, None], raw.accel * dt[:, None]][order]
+    for at, t, step, *six in zip(*(column.tolist() for column in columns.T)):
+        yield at, Sample(t, step, tuple(six[:3]), tuple(six[3:]))
 
 
-def _fixes(raw: Raw, order: Sequence[str]) -> list[_Arrival]:
-    return [
-        _Arrival(at, -1, Fix(t, order.index(source.kind), tuple(y), tuple(sd)))
-        for source in raw.sources.values()
-        for at, t, y, sd in zip(
-            source.arrival.tolist(), source.t.tolist(), source.y.tolist(), source.sd.tolist()
+def _fixes(source: Fixes, place: int) -> Iterator[Arrival]:
+    for i in _order(source.arrival).tolist():
+        fix = Fix(
+            float(source.t[i]), place, tuple(source.y[i].tolist()), tuple(source.sd[i].tolist())
         )
-        if np.isfinite(at)
-    ]
+        yield float(source.arrival[i]), fix
+
+
+def _order(arrival: Array) -> Ints:
+    """Which come, in the order in which they do."""
+    order = np.argsort(arrival, kind="stable")
+    return order[np.isfinite(arrival[order])]
 
 
 def _trajectory(rows: Array, filter: Filter) -> Trajectory:

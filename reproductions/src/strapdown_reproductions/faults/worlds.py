@@ -145,4 +145,3 @@ def simulated(world: World, seed: int) -> Recording:
         sensors=(Simulated("altitude", 2.0, 1.0),),
         date=DATE,
     )
-
