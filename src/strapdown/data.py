@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from . import geodesy
 from .checks import DataError as DataError
-from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
+from .core.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
@@ -195,7 +195,7 @@ class Solution:
     trajectory: Trajectory
     b_a: Array  # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
     b_g: Array  # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
-    status: NDArray[np.integer[Any]]  # (n,) VALID, BRIDGED or INVALID
+    status: NDArray[np.integer[Any]]  # (n,) VALID, BRIDGED, INVALID or DOUBTFUL
     innovations: Innovations
     # (t in s, text): gaps, re-acquisitions, what else the user must know
     events: tuple[tuple[float, str], ...] = ()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import without_samples
+from recordings import said, without_samples
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from smoothed_attitude import least_squares, log_of, rauch_tung_striebel
@@ -353,7 +353,9 @@ def test_rejected_and_missing_fixes_say_nothing(longer):
     assert (smoothed.innovations.nis > 50).sum() == 3 and smoothed.counts()["magnetometer"][1] == 3
     assert np.isnan(smoothed.innovations.nis).sum() == 2
     # a split of samples at fixes apart
-    equal(smoothed, sd.smooth(without, "attitude-mekf", **given, **WHITE), tolerance=1e-6)
+    assert said(smoothed, "magnetometer") == list(smoothed.events)
+    told = replace(smoothed, events=())
+    equal(told, sd.smooth(without, "attitude-mekf", **given, **WHITE), tolerance=1e-6)
 
 
 def test_a_lifted_gate(longer):
@@ -367,7 +369,7 @@ def test_a_lifted_gate(longer):
     body = Rotation.from_quat(recording.reference.q_nb[rows][:, [1, 2, 3, 0]])
     y = np.where((field.t > 8)[:, None], (body.inv() * turned * body).apply(field.y), field.y)
     smoothed, filtered = both(replace(recording, aidings=(replace(field, y=y),)), given, **WHITE)
-    assert any("gate lifted" in text for _, text in smoothed.events)
+    assert [t for t, _ in said(smoothed, "gate lifted")] == [pytest.approx(11.1, abs=0.11)]
     assert (
         np.isfinite(smoothed.trajectory.q_nb).all() and (smoothed.trajectory.sd[:, SIX] > 0).all()
     )

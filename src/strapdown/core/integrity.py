@@ -17,6 +17,7 @@ from .cursor import (
     AGAINST,
     CAUSE,
     CHANNELS,
+    COARSE,
     FAILS,
     FLOORED,
     FULL_SCALE,
@@ -24,6 +25,7 @@ from .cursor import (
     GYRO_NOISE,
     GYRO_RANGE,
     HIGHEST,
+    JITTER,
     LAST_USED,
     LATELY,
     LENGTH,
@@ -35,6 +37,7 @@ from .cursor import (
     NO_FIX,
     OPPOSES,
     OUT_OF_RANGE,
+    POSITIONED,
     REJECTING,
     REPEATING,
     REPEATS,
@@ -58,7 +61,14 @@ CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
 a doubt ends."""
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
-SELDOM_CHANGES = 16  # the smallest change is looked for in each so many samples
+SELDOM, LONG_SAMPLE = (
+    16,
+    0.05,
+)  # changes are looked at in each so many samples, or in longer ones (s)
+LAST_CHANGES = 16.0  # over which their squares are averaged
+MOST_JITTER = 2.0
+"""Half the change of a sample, in m/s, over the standard deviation of the velocity. Recorded cars,
+aircraft and hands stay below 0.5."""
 LEARNED = 200  # samples from which the rate of repeated values is known
 STUCK_SAMPLES, STUCK_TIME = 10, 0.2  # an axis is not stuck for fewer, or for less (s)
 STUCK_LIKELIHOOD = 25.0  # -ln of how likely so many repeated values are by chance
@@ -107,7 +117,7 @@ def oppose(cursor: Cursor, s: int) -> None:
 
 
 @inlined
-def plausible(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
+def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> int:
     """0 for a sample that can be true, 1 for one of which less is known than the noise says (at
     full scale, stuck), 2 for one that cannot be. `cursor.previous` still holds the one before."""
     limits, previous = cursor.limits, cursor.previous
@@ -125,8 +135,8 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> 
     code = 0
     if not changed and before > 0 or cursor.at[REPEATING] > 0:
         code = _repeated(dtheta, dv, dt, t, cursor)
-    if cursor.at[SAMPLES] % SELDOM_CHANGES == 0 and before > 0:
-        _smallest_changes(dtheta, dv, dt, cursor)
+    if before > 0 and (cursor.at[SAMPLES] % SELDOM == 0 or dt > LONG_SAMPLE):
+        _changes(dtheta, dv, dt, t, belief, cursor)
     if not (inside and below):
         code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
     if code > 0:
@@ -150,13 +160,23 @@ def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, insid
 
 
 @helper
-def _smallest_changes(dtheta: Array, dv: Array, dt: float, cursor: Cursor) -> None:
-    previous = cursor.previous
+def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> None:
+    """Keep the smallest change of each axis and the mean square of what samples do not tell. Where
+    that is more than the velocity is said to be known by, the samples are too far apart."""
+    previous, watched, worst = cursor.previous, cursor.watched, 0
     for i in range(6):
         value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
         change = abs(value - previous[i] / previous[6])
         if change > SAME_VALUE * abs(value):
-            cursor.watched[i, STEP] = min(cursor.watched[i, STEP], change)
+            watched[i, STEP] = min(watched[i, STEP], change)
+        half = 0.5 * change * dt
+        watched[i, JITTER] += (half * half - watched[i, JITTER]) / LAST_CHANGES
+        if i > 3 and watched[i, JITTER] > watched[3 + worst, JITTER]:
+            worst = i - 3
+    known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
+    if cursor.at[POSITIONED] and watched[3 + worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
+        say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[3 + worst, JITTER]) / dt)
+        doubt(cursor, t)
 
 
 @helper

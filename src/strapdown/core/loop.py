@@ -134,7 +134,7 @@ def run(
             at[STATUS] = VALID
         # a run may begin anywhere inside its first sample
         inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME
-        assumed, wrong = noise, plausible(imu.dtheta[row], imu.dv[row], dt, t, cursor)
+        assumed, wrong = noise, plausible(imu.dtheta[row], imu.dv[row], dt, t, belief, cursor)
         if wrong:
             assumed = wider(noise, BRIDGE_GYRO, BRIDGE_ACCEL)
         if wrong < NOT_USABLE:

@@ -124,6 +124,14 @@ def _stuck(events: Events, row: Array, which: int, value: float) -> str:
     return f"{axis} is stuck at {shown}{until}: check the sensor and its record"
 
 
+def _coarse(events: Events, row: Array, which: int, value: float) -> str:
+    return (
+        f"specific force changes by {value:.3g} m/s^2 from sample to sample, until "
+        f"{row[log.UNTIL]:.0f} s: vibration, or samples too far apart for the motion; velocities are "
+        f"less certain than they say"
+    )
+
+
 def _mean_off(events: Events, row: Array, which: int, value: float) -> str:
     return (
         f"{events.component(which)}: fixes are {abs(value):.2g} standard deviations off the "
@@ -151,6 +159,7 @@ WORDS: dict[int, Words] = {
     log.OUT_OF_RANGE: _out_of_range,
     log.FULL_SCALE: _full_scale,
     log.STUCK: _stuck,
+    log.COARSE: _coarse,
     log.FLOORED: lambda e, row, s, value: (
         f"{e.name(s)}: standard deviations are smaller than any receiver's, {e.size(s, value)}: "
         f"raised{_times(row)}"

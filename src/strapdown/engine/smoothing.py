@@ -116,7 +116,8 @@ def _smoother(run: Run) -> Smoother:
 
 
 class _Stand(NamedTuple):
-    """Where a filter stands between two samples: next sample, calls so far, and all its arrays."""
+    """Where a filter stands between two samples: next sample, calls so far, and all its arrays
+    (the log apart, which is empty)."""
 
     row: int
     calls: int
@@ -128,12 +129,16 @@ def _stand(run: Run) -> _Stand:
     return _Stand(
         int(at[places.ROW]),
         int(at[places.RECORDED]),
-        [part.copy() for each in (run.belief, run.cursor) for part in each],
+        [part.copy() for part in _arrays(run)],
     )
 
 
+def _arrays(run: Run) -> list[Array | Ints]:
+    return [part for part in (*run.belief, *run.cursor) if part is not run.cursor.log]
+
+
 def _restore(run: Run, stand: _Stand) -> None:
-    for array, before in zip((*run.belief, *run.cursor), stand.arrays):
+    for array, before in zip(_arrays(run), stand.arrays):
         array[...] = before
 
 
