@@ -10,6 +10,8 @@ trusted accordingly.
 
 import math
 
+import numpy as np
+
 from ...checks import check_number
 from ...core.contract import (
     ADJOINT_STEP,
@@ -37,6 +39,7 @@ from ...typing import Array
 from .attitude_error_state import (
     DOWN,
     FREE_FALL_FORCE,
+    GAIN,
     INVERSE,
     KEEP,
     NORTH,
@@ -45,6 +48,9 @@ from .attitude_error_state import (
     TRANSITION,
     TURNED,
     UNAIDED,
+    absorb_bias,
+    carry_bias,
+    count_bias,
     inject,
     low_passed,
     measured,
@@ -89,6 +95,9 @@ FIELD = ATTITUDE.array("FIELD", 3)  # the last one, T
 REPEATED = ATTITUDE.number("REPEATED")  # rad: what the body has turned since it was another
 # s: how long fields were refused, less how long they were not; why the last one was
 REFUSED, REASON = ATTITUDE.numbers("REFUSED", "REASON")
+# of the six states to the accelerometer biases, 6 x 3; their variances, (m/s^2)^2
+SENSITIVITY = ATTITUDE.matrix("SENSITIVITY", 6, 3)
+BIAS_VARIANCE = ATTITUDE.array("BIAS_VARIANCE", 3)
 HOLDS = ATTITUDE.number("HOLDS")  # 1 + index of the one of CONDITIONS that holds, else 0
 SLOTS = Slots(after=ATTITUDE)
 FORCE_EXCESS = SLOTS.output("force_excess [m/s^2]")
@@ -188,6 +197,8 @@ def begin(
         noise.accel,
     )
     workspace[GRAVITY] = gravity(math.sin(lat), belief.lla[2])
+    if disturbance > 0:
+        workspace[BIAS_VARIANCE] = np.square(start.sd[9:12])
     workspace[SPIN] = (4 * STILL) ** 2  # not at rest until it is seen
     return belief
 
@@ -206,14 +217,17 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         _write_nothing(workspace)
         return
+    sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
+    count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], -1.0)
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
     keep = decay(noise.gyro_decay * dt)
     _write_step(workspace, belief.C, w0, w2, keep, dt)
     turned_square = r0 * r0 + r1 * r1 + r2 * r2
     q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * turned_square / dt
-    q += _lost(workspace) * dt
+    q += lost(workspace) * dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
+    carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
@@ -227,7 +241,8 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         workspace[ELAPSED] = 0.0  # what the body did meanwhile is as unknown as before the start
     else:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
-    workspace[HOLDS] = _holding(workspace)
+    count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], 1.0)
+    workspace[HOLDS] = holding(workspace)
 
 
 @helper
@@ -272,9 +287,21 @@ def _level(belief: Belief, dt: float, q: float) -> None:
         dx[i] = 0.0
     measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, last[FIRST_RECORD])
     measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, last[SECOND_RECORD])
+    level_bias(belief, last[FIRST_RECORD][GAIN], last[SECOND_RECORD][GAIN])
     workspace[LEAN_N] -= dx[0]
     workspace[LEAN_E] -= dx[1]
     inject(belief, dx)
+
+
+@helper
+def level_bias(belief: Belief, K_north: Array, K_east: Array) -> None:
+    """What levelling with these gains (6,) makes of the sensitivity to accelerometer biases."""
+    C, g = belief.C, GRAVITY_EQUATOR
+    sensitivity = matrix(belief.workspace, SENSITIVITY, 6, 3)
+    about_north = (-C[1, 0] / g, -C[1, 1] / g, -C[1, 2] / g)
+    about_east = (C[0, 0] / g, C[0, 1] / g, C[0, 2] / g)
+    absorb_bias(sensitivity, K_north, 1.0, 0.0, 0.0, about_north)
+    absorb_bias(sensitivity, K_east, 0.0, 1.0, 0.0, about_east)
 
 
 @helper
@@ -326,7 +353,7 @@ def _unseen(workspace: Array, q: float) -> float:
 
 
 @helper
-def _lost(workspace: Array) -> float:
+def lost(workspace: Array) -> float:
     """Growth of the attitude's variance, rad^2/s, while the specific force contradicts it: within
     RISE_TIME by the tilt that would explain the contradiction."""
     rise = abs(workspace[RISE])
@@ -334,7 +361,7 @@ def _lost(workspace: Array) -> float:
 
 
 @helper
-def _holding(workspace: Array) -> float:
+def holding(workspace: Array) -> float:
     """Which of CONDITIONS holds, counted from 1; 0 for none."""
     if workspace[REFUSED] > REFUSED_FOR:
         return workspace[REASON]
@@ -374,11 +401,21 @@ def _used(
 ) -> float:
     """Correct by one row and whiten its innovation. Returns its NIS, NaN where it was not
     measured."""
-    e, dx, last = innovation[0], belief.workspace[DX], belief.workspace[LAST]
+    workspace, P = belief.workspace, belief.P
+    dx, last, e = workspace[DX], workspace[LAST], innovation[0]
     last[LAST_CALL] = FIX
+    sensitivity, biases = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
     for i in range(6):
         dx[i] = 0.0
-    nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, last[FIRST_RECORD])
+    count_bias(P, sensitivity, biases, -1.0)
+    for k in range(3):
+        by_bias = h0 * sensitivity[0, k] + h1 * sensitivity[1, k] + h2 * sensitivity[2, k]
+        variance += by_bias * by_bias * biases[k]
+    record = last[FIRST_RECORD]
+    nis = measured(P, h0, h1, h2, e, variance, gate, dx, record)
+    if record[INVERSE] > 0:
+        absorb_bias(sensitivity, record[GAIN], h0, h1, h2, (0.0, 0.0, 0.0))
+    count_bias(P, sensitivity, biases, 1.0)
     if innovation.size > 3:
         innovation[3] = math.copysign(math.sqrt(nis), e)
     inject(belief, dx)
@@ -391,7 +428,7 @@ def _field(
 ) -> float:
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
-    C, workspace, omega = belief.C, belief.workspace, belief.omega
+    C, workspace = belief.C, belief.workspace
     north, east, down = turned(C, y[0], y[1], y[2])
     square = north * north + east * east
     for i in range(innovation.size):
@@ -408,11 +445,7 @@ def _field(
     innovation[0] = math.atan2(
         parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east
     )
-    if workspace[STRENGTH] == 0:
-        workspace[STRENGTH], workspace[DIP] = _known(parameters)
-    off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
-    density = workspace[HEADING] + workspace[DISTURBANCE] * off
-    density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
+    density, strength, dip = field_density(belief, parameters, square, down, seconds)
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (
         density / seconds if seconds > 0 else 0.0
     )
@@ -475,6 +508,21 @@ def refused(
 
 
 @helper
+def field_density(
+    belief: Belief, parameters: Array, square: float, down: float, seconds: float
+) -> tuple[float, float, float]:
+    """Density (rad^2 s) of the azimuth of a field of that horizontal square (T^2) and downward
+    part (T); its running strength (T) and dip (rad), followed."""
+    workspace, omega = belief.workspace, belief.omega
+    if workspace[STRENGTH] == 0:
+        workspace[STRENGTH], workspace[DIP] = _known(parameters)
+    off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
+    density = workspace[HEADING] + workspace[DISTURBANCE] * off
+    density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
+    return density, strength, dip
+
+
+@helper
 def _departure(
     strength: float, dip: float, square: float, down: float, seconds: float
 ) -> tuple[float, float, float]:
@@ -493,8 +541,13 @@ def _departure(
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What the last call left in workspace."""
-    last = belief.workspace[LAST]
+    """What the last call left in workspace. A smoother goes back with the covariance that makes
+    the gains: accelerometer biases are left out of it from the first call on."""
+    workspace, last = belief.workspace, belief.workspace[LAST]
+    biases = workspace[BIAS_VARIANCE]
+    if biases[0] + biases[1] + biases[2] > 0:
+        count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), biases, -1.0)
+        biases[0] = biases[1] = biases[2] = 0.0
     for i in range(last.size):
         record[i] = last[i]
 
