@@ -44,7 +44,9 @@ KNOWN = TWO_STAGE.number("KNOWN")
 SINCE_VELOCITY, SINCE_HEADING = TWO_STAGE.numbers("SINCE_VELOCITY", "SINCE_HEADING")
 # options as numbers: whether only the downward component of v_b is measured, whether the course is
 DOWN, COURSE = TWO_STAGE.numbers("DOWN", "COURSE")
-LEAST_SPEED = TWO_STAGE.number("LEAST_SPEED")  # of a course, m/s
+LEAST_SPEED = TWO_STAGE.number("LEAST_SPEED")  # of a course, m/s; 0: as its sd says
+SLOW = TWO_STAGE.number("SLOW")  # s in a row of velocities without a course
+CONDITION = TWO_STAGE.number("CONDITION")  # 1: SLOW for long
 LARGEST_BANK = TWO_STAGE.number("LARGEST_BANK")  # rad
 CRAB = TWO_STAGE.number("CRAB")  # its sd, rad
 CORRELATION = TWO_STAGE.number("CORRELATION")  # s for which it and attitude errors are alike

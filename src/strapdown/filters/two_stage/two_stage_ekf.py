@@ -66,7 +66,7 @@ def start(
     velocity: str = "full",
     course: str = "gnss",
     level: str = "bias-free",
-    least_speed: float = 3.0,
+    least_speed: float = 0.0,
     largest_bank: float = 45.0,
     crab: float = 5.0,
     correlation: float = 10.0,
