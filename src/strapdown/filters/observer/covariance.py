@@ -1,13 +1,14 @@
-"""What the observer's errors are, to first order: covariance of its 15 error states and of xi,
-under the gains that it really uses.
+"""What the observer's errors are, to first order: covariance of its 15 error states, of xi and of
+the angle between course and heading, under the gains that it really uses.
 
 The errors are true - estimate. xi makes up for what the estimated specific force lacks, so its true
 value is zero, and the error of xi is what moves the others between fixes:
     v' = INS + e_xi,  sigma = -k1 f x e_xi / |f|^2,  theta' = INS - sigma,  bg' = ki C' sigma,
     e_xi' = sigma x f,  ba' = -adaptation f f' e_xi / |f|^2 (f in b and n).
 A fix multiplies the errors by I - K H, whatever K came from, and a turn of the attitude by a share
-of an angle is such a K. filters/observer/equations.py leaves both in the workspace. The square of
-the accelerometer bias (theta0) counts as known.
+of an angle is such a K. filters/observer/equations.py leaves both in the workspace. The angle
+between course and heading is no noise but a constant that is never estimated: the heading takes it
+on, and no more than it. The square of the accelerometer bias (theta0) counts as known.
 """
 
 from typing import TypeAlias
@@ -44,12 +45,11 @@ from .equations import (
     outage,
 )
 
-STATES = 18
-XI = 15
-"""Where the error of xi stands, behind the 15 of the library."""
+STATES, XI, CRAB = 19, 15, 18
+"""How many, and where the error of xi and the angle between course and heading stand, behind the 15
+of the library."""
 SLOTS = Slots(after=OBSERVER)
-CRAB = SLOTS.number("CRAB")  # sd of the angle between course and heading, rad
-FULL = SLOTS.matrix("FULL", STATES, STATES)  # P with xi
+FULL = SLOTS.matrix("FULL", STATES, STATES)  # their covariance
 A = SLOTS.matrix("A", 3, STATES)  # of core.joseph.spread
 B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
@@ -177,11 +177,7 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
 
 @helper
 def _heading(belief: Belief, sd: float, course: bool, a: Array, b: Array, r: Array) -> None:
-    """A turn about the vertical by a share of a heading's angle, or a course's.
-
-    The angle between course and heading lasts for longer than the observer averages, so that the
-    heading takes it all on: as white noise this variance leaves as much.
-    """
+    """A turn about the vertical by a share of a heading's angle, or a course's."""
     workspace, C, f = belief.workspace, belief.C, belief.f
     share = workspace[SHARE]
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-2)
@@ -192,11 +188,7 @@ def _heading(belief: Belief, sd: float, course: bool, a: Array, b: Array, r: Arr
     )
     r[0, 0] = sd * sd
     if course:
-        lasting = max(2 / share - 1, 1.0)
-        r[0, 0] = (
-            workspace[COURSE_SD] * workspace[COURSE_SD]
-            + workspace[CRAB] * workspace[CRAB] * lasting
-        )
+        r[0, 0], b[0, CRAB] = workspace[COURSE_SD] * workspace[COURSE_SD], 1.0
     turn(a, 0, C, turned(C, f[0], f[1], f[2]), (0.0, 0.0, share), workspace[LEARNT])
 
 

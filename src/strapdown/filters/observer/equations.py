@@ -484,6 +484,21 @@ def _towards(
     turn(bar, share * c0, share * c1, share * c2)
 
 
+@inlined
+def follow(bar: Belief, belief: Belief) -> None:
+    """Without a course for long, of itself holding no heading: heading and gyro bias become those
+    of a filter that has them by other means, f_n = C f + xi staying."""
+    C, workspace = bar.C, bar.workspace
+    if workspace[CONDITION] == 0:
+        return
+    angle = wrap(math.atan2(belief.C[1, 0], belief.C[0, 0]) - math.atan2(C[1, 0], C[0, 0]))
+    turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
+    b, own = belief.bg, bar.bg
+    for i in range(3):
+        own[i] = 0.0
+    bounded(own, b[0], b[1], b[2], workspace[GYRO_BOUND])
+
+
 @helper
 def smallest(workspace: Array) -> float:
     """Smallest eigenvalue of the 4 x 4 matrix MOMENT, by Jacobi rotations."""

@@ -50,7 +50,7 @@ def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Beli
     check_number(crab, "crab", "deg", least=0)
     belief = start.belief(SLOTS.zeros())
     begin(belief.workspace[: OBSERVER.size], start, noise, **options)
-    belief.workspace[CRAB] = math.radians(crab)
+    SLOTS.named(belief.workspace)["FULL"][CRAB, CRAB] = math.radians(crab) ** 2
     return belief
 
 
