@@ -233,14 +233,17 @@ def _field(belief: Belief, sd: Array, parameters: Array, a: Array, b: Array, r: 
 
 @helper
 def cross(a: Three, b: Three) -> Three:
+    """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @helper
 def dot(a: Three, b: Three) -> float:
+    """a' b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @helper
 def scaled(k: float, a: Three) -> Three:
+    """k a."""
     return k * a[0], k * a[1], k * a[2]

@@ -298,9 +298,7 @@ def inject(
 
 
 @inlined
-def take(
-    bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovation: Array
-) -> None:
+def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovation: Array) -> None:
     """What a fix with that innovation changes: position, velocity and xi by the gains of the
     translational motion observer, the attitude by a direction.
 
