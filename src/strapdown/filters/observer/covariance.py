@@ -21,7 +21,6 @@ from ...core.contract import (
     Noise,
     Slots,
 )
-from ...core.error_state import bias_free
 from ...core.jit import helper, inlined, matrix
 from ...core.joseph import JOSEPH, carry, spread
 from ...core.kalman import decay
@@ -50,10 +49,16 @@ STATES, XI, CRAB = 19, 15, 18
 of the library."""
 SLOTS = Slots(after=OBSERVER)
 FULL = SLOTS.matrix("FULL", STATES, STATES)  # their covariance
+# since its last step: rotation (rad) and velocity increments (m/s) without biases, s, the noise
+PENDING = SLOTS.array("PENDING", 6)
+SECONDS = SLOTS.number("SECONDS")
+NOISE = SLOTS.array("NOISE", 6)
+FORCE = SLOTS.array("FORCE", 3)  # their mean specific force, m/s^2
 A = SLOTS.matrix("A", 3, STATES)  # of core.joseph.spread
 B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
 OWN = SLOTS.part("OWN", JOSEPH)
+LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than the observer
 Three: TypeAlias = tuple[float, float, float]
 
 
@@ -73,24 +78,50 @@ def clear(workspace: Array) -> None:
 
 
 @inlined
-def before_sample(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
-    """P over one sample by the INS, before the observer takes it."""
-    P = matrix(belief.workspace, FULL, STATES, STATES)
-    copy_leading(belief.P, P)  # the loop may have changed it
-    increments = bias_free(u, belief.ba, belief.bg, dt)
-    carry(P, belief.workspace[OWN], belief.lla, belief.v, belief.C, increments, dt, noise)
-
-
-@inlined
 def after_sample(belief: Belief, dt: float, noise: Noise) -> None:
-    """P by what xi has moved, after the observer took the sample."""
-    workspace, C, f = belief.workspace, belief.C, belief.f
+    """A sample that the observer took, for the next step of P."""
+    workspace, told = belief.workspace, belief.workspace[NOISE]
+    sums, w, f = workspace[PENDING], belief.omega, belief.f
+    if told[1] != noise.accel:
+        step(belief)
+    told[0], told[1], told[2], told[3], told[4], told[5] = (
+        noise.gyro,
+        noise.accel,
+        noise.gyro_bias,
+        noise.accel_bias,
+        noise.gyro_decay,
+        noise.accel_decay,
+    )
+    for i in range(3):
+        sums[i] += w[i] * dt
+        sums[3 + i] += f[i] * dt
+    workspace[SECONDS] += dt
+    if workspace[SECONDS] >= LONGEST_STEP:
+        step(belief)
+
+
+@helper
+def step(belief: Belief) -> None:
+    """P over the samples since its last step: by the INS, then by what xi has moved."""
+    workspace, C, dt = belief.workspace, belief.C, belief.workspace[SECONDS]
+    if dt <= 0:
+        return
+    u, n, f = workspace[PENDING], workspace[NOISE], workspace[FORCE]
     P, a, b, r = (
         matrix(workspace, FULL, STATES, STATES),
         matrix(workspace, A, 3, STATES),
         matrix(workspace, B, 3, STATES),
         matrix(workspace, R, 3, 3),
     )
+    noise = Noise(n[0], n[1], n[2], n[3], n[4], n[5])
+    copy_leading(belief.P, P)  # the loop may have changed it
+    # the attitude is that of the end: mid-interval lies half a turn back
+    back = (-u[0], -u[1], -u[2], u[3], u[4], u[5])
+    carry(P, workspace[OWN], belief.lla, belief.v, C, back, dt, noise)
+    for i in range(3):
+        f[i] = u[3 + i] / dt
+        u[i] = u[3 + i] = 0.0
+    workspace[SECONDS] = 0.0
     clear(workspace)
     for i in range(3):
         b[i, XI + i], a[i, 3 + i], a[i, i] = 1.0, dt, 0.5 * dt * dt

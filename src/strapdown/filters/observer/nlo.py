@@ -28,7 +28,7 @@ from ...core.contract import (
 from ...core.error_state import observed
 from ...core.joseph import test
 from ...typing import Array
-from .covariance import CRAB, OWN, SLOTS, after_fix, after_sample, before_sample
+from .covariance import CRAB, OWN, SLOTS, after_fix, after_sample, step
 from .equations import CONDITION, EXCITATION, FORGETTING, JACOBIAN, OBSERVER, advance, take
 from .gains import USES, begin, configure, takes_options
 
@@ -58,7 +58,6 @@ def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Beli
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample."""
     if dt > 0:
-        before_sample(belief, u, dt, noise)
         advance(belief, u, dt, noise)
         after_sample(belief, dt, noise)
 
@@ -77,6 +76,7 @@ def correct(
     """One fix, unless it is further off than the covariance allows. Returns the NIS."""
     workspace = belief.workspace
     H = matrix(workspace, JACOBIAN, 3, 15)
+    step(belief)
     rows = observed(belief, y, observe, parameters, innovation, H)
     nis = test(belief.P, workspace[OWN], H, innovation, sd, rows)
     if nis <= gate:
