@@ -7,8 +7,8 @@ value is zero, and the error of xi is what moves the others between fixes:
     e_xi' = sigma x f,  ba' = -adaptation f f' e_xi / |f|^2 (f in b and n).
 A fix multiplies the errors by I - K H, whatever K came from, and a turn of the attitude by a share
 of an angle is such a K. filters/observer/equations.py leaves both in the workspace. The angle
-between course and heading is no noise but a constant that is never estimated: the heading takes it
-on, and no more than it. The square of the accelerometer bias (theta0) counts as known.
+between course and heading is no white noise but lasts until the vehicle has turned in the wind: a
+Gauss-Markov process that is never estimated, which the heading takes on. The square of the accelerometer bias (theta0) counts as known.
 """
 
 from typing import TypeAlias
@@ -49,6 +49,7 @@ STATES, XI, CRAB = 19, 15, 18
 of the library."""
 SLOTS = Slots(after=OBSERVER)
 FULL = SLOTS.matrix("FULL", STATES, STATES)  # their covariance
+CRAB_SD = SLOTS.number("CRAB_SD")  # of the angle between course and heading, rad
 # since its last step: rotation (rad) and velocity increments (m/s) without biases, s, the noise
 PENDING = SLOTS.array("PENDING", 6)
 SECONDS = SLOTS.number("SECONDS")
@@ -59,6 +60,7 @@ B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
 OWN = SLOTS.part("OWN", JOSEPH)
 LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than the observer
+CRAB_TIME = 30.0  # s: time constant of that angle, that of turns in the wind
 Three: TypeAlias = tuple[float, float, float]
 
 
@@ -118,6 +120,10 @@ def step(belief: Belief) -> None:
     # the attitude is that of the end: mid-interval lies half a turn back
     back = (-u[0], -u[1], -u[2], u[3], u[4], u[5])
     carry(P, workspace[OWN], belief.lla, belief.v, C, back, dt, noise)
+    keep, sd = decay(dt / CRAB_TIME), workspace[CRAB_SD]
+    for j in range(STATES):
+        P[CRAB, j] = P[j, CRAB] = keep * P[j, CRAB]
+    P[CRAB, CRAB] = keep * P[CRAB, CRAB] + (1 - keep * keep) * sd * sd
     for i in range(3):
         f[i] = u[3 + i] / dt
         u[i] = u[3 + i] = 0.0

@@ -28,7 +28,7 @@ from ...core.contract import (
 from ...core.error_state import observed
 from ...core.joseph import test
 from ...typing import Array
-from .covariance import CRAB, OWN, SLOTS, after_fix, after_sample, step
+from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
 from .equations import CONDITION, EXCITATION, FORGETTING, JACOBIAN, OBSERVER, advance, take
 from .gains import USES, begin, configure, takes_options
 
@@ -50,6 +50,7 @@ def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Beli
     check_number(crab, "crab", "deg", least=0)
     belief = start.belief(SLOTS.zeros())
     begin(belief.workspace[: OBSERVER.size], start, noise, **options)
+    belief.workspace[CRAB_SD] = math.radians(crab)
     SLOTS.named(belief.workspace)["FULL"][CRAB, CRAB] = math.radians(crab) ** 2
     return belief
 
