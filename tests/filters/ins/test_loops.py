@@ -16,6 +16,7 @@ from strapdown.core.contract import Noise
 from strapdown.core.error_dynamics import dynamics
 from strapdown.core.mechanization import mechanize
 from strapdown.geodesy import displaced, displacement
+from strapdown.vehicle import Vehicle
 
 pytestmark = pytest.mark.short
 NOISE = Noise(

@@ -200,7 +200,12 @@ def belief(at=None, **options):
         0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
     )
     made = at.belief(covariance.SLOTS.zeros())
-    begin(made.workspace[: equations.OBSERVER.size], at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
+    begin(
+        made.workspace[: equations.OBSERVER.size],
+        at,
+        NOISE,
+        **{"start_time": 1e-3, "outage_after": 10.0, **options},
+    )
     return made
 
 
