@@ -36,7 +36,7 @@ from ..data import Solution
 from ..geodesy import displacement
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
-from ..vehicle import Vehicle
+from ..vehicle import GivenVehicle
 from .batch import begin
 from .events import Events
 from .finish import solution
@@ -64,7 +64,7 @@ def smooth(
     progress: Progress | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
-    vehicle: str | Vehicle | None = None,
+    vehicle: GivenVehicle | None = None,
     **options: Any,
 ) -> Solution:
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
@@ -159,7 +159,8 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
 
     `keeping` says which rows there are: those whose number by the first is the second.
     """
-    run = run._replace(events=Events(run.filter, run.recording.aidings))  # all is said already
+    events = Events(run.filter, run.recording.aidings, run.events.vehicle)
+    run = run._replace(events=events)  # all is said already
     n, pairs = len(run.belief.P), list(zip(kept, kept[1:]))
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
     k, adjoint_step, (every, phase) = (
