@@ -34,10 +34,7 @@ def solution(run: Run) -> Solution:
     }
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
-        meta["stopped"] = (
-            f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the "
-            f"filter diverged"
-        )
+        meta["stopped"] = stopped(t)
         events.append((float(t), meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
@@ -82,6 +79,14 @@ def solution(run: Run) -> Solution:
         out.covariance[: len(nav)] if len(out.covariance) else None,
         meta,
         recording,
+    )
+
+
+def stopped(t: float) -> str:
+    """What is said of a filter that stopped at the sample of `t` s."""
+    return (
+        f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter "
+        f"diverged"
     )
 
 
