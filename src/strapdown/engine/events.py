@@ -24,7 +24,8 @@ MOST_OF_A_KIND = 20
     POOR_START,
     CALLBACK,
     STOPPED,
-) = range(log.CODES, log.CODES + 10)
+    AHRS_STOPPED,
+) = range(log.CODES, log.CODES + 11)
 """What only a stream says: of rows that a Recording has not, of its start, of its caller."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
 NED = ("north", "east", "down")
@@ -263,6 +264,7 @@ WORDS: dict[int, Words] = {
     CALLBACK: lambda e, row, s, value: (
         f"on_event raised {e.because[CALLBACK]}: it is not called again{_missed(row)}"
     ),
+    AHRS_STOPPED: lambda e, row, s, value: e.because[AHRS_STOPPED],
     STOPPED: lambda e, row, s, value: e.because[STOPPED].removeprefix("stream "),
 }
 """How each code of the log is said."""

@@ -35,7 +35,8 @@ def solution(run: Run) -> Solution:
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
         meta["stopped"] = stopped(t)
-        events.append((float(t), meta["stopped"]))
+        if (float(t), meta["stopped"]) not in events:  # a stream said so already
+            events.append((float(t), meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
     # what is not estimated is no number

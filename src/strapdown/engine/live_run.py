@@ -11,9 +11,9 @@ import numpy as np
 
 from ..checks import DataError
 from ..core import cursor as places, loop
-from ..core.contract import Belief, Cursor, Filter, Imu, Noise, Start, entry_point
+from ..core.contract import STATES, Belief, Cursor, Filter, Imu, Noise, Start, entry_point
 from ..core.rotation import quaternion_to_euler
-from ..data import Aiding, Solution
+from ..data import Aiding, Solution, Trajectory
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Ints, Say
@@ -149,6 +149,11 @@ class LiveRun:
         return float(self.cursor.now[places.NOW])
 
     @property
+    def rate(self) -> float:
+        """Hz of the IMU, by its newest sample."""
+        return 1 / float(self._room.dt[self._room.at[places.ROW] - 1])
+
+    @property
     def status(self) -> int:
         """That of the newest row."""
         return int(self.cursor.at[places.SHOWN])
@@ -237,6 +242,17 @@ class LiveRun:
                 self.events,
             )
         )
+
+    def newest(self, looking: bool = False) -> Trajectory:
+        """The newest row as a Solution has it; `looking`: that of the last `look`."""
+        row = (
+            self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.at[places.OUT] - 1]
+        )
+        sd = row[None, loop.SD : loop.ROW_STATUS].copy()
+        sd[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
+        parts = (loop.T, loop.LLA, loop.V, loop.Q, loop.BIASES)
+        lla, v, q = (row[None, a:b].copy() for a, b in zip(parts[1:], parts[2:]))
+        return Trajectory(row[:1].copy(), lla, v, q, sd)
 
     def snapshot(self) -> list[Array | Ints]:
         """Copies of all that a step changes but what is kept."""

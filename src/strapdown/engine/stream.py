@@ -13,7 +13,7 @@ from .. import filters
 from ..alignment.completed import left_open
 from ..checks import DataError, check_number
 from ..core import cursor as places
-from ..core.contract import INVALID, STATES, Belief, Filter, Noise, Start
+from ..core.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
 from ..core.loop import SAME_TIME
 from ..data import Aiding, Solution
 from ..plugins import one_line
@@ -32,10 +32,12 @@ from .arrivals import (
     refuse_event,
     refuse_sample,
 )
+from .attitude_first import attitudes, chosen, taken_by
 from .events import Events
 from .gathering import Gathering
 from .live_run import LiveRun
 from .prepare import (
+    AHRS_RATE,
     LONGEST_GAP,
     GivenImu,
     assumed_noise,
@@ -91,6 +93,8 @@ class Stream:
         history: int = HISTORY,
         every: int = 1,
         covariance: bool = False,
+        ahrs: str | Filter | None = None,
+        ahrs_rate: float = AHRS_RATE,
         **options: Any,
     ) -> None:
         check_number(lag, "lag", "s", least=0)
@@ -100,13 +104,34 @@ class Stream:
         whole = isinstance(start, Start) and not left_open(start)
         self.noise, self._spec = assumed_noise(imu, noise, needed=not whole)
         self._filter = filter = filters.find(filter)
-        self._used, _ = usable(filter, aidings)
-        check_needs(
-            filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings"
+        first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
+        self._ahrs = first and _Ahrs(
+            Stream(
+                first,
+                start if whole else None,
+                imu,
+                noise,
+                [a for a in aidings if a.kind != "attitude"],
+                lag,
+                say,
+                vehicle,
+                align_within=align_within,
+                history=history,
+            ),
+            aidings,
+            ahrs_rate,
         )
+        self.notes = list[str]()
+        if self._ahrs:
+            self._ahrs.stream._row = self._take_attitude
+            aidings = (*aidings, self._ahrs.made)
+        left = [a for a in aidings if not (self._ahrs and self._ahrs.has_for_itself(a))]
+        self._used, _ = usable(filter, left)
+        check_needs(filter, left)
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
         self._rows, self._every, self._covariance = history, every, covariance
-        self.lag, self.newest, self.notes = lag, -inf, list[str]()
+        self.lag, self.newest = lag, -inf
+        self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
         self.dropped_by = dict.fromkeys(DROPPED, 0)
         self._on_event, self._news, self._deaf = on_event, list[Array](), False
         self._events = Events(filter, self._used)
@@ -115,6 +140,7 @@ class Stream:
         self._places = [
             next((i for i, b in enumerate(self._used) if b is a), None) for a in aidings
         ]
+        self._elsewhere = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in aidings]
         # heaps of samples and of fixes; a number that keeps equal times in order
         self._samples: list[tuple[float, int, Sample]] = []
         self._waiting: list[tuple[float, int, int, UsableFix]] = []
@@ -205,7 +231,7 @@ class Stream:
             start = gathered.start()
         except DataError as error:
             if gathered.late:
-                self._note(words.NO_START, 0, sample[0], because=one_line(error))
+                self._note(words.NO_START, 0, sample[0], because=str(error))
             return
         if not gathered.worth(start):
             if not gathered.late:
@@ -244,6 +270,8 @@ class Stream:
                             f"a new stream there"
                         )
                     self.newest = t
+                if self._ahrs is not None:
+                    self._feed(self._ahrs, event)
                 if self.lag == 0 and not self._samples:
                     self._take(event)
                 else:
@@ -257,7 +285,9 @@ class Stream:
     def _take_fix(self, event: Fix) -> None:
         fix = self._sources.usable(event)
         place = self._places[fix.source]
-        if self._live is not None and place is None:
+        if self._ahrs is not None:
+            self._feed(self._ahrs, event)
+        if place is None and (self._live is not None or self._elsewhere[fix.source]):
             return
         if not isfinite(fix.t):
             self._drop("not finite", words.FIXES_NOT_FINITE, place, self.newest)
@@ -271,6 +301,22 @@ class Stream:
                 )
             self._number += 1
             heappush(self._waiting, (fix.t, fix.source, self._number, fix))
+
+    def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
+        if text := ahrs.take(event):
+            self._note(words.AHRS_STOPPED, 0, event.t, because=text)
+
+    def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
+        """What the AHRS made of its newest sample, as a fix."""
+        assert self._ahrs is not None  # whose this is
+        fix = self._ahrs.fix(live, inner._looking)
+        if fix is None:
+            return
+        self._number += 1
+        if fix.t > self._late_fix:
+            heappush(self._waiting, (fix.t, fix.source, self._number, fix))
+        elif self._live is None:
+            self._gathered.fixes.append(fix)
 
     def _use(self, until: float) -> None:
         samples = self._samples
@@ -313,6 +359,8 @@ class Stream:
         t = sample[0]
         if self._looking:
             live.look(sample, fixes)
+            if self._row is not None:
+                self._row(self, live)
         else:
             try:
                 said = live.take(sample, fixes)
@@ -320,6 +368,8 @@ class Stream:
                 self._stop(t, str(error))
             if said:
                 self._news += live.new_events()
+            if self._row is not None:
+                self._row(self, live)
             if t >= self._look_at:
                 self._compare_with_gravity(live, t)
         self._late, self._late_fix = t, t - SAME_TIME
@@ -344,7 +394,11 @@ class Stream:
         with self._ahead() as live:
             if live is None:
                 return self.belief
-            self._use(inf)
+            if self._ahrs is None:
+                self._use(inf)
+            else:
+                with self._ahrs.ahead():
+                    self._use(inf)
             return live.copy()
 
     @contextmanager
@@ -368,6 +422,8 @@ class Stream:
     def finish(self) -> Belief:
         """Use all that waits and return the belief; one that has not started does so. Raises
         DataError where there is nothing to start from."""
+        if self._ahrs is not None and not self._ahrs.stream._stopped:
+            self._ahrs.stream.finish()
         self._use(inf)
         if self._live is None:
             self.begin()
@@ -419,8 +475,8 @@ class Stream:
                 self._on_event(float(row[places.T]), self._events.text(row))
             except Exception as error:
                 self._deaf = True
-                what = f"{type(error).__name__}: {one_line(error)}"
-                self._note(words.CALLBACK, 0, self.t, because=what)
+                self._events.because[words.CALLBACK] = one_line(error)
+                self._events.note(words.CALLBACK, 0, self.t)
 
     @property
     def events(self) -> list[tuple[float, str]]:
@@ -462,6 +518,68 @@ class Stream:
     def verdict(self) -> Verdict:
         """Whether to trust its history, and why not: that of its `solution`."""
         return self.solution.verdict
+
+
+class _Ahrs:
+    """The stream of an AHRS beside another one, whose attitudes are fixes of that. It is always
+    as far as that or further."""
+
+    def __init__(self, stream: Stream, aidings: Sequence[Aiding], rate: float) -> None:
+        self.stream, self._rate, self._every, self._count = stream, rate, 0, 0
+        filter = stream._filter
+        self._taken = taken_by(filter, aidings)
+        self._source, own = len(aidings), [a for a in aidings if a.kind != "attitude"]
+        self._places = [next((i for i, b in enumerate(own) if b is a), None) for a in aidings]
+        self.made = Aiding(
+            "attitude", np.empty(0), np.empty((0, 3)), np.empty((0, 3)), name=filter.name
+        )
+
+    def has_for_itself(self, a: Aiding) -> bool:
+        """Whether the other filter does not get this source."""
+        return a is not self.made and (a.kind == "attitude" or any(a is b for b in self._taken))
+
+    def take(self, event: Sample | Fix) -> str:
+        """Give the AHRS a sample or a fix of the stream; what is to be said of that, once."""
+        if isinstance(event, Fix):
+            place = self._places[event.source]
+            if place is None:
+                return ""
+            event = event._replace(source=place)
+        if self.stream._stopped:
+            return ""
+        try:
+            self.stream.step(event)
+        except DataError as error:
+            if not self.stream._stopped:
+                raise
+            return f"{self.made.name}: {error}; no attitude from here on"
+        return ""
+
+    def fix(self, live: LiveRun, looking: bool) -> UsableFix | None:
+        """Its attitude after its newest sample, where one is due."""
+        if not self._every:
+            own = live.rate
+            if self._rate > own * 1.001:
+                raise DataError(
+                    f"ahrs_rate is {self._rate:g} Hz; it must be at most the IMU's {own:.4g} Hz"
+                )
+            self._every = round(own / self._rate)
+        self._count += 1
+        if self._count % self._every or live.status != VALID:
+            return None
+        path = live.newest(looking)
+        y, sd = attitudes(live.filter, path, bool(self._taken))
+        return UsableFix(float(path.t[0]), self._source, y[0].tolist(), sd[0].tolist())
+
+    @contextmanager
+    def ahead(self) -> Iterator[None]:
+        """What the AHRS uses now is as if it had not been afterwards."""
+        count = self._count
+        with self.stream._ahead() as live:
+            if live is not None:
+                self.stream._use(inf)
+            yield
+        self._count = count
 
 
 def _nothing_known() -> Belief:
