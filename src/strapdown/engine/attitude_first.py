@@ -67,10 +67,7 @@ def fed(
     made, notes = source(recording, first, rate, imu, noise, start, say)
     taken = taken_by(first, recording.aidings)
     replaced = [a for a in recording.aidings if a.kind == "attitude"]
-    if taken:
-        notes[0] += f", which alone uses {_names(taken)}"
-    if replaced:
-        notes[0] += f", in place of the recorded {_names(replaced)}"
+    notes[0] += whose(taken, replaced)
     left = [a for a in recording.aidings if not any(a is each for each in taken + replaced)]
     meta = recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]}
     return replace(recording, aidings=(*left, made), meta=meta), made
@@ -102,6 +99,30 @@ def chosen(
     first = _found(ahrs)
     _check(first, filter)
     return first
+
+
+def whose(taken: Sequence[Aiding], replaced: Sequence[Aiding]) -> str:
+    """What a note says of the sources that the AHRS has for itself, and of those that it stands
+    for."""
+    text = f", which alone uses {_names(taken)}" if taken else ""
+    return text + (f", in place of the recorded {_names(replaced)}" if replaced else "")
+
+
+def notes_on(ahrs: Filter, rate: float, aided: bool) -> list[str]:
+    """Notes on attitudes at that rate (Hz); `aided` as of `attitudes`."""
+    notes = [f"attitude from {ahrs.name} at {rate:.4g} Hz"]
+    if not ahrs.states:
+        notes.append(
+            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and "
+            f"heading are assumed"
+        )
+    if not aided:
+        notes.append(
+            f"{ahrs.name}: {ahrs.unaided_note}"
+            if ATT.stop - 1 in ahrs.states
+            else f"{ahrs.name} gives roll and pitch and no heading"
+        )
+    return notes
 
 
 def taken_by(ahrs: Filter, aidings: Iterable[Aiding]) -> list[Aiding]:
@@ -161,18 +182,7 @@ def source(
     aided = bool(taken_by(ahrs, [a for a in seen.aidings if len(a.t)]))
     path = solution.trajectory.taking(keep)
     y, sd = attitudes(ahrs, path, aided)
-    notes = [f"attitude from {ahrs.name} at {own / every:.4g} Hz"]
-    if not ahrs.states:
-        notes.append(
-            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and "
-            f"heading are assumed"
-        )
-    if not aided:
-        notes.append(
-            f"{ahrs.name}: {ahrs.unaided_note}"
-            if ATT.stop - 1 in ahrs.states
-            else f"{ahrs.name} gives roll and pitch and no heading"
-        )
+    notes = notes_on(ahrs, own / every, aided)
     if ahrs.diagnose:
         notes += [
             f"{ahrs.name}: {text}"

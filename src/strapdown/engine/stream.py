@@ -32,7 +32,7 @@ from .arrivals import (
     refuse_event,
     refuse_sample,
 )
-from .attitude_first import attitudes, chosen, taken_by
+from .attitude_first import attitudes, chosen, notes_on, taken_by, whose
 from .events import Events
 from .gathering import Gathering
 from .live_run import LiveRun
@@ -121,7 +121,7 @@ class Stream:
             aidings,
             ahrs_rate,
         )
-        self.notes = list[str]()
+        self.notes = self._ahrs.notes if self._ahrs else []
         if self._ahrs:
             self._ahrs.stream._row = self._take_attitude
             aidings = (*aidings, self._ahrs.made)
@@ -186,7 +186,8 @@ class Stream:
         aidings = self._used
         if self._gathered.samples and not any(len(a.t) for a in aidings):
             aidings = usable(self._filter, self._gathered.recording().aidings)[0]
-        options, self.notes = fitted(self._filter, self._options, aidings)
+        options, notes = fitted(self._filter, self._options, aidings)
+        self.notes += notes
         live = LiveRun(
             self._filter,
             start,
@@ -528,11 +529,19 @@ class _Ahrs:
         self.stream, self._rate, self._every, self._count = stream, rate, 0, 0
         filter = stream._filter
         self._taken = taken_by(filter, aidings)
+        self._replaced = [a for a in aidings if a.kind == "attitude"]
         self._source, own = len(aidings), [a for a in aidings if a.kind != "attitude"]
         self._places = [next((i for i, b in enumerate(own) if b is a), None) for a in aidings]
         self.made = Aiding(
             "attitude", np.empty(0), np.empty((0, 3)), np.empty((0, 3)), name=filter.name
         )
+
+    @property
+    def notes(self) -> list[str]:
+        """What it is."""
+        notes = notes_on(self.stream._filter, self._rate, bool(self._taken))
+        notes[0] += whose(self._taken, self._replaced)
+        return notes
 
     def has_for_itself(self, a: Aiding) -> bool:
         """Whether the other filter does not get this source."""
