@@ -130,17 +130,18 @@ class Noise(NamedTuple):
 
 class Start(NamedTuple):
     """Where a filter begins: state and standard deviations, SI and radians. Print it, or
-    override a part with `_replace`."""
+    override a part with `_replace`. What is left open, `()`, is found from the recording or from
+    the first samples of a stream."""
 
     t: float
-    lla: tuple[float, ...]  # latitude rad, longitude rad, ellipsoidal height m
-    v: tuple[float, ...]  # NED, m/s
-    rph: tuple[float, ...]  # roll, pitch, heading, rad
-    ba: tuple[float, ...]  # accelerometer bias, m/s^2
-    bg: tuple[float, ...]  # gyro bias, rad/s
+    lla: tuple[float, ...] = ()  # latitude rad, longitude rad, ellipsoidal height m
+    v: tuple[float, ...] = ()  # NED, m/s
+    rph: tuple[float, ...] = ()  # roll, pitch, heading, rad; NaN, NaN, heading: that alone is known
+    ba: tuple[float, ...] = ()  # accelerometer bias, m/s^2
+    bg: tuple[float, ...] = ()  # gyro bias, rad/s
     # 15 standard deviations in the order of the error states, then those of states that aidings
     # bring along
-    sd: tuple[float, ...]
+    sd: tuple[float, ...] = ()
     note: str = ""  # how each part was found
 
     def towards(self, q_nb: Vector) -> "Start":

@@ -6,7 +6,7 @@ at a high rate it is believed more than it is worth. `docs/fuse.md` tells what t
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from numbers import Real
@@ -17,7 +17,7 @@ from .. import filters
 from ..alignment.initial import align
 from ..checks import DataError
 from ..core.contract import ATT, VALID, Filter, Imu, Noise, Start
-from ..data import Aiding, Solution
+from ..data import Aiding, Trajectory
 from ..preprocessing.stationary import motionless
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
@@ -60,9 +60,26 @@ def fed(
     there is no attitude and nothing to make it of, where the AHRS that was asked for cannot be
     used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
     """
+    measured = {a.kind for a in recording.aidings if len(a.t)}
+    first = chosen(filter, measured, ahrs, rate)
+    if first is None:
+        return recording, None
+    made, notes = source(recording, first, rate, imu, noise, start, say)
+    taken = taken_by(first, recording.aidings)
+    replaced = [a for a in recording.aidings if a.kind == "attitude"]
+    notes[0] += whose(taken, replaced)
+    left = [a for a in recording.aidings if not any(a is each for each in taken + replaced)]
+    meta = recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]}
+    return replace(recording, aidings=(*left, made), meta=meta), made
+
+
+def chosen(
+    filter: Filter, measured: Collection[str], ahrs: str | Filter | None, rate: float
+) -> Filter | None:
+    """The AHRS that runs before `filter` where these kinds are measured, None where there is none
+    to run; arguments and errors as of `fed`."""
     if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
         raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
-    measured = {a.kind for a in recording.aidings if len(a.t)}
     if ahrs is None:
         if "attitude" not in filter.needs or "attitude" in measured:
             if rate != AHRS_RATE:
@@ -75,26 +92,54 @@ def fed(
                     f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an "
                     f"AHRS (--ahrs {AHRS})"
                 )
-            return recording, None
+            return None
         if not measured.intersection(HEADING_KINDS):
             raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
         ahrs = AHRS
     first = _found(ahrs)
     _check(first, filter)
-    made, notes = source(recording, first, rate, imu, noise, start, say)
-    taken = [
-        a
-        for a in recording.aidings
-        if a.kind in HEADING_KINDS and a.kind in (first.uses or HEADING_KINDS)
+    return first
+
+
+def whose(taken: Sequence[Aiding], replaced: Sequence[Aiding]) -> str:
+    """What a note says of the sources that the AHRS has for itself, and of those that it stands
+    for."""
+    text = f", which alone uses {_names(taken)}" if taken else ""
+    return text + (f", in place of the recorded {_names(replaced)}" if replaced else "")
+
+
+def notes_on(ahrs: Filter, rate: float, aided: bool) -> list[str]:
+    """Notes on attitudes at that rate (Hz); `aided` as of `attitudes`."""
+    notes = [f"attitude from {ahrs.name} at {rate:.4g} Hz"]
+    if not ahrs.states:
+        notes.append(
+            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and "
+            f"heading are assumed"
+        )
+    if not aided:
+        notes.append(
+            f"{ahrs.name}: {ahrs.unaided_note}"
+            if ATT.stop - 1 in ahrs.states
+            else f"{ahrs.name} gives roll and pitch and no heading"
+        )
+    return notes
+
+
+def taken_by(ahrs: Filter, aidings: Iterable[Aiding]) -> list[Aiding]:
+    """The sources that the AHRS has for itself: those of the heading that it uses."""
+    return [
+        a for a in aidings if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
     ]
-    replaced = [a for a in recording.aidings if a.kind == "attitude"]
-    if taken:
-        notes[0] += f", which alone uses {_names(taken)}"
-    if replaced:
-        notes[0] += f", in place of the recorded {_names(replaced)}"
-    left = [a for a in recording.aidings if not any(a is each for each in taken + replaced)]
-    meta = recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]}
-    return replace(recording, aidings=(*left, made), meta=meta), made
+
+
+def attitudes(ahrs: Filter, path: Trajectory, aided: bool) -> tuple[Array, Array]:
+    """(y, sd) of the attitudes that an AHRS gave; `aided`: whether it measures the heading. One
+    that is not estimated, or drifts without saying so, is NaN."""
+    y = path.rph.copy()
+    sd = deviations(path) if ahrs.states else np.tile(ASSUMED, (len(y), 1))
+    if not aided and ATT.stop - 1 not in ahrs.states:
+        y[:, 2] = sd[:, 2] = np.nan
+    return y, sd
 
 
 def source(
@@ -134,15 +179,10 @@ def source(
     run.complete()
     solution = solution_of(run)
     keep = solution.status == VALID
-    y, sd, t = solution.trajectory.rph[keep], deviations(solution)[keep], solution.t[keep]
-    notes = [f"attitude from {ahrs.name} at {own / every:.4g} Hz"]
-    if not ahrs.states:
-        sd = np.tile(ASSUMED, (len(t), 1))
-        notes.append(
-            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and "
-            f"heading are assumed"
-        )
-    notes += _heading(ahrs, [a for a in seen.aidings if len(a.t)], y, sd)
+    aided = bool(taken_by(ahrs, [a for a in seen.aidings if len(a.t)]))
+    path = solution.trajectory.taking(keep)
+    y, sd = attitudes(ahrs, path, aided)
+    notes = notes_on(ahrs, own / every, aided)
     if ahrs.diagnose:
         notes += [
             f"{ahrs.name}: {text}"
@@ -150,33 +190,21 @@ def source(
         ]
     notes += _motion(ahrs, begin, recording.imu)
     notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
-    return Aiding("attitude", t, y, sd, name=ahrs.name), notes
+    return Aiding("attitude", path.t, y, sd, name=ahrs.name), notes
 
 
-def deviations(solution: Solution) -> Array:
+def deviations(path: Trajectory) -> Array:
     """(n, 3) rad: the claimed standard deviations of the attitude, turned from north, east, down to
     the horizontal forward and right and to down.
 
     The correlation of the errors about north and east, which is not published, is left out; where
     both are alike it is none.
     """
-    assert solution.trajectory.sd is not None
-    north, east, down = solution.trajectory.sd[:, ATT].T
-    heading = solution.trajectory.rph[:, 2]
+    assert path.sd is not None
+    north, east, down = path.sd[:, ATT].T
+    heading = path.rph[:, 2]
     c, s = np.cos(heading), np.sin(heading)
     return np.c_[np.hypot(c * north, s * east), np.hypot(s * north, c * east), down]
-
-
-def _heading(ahrs: Filter, aidings: Iterable[Aiding], y: Array, sd: Array) -> list[str]:
-    """Notes on the heading; one that is not estimated, or drifts without saying so, becomes NaN
-    in y and sd."""
-    aided = any(a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS) for a in aidings)
-    if aided:
-        return []
-    if ATT.stop - 1 in ahrs.states:
-        return [f"{ahrs.name}: {ahrs.unaided_note}"]
-    y[:, 2] = sd[:, 2] = np.nan
-    return [f"{ahrs.name} gives roll and pitch and no heading"]
 
 
 def _motion(ahrs: Filter, start: Start, imu: Imu) -> list[str]:

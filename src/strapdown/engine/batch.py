@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .. import filters
+from ..alignment.completed import completed, left_open
 from ..checks import DataError
 from ..core.contract import Filter, Noise, Start
 from ..data import Solution
@@ -45,7 +46,7 @@ def fuse(
     """Run `filter` over `recording` and return the Solution.
 
     imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default:
-    `heading_hypotheses.aligned`), to which fixes at its time belong: they are not used again; noise: a Noise
+    `heading_hypotheses.aligned`) whose open parts are found as `align` does, and to which fixes at its time belong: they are not used again; noise: a Noise
     in place of the IMU's; every: keep each n-th row (the last one always); covariance: keep the
     whole covariance of these rows too; say: told of slow compilation; progress: called with the
     fraction done; ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate`
@@ -72,12 +73,13 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
             recording, meta=recording.meta | {"vehicle": find_vehicle(asked.vehicle)}
         )
     imu, start = asked.imu, asked.start
+    whole = isinstance(start, Start) and not left_open(start)
     noise, spec = assumed_noise(
-        recording.meta.get("grade") if imu is None else imu, asked.noise, needed=start is None
+        recording.meta.get("grade") if imu is None else imu, asked.noise, needed=not whole
     )
     filter = filters.find(filter)
-    if start is not None:
-        check_start(start, noise)  # before an AHRS or anything else takes it for one
+    if start is not None:  # before an AHRS or anything else takes it for one
+        check_start(start, noise, left_open(start) if isinstance(start, Start) else ())
     recording, made = fed(
         recording,
         filter,
@@ -85,11 +87,15 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
         asked.ahrs_rate,
         spec,
         noise if asked.noise else None,
-        start,
+        start if whole else None,
         asked.say,
     )
     check_needs(filter, recording.aidings)
-    if start is None:
+    if start is None or not whole:
         assert spec is not None  # it was needed above
-        start = aligned(recording, spec, positioned(filter), asked.noise, asked.say)
+        start = (
+            aligned(recording, spec, positioned(filter), asked.noise, asked.say)
+            if start is None
+            else completed(start, recording, spec, positioned(filter))
+        )
     return ready(recording, filter, start, noise, spec, asked, made)

@@ -8,11 +8,26 @@ from .. import aiding, quantities
 from ..core import cursor as log, loop
 from ..core.contract import POS, Cursor, Filter
 from ..data import Aiding
+from ..preprocessing.origin import counted
 from ..typing import Array
 from ..vehicle import Vehicle
 
 MOST_OF_A_KIND = 20
 """Events of one kind and source that are kept apart; the last one takes in all that follow."""
+(
+    SAMPLES_NOT_FINITE,
+    SAMPLES_TWICE,
+    SAMPLES_LATE,
+    FIXES_NOT_FINITE,
+    FIXES_TWICE,
+    FIXES_LATE,
+    NO_START,
+    POOR_START,
+    CALLBACK,
+    STOPPED,
+    AHRS_STOPPED,
+) = range(log.CODES, log.CODES + 11)
+"""What only a stream says: of rows that a Recording has not, of its start, of its caller."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
 NED = ("north", "east", "down")
 
@@ -24,15 +39,21 @@ class Events:
         self.rows: list[Array] = []
         self.vehicle = vehicle
         self._filter, self._aidings = filter, aidings
+        self.because: dict[int, str] = {}  # by code: what the words of that event add
         self._counts: dict[tuple[float, float], list[Array]] = {}
 
-    def take(self, cursor: Cursor) -> list[Array]:
-        """Take over what the log holds; returns the rows that are new and no more of the same."""
-        said = len(self.rows)
+    def take(self, cursor: Cursor) -> None:
+        """Take over what the log holds, and empty it."""
         for row in cursor.log[: cursor.at[log.LOGGED]]:
             self._fold(row)
         cursor.at[log.LOGGED] = 0
-        return self.rows[said:]
+
+    def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
+        """Write what happens outside the loop; whether it is new and no more of the same."""
+        row = np.zeros(log.LOG_WIDTH)
+        row[log.T] = row[log.UNTIL] = t
+        row[log.CODE], row[log.WHICH], row[log.COUNT], row[log.VALUE] = code, which, 1, value
+        return self._fold(row)
 
     def tell(self, code: int, t: Array, values: Array) -> None:
         """Take over what was seen at the times `t` (s), in their order, with these values."""
@@ -41,15 +62,35 @@ class Events:
             first, last = t[rows[0]], t[rows[-1]]
             self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
 
-    def _fold(self, row: Array) -> None:
-        alike = self._counts.setdefault((row[log.CODE], row[log.WHICH]), [])
-        if alike and (
-            row[log.T] - alike[-1][log.UNTIL] <= log.FOLD or len(alike) == MOST_OF_A_KIND
-        ):
+    def begun(self, cursor: Cursor, since: int) -> list[Array]:
+        """The rows of the log from number `since` on that go on with nothing; it keeps them."""
+        begun = []
+        for k in range(since, int(cursor.at[log.LOGGED])):
+            row, before = cursor.log[k], cursor.log[:k]
+            alike = self._alike(row)
+            there = int(
+                (
+                    (before[:, log.CODE] == row[log.CODE])
+                    & (before[:, log.WHICH] == row[log.WHICH])
+                ).sum()
+            )
+            if there + len(alike) < MOST_OF_A_KIND and (there or not _goes_on(alike, row)):
+                begun.append(row.copy())
+        return begun
+
+    def _alike(self, row: Array) -> list[Array]:
+        return self._counts.setdefault((row[log.CODE], row[log.WHICH]), [])
+
+    def _fold(self, row: Array) -> bool:
+        """Take over a row, as one more or as part of the last one of its kind; whether it is one
+        more."""
+        alike = self._alike(row)
+        if len(alike) == MOST_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
-        else:
-            alike.append(row.copy())
-            self.rows.append(alike[-1])
+            return False
+        alike.append(row.copy())
+        self.rows.append(alike[-1])
+        return True
 
     def text(self, row: Array) -> str:
         """What a row of the log says."""
@@ -101,6 +142,11 @@ class Events:
         return self._filter.conditions[which].text
 
 
+def _goes_on(alike: list[Array], row: Array) -> bool:
+    """Whether a row belongs to the last of these."""
+    return bool(alike) and bool(row[log.T] - alike[-1][log.UNTIL] <= log.FOLD)
+
+
 def _merge(row: Array, more: Array) -> None:
     row[log.UNTIL] = max(row[log.UNTIL], more[log.UNTIL])
     row[log.COUNT] += more[log.COUNT]
@@ -122,6 +168,19 @@ def _times(row: Array) -> str:
     if row[log.COUNT] == 1:
         return ""
     return f" ({row[log.COUNT]:.0f} times until {row[log.UNTIL]:.1f} s)"
+
+
+def _counted(row: Array, noun: str) -> str:
+    return counted(int(row[log.COUNT]), noun)
+
+
+def _till(row: Array) -> str:
+    """Until when, of what lasted."""
+    return f" until {row[log.UNTIL]:.1f} s" if row[log.UNTIL] > row[log.T] else ""
+
+
+def _missed(row: Array) -> str:
+    return f" ({counted(int(row[log.COUNT]) - 1, 'event')} since)" if row[log.COUNT] > 1 else ""
 
 
 def _imu(which: int, value: float) -> tuple[str, str]:
@@ -213,5 +272,32 @@ WORDS: dict[int, Words] = {
         f"filter and smoother are up to {value:.2g} standard deviations apart, until "
         f"{row[log.UNTIL]:.0f} s: what came later contradicts what came before"
     ),
+    SAMPLES_NOT_FINITE: lambda e, row, s, value: (
+        f"IMU: {_counted(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
+    ),
+    SAMPLES_TWICE: lambda e, row, s, value: (
+        f"IMU: {_counted(row, 'repeated time')} dropped{_till(row)}"
+    ),
+    SAMPLES_LATE: lambda e, row, s, value: (
+        f"IMU: {_counted(row, 'late sample')} dropped, up to {value:.3g} s behind{_till(row)}: give "
+        f"a longer lag"
+    ),
+    FIXES_NOT_FINITE: lambda e, row, s, value: (
+        f"{e.name(s)}: {_counted(row, 'row')} without time dropped{_till(row)}"
+    ),
+    FIXES_TWICE: lambda e, row, s, value: (
+        f"{e.name(s)}: {_counted(row, 'repeated row')} dropped{_till(row)}"
+    ),
+    FIXES_LATE: lambda e, row, s, value: (
+        f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {value:.3g} s behind{_till(row)}: "
+        f"give a longer lag"
+    ),
+    NO_START: lambda e, row, s, value: f"no start yet: {e.because[NO_START]}",
+    POOR_START: lambda e, row, s, value: f"started with what there is: {e.because[POOR_START]}",
+    CALLBACK: lambda e, row, s, value: (
+        f"on_event raised {e.because[CALLBACK]}: it is not called again{_missed(row)}"
+    ),
+    AHRS_STOPPED: lambda e, row, s, value: e.because[AHRS_STOPPED],
+    STOPPED: lambda e, row, s, value: e.because[STOPPED].removeprefix("stream "),
 }
 """How each code of the log is said."""

@@ -35,11 +35,9 @@ def solution(run: Run) -> Solution:
     }
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
-        meta["stopped"] = (
-            f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the "
-            f"filter diverged"
-        )
-        events.append((float(t), meta["stopped"]))
+        meta["stopped"] = stopped(t)
+        if (float(t), meta["stopped"]) not in events:  # a stream said so already
+            events.append((float(t), meta["stopped"]))
         if not len(nav):
             raise DataError(f"{filter.name} {meta['stopped']}")
     # what is not estimated is no number
@@ -83,6 +81,14 @@ def solution(run: Run) -> Solution:
         out.covariance[: len(nav)] if len(out.covariance) else None,
         meta,
         recording,
+    )
+
+
+def stopped(t: float) -> str:
+    """What is said of a filter that stopped at the sample of `t` s."""
+    return (
+        f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter "
+        f"diverged"
     )
 
 

@@ -2,7 +2,7 @@
 fixes, cursor and output, all held in a `Run`."""
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from .. import aiding, filters
+from ..alignment.completed import PARTS
 from ..checks import DataError
 from ..core import cursor as places, loop
 from ..core.contract import (
@@ -47,6 +48,8 @@ GATES = {1: 10.828, 2: 13.816, 3: 16.266}
 """Bound on the NIS by number of rows: 0.1 % of right fixes are rejected (chi-square quantiles)."""
 LARGEST_OF_START = {"rph": 4 * np.pi, "bg": 35.0}
 """rad and rad/s that a start can have; 35 rad/s is the range of the common MEMS gyros."""
+LARGEST_ANGLES = np.array([np.pi / 2, 2 * np.pi])
+"""rad: latitude and longitude."""
 LONGEST_GAP = 86400.0
 """s without IMU samples; more is a mistaken clock and no pause."""
 AHRS_RATE = 10.0
@@ -413,20 +416,14 @@ def assumed_noise(
         ) from None
 
 
-def check_start(start: Start, noise: Noise) -> None:
+def check_start(start: Start, noise: Noise, missing: Collection[str] = ()) -> None:
     """Raise DataError naming the first field of a Start or a Noise that no filter can begin
-    with."""
+    with; `missing` are those that are to be found."""
     if not isinstance(start, Start):
         raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
-    for name, size in (
-        ("t", 1),
-        ("lla", 3),
-        ("v", 3),
-        ("rph", 3),
-        ("ba", 3),
-        ("bg", 3),
-        ("sd", STATES),
-    ):
+    for name, size in {"t": 1, **PARTS}.items():
+        if name in missing:
+            continue
         try:
             values = np.atleast_1d(np.asarray(getattr(start, name), float))
         except (TypeError, ValueError):
@@ -436,11 +433,13 @@ def check_start(start: Start, noise: Noise) -> None:
                 f"start: {name} is {getattr(start, name)!r}; it must be {size} finite "
                 f"number{'s' * (size > 1)}"
             )
-        if np.abs(values).max() > LARGEST_OF_START.get(name, np.inf):
+        if np.abs(values).max() > LARGEST_OF_START.get(name, np.inf) or (
+            name == "lla" and (np.abs(values[:2]) > LARGEST_ANGLES).any()
+        ):
             raise DataError(f"start: {name} is {getattr(start, name)}, in rad; is it in degrees?")
-    if min(start.sd) < 0:
+    if "sd" not in missing and min(start.sd) < 0:
         raise DataError(f"start: sd has {min(start.sd):g}; standard deviations must be 0 or more")
-    if abs(start.lla[0]) > LATITUDE_LIMIT:
+    if "lla" not in missing and abs(start.lla[0]) > LATITUDE_LIMIT:
         raise DataError(
             f"start: latitude is {np.degrees(start.lla[0]):.6g} deg; results hold up to "
             f"{np.degrees(LATITUDE_LIMIT):.0f} deg"

@@ -1,225 +1,323 @@
-"""The filters live: `Stream` takes samples and fixes as they come and gives what `fuse` gives,
-bit for bit."""
+"""The filters live: `Stream` takes samples and fixes as they come, gives what `fuse` gives, bit for
+bit, and says what `fuse` says."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from heapq import heappop, heappush
 from math import inf, isfinite, nan
-from typing import Any, NamedTuple
+from typing import Any, NoReturn
 
 import numpy as np
 
-from .. import aiding, filters
-from ..checks import DataError
-from ..core import cursor as places, loop
-from ..core.contract import Belief, Filter, Imu, Noise, Start, entry_point
-from ..data import Aiding
-from ..typing import Say
+from .. import filters
+from ..alignment.completed import left_open
+from ..checks import DataError, check_number
+from ..core import cursor as places
+from ..core.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
+from ..core.loop import SAME_TIME
+from ..data import Aiding, Solution
+from ..plugins import one_line
+from ..preprocessing.imu_samples import LONGEST_INTERVAL
+from ..preprocessing.plausible import mistakes
+from ..typing import Array, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
+from ..verdict import Verdict
+from . import events as words
+from .arrivals import (
+    MOST_WAITING_FIXES,
+    Fix as Fix,
+    Sample as Sample,
+    Sources,
+    UsableFix,
+    refuse_event,
+    refuse_sample,
+)
+from .attitude_first import attitudes, chosen, notes_on, taken_by, whose
 from .events import Events
-from .limits import limits
+from .gathering import Gathering
+from .live_run import LiveRun
 from .prepare import (
+    AHRS_RATE,
     LONGEST_GAP,
     GivenImu,
     assumed_noise,
-    blame,
     check_needs,
+    check_options,
+    check_start,
     fitted,
-    merge,
-    new_belief,
-    new_cursor,
-    new_output,
-    prepare,
     usable,
 )
 
-MOST_WAITING_FIXES = 1024
-"""Fixes that a stream holds while it waits for a sample."""
-
-
-class Sample(NamedTuple):
-    """One IMU sample of a stream: increments over (t - dt, t], body FRD, rad and m/s."""
-
-    t: float
-    dt: float
-    dtheta: tuple[float, float, float]
-    dv: tuple[float, float, float]
-
-
-class Fix(NamedTuple):
-    """One fix of a stream. `source` is the place of its source among the stream's `aidings`; y
-    and sd as in Aiding, NaN where not measured."""
-
-    t: float
-    source: int
-    y: tuple[float, ...]
-    sd: tuple[float, ...]
-
-
-class _UsableFix(NamedTuple):
-    """A fix of a source that the filter uses: `source` is its place among those."""
-
-    t: float
-    source: int
-    y: list[float]
-    sd: list[float]
+HISTORY = 65536
+"""Samples that a stream keeps, at least the newer half of them."""
+LOOKS = (10.0, 60.0, inf)
+"""s of samples after which they are compared with gravity."""
+DROPPED = ("before the start", "late", "twice", "not finite")
+OnEvent = Callable[[float, str], object]
 
 
 class Stream:
     """The same kernels live: samples wait `lag` seconds for late events, then all is used in time
-    order; what comes later still is dropped and counted.
+    order; what comes later still is dropped, counted and said.
 
     aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not
     used). The result is that of `fuse` on the same events, bit for bit. A fix is used with the
     sample that reaches its time; a sample with a NaN is dropped. Fixes of sources that the filter
     cannot use change nothing. Where a filter takes options from the fixes of a recording, such as
-    their interval, it takes them from these Aidings, which may hold none: then give the options.
-    `notes` says what it took. Raises DataError.
+    their interval, it takes them from these Aidings, or where they hold none from those before the
+    start; `notes` says what it took.
+
+    start: a Start; None, or one with parts left open: found from the first samples and fixes, which
+    are used again from there on. A look is taken every 10 s; a start whose heading is known is taken
+    at once, any other `align_within` s (of samples) after the first sample. Until then the belief is
+    NaN, the status INVALID.
+
+    on_event: called with (t, text) of each event when it begins; where it raises, an event says so
+    and it is not called again. history: samples of which `solution` and `verdict` tell; at least
+    the newer half of so many are kept, with covariances where `covariance` asks for them; every:
+    the solution has each n-th row. Other arguments as of `fuse`. Raises DataError.
     """
 
     def __init__(
         self,
         filter: str | Filter,
-        start: Start,
+        start: Start | None = None,
         imu: GivenImu | None = None,
         noise: Noise | None = None,
         aidings: Sequence[Aiding] = (),
         lag: float = 0.0,
         say: Say | None = None,
         vehicle: GivenVehicle | None = None,
+        on_event: OnEvent | None = None,
+        align_within: float = 60.0,
+        history: int = HISTORY,
+        every: int = 1,
+        covariance: bool = False,
+        ahrs: str | Filter | None = None,
+        ahrs_rate: float = AHRS_RATE,
         **options: Any,
     ) -> None:
-        if not lag >= 0:
-            raise DataError(f"lag is {lag} s; it must be 0 or more")
-        self.noise, spec = assumed_noise(imu, noise, needed=False)
-        filter = filters.find(filter)
-        used, _ = usable(filter, aidings)
-        check_needs(
-            filter, aidings, "a stream runs no AHRS: give an Aiding of that kind among its aidings"
+        check_number(lag, "lag", "s", least=0)
+        check_number(align_within, "align_within", "s", least=0, infinite=True)
+        check_number(history, "history", "samples", least=100, whole=True)
+        check_number(every, "every", least=1, whole=True)
+        whole = isinstance(start, Start) and not left_open(start)
+        self.noise, self._spec = assumed_noise(imu, noise, needed=not whole)
+        self._filter = filter = filters.find(filter)
+        first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
+        self._ahrs = first and _Ahrs(
+            Stream(
+                first,
+                start if whole else None,
+                imu,
+                noise,
+                [a for a in aidings if a.kind != "attitude"],
+                lag,
+                say,
+                vehicle,
+                align_within=align_within,
+                history=history,
+            ),
+            aidings,
+            ahrs_rate,
         )
-        options, self.notes = fitted(filter, options, used)
-        self.belief = new_belief(filter, start, self.noise, options, used)
-        self.prepared = prepare(filter, [a.kind for a in used], say)
-        self.lag, self.newest, self.dropped = lag, start.t, 0
-        self._filter, self._used = filter, used  # to blame where one of them raises
-        self._widths = [len(aiding.find(a.kind).quantities) for a in aidings]
+        self.notes = self._ahrs.notes if self._ahrs else []
+        if self._ahrs:
+            self._ahrs.stream._row = self._take_attitude
+            aidings = (*aidings, self._ahrs.made)
+        left = [a for a in aidings if not (self._ahrs and self._ahrs.has_for_itself(a))]
+        self._used, _ = usable(filter, left)
+        check_needs(filter, left)
+        self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
+        self._rows, self._every, self._covariance = history, every, covariance
+        self.lag, self.newest = lag, -inf
+        self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
+        self.dropped_by = dict.fromkeys(DROPPED, 0)
+        self._on_event, self._news, self._deaf = on_event, list[Array](), False
+        self._events = Events(filter, self._used, self._vehicle)
+        self._sources = Sources(aidings)
         # among those that the filter can use
-        self._places = [next((i for i, b in enumerate(used) if b is a), None) for a in aidings]
+        self._places = [
+            next((i for i, b in enumerate(self._used) if b is a), None) for a in aidings
+        ]
+        self._elsewhere = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in aidings]
         # heaps of samples and of fixes; a number that keeps equal times in order
         self._samples: list[tuple[float, int, Sample]] = []
-        self._waiting: list[tuple[float, int, int, _UsableFix]] = []
+        self._waiting: list[tuple[float, int, int, UsableFix]] = []
         self._number = 0
         # what is not later than this is too late
-        self._late = self._late_fix = start.t + loop.SAME_TIME
-        sources = [a._where(np.zeros(len(a.t), bool)) for a in used]
-        self._fixes = merge(sources)._replace(
-            t=np.empty(MOST_WAITING_FIXES),
-            source=np.zeros(MOST_WAITING_FIXES, np.int64),
-            y=np.full((MOST_WAITING_FIXES, 3), np.nan),
-            sd=np.full((MOST_WAITING_FIXES, 3), np.nan),
+        self._late = self._late_fix = -inf
+        self._before: list[UsableFix | None] = [None] * len(aidings)  # the last fix used, by source
+        self._began, self._stopped, self._looking = -inf, "", False
+        self._live: LiveRun | None = None
+        if start is not None:
+            check_start(start, self.noise, left_open(start) if isinstance(start, Start) else ())
+        check_options(filter, options)
+        self.belief = _nothing_known()
+        self._gathered = Gathering(
+            filter, aidings, self._spec, noise, start, align_within, history, say
         )
-        self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
-        bounds = find_vehicle(vehicle)
-        self._cursor = new_cursor(filter, start.t, used, limits(spec, self.noise, bounds))
-        self._events = Events(filter, used, bounds)
-        # no output rows
-        (
-            self._cursor.at[places.EVERY],
-            self._cursor.at[places.PHASE],
-            self._cursor.at[places.STOP],
-        ) = (
-            2,
-            1,
-            1,
-        )
-        self._out = new_output(filter, self.belief, 0, fixes=MOST_WAITING_FIXES)
-        self._arguments = (
-            self.prepared.predict,
-            self.prepared.correct,
-            self.prepared.observers,
-            self.belief,
-            self._imu,
-            self._fixes,
+        if start is not None and whole:
+            self.begin(start)
+
+    # ---- the start
+
+    @property
+    def started(self) -> bool:
+        """Whether it has its start."""
+        return self._live is not None
+
+    @property
+    def start(self) -> Start | None:
+        """Where its history begins: its start, until it forgets older samples; None before."""
+        return self._live.start if self._live else None
+
+    def align(self) -> Start:
+        """The Start that the samples and fixes so far tell, for `begin`; of a stream that has
+        started the one it has. Raises DataError where they tell none."""
+        return self._gathered.start() if self._live is None else self._live.start
+
+    def begin(self, start: Start | None = None) -> Belief:
+        """Start now, from this Start or the one of `align`, and run over what was gathered since.
+        Raises DataError."""
+        if self._live is not None:
+            raise DataError(f"the stream has started at {self._began:.3f} s; begin a new one")
+        start = start or self.align()
+        aidings = self._used
+        if self._gathered.samples and not any(len(a.t) for a in aidings):
+            aidings = usable(self._filter, self._gathered.recording().aidings)[0]
+        options, notes = fitted(self._filter, self._options, aidings)
+        self.notes += notes
+        live = LiveRun(
+            self._filter,
+            start,
             self.noise,
-            self._cursor,
-            self._out,
+            self._spec,
+            options,
+            self._used,
+            self._vehicle,
+            self._rows,
+            self._covariance,
+            self._say,
+            self._events,
         )
-        self._run = entry_point(loop.run)
+        samples, self._gathered.samples = self._gathered.samples, []
+        fixes, self._gathered.fixes = sorted(self._gathered.fixes, key=lambda fix: fix[:2]), []
+        self._live, self.belief, self._began = live, live.belief, start.t
+        self.newest = max(self.newest, start.t)
+        self._late = self._late_fix = start.t + SAME_TIME
+        self._look_at = start.t + LOOKS[0]
+        fixes = [fix for fix in fixes if fix.t > self._late_fix]
+        for sample in samples:
+            if sample.t > self._late:
+                end = sample.t + SAME_TIME
+                count = next((k for k, fix in enumerate(fixes) if fix.t > end), len(fixes))
+                self._advance(live, sample, fixes[:count])
+                del fixes[:count]
+            else:
+                self.dropped_by["before the start"] += 1
+        return self.belief
 
-    @property
-    def t(self) -> float:
-        """Time of the belief, s."""
-        return float(self._cursor.now[0])
+    def _gather(self, sample: Sample, fixes: list[UsableFix]) -> None:
+        """Keep what cannot be used yet; start where it tells one that is worth it."""
+        gathered = self._gathered
+        self._late, self._late_fix = sample[0], sample[0] - SAME_TIME
+        if not gathered.take(sample, fixes):
+            return
+        try:
+            gathered.check()
+        except DataError as error:
+            self._stop(sample[0], str(error))
+        try:
+            start = gathered.start()
+        except DataError as error:
+            if gathered.late:
+                self._note(words.NO_START, 0, sample[0], because=str(error))
+            return
+        if not gathered.worth(start):
+            if not gathered.late:
+                return
+            self._note(words.POOR_START, 0, sample[0], because=start.note)
+        self.begin(start)
 
-    @property
-    def status(self) -> int:
-        """VALID, BRIDGED, INVALID or DOUBTFUL, as of a row of a Solution."""
-        return int(self._cursor.at[places.SHOWN])
-
-    @property
-    def events(self) -> list[tuple[float, str]]:
-        """[(t, text)] of what a user must know, as of a Solution."""
-        return self._events.all
+    # ---- going on
 
     def step(self, event: Sample | Fix) -> Belief:
         """Take a Sample or a Fix, use what has waited long enough, and return the belief
-        (updated in place)."""
-        t = event[0]
-        self._number += 1
+        (updated in place). Raises DataError for what is neither, which changes nothing, and
+        where the stream stopped."""
         if isinstance(event, Fix):
-            if not t > self._late_fix:
-                self.dropped += 1
-            elif (fix := self._usable(event)) is not None:
-                heappush(self._waiting, (t, fix.source, self._number, fix))
-            return self.belief
-        if not (t > self._late and isfinite(t + sum(event[2]) + sum(event[3])) and event[1] > 0):
-            self.dropped += 1
-            return self.belief
-        if t > self.newest:
-            if t - self.newest > LONGEST_GAP:
-                raise DataError(
-                    f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a new "
-                    f"stream there"
-                )
-            self.newest = t
-        heappush(self._samples, (t, self._number, event))
-        self._use(self.newest - self.lag)
+            self._take_fix(event)
+        else:
+            if not isinstance(event, Sample):
+                refuse_event(event)
+            try:
+                t, dt, (a, b, c), (d, e, f) = event
+                finite = isfinite(t + dt + a + b + c + d + e + f)
+                possible = 0 < dt <= LONGEST_INTERVAL
+            except (TypeError, ValueError):
+                refuse_sample(event)
+            if not finite:
+                self._drop("not finite", words.SAMPLES_NOT_FINITE, 0, t)
+            elif not possible:
+                refuse_sample(event)
+            elif not t > self._late:
+                self._drop_sample(t)
+            else:
+                if t > self.newest:
+                    if t - self.newest > LONGEST_GAP and self.newest > -inf:
+                        raise DataError(
+                            f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin "
+                            f"a new stream there"
+                        )
+                    self.newest = t
+                if self._ahrs is not None:
+                    self._feed(self._ahrs, event)
+                if self.lag == 0 and not self._samples:
+                    self._take(event)
+                else:
+                    self._number += 1
+                    heappush(self._samples, (t, self._number, event))
+                    self._use(self.newest - self.lag)
+        if self._news:
+            self._tell()
         return self.belief
 
-    def _usable(self, fix: Fix) -> _UsableFix | None:
-        """The fix with NaN for what is not finite, None where the filter cannot use its source;
-        raises DataError for what no source delivers."""
-        if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < len(self._widths)):
-            raise DataError(
-                f"fix at {fix.t:.3f} s: source is {fix.source!r}; the stream has "
-                f"{len(self._widths)}, counted from 0"
-            )
-        width = self._widths[fix.source]
-        try:
-            y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.sd]
-        except (TypeError, ValueError):
-            raise DataError(
-                f"fix at {fix.t:.3f} s: y is {fix.y!r} and sd {fix.sd!r}; each must be a tuple, "
-                f"source {fix.source} needs {width} "
-                f"number{'s' * (width > 1)}"
-            ) from None
-        if not len(y) == len(deviations) == width:
-            raise DataError(
-                f"fix at {fix.t:.3f} s: y has {len(y)} and sd {len(deviations)} numbers; source "
-                f"{fix.source} needs {width}"
-            )
-        y = [value if isfinite(value) else nan for value in y]
-        if not all(value != value or 0 < sd < inf for value, sd in zip(y, deviations)):
-            raise DataError(
-                f"fix at {fix.t:.3f} s: standard deviations are {tuple(fix.sd)}; they must be above "
-                f"zero"
-            )
-        if len(self._waiting) == MOST_WAITING_FIXES:
-            raise DataError(
-                f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at "
-                f"{self._waiting[0][0]:.3f} s; the stream needs samples to go on"
-            )
+    def _take_fix(self, event: Fix) -> None:
+        fix = self._sources.usable(event)
         place = self._places[fix.source]
-        return None if place is None else _UsableFix(fix.t, place, y, deviations)
+        if self._ahrs is not None:
+            self._feed(self._ahrs, event)
+        if place is None and (self._live is not None or self._elsewhere[fix.source]):
+            return
+        if not isfinite(fix.t):
+            self._drop("not finite", words.FIXES_NOT_FINITE, place, self.newest)
+        elif not fix.t > self._late_fix:
+            self._drop_fix(fix)
+        else:
+            if len(self._waiting) == MOST_WAITING_FIXES:
+                raise DataError(
+                    f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at "
+                    f"{self._waiting[0][0]:.3f} s; the stream needs samples to go on"
+                )
+            self._number += 1
+            heappush(self._waiting, (fix.t, fix.source, self._number, fix))
+
+    def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
+        if text := ahrs.take(event):
+            self._note(words.AHRS_STOPPED, 0, event.t, because=text)
+
+    def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
+        """What the AHRS made of its newest sample, as a fix."""
+        assert self._ahrs is not None  # whose this is
+        fix = self._ahrs.fix(live, inner._looking)
+        if fix is None:
+            return
+        self._number += 1
+        if fix.t > self._late_fix:
+            heappush(self._waiting, (fix.t, fix.source, self._number, fix))
+        elif self._live is None:
+            self._gathered.fixes.append(fix)
 
     def _use(self, until: float) -> None:
         samples = self._samples
@@ -228,60 +326,277 @@ class Stream:
             if sample[0] > self._late:
                 self._take(sample)
             else:
-                self.dropped += 1
+                self._drop_sample(sample[0])
 
     def _take(self, sample: Sample) -> None:
-        """Run over one sample and the fixes up to its end."""
-        at, imu, fixes, waiting, end, k = (
-            self._cursor.at,
-            self._imu,
-            self._fixes,
-            self._waiting,
-            sample[0] + loop.SAME_TIME,
-            0,
+        """Use one sample and the fixes up to its end."""
+        if self._stopped:
+            raise DataError(self._stopped)
+        waiting, live = self._waiting, self._live
+        fixes = self._due(sample[0]) if waiting and waiting[0][0] <= sample[0] + SAME_TIME else []
+        if live is None:
+            self._gather(sample, fixes)
+        else:
+            self._advance(live, sample, fixes)
+
+    def _due(self, t: float) -> list[UsableFix]:
+        """The fixes up to `t`, each once."""
+        fixes, waiting = [], self._waiting
+        while waiting and waiting[0][0] <= t + SAME_TIME:
+            fix = heappop(waiting)[3]
+            before = self._before[fix.source]
+            if before is not None and fix[:3] == before[:3]:
+                self._drop_fix(fix)
+            else:
+                self._before[fix.source] = fix
+                fixes.append(fix)
+        return fixes
+
+    def _advance(self, live: LiveRun, sample: Sample, fixes: list[UsableFix]) -> None:
+        """Run over a sample and fixes of sources of which the filter may use some."""
+        if fixes:
+            found = [(fix, self._places[fix.source]) for fix in fixes]
+            fixes = [fix._replace(source=place) for fix, place in found if place is not None]
+        t = sample[0]
+        if self._looking:
+            live.look(sample, fixes)
+            if self._row is not None:
+                self._row(self, live)
+        else:
+            try:
+                said = live.take(sample, fixes)
+            except DataError as error:
+                self._stop(t, str(error))
+            if said:
+                self._news += live.new_events()
+            if self._row is not None:
+                self._row(self, live)
+            if t >= self._look_at:
+                self._compare_with_gravity(live, t)
+        self._late, self._late_fix = t, t - SAME_TIME
+
+    def _compare_with_gravity(self, live: LiveRun, t: float) -> None:
+        self._look_at = self._began + next(
+            seconds for seconds in LOOKS if self._began + seconds > t
         )
-        while waiting and waiting[0][0] <= end:
-            fixes.t[k], fixes.source[k], y, sd = heappop(waiting)[3]
-            fixes.y[k, : len(y)], fixes.sd[k, : len(y)] = y, sd
-            k += 1
-        imu.t[0], imu.dt[0], imu.dtheta[0], imu.dv[0] = sample
-        at[places.ROW], at[places.STOP], at[places.FIXES] = 0, 1, k
-        try:
-            self._run(*self._arguments)
-        except Exception as error:
-            blame(error, self._filter, self._used)
-            raise
-        if at[places.LOGGED]:
-            self._events.take(self._cursor)
-        if at[places.FAULT]:
-            raise DataError(
-                f"stream stopped at {sample[0]:.2f} s: the latitude left the +-89 deg where results "
-                f"hold, or the filter diverged"
-            )
-        if k:
-            at[places.FIX] = at[places.FIXES] = 0
-        self._late, self._late_fix = sample[0], sample[0] - loop.SAME_TIME
+        for _, text in mistakes(live.samples, "increment"):
+            self._stop(t, f"IMU: {text}")
+
+    def _stop(self, t: float, text: str) -> NoReturn:
+        """Raise DataError, now and at all samples that follow."""
+        self._stopped = text
+        self._note(words.STOPPED, 0, t, because=text)
+        self._tell()
+        raise DataError(text)
 
     @property
     def now(self) -> Belief:
         """The belief at the newest sample: a copy, propagated through what still waits."""
-        arrays = [column for part in (self.belief, self._cursor) for column in part]
-        saved = [column.copy() for column in arrays]
-        plain = list(self._samples), list(self._waiting), self._late, self._late_fix, self.dropped
+        with self._ahead() as live:
+            if live is None:
+                return self.belief
+            if self._ahrs is None:
+                self._use(inf)
+            else:
+                with self._ahrs.ahead():
+                    self._use(inf)
+            return live.copy()
+
+    @contextmanager
+    def _ahead(self) -> Iterator[LiveRun | None]:
+        """What is used inside is as if it had not been; None before the start."""
+        live = self._live
+        if live is None:
+            yield None
+            return
+        arrays, seen = live.snapshot(), live.seen
+        plain = list(self._samples), list(self._waiting), list(self._before)
+        late, self._looking = (self._late, self._late_fix), True
         try:
-            self._use(inf)
-            return type(self.belief)(*(column.copy() for column in self.belief))
+            yield live
         finally:
-            for column, before in zip(arrays, saved):
-                column[...] = before
-            self._samples, self._waiting, self._late, self._late_fix, self.dropped = plain
+            live.restore(arrays)
+            live.seen, self._looking = seen, False
+            self._samples, self._waiting, self._before = plain
+            self._late, self._late_fix = late
 
     def finish(self) -> Belief:
-        """Use all that waits and return the belief."""
+        """Use all that waits and return the belief; one that has not started does so. Raises
+        DataError where there is nothing to start from."""
+        if self._ahrs is not None and not self._ahrs.stream._stopped:
+            self._ahrs.stream.finish()
         self._use(inf)
+        if self._live is None:
+            self.begin()
+        self._tell()
         return self.belief
+
+    # ---- what it says
+
+    def _drop(self, why: str, code: int, place: int | None, t: float, behind: float = 0.0) -> None:
+        if self._looking:
+            return
+        self.dropped_by[why] += 1
+        if place is not None:
+            self._note(code, place, t if isfinite(t) else max(self.newest, self._began), behind)
+
+    def _drop_sample(self, t: float) -> None:
+        if t <= self._began + SAME_TIME:
+            self._drop("before the start", 0, None, t)
+        elif t == self._late:
+            self._drop("twice", words.SAMPLES_TWICE, 0, t)
+        else:
+            self._drop("late", words.SAMPLES_LATE, 0, t, self._late - t)
+
+    def _drop_fix(self, fix: UsableFix) -> None:
+        before, place = self._before[fix.source], self._places[fix.source]
+        if fix.t <= self._began + SAME_TIME:
+            self._drop("before the start", 0, None, fix.t)
+        elif before is not None and fix[:3] == before[:3]:
+            self._drop("twice", words.FIXES_TWICE, place, fix.t)
+        else:
+            self._drop("late", words.FIXES_LATE, place, fix.t, self._late - fix.t)
+
+    def _note(self, code: int, which: int, t: float, value: float = 0.0, because: str = "") -> None:
+        if because:
+            self._events.because[code] = because
+        if self._events.note(code, which, t, value):
+            self._news.append(self._events.rows[-1])
+
+    def _tell(self) -> None:
+        """Hand over the events that began."""
+        news, self._news = self._news, []
+        for row in news:
+            if self._on_event is None:
+                return
+            if self._deaf:
+                self._events.note(words.CALLBACK, 0, self.t)
+                continue
+            try:
+                self._on_event(float(row[places.T]), self._events.text(row))
+            except Exception as error:
+                self._deaf = True
+                self._events.because[words.CALLBACK] = one_line(error)
+                self._events.note(words.CALLBACK, 0, self.t)
+
+    @property
+    def events(self) -> list[tuple[float, str]]:
+        """[(t, text)] of what a user must know, as of a Solution."""
+        return (self._live.told() if self._live else self._events).all
+
+    @property
+    def dropped(self) -> int:
+        """How many samples and fixes were not used; `dropped_by` says why."""
+        return sum(self.dropped_by.values())
+
+    @property
+    def t(self) -> float:
+        """Time of the belief, s; NaN before the start."""
+        return self._live.t if self._live else nan
+
+    @property
+    def status(self) -> int:
+        """VALID, BRIDGED, INVALID or DOUBTFUL, as of a row of a Solution."""
+        return self._live.status if self._live else INVALID
 
     def counts(self) -> list[tuple[int, int]]:
         """(accepted, rejected) per source; (0, 0) of one that the filter cannot use."""
-        counts = list(zip(self._cursor.accepted.tolist(), self._cursor.rejected.tolist()))
+        if self._live is None:
+            return [(0, 0)] * len(self._places)
+        cursor = self._live.cursor
+        counts = list(zip(cursor.accepted.tolist(), cursor.rejected.tolist()))
         return [(0, 0) if place is None else counts[place] for place in self._places]
+
+    @property
+    def solution(self) -> Solution:
+        """The Solution of the history, as `fuse` gives it. Raises DataError before the first
+        sample is used."""
+        if self._live is None or not self._live.cursor.at[places.ROW]:
+            raise DataError("the stream has used no sample yet; there is no solution")
+        return self._live.solution(self._every, name="stream", notes=self.notes)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether to trust its history, and why not: that of its `solution`."""
+        return self.solution.verdict
+
+
+class _Ahrs:
+    """The stream of an AHRS beside another one, whose attitudes are fixes of that. It is always
+    as far as that or further."""
+
+    def __init__(self, stream: Stream, aidings: Sequence[Aiding], rate: float) -> None:
+        self.stream, self._rate, self._every, self._count = stream, rate, 0, 0
+        filter = stream._filter
+        self._taken = taken_by(filter, aidings)
+        self._replaced = [a for a in aidings if a.kind == "attitude"]
+        self._source, own = len(aidings), [a for a in aidings if a.kind != "attitude"]
+        self._places = [next((i for i, b in enumerate(own) if b is a), None) for a in aidings]
+        self.made = Aiding(
+            "attitude", np.empty(0), np.empty((0, 3)), np.empty((0, 3)), name=filter.name
+        )
+
+    @property
+    def notes(self) -> list[str]:
+        """What it is."""
+        notes = notes_on(self.stream._filter, self._rate, bool(self._taken))
+        notes[0] += whose(self._taken, self._replaced)
+        return notes
+
+    def has_for_itself(self, a: Aiding) -> bool:
+        """Whether the other filter does not get this source."""
+        return a is not self.made and (a.kind == "attitude" or any(a is b for b in self._taken))
+
+    def take(self, event: Sample | Fix) -> str:
+        """Give the AHRS a sample or a fix of the stream; what is to be said of that, once."""
+        if isinstance(event, Fix):
+            place = self._places[event.source]
+            if place is None:
+                return ""
+            event = event._replace(source=place)
+        if self.stream._stopped:
+            return ""
+        try:
+            self.stream.step(event)
+        except DataError as error:
+            if not self.stream._stopped:
+                raise
+            return f"{self.made.name}: {error}; no attitude from here on"
+        return ""
+
+    def fix(self, live: LiveRun, looking: bool) -> UsableFix | None:
+        """Its attitude after its newest sample, where one is due."""
+        if not self._every:
+            own = live.rate
+            if self._rate > own * 1.001:
+                raise DataError(
+                    f"ahrs_rate is {self._rate:g} Hz; it must be at most the IMU's {own:.4g} Hz"
+                )
+            self._every = round(own / self._rate)
+        self._count += 1
+        if self._count % self._every or live.status != VALID:
+            return None
+        path = live.newest(looking)
+        y, sd = attitudes(live.filter, path, bool(self._taken))
+        return UsableFix(float(path.t[0]), self._source, y[0].tolist(), sd[0].tolist())
+
+    @contextmanager
+    def ahead(self) -> Iterator[None]:
+        """What the AHRS uses now is as if it had not been afterwards."""
+        count = self._count
+        with self.stream._ahead() as live:
+            if live is not None:
+                self.stream._use(inf)
+            yield
+        self._count = count
+
+
+def _nothing_known() -> Belief:
+    def unknown(*shape: int) -> Array:
+        return np.full(shape, nan)
+
+    three = (unknown(3) for _ in range(7))
+    lla, v, ba, bg, omega, f, _ = three
+    return Belief(
+        lla, v, unknown(3, 3), ba, bg, unknown(STATES, STATES), omega, f, unknown(0), unknown(0)
+    )

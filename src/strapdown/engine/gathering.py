@@ -1,0 +1,117 @@
+"""What a stream is given before it knows where to start, and the Start that it tells."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..alignment.completed import completed
+from ..checks import DataError
+from ..core.contract import Filter, Imu, Noise, Start
+from ..data import Aiding
+from ..preprocessing.plausible import mistakes
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Say
+from .arrivals import Sample, UsableFix
+from .heading_hypotheses import DOUBTFUL, aligned
+from .prepare import positioned
+
+ALIGN_EVERY = 10.0
+"""s of samples between two looks for a start."""
+
+
+class Gathering:
+    """Samples and fixes in time order. given: a Start with parts left open, or None; within: s
+    after which any start that is found is taken; most: samples that are kept."""
+
+    def __init__(
+        self,
+        filter: Filter,
+        aidings: Sequence[Aiding],
+        spec: ImuSpec | None,
+        noise: Noise | None,
+        given: Start | None,
+        within: float,
+        most: int,
+        say: Say | None,
+    ) -> None:
+        self.samples: list[Sample] = []
+        self.fixes: list[UsableFix] = []
+        self._filter, self._aidings, self._spec, self._noise = filter, aidings, spec, noise
+        self._given, self._within, self._most, self._say = given, within, most, say
+        self._first = self._due = np.inf
+
+    def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
+        """Keep one sample and the fixes up to its end; whether it is time to look for a start."""
+        if not self.samples:
+            self._first = sample.t - sample.dt
+            self._due = max(self._first, self._given.t if self._given else self._first)
+            self._due += ALIGN_EVERY
+        self.samples.append(sample)
+        self.fixes.extend(fixes)
+        if len(self.samples) > self._most:
+            self._forget()
+        if sample.t < self._due - 1e-6:
+            return False
+        self._due += ALIGN_EVERY
+        return True
+
+    def _forget(self) -> None:
+        self.samples = self.samples[len(self.samples) // 2 :]
+        begin = self.samples[0].t
+        self.fixes = [fix for fix in self.fixes if fix.t >= begin]
+
+    @property
+    def late(self) -> bool:
+        """Whether any start is better than none."""
+        return bool(self.samples) and self.samples[-1].t - self._first >= self._within - 1e-6
+
+    def recording(self) -> Recording:
+        """What was gathered. Raises DataError where that is nothing."""
+        if len(self.samples) < 2:
+            raise DataError(
+                f"{len(self.samples)} IMU samples are no start; give the stream some seconds of "
+                f"samples and fixes first"
+            )
+        columns = (np.require(column, float, ["C", "W"]) for column in zip(*self.samples))
+        fixes = sorted(self.fixes, key=lambda fix: fix.t)
+        return Recording(
+            Imu(*columns),
+            tuple(
+                _with_fixes(a, [fix for fix in fixes if fix.source == s])
+                for s, a in enumerate(self._aidings)
+            ),
+            meta={"name": "stream"},
+        )
+
+    def check(self) -> None:
+        """Raise DataError where the samples contradict gravity."""
+        for _, text in mistakes(self.recording().imu, "increment"):
+            raise DataError(f"IMU: {text}")
+
+    def start(self) -> Start:
+        """The Start that what was gathered tells. Raises DataError where it tells none."""
+        if self._spec is None:
+            raise DataError(
+                "to find a start the stream must know its IMU: give imu=, or a whole Start"
+            )
+        recording, position = self.recording(), positioned(self._filter)
+        if self._given is not None:
+            return completed(self._given, recording, self._spec, position)
+        return aligned(recording, self._spec, position, self._noise, self._say)
+
+    def worth(self, start: Start) -> bool:
+        """Whether a start need not wait for a better one: its heading is known, or given, or of
+        no use to the filter."""
+        return (
+            self._given is not None or not positioned(self._filter) or bool(start.sd[8] <= DOUBTFUL)
+        )
+
+
+def _with_fixes(a: Aiding, fixes: Sequence[UsableFix]) -> Aiding:
+    y, sd = (
+        np.array([getattr(fix, part)[: each.shape[1]] for fix in fixes]).reshape(-1, each.shape[1])
+        for part, each in (("y", a.y), ("sd", a.sd))
+    )
+    return replace(a, t=np.array([fix.t for fix in fixes]), y=y, sd=sd)

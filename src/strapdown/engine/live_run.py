@@ -1,0 +1,277 @@
+"""A filter that is fed one sample at a time, with the newest part of what it was given and of what it
+made of it: enough for a Solution of that part."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from math import inf
+from struct import Struct
+from typing import Any
+
+import numpy as np
+
+from ..checks import DataError
+from ..core import cursor as places, loop
+from ..core.contract import STATES, Belief, Cursor, Filter, Imu, Noise, Start, entry_point
+from ..core.rotation import quaternion_to_euler
+from ..data import Aiding, Solution, Trajectory
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array, Ints, Say
+from ..vehicle import Vehicle
+from .arrivals import MOST_WAITING_FIXES, Sample, UsableFix
+from .events import Events
+from .finish import solution, stopped
+from .limits import limits
+from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare
+
+INCREMENTS = Struct("3d")
+ROW_BYTES = INCREMENTS.size
+
+
+class _Room:
+    """Where samples, fixes and results stand, and the same memory without numpy, which takes a
+    third of the time to write into."""
+
+    def __init__(
+        self,
+        filter: Filter,
+        kernels: tuple[int, int, Ints],
+        belief: Belief,
+        aidings: Sequence[Aiding],
+        noise: Noise,
+        cursor: Cursor,
+        rows: int,
+        covariance: bool = False,
+    ) -> None:
+        most = rows + MOST_WAITING_FIXES
+        self.imu = Imu(np.empty(rows), np.empty(rows), np.empty((rows, 3)), np.empty((rows, 3)))
+        self.fixes = merge(aidings)._replace(
+            t=np.empty(most),
+            source=np.zeros(most, np.int64),
+            y=np.empty((most, 3)),
+            sd=np.empty((most, 3)),
+        )
+        # of the fixes as they came: the loop raises those below the floor
+        self.sd = np.empty((most, 3))
+        self.out = new_output(filter, belief, rows, covariance, most)
+        self.arguments = (*kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
+        columns: list[Any] = [cursor.at, *self.imu]
+        views: list[Any] = [memoryview(column) for column in columns]
+        self.at, self.t, self.dt, self.dtheta, self.dv = views
+
+    def put(self, fixes: Iterable[UsableFix], k: int) -> None:
+        """Write fixes into the rows from `k` on."""
+        into = self.fixes
+        for fix in fixes:
+            into.t[k], into.source[k], into.y[k], sd = fix
+            into.sd[k] = self.sd[k] = sd
+            k += 1
+        self.at[places.FIXES] = k
+
+
+class LiveRun:
+    """`filter` from `start` on over what `take` is given, with the last `rows` samples of it.
+
+    aidings: the sources that it uses. covariance: keep the covariances of these samples too.
+    Raises DataError.
+    """
+
+    def __init__(
+        self,
+        filter: Filter,
+        start: Start,
+        noise: Noise,
+        spec: ImuSpec | None,
+        options: dict[str, Any],
+        aidings: Sequence[Aiding],
+        vehicle: Vehicle,
+        rows: int,
+        covariance: bool = False,
+        say: Say | None = None,
+        events: Events | None = None,
+    ) -> None:
+        self.filter, self.start, self.noise, self.spec, self.options = (
+            filter,
+            start,
+            noise,
+            spec,
+            options,
+        )
+        self.aidings = tuple(a._where(np.zeros(len(a.t), bool)) for a in aidings)
+        self.belief = new_belief(filter, start, noise, options, self.aidings)
+        made = prepare(filter, [a.kind for a in self.aidings], say)
+        self.kernels = made.predict, made.correct, made.observers
+        self.cursor = new_cursor(filter, start.t, self.aidings, limits(spec, noise, vehicle))
+        self.events = events or Events(filter, self.aidings, vehicle)
+        self.seen = 0  # rows of the log that were looked at
+        parts = (filter, self.kernels, self.belief, self.aidings, noise, self.cursor)
+        self._room, self._ahead = _Room(*parts, rows, covariance), _Room(*parts, 1)
+        self._rows = rows
+        self._run = entry_point(loop.run)
+
+    # ---- going on
+
+    def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
+        """Run over one sample and the fixes up to its end; whether the log has new rows. Raises
+        DataError where the filter stops."""
+        room, at = self._room, self._room.at
+        if at[places.ROW] == self._rows or at[places.FIX] >= self._rows:
+            self._forget()
+        if fixes:
+            room.put(fixes, at[places.FIX])
+        self._go(room, sample, at[places.ROW])
+        return at[places.LOGGED] > self.seen
+
+    def look(self, sample: Sample, fixes: Sequence[UsableFix]) -> None:
+        """The same without a trace but in `belief` and `cursor`, which the caller restores."""
+        room, at = self._ahead, self._ahead.at
+        at[places.ROW] = at[places.FIX] = at[places.FIXES] = at[places.OUT] = 0
+        room.put(fixes, 0)
+        self._go(room, sample, 0)
+
+    def _go(self, room: _Room, sample: Sample, row: int) -> None:
+        at = room.at
+        room.t[row], room.dt[row] = sample[0], sample[1]
+        INCREMENTS.pack_into(room.dtheta, ROW_BYTES * row, *sample[2])
+        INCREMENTS.pack_into(room.dv, ROW_BYTES * row, *sample[3])
+        at[places.STOP] = row + 1
+        try:
+            self._run(*room.arguments)
+        except Exception as error:
+            blame(error, self.filter, self.aidings)
+            raise
+        if at[places.FAULT]:
+            raise DataError(f"stream {stopped(sample[0])}")
+
+    @property
+    def t(self) -> float:
+        """Time of the belief, s."""
+        return float(self.cursor.now[places.NOW])
+
+    @property
+    def rate(self) -> float:
+        """Hz of the IMU, by its newest sample."""
+        return 1 / float(self._room.dt[self._room.at[places.ROW] - 1])
+
+    @property
+    def status(self) -> int:
+        """That of the newest row."""
+        return int(self.cursor.at[places.SHOWN])
+
+    def new_events(self) -> list[Array]:
+        """Rows of the log that began since the last call."""
+        begun = self.events.begun(self.cursor, self.seen)
+        if self.cursor.at[places.LOGGED] >= places.LOG_FULL:
+            self.events.take(self.cursor)
+        self.seen = int(self.cursor.at[places.LOGGED])
+        return begun
+
+    def told(self) -> Events:
+        """All events so far."""
+        self.events.take(self.cursor)
+        self.seen = 0
+        return self.events
+
+    # ---- looking back
+
+    def _forget(self) -> None:
+        """Leave the older half of what is kept; the start moves to where the rest begins."""
+        at, room = self.cursor.at, self._room
+        imu, fixes, sd, out = room.imu, room.fixes, room.sd, room.out
+        row, fix = int(at[places.ROW]), int(at[places.FIX])
+        end = imu.t[row // 2 - 1] if row == self._rows else -inf
+        end = max(end, fixes.t[fix // 2] if fix >= self._rows else -inf) + loop.SAME_TIME
+        first = int(np.searchsorted(imu.t[:row], end, side="right"))
+        first_fix = int(np.searchsorted(fixes.t[:fix], imu.t[first - 1] + loop.SAME_TIME, "right"))
+        self.start = start_at(out.nav[first - 1])
+        by_sample: list[Any] = [*imu, out.nav]
+        by_fix: list[Any] = [fixes.t, fixes.source, fixes.y, fixes.sd, sd, out.fix]
+        for column in [*by_sample, out.covariance] if len(out.covariance) else by_sample:
+            column[: row - first] = column[first:row].copy()
+        for column in by_fix:
+            column[: fix - first_fix] = column[first_fix:fix].copy()
+        at[places.ROW] = at[places.OUT] = row - first
+        at[places.FIX] = at[places.FIXES] = fix - first_fix
+
+    @property
+    def samples(self) -> Imu:
+        """Those that are kept."""
+        row = int(self.cursor.at[places.ROW] + self.cursor.at[places.FAULT])
+        return Imu(*(column[:row].copy() for column in self._room.imu))
+
+    def recording(self, **meta: Any) -> Recording:
+        """The samples and fixes that are kept."""
+        fixes, sd = self._room.fixes, self._room.sd
+        kept = slice(0, int(self.cursor.at[places.FIXES]))
+        aidings = []
+        for s, a in enumerate(self.aidings):
+            mine, width = np.flatnonzero(fixes.source[kept] == s), a.y.shape[1]
+            aidings.append(
+                replace(a, t=fixes.t[mine], y=fixes.y[mine, :width], sd=sd[mine, : a.sd.shape[1]])
+            )
+        return Recording(self.samples, tuple(aidings), meta=meta)
+
+    def solution(self, every: int = 1, **meta: Any) -> Solution:
+        """The Solution of what is kept, each n-th row of it and the last."""
+        at, room = self.cursor.at, self._room
+        rows = slice((int(at[places.OUT]) - 1) % every, int(at[places.OUT]), every)
+        out = room.out._replace(
+            nav=room.out.nav[rows].copy(),
+            covariance=room.out.covariance[rows].copy(),
+            fix=room.out.fix[: at[places.FIX]].copy(),
+        )
+        cursor = self.cursor._replace(at=at.copy())
+        cursor.at[places.OUT] = len(out.nav)
+        self.told()
+        recording = self.recording(**meta)
+        return solution(
+            Run(
+                recording,
+                recording.imu,
+                self.filter,
+                self.kernels,
+                self.start,
+                self.noise,
+                self.spec,
+                self.belief,
+                room.fixes,
+                cursor,
+                out,
+                0,
+                self.options,
+                self.events,
+            )
+        )
+
+    def newest(self, looking: bool = False) -> Trajectory:
+        """The newest row as a Solution has it; `looking`: that of the last `look`."""
+        row = (
+            self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.at[places.OUT] - 1]
+        )
+        sd = row[None, loop.SD : loop.ROW_STATUS].copy()
+        sd[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
+        parts = (loop.T, loop.LLA, loop.V, loop.Q, loop.BIASES)
+        lla, v, q = (row[None, a:b].copy() for a, b in zip(parts[1:], parts[2:]))
+        return Trajectory(row[:1].copy(), lla, v, q, sd)
+
+    def snapshot(self) -> list[Array | Ints]:
+        """Copies of all that a step changes but what is kept."""
+        return [column.copy() for part in (self.belief, self.cursor) for column in part]
+
+    def restore(self, arrays: Iterable[Array | Ints]) -> None:
+        """Go back to a `snapshot`."""
+        for column, before in zip((*self.belief, *self.cursor), arrays):
+            column[...] = before
+
+    def copy(self) -> Belief:
+        """The belief in arrays of its own."""
+        return Belief(*(column.copy() for column in self.belief))
+
+
+def start_at(row: Array) -> Start:
+    """The Start that a row of the output tells; correlations are left out."""
+    t, rph_now = float(row[loop.T]), quaternion_to_euler(row[loop.Q : loop.BIASES])
+    parts = np.r_[row[loop.LLA : loop.Q], rph_now, row[loop.BIASES : loop.ROW_STATUS]].tolist()
+    lla, v, rph, ba, bg = (tuple(parts[k : k + 3]) for k in range(0, 15, 3))
+    note = f"what the filter knew at {t:.2f} s"
+    return Start(t, lla, v, rph, ba, bg, tuple(parts[15:]), note)

@@ -1,0 +1,195 @@
+"""Where a stream starts: by itself from its first samples and fixes, from a Start with few fields, as
+does fuse."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import flight, start
+from test_stream import events_of, play, stream_of
+
+import strapdown as sd
+from strapdown.alignment.completed import left_open
+from strapdown.checks import DataError
+from strapdown.core.contract import Imu, Start
+from strapdown.data import INVALID
+from strapdown.engine.stream import Fix, Stream
+
+pytestmark = pytest.mark.short
+
+
+def at_rest(seconds=40.0, rate=20.0):
+    """A level IMU that stands for so long, with position fixes and nothing that tells its heading."""
+    n = round(seconds * rate)
+    t, f = np.arange(1, n + 1) / rate, np.tile([0.0, 0.0, -9.81 / rate], (n, 1))
+    noise = 1e-4 * np.random.default_rng(1004).standard_normal((2, n, 3))
+    imu = Imu(t, np.full(n, 1 / rate), 1e-2 * noise[0], f + noise[1])
+    moments = np.arange(1.0, seconds)
+    y = np.tile([0.8, 0.2, 300.0], (len(moments), 1))
+    fixes = sd.Aiding("position", moments, y, np.ones_like(y))
+    return sd.Recording(imu, (fixes,), meta={"grade": "tactical"})
+
+
+def own(recording, name="closed-loop", **more):
+    return Stream(name, imu="tactical", aidings=recording.aidings, **more)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.4])
+def test_it_starts_by_itself_and_nothing_is_lost(lag):
+    recording = flight()
+    stream = own(recording, lag=lag)
+    for event in events_of(recording):
+        belief = stream.step(event)
+        if not stream.started:
+            assert np.isnan(belief.lla).all() and np.isnan(belief.P).all()
+            assert stream.status == INVALID and np.isnan(stream.t) and np.isnan(stream.now.v).all()
+            assert stream.counts() == [(0, 0), (0, 0)] and stream.start is None
+        elif stream.t <= 10.0 + lag:
+            assert stream.align() == stream.start
+    belief = stream.finish()
+    begin = sd.align(recording.between(stop=10.0), sd.grade("tactical"))
+    assert stream.start == begin
+    batch = sd.fuse(recording, start=begin, covariance=True)
+    assert np.array_equal(belief.P, batch.covariance[-1])
+    assert np.array_equal(stream.solution.t, batch.t) and stream.solution.events == batch.events
+    assert stream.dropped_by["before the start"] == (recording.imu.t <= begin.t + 1e-6).sum()
+
+
+def test_the_source_of_the_heading_need_not_be_one_of_the_filter():
+    hand = sd.simulate("hand-held", seed=3, duration=15.0)
+    stream = Stream("attitude-mekf", imu="consumer", aidings=hand.aidings)
+    play(stream, events_of(hand))
+    assert stream.started and stream.start.t == pytest.approx(0.0, abs=1e-9)
+    batch = sd.fuse(hand, "attitude-mekf", imu="consumer", start=stream.start)
+    assert np.array_equal(stream.belief.bg, batch.b_g[-1])
+
+
+def test_where_nothing_tells_the_heading_it_waits_and_says_what_it_does():
+    recording, begun = at_rest(), []
+    stream = own(recording, align_within=25.0)
+    for event in events_of(recording):
+        stream.step(event)
+        begun += [event.t] if stream.started and not begun else []
+    assert begun == [pytest.approx(30.0)]
+    ((t, text),) = [event for event in stream.events if "started" in event[1]]
+    assert t == pytest.approx(30.0)
+    assert text.startswith("started with what there is: ") and "heading unknown" in text
+
+
+def test_without_a_fix_it_says_that_it_cannot_start_and_goes_on_gathering():
+    recording = flight()
+    stream = own(recording, align_within=10.0)
+    for event in events_of(recording):
+        if not (isinstance(event, Fix) and event.t < 15.0):
+            stream.step(event)
+    ((t, text),) = stream.events
+    assert t == pytest.approx(10.0) and text.startswith("no start yet: no position fix to start")
+    assert stream.started and stream.start.t > 14.9
+    with pytest.raises(DataError, match="^no position fix to start from"):
+        silent = own(recording)
+        play(silent, [event for event in events_of(recording) if not isinstance(event, Fix)])
+        silent.finish()
+
+
+def test_gathering_needs_no_more_room_than_the_history():
+    recording = at_rest()
+    stream = own(recording, align_within=np.inf, history=100)
+    play(stream, events_of(recording))
+    assert not stream.started and len(stream._gathered.samples) <= 100
+    assert len(stream._gathered.fixes) <= 6
+
+
+def test_it_starts_when_told_to():
+    recording = flight()
+    stream = own(recording)
+    play(stream, events_of(recording)[:120])
+    begin = stream.align()
+    belief = stream.begin(begin._replace(ba=(0.01, 0.0, 0.0)))
+    assert belief is stream.belief and stream.started and stream.start.ba == (0.01, 0.0, 0.0)
+    play(stream, events_of(recording)[120:])
+    batch = sd.fuse(recording, start=stream.start)
+    assert np.array_equal(stream.belief.lla, batch.trajectory.lla[-1])
+    with pytest.raises(DataError, match="^the stream has started at 1.000 s; begin a new one"):
+        stream.begin()
+    with pytest.raises(DataError, match="^0 IMU samples are no start"):
+        own(recording).align()
+
+
+def test_a_short_stream_starts_where_it_is_finished():
+    recording = flight()
+    stream = own(recording)
+    play(stream, events_of(recording)[:160])
+    assert not stream.started
+    assert np.isfinite(stream.finish().lla).all() and stream.started
+
+
+# ---- a Start with few fields
+
+
+def test_what_is_left_open_is_found_as_by_align():
+    recording, spec = flight(), sd.grade("tactical")
+    truth = start(recording, 5.0)
+    found = sd.align(recording, spec, heading=truth.rph[2], at=truth.t)
+    solution = sd.fuse(recording, start=Start(truth.t, rph=(np.nan, np.nan, truth.rph[2])))
+    begin = Start(**solution.meta["start"])
+    assert begin[:7] == found[:7] and begin.note.startswith("time given; ")
+    given = sd.fuse(recording, start=Start(truth.t, lla=truth.lla, rph=truth.rph))
+    begin = Start(**given.meta["start"])
+    assert begin.lla == truth.lla and begin.rph == truth.rph and begin.v == found.v
+    assert begin.sd[:3] == (10.0,) * 3 and np.degrees(begin.sd[6:9]) == pytest.approx([2.0] * 3)
+    assert begin.sd[9:] == found.sd[9:] and begin.note.startswith("lla, rph given; ")
+    assert np.abs(given.trajectory.v_n[-1] - recording.reference.v_n[-1]).max() < 1.0
+
+
+def test_at_rest_without_fixes_the_velocity_is_zero():
+    recording = replace(at_rest(), aidings=())
+    solution = sd.fuse(recording, start=Start(1.0, lla=(0.8, 0.2, 300.0), rph=(0.0, 0.0, 1.0)))
+    begin = Start(**solution.meta["start"])
+    assert begin.v == (0.0,) * 3 and begin.sd[3:6] == (0.1,) * 3
+    assert begin.lla == (0.8, 0.2, 300.0)
+
+
+def test_a_stream_waits_for_what_is_left_open():
+    recording = flight()
+    truth = start(recording, 5.0)
+    few = Start(truth.t, lla=truth.lla, rph=truth.rph)
+    stream = stream_of(recording, few)
+    for event in events_of(recording):
+        stream.step(event)
+        assert stream.started == (event.t >= 15.0 - 1e-6 and type(event) is sd.Sample) or (
+            stream.started and event.t > 15.0
+        )
+    assert left_open(stream.start) == [] and stream.start.t == truth.t
+    batch = sd.fuse(recording.between(stop=15.0), start=few)
+    assert stream.start == Start(**batch.meta["start"])
+    whole = sd.fuse(recording, start=stream.start)
+    assert np.array_equal(stream.belief.lla, whole.trajectory.lla[-1])
+
+
+@pytest.mark.parametrize(
+    "wrong, text",
+    [
+        ({"lla": (45.0, 7.0, 300.0)}, r"start: lla is \(45.0, 7.0, 300.0\), in rad; is it in deg"),
+        ({"lla": (0.8, 12.0, 300.0)}, "start: lla is .*, in rad; is it in degrees"),
+        ({"rph": (1.0, 2.0, 80.0)}, "start: rph is .*, in rad; is it in degrees"),
+        ({"rph": (np.nan, np.nan, 80.0)}, "start: rph is .*; it must be 3 finite numbers"),
+        ({"rph": (0.1, np.nan, 1.0)}, "start: rph is .*; it must be 3 finite numbers"),
+        ({"v": (1.0, 2.0)}, "start: v is .*; it must be 3 finite numbers"),
+        ({"v": "fast"}, "start: v is 'fast'; it must be 3 finite numbers"),
+        ({"v": None}, "start: v is None; it must be 3 finite numbers"),
+        ({"sd": (-1.0,) * 15}, "start: sd has -1"),
+        ({"t": 99.0}, "cannot start at 99 s; the IMU record covers 0.000 to 20.000 s"),
+    ],
+)
+def test_parts_that_no_filter_can_begin_with_are_refused(wrong, text):
+    few = Start(2.0)._replace(**wrong)
+    with pytest.raises(DataError, match=f"^{text}"):
+        sd.fuse(flight(), start=few)
+    if "t" not in wrong:
+        with pytest.raises(DataError, match=f"^{text}"):
+            stream_of(flight(), few)
+
+
+def test_an_open_start_needs_the_imu():
+    with pytest.raises(DataError, match="give imu="):
+        Stream("closed-loop", noise=sd.grade("tactical").noise(), aidings=flight().aidings)
