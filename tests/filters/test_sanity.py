@@ -36,8 +36,8 @@ class Line(NamedTuple):
 
 
 FILTERS = [
-    Line("fixed-gain", {}, 10, (2.5, 0.35, 1.2, 0.12, np.inf), None),
-    Line("nlo", {}, None, (1.2, 0.3, 2.0, 0.17, 0.22), None),
+    Line("fixed-gain", {}, 10, (2.5, 0.35, 1.2, 0.12, np.inf), (0.93, 0.97)),
+    Line("nlo", {"crab": 0.0}, None, (1.2, 0.3, 2.0, 0.17, 0.22), (0.88, 0.97)),
     Line("two-stage-ekf", {}, None, (1.4, 0.32, 4.0, 0.16, 0.19), (0.88, 0.998)),
     Line("xkf", {}, None, (1.2, 0.25, 1.4, 0.14, 0.17), (0.93, 0.975)),
     Line("xkf-two-stage", {}, None, (1.4, 0.32, 3.6, 0.16, 0.19), (0.88, 0.998)),

@@ -200,7 +200,12 @@ def belief(at=None, **options):
         0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
     )
     made = at.belief(covariance.SLOTS.zeros())
-    begin(made.workspace[: equations.OBSERVER.size], at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
+    begin(
+        made.workspace[: equations.OBSERVER.size],
+        at,
+        NOISE,
+        **{"start_time": 1e-3, "outage_after": 10.0, **options},
+    )
     return made
 
 
@@ -367,7 +372,16 @@ def test_a_block_inside_another_filter_is_the_same_observer():
     implant(workspace[40:], at, NOISE)
     own = at.belief(covariance.SLOTS.zeros())
     begin(own.workspace[: equations.OBSERVER.size], at, NOISE)
-    state = np.r_[own.lla, own.v, own.C.ravel(), own.ba, own.bg, own.omega, own.f, own.workspace]
+    state = np.r_[
+        own.lla,
+        own.v,
+        own.C.ravel(),
+        own.ba,
+        own.bg,
+        own.omega,
+        own.f,
+        own.workspace[: equations.OBSERVER.size],
+    ]
     assert np.array_equal(workspace[40:], state, equal_nan=True) and not workspace[:40].any()
 
 
