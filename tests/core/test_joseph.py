@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import Noise
 from strapdown.core.error_dynamics import dynamics
-from strapdown.core.joseph import JOSEPH, carry, spread
+from strapdown.core.joseph import JOSEPH, await_step, carry, changed, spread
 
 pytestmark = pytest.mark.short
 
@@ -37,5 +37,11 @@ def test_carry_is_the_transition_of_the_error_dynamics():
     P = root @ root.T
     expected = Phi @ P @ Phi.T
     expected[:15, :15] += Q * dt
-    carry(P, JOSEPH.zeros(), lla, v, C.as_matrix(), (*(w * dt), *(f * dt)), dt, noise)
+    own, end = JOSEPH.zeros(), (C * Rotation.from_rotvec(dt * w)).as_matrix()
+    assert not await_step(own, w, f, 0.004, noise) and not changed(own, noise)
+    assert not await_step(own, w, f, 0.006, noise) and changed(own, noise._replace(accel=1.0))
+    assert carry(P, own, lla, v, end) == pytest.approx(dt) and not changed(
+        own, noise._replace(accel=1.0)
+    )
+    assert await_step(own, w, f, 0.05, noise)
     np.testing.assert_allclose(P, expected, rtol=0, atol=2e-5 * np.abs(expected).max())
