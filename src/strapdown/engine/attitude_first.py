@@ -143,6 +143,8 @@ def source(
             f"heading are assumed"
         )
     notes += _heading(ahrs, [a for a in seen.aidings if len(a.t)], y, sd)
+    said = [condition.text for condition in ahrs.conditions]
+    notes += [f"{ahrs.name}: {text}" for _, text in solution.events if text in said]
     if ahrs.diagnose:
         notes += [
             f"{ahrs.name}: {text}"
