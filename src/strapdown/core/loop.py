@@ -235,6 +235,8 @@ def _use_fix(
         for i in range(6):
             innovation[i] = math.nan
     while believable:  # once, or a second time with the gate lifted
+        for i in range(3):
+            innovation[3 + i] = math.nan  # not every filter whitens
         found = correct_at(correct)(
             belief,
             fixes.y[k],
