@@ -333,17 +333,6 @@ def test_a_full_log_still_counts():
     assert cursor.log[5].tolist() == [1.0, 1000.0, log.STUCK, 5, 2, -3.0]
 
 
-def test_take_returns_what_is_new():
-    cursor, events, say = empty_cursor(), events_of(), plain(log.say)
-    say(cursor, log.STUCK, 0, 1.0, 2.0)
-    assert len(events.take(cursor)) == 1
-    say(cursor, log.STUCK, 0, 2.0, 2.0)
-    assert events.take(cursor) == []
-    say(cursor, log.STUCK, 0, 20.0, 2.0)
-    ((t, *_),) = events.take(cursor)
-    assert t == 20.0 and len(events.all) == 2
-
-
 def test_every_code_has_words():
     events = events_of()
     for code in range(log.CODES):
