@@ -34,7 +34,12 @@ class Outcome(NamedTuple):
     trajectory: Trajectory
     status: Ints  # (n,)
     notes: tuple[str, ...]
-    events: tuple[str, ...]
+    events: tuple[tuple[float, str], ...]  # (t in s, text)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Of the events."""
+        return tuple(text for _, text in self.events)
 
 
 class Nominal(NamedTuple):
@@ -93,7 +98,7 @@ def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
     e = _errors(outcome, reference)
     known = np.isfinite(e.size).any(axis=0)
     largest = np.where(known, np.nanmax(e.size, axis=0, initial=0.0), np.nan)
-    notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.events))
+    notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.texts))
     own = judged(outcome, reference, Nominal(largest, notes))
     return Nominal(largest, notes | events if own.verdict == OK else notes), own
 
@@ -107,7 +112,7 @@ def refused(error: Exception) -> Judged:
 
 def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     """What a run comes to beside the run without a fault."""
-    new = news((*outcome.notes, *outcome.events), right.says)
+    new = news((*outcome.notes, *outcome.texts), right.says)
     text = " | ".join(new)
     try:
         e = _errors(outcome, reference)
