@@ -206,6 +206,11 @@ class Solution:
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
 
+    def seconds(self, status: int) -> float:
+        """Time in s over which rows have this status; a row covers the time since the one before
+        it."""
+        return float(np.diff(self.t, prepend=self.t[:1])[self.status == status].sum())
+
     @cached_property
     def verdict(self) -> Verdict:
         """Whether to trust it, with the reasons: found when asked for, or as its file says; "not

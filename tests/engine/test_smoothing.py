@@ -35,6 +35,8 @@ SPEC = ImuSpec(
 )
 START_SD = np.r_[[1.0] * 3, [0.1] * 3, np.radians([0.5, 0.5, 2.0]), [0.0] * 3, [5e-3] * 3]
 BLOCK = np.ix_(SIX, SIX)
+APART = "filter and smoother are up to"
+"""Words of the event that only the smoother has."""
 
 
 class Turning:
@@ -262,7 +264,8 @@ def both(recording, given, **options):
         for run in (sd.smooth, sd.fuse)
     )
     ordered(smoothed, filtered)
-    assert smoothed.events == filtered.events and smoothed.counts() == filtered.counts()
+    assert tuple(event for event in smoothed.events if APART not in event[1]) == filtered.events
+    assert smoothed.counts() == filtered.counts()
     before, smoothing.RECORDED_ROWS = smoothing.RECORDED_ROWS, 60
     try:
         equal(smoothed, sd.smooth(recording, "attitude-mekf", **given, **options))
@@ -286,7 +289,7 @@ def test_gaps(longer, window, rule):
     recording, given, _ = longer.drawn(7)
     recording = without_samples(recording, window)
     smoothed, filtered = both(recording, given, **WHITE)
-    assert rule in smoothed.events[0][1]
+    assert [t for t, _ in said(smoothed, rule)] == [pytest.approx(window[0])]
     after = int(np.searchsorted(smoothed.t, window[1] + 0.01))
     assert smoothed.t[after] - smoothed.t[after - 1] > 0.4
     at = slice(after, after + 3)

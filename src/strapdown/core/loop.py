@@ -235,6 +235,8 @@ def _use_fix(
         for i in range(6):
             innovation[i] = math.nan
     while believable:  # once, or a second time with the gate lifted
+        for i in range(3):
+            innovation[3 + i] = math.nan  # not every filter whitens
         found = correct_at(correct)(
             belief,
             fixes.y[k],
@@ -423,7 +425,7 @@ def _rates_held(belief: Belief, dt: float, last: Array, u: Array) -> None:
 @inlined
 def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
     """The status of a row: invalid before doubtful before bridged before valid."""
-    at, doubtful = cursor.at, cursor.at[UNCONFIRMED] > 0
+    at, doubtful = cursor.at, False
     if at[CONDITION] >= 0:
         condition = int(belief.workspace[at[CONDITION]])
         if condition > 0:
@@ -438,7 +440,7 @@ def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
         if belief.lla[2] < limits[LOWEST] or belief.lla[2] > limits[HIGHEST]:
             say(cursor, BELIEF_TOO_HIGH, 0, t, belief.lla[2])
             doubt(cursor, t)
-    if at[STATUS] == INVALID or not doubtful:
+    if at[STATUS] == INVALID or not (doubtful or at[UNCONFIRMED] > 0):
         return at[STATUS]
     return DOUBTFUL
 

@@ -24,6 +24,7 @@ def solution(run: Run) -> Solution:
         "recording": recording.meta.get("name", ""),
         "notes": list(recording.meta.get("notes", [])),
         "imu": spec.name if spec else "",
+        "vehicle": run.events.vehicle.name,
         "bias_sd": list(map(float, spec.bias_sd())) if spec else None,
         "start": start._asdict(),
         "noise": noise._asdict(),

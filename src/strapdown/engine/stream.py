@@ -14,7 +14,7 @@ from ..core import cursor as places, loop
 from ..core.contract import Belief, Filter, Imu, Noise, Start, entry_point
 from ..data import Aiding
 from ..typing import Say
-from ..vehicle import Vehicle, find as find_vehicle
+from ..vehicle import GivenVehicle, find as find_vehicle
 from .events import Events
 from .limits import limits
 from .prepare import (
@@ -85,7 +85,7 @@ class Stream:
         aidings: Sequence[Aiding] = (),
         lag: float = 0.0,
         say: Say | None = None,
-        vehicle: str | Vehicle | None = None,
+        vehicle: GivenVehicle | None = None,
         **options: Any,
     ) -> None:
         if not lag >= 0:
@@ -118,10 +118,9 @@ class Stream:
             sd=np.full((MOST_WAITING_FIXES, 3), np.nan),
         )
         self._imu = Imu(np.empty(1), np.empty(1), np.empty((1, 3)), np.empty((1, 3)))
-        self._cursor = new_cursor(
-            filter, start.t, used, limits(spec, self.noise, find_vehicle(vehicle))
-        )
-        self._events = Events(filter, used)
+        bounds = find_vehicle(vehicle)
+        self._cursor = new_cursor(filter, start.t, used, limits(spec, self.noise, bounds))
+        self._events = Events(filter, used, bounds)
         # no output rows
         (
             self._cursor.at[places.EVERY],
