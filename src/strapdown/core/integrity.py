@@ -26,6 +26,7 @@ from .cursor import (
     GYRO_RANGE,
     HIGHEST,
     JITTER,
+    JITTERED,
     LAST_USED,
     LATELY,
     LENGTH,
@@ -51,6 +52,7 @@ from .cursor import (
     TOO_FAST,
     TOO_HIGH,
     UNCONFIRMED,
+    UNEVEN,
     WHITENED,
     WHITENED_COUNT,
     say,
@@ -66,6 +68,7 @@ SELDOM, LONG_SAMPLE = (
     0.05,
 )  # changes are looked at in each so many samples, or in longer ones (s)
 LAST_CHANGES = 16.0  # over which their squares are averaged
+MOST_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
 MOST_JITTER = 2.0
 """Half the change of a sample, in m/s, over the standard deviation of the velocity. Recorded cars,
 aircraft and hands stay below 0.5."""
@@ -173,6 +176,10 @@ def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, curs
         watched[i, JITTER] += (half * half - watched[i, JITTER]) / LAST_CHANGES
         if i > 3 and watched[i, JITTER] > watched[3 + worst, JITTER]:
             worst = i - 3
+    uneven = abs(dt - previous[6]) / dt
+    watched[0, UNEVEN] += (uneven - watched[0, UNEVEN]) / LAST_CHANGES
+    if watched[0, UNEVEN] > MOST_UNEVEN:
+        say(cursor, JITTERED, 0, t, watched[0, UNEVEN])
     known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
     if cursor.at[POSITIONED] and watched[3 + worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
         say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[3 + worst, JITTER]) / dt)
