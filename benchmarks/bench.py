@@ -33,6 +33,8 @@ import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
 
+from strapdown_reproductions.faults import main as faults  # noqa: E402
+from strapdown_reproductions.faults.summary import TARGETS as FAULT_TARGETS  # noqa: E402
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
 from strapdown_reproductions.wrong_setups import main as wrong_setups  # noqa: E402
 from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUP_TARGETS  # noqa: E402
@@ -281,15 +283,47 @@ SETUP_SEEDS = 2
 
 def setup_figures(book):
     """Of the mistakes of set-ups that inspect and the verdict find."""
+    claimed(
+        book,
+        SETUPS,
+        SETUP_TARGETS,
+        lambda out: wrong_setups.reproduce(out, runs=SETUP_SEEDS),
+        f"strapdown reproduce wrong-setups --runs {SETUP_SEEDS}",
+    )
+
+
+FAULTS = {
+    "faults, silently wrong": "silent",
+    "faults, jumps of 50 m refused": "50 m",
+    "faults, jumps of 20 m refused": "20 m",
+    "faults, jumps of 10 m refused": "10 m",
+    "faults, lasting jump of 5 m said": "lasting",
+    "faults, right flights doubted": "alarms",
+}
+"""{figure: name of its target in `strapdown reproduce faults`}."""
+FAULT_FILTERS = ("closed-loop", "closed-loop live", "closed-loop smoothed")
+
+
+def fault_figures(book):
+    """Of the faults of sensors that the closed loop is silent about, one seed."""
+    claimed(
+        book,
+        FAULTS,
+        FAULT_TARGETS,
+        lambda out: faults.reproduce(out, runs=1, names=FAULT_FILTERS),
+        f"strapdown reproduce faults, {FAULT_FILTERS[0]} alone, one seed",
+    )
+
+
+def claimed(book, figures, targets, reproduce, note):
+    """The values of a reproduction's claims; figures: {figure: name of its target}."""
 
     def measured():
         with tempfile.TemporaryDirectory() as folder:
-            claims = wrong_setups.reproduce(Path(folder), runs=SETUP_SEEDS)
-        values = {claim["claim"]: claim["value"] for claim in claims}
-        note = f"strapdown reproduce wrong-setups --runs {SETUP_SEEDS}"
-        return [(values[SETUP_TARGETS[name].text], note) for name in SETUPS.values()]
+            values = {claim["claim"]: claim["value"] for claim in reproduce(Path(folder))}
+        return [(values[targets[name].text], note) for name in figures.values()]
 
-    book.measure(list(SETUPS), measured)
+    book.measure(list(figures), measured)
 
 
 def peer_figures(book, full):
@@ -366,6 +400,7 @@ def main():
         study_figures(book)
         recorded_figures(book)
         setup_figures(book)
+        fault_figures(book)
         attitude_figures(book)
         navigation_figures(book)
         exogenous_figures(book)

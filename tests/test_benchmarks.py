@@ -38,7 +38,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 69
+    assert len(tables) == 75
     assert (
         tables["A closed loop time"]["target"] == 1.0
         and tables["B closed loop time"]["target"] == 1.2
@@ -113,6 +113,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(bench.recordings, "reproduce", lambda out: [{"value": 0.45}] * 13)
     found = [{"claim": target.text, "value": 9.0} for target in bench.SETUP_TARGETS.values()]
     monkeypatch.setattr(bench.wrong_setups, "reproduce", lambda out, runs: found)
+    faults = [{"claim": target.text, "value": 9.0} for target in bench.FAULT_TARGETS.values()]
+    monkeypatch.setattr(bench.faults, "reproduce", lambda out, runs, names: faults)
     monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
     monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)
     monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))

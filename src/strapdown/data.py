@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from . import geodesy
 from .checks import DataError as DataError
-from .core.contract import BRIDGED, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
+from .core.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
@@ -183,6 +183,8 @@ class Innovations:
     accepted: Mask  # (m,)
     names: tuple[str, ...] = ()  # of the sources
     gates: tuple[float, ...] = ()  # of the sources: bounds on the NIS
+    # (m, 3) whitened: N(0, 1) each where the filter is right; NaN without a covariance, None of a file
+    whitened: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,7 @@ class Solution:
     trajectory: Trajectory
     b_a: Array  # (n, 3) accelerometer bias, m/s^2; NaN where the filter estimates none
     b_g: Array  # (n, 3) gyro bias, rad/s; NaN where the filter estimates none
-    status: NDArray[np.integer[Any]]  # (n,) VALID, BRIDGED or INVALID
+    status: NDArray[np.integer[Any]]  # (n,) VALID, BRIDGED, INVALID or DOUBTFUL
     innovations: Innovations
     # (t in s, text): gaps, re-acquisitions, what else the user must know
     events: tuple[tuple[float, str], ...] = ()
@@ -203,6 +205,11 @@ class Solution:
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
+
+    def seconds(self, status: int) -> float:
+        """Time in s over which rows have this status; a row covers the time since the one before
+        it."""
+        return float(np.diff(self.t, prepend=self.t[:1])[self.status == status].sum())
 
     @cached_property
     def verdict(self) -> Verdict:

@@ -2,7 +2,9 @@
 mistakes."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from .checks import DataError, check_choice, check_number
 
@@ -18,6 +20,9 @@ class Vehicle:
     acceleration: float = 50 * STANDARD_GRAVITY  # m/s^2 of a sample, shocks included
     lowest: float = -12e3  # m above the ellipsoid
     highest: float = 100e3
+
+    def __str__(self) -> str:
+        return f"vehicle {self.name!r}"
 
     def __post_init__(self) -> None:
         for bound in ("speed", "acceleration"):
@@ -46,10 +51,18 @@ VEHICLES = {
 acceleration."""
 
 
-def find(vehicle: str | Vehicle | None) -> Vehicle:
+GivenVehicle = str | Vehicle | Mapping[str, Any]
+"""What names a vehicle: a name, a Vehicle, or its fields, as files keep them."""
+
+
+def find(vehicle: GivenVehicle | None) -> Vehicle:
     """The Vehicle of a name; "any" for None. Raises DataError naming those there are."""
     if isinstance(vehicle, Vehicle):
         return vehicle
+    if isinstance(vehicle, Mapping):
+        for bound in vehicle:
+            check_choice(bound, "vehicle: the bound", Vehicle.__dataclass_fields__)
+        return Vehicle(**vehicle)
     name = "any" if vehicle is None else vehicle
     check_choice(name, "vehicle", VEHICLES)
     return VEHICLES[name]

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import alike, flight, position, rows, split, start, without_samples
+from recordings import alike, flight, position, rows, said, split, start, without_samples
 
 import strapdown as sd
 from strapdown.core import loop
-from strapdown.data import BRIDGED, INVALID, VALID, Aiding
+from strapdown.data import BRIDGED, DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
@@ -249,19 +249,25 @@ def test_what_stays_away_is_reacquired(interval, rejected):
     own, first = i.source == 0, t[t >= 7.9 - 1e-9][0]
     away = i.accepted[own & (i.t > 7.9 - 1e-9)]
     assert not away[:rejected].any() and away[rejected:].all()
-    assert solution.events == (
+    lifted = first + rejected * interval
+    assert said(solution, "gate lifted") == [
         (
-            pytest.approx(first + rejected * interval),
+            pytest.approx(lifted),
             "receiver: gate lifted after 5 or more rejections in a row over 3 s",
         ),
-    )
+    ]
+    # before the first of them nothing is doubted, and no other source is
+    assert min(solution.events)[0] > 8 and said(solution, "receiver") == list(solution.events)
+    assert (solution.status[solution.t < first - 1e-6] == VALID).all()
+    assert (solution.status[np.abs(solution.t - lifted - 0.5) < 0.5] == DOUBTFUL).all()
     assert solution.counts()["receiver"] == (len(t) - rejected, rejected)
     assert i.nis[own][-1] < 16.266 and i.nis[own & (i.t > 7.9 - 1e-9)][rejected] > 16.266
 
 
 def test_a_jump_of_the_position_moves_the_position_alone():
     jump = fused(with_position(flight(), lambda a: moved(a, 7.9, [0, 60.0, 0])))
-    assert jump.events[0][0] == pytest.approx(13.0) and jump.counts() == {
+    [(lifted, _)] = said(jump, "gate lifted")
+    assert lifted == pytest.approx(13.0) and jump.counts() == {
         "GNSS position": (15, 5),
         "GNSS velocity": (20, 0),
     }
@@ -283,7 +289,7 @@ def test_a_filter_that_is_sure_of_a_wrong_heading_turns(sources, after, least):
     )
     assert (
         all(rejected >= 1 for _, rejected in solution.counts().values())
-        and len(solution.events) >= 1
+        and len(said(solution, "gate lifted")) >= 1
     )
     error = np.degrees(np.abs(sd.errors(solution, recording.reference).rph[:, 2]))
     assert error[0] > 35 and error[solution.t > after - 0.1][0] < least
@@ -325,8 +331,10 @@ def test_a_source_that_nothing_explains_is_left_out_and_comes_back():
     solution, without = (
         fused(replace(base, aidings=(*base.aidings, *more))) for more in ((magnetometer,), ())
     )
-    said = [(at, text.partition(":")[2][:12]) for at, text in solution.events]
-    assert said == [
+    given_up = [
+        (at, text.partition(":")[2][:12]) for at, text in said(solution, "gate lifted", "left out")
+    ]
+    assert given_up == [
         (pytest.approx(13.1, abs=0.2), " gate lifted"),
         (pytest.approx(19.1, abs=0.4), " left out fr"),
     ]

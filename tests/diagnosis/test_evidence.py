@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown.core.contract import Imu
+from strapdown.core.contract import DOUBTFUL as CONTRADICTED, Imu
 from strapdown.data import Aiding, Innovations, Solution, Trajectory
 from strapdown.diagnosis import evidence
 from strapdown.recording import Recording
@@ -69,6 +69,7 @@ def test_right_statistics_give_no_reason():
         *evidence.rejections(own),
         *evidence.course(solution, solution.t),
         *evidence.smoother(solution),
+        *evidence.doubts(solution),
     ]
     assert not found
 
@@ -181,6 +182,39 @@ def test_missing_samples_are_a_reason_and_end_what_the_course_says():
     q[solution.t > 100] = [np.cos(half), 0.0, 0.0, np.sin(half)]
     turned = replace(solution, trajectory=replace(solution.trajectory, q_nb=q), recording=holed)
     assert not list(evidence.course(turned, solution.t))
+
+
+@pytest.mark.parametrize(
+    ("said", "cause", "source"),
+    [
+        ("GNSS: gate lifted after 5 or more rejections", "outliers", "GNSS"),
+        ("GNSS north: fixes are 2 standard deviations off", "outliers", "GNSS"),
+        ("gyro x is stuck at 0 deg/s", "gyro", ""),
+        ("accelerometer z reads 1e+06 m/s^2, which cannot be", "accelerometer", ""),
+        ("the filter's speed of 2000 m/s is beyond", "unknown", ""),
+    ],
+)
+def test_doubtful_rows_count_by_their_share_with_what_was_said_first(said, cause, source):
+    """160 s of the 200 s come after the start."""
+    solution = made_up()
+    events = ((20.0, "earlier"), (99.9, said), (99.95, "IMU gap of 3 s"), (101.0, "later"))
+    status = np.where((solution.t >= 100) & (solution.t < 180), CONTRADICTED, 0)
+    status[:150] = CONTRADICTED  # of the start
+    doubted = replace(solution, status=status, events=events)
+    (found,) = evidence.doubts(doubted)
+    assert (found.cause, found.source) == (cause, source)
+    assert found.seen.startswith("80 s of the result are doubtful, 50 % of it")
+    assert found.seen.endswith(f"the first at 100 s: {said}")
+    assert found.weight == pytest.approx(80 / 160 / evidence.DOUBTED, rel=0.01)
+    assert Verdict.of([found]).word == DOUBTFUL
+    few = np.where(solution.t > 180, CONTRADICTED, 0)
+    assert Verdict.of(evidence.doubts(replace(doubted, status=few))).trusted
+
+
+def test_doubtful_rows_of_the_start_are_no_reason():
+    solution = made_up()
+    status = np.where(solution.t < 39, CONTRADICTED, 0)
+    assert not list(evidence.doubts(replace(solution, status=status)))
 
 
 def test_a_filter_that_stopped_is_not_to_be_trusted():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
+from strapdown.data import DOUBTFUL
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.verdict import NOT_TO_BE_TRUSTED
 
@@ -62,6 +63,23 @@ def test_a_smoothed_solution_is_judged_against_its_filter(drive):
     assert max(right.meta["filter_against_smoother"].values()) < 1.6
     assert right.verdict.trusted
     assert any("smoother" in reason.seen for reason in wrong.verdict.reasons)
+
+
+def test_doubtful_rows_are_a_reason_where_nothing_else_says_why(drive):
+    """A gyro that is stuck for most of the run; one whose bias steps shows in its bias."""
+    imu = drive.imu
+    stuck, stepped = imu.dtheta.copy(), imu.dtheta.copy()
+    late = imu.t > 60
+    stuck[late & (imu.t < 145), 1] = stuck[np.argmax(late), 1]
+    stepped[late, 2] += np.radians(3.0) * imu.dt[late]
+    found = []
+    for dtheta in (stuck, stepped):
+        solution = sd.fuse(replace(drive, imu=imu._replace(dtheta=dtheta)))
+        assert (solution.status == DOUBTFUL).mean() > 0.5
+        found.append([r for r in solution.verdict.reasons if "of the result" in r.seen])
+        assert not solution.verdict.trusted
+    ((reason,), none) = found
+    assert reason.cause == "gyro" and "gyro y is stuck" in reason.seen and not none
 
 
 def test_what_cannot_be_tested_is_said(drive):

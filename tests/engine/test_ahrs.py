@@ -462,5 +462,6 @@ def test_a_flight_with_a_magnetometer(data_folder, monkeypatch):
     # the first position fix, standing
     assert solution.meta["start"]["t"] == pytest.approx(22.04, abs=0.01)
     good, bad = solution.counts()["attitude-mekf"]
-    assert good + bad == pytest.approx(6743, abs=5) and bad < 0.2 * good
+    # of 6743 rows; while the AHRS doubts its attitude, none is handed on
+    assert 0.97 * 6743 < good + bad < 6748 and bad < 0.2 * good
     assert np.degrees(sd.rms(sd.errors(solution, flight.reference), (240.0, 575.0)).rph).max() < 8

@@ -2,20 +2,20 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
-from recordings import ahrs, alike, flight, rows, same, split, start, without_samples
+from recordings import ahrs, alike, flight, rows, said, same, split, start, without_samples
 from scipy.spatial.transform import Rotation
+from scripted_filter import SCRIPTED, scripted
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core import loop
 from strapdown.data import BRIDGED, INVALID, Aiding
-from strapdown.engine import finish, prepare as preparation
+from strapdown.engine import prepare as preparation
 from strapdown.sensor_models.imu import grades
 from strapdown.sim.trajectory import DEG
+from strapdown.vehicle import Vehicle
 
 short = pytest.mark.short
 
@@ -41,19 +41,19 @@ def test_chunks_change_nothing(monkeypatch, chunk):
 
 
 @short
-@pytest.mark.parametrize("lost, events", [(5, 5), (6, 1), (40, 1)])
-def test_many_lost_samples_are_one_event(lost, events):
+@pytest.mark.parametrize("lost", [1, 5, 40])
+def test_many_lost_samples_are_one_event(lost):
+    """Each within 10 s of the one before."""
     whole = flight()
     imu = whole.imu
     keep = np.ones(len(imu.t), bool)
     keep[20 : 20 + 8 * lost : 8] = False
     left = replace(whole, imu=imu._replace(**{k: c[keep] for k, c in imu._asdict().items()}))
-    found = fused(left).events
-    assert len(found) == events and "bridged" in found[0][1]
-    assert found[0][0] == pytest.approx(imu.t[19])
-    if events == 1:
-        step = imu.dt[20]
-        assert found[0][1].startswith(f"{lost} IMU gaps of {step:.3g} to {step:.3g} s from here on")
+    step, last = imu.dt[20], imu.t[19 + 8 * (lost - 1)]
+    text = f"{lost} IMU gaps of up to {step:.3g} s from here to {last:.1f} s: bridged"
+    if lost == 1:
+        text = f"IMU gap of {step:.3g} s: bridged"
+    assert fused(left).events == ((pytest.approx(imu.t[19]), text),)
 
 
 @short
@@ -191,14 +191,18 @@ def test_a_run_that_diverges_ends_with_its_reason():
     recording, begin = alike()
     dv = recording.imu.dv.copy()
     dv[100] = 1e300
-    solution = sd.fuse(replace(recording, imu=recording.imu._replace(dv=dv)), start=begin)
+    # a bound that lets it through
+    let = Vehicle(acceleration=1e303)
+    solution = sd.fuse(
+        replace(recording, imu=recording.imu._replace(dv=dv)), start=begin, vehicle=let
+    )
     assert len(solution.t) in (100, 101) and "diverged" in solution.meta["stopped"]
     # the state stays finite here, the covariance does not
     with pytest.raises(DataError, match="diverged"):
         sd.fuse(recording, start=begin, noise=sd.Noise(1e200, 1e200, 0.0, 0.0, 0.0, 0.0))
     dv[0] = 1e300
     with pytest.raises(DataError, match="closed-loop stopped at 0.05 s: .*diverged"):
-        sd.fuse(replace(recording, imu=recording.imu._replace(dv=dv)), start=begin)
+        sd.fuse(replace(recording, imu=recording.imu._replace(dv=dv)), start=begin, vehicle=let)
 
 
 @short
@@ -378,71 +382,27 @@ def test_slow_compilation_is_announced_at_most_once():
 
 
 @short
-def test_a_lifted_gate_is_one_event_until_it_holds_again():
-    recording, begin = alike()
-    uses = [
-        loop.ACCEPTED,
-        loop.REACQUIRED,
-        loop.REACQUIRED,
-        loop.UNMEASURED,
-        loop.REACQUIRED,
-        loop.ACCEPTED,
-        loop.REJECTED_FIX,
-        loop.REACQUIRED,
-    ]
-    used = np.zeros((len(uses), loop.FIX_WIDTH))
-    used[:, loop.F_T], used[:, loop.F_USE] = np.arange(len(uses)), uses
-    assert [t for t, _ in finish._events(recording.imu, 200, begin, used, ["a"], "held")] == [
-        1.0,
-        7.0,
-    ]
-
-
-L, R, P, U = loop.REACQUIRED, loop.REJECTED_FIX, loop.ACCEPTED, loop.UNMEASURED
-
-
-@short
 @pytest.mark.parametrize(
-    "uses, lifted, in_vain",
+    "kind, fixes, lifted, in_vain",
     [
-        # one lift helped; what is rejected later is another matter
-        (
-            [R] * 6 + [L, P] + [R] * 9,
-            [6],
-            [],
-        ),
-        ([R] * 6 + [L] + [R] * 9 + [L] + [R] * 9 + [P], [6], []),  # still to be lifted once more
-        # the end of the record, not yet in vain
-        (
-            [R] * 6 + [L, R, R, L, R, R, L] + [R] * 4,
-            [6],
-            [],
-        ),
-        ([R] * 6 + [L, R, R, L, R, U, R, L] + [R] * 5, [6], [13]),
-        ([R] * 6 + [L, R, L, R, L] + [R] * 4 + [P] + [R] * 20, [6], []),  # passes after four
-        ([L, L, L] + [R] * 5 + [P, R, L, P] + [L, L, L] + [R] * 5 + [P], [0, 10, 12], [2, 14]),
-        ([L] * 30 + [P], [0], []),  # a position, lifted as often as it takes
+        # "." passes its gate, "x" does not, "?" measures nothing; once a second
+        ("altitude", "xxxxxx.xxxxx", [6], []),  # one lift helped
+        ("altitude", "xxxxxxxxxxx.", [6], []),  # and the second: one event until it holds again
+        ("altitude", "x" * 12 + "xxxx", [6], []),  # three did not, but the record ends
+        ("altitude", "x" * 12 + "xxxxx", [6], [12]),
+        ("altitude", "xxxxxxx?xxxx" + "xxxxx", [6], [12]),
+        ("altitude", "x" * 12 + "xxxx." + "x" * 17, [6, 23], [29]),  # passes after four
+        ("altitude", "x" * 6 + "." + "x" * 6 + ".", [6], []),  # within 10 s: one event
+        ("position", "x" * 30 + ".", [6], []),  # lifted as often as it takes
     ],
 )
-def test_a_source_is_left_out_where_lifting_did_not_help(uses, lifted, in_vain):
-    own = np.zeros((len(uses), loop.FIX_WIDTH))
-    own[:, loop.F_T], own[:, loop.F_USE] = np.arange(len(uses)), uses
-    events = finish._lifted(own, "a")
-    assert [t for t, text in events if "gate lifted" in text] == lifted and [
-        t for t, text in events if "did not help" in text
-    ] == in_vain
-
-
-@short
-def test_many_lifts_of_a_long_record_take_no_time():
-    own = np.zeros((600_000, loop.FIX_WIDTH))
-    own[:, loop.F_T] = np.arange(len(own))
-    for lift in (0, 100, 200):
-        own[lift::400, loop.F_USE] = L
-    own[300::400, loop.F_USE] = P
-    begin = perf_counter()
-    assert len(finish._lifted(own, "a")) == 3000
-    assert perf_counter() - begin < 0.5
+def test_a_source_is_left_out_where_lifting_did_not_help(kind, fixes, lifted, in_vain):
+    recording, begin = alike(40.0, 5.0)
+    nis = [{".": 1.0, "x": 100.0, "?": np.nan}[each] for each in fixes]
+    solution = sd.fuse(replace(recording, aidings=(scripted(nis, kind),)), SCRIPTED, start=begin)
+    text = "script: gate lifted after 5 or more rejections in a row over 3 s"
+    assert said(solution, "gate lifted") == [(t, text) for t in lifted]
+    assert [t for t, _ in said(solution, "did not help")] == in_vain
 
 
 # ---- parts of a recording

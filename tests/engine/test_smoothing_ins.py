@@ -6,22 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import alike, position, without_samples
+from recordings import alike, position, said, without_samples
 from scipy.spatial.transform import Rotation
 from smoothed_ins import State, least_squares, log_of, rauch_tung_striebel
 
 import strapdown as sd
 from strapdown.aiding.pressure import BAROMETER_BIAS
-from strapdown.core import loop
+from strapdown.core import cursor, loop
 from strapdown.core.contract import Imu, Noise
-from strapdown.data import Aiding
+from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine import prepare as preparation, smoothing
+from strapdown.engine.batch import begin
+from strapdown.engine.prepare import Asked
 from strapdown.engine.smoothing import Differences
+from strapdown.geodesy import displaced, displacement
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.synthesis import draw_start
-from strapdown.sim.trajectory import DEG, Motion, increments, sample
+from strapdown.sim.trajectory import DEG, Motion, demo_flight, increments, sample
 
 MEMS = ImuSpec(
     "Gauss-Markov MEMS",
@@ -43,6 +46,8 @@ FILTERS = [
 ]
 """Name, options, IMU, attitude at the start (rad). To test another filter, add a line."""
 NAMES = [line[0] for line in FILTERS]
+APART = "filter and smoother are up to"
+"""Words of the event that only the smoother has."""
 RATE = 20
 
 
@@ -167,10 +172,11 @@ def both(recording, given, name="closed-loop", **options):
     )
     ordered(smoothed, filtered)
     assert (
-        smoothed.events == filtered.events
+        tuple(event for event in smoothed.events if APART not in event[1]) == filtered.events
         and smoothed.counts() == filtered.counts()
-        and np.array_equal(smoothed.status, filtered.status)
     )
+    added = smoothed.status != filtered.status
+    assert (smoothed.status[added] == DOUBTFUL).all() and added.any() <= bool(said(smoothed, APART))
     assert np.array_equal(
         smoothed.innovations.innovation, filtered.innovations.innovation, equal_nan=True
     )
@@ -357,7 +363,7 @@ def test_gaps_of_samples(flight, window, rule):
     if rule is None:  # the recording ends before
         assert smoothed.t[-1] == 18.0 and not smoothed.events
         return
-    assert rule in smoothed.events[0][1]
+    assert [t for t, _ in said(smoothed, rule)] == [pytest.approx(window[0])]
     after = int(np.searchsorted(smoothed.t, window[1] + 0.01))
     assert smoothed.t[after] - smoothed.t[after - 1] > 0.5
     at = slice(after, after + 3)
@@ -392,7 +398,8 @@ def test_rejected_and_missing_fixes_say_nothing(flight):
     assert (smoothed.innovations.nis > 50).sum() == 3 and np.isnan(
         smoothed.innovations.nis
     ).sum() == 2
-    equal(smoothed, sd.smooth(without, **given))
+    assert said(smoothed, "GNSS position") == list(smoothed.events)
+    equal(replace(smoothed, events=()), sd.smooth(without, **given))
 
 
 def test_a_lifted_gate(flight):
@@ -402,7 +409,7 @@ def test_a_lifted_gate(flight):
     fix = recording.aidings[0]
     y = fix.y + (fix.t > 8)[:, None] * np.array([200 / 6.38e6, 0.0, 0.0])
     smoothed, filtered = both(replace(recording, aidings=(replace(fix, y=y, gate=None),)), given)
-    assert any("gate lifted" in text for _, text in smoothed.events)
+    assert [t for t, _ in said(smoothed, "gate lifted")] == [pytest.approx(14.0)]
     assert np.isfinite(smoothed.trajectory.lla).all() and (smoothed.trajectory.sd > 0).all()
     assert smoothed.trajectory.sd[300, 0] < filtered.trajectory.sd[300, 0]
 
@@ -465,6 +472,88 @@ def test_a_day_fits_into_four_gigabytes(every, bound):
     each = (many - few) / 120_000
     assert 10 < each < bound
     assert 8.64e6 * (64 + each) + 350e6 < 4e9
+
+
+def wrong(solution, reference):
+    """(n,) rows that are off by more than five of their standard deviations."""
+    path, rows = solution.trajectory, np.searchsorted(reference.t, solution.t - 1e-6)
+    truth = reference.taking(rows)
+    turn = (path.rotation * truth.rotation.inv()).as_rotvec()
+    off = np.c_[displacement(path.lla, truth.lla), path.v_n - truth.v_n, turn]
+    return (np.abs(off) > 5 * path.sd[:, :9]).any(axis=1)
+
+
+def drifting(recording):
+    """Position fixes walk away by 0.5 m/s from 120 s on, which the velocities contradict."""
+    fix, *others = recording.aidings
+    east = 0.5 * np.clip(fix.t - 120, 0, None)
+    y = displaced(fix.y, np.c_[0 * east, east, 0 * east])
+    return replace(recording, aidings=(replace(fix, y=y), *others))
+
+
+def stepping(recording):
+    """The bias of the gyro steps by 1 deg/s at 120 s."""
+    imu = recording.imu
+    dtheta = imu.dtheta + np.outer((imu.t > 120) * imu.dt, [0.0, 0.0, DEG])
+    return replace(recording, imu=imu._replace(dtheta=dtheta))
+
+
+@pytest.mark.parametrize("spoil, reach", [(drifting, 90), (stepping, 70)])
+def test_what_bends_the_rows_before_it_is_said(spoil, reach):
+    """An error from 120 s on reaches the smoothed rows before it, of which the filter knew
+    nothing."""
+    recording = spoil(sd.simulate(demo_flight(), 200.0, "tactical", 1003, rate=50.0))
+    smoothed, filtered = (run(recording, every=5) for run in (sd.smooth, sd.fuse))
+    before = smoothed.t < 120
+    assert (filtered.status[before] == VALID).all()
+    assert wrong(smoothed, recording.reference)[before].any()
+    assert not wrong(smoothed, recording.reference)[before & (smoothed.status == VALID)].any()
+    doubted = smoothed.t[before & (smoothed.status == DOUBTFUL)]
+    (first, text), *_ = said(smoothed, APART)
+    assert first == doubted[0] and reach < first < 120
+    assert (smoothed.status[(smoothed.t >= first) & before] == DOUBTFUL).all()
+    assert text.endswith("what came later contradicts what came before")
+    others = [event for event in smoothed.events if APART not in event[1]]
+    assert others == list(filtered.events)
+
+
+@pytest.mark.parametrize("status", [VALID, INVALID])
+def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
+    recording, given, _ = Flight(60).drawn(14)
+    run = begin(recording, "closed-loop", Asked({}, every=20, **given))
+    run.complete()
+    nav = run.out.nav
+    nav[:, loop.ROW_STATUS] = status
+    nav[:, loop.SD : loop.SD + 9], smoothed = 1.0, nav.copy()
+    smoothed[:, loop.SD : loop.SD + 9] = 0.6  # sd of the difference: 0.8
+    smoothed[30:32, loop.V + 2] += [4.1, -4.5]
+    smoothed[50, loop.V + 2] += 3.9
+    smoothed[45, loop.SD + 2] = 0.99  # nothing to compare
+    smoothed[45, loop.LLA + 2] += 100.0
+    differences = Differences()
+    for rows in (slice(40, 60), slice(0, 40)):
+        differences.add(nav[rows], smoothed[rows])
+    differences.tell(run)
+    marked = nav[:, loop.ROW_STATUS] != status
+    if status == INVALID:  # what is said already
+        assert not marked.any() and not run.events.rows
+        return
+    # rows are a second apart
+    assert np.flatnonzero(marked).tolist() == list(range(10, 32))
+    (row,) = run.events.rows
+    assert row.tolist() == pytest.approx([11, 32, cursor.APART, 0, 22, 4.5 / 0.8])
+
+
+def test_an_attitude_that_is_apart_counts():
+    filtered, smoothed = np.zeros((2, 3, loop.ROW_STATUS))
+    filtered[:, loop.SD : loop.SD + 9], smoothed[:, loop.SD : loop.SD + 9] = 0.01, 0.006
+    turn = Rotation.from_rotvec([[0.0, 0.0, 0.02], [0.0, -0.045, 0.0], [0.0, 0.0, 0.0]])
+    first = Rotation.from_euler("zyx", [2.0, 0.4, -0.3])
+    filtered[:, loop.Q : loop.BIASES] = np.roll(first.as_quat(), 1)
+    smoothed[:, loop.Q : loop.BIASES] = -np.roll((turn * first).as_quat(), 1, axis=1)
+    differences = Differences()
+    differences.add(filtered, smoothed)
+    np.testing.assert_allclose(differences._ratio[0], [2.5, 5.625, 0.0], rtol=1e-3)
 
 
 def test_filter_and_smoother_differ_as_their_standard_deviations_allow():

@@ -3,8 +3,9 @@ studies, and go red where a test of the library does."""
 
 import pytest
 
-QUICK = ("test_alam.py", "test_fossen_intro.py", "test_errata_fossen.py")
-"""Files whose every test takes a second or two: `make test` runs one whole reproduction."""
+QUICK = ("test_alam.py", "test_faults.py", "test_fossen_intro.py", "test_errata_fossen.py")
+"""Files whose tests take a second or two where they do not say themselves that they are deep: `make
+test` runs one whole reproduction, and the faults in their reduced form."""
 
 
 def pytest_collection_modifyitems(items):

@@ -142,6 +142,11 @@ def rows(solution):
     ]
 
 
+def said(solution, *words):
+    """[(t, text)] of the events that hold one of these words."""
+    return [(t, text) for t, text in solution.events if any(word in text for word in words)]
+
+
 def same(first, second):
     """Whether two Solutions are equal bit for bit."""
     a, b = (

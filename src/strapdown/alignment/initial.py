@@ -36,7 +36,7 @@ from .initial_heading import (
     mean_force,
 )
 from .location import place_of
-from .rest import gyro_bias, moves, rests
+from .rest import gyro_bias, moves, rests, unsteadiness
 from .static_attitude import body_to_navigation, level
 
 LEVEL_SD_GUESSED = np.radians(15.0)
@@ -45,6 +45,8 @@ RECORD_AGE = 1.0  # s that a record of the attitude may be away from the start
 REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
 EARTH_RADIUS = 6.4e6  # m: standard deviation of a place that is not known
 GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
+SWAYING = 0.01  # rad/s: mean rates of single seconds that scatter by more are those of no rest
+UNFELT = 0.5  # m/s^2: steady acceleration that smooth motion hides
 WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
 
 Level: TypeAlias = tuple[float, float, float | Array, str]
@@ -158,7 +160,7 @@ def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Sta
     t, fixes, k = moment.t, moment.fixes, moment.nearest
     psi = heading.heading
     roll, pitch, level_sd, level_note = (
-        _level_at_rest(moment.force, moment.bias_sd[0])
+        _level_at_rest(moment.force, moment.bias_sd[0], _sways(recording.imu, moment.rest))
         if heading.at_rest
         else _level(recording, moment, heading)
     )
@@ -241,7 +243,7 @@ def _attitude_start(
     if record:
         levelled = _level_recorded(record, psi)
     elif still or age <= 0:
-        levelled = _level_at_rest(force, b_a_sd)
+        levelled = _level_at_rest(force, b_a_sd, _sways(recording.imu, rest))
     else:
         levelled = min(
             _levels_in_motion(recording, t, rest, age, force, b_a_sd, bg),
@@ -544,14 +546,20 @@ def _level_from_rest(
     )
 
 
-def _level_at_rest(force: MeanForce, b_a_sd: float) -> tuple[float, float, float, str]:
+def _level_at_rest(force: MeanForce, b_a_sd: float, sways: bool) -> tuple[float, float, float, str]:
     """Roll, pitch, their sd and a note from the MeanForce of a body at rest; the sd grows with
-    what its size differs by from gravity."""
+    what its size differs by from gravity, and where the body `sways`."""
+    unfelt = UNFELT / GRAVITY_EQUATOR if sways else 0.0
     return (
         *level(force.f),
-        float(np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off])),
-        "level at rest",
+        float(np.linalg.norm([LEVEL_SD_REST, b_a_sd / GRAVITY_EQUATOR, force.off, unfelt])),
+        "level in smooth motion" if sways else "level at rest",
     )
+
+
+def _sways(imu: Imu, rest: list[Ints]) -> bool:
+    """Whether a body that feels at rest turns to and fro, as in smooth flight or on water."""
+    return bool(rest) and bool(np.linalg.norm(unsteadiness(imu, rest)) > SWAYING)
 
 
 def _carried(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:

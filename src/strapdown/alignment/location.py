@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..data import Aiding
-from ..typing import Array, Ints
+from ..typing import Array, Ints, Mask
 
 GIVEN_SD = 10.0
 """m: standard deviation of a place that was given; it is one for all of the recording."""
@@ -29,7 +29,7 @@ def place_of(
         return Place(np.array(meta["place"], float), np.full(3, GIVEN_SD), "place given")
     for aiding in aidings:
         whole: Ints = (
-            np.flatnonzero(np.isfinite(aiding.y).all(axis=1))
+            np.flatnonzero(np.isfinite(aiding.y).all(axis=1) & known(aiding))
             if aiding.kind == "position"
             else np.empty(0, int)
         )
@@ -37,3 +37,11 @@ def place_of(
             k = whole[np.argmin(np.abs(aiding.t[whole] - t))]
             return Place(aiding.y[k], aiding.sd[k], "place of the nearest fix")
     return None
+
+
+def known(aiding: Aiding) -> Mask:
+    """Which fixes (m,) of an aiding are some: latitude 0 with longitude 0 is what receivers write
+    that know no position."""
+    if aiding.kind != "position":
+        return np.ones(len(aiding.t), bool)
+    return (aiding.y[:, :2] != 0).any(axis=1)

@@ -24,6 +24,7 @@ from .console import (
     OPTION,
     STRICT,
     TO,
+    VEHICLE,
     Progress,
     Reads,
     end,
@@ -175,6 +176,7 @@ def fuse(
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
     imu: IMU = None,
+    vehicle: VEHICLE = None,
     start: FROM = None,
     stop: TO = None,
     hide: Annotated[
@@ -239,6 +241,7 @@ def fuse(
                 seen,
                 filter,
                 imu=grade,
+                vehicle=vehicle,
                 start=begin,
                 every=every,
                 say=progress.say,
@@ -265,7 +268,7 @@ def fuse(
     )
     if diagnosed:
         try:
-            diagnose.show(seen, filter, grade, begin, options)
+            diagnose.show(seen, filter, grade, vehicle, begin, options)
         except sd.DataError as error:  # the results are written
             print(f"diagnose: {error}")
     end(strict, [solution.verdict])

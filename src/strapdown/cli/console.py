@@ -30,6 +30,14 @@ IMU = Annotated[
         "recording names."
     ),
 ]
+VEHICLE = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="What carries the sensors: any, pedestrian, car, ship, multicopter or aircraft; "
+        "nothing beyond its bounds is believed.  [default: what the recording names, else any]",
+    ),
+]
 OPTION = Annotated[
     list[str] | None,
     typer.Option(
@@ -99,6 +107,7 @@ def recording_argument(note: str = "") -> Any:
 def summarise(solution: "sd.Solution") -> None:
     """What a user must know of a solution beside its errors: the verdict first, then notes,
     start, fixes, events, uncertainty at the end."""
+    from ..core.contract import DOUBTFUL
     from ..reports.summary import claimed_sd
 
     print_verdicts({"": solution.verdict})
@@ -118,6 +127,10 @@ def summarise(solution: "sd.Solution") -> None:
         print(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:
         print(f"           and {len(solution.events) - 10} more events; the report lists them")
+    if doubtful := solution.seconds(DOUBTFUL):
+        print(
+            f"doubtful: {doubtful:.4g} s of {solution.t[-1] - solution.t[0]:.4g} s, see the events"
+        )
     print(f"at the end: {uncertainty(claimed_sd(solution)[-1])}")
 
 

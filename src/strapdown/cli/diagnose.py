@@ -8,7 +8,7 @@ import typer
 
 import strapdown as sd
 
-from .console import FROM, IMU, OPTION, TO, Progress, option_values, recording_argument
+from .console import FROM, IMU, OPTION, TO, VEHICLE, Progress, option_values, recording_argument
 
 if TYPE_CHECKING:
     from ..core.contract import Start
@@ -20,6 +20,7 @@ def diagnose(
         str, typer.Option(help="The closed loop or one of its relatives.")
     ] = "closed-loop",
     imu: IMU = None,
+    vehicle: VEHICLE = None,
     start: FROM = None,
     stop: TO = None,
     option: OPTION = None,
@@ -28,13 +29,14 @@ def diagnose(
     the IMU, scale of the odometer; what is right; and what the motion does not show."""
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
-    show(part, filter, imu, None, option_values(option))
+    show(part, filter, imu, vehicle, None, option_values(option))
 
 
 def show(
     recording: "sd.Recording",
     filter: str,
     imu: Any,
+    vehicle: str | None,
     start: "Start | None",
     options: dict[str, Any],
 ) -> None:
@@ -44,6 +46,7 @@ def show(
             recording,
             filter,
             imu=imu,
+            vehicle=vehicle,
             start=start,
             say=progress.say,
             progress=progress.track("diagnose"),

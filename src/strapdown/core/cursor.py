@@ -54,9 +54,11 @@ NOW, CAUSE = 0, 1
 scale (inf: not described), their noise (rad/sqrt(s), m/s/sqrt(s)), and what the vehicle never
 exceeds: speed (m/s), ellipsoidal height (m)."""
 
-LENGTH, REPEATS, STEP, WATCHED = 0, 1, 2, 3
+LENGTH, REPEATS, STEP, LATELY, JITTER, WATCHED = range(6)
 """Columns of Cursor.watched, one row per axis of gyro and accelerometer: samples at the present
-value, samples that repeated the one before, smallest change seen (rad/s, m/s^2)."""
+value, samples that repeated the one before, smallest change seen (rad/s, m/s^2), the share of
+repeats among the last samples in which any axis repeated its value, the mean square of half the
+change times dt, which is what a sample does not tell of the motion inside it ((m/s)^2, rad^2)."""
 
 CHANNELS = 7
 SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)
@@ -81,6 +83,7 @@ how often, its largest value."""
     OUT_OF_RANGE,
     FULL_SCALE,
     STUCK,
+    COARSE,
     FLOORED,
     NO_FIX,
     TOO_FAST,
@@ -90,9 +93,10 @@ how often, its largest value."""
     BELIEF_TOO_FAST,
     BELIEF_TOO_HIGH,
     IN_CONDITION,
+    APART,
     CODES,
-) = range(18)
-"""What a row of the log can be; engine/events.py has their words."""
+) = range(20)
+"""What a row of the log can be; engine/events.py has their words. APART is the smoother's."""
 FOLD = 10.0  # s within which what happens again belongs to the same row of the log
 LOG_ROWS, LOG_FULL = 256, 128  # of which the loop stops at the second, so that the log is emptied
 

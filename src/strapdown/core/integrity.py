@@ -17,6 +17,7 @@ from .cursor import (
     AGAINST,
     CAUSE,
     CHANNELS,
+    COARSE,
     FAILS,
     FLOORED,
     FULL_SCALE,
@@ -24,7 +25,9 @@ from .cursor import (
     GYRO_NOISE,
     GYRO_RANGE,
     HIGHEST,
+    JITTER,
     LAST_USED,
+    LATELY,
     LENGTH,
     LOWEST,
     MEAN_OFF,
@@ -34,6 +37,7 @@ from .cursor import (
     NO_FIX,
     OPPOSES,
     OUT_OF_RANGE,
+    POSITIONED,
     REJECTING,
     REPEATING,
     REPEATS,
@@ -57,17 +61,26 @@ CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
 a doubt ends."""
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
-SELDOM_CHANGES = 16  # the smallest change is looked for in each so many samples
+SELDOM, LONG_SAMPLE = (
+    16,
+    0.05,
+)  # changes are looked at in each so many samples, or in longer ones (s)
+LAST_CHANGES = 16.0  # over which their squares are averaged
+MOST_JITTER = 2.0
+"""Half the change of a sample, in m/s, over the standard deviation of the velocity. Recorded cars,
+aircraft and hands stay below 0.5."""
 LEARNED = 200  # samples from which the rate of repeated values is known
 STUCK_SAMPLES, STUCK_TIME = 10, 0.2  # an axis is not stuck for fewer, or for less (s)
 STUCK_LIKELIHOOD = 25.0  # -ln of how likely so many repeated values are by chance
+LATEST, MORE_THAN_USUAL = 64.0, 0.2
+"""Samples over which the share of repeats is averaged; how much above its usual one is unusual."""
 SECOND = 1.0 - 1e-6  # s of fixes that count as one
 MOST_WHITENED = 4.0  # of one second, so that one wild fix is no drift
-MEAN_ALLOWED, MEAN_ALARM = 0.5, 12.0
+MEAN_ALLOWED, MEAN_ALARM = 0.5, 14.0
 """Mean of whitened innovations that lasting errors of right fixes have; what its sum beyond that
-reaches by chance less than once in 720 000 seconds of a source."""
-NIS_ALLOWED, NIS_ALARM = 2.0, 12.0
-"""The same of the NIS over its expectation."""
+reaches by chance once in some 8 million seconds of a component."""
+NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
+"""The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
 MOST_NIS = 8.0  # of one second over its expectation
 MOST_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
 NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
@@ -104,7 +117,7 @@ def oppose(cursor: Cursor, s: int) -> None:
 
 
 @inlined
-def plausible(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
+def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> int:
     """0 for a sample that can be true, 1 for one of which less is known than the noise says (at
     full scale, stuck), 2 for one that cannot be. `cursor.previous` still holds the one before."""
     limits, previous = cursor.limits, cursor.previous
@@ -122,8 +135,8 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> 
     code = 0
     if not changed and before > 0 or cursor.at[REPEATING] > 0:
         code = _repeated(dtheta, dv, dt, t, cursor)
-    if cursor.at[SAMPLES] % SELDOM_CHANGES == 0 and before > 0:
-        _smallest_changes(dtheta, dv, dt, cursor)
+    if before > 0 and (cursor.at[SAMPLES] % SELDOM == 0 or dt > LONG_SAMPLE):
+        _changes(dtheta, dv, dt, t, belief, cursor)
     if not (inside and below):
         code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
     if code > 0:
@@ -147,42 +160,71 @@ def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, insid
 
 
 @helper
-def _smallest_changes(dtheta: Array, dv: Array, dt: float, cursor: Cursor) -> None:
-    previous = cursor.previous
+def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> None:
+    """Keep the smallest change of each axis and the mean square of what samples do not tell. Where
+    that is more than the velocity is said to be known by, the samples are too far apart."""
+    previous, watched, worst = cursor.previous, cursor.watched, 0
     for i in range(6):
         value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
         change = abs(value - previous[i] / previous[6])
         if change > SAME_VALUE * abs(value):
-            cursor.watched[i, STEP] = min(cursor.watched[i, STEP], change)
+            watched[i, STEP] = min(watched[i, STEP], change)
+        half = 0.5 * change * dt
+        watched[i, JITTER] += (half * half - watched[i, JITTER]) / LAST_CHANGES
+        if i > 3 and watched[i, JITTER] > watched[3 + worst, JITTER]:
+            worst = i - 3
+    known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
+    if cursor.at[POSITIONED] and watched[3 + worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
+        say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[3 + worst, JITTER]) / dt)
+        doubt(cursor, t)
 
 
 @helper
 def _repeated(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
-    """Count the axes that repeat their value. One is stuck where that is too unlikely to be
-    chance: by how often it did before, and only where its noise is larger than its resolution."""
-    watched, previous, limits = cursor.watched, cursor.previous, cursor.limits
-    before, samples, found, repeating = previous[6], cursor.at[SAMPLES], 0, 0
+    """Count the axes that repeat their value, and say which are stuck. Returns 1 if any is."""
+    watched, previous, samples = cursor.watched, cursor.previous, cursor.at[SAMPLES]
+    before, found, repeating = previous[6], 0, 0
     for i in range(6):
         x = dtheta[i] if i < 3 else dv[i - 3]
-        if abs(x * before - previous[i] * dt) > SAME_VALUE * abs(x) * before:
-            watched[i, LENGTH] = 0.0
-            continue
-        watched[i, LENGTH] += 1
-        watched[i, REPEATS] += 1
-        repeating += 1
+        same = abs(x * before - previous[i] * dt) <= SAME_VALUE * abs(x) * before
+        watched[i, LENGTH] = watched[i, LENGTH] + 1 if same else 0.0
+        watched[i, REPEATS] += same
+        watched[i, LATELY] += (same - watched[i, LATELY]) / LATEST
+        repeating += same
+    for i in range(6):
         length = watched[i, LENGTH]
         if length < STUCK_SAMPLES or length * dt < STUCK_TIME or samples - length < LEARNED:
             continue
-        noise = limits[GYRO_NOISE] if i < 3 else limits[ACCEL_NOISE]
-        rate = (watched[i, REPEATS] - length + 1) / (samples - length + 2)
+        noise = cursor.limits[GYRO_NOISE] if i < 3 else cursor.limits[ACCEL_NOISE]
         if (
             watched[i, STEP] * math.sqrt(dt) <= noise
-            and -length * math.log(rate) > STUCK_LIKELIHOOD
+            and -length * math.log(_usual(watched, i, samples)) > STUCK_LIKELIHOOD
+            and _alone(watched, i, samples)
         ):
-            say(cursor, STUCK, i, t, x / dt)
+            say(cursor, STUCK, i, t, (dtheta[i] if i < 3 else dv[i - 3]) / dt)
             found = 1
     cursor.at[REPEATING] = repeating
     return found
+
+
+@inlined
+def _usual(watched: Array, i: int, samples: int) -> float:
+    """The share of samples that repeated their value on axis `i`, without the present ones."""
+    length = watched[i, LENGTH]
+    return (watched[i, REPEATS] - length + 1) / (samples - length + 2)
+
+
+@inlined
+def _alone(watched: Array, i: int, samples: int) -> bool:
+    """Whether the other axes of the sensor go on as usual, or stopped at the same sample: at rest a
+    coarse sensor repeats its values on all, and not from one sample on."""
+    alone, first = True, 0 if i < 3 else 3
+    for j in range(first, first + 3):
+        alone &= (
+            watched[j, LENGTH] == watched[i, LENGTH]
+            or watched[j, LATELY] <= _usual(watched, j, samples) + MORE_THAN_USUAL
+        )
+    return alone
 
 
 # ---- fixes
@@ -253,20 +295,19 @@ def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> Non
     for i in range(3):
         if counts[i] > 0:
             mean = whitened[i] / counts[i]
-            _sum_up(cursor, s, i, mean, t)
-            _sum_up(cursor, s, 3 + i, -mean, t)
+            _sum_up(cursor, s, i, mean, MEAN_ALARM, t)
+            _sum_up(cursor, s, 3 + i, -mean, MEAN_ALARM, t)
             whitened[i] = counts[i] = 0.0
     if tests[NIS_COUNT] > 0:
-        _sum_up(cursor, s, 6, tests[NIS_SUM] / tests[NIS_COUNT], t)
+        _sum_up(cursor, s, 6, tests[NIS_SUM] / tests[NIS_COUNT], NIS_ALARM / max(rows, 1), t)
         tests[NIS_SUM] = tests[NIS_COUNT] = 0.0
 
 
 @helper
-def _sum_up(cursor: Cursor, s: int, channel: int, value: float, t: float) -> None:
+def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t: float) -> None:
     """One term of a cumulative sum, which fails above its bound until it is well below."""
     tests, of_nis = cursor.tests[s], channel == 6
-    allowed, bound = (NIS_ALLOWED, NIS_ALARM) if of_nis else (MEAN_ALLOWED, MEAN_ALARM)
-    most = MOST_NIS if of_nis else MOST_WHITENED
+    allowed, most = (NIS_ALLOWED, MOST_NIS) if of_nis else (MEAN_ALLOWED, MOST_WHITENED)
     sums, terms, fails = tests[SUM], tests[TERMS], tests[FAILS]
     total = sums[channel] + min(max(value, -most), most) - allowed
     terms[channel] += 1

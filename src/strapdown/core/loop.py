@@ -85,7 +85,7 @@ T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15
 standard deviations, status; then a filter's own, then the states that aidings brought along and
 their standard deviations."""
-F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, FIX_WIDTH = 0, 1, 2, 5, 6, 7
+F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, FIX_WIDTH = 0, 1, 2, 5, 6, 7, 10
 """Columns of Output.fix; use is one of the next four."""
 UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
 
@@ -134,7 +134,7 @@ def run(
             at[STATUS] = VALID
         # a run may begin anywhere inside its first sample
         inside = 0.5 * dt if cursor.previous[6] > 0 else SAME_TIME
-        assumed, wrong = noise, plausible(imu.dtheta[row], imu.dv[row], dt, t, cursor)
+        assumed, wrong = noise, plausible(imu.dtheta[row], imu.dv[row], dt, t, belief, cursor)
         if wrong:
             assumed = wider(noise, BRIDGE_GYRO, BRIDGE_ACCEL)
         if wrong < NOT_USABLE:
@@ -235,6 +235,8 @@ def _use_fix(
         for i in range(6):
             innovation[i] = math.nan
     while believable:  # once, or a second time with the gate lifted
+        for i in range(3):
+            innovation[3 + i] = math.nan  # not every filter whitens
         found = correct_at(correct)(
             belief,
             fixes.y[k],
@@ -297,7 +299,7 @@ def _use_fix(
     cursor.rejected[s] += use == REJECTED_FIX
     row[F_T], row[F_SOURCE], row[F_NIS], row[F_USE] = t, s, nis, use
     for i in range(3):
-        row[F_INNOVATION + i] = innovation[i]
+        row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
     at[FIX] += 1
 
 
@@ -423,7 +425,7 @@ def _rates_held(belief: Belief, dt: float, last: Array, u: Array) -> None:
 @inlined
 def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
     """The status of a row: invalid before doubtful before bridged before valid."""
-    at, doubtful = cursor.at, cursor.at[UNCONFIRMED] > 0
+    at, doubtful = cursor.at, False
     if at[CONDITION] >= 0:
         condition = int(belief.workspace[at[CONDITION]])
         if condition > 0:
@@ -438,7 +440,7 @@ def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
         if belief.lla[2] < limits[LOWEST] or belief.lla[2] > limits[HIGHEST]:
             say(cursor, BELIEF_TOO_HIGH, 0, t, belief.lla[2])
             doubt(cursor, t)
-    if at[STATUS] == INVALID or not doubtful:
+    if at[STATUS] == INVALID or not (doubtful or at[UNCONFIRMED] > 0):
         return at[STATUS]
     return DOUBTFUL
 

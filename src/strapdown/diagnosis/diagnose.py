@@ -17,6 +17,7 @@ from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..recording import Recording
 from ..typing import Array, Mask, Progress, Say
+from ..vehicle import GivenVehicle
 from .coarse import check_axes, coarse_clocks
 from .findings import (
     CONSISTENT,
@@ -78,6 +79,7 @@ def diagnose(
     start: Start | None = None,
     say: Say | None = None,
     progress: Progress | None = None,
+    vehicle: GivenVehicle | None = None,
     **options: Any,
 ) -> Diagnosis:
     """What of the installation of `recording` is wrong: clock offset of the GNSS, lever arm of its
@@ -89,7 +91,9 @@ def diagnose(
     Without a source of velocity no more than a clock offset beyond 0.5 s is reported. Raises
     DataError.
     """
-    return _Runs(recording, filter, Asked(options, imu, start, say=say), progress).diagnosis()
+    return _Runs(
+        recording, filter, Asked(options, imu, start, say=say, vehicle=vehicle), progress
+    ).diagnosis()
 
 
 class _Runs:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import ATT, BA, BG
+from ..core.contract import ATT, BA, BG, DOUBTFUL
 from ..core.loop import BRIDGE
 from ..core.rotation import quaternion_to_euler
 from ..data import Solution
@@ -33,6 +33,8 @@ UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
 LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
+SETTLED = 60.0  # s of a run in which a filter may still doubt its start, a fifth of it at most
+DOUBTED = 0.5  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
 
@@ -284,6 +286,31 @@ def smoother(solution: Solution) -> Iterator[Reason]:
                 "run `strapdown diagnose` on the recording",
                 weight=ratio / SMOOTHER,
             )
+
+
+def doubts(solution: Solution) -> Iterator[Reason]:
+    """Rows that the run itself says are doubtful, after its start, with what it said first."""
+    t, span = solution.t, np.diff(solution.t, prepend=solution.t[:1])
+    settled = t > t[0] + min(SETTLED, 0.2 * (t[-1] - t[0]))
+    doubtful = settled & (solution.status == DOUBTFUL)
+    if not doubtful.any():
+        return
+    seconds, share = span[doubtful].sum(), span[doubtful].sum() / span[settled].sum()
+    first = t[np.argmax(doubtful)]
+    said = [text for at, text in solution.events if at <= first and not text.startswith("IMU gap")]
+    text = said[-1] if said else "contradictions"
+    sources = [
+        name for name in solution.innovations.names if text.startswith((f"{name}:", f"{name} "))
+    ]
+    sensors = [sensor for sensor in ("accelerometer", "gyro") if text.startswith(sensor)]
+    yield Reason(
+        "outliers" if sources else sensors[0] if sensors else "unknown",
+        f"{seconds:.0f} s of the result are doubtful, {100 * share:.0f} % of it "
+        f"({100 * DOUBTED:.0f} % at most), the first at {first:.0f} s: {text}",
+        "mend what that says, or leave out the rows that `status` marks",
+        max(sources, key=len, default=""),
+        min(share / DOUBTED, GRAVE),
+    )
 
 
 def heading_never_seen(solution: Solution) -> bool:

@@ -73,11 +73,15 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
     if "stopped" in solution.meta:  # what it did before is of no interest
         yield from evidence.stopped(solution)
         return
-    yield from evidence.biases(solution)
-    yield from evidence.smoother(solution)
+    biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
+    yield from (*biases, *smoother)
+    of_sources = []
     for source in sources:
         found = [*evidence.noise(source), *evidence.rejections(source)]
-        yield from sorted(found, key=lambda reason: -reason.weight)[:1]
+        of_sources += sorted(found, key=lambda reason: -reason.weight)[:1]
+    yield from of_sources
+    if not (biases or smoother or of_sources):  # which say why rows are doubtful
+        yield from evidence.doubts(solution)
     for source in sources:
         if source.kind in ("position", "velocity"):
             yield from evidence.course(solution, source.t)

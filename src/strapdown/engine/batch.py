@@ -1,5 +1,6 @@
 """From a Recording and a filter to a Solution: `fuse` runs a whole recording."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..core.contract import Filter, Noise, Start
 from ..data import Solution
 from ..recording import Recording
 from ..typing import Progress, Say
-from ..vehicle import Vehicle
+from ..vehicle import GivenVehicle, find as find_vehicle
 from .attitude_first import fed
 from .finish import solution
 from .heading_hypotheses import aligned
@@ -39,7 +40,7 @@ def fuse(
     progress: Progress | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
-    vehicle: str | Vehicle | None = None,
+    vehicle: GivenVehicle | None = None,
     **options: Any,
 ) -> Solution:
     """Run `filter` over `recording` and return the Solution.
@@ -67,6 +68,10 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     """The Run of `fuse` before its first sample. Raises DataError."""
     if not isinstance(asked.every, (int, np.integer)) or asked.every < 1:
         raise DataError(f"every is {asked.every}; it must be a whole number, at least 1")
+    if asked.vehicle is not None:  # so that all runs of it know it
+        recording = replace(
+            recording, meta=recording.meta | {"vehicle": find_vehicle(asked.vehicle)}
+        )
     imu, start = asked.imu, asked.start
     whole = isinstance(start, Start) and not left_open(start)
     noise, spec = assumed_noise(

@@ -10,6 +10,7 @@ from ..core.contract import POS, Cursor, Filter
 from ..data import Aiding
 from ..preprocessing.origin import counted
 from ..typing import Array
+from ..vehicle import Vehicle
 
 MOST_OF_A_KIND = 20
 """Events of one kind and source that are kept apart; the last one takes in all that follow."""
@@ -32,10 +33,11 @@ NED = ("north", "east", "down")
 
 
 class Events:
-    """The events of a run of `filter` with these sources: `take` empties the log of its cursor."""
+    """The events of a run of `filter` with these sources on this vehicle: `take` empties the log of its cursor."""
 
-    def __init__(self, filter: Filter, aidings: Sequence[Aiding]) -> None:
+    def __init__(self, filter: Filter, aidings: Sequence[Aiding], vehicle: Vehicle) -> None:
         self.rows: list[Array] = []
+        self.vehicle = vehicle
         self._filter, self._aidings = filter, aidings
         self.because: dict[int, str] = {}  # by code: what the words of that event add
         self._counts: dict[tuple[float, float], list[Array]] = {}
@@ -45,6 +47,13 @@ class Events:
         for row in cursor.log[: cursor.at[log.LOGGED]]:
             self._fold(row)
         cursor.at[log.LOGGED] = 0
+
+    def tell(self, code: int, t: Array, values: Array) -> None:
+        """Take over what was seen at the times `t` (s), in their order, with these values."""
+        apart = np.flatnonzero(np.diff(t) > log.FOLD) + 1
+        for rows in np.split(np.arange(len(t)), apart) if len(t) else ():
+            first, last = t[rows[0]], t[rows[-1]]
+            self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
 
     def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
         """Write what happens outside the loop; whether it is new and no more of the same."""
@@ -110,6 +119,16 @@ class Events:
         return f"{value * shown:.3g} {unit}"
 
     @property
+    def speed(self) -> str:
+        """What the vehicle does at most."""
+        return f"the {self.vehicle.speed:.4g} m/s of {self.vehicle}"
+
+    @property
+    def heights(self) -> str:
+        """Where it is, at all."""
+        return f"the {self.vehicle.lowest:.4g} to {self.vehicle.highest:.4g} m of {self.vehicle}"
+
+    @property
     def held(self) -> str:
         """What happens in a gap that is too long to be bridged."""
         return (
@@ -171,7 +190,9 @@ def _imu(which: int, value: float) -> tuple[str, str]:
 
 def _out_of_range(events: Events, row: Array, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
-    return f"{axis} reads {shown}, which cannot be: bridged{_times(row)}"
+    most = events.vehicle.acceleration
+    bound = "" if which < 3 else f": more than the {most:.4g} m/s^2 of {events.vehicle}"
+    return f"{axis} reads {shown}, which cannot be{bound}: bridged{_times(row)}"
 
 
 def _full_scale(events: Events, row: Array, which: int, value: float) -> str:
@@ -183,6 +204,14 @@ def _stuck(events: Events, row: Array, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
     until = f" until {row[log.UNTIL]:.1f} s" if row[log.UNTIL] > row[log.T] else ""
     return f"{axis} is stuck at {shown}{until}: check the sensor and its record"
+
+
+def _coarse(events: Events, row: Array, which: int, value: float) -> str:
+    return (
+        f"specific force changes by {value:.3g} m/s^2 from sample to sample, until "
+        f"{row[log.UNTIL]:.0f} s: vibration, or samples too far apart for the motion; velocities are "
+        f"less certain than they say"
+    )
 
 
 def _mean_off(events: Events, row: Array, which: int, value: float) -> str:
@@ -206,12 +235,13 @@ WORDS: dict[int, Words] = {
         f"{loop.LIFTS} times did not help"
     ),
     log.TOO_FAR: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, further than the vehicle can have "
-        f"gone: left out{_times(row)}"
+        f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, further than {e.vehicle} can have "
+        f"gone at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
     ),
     log.OUT_OF_RANGE: _out_of_range,
     log.FULL_SCALE: _full_scale,
     log.STUCK: _stuck,
+    log.COARSE: _coarse,
     log.FLOORED: lambda e, row, s, value: (
         f"{e.name(s)}: standard deviations are smaller than any receiver's, {e.size(s, value)}: "
         f"raised{_times(row)}"
@@ -220,10 +250,10 @@ WORDS: dict[int, Words] = {
         f"{e.name(s)}: latitude 0 and longitude 0 are no fix: left out{_times(row)}"
     ),
     log.TOO_FAST: lambda e, row, s, value: (
-        f"{e.name(s)}: {value:.4g} m/s is faster than the vehicle: left out{_times(row)}"
+        f"{e.name(s)}: {value:.4g} m/s is more than {e.speed}: left out{_times(row)}"
     ),
     log.TOO_HIGH: lambda e, row, s, value: (
-        f"{e.name(s)}: a height of {value:.4g} m is beyond the vehicle's: left out{_times(row)}"
+        f"{e.name(s)}: a height of {value:.4g} m is beyond {e.heights}: left out{_times(row)}"
     ),
     log.MEAN_OFF: _mean_off,
     log.NIS_OFF: lambda e, row, s, value: (
@@ -231,14 +261,17 @@ WORDS: dict[int, Words] = {
         f"say, until {row[log.UNTIL]:.0f} s"
     ),
     log.BELIEF_TOO_FAST: lambda e, row, s, value: (
-        f"the filter's speed of {value:.4g} m/s is beyond the vehicle's, until "
+        f"the filter's speed of {value:.4g} m/s is more than {e.speed}, until "
         f"{row[log.UNTIL]:.0f} s"
     ),
     log.BELIEF_TOO_HIGH: lambda e, row, s, value: (
-        f"the filter's height of {value:.4g} m is beyond the vehicle's, until "
-        f"{row[log.UNTIL]:.0f} s"
+        f"the filter's height of {value:.4g} m is beyond {e.heights}, until {row[log.UNTIL]:.0f} s"
     ),
     log.IN_CONDITION: lambda e, row, s, value: e.condition(s),
+    log.APART: lambda e, row, s, value: (
+        f"filter and smoother are up to {value:.2g} standard deviations apart, until "
+        f"{row[log.UNTIL]:.0f} s: what came later contradicts what came before"
+    ),
     SAMPLES_NOT_FINITE: lambda e, row, s, value: (
         f"IMU: {_counted(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
     ),

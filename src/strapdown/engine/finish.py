@@ -24,6 +24,7 @@ def solution(run: Run) -> Solution:
         "recording": recording.meta.get("name", ""),
         "notes": list(recording.meta.get("notes", [])),
         "imu": spec.name if spec else "",
+        "vehicle": run.events.vehicle.name,
         "bias_sd": list(map(float, spec.bias_sd())) if spec else None,
         "start": start._asdict(),
         "noise": noise._asdict(),
@@ -101,4 +102,5 @@ def innovations(used: Array, aidings: Sequence[Aiding], gates: Iterable[float]) 
         used[:, loop.F_USE] > 0,
         tuple(a.name or a.kind for a in aidings),
         tuple(float(gate) for gate in gates),
+        used[:, loop.F_WHITENED :],
     )

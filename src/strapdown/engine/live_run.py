@@ -102,7 +102,7 @@ class LiveRun:
         made = prepare(filter, [a.kind for a in self.aidings], say)
         self.kernels = made.predict, made.correct, made.observers
         self.cursor = new_cursor(filter, start.t, self.aidings, limits(spec, noise, vehicle))
-        self.events = events or Events(filter, self.aidings)
+        self.events = events or Events(filter, self.aidings, vehicle)
         self.seen = 0  # rows of the log that were looked at
         parts = (filter, self.kernels, self.belief, self.aidings, noise, self.cursor)
         self._room, self._ahead = _Room(*parts, rows, covariance), _Room(*parts, 1)

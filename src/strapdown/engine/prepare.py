@@ -38,7 +38,7 @@ from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Ints, Progress, Say
-from ..vehicle import Vehicle, find as find_vehicle
+from ..vehicle import GivenVehicle, find as find_vehicle
 from .events import Events
 from .limits import floors, limits
 
@@ -71,7 +71,7 @@ class Asked(NamedTuple):
     say: Say | None = None
     ahrs: str | Filter | None = None
     ahrs_rate: float = AHRS_RATE  # Hz
-    vehicle: str | Vehicle | None = None
+    vehicle: GivenVehicle | None = None
 
 
 class Prepared(NamedTuple):
@@ -366,7 +366,7 @@ def ready(
         out,
         first,
         options,
-        Events(filter, aidings),
+        Events(filter, aidings, vehicle),
     )
 
 

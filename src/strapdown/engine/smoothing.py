@@ -18,7 +18,11 @@ from ..checks import DataError
 from ..core import cursor as places, loop
 from ..core.contract import (
     COMPILED,
+    DOUBTFUL,
+    INVALID,
+    POS,
     STATES,
+    VEL,
     Filter,
     Noise,
     Smoother,
@@ -32,7 +36,7 @@ from ..data import Solution
 from ..geodesy import displacement
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
-from ..vehicle import Vehicle
+from ..vehicle import GivenVehicle
 from .batch import begin
 from .events import Events
 from .finish import solution
@@ -41,6 +45,11 @@ from .prepare import Asked, GivenImu, Run, new_output
 RECORDED_ROWS = 512 if COMPILED else 250
 """IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
 little of what each such piece costs in Python."""
+APART = 5.0
+"""Filter less smoother, over the square root of the difference of their variances, beyond which a
+row is doubtful."""
+REACH = 20.0
+"""s of rows before, which the same contradiction bends by less than shows."""
 
 
 def smooth(
@@ -55,15 +64,16 @@ def smooth(
     progress: Progress | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
-    vehicle: str | Vehicle | None = None,
+    vehicle: GivenVehicle | None = None,
     **options: Any,
 ) -> Solution:
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
     can be smoothed (`Filter.smoother`).
 
     Its standard deviations, and covariances where they are kept, are those given all measurements,
-    before and after. Innovations, status, events and the filter's own columns are the filter's.
-    Raises DataError.
+    before and after. Innovations, status, events and the filter's own columns are the filter's;
+    rows where it and the smoother differ by more than `APART` standard deviations, and `REACH` s
+    before them, are DOUBTFUL beside, with an event. Raises DataError.
     """
     filter = filters.find(filter)
     if filter.smoother is None:
@@ -85,6 +95,7 @@ def smooth(
     for kernel in kernels:
         compile_kernel(kernel)
     differences = both_ways(run, progress or (lambda done: None))
+    differences.tell(run)
     result = solution(run)
     result.meta["smoothed"] = True
     if ratios := differences.ratios():
@@ -116,7 +127,8 @@ def _smoother(run: Run) -> Smoother:
 
 
 class _Stand(NamedTuple):
-    """Where a filter stands between two samples: next sample, calls so far, and all its arrays."""
+    """Where a filter stands between two samples: next sample, calls so far, and all its arrays
+    (the log apart, which is empty)."""
 
     row: int
     calls: int
@@ -128,12 +140,16 @@ def _stand(run: Run) -> _Stand:
     return _Stand(
         int(at[places.ROW]),
         int(at[places.RECORDED]),
-        [part.copy() for each in (run.belief, run.cursor) for part in each],
+        [part.copy() for part in _arrays(run)],
     )
 
 
+def _arrays(run: Run) -> list[Array | Ints]:
+    return [part for part in (*run.belief, *run.cursor) if part is not run.cursor.log]
+
+
 def _restore(run: Run, stand: _Stand) -> None:
-    for array, before in zip((*run.belief, *run.cursor), stand.arrays):
+    for array, before in zip(_arrays(run), stand.arrays):
         array[...] = before
 
 
@@ -143,7 +159,8 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
 
     `keeping` says which rows there are: those whose number by the first is the second.
     """
-    run = run._replace(events=Events(run.filter, run.recording.aidings))  # all is said already
+    events = Events(run.filter, run.recording.aidings, run.events.vehicle)
+    run = run._replace(events=events)  # all is said already
     n, pairs = len(run.belief.P), list(zip(kept, kept[1:]))
     estimated = np.r_[np.array(run.filter.estimates, np.int64), STATES:n]
     k, adjoint_step, (every, phase) = (
@@ -196,25 +213,50 @@ class Differences:
     LEAST = 0.05  # part of the filter's variance below which there is nothing to compare
 
     def __init__(self) -> None:
-        self.sums, self.counts = np.zeros(6), np.zeros(6)
+        self.sums, self.counts = np.zeros(9), np.zeros(9)
+        self._ratio: list[Array] = []  # of each row, the largest
 
     def add(self, filtered: Array, smoothed: Array) -> None:
-        """Take in rows of the output of the filter and of the smoother."""
+        """Take in rows of the output of the filter and of the smoother, the last rows first."""
         position = displacement(smoothed[:, loop.LLA : loop.V], filtered[:, loop.LLA : loop.V])
-        moved = np.c_[position, smoothed[:, loop.V : loop.Q] - filtered[:, loop.V : loop.Q]]
-        first, last = loop.SD, loop.SD + 6
+        velocity = smoothed[:, loop.V : loop.Q] - filtered[:, loop.V : loop.Q]
+        turn = _turn(filtered[:, loop.Q : loop.BIASES], smoothed[:, loop.Q : loop.BIASES])
+        first, last = loop.SD, loop.SD + 9
         before, after = filtered[:, first:last] ** 2, smoothed[:, first:last] ** 2
         with np.errstate(invalid="ignore", divide="ignore"):
             squares = np.where(
-                before - after > self.LEAST * before, moved**2 / (before - after), np.nan
+                before - after > self.LEAST * before,
+                np.c_[position, velocity, turn] ** 2 / (before - after),
+                np.nan,
             )
         self.sums += np.nansum(squares, axis=0)
         self.counts += np.isfinite(squares).sum(axis=0)
+        self._ratio.append(np.sqrt(np.nanmax(squares, axis=1, initial=0.0)))
 
     def ratios(self) -> dict[str, float]:
         """{what: mean of the squares}, 1 where both are right; of what was compared."""
         found = {}
-        for what, states in (("position", slice(0, 3)), ("velocity", slice(3, 6))):
+        for what, states in (("position", POS), ("velocity", VEL)):
             if count := self.counts[states].sum():
                 found[what] = float(self.sums[states].sum() / count)
         return found
+
+    def tell(self, run: Run) -> None:
+        """Mark the rows of a smoothed run that are apart, or less than REACH s before such a row,
+        and say it."""
+        ratio = np.concatenate(self._ratio[::-1])
+        rows = run.out.nav[: len(ratio)]
+        t, status = rows[:, loop.T], rows[:, loop.ROW_STATUS]
+        apart = np.r_[t[(ratio > APART) & (status != INVALID)], np.inf]
+        near = apart[np.searchsorted(apart, t)] - t <= REACH
+        status[near & (status != INVALID)] = DOUBTFUL
+        run.events.tell(places.APART, t[near], ratio[near])
+
+
+def _turn(first: Array, second: Array) -> Array:
+    """(n, 3) rad: the small rotation, in n, from one (n, 4) attitude to another."""
+    w, v = first[:, :1], first[:, 1:]
+    W, V = second[:, :1], second[:, 1:]
+    return (
+        2 * np.sign(w * W + (v * V).sum(axis=1, keepdims=True)) * (w * V - W * v - np.cross(V, v))
+    )

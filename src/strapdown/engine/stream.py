@@ -19,7 +19,7 @@ from ..data import Aiding, Solution
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes
 from ..typing import Array, Say
-from ..vehicle import Vehicle, find as find_vehicle
+from ..vehicle import GivenVehicle, find as find_vehicle
 from ..verdict import Verdict
 from . import events as words
 from .arrivals import (
@@ -85,7 +85,7 @@ class Stream:
         aidings: Sequence[Aiding] = (),
         lag: float = 0.0,
         say: Say | None = None,
-        vehicle: str | Vehicle | None = None,
+        vehicle: GivenVehicle | None = None,
         on_event: OnEvent | None = None,
         align_within: float = 60.0,
         history: int = HISTORY,
@@ -117,10 +117,11 @@ class Stream:
         self._used, _ = usable(filter, left)
         check_needs(filter, left)
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
+        self._meta = {"name": "stream"} | ({"vehicle": self._vehicle} if vehicle else {})
         self._rows, self._every, self._covariance = history, every, covariance
         self.lag, self.newest = lag, -inf
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
-        self._telling = Telling(Events(filter, self._used), on_event)
+        self._telling = Telling(Events(filter, self._used, self._vehicle), on_event)
         self._sources = Sources(aidings)
         # among those that the filter can use
         self._places = [
@@ -141,7 +142,7 @@ class Stream:
         check_options(filter, options)
         self.belief = _nothing_known()
         self._gathered = Gathering(
-            filter, aidings, self._spec, noise, start, align_within, history, say
+            filter, aidings, self._spec, noise, start, align_within, history, say, self._meta
         )
         if start is not None and whole:
             self.begin(start)
@@ -483,7 +484,7 @@ class Stream:
         sample is used."""
         if self._live is None or not self._live.cursor.at[places.ROW]:
             raise DataError("the stream has used no sample yet; there is no solution")
-        return self._live.solution(self._every, name="stream", notes=self.notes)
+        return self._live.solution(self._every, **self._meta, notes=self.notes)
 
     @property
     def verdict(self) -> Verdict:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import BRIDGED, INVALID, VALID
+from ..core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from ..data import (
     BIAS_COLUMNS,
     NAV_COLUMNS,
@@ -148,8 +148,8 @@ def _variables(solution: Solution) -> Variables:
         }
     meanings = {
         "units": "1",
-        "flag_values": np.array([VALID, BRIDGED, INVALID]),
-        "flag_meanings": "valid bridged invalid",
+        "flag_values": np.array([VALID, BRIDGED, INVALID, DOUBTFUL]),
+        "flag_meanings": "valid bridged invalid doubtful",
     }
     found["status"] = (("time",), solution.status, meanings)
     found |= {

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from ..core.contract import BRIDGED, INVALID
+from ..core.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution
 from ..geodesy import displacement
 from ..typing import Array, ArrayLike, Ints
@@ -23,7 +23,11 @@ MOST_POINTS/2 stretches, so that no peak is lost."""
 COLOURS = ("#3b7dd8", "#e8710a", "#2f9e44", "#9c4dcc", "#c2255c", "#0b8a8f")
 """Of solutions, and of north, east, down."""
 GREY, RED = "#868e96", "#e03131"
-SHADES = {BRIDGED: "rgba(240,180,0,0.22)", INVALID: "rgba(224,49,49,0.16)"}
+SHADES = {
+    BRIDGED: "rgba(240,180,0,0.22)",
+    DOUBTFUL: "rgba(156,77,204,0.15)",
+    INVALID: "rgba(224,49,49,0.16)",
+}
 WITHHELD = "rgba(59,125,216,0.13)"
 """Of the windows whose fixes were withheld."""
 MARKED = 20

@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 
 from .. import __version__
 from ..checks import DataError
-from ..core.contract import BRIDGED, INVALID
+from ..core.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
@@ -84,6 +84,7 @@ def _key(solutions: Mapping[str, Solution]) -> str:
     )
     rows = [
         (f"background:{SHADES[BRIDGED]}", "gap bridged"),
+        (f"background:{SHADES[DOUBTFUL]}", "doubtful"),
         (f"background:{SHADES[INVALID]}", "not valid"),
         *(
             [(f"background:{WITHHELD}", "fixes withheld")]

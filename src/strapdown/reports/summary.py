@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import ATT, BRIDGED, INVALID, POS, VEL
+from ..core.contract import ATT, BRIDGED, DOUBTFUL, INVALID, POS, VEL
 from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
@@ -186,6 +186,8 @@ RUN = (
     "rows",
     "gaps bridged",
     "time bridged [s]",
+    "stretches doubtful",
+    "time doubtful [s]",
     "stretches not valid",
     "time not valid [s]",
     "horizontal sd, largest / last [m]",
@@ -197,13 +199,12 @@ RUN = (
 
 def _run(solution: Solution) -> list[str]:
     t, sd = solution.t, claimed_sd(solution)
-    span = np.diff(t, prepend=t[:1])
     texts = [f"{t[0]:.2f} to {t[-1]:.2f}" if len(t) else "–", f"{len(t)}"]
-    for status in (BRIDGED, INVALID):
+    for status in (BRIDGED, DOUBTFUL, INVALID):
         there = solution.status == status
         texts += [
             str(int((np.diff(there.astype(int), prepend=0) == 1).sum())),
-            number(span[there].sum()) if there.any() else "0",
+            number(solution.seconds(status)) if there.any() else "0",
         ]
     return [
         *texts,

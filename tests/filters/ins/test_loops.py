@@ -16,6 +16,7 @@ from strapdown.core.contract import Noise
 from strapdown.core.error_dynamics import dynamics
 from strapdown.core.mechanization import mechanize
 from strapdown.geodesy import displaced, displacement
+from strapdown.vehicle import Vehicle
 
 pytestmark = pytest.mark.short
 NOISE = Noise(
@@ -248,7 +249,13 @@ def test_a_raw_ins_that_leaves_the_model_is_an_event(name, gone):
             dv=recording.imu.dv - np.outer(recording.imu.dt, [0, 0, 9000.0])
         ),
     )
-    solution = sd.fuse(falling, name, start=start(recording), noise=sd.grade("tactical").noise())
+    solution = sd.fuse(
+        falling,
+        name,
+        start=start(recording),
+        noise=sd.grade("tactical").noise(),
+        vehicle=Vehicle(speed=1e6, acceleration=1e4, lowest=-1e7, highest=1e7),
+    )
     events = [(t, text) for t, text in solution.events if "raw INS left the model" in text]
     assert bool(events) == gone
     if gone:

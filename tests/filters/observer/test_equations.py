@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.core.contract import Noise, Start, compile_kernel
-from strapdown.filters.observer import equations
+from strapdown.filters.observer import covariance, equations
 from strapdown.filters.observer.gains import begin, implant
 from strapdown.filters.observer.translation_gains import SPREAD
 from strapdown.geodesy import displacement
@@ -199,8 +199,13 @@ def belief(at=None, **options):
     at = at or Start(
         0.0, (0.8, 0.1, 300.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15
     )
-    made = at.belief(equations.OBSERVER.zeros())
-    begin(made.workspace, at, NOISE, **{"start_time": 1e-3, "outage_after": 10.0, **options})
+    made = at.belief(covariance.SLOTS.zeros())
+    begin(
+        made.workspace[: equations.OBSERVER.size],
+        at,
+        NOISE,
+        **{"start_time": 1e-3, "outage_after": 10.0, **options},
+    )
     return made
 
 
@@ -365,8 +370,8 @@ def test_a_block_inside_another_filter_is_the_same_observer():
     at = off(noiseless())
     workspace = np.zeros(40 + equations.EMBEDDED.size)
     implant(workspace[40:], at, NOISE)
-    own = at.belief(equations.OBSERVER.zeros())
-    begin(own.workspace, at, NOISE)
+    own = at.belief(covariance.SLOTS.zeros())
+    begin(own.workspace[: equations.OBSERVER.size], at, NOISE)
     state = np.r_[own.lla, own.v, own.C.ravel(), own.ba, own.bg, own.omega, own.f, own.workspace]
     assert np.array_equal(workspace[40:], state, equal_nan=True) and not workspace[:40].any()
 

@@ -15,6 +15,7 @@ DOCS = Path(__file__).resolve().parents[4] / "docs"
 PAGES = {
     "alam": ("findings.md", "alam.md"),
     "broad": ("table.md", "attitude-broad.md"),
+    "faults": ("table.md", "faults.md"),
     "fossen": ("findings.md", "fossen.md"),
     "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
     "mollaei": ("findings.md", "mollaei.md"),

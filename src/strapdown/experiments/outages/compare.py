@@ -22,6 +22,7 @@ from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress, Say
+from ...vehicle import GivenVehicle
 from ..filter_label import labelled, parsed, tried
 from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
@@ -51,13 +52,14 @@ def compare(
     threads: int | None = None,
     say: Say | None = None,
     progress: Progress | None = None,
+    vehicle: GivenVehicle | None = None,
 ) -> Comparison:
     """Run filters through the same outages of a recording with a reference, and return the
     Comparison of their errors.
 
     filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that
     estimate a position but those of SLOW_FILTERS. outages: text, see `comparison.outages`, or a
-    list of (start, stop) in s; kinds: of the fixes withheld. imu, noise: as of `fuse`, for all
+    list of (start, stop) in s; kinds: of the fixes withheld. imu, noise, vehicle: as of `fuse`, for all
     filters; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
     feeds those that need an attitude (default: as `fuse` has it). threads: at a time (default: one
     per core); say: told of slow compilation; progress: called with the fraction done. A filter that
@@ -96,7 +98,7 @@ def compare(
     scenes, notes = outages_of(made, recording, reference, kinds, start)
     if ahrs is not None and not any("attitude" in entrant.filter.needs for entrant in entrants):
         notes = [*notes, f"{ahrs} fed no filter, for none of these needs an attitude"]
-    common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs)
+    common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs, vehicle)
     for entrant in entrants:
         prepare(entrant.filter, [a.kind for a in recording.aidings], say)
     ways, results = through(
@@ -222,6 +224,7 @@ def _comparison(
         *common.recording.meta.get("notes", []),
         *notes,
         *_said(common, entrants, ways),
+        *_doubtful(labels, ways),
         *_events(labels, results),
     ]
     return Comparison(
@@ -297,6 +300,12 @@ def _said(common: Common, entrants: list[Entrant], ways: list[Way]) -> list[str]
         note if note.startswith(had[0]) else f"{', '.join(had)}: {note}"
         for note, had in found.items()
     ]
+
+
+def _doubtful(labels: list[str], ways: list[Way]) -> list[str]:
+    """A note on the doubtful rows of the whole runs."""
+    had = [f"{label} {way.doubtful:.4g} s" for label, way in zip(labels, ways) if way.doubtful]
+    return [f"doubtful in the run through all outages: {', '.join(had)}"] if had else []
 
 
 def _events(labels: list[str], results: list[list[Result]]) -> list[str]:

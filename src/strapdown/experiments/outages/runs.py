@@ -15,13 +15,15 @@ import numpy as np
 
 from ...checks import DataError
 from ...core import cursor as places, loop
-from ...core.contract import Belief, Cursor, Filter, Imu, Noise, Start
+from ...core.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
 from ...data import Aiding
 from ...engine.batch import begin
+from ...engine.events import Events
 from ...engine.finish import solution
 from ...engine.prepare import AHRS_RATE, Asked, GivenImu, Run, new_output
 from ...recording import Recording
 from ...typing import Progress, Say
+from ...vehicle import GivenVehicle
 from ...verdict import Verdict
 from .scores import Outage, Track, scored
 
@@ -46,6 +48,7 @@ class Common(NamedTuple):
     noise: Noise | None  # as it was given
     start: Start
     ahrs: str | None  # of filters that need an attitude
+    vehicle: GivenVehicle | None  # as it was given
 
 
 class Entrant(NamedTuple):
@@ -66,6 +69,7 @@ class Way(NamedTuple):
     alone: bool
     said: str  # why it cannot run, or stopped
     verdict: Verdict | None = None  # on its run to the end of the recording
+    doubtful: float = 0.0  # s of that
 
 
 def through(
@@ -114,6 +118,7 @@ def _begun(common: Common, entrant: Entrant, recording: Recording, say: Say | No
             say=say,
             ahrs=ahrs,
             ahrs_rate=AHRS_RATE,
+            vehicle=common.vehicle,
         ),
     )
 
@@ -126,18 +131,20 @@ def _way(common: Common, entrant: Entrant, say: Say | None) -> Way:
     except DataError as error:
         return Way(None, {}, False, str(error))
     if common.sweep and not _fed_alike(common, entrant, _fed(run, base)):
-        return Way(run, {}, True, "", _verdict(run))
+        return Way(run, {}, True, "", *_judged(run))
     stands = _stands(run, {each.branch for each in common.outages})
-    return Way(run, stands, False, _stopped(run), _verdict(run))
+    return Way(run, stands, False, _stopped(run), *_judged(run))
 
 
-def _verdict(run: Run) -> Verdict | None:
-    """The Verdict on a run, which goes on to its end; None where it has no solution."""
+def _judged(run: Run) -> tuple[Verdict | None, float]:
+    """(the Verdict on a run, which goes on to its end, s of doubtful rows); (None, 0) where it has
+    no solution."""
     run.complete()
     try:
-        return solution(run).verdict
+        made = solution(run)
     except DataError:
-        return None
+        return None, 0.0
+    return made.verdict, made.seconds(DOUBTFUL)
 
 
 def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
@@ -239,8 +246,16 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
     at[places.EVERY], at[places.PHASE] = 1, -1
     out = new_output(run.filter, belief, len(samples.t) - unscored, False, len(fixes.t))
     start = run.start._replace(t=float(cursor.now[0]))
+    events = Events(run.filter, run.recording.aidings, run.events.vehicle)
     branched = run._replace(
-        samples=samples, start=start, belief=belief, fixes=fixes, cursor=cursor, out=out, first=0
+        samples=samples,
+        start=start,
+        belief=belief,
+        fixes=fixes,
+        cursor=cursor,
+        out=out,
+        first=0,
+        events=events,
     )
     branched.advance(unscored)
     if not at[places.FAULT]:

@@ -1,9 +1,11 @@
 """Observer of position, velocity and accelerometer bias with fixed gains; its attitude is that of
-an AHRS. No covariance, so no standard deviations.
+an AHRS.
 
 Per axis, north and east alike: p' = v + k1 e, v' = C (f - b) + g + k2 e, C b' = -k3 e with the
 error e of a position; of a velocity v' = ... + kv1 e, C b' = -kv2 e. Between fixes it is an INS; at
 a fix the error is multiplied as those poles say for the time since the last fix, whatever the rate.
+The covariance is what those gains leave of the errors of IMU, fixes and attitude; it weighs nothing,
+but says whether a fix is plausible.
 """
 
 import math
@@ -11,13 +13,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ...checks import check_number
 from ...core.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
     CORRECT,
     MOST_STATES,
-    POSITION_KIND,
     PREDICT,
+    STATES,
+    VELOCITY_KIND,
     Belief,
     Filter,
     Noise,
@@ -30,6 +34,7 @@ from ...core.contract import (
 )
 from ...core.earth import displace
 from ...core.error_state import bias_free, observed, publish_rates
+from ...core.joseph import JOSEPH, carry, spread, test
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
@@ -45,7 +50,14 @@ VERTICAL = SLOTS.part("VERTICAL", POLES)
 SINCE = SLOTS.array("SINCE", 6)  # s since the last position and velocity fix, north, east, down
 FORCE = SLOTS.array("FORCE", 3)  # specific-force increment, m/s
 CHANGE = SLOTS.array("CHANGE", 9)  # of position, velocity and bias in n, by a fix
-JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H, which is not used
+GAIN = SLOTS.array("GAIN", 9)  # on the three, of each axis, by a fix
+JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H
+CORRELATION = SLOTS.number("CORRELATION")  # s for which the errors of attitudes are alike
+SINCE_TILT, SINCE_HEADING = SLOTS.numbers("SINCE_TILT", "SINCE_HEADING")  # s since each
+A = SLOTS.matrix("A", 3, STATES)  # of core.joseph.spread
+B = SLOTS.matrix("B", 3, STATES)
+R = SLOTS.matrix("R", 3, 3)
+OWN = SLOTS.part("OWN", JOSEPH)
 SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes at one time the second changes nothing
 
 
@@ -62,13 +74,17 @@ def start(
     kv2: float = 0.04,
     lv1: float = 0.5,
     lv2: float = 0.04,
+    correlation: float = 0.0,
 ) -> Belief:
     """Belief at `start`. Gains: k1 (1/s), k2 (1/s^2), k3 (1/s^3) of a position's north and east,
     l1, l2, l3 of its height; kv1 (1/s), kv2 (1/s^2) of a velocity's north and east, lv1, lv2 of
     down. Without k3 (l3) and kv2 (lv2) the bias stays, without all of a kind that kind is not used.
-    Refuses gains that are not stable.
+    Refuses gains that are not stable. correlation: time constant (s) of the errors of attitude
+    records, for the covariance; 0 for errors that are new with each record.
     """
+    check_number(correlation, "correlation", "s", least=0)
     workspace = SLOTS.zeros()
+    workspace[CORRELATION] = correlation
     for place, axes, of_position, of_velocity in (
         (HORIZONTAL, "horizontal", (k1, k2, k3), (kv1, kv2)),
         (VERTICAL, "vertical", (l1, l2, l3), (lv1, lv2)),
@@ -134,9 +150,14 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, since = belief.workspace, belief.workspace[SINCE]
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    if dt > 0:
+        increments = (r0, r1, r2, a0, a1, a2)
+        carry(belief.P, workspace[OWN], belief.lla, belief.v, belief.C, increments, dt, noise)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
     for i in range(6):
         since[i] += dt
+    workspace[SINCE_TILT] += dt
+    workspace[SINCE_HEADING] += dt
     publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
 
 
@@ -151,39 +172,110 @@ def correct(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Take over an attitude; pull position, velocity and bias to any other fix. It does not
-    gate."""
+    """Take over an attitude; pull position, velocity and bias to any other fix, unless it is
+    further off than the covariance allows. Returns the NIS."""
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
-    observed(belief, y, observe, parameters, innovation, matrix(workspace, JACOBIAN, 3, n))
-    change = workspace[CHANGE]
-    for i in range(9):
-        change[i] = 0.0
+    H, own, change = matrix(workspace, JACOBIAN, 3, n), workspace[OWN], workspace[CHANGE]
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    nis = test(belief.P, own, H, innovation, sd, rows)
+    if not nis <= gate:
+        return nis
     if kind == ATTITUDE_KIND:
         if not math.isnan(innovation[0]):
+            _renew(belief, y, sd)
             euler_to_matrix(y[0], y[1], measured_heading(y, C), C)
-        return math.nan
-    if kind == ALTITUDE_KIND:
-        _pull(workspace, 2, 0, innovation[0], change)
-    else:
-        for axis in range(3):
-            _pull(workspace, axis, 0 if kind == POSITION_KIND else 3, innovation[axis], change)
+        return nis
+    K = workspace[GAIN]
+    for i in range(9):
+        change[i] = K[i] = 0.0
+    for row in range(1 if kind == ALTITUDE_KIND else 3):
+        axis = 2 if kind == ALTITUDE_KIND else row
+        if not math.isnan(innovation[row]):
+            _pull(workspace, axis, 0 if kind != VELOCITY_KIND else 3, K)
+            for i in range(3):
+                change[3 * i + axis] = K[3 * i + axis] * innovation[row]
+    _account(belief, sd, kind, H)
     displace(belief.lla, change[0], change[1], change[2])
     for i in range(3):
         belief.v[i] += change[3 + i]
         belief.ba[i] -= C[0, i] * change[6] + C[1, i] * change[7] + C[2, i] * change[8]
-    return math.nan
+    return nis
 
 
 @helper
-def _pull(workspace: Array, axis: int, kind: int, e: float, change: Array) -> None:
-    """What an error e (m, or m/s where kind is 3) of a fix changes on that axis: the gains that
-    give the sampled error the poles' factors exp(s T)."""
+def _clear(workspace: Array) -> None:
+    """A, B and R, which lie one behind the other, are zero."""
+    for i in range(A, R + 9):
+        workspace[i] = 0.0
+
+
+@helper
+def _account(belief: Belief, sd: Array, kind: int, H: Array) -> None:
+    """P by the gains of this fix."""
+    workspace, C = belief.workspace, belief.C
+    a, b, r, K = (
+        matrix(workspace, A, 3, STATES),
+        matrix(workspace, B, 3, STATES),
+        matrix(workspace, R, 3, 3),
+        workspace[GAIN],
+    )
+    _clear(workspace)
+    for row in range(1 if kind == ALTITUDE_KIND else 3):
+        axis = 2 if kind == ALTITUDE_KIND else row
+        r[row, row], a[row, axis], a[row, 3 + axis] = sd[row] * sd[row], -K[axis], -K[3 + axis]
+        for j in range(3):
+            a[row, 9 + j] = C[axis, j] * K[6 + axis]
+        for j in range(STATES):
+            b[row, j] = H[row, j]
+    spread(belief.P, workspace[OWN], a, b, r)
+
+
+@helper
+def _renew(belief: Belief, y: Array, sd: Array) -> None:
+    """P by an attitude (rad) that is taken over: its error is new but for what is alike in that of
+    the last one; that of a heading which it lacks goes on."""
+    workspace, heading = belief.workspace, measured_heading(y, belief.C)
+    a, b, r = (
+        matrix(workspace, A, 3, STATES),
+        matrix(workspace, B, 3, STATES),
+        matrix(workspace, R, 3, 3),
+    )
+    _clear(workspace)
+    ch, sh, forward, right = math.cos(heading), math.sin(heading), sd[0] * sd[0], sd[1] * sd[1]
+    more, new = _renewed(workspace, SINCE_TILT)
+    r[0, 0], r[1, 1] = (
+        more * (ch * ch * forward + sh * sh * right),
+        more * (sh * sh * forward + ch * ch * right),
+    )
+    r[0, 1] = r[1, 0] = more * ch * sh * (forward - right)
+    a[0, 6] = a[1, 7] = -new
+    b[0, 6] = b[1, 7] = b[2, 8] = 1.0
+    if not math.isnan(y[2]):
+        more, new = _renewed(workspace, SINCE_HEADING)
+        a[2, 8], r[2, 2] = -new, more * sd[2] * sd[2]
+    spread(belief.P, workspace[OWN], a, b, r)
+
+
+@helper
+def _renewed(workspace: Array, since: int) -> tuple[float, float]:
+    """(factor of its variance, share) of what is new in the error of an attitude after the time
+    since the last, which begins anew: it becomes `1 - share` of what it was."""
+    T, correlation = workspace[since], workspace[CORRELATION]
+    workspace[since] = 0.0
+    new = -math.expm1(-T / correlation) if correlation > 0 else 1.0
+    return (2 - new) / new if new > 0 else 0.0, new
+
+
+@helper
+def _pull(workspace: Array, axis: int, kind: int, K: Array) -> None:
+    """Into K, which arrives zeroed, the gains of a fix (a velocity where kind is 3) on that axis:
+    those that give the sampled error the poles' factors exp(s T)."""
     since, poles = (
         workspace[SINCE],
         workspace[VERTICAL.start if axis == 2 else HORIZONTAL.start :],
     )
     T = since[kind + axis]
-    if math.isnan(e) or T < SHORTEST_FIX_INTERVAL:
+    if T < SHORTEST_FIX_INTERVAL:
         return
     since[kind + axis] = 0.0
     if kind == 0:
@@ -191,12 +283,11 @@ def _pull(workspace: Array, axis: int, kind: int, e: float, change: Array) -> No
         g1, g3 = -third - two, -third * product / (T * T)
         g2 = (
             third * two + product
-        ) / T - 0.5 * g3 * T  # of the state before the fix; change is that after it
-        change[axis] = (g1 - T * g2 + 0.5 * T * T * g3) * e
-        change[3 + axis], change[6 + axis] = (g2 - T * g3) * e, g3 * e
+        ) / T - 0.5 * g3 * T  # of the state before the fix; K is of that after it
+        K[axis], K[3 + axis], K[6 + axis] = g1 - T * g2 + 0.5 * T * T * g3, g2 - T * g3, g3
     else:
         two, product = _factors(poles[VELOCITY_PAIR], T)
-        change[3 + axis], change[6 + axis] = -(two + product) * e, product / T * e
+        K[3 + axis], K[6 + axis] = -(two + product), product / T
 
 
 @helper
@@ -225,7 +316,7 @@ FIXED_GAIN = Filter(
     predict,
     correct,
     slots=SLOTS,
-    states=(),
+    states=tuple(range(12)),
     estimates=tuple(range(12)),
     uses=("position", "velocity", "altitude", "attitude"),
     needs=("attitude",),

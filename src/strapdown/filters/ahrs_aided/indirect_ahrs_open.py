@@ -24,13 +24,15 @@ from ...typing import Array
 from ..ins import open_loop
 from ..ins.open_loop import (
     BIAS,
+    CONDITION,
+    CONDITIONS,
     LLA,
     C,
     V,
     beside,
+    beyond_model,
     compose,
     correct_beside,
-    left_model,
     products,
 )
 from .known_attitude import KNOWN, KNOWN_ATTITUDE, bias_model, corrected, know, move, weigh
@@ -77,6 +79,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     rotate_left(-w[0], -w[1], -w[2], attitude)
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
+    workspace[CONDITION] = beyond_model(belief)
 
 
 @kernel(CORRECT)
@@ -111,5 +114,6 @@ INDIRECT_AHRS_OPEN = Filter(
     correct,
     needs=("attitude",),
     slots=SLOTS,
-    diagnose=left_model,
+    conditions=CONDITIONS,
+    condition=CONDITION,
 )

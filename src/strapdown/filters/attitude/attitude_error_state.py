@@ -209,6 +209,24 @@ def measured(
 
 
 @helper
+def pulled(P: Array, K: Array, h0: float, h1: float, h2: float, variance: float) -> float:
+    """P after a correction by gains K (6,), whatever they are, and a scalar h . attitude error +
+    noise: (I - K h) P (I - K h)' + K variance K'. Returns the variance of the innovation."""
+    k0 = h0 * P[6, 6] + h1 * P[6, 7] + h2 * P[6, 8]
+    k1 = h0 * P[6, 7] + h1 * P[7, 7] + h2 * P[7, 8]
+    k2 = h0 * P[6, 8] + h1 * P[7, 8] + h2 * P[8, 8]
+    k3 = h0 * P[6, 12] + h1 * P[7, 12] + h2 * P[8, 12]
+    k4 = h0 * P[6, 13] + h1 * P[7, 13] + h2 * P[8, 13]
+    k5 = h0 * P[6, 14] + h1 * P[7, 14] + h2 * P[8, 14]
+    total, known = h0 * k0 + h1 * k1 + h2 * k2 + variance, (k0, k1, k2, k3, k4, k5)
+    for i in range(6):
+        for j in range(i, 6):
+            P[SIX[i], SIX[j]] += K[i] * K[j] * total - K[i] * known[j] - known[i] * K[j]
+            P[SIX[j], SIX[i]] = P[SIX[i], SIX[j]]
+    return total
+
+
+@helper
 def inject(belief: Belief, dx: Array) -> None:
     """Compose the correction dx (attitude in n, rad; gyro bias, rad/s) into the belief, and make
     it zero."""
@@ -217,6 +235,51 @@ def inject(belief: Belief, dx: Array) -> None:
     for i in range(3):
         belief.bg[i] += dx[3 + i]
         dx[i] = dx[3 + i] = 0.0
+
+
+@helper
+def count_bias(P: Array, sensitivity: Array, variance: Array, sign: float) -> None:
+    """Add to P (sign 1), or take from it (-1), what accelerometer biases of that `variance`
+    (3,) make of the six states, given their `sensitivity` (6, 3) to them.
+
+    The biases are constant and no states: gains do not know them, so that P without them is what
+    makes the gains (Schmidt's consider parameters with the gains of the filter without them).
+    """
+    for i in range(6):
+        for j in range(i, 6):
+            x = 0.0
+            for k in range(3):
+                x += variance[k] * sensitivity[i, k] * sensitivity[j, k]
+            P[SIX[i], SIX[j]] += sign * x
+            P[SIX[j], SIX[i]] = P[SIX[i], SIX[j]]
+
+
+@helper
+def carry_bias(sensitivity: Array, C: Array, w0: float, w2: float, keep: float, dt: float) -> None:
+    """The `sensitivity` (6, 3) of the six states to accelerometer biases over a step of
+    `propagate`."""
+    for k in range(3):
+        x0, x1, x2 = sensitivity[0, k], sensitivity[1, k], sensitivity[2, k]
+        b0, b1, b2 = sensitivity[3, k], sensitivity[4, k], sensitivity[5, k]
+        sensitivity[0, k] = x0 + w2 * x1 - dt * (C[0, 0] * b0 + C[0, 1] * b1 + C[0, 2] * b2)
+        sensitivity[1, k] = (
+            x1 - w2 * x0 + w0 * x2 - dt * (C[1, 0] * b0 + C[1, 1] * b1 + C[1, 2] * b2)
+        )
+        sensitivity[2, k] = x2 - w0 * x1 - dt * (C[2, 0] * b0 + C[2, 1] * b1 + C[2, 2] * b2)
+        for i in range(3):
+            sensitivity[3 + i, k] *= keep
+
+
+@helper
+def absorb_bias(
+    sensitivity: Array, K: Array, h0: float, h1: float, h2: float, d: tuple[float, ...]
+) -> None:
+    """The `sensitivity` (6, 3) after a correction by gains K (6,) and a scalar with row h of the
+    attitude and row d (3,) of the accelerometer biases."""
+    for k in range(3):
+        seen = d[k] + h0 * sensitivity[0, k] + h1 * sensitivity[1, k] + h2 * sensitivity[2, k]
+        for i in range(6):
+            sensitivity[i, k] -= K[i] * seen
 
 
 @helper

@@ -9,7 +9,6 @@ trusted accordingly.
 """
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,18 +20,18 @@ from ...core.contract import (
     PREDICT,
     SAVE_STEP,
     Belief,
+    Condition,
     Filter,
     Noise,
     Observe,
     Slots,
     Smoother,
     Start,
-    first_event,
     helper,
     kernel,
     matrix,
 )
-from ...core.earth import GRAVITY_EQUATOR, RATE
+from ...core.earth import GRAVITY_EQUATOR, RATE, gravity
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
 from ...core.kalman import decay
 from ...core.rotation import turned
@@ -40,6 +39,7 @@ from ...typing import Array
 from .attitude_error_state import (
     DOWN,
     FREE_FALL_FORCE,
+    GAIN,
     INVERSE,
     KEEP,
     NORTH,
@@ -48,6 +48,9 @@ from .attitude_error_state import (
     TRANSITION,
     TURNED,
     UNAIDED,
+    absorb_bias,
+    carry_bias,
+    count_bias,
     inject,
     low_passed,
     measured,
@@ -81,23 +84,55 @@ SECONDS, SINCE, INTERVAL = ATTITUDE.numbers("SECONDS", "SINCE", "INTERVAL")
 # of the field, running: T, rad
 STRENGTH, DIP = ATTITUDE.numbers("STRENGTH", "DIP")
 TOLD = ATTITUDE.number("TOLD")  # accelerometer noise while there are samples
-# mean of the size of the specific force less gravity, m/s^2
-EXCESS = ATTITUDE.number("EXCESS")
+GRAVITY = ATTITUDE.number("GRAVITY")  # at the start, m/s^2
+# m/s^2: mean of the size of the specific force less gravity, and of its part along the vertical
+EXCESS, RISE = ATTITUDE.numbers("EXCESS", "RISE")
+# mean angle from the vertical to the specific force, rad: the body's own acceleration over gravity
+LEAN_N, LEAN_E = ATTITUDE.numbers("LEAN_N", "LEAN_E")
+# s since the start; mean square of the angular rate, rad^2/s^2; 1 once the body was at rest
+ELAPSED, SPIN, RESTED = ATTITUDE.numbers("ELAPSED", "SPIN", "RESTED")
+FIELD = ATTITUDE.array("FIELD", 3)  # the last one, T
+REPEATED = ATTITUDE.number("REPEATED")  # rad: what the body has turned since it was another
+# s: how long fields were refused, less how long they were not; why the last one was
+REFUSED, REASON = ATTITUDE.numbers("REFUSED", "REASON")
+# of the six states to the accelerometer biases, 6 x 3; their variances, (m/s^2)^2
+SENSITIVITY = ATTITUDE.matrix("SENSITIVITY", 6, 3)
+BIAS_VARIANCE = ATTITUDE.array("BIAS_VARIANCE", 3)
+HOLDS = ATTITUDE.number("HOLDS")  # 1 + index of the one of CONDITIONS that holds, else 0
 SLOTS = Slots(after=ATTITUDE)
 FORCE_EXCESS = SLOTS.output("force_excess [m/s^2]")
 PREDICTED, FIX = 0.0, 1.0
+STUCK, STRONG, DIPPING, CONTRADICTED = 1.0, 2.0, 3.0, 4.0
+"""Places in CONDITIONS, from 1."""
 REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
 """Disagreement of strength (relative) and dip (rad) beyond which they are followed more slowly."""
-LASTING = 1.0
-"""m/s^2: an excess of the mean size of the specific force (a bank of 25 deg has as much) that
-the user must know of."""
+STRENGTH_ALLOWED, DIP_ALLOWED = 0.15, math.radians(8.0)
+"""Of the known strength, and rad: what a field may be off by besides its noise and the tilt's
+uncertainty. A room bends it by as much (the BROAD trials without a magnet: 12 % and 8 deg)."""
+STUCK_TURN = 0.5
+"""rad: a body cannot turn so far while its field stays the same number by number."""
+REFUSED_FOR, REFUSED_MOST = 1.0, 5.0
+"""s: refused fields that count; and at most, so that the count is over as soon again."""
+SURELY = 3.0
+"""Standard deviations."""
+LASTING, RISE_TIME = 1.0, 20.0
+"""m/s^2: mean vertical acceleration over RISE_TIME (s) that no body keeps up: the attitude is wrong
+(by 26 deg where the specific force is as large as gravity, by 30 deg in a turn of that bank)."""
+LEAN_TIME = 5.0
+"""s: time constant of the mean angle from the vertical to the specific force."""
+SPIN_TIME, STILL = 1.0, 0.01
+"""s, rad/s: a body that turned less than that, rms over that time, was at rest or in steady
+motion."""
+UNSEEN = 10.0
+"""m/s: change of velocity of a body that moved from the start on, which neither its specific force
+nor its gyros show."""
 SIZE_TIME = 2.0
 """s: time constant of the mean size of the specific force."""
 SIZE_ERROR = 0.15
-"""m/s^2: what the size of the specific force at rest may differ by from gravity at the equator:
-an accelerometer's bias, the latitude."""
+"""m/s^2: what the size of the specific force at rest may differ by from gravity: an accelerometer's
+bias, an unknown place."""
 
 
 def start(
@@ -161,6 +196,10 @@ def begin(
         disturbance,
         noise.accel,
     )
+    workspace[GRAVITY] = gravity(math.sin(lat), belief.lla[2])
+    if disturbance > 0:
+        workspace[BIAS_VARIANCE] = np.square(start.sd[9:12])
+    workspace[SPIN] = (4 * STILL) ** 2  # not at rest until it is seen
     return belief
 
 
@@ -178,22 +217,32 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         _write_nothing(workspace)
         return
+    sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
+    count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], -1.0)
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
     keep = decay(noise.gyro_decay * dt)
     _write_step(workspace, belief.C, w0, w2, keep, dt)
-    q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * (r0 * r0 + r1 * r1 + r2 * r2) / dt
+    turned_square = r0 * r0 + r1 * r1 + r2 * r2
+    q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * turned_square / dt
+    q += lost(workspace) * dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
+    carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
     workspace[SINCE] += dt
+    workspace[REPEATED] += math.sqrt(turned_square)
     made_up = noise.accel > workspace[TOLD]  # the loop adds noise in a gap
     workspace[SECONDS] = low_passed(
         belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up
     )
-    if not made_up:
-        _level(belief, dt)
+    if made_up:
+        workspace[ELAPSED] = 0.0  # what the body did meanwhile is as unknown as before the start
+    else:
+        _level(belief, dt, noise.gyro * noise.gyro / dt)
+    count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], 1.0)
+    workspace[HOLDS] = holding(workspace)
 
 
 @helper
@@ -219,7 +268,7 @@ def _write_nothing(workspace: Array) -> None:
 
 
 @helper
-def _level(belief: Belief, dt: float) -> None:
+def _level(belief: Belief, dt: float, q: float) -> None:
     """Correct by the carried specific force, which points up but for the body's own
     acceleration; its size tells how large a lasting one is."""
     f, dx, workspace, last = (
@@ -232,17 +281,91 @@ def _level(belief: Belief, dt: float) -> None:
     if size < FREE_FALL_FORCE:
         return
     north, east = off_vertical(belief.C, f)
-    # a mean, because what shakes the body goes up and down
-    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - GRAVITY_EQUATOR - workspace[EXCESS])
-    excess = max(abs(workspace[EXCESS]) - SIZE_ERROR, 0.0)
-    variance = (workspace[ACCELERATION] + workspace[DISTURBANCE] * excess * excess) / (
-        GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt
-    )
+    density = level_density(belief, size, north, east, dt, q)
+    variance = density / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
     for i in range(6):
         dx[i] = 0.0
     measured(belief.P, 1.0, 0.0, 0.0, north, variance, math.inf, dx, last[FIRST_RECORD])
     measured(belief.P, 0.0, 1.0, 0.0, east, variance, math.inf, dx, last[SECOND_RECORD])
+    level_bias(belief, last[FIRST_RECORD][GAIN], last[SECOND_RECORD][GAIN])
+    workspace[LEAN_N] -= dx[0]
+    workspace[LEAN_E] -= dx[1]
     inject(belief, dx)
+
+
+@helper
+def level_bias(belief: Belief, K_north: Array, K_east: Array) -> None:
+    """What levelling with these gains (6,) makes of the sensitivity to accelerometer biases."""
+    C, g = belief.C, GRAVITY_EQUATOR
+    sensitivity = matrix(belief.workspace, SENSITIVITY, 6, 3)
+    about_north = (-C[1, 0] / g, -C[1, 1] / g, -C[1, 2] / g)
+    about_east = (C[0, 0] / g, C[0, 1] / g, C[0, 2] / g)
+    absorb_bias(sensitivity, K_north, 1.0, 0.0, 0.0, about_north)
+    absorb_bias(sensitivity, K_east, 0.0, 1.0, 0.0, about_east)
+
+
+@helper
+def level_density(
+    belief: Belief, size: float, north: float, east: float, dt: float, q: float
+) -> float:
+    """Density (m^2/s^3) of what the carried specific force holds besides gravity. The body's own
+    acceleration a lasts: with a correlation time tau it has the density 2 a^2 tau.
+
+    a^2 is what the attitude shows beyond its own uncertainty, within what the size of the specific
+    force allows: a horizontal acceleration makes it sqrt(g^2 + a^2).
+
+    size: of the carried specific force, m/s^2; north, east: rotation that takes it to the vertical,
+    rad; q: variance of the gyros' rate over dt, rad^2/s^2.
+    """
+    workspace, P, omega = belief.workspace, belief.P, belief.omega
+    # means, because what shakes the body goes up and down
+    g, share = workspace[GRAVITY], min(dt / LEAN_TIME, 1.0)
+    workspace[EXCESS] += min(dt / SIZE_TIME, 1.0) * (size - g - workspace[EXCESS])
+    rise = g - size * math.cos(math.sqrt(north * north + east * east))
+    workspace[RISE] += min(dt / RISE_TIME, 1.0) * (rise - workspace[RISE])
+    workspace[LEAN_N] += share * (north - workspace[LEAN_N])
+    workspace[LEAN_E] += share * (east - workspace[LEAN_E])
+    spin = omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2]
+    workspace[SPIN] += min(dt / SPIN_TIME, 1.0) * (spin - workspace[SPIN])
+    workspace[ELAPSED] += dt
+    n, e = workspace[LEAN_N], workspace[LEAN_E]
+    white = workspace[ACCELERATION] / LEAN_TIME  # of both means
+    shown = g * g * (n * n + e * e - P[6, 6] - P[7, 7]) - white
+    excess = abs(workspace[EXCESS])
+    least = max(2 * g * (excess - SIZE_ERROR), _unseen(workspace, q))
+    square = min(max(shown, least), 2 * g * (excess + SIZE_ERROR))
+    return workspace[ACCELERATION] + 2 * workspace[DISTURBANCE] * square
+
+
+@helper
+def _unseen(workspace: Array, q: float) -> float:
+    """Square of the acceleration that a body may have had since the start without showing it,
+    (m/s^2)^2; 0 once it was at rest, when its level was seen.
+
+    The mean acceleration over a time t is a change of velocity over t: information on the vertical
+    grows as (t/UNSEEN)^2, as that of a white density of UNSEEN^2/2t does.
+    """
+    if workspace[SPIN] < STILL * STILL + 3 * q:
+        workspace[RESTED] = 1.0
+    if workspace[RESTED] > 0 or workspace[DISTURBANCE] == 0:
+        return 0.0
+    return UNSEEN * UNSEEN / (4 * workspace[ELAPSED] * workspace[DISTURBANCE])
+
+
+@helper
+def lost(workspace: Array) -> float:
+    """Growth of the attitude's variance, rad^2/s, while the specific force contradicts it: within
+    RISE_TIME by the tilt that would explain the contradiction."""
+    rise = abs(workspace[RISE])
+    return 2 * rise / (GRAVITY_EQUATOR * RISE_TIME) if rise > LASTING else 0.0
+
+
+@helper
+def holding(workspace: Array) -> float:
+    """Which of CONDITIONS holds, counted from 1; 0 for none."""
+    if workspace[REFUSED] > REFUSED_FOR:
+        return workspace[REASON]
+    return CONTRADICTED if abs(workspace[RISE]) > LASTING else 0.0
 
 
 @kernel(CORRECT)
@@ -263,19 +386,38 @@ def correct(
         return _field(belief, y, sd, parameters, gate, innovation)
     H = matrix(workspace, JACOBIAN, 3, n)
     observed(belief, y, observe, parameters, innovation, H)
-    return _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation[0], sd[0] * sd[0], gate)
+    return _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
 
 
 @helper
 def _used(
-    belief: Belief, h0: float, h1: float, h2: float, e: float, variance: float, gate: float
+    belief: Belief,
+    h0: float,
+    h1: float,
+    h2: float,
+    innovation: Array,
+    variance: float,
+    gate: float,
 ) -> float:
-    """Correct by one row. Returns its NIS, NaN where it was not measured."""
-    dx, last = belief.workspace[DX], belief.workspace[LAST]
+    """Correct by one row and whiten its innovation. Returns its NIS, NaN where it was not
+    measured."""
+    workspace, P = belief.workspace, belief.P
+    dx, last, e = workspace[DX], workspace[LAST], innovation[0]
     last[LAST_CALL] = FIX
+    sensitivity, biases = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
     for i in range(6):
         dx[i] = 0.0
-    nis = measured(belief.P, h0, h1, h2, e, variance, gate, dx, last[FIRST_RECORD])
+    count_bias(P, sensitivity, biases, -1.0)
+    for k in range(3):
+        by_bias = h0 * sensitivity[0, k] + h1 * sensitivity[1, k] + h2 * sensitivity[2, k]
+        variance += by_bias * by_bias * biases[k]
+    record = last[FIRST_RECORD]
+    nis = measured(P, h0, h1, h2, e, variance, gate, dx, record)
+    if record[INVERSE] > 0:
+        absorb_bias(sensitivity, record[GAIN], h0, h1, h2, (0.0, 0.0, 0.0))
+    count_bias(P, sensitivity, biases, 1.0)
+    if innovation.size > 3:
+        innovation[3] = math.copysign(math.sqrt(nis), e)
     inject(belief, dx)
     return nis
 
@@ -286,32 +428,29 @@ def _field(
 ) -> float:
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
-    C, workspace, omega = belief.C, belief.workspace, belief.omega
+    C, workspace = belief.C, belief.workspace
     north, east, down = turned(C, y[0], y[1], y[2])
     square = north * north + east * east
-    innovation[0] = innovation[1] = innovation[2] = math.nan
+    for i in range(innovation.size):
+        innovation[i] = math.nan
     if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
+        _write_nothing(workspace)
+        return math.nan
+    # of two fields at one time the second is another magnetometer's
+    seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
+    if refused(belief, y, sd, parameters, square, down, seconds):
+        workspace[SINCE] = 0.0
         _write_nothing(workspace)
         return math.nan
     innovation[0] = math.atan2(
         parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east
     )
-    # of two fields at one time the second is another magnetometer's
-    seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
-    if workspace[STRENGTH] == 0:
-        horizontal = parameters[0] * parameters[0] + parameters[1] * parameters[1]
-        workspace[STRENGTH], workspace[DIP] = (
-            math.sqrt(horizontal + parameters[2] * parameters[2]),
-            math.atan2(parameters[2], math.sqrt(horizontal)),
-        )
-    off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
-    density = workspace[HEADING] + workspace[DISTURBANCE] * off
-    density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
+    density, strength, dip = field_density(belief, parameters, square, down, seconds)
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (
         density / seconds if seconds > 0 else 0.0
     )
     nis = _used(
-        belief, -north * down / square, -east * down / square, 1.0, innovation[0], variance, gate
+        belief, -north * down / square, -east * down / square, 1.0, innovation, variance, gate
     )
     if nis <= gate:
         workspace[SINCE], workspace[INTERVAL], workspace[STRENGTH], workspace[DIP] = (
@@ -321,6 +460,66 @@ def _field(
             dip,
         )
     return nis
+
+
+@helper
+def _known(parameters: Array) -> tuple[float, float]:
+    """Strength (T) and dip (rad) of the reference field."""
+    horizontal = math.sqrt(parameters[0] * parameters[0] + parameters[1] * parameters[1])
+    return math.hypot(horizontal, parameters[2]), math.atan2(parameters[2], horizontal)
+
+
+@helper
+def refused(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    parameters: Array,
+    square: float,
+    down: float,
+    seconds: float,
+) -> bool:
+    """Whether a field y (T) of that horizontal square (T^2) and downward part (T) cannot be the
+    known one, and the books of that; `seconds` are those since the last."""
+    workspace, P, field = belief.workspace, belief.P, belief.workspace[FIELD]
+    if not (y[0] == field[0] and y[1] == field[1] and y[2] == field[2]):
+        workspace[REPEATED] = 0.0
+    for i in range(3):
+        field[i] = y[i]
+    strength, dip = _known(parameters)
+    noise = SURELY * math.sqrt((sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3)
+    tilt = SURELY * math.sqrt(P[6, 6] + P[7, 7])
+    size = math.sqrt(square + down * down)
+    looks, reason = workspace[DISTURBANCE] > 0, 0.0
+    if (
+        looks
+        and abs(math.atan2(down, math.sqrt(square)) - dip) > DIP_ALLOWED + noise / strength + tilt
+    ):
+        reason = DIPPING
+    if looks and abs(size - strength) > STRENGTH_ALLOWED * strength + noise:
+        reason = STRONG
+    if workspace[REPEATED] > STUCK_TURN:
+        reason = STUCK
+    if reason > 0:
+        workspace[REASON] = reason
+    passed = seconds if reason > 0 else -seconds
+    workspace[REFUSED] = min(max(workspace[REFUSED] + passed, 0.0), REFUSED_MOST)
+    return reason > 0
+
+
+@helper
+def field_density(
+    belief: Belief, parameters: Array, square: float, down: float, seconds: float
+) -> tuple[float, float, float]:
+    """Density (rad^2 s) of the azimuth of a field of that horizontal square (T^2) and downward
+    part (T); its running strength (T) and dip (rad), followed."""
+    workspace, omega = belief.workspace, belief.omega
+    if workspace[STRENGTH] == 0:
+        workspace[STRENGTH], workspace[DIP] = _known(parameters)
+    off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
+    density = workspace[HEADING] + workspace[DISTURBANCE] * off
+    density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
+    return density, strength, dip
 
 
 @helper
@@ -342,8 +541,13 @@ def _departure(
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What the last call left in workspace."""
-    last = belief.workspace[LAST]
+    """What the last call left in workspace. A smoother goes back with the covariance that makes
+    the gains: accelerometer biases are left out of it from the first call on."""
+    workspace, last = belief.workspace, belief.workspace[LAST]
+    biases = workspace[BIAS_VARIANCE]
+    if biases[0] + biases[1] + biases[2] > 0:
+        count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), biases, -1.0)
+        biases[0] = biases[1] = biases[2] = 0.0
     for i in range(last.size):
         record[i] = last[i]
 
@@ -359,17 +563,30 @@ def adjoint_step(call: Array, lam: Array, Lam: Array, work: Array) -> None:
         unmeasured(call[FIRST_RECORD], lam, Lam, work)
 
 
-def leaning(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the mean size of the specific force first leaves gravity as it does in a
-    long turn, else []."""
-    lasting = np.abs(columns[SLOTS.columns[FORCE_EXCESS]]) > LASTING
-    return first_event(
-        t,
-        lasting,
-        f"the mean specific force is off gravity by more than {LASTING:g} m/s^2, at "
-        f"{np.mean(lasting) if len(t) else 0:.0%} of the times: the body turns or accelerates for "
-        f"long, and the vertical errs by more than it says",
-    )
+CONTRADICTION = Condition(
+    f"the mean specific force along the vertical is off gravity by more than {LASTING:g} m/s^2, "
+    f"which no body keeps up for {RISE_TIME:g} s: roll and pitch are wrong, by a start in a turn or "
+    f"by the gyros; start at rest, check the gyros' axes, signs and unit"
+)
+CONDITIONS = (
+    Condition(
+        f"the magnetic field stays the same number by number while the body turns by "
+        f"{math.degrees(STUCK_TURN):.0f} deg: not used, the heading drifts with the gyros; check "
+        f"the magnetometer"
+    ),
+    Condition(
+        f"the magnetic field is off the known strength by more than {STRENGTH_ALLOWED:.0%}: not "
+        f"used, the heading drifts with the gyros; check the unit and iron near the magnetometer, "
+        f"and calibrate it"
+    ),
+    Condition(
+        f"the dip of the magnetic field is off the known one by more than "
+        f"{math.degrees(DIP_ALLOWED):.0f} deg: not used, the heading drifts with the gyros; check "
+        f"signs and axes of the magnetometer and iron near it, or the attitude is wrong"
+    ),
+    CONTRADICTION,
+)
+"""In the order of STUCK, STRONG, DIPPING, CONTRADICTED."""
 
 
 ATTITUDE_MEKF = Filter(
@@ -384,6 +601,7 @@ ATTITUDE_MEKF = Filter(
     uses=("magnetic-field", "heading"),
     unaided_note=UNAIDED,
     slots=SLOTS,
-    diagnose=leaning,
+    conditions=CONDITIONS,
+    condition=HOLDS,
     smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step),
 )

@@ -3,9 +3,11 @@ measured and expected directions.
 
 q' = T(omega - b + sigma) q, b' = -k_i sigma, sigma = sum of k_j v_j x R' v0_j. The directions are
 specific force (up), magnetic field projected on the horizontal plane, and compass; those that are
-measured are used, whatever the combination. No covariance, so no standard deviations. The specific
-force is low-passed in a frame that the gyros carry, which keeps most of the body's own
-accelerations out.
+measured are used, whatever the combination. The specific force is low-passed in a frame that the
+gyros carry, which keeps most of the body's own accelerations out.
+
+Standard deviations are those of its linear error dynamics under its own gains K,
+P <- (I - K h) P (I - K h)' + K R K', with the noise that `attitude-mekf` assumes of the sensors.
 """
 
 import math
@@ -27,22 +29,65 @@ from ...core.contract import (
     Start,
     helper,
     kernel,
+    matrix,
 )
-from ...core.earth import RATE
+from ...core.earth import GRAVITY_EQUATOR
 from ...core.kalman import decay
 from ...core.rotation import orthonormalise, rotate_left, turned, wrap
 from ...typing import Array
-from .attitude_error_state import FREE_FALL_FORCE, SIX, UNAIDED, low_passed, turn
+from . import attitude_mekf
+from .attitude_error_state import (
+    FREE_FALL_FORCE,
+    SIX,
+    UNAIDED,
+    absorb_bias,
+    carry_bias,
+    count_bias,
+    low_passed,
+    off_vertical,
+    propagate,
+    pulled,
+    turn,
+)
+from .attitude_mekf import (
+    ACCELERATION,
+    BIAS_VARIANCE,
+    DIP,
+    DISTURBANCE,
+    EARTH_D,
+    EARTH_N,
+    ELAPSED,
+    HOLDS,
+    LEAN_E,
+    LEAN_N,
+    LOW_PASS,
+    RATE_ERROR,
+    REPEATED,
+    SECONDS,
+    SENSITIVITY,
+    STRENGTH,
+    TOLD,
+    field_density,
+    holding,
+    level_bias,
+    level_density,
+    lost,
+    refused,
+)
 
-SLOTS = Slots()
-EARTH_N, EARTH_D = SLOTS.numbers("EARTH_N", "EARTH_D")  # Earth rate, rad/s
+SLOTS = Slots(after=attitude_mekf.ATTITUDE)
 K1, K2, K3, KI = SLOTS.numbers("K1", "K2", "K3", "KI")  # gains, 1/s
-LOW_PASS = SLOTS.number("LOW_PASS")  # s
-# s that the specific force is a mean over, and since the last field and compass
-SECONDS, SINCE_FIELD, SINCE_COMPASS = SLOTS.numbers("SECONDS", "SINCE_FIELD", "SINCE_COMPASS")
-TOLD = SLOTS.number("TOLD")  # accelerometer noise while there are samples
+# s since the last field and compass
+SINCE_FIELD, SINCE_COMPASS = SLOTS.numbers("SINCE_FIELD", "SINCE_COMPASS")
+# gains of the six states about north, east and down, of the last pull
+K_NORTH, K_EAST, K_DOWN = (SLOTS.array(name, 6) for name in ("K_NORTH", "K_EAST", "K_DOWN"))
+LEVEL = SLOTS.number("LEVEL")  # density of the specific force besides gravity, m^2/s^3
 LONGEST_GAP = 1.0
 """s: a direction that was not measured for longer counts as if it were for so long."""
+ACCELERATION_LEFT, SCALE_ERROR = 0.9, 0.002
+"""m/s^2 sqrt(s): what the low-pass leaves of the body's own acceleration, for its standard deviation
+(an acceleration of 1 m/s^2 that does not show tilts it by 2 of them); sqrt(s): attitude noise per
+rate."""
 
 
 def start(
@@ -76,17 +121,9 @@ def start(
                 f"{', '.join(f'{pole:.3g}' for pole in found)} 1/s; "
                 "give gains above zero, and ki well below them"
             )
-    belief = start.belief(SLOTS.zeros())
-    workspace, lat = belief.workspace, belief.lla[0]
-    workspace[EARTH_N], workspace[EARTH_D] = RATE * math.cos(lat), -RATE * math.sin(lat)
-    (
-        workspace[K1],
-        workspace[K2],
-        workspace[K3],
-        workspace[KI],
-        workspace[LOW_PASS],
-        workspace[TOLD],
-    ) = k1, k2, k3, ki, low_pass, noise.accel
+    belief = attitude_mekf.begin(SLOTS, start, noise, low_pass, ACCELERATION_LEFT, SCALE_ERROR)
+    workspace = belief.workspace
+    workspace[K1], workspace[K2], workspace[K3], workspace[KI] = k1, k2, k3, ki
     return belief
 
 
@@ -108,12 +145,13 @@ def poles(k: float, ki: float, low_pass: float) -> NDArray[np.inexact]:
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Turn the attitude with the bias-free gyros and pull it to the specific force."""
-    workspace, bg, f, C = belief.workspace, belief.bg, belief.f, belief.C
+    workspace, bg, C = belief.workspace, belief.bg, belief.C
     if dt <= 0:
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     keep = decay(noise.gyro_decay * dt)
+    _spread(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
+    turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     for i in range(3):
         bg[i] *= keep
     workspace[SINCE_FIELD] += dt
@@ -122,11 +160,70 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     workspace[SECONDS] = low_passed(
         belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up
     )
-    size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-    if size > FREE_FALL_FORCE and workspace[K1] > 0 and not made_up:
-        n0, n1, _ = _upwards(C, f, size)
-        _pull(belief, -n1, n0, 0.0, workspace[K1], dt)
+    if made_up:
+        workspace[ELAPSED] = 0.0
+    else:
+        _level(belief, dt, noise.gyro * noise.gyro / dt)
+    count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE], 1.0)
+    workspace[HOLDS] = holding(workspace)
     orthonormalise(C)
+
+
+@helper
+def _spread(belief: Belief, turned_square: float, keep: float, dt: float, noise: Noise) -> None:
+    """P without accelerometer biases, and the sensitivity to them, over dt; turned_square: of the
+    rotation in it, rad^2."""
+    workspace, P, C = belief.workspace, belief.P, belief.C
+    sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
+    w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
+    workspace[REPEATED] += math.sqrt(turned_square)
+    q = (noise.gyro * noise.gyro + lost(workspace)) * dt + workspace[
+        RATE_ERROR
+    ] * turned_square / dt
+    count_bias(P, sensitivity, workspace[BIAS_VARIANCE], -1.0)
+    propagate(P, C, w0, w2, q, dt, noise)
+    carry_bias(sensitivity, C, w0, w2, keep, dt)
+
+
+@helper
+def _level(belief: Belief, dt: float, q: float) -> None:
+    """Pull the attitude to the specific force; q: variance of the gyros' rate, rad^2/s^2."""
+    f, workspace, P = belief.f, belief.workspace, belief.P
+    size = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+    if not size > FREE_FALL_FORCE:
+        return
+    n0, n1, _ = _upwards(belief.C, f, size)
+    north, east = off_vertical(belief.C, f)
+    white = workspace[ACCELERATION]
+    lasting = level_density(belief, size, north, east, dt, q) - white
+    # of an acceleration that lasts longer than the pull takes, an observer follows no more than all
+    workspace[LEVEL] = white + lasting / (1 + workspace[DISTURBANCE] * workspace[K1])
+    if workspace[K1] == 0:
+        return
+    variance = workspace[LEVEL] / (GRAVITY_EQUATOR * GRAVITY_EQUATOR * dt)
+    gain = _gains(belief, workspace[K1], dt)
+    pulled(P, workspace[K_NORTH], 1.0, 0.0, 0.0, variance)
+    pulled(P, workspace[K_EAST], 0.0, 1.0, 0.0, variance)
+    level_bias(belief, workspace[K_NORTH], workspace[K_EAST])
+    workspace[LEAN_N] += gain * n1
+    workspace[LEAN_E] -= gain * n0
+    _pull(belief, -n1, n0, 0.0, gain)
+
+
+@helper
+def _gains(belief: Belief, k: float, seconds: float) -> float:
+    """The gain of a pull by k (1/s) after so many seconds: exact for a small error that nothing
+    else corrects; and those of the six states, K_NORTH to K_DOWN."""
+    workspace, C = belief.workspace, belief.C
+    gain = 1 - decay(k * min(seconds, LONGEST_GAP))
+    K_north, K_east, K_down = workspace[K_NORTH], workspace[K_EAST], workspace[K_DOWN]
+    for i in range(3):
+        K_north[i] = K_east[i] = K_down[i] = 0.0
+        K_north[3 + i] = -workspace[KI] * gain * C[0, i]
+        K_east[3 + i] = -workspace[KI] * gain * C[1, i]
+        K_down[3 + i] = -workspace[KI] * gain * C[2, i]
+    K_north[0] = K_east[1] = K_down[2] = gain
+    return gain
 
 
 @helper
@@ -136,14 +233,27 @@ def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
 
 
 @helper
-def _pull(belief: Belief, x: float, y: float, z: float, k: float, seconds: float) -> None:
-    """What k times the cross product (x, y, z), in n, does in that time: exact for a small error
-    that nothing else corrects."""
-    gain, C = 1 - decay(k * min(seconds, LONGEST_GAP)), belief.C
-    bias = belief.workspace[KI] * gain
+def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
+    """What the cross product (x, y, z), in n, does with that gain."""
+    C, bias = belief.C, belief.workspace[KI] * gain
     for i in range(3):
         belief.bg[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)
     rotate_left(gain * x, gain * y, gain * z, C)
+
+
+@helper
+def _heading_pulled(belief: Belief, variance: float, innovation: Array) -> None:
+    """P, the sensitivity to accelerometer biases and the whitened innovation of a heading (rad) of
+    that variance, by the gains K_DOWN."""
+    workspace, K = belief.workspace, belief.workspace[K_DOWN]
+    biases, sensitivity = workspace[BIAS_VARIANCE], matrix(workspace, SENSITIVITY, 6, 3)
+    known = belief.P[8, 8]
+    count_bias(belief.P, sensitivity, biases, -1.0)
+    pulled(belief.P, K, 0.0, 0.0, 1.0, variance)
+    absorb_bias(sensitivity, K, 0.0, 0.0, 1.0, (0.0, 0.0, 0.0))
+    count_bias(belief.P, sensitivity, biases, 1.0)
+    if innovation.size > 3 and known + variance > 0:
+        innovation[3] = innovation[0] / math.sqrt(known + variance)
 
 
 @kernel(CORRECT)
@@ -160,21 +270,22 @@ def correct(
     """Pull the attitude to a magnetic field or a compass; the innovation is the angle about the
     vertical, rad. It does not gate."""
     workspace, C = belief.workspace, belief.C
-    innovation[0] = innovation[1] = innovation[2] = math.nan
+    for i in range(innovation.size):
+        innovation[i] = math.nan
     if kind == MAGNETIC_KIND:
-        _field(belief, y, parameters, innovation)
+        _field(belief, y, sd, parameters, innovation)
     elif kind == HEADING_KIND:
         innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
         if not math.isnan(innovation[0]):
-            _pull(
-                belief, 0.0, 0.0, math.sin(innovation[0]), workspace[K3], workspace[SINCE_COMPASS]
-            )
+            gain = _gains(belief, workspace[K3], workspace[SINCE_COMPASS])
+            _heading_pulled(belief, sd[0] * sd[0], innovation)
+            _pull(belief, 0.0, 0.0, math.sin(innovation[0]), gain)
             workspace[SINCE_COMPASS] = 0.0
     return math.nan
 
 
 @helper
-def _field(belief: Belief, y: Array, parameters: Array, innovation: Array) -> None:
+def _field(belief: Belief, y: Array, sd: Array, parameters: Array, innovation: Array) -> None:
     """The field y (T, body) across the specific force, against magnetic north across the
     vertical."""
     C, workspace, f = belief.C, belief.workspace, belief.f
@@ -191,17 +302,26 @@ def _field(belief: Belief, y: Array, parameters: Array, innovation: Array) -> No
     )
     if not (size > 0 and level > 0):
         return
+    seconds = min(workspace[SINCE_FIELD], LONGEST_GAP)
+    workspace[SINCE_FIELD] = 0.0
+    if refused(belief, y, sd, parameters, size * size, -along, seconds):
+        return
     n0, n1 = parameters[0] / level, parameters[1] / level
     innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
+    density, strength, dip = field_density(belief, parameters, size * size, -along, seconds)
+    workspace[STRENGTH], workspace[DIP] = strength, dip
+    # levelled by a force that leans, the azimuth errs by the lean times the tangent of the dip
+    density += workspace[LEVEL] * (along / (size * GRAVITY_EQUATOR)) ** 2
+    noise = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * size * size)
+    gain = _gains(belief, workspace[K2], seconds)
+    _heading_pulled(belief, noise + (density / seconds if seconds > 0 else 0.0), innovation)
     _pull(
         belief,
         -m2 * n1 / size,
         m2 * n0 / size,
         (m0 * n1 - m1 * n0) / size,
-        workspace[K2],
-        workspace[SINCE_FIELD],
+        gain,
     )
-    workspace[SINCE_FIELD] = 0.0
 
 
 MAHONY = Filter(
@@ -211,9 +331,11 @@ MAHONY = Filter(
     start,
     predict,
     correct,
-    states=(),
+    states=SIX,
     estimates=SIX,
     slots=SLOTS,
     uses=("magnetic-field", "heading"),
     unaided_note=UNAIDED,
+    conditions=attitude_mekf.CONDITIONS,
+    condition=HOLDS,
 )

@@ -280,4 +280,6 @@ VRU = Filter(
     unaided_note="no source of height: heave is that about the height of the start, which is taken "
     "for its mean",
     uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"),
+    conditions=attitude_mekf.CONDITIONS,
+    condition=attitude_mekf.HOLDS,
 )

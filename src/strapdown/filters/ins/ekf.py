@@ -172,6 +172,12 @@ def correct(
     for j in range(n):
         dx[j] = 0.0
     nis = _gain(P, H, used, e, variance, U, L, K, dx)
+    used = 0
+    for i in range(rows):
+        if not math.isnan(innovation[i]):
+            if innovation.size > 3:
+                innovation[3 + i] = e[used]
+            used += 1
     if nis <= gate:
         _joseph(P, H, used, variance, U, K, matrix(workspace, LEFT, n, n))
         inject_all(belief, dx)

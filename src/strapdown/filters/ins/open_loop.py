@@ -7,9 +7,6 @@ largest and depend on the coordinates of the position error; see `KINEMATICS`.
 """
 
 import math
-from collections.abc import Mapping
-
-import numpy as np
 
 from ...checks import check_choice
 from ...core.adjoint import SMOOTHER
@@ -19,12 +16,12 @@ from ...core.contract import (
     CORRECT,
     PREDICT,
     Belief,
+    Condition,
     Filter,
     Noise,
     Observe,
     Slots,
     Start,
-    first_event,
     helper,
     kernel,
     matrix,
@@ -53,6 +50,7 @@ LLA = BESIDE.array("LLA", 3)
 V = BESIDE.array("V", 3)
 C = BESIDE.matrix("C", 3, 3)
 BIAS = BESIDE.array("BIAS", 6)  # what it takes off its IMU: accelerometer, gyro
+CONDITION = BESIDE.number("CONDITION")  # which of CONDITIONS holds, counted from 1
 MODE = BESIDE.number("MODE")  # which of:
 SECOND_ORDER, METRES, GEODETIC = range(3)
 KINEMATICS = {"second-order": SECOND_ORDER, "metres": METRES, "geodetic": GEODETIC}
@@ -63,6 +61,16 @@ SLOTS = Slots(after=BESIDE)
 # true - raw INS, as estimated
 INS_ERROR = SLOTS.outputs("ins_error_north [m]", "ins_error_east [m]", "ins_error_down [m]")
 LEFT_MODEL = "the raw INS left the model"
+CONDITIONS = (
+    Condition(f"{LEFT_MODEL}: its height is beyond {FAR_HEIGHT / 1e3:.0f} km, use closed-loop"),
+    Condition(
+        "the raw INS is tilted so far that its linear error model no longer holds: use closed-loop, "
+        "or a better start"
+    ),
+)
+TOO_HIGH, TOO_TILTED = 1.0, 2.0
+GRAVITY = 9.81  # m/s^2
+COVERED = 10.0  # standard deviations of the vertical bias; more shows in vertical velocities
 
 
 def start(
@@ -115,6 +123,18 @@ def predict_beside(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     )
     decay_biases(b[0:3], b[3:6], dt, noise)
     compose(belief)
+    workspace[CONDITION] = beyond_model(belief)
+
+
+@helper
+def beyond_model(belief: Belief) -> float:
+    """Which of CONDITIONS holds: gravity is no series any more at the height of the raw INS, or its
+    tilt theta takes more of gravity from the vertical, g theta^2 / 2, than the bias covers."""
+    workspace, x = belief.workspace, belief.workspace[X]
+    left_out = 0.5 * GRAVITY * (x[6] * x[6] + x[7] * x[7])
+    if not abs(workspace[LLA][2]) <= FAR_HEIGHT:
+        return TOO_HIGH
+    return TOO_TILTED if left_out * left_out > COVERED * COVERED * belief.P[11, 11] else 0.0
 
 
 @helper
@@ -202,17 +222,6 @@ def correct(
     return correct_beside(belief, y, sd, observe, parameters, gate, innovation)
 
 
-def left_model(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the raw INS first is at a height at which gravity is no series any more
-    and the mechanization continues in a fashion, else []."""
-    height = lla[:, 2] + columns[SLOTS.columns[2]]  # down: true - raw
-    return first_event(
-        t,
-        ~(np.abs(height) <= FAR_HEIGHT),
-        f"{LEFT_MODEL}: its height is beyond {FAR_HEIGHT / 1e3:.0f} km",
-    )
-
-
 OPEN_LOOP = Filter(
     "open-loop",
     "Hager & Bryne, section IV-A, equations (19)-(23)",
@@ -220,6 +229,7 @@ OPEN_LOOP = Filter(
     predict,
     correct,
     slots=SLOTS,
-    diagnose=left_model,
+    conditions=CONDITIONS,
+    condition=CONDITION,
     smoother=SMOOTHER,
 )

@@ -23,13 +23,14 @@ from ...typing import Array
 from . import open_loop
 from .open_loop import (
     BIAS,
+    CONDITION,
+    CONDITIONS,
     INS_ERROR,
     LLA,
     C,
     V,
     beside,
     correct_beside,
-    left_model,
     predict_beside,
 )
 
@@ -103,6 +104,7 @@ PERIODIC_RESET = Filter(
     predict,
     correct,
     slots=SLOTS,
-    diagnose=left_model,
+    conditions=CONDITIONS,
+    condition=CONDITION,
     smoother=SMOOTHER,
 )

@@ -60,9 +60,16 @@ GYRO_BOUND = OBSERVER.number("GYRO_BOUND")  # rad/s
 ACCEL_BOUND = OBSERVER.number("ACCEL_BOUND")  # m/s^2
 ADAPTATION = OBSERVER.number("ADAPTATION")  # 1/s
 MODE, FIELD = OBSERVER.numbers("MODE", "FIELD")  # of the course, of the field
-LEAST_SPEED = OBSERVER.number("LEAST_SPEED")  # m/s
+LEAST_SPEED = OBSERVER.number("LEAST_SPEED")  # of a course, m/s; 0: as its sd says
+SLOW = OBSERVER.number("SLOW")  # s in a row of velocities without a course
+CONDITION = OBSERVER.number("CONDITION")  # 1: SLOW for long
 OUTAGE_AFTER = OBSERVER.number("OUTAGE_AFTER")  # s
 TOLD = OBSERVER.number("TOLD")  # accelerometer noise while there are samples
+# what the last fix changed, for a covariance: gains (p, v, xi) of three rows, which axis the first
+# is of; the share of its angle that an attitude was turned by, and of that what went to the gyro
+# bias, 1/s; the standard deviation of a course, rad
+GAIN = OBSERVER.array("GAIN", 9)
+SHARE, LEARNT, COURSE_SD = OBSERVER.numbers("SHARE", "LEARNT", "COURSE_SD")
 MOMENT = OBSERVER.array("MOMENT", 10)  # forgetting mean of phi phi', its upper triangle
 WORK = OBSERVER.array("WORK", 9)
 EIGEN = OBSERVER.matrix("EIGEN", 4, 4)  # MOMENT as it is made diagonal
@@ -78,6 +85,11 @@ COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": F
 VECTOR, ACROSS = range(2)
 FIELDS = {"across": ACROSS, "vector": VECTOR}
 LONGEST_GAP = 1.0  # s: a direction not measured for longer counts as if it were for so long
+LARGEST_COURSE_SD = math.radians(5.0)
+"""Standard deviation of a course, that of the velocity across over the speed, beyond which it is
+none: as large as the angle between course and heading commonly is. A receiver at rest does not reach
+it: its velocity would have to be 11 of its own standard deviations."""
+LONG_HELD = 10.0  # s without a course that are worth saying
 TRUSTED = 5.0  # s after a heading or field during which the course is left alone
 FORGETTING = 60.0  # s, of MOMENT
 NOMINAL_GRAVITY = 9.81  # m/s^2, scale of MOMENT
@@ -194,7 +206,7 @@ def turn(bar: Belief, s0: float, s1: float, s2: float) -> None:
     xi[0] += b0 - n0
     xi[1] += b1 - n1
     xi[2] += b2 - n2
-    ki = 0.0 if outage(workspace) else gain(workspace, KI)
+    ki = workspace[LEARNT] = 0.0 if outage(workspace) else gain(workspace, KI)
     bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
 
 
@@ -279,15 +291,24 @@ def inject(
     parameters: Array,
     innovation: Array,
 ) -> None:
-    """What a fix changes: position, velocity and xi by the gains of the translational motion
-    observer, the attitude by a direction.
+    """What a fix changes, without looking whether it is plausible."""
+    H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
+    observed(bar, y, observe, parameters, innovation, H)
+    take(bar, y, sd, kind, parameters, innovation)
+
+
+@inlined
+def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovation: Array) -> None:
+    """What a fix with that innovation changes: position, velocity and xi by the gains of the
+    translational motion observer, the attitude by a direction.
 
     In an outage only position and velocity, which end it; a heading or field is only remembered as
     one that is there, so that no course takes its place.
     """
     workspace = bar.workspace
-    H = matrix(workspace, JACOBIAN, 3, bar.P.shape[0])
-    observed(bar, y, observe, parameters, innovation, H)
+    workspace[SHARE] = 0.0
+    for i in range(9):
+        workspace[GAIN][i] = 0.0
     if outage(workspace) and kind != POSITION_KIND and kind != VELOCITY_KIND:
         if innovation[0] == innovation[0]:
             if kind == HEADING_KIND:
@@ -298,7 +319,7 @@ def inject(
     if kind == HEADING_KIND:
         if innovation[0] == innovation[0]:
             _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST_GAP))
-            workspace[SINCE_HEADING] = 0.0
+            workspace[SINCE_HEADING] = workspace[SLOW] = workspace[CONDITION] = 0.0
     elif kind == MAGNETIC_KIND:
         if (
             innovation[0] + innovation[1] + innovation[2]
@@ -307,7 +328,12 @@ def inject(
             _towards_field(bar, y, parameters)
     elif kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND:
         if kind == VELOCITY_KIND:
-            _course(bar, innovation[0] + bar.v[0], innovation[1] + bar.v[1])
+            _course(
+                bar,
+                innovation[0] + bar.v[0],
+                innovation[1] + bar.v[1],
+                math.hypot(sd[0], sd[1]) * math.sqrt(0.5),
+            )
         _translate(bar, kind, innovation, sd)
         workspace[EXCITATION] = smallest(workspace)
     orthonormalise(bar.C)
@@ -317,7 +343,7 @@ def inject(
 def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
     """Position, velocity and xi by the gains at this fix."""
     workspace = bar.workspace
-    change, xi = workspace[WORK], workspace[XI]
+    change, xi, K = workspace[WORK], workspace[XI], workspace[GAIN]
     for i in range(9):
         change[i] = 0.0
     used = False
@@ -328,12 +354,13 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
                 workspace[MOTION],
                 axis,
                 kind == VELOCITY_KIND,
-                innovation[row],
                 sd[row],
                 workspace[TOLD],
                 gain(workspace, WANDER),
-                change[3 * axis : 3 * axis + 3],
+                K[3 * row : 3 * row + 3],
             )
+            for i in range(3):
+                change[3 * axis + i] = K[3 * row + i] * innovation[row]
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
@@ -343,9 +370,9 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
 
 
 @inlined
-def _course(bar: Belief, north: float, east: float) -> None:
-    """The direction of the velocity (m/s) as a heading, where it is fast enough and nothing
-    better is there."""
+def _course(bar: Belief, north: float, east: float, sd: float) -> None:
+    """The direction of the velocity (m/s, each with that sd) as a heading, where it is fast enough
+    and nothing better is there."""
     workspace = bar.workspace
     speed = math.sqrt(north * north + east * east)
     if (
@@ -354,9 +381,14 @@ def _course(bar: Belief, north: float, east: float) -> None:
         or not speed == speed
     ):
         return
-    if speed < workspace[LEAST_SPEED]:
-        workspace[HELD] += min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP)
+    if too_slow(speed, sd, workspace[LEAST_SPEED]):
+        held = min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP)
+        workspace[HELD] += held
+        workspace[SLOW] += held
+        workspace[CONDITION] = 1.0 if workspace[SLOW] >= LONG_HELD else 0.0
         return
+    workspace[SLOW] = workspace[CONDITION] = 0.0
+    workspace[COURSE_SD] = sd / speed if speed > 0 else math.inf
     seconds = min(workspace[SINCE_COURSE], LONGEST_GAP)
     workspace[COURSE], workspace[SINCE_COURSE] = math.atan2(east, north), 0.0
     if workspace[MODE] == PRINTED:
@@ -366,13 +398,22 @@ def _course(bar: Belief, north: float, east: float) -> None:
         _towards_heading(bar, workspace[COURSE], seconds)
 
 
+@helper
+def too_slow(speed: float, sd: float, least: float) -> bool:
+    """Whether a velocity of that speed, each component with that sd (m/s), has no course: below
+    `least`, or where that is 0 as the standard deviation of the course says."""
+    return speed < least if least > 0 else not speed * LARGEST_COURSE_SD >= sd
+
+
 @inlined
 def _towards_heading(bar: Belief, heading: float, seconds: float) -> None:
     """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about
     the vertical, exact for any angle."""
     C, workspace = bar.C, bar.workspace
     angle = wrap(heading - math.atan2(C[1, 0], C[0, 0]))
-    angle -= _left(angle, gain(workspace, K2) * seconds)
+    left = _left(angle, gain(workspace, K2) * seconds)
+    workspace[SHARE] = 1 - left / angle if angle != 0 else 0.0
+    angle -= left
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
 
 
@@ -422,7 +463,7 @@ def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
             e2 / known,
             min(workspace[SINCE_FIELD], LONGEST_GAP),
         )
-        workspace[SINCE_FIELD] = 0.0
+        workspace[SINCE_FIELD] = workspace[SLOW] = workspace[CONDITION] = 0.0
 
 
 @inlined
@@ -437,7 +478,23 @@ def _towards(
         return
     angle = math.atan2(sine, cosine)
     share = (angle - _left(angle, gain(bar.workspace, K2) * seconds)) / sine
+    bar.workspace[SHARE] = share * sine / angle
     turn(bar, share * c0, share * c1, share * c2)
+
+
+@inlined
+def follow(bar: Belief, belief: Belief) -> None:
+    """Without a course for long, of itself holding no heading: heading and gyro bias become those
+    of a filter that has them by other means, f_n = C f + xi staying."""
+    C, workspace = bar.C, bar.workspace
+    if workspace[CONDITION] == 0:
+        return
+    angle = wrap(math.atan2(belief.C[1, 0], belief.C[0, 0]) - math.atan2(C[1, 0], C[0, 0]))
+    turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
+    b, own = belief.bg, bar.bg
+    for i in range(3):
+        own[i] = 0.0
+    bounded(own, b[0], b[1], b[2], workspace[GYRO_BOUND])
 
 
 @helper

@@ -46,7 +46,7 @@ DEFAULTS = dict(
     adaptation=0.02,
     accel_bound=1.0,
     gyro_bound=0.1,
-    least_speed=3.0,
+    least_speed=0.0,
     outage_after=0.0,
 )
 """Options of every filter that has the observer, as keywords of `fuse`; docs/observer.md says

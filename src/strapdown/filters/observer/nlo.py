@@ -1,6 +1,7 @@
 """Nonlinear observer with a translational motion observer, as Alam et al. use it:
-filters/observer/equations.py on the belief itself. No covariance.
+filters/observer/equations.py on the belief itself, filters/observer/covariance.py beside it.
 
+The gains are the observer's; the covariance says what they leave, and whether a fix is plausible.
 docs/observer.md has its equations, what is corrected in the printed ones, and what its options
 mean.
 """
@@ -11,30 +12,55 @@ from typing import Any
 
 import numpy as np
 
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
+from ...checks import check_number
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    Belief,
+    Condition,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    kernel,
+    matrix,
+)
+from ...core.error_state import observed
+from ...core.joseph import test
 from ...typing import Array
-from .equations import EXCITATION, FORGETTING, HELD, OBSERVER, advance, inject
+from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
+from .equations import CONDITION, EXCITATION, FORGETTING, JACOBIAN, OBSERVER, advance, take
 from .gains import USES, begin, configure, takes_options
 
-LONG_HELD = 10.0  # s without a course that is worth an event
 EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
+SLOW = Condition(
+    "too slow for a course: the gyros alone carry the heading, ever less certain; a heading or a "
+    "magnetic field would hold it",
+    doubtful=False,
+)
 
 
 @takes_options
-def start(start: Start, noise: Noise, **options: Any) -> Belief:
-    """Belief at `start`; docs/observer.md explains the options, DEFAULTS of
-    filters/observer/gains.py has them. Refuses gains that are not stable and a start beyond the
-    bounds.
+def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Belief:
+    """Belief at `start`. crab: standard deviation of the angle between course and heading, deg,
+    which the claimed one of the heading has in it; no gain depends on it. docs/observer.md explains
+    the other options, DEFAULTS of filters/observer/gains.py has them. Refuses gains that are not
+    stable and a start beyond the bounds.
     """
-    belief = start.belief(OBSERVER.zeros())
-    begin(belief.workspace, start, noise, **options)
+    check_number(crab, "crab", "deg", least=0)
+    belief = start.belief(SLOTS.zeros())
+    begin(belief.workspace[: OBSERVER.size], start, noise, **options)
+    belief.workspace[CRAB_SD] = math.radians(crab)
+    SLOTS.named(belief.workspace)["FULL"][CRAB, CRAB] = math.radians(crab) ** 2
     return belief
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """One IMU sample."""
-    advance(belief, u, dt, noise)
+    if dt > 0:
+        advance(belief, u, dt, noise)
+        after_sample(belief, dt, noise)
 
 
 @kernel(CORRECT)
@@ -48,33 +74,30 @@ def correct(
     gate: float,
     innovation: Array,
 ) -> float:
-    """One fix. It does not gate."""
-    inject(belief, y, sd, kind, observe, parameters, innovation)
-    return math.nan
+    """One fix, unless it is further off than the covariance allows. Returns the NIS."""
+    workspace = belief.workspace
+    H = matrix(workspace, JACOBIAN, 3, 15)
+    step(belief)
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    nis = test(belief.P, workspace[OWN], H, innovation, sd, rows)
+    if nis <= gate:
+        take(belief, y, sd, kind, parameters, innovation)
+        after_fix(belief, sd, kind, parameters, H)
+    return nis
 
 
-def unobserved(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the course was held for long because it was too slow for one, and where
-    the accelerometer bias was not excited."""
-    held, excitation = (columns[OBSERVER.columns[which]] for which in (HELD, EXCITATION))
-    events = []
-    if len(t) and held[-1] >= LONG_HELD:
-        events.append(
-            (
-                float(t[np.argmax(held > 0)]),
-                f"course held for {held[-1]:.0f} s in all, from here on: too slow to have one; the "
-                f"gyros alone carried the heading",
-            )
-        )
+def unexcited(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
+    """[(t, text)] where the accelerometer bias was not excited."""
+    excitation = columns[OBSERVER.columns[EXCITATION]]
     if len(t) and t[-1] - t[0] > FORGETTING and not np.max(excitation) >= EXCITED:
-        events.append(
+        return [
             (
                 float(t[-1]),
                 f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' "
                 f"never passed {np.max(excitation):.1g}",
             )
-        )
-    return events
+        ]
+    return []
 
 
 NLO = Filter(
@@ -84,9 +107,10 @@ NLO = Filter(
     start,
     predict,
     correct,
-    states=(),
-    slots=OBSERVER,
+    slots=SLOTS,
     uses=USES,
     configure=configure,
-    diagnose=unobserved,
+    diagnose=unexcited,
+    conditions=(SLOW,),
+    condition=CONDITION,
 )

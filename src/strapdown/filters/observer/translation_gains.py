@@ -38,19 +38,16 @@ def pulled(
     own: Array,
     axis: int,
     velocity: bool,
-    e: float,
     sd: float,
     accel: float,
     wander: float,
-    change: Array,
+    K: Array,
 ) -> None:
-    """Add to `change` (m, m/s, m/s^2) what the error e of a position or velocity fix with that sd
-    corrects on the axis.
+    """Into K, which arrives zeroed, the gains on position, velocity and force by which a position
+    or velocity fix with that sd corrects the axis.
 
     `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force,
-    m/s^2/sqrt(s). Several fixes at one time follow each other: e must be that of the state before
-    all of them less what `change` holds for the kinds that came before; kinds come one by one, so
-    it is.
+    m/s^2/sqrt(s). Several fixes at one time follow each other, one kind after the other.
     """
     if own[DESIGN] == RICCATI:
         _by_riccati(
@@ -58,17 +55,16 @@ def pulled(
             own[P][6 * axis : 6 * axis + 6],
             axis,
             velocity,
-            e,
             max(sd, LEAST_SD),
             accel,
             wander,
-            change,
+            K,
         )
     elif own[DESIGN] == BY_POLES:
-        _by_poles(own, axis, velocity, e, change)
+        _by_poles(own, axis, velocity, K)
     else:
         k = own[VELOCITY_GAINS.start if velocity else GAINS.start :]
-        change[0], change[1], change[2] = k[0] * e, k[1] * e, k[2] * e
+        K[0], K[1], K[2] = k[0], k[1], k[2]
     if velocity:
         own[VELOCITY_AGE][axis] = 0.0
 
@@ -79,11 +75,10 @@ def _by_riccati(
     A: Array,
     axis: int,
     velocity: bool,
-    e: float,
     sd: float,
     accel: float,
     wander: float,
-    change: Array,
+    K: Array,
 ) -> None:
     """One step of the Riccati equation over the time since the last fix, and the correction by
     it."""
@@ -104,7 +99,7 @@ def _by_riccati(
     A[3] -= k1 * h1
     A[4] -= k1 * h2
     A[5] -= k2 * h2
-    change[0], change[1], change[2] = k0 * e, k1 * e, k2 * e
+    K[0], K[1], K[2] = k0, k1, k2
 
 
 @helper
@@ -124,7 +119,7 @@ def grow(A: Array, T: float, q: float, accel: float, spread: float) -> None:
 
 
 @helper
-def _by_poles(own: Array, axis: int, velocity: bool, e: float, change: Array) -> None:
+def _by_poles(own: Array, axis: int, velocity: bool, K: Array) -> None:
     """The gains that multiply the errors by exp(s T) over the time T since the last fix of the
     kind.
 
@@ -142,19 +137,15 @@ def _by_poles(own: Array, axis: int, velocity: bool, e: float, change: Array) ->
         factors(pair[0], pair[1], pair[2], T),
     )
     if velocity:
-        change[1], change[2] = -(two + product) * e, product / T * e
+        K[1], K[2] = -(two + product), product / T
     elif own[VELOCITY_AGE][axis] <= own[LOST]:
-        change[0] = -one * e
+        K[0] = -one
     else:
         l1, l3 = -one - two, -one * product / (T * T)
         l2 = (
             one * two + product
-        ) / T - 0.5 * l3 * T  # of the error before the next prediction; change is that after it
-        change[0], change[1], change[2] = (
-            (l1 - T * l2 + 0.5 * T * T * l3) * e,
-            (l2 - T * l3) * e,
-            l3 * e,
-        )
+        ) / T - 0.5 * l3 * T  # of the error before the next prediction; K is of that after it
+        K[0], K[1], K[2] = l1 - T * l2 + 0.5 * T * T * l3, l2 - T * l3, l3
 
 
 @helper

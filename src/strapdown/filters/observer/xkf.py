@@ -54,7 +54,7 @@ from ...core.mechanization import mechanize
 from ...core.rotation import rotation_between, wrap
 from ...typing import Array
 from . import nlo
-from .equations import EMBEDDED, OBSERVER, advance, embedded, inject
+from .equations import BLOCK, CONDITION, EMBEDDED, OBSERVER, advance, embedded, follow, inject
 from .gains import configure, implant, takes_options
 from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
@@ -278,6 +278,7 @@ def correct(
     ):
         if not repeated(workspace[RECENT], y, sd, kind, gate, nis):
             inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION])
+            follow(bar, belief)
     relate(belief, bar)
     publish(belief, bar)
     return nis
@@ -292,4 +293,6 @@ XKF = Filter(
     slots=SLOTS,
     configure=configure,
     diagnose=nlo.NLO.diagnose,
+    conditions=nlo.NLO.conditions,
+    condition=INSIDE.start + BLOCK.start + CONDITION,
 )

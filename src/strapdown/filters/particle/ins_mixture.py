@@ -306,4 +306,6 @@ def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
                 s[3 * i + i] = math.sqrt(value)
                 s[12 + i] = e / s[3 * i + i]
                 nis += s[12 + i] * s[12 + i]
+                if innovation.size > 3:
+                    innovation[3 + i] = s[12 + i]
     return nis if any else math.nan

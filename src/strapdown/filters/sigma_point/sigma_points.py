@@ -259,6 +259,9 @@ def corrected(
         repaired = 1
         _whitened(n, E, rows, used, spread, math.nan, variance, work)
     nis = _gains(n, rows, used, work)
+    for a in range(used):
+        if innovation.size > 3:
+            innovation[3 + int(work[own + 4 * rows + a])] = work[own + a]
     for j in range(n):
         dx[j] = 0.0
     if nis <= gate:
@@ -283,15 +286,16 @@ def corrected(
 @helper
 def _gains(n: int, rows: int, used: int, work: Array) -> float:
     """Row by row of the whitened G and innovations: e / size and 1 / (size + sqrt(size)), with
-    those before taken into account. Returns the NIS."""
+    those before taken into account; e is divided by sqrt(size). Returns the NIS."""
     e = rows * n + rows * rows
     share, c, nis = e + rows, e + 2 * rows, 0.0 if used > 0 else math.nan
     for a in range(used):
         size = 1.0
         for j in range(n):
             size += work[n * a + j] * work[n * a + j]
-        nis += work[e + a] * work[e + a] / size
         work[share + a], work[c + a] = work[e + a] / size, 1 / (size + math.sqrt(size))
+        work[e + a] /= math.sqrt(size)
+        nis += work[e + a] * work[e + a]
         for b in range(a + 1, used):
             overlap = 0.0
             for j in range(n):

@@ -15,9 +15,11 @@ from ...core.kalman import update_fifteen
 from ...core.rotation import wrap
 from ...typing import Array
 from ..attitude import attitude_error_state
+from ..observer.equations import LONG_HELD, too_slow
 from .model import (
     ACCELERATION,
     CENTRIFUGAL,
+    CONDITION,
     CORRELATION,
     COURSE,
     CRAB,
@@ -38,6 +40,7 @@ from .model import (
     SECONDS,
     SINCE_HEADING,
     SINCE_VELOCITY,
+    SLOW,
     TRUSTED,
     VELOCITY_THEN,
     WINDOW,
@@ -196,9 +199,13 @@ def course(belief: Belief, bar: Belief, v0: float, v1: float, sd: float, since: 
     speed, bank = math.hypot(v0, v1), math.atan2(C[2, 1], C[2, 2])
     if workspace[COURSE] == 0 or workspace[SINCE_HEADING] < TRUSTED:
         return 0
-    if not (speed >= workspace[LEAST_SPEED] and abs(bank) <= workspace[LARGEST_BANK]):
-        workspace[HELD] += min(since, LONGEST_WITHOUT_VELOCITY)
+    if too_slow(speed, sd, workspace[LEAST_SPEED]) or abs(bank) > workspace[LARGEST_BANK]:
+        held = min(since, LONGEST_WITHOUT_VELOCITY)
+        workspace[HELD] += held
+        workspace[SLOW] += held
+        workspace[CONDITION] = 1.0 if workspace[SLOW] >= LONG_HELD else 0.0
         return 0
+    workspace[SLOW] = workspace[CONDITION] = 0.0
     H, e, deviation = (
         matrix(workspace, JACOBIAN, 3, n),
         workspace[INNOVATION],
@@ -323,7 +330,7 @@ def oriented(kind: int) -> bool:
 def used(workspace: Array, kind: int) -> None:
     """A fix of that kind was used."""
     if oriented(kind):
-        workspace[SINCE_HEADING] = 0.0
+        workspace[SINCE_HEADING] = workspace[SLOW] = workspace[CONDITION] = 0.0
 
 
 @inlined

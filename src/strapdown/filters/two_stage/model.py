@@ -15,17 +15,17 @@ be told to `turn_attitude` and `turn_velocity`. P has no covariance between the 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from ...checks import check_choice, check_number
-from ...core.contract import STATES, Belief, Noise, Slots, Source, first_event
+from ...core.contract import STATES, Belief, Condition, Noise, Slots, Source
 from ...core.error_state import ERROR_STATE
 from ...core.jit import helper, inlined
 from ...core.kalman import decay
 from ...core.rotation import turned
 from ...typing import Array
-from ..ahrs_aided.known_attitude import BEYOND_COLUMN, steep
+from ..ahrs_aided.known_attitude import BEYOND_COLUMN
 from ..attitude import attitude_error_state
 
 HELD_COLUMN = "course_held [s]"
@@ -44,7 +44,9 @@ KNOWN = TWO_STAGE.number("KNOWN")
 SINCE_VELOCITY, SINCE_HEADING = TWO_STAGE.numbers("SINCE_VELOCITY", "SINCE_HEADING")
 # options as numbers: whether only the downward component of v_b is measured, whether the course is
 DOWN, COURSE = TWO_STAGE.numbers("DOWN", "COURSE")
-LEAST_SPEED = TWO_STAGE.number("LEAST_SPEED")  # of a course, m/s
+LEAST_SPEED = TWO_STAGE.number("LEAST_SPEED")  # of a course, m/s; 0: as its sd says
+SLOW = TWO_STAGE.number("SLOW")  # s in a row of velocities without a course
+CONDITION = TWO_STAGE.number("CONDITION")  # 1: SLOW for long
 LARGEST_BANK = TWO_STAGE.number("LARGEST_BANK")  # rad
 CRAB = TWO_STAGE.number("CRAB")  # its sd, rad
 CORRELATION = TWO_STAGE.number("CORRELATION")  # s for which it and attitude errors are alike
@@ -56,6 +58,7 @@ BEFORE = TWO_STAGE.matrix("BEFORE", 3, 3)  # an attitude that is left
 # of the rows that stage 1 makes itself
 INNOVATION = TWO_STAGE.array("INNOVATION", 3)
 DEVIATION = TWO_STAGE.array("DEVIATION", 3)
+UNUSED = TWO_STAGE.array("UNUSED", 3)  # innovation that nobody is told
 MOVED = TWO_STAGE.array("MOVED", 3)  # change of v, see `doubt`
 # gravity vectors, and courses, in a row that were far off
 FAR_VECTORS, FAR_COURSES = TWO_STAGE.numbers("FAR_VECTORS", "FAR_COURSES")
@@ -86,6 +89,11 @@ Columns: TypeAlias = tuple[
     tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]
 ]
 """The three columns of a matrix (3, 3)."""
+SLOW_OR_BANKED = Condition(
+    "too slow or banked for a course: the gyros alone carry the heading, ever less certain; a heading "
+    "or a magnetic field would hold it",
+    doubtful=False,
+)
 NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
@@ -157,18 +165,6 @@ def configure(
     return options, [NO_HEADING]
 
 
-def diagnose(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the pitch first was near the singularity of the Euler angles, and where
-    the heading was first held because a velocity fix gave no course."""
-    seconds = columns[HELD_COLUMN]
-    return steep(t, lla, columns) + first_event(
-        t,
-        seconds > 0,
-        f"too slow or banked for a course: heading held for {seconds[-1:].sum():.3g} s in all, "
-        f"first here",
-    )
-
-
 @helper
 def to_angles(
     pitch: float, heading: float, x: float, y: float, z: float
@@ -215,7 +211,11 @@ def propagate(
             P[9 + j, i], P[9 + j, 3 + i] = P[i, 9 + j], P[3 + i, 9 + j]
             P[9 + i, 9 + j] *= keep * keep
         P[9 + i, 9 + i] += noise.accel_bias * noise.accel_bias * dt
-    _tilted(P, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
+    # without velocities nothing tells that the known attitude, that of `bar`, is not the estimate's
+    known = 0.0 if workspace[SINCE_VELOCITY] < LONGEST_WITHOUT_VELOCITY else 1.0
+    x = workspace[ERROR]
+    d = (known * x[6], known * x[7], known * x[8])
+    _tilted(P, d, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
     _drift(P, 0.5 * dt)
     _propagate_error(workspace[ERROR], C, dt, keep, decay(noise.gyro_decay * dt))
 
@@ -260,16 +260,19 @@ def _accelerate(P: Array, C: Array, dt: float) -> None:
 
 
 @helper
-def _tilted(P: Array, f0: float, f1: float, f2: float, scale: float) -> None:
-    """Add to the variance of v what errors theta of the attitude do to the specific force f:
-    `scale` times [f x] P_theta [f x]'."""
+def _tilted(
+    P: Array, d: tuple[float, float, float], f0: float, f1: float, f2: float, scale: float
+) -> None:
+    """Add to the variance of v what errors theta of the known attitude, which the estimate has d
+    more than, do to the specific force f: `scale` times [f x] (P_theta + d d') [f x]'."""
     for j in range(3):
         # column j of [f x]'
         g0, g1, g2 = (0.0, -f2, f1) if j == 0 else ((f2, 0.0, -f0) if j == 1 else (-f1, f0, 0.0))
+        along = d[0] * g0 + d[1] * g1 + d[2] * g2
         x, y, z = (
-            P[6, 6] * g0 + P[6, 7] * g1 + P[6, 8] * g2,
-            P[7, 6] * g0 + P[7, 7] * g1 + P[7, 8] * g2,
-            P[8, 6] * g0 + P[8, 7] * g1 + P[8, 8] * g2,
+            P[6, 6] * g0 + P[6, 7] * g1 + P[6, 8] * g2 + along * d[0],
+            P[7, 6] * g0 + P[7, 7] * g1 + P[7, 8] * g2 + along * d[1],
+            P[8, 6] * g0 + P[8, 7] * g1 + P[8, 8] * g2 + along * d[2],
         )
         column = (f1 * z - f2 * y, f2 * x - f0 * z, f0 * y - f1 * x)
         for i in range(j, 3):

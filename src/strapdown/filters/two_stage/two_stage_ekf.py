@@ -32,21 +32,23 @@ from ...core.rotation import (
     wrap,
 )
 from ...typing import Array
-from ..ahrs_aided.known_attitude import STEEP_PITCH
+from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
     BEFORE,
     BEYOND,
+    CONDITION,
     DEVIATION,
     ERROR,
     INNOVATION,
     MOVED,
+    SLOW_OR_BANKED,
     TOLD,
     TWO_STAGE,
+    UNUSED,
     USES,
     StageOptions,
     configure,
-    diagnose,
     doubt,
     middle,
     propagate,
@@ -66,7 +68,7 @@ def start(
     velocity: str = "full",
     course: str = "gnss",
     level: str = "bias-free",
-    least_speed: float = 3.0,
+    least_speed: float = 0.0,
     largest_bank: float = 45.0,
     crab: float = 5.0,
     correlation: float = 10.0,
@@ -154,12 +156,10 @@ def correct(
         math.inf,
     )
     if nis <= gate and kind == VELOCITY_KIND:
-        e0, e1, e2 = innovation[0], innovation[1], innovation[2]
-        steer(belief, belief, y, sd, observe, parameters, innovation)
+        steer(belief, belief, y, sd, observe, parameters, workspace[UNUSED])
         _inject(belief)
-        rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
-        correct_rows(P, workspace, innovation, workspace[DV], rows, math.inf, math.inf)
-        innovation[0], innovation[1], innovation[2] = e0, e1, e2
+        rows = see(belief, belief, y, sd, kind, observe, parameters, workspace[UNUSED])
+        correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         _inject(belief)
         used(workspace, kind)
@@ -219,5 +219,7 @@ TWO_STAGE_EKF = Filter(
     slots=TWO_STAGE,
     uses=USES,
     configure=configure,
-    diagnose=diagnose,
+    diagnose=steep,
+    conditions=(SLOW_OR_BANKED,),
+    condition=CONDITION,
 )

@@ -39,23 +39,25 @@ from ...core.jit import inlined
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
 from ...typing import Array
-from ..ahrs_aided.known_attitude import STEEP_PITCH
+from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
 from ..observer.equations import EMBEDDED, EXCITATION, OBSERVER, XI, advance, embedded, inject
 from ..observer.gains import DEFAULTS, configure as configure_observer, implant, takes_options
 from ..observer.repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 from .corrections import FAR_VECTOR, correct_rows, gather, level_alone, see, steer, used
 from .model import (
     BEYOND,
+    CONDITION,
     DEVIATION,
     ERROR,
     INNOVATION,
     MOVED,
+    SLOW_OR_BANKED,
     TOLD,
     TWO_STAGE,
+    UNUSED,
     USES,
     StageOptions,
     configure as configure_model,
-    diagnose,
     doubt,
     from_angles,
     middle,
@@ -76,7 +78,6 @@ SHIFT = SLOTS.outputs(
 SAID = SLOTS.output(OBSERVER.columns[EXCITATION])
 SAID_XI = SLOTS.outputs(*OBSERVER.columns[XI])
 LEFT = SLOTS.part("LEFT", NAVIGATION)  # the state that the observer leaves
-UNUSED = SLOTS.array("UNUSED", 3)  # innovation of the observer
 ANGLES = SLOTS.array("ANGLES", 3)  # its Euler angles, rad
 RECENT = SLOTS.part("RECENT", MEMORY)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
@@ -248,8 +249,8 @@ def correct_around(
     )
     if nis <= gate and kind == VELOCITY_KIND:
         steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED])
-        rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
-        correct_rows(P, workspace, innovation, workspace[DV], rows, math.inf, math.inf)
+        rows = see(belief, bar, y, sd, kind, observe, parameters, workspace[UNUSED])
+        correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         used(workspace, kind)
     return nis
@@ -353,5 +354,7 @@ XKF_TWO_STAGE = Filter(
     slots=SLOTS,
     uses=USES,
     configure=configure,
-    diagnose=diagnose,
+    diagnose=steep,
+    conditions=(SLOW_OR_BANKED,),
+    condition=CONDITION,
 )

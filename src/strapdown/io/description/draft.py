@@ -159,6 +159,7 @@ def guess(path: File, folder: File | None = None) -> Guess:
 
 HEAD = """# Drafted from {name} by names and magnitudes of its columns. Check every line marked "check".
 # date = "2024-01-31"            # check: of the first sample, UTC; only the magnetic field needs it
+# vehicle = "car"               # check: any, pedestrian, car, ship, multicopter or aircraft; nothing beyond its speed and heights is believed
 """
 
 NO_IMU = """[imu]                            # check: nothing here was recognised, so this section must be written

@@ -75,13 +75,19 @@ def _renamed(aiding: Aiding, number: int) -> Aiding:
 
 
 def read_meta(description: Description, files: Files) -> dict[str, Any]:
-    """The meta of a Recording that its description gives: name, date, place, grade, point, mounting
+    """The meta of a Recording that its description gives: name, date, place, grade, vehicle, point, mounting
     (roll, pitch, heading, rad) and lever arm of the IMU. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
     place = description.place and description.place.lla
-    found = {"name": files.path.stem, "date": description.date, "place": place, "grade": grade}
+    found = {
+        "name": files.path.stem,
+        "date": description.date,
+        "place": place,
+        "grade": grade,
+        "vehicle": description.vehicle,
+    }
     found = {key: value for key, value in found.items() if value is not None}
     mounting = description.imu.mounting
     if mounting is not None:

@@ -8,12 +8,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, model_validator
 
-from ...checks import DataError
+from ...checks import DataError, check_keys, check_number
 from ...core.earth import LATITUDE_LIMIT
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
 from ...typing import Array
 from ...units import factor
+from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from .schema_aiding import AidingPart, check_attitude_columns
 from .schema_base import (
     MISSING,
@@ -147,6 +148,30 @@ class Place(Part):
         return self
 
 
+BOUNDS = {
+    "speed": "speed",
+    "acceleration": "acceleration",
+    "lowest": "length",
+    "highest": "length",
+}
+"""Of a vehicle, with their dimensions; SI, where the key NAME_unit names no unit."""
+
+
+def _vehicle(value: Any) -> GivenVehicle:
+    """vehicle: a name, or a table of bounds of one's own."""
+    if not isinstance(value, dict):
+        find_vehicle(value)
+        return value
+    check_keys(value, ["name", *BOUNDS, *(f"{bound}_unit" for bound in BOUNDS)])
+    bounds = {}
+    for bound, dimension in BOUNDS.items():
+        if bound in value:
+            unit = value.get(f"{bound}_unit")
+            scale = 1.0 if unit is None else named(bound, factor, unit, dimension)
+            bounds[bound] = scale * check_number(value[bound], bound, least=-math.inf)
+    return Vehicle(str(value.get("name", "own")), **bounds)
+
+
 class Vector(Part):
     """Columns of a reference with their unit, or a unit for each; a velocity and an attitude
     take axes, an attitude may be a quaternion."""
@@ -193,6 +218,7 @@ class Description(Part):
     date: Annotated[Any, AfterValidator(_date)] = None
     point: Literal["imu", "reference"] = "imu"
     place: Place | None = None
+    vehicle: Annotated[Any, AfterValidator(_vehicle)] = None
     imu: ImuPart
     aiding: list[AidingPart] = []
     reference: ReferencePart | None = None

@@ -1,0 +1,111 @@
+"""A cell: a fault, a filter and the way it runs, a motion and a seed; what becomes of it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from strapdown import filters
+from strapdown.checks import DataError
+from strapdown.core.contract import Start
+from strapdown.recording import Recording
+
+from . import of_gnss, of_imu, of_others  # noqa: F401  (they fill the table of faults)
+from .fault import FAULTS, NOMINAL, WORLD, Fault
+from .judging import Judged, Nominal, judged, nominal, refused
+from .not_showable import hidden
+from .raw import Raw, raw
+from .runs import Subject, family, kinds, kinds_with, run, start_of
+from .worlds import DATE, GENTLE, MOTIONS, WORLDS, World, simulated
+
+
+class Task(NamedTuple):
+    """What one process does at a time."""
+
+    motion: str
+    subject: Subject
+    seed: int
+
+
+class _Right(NamedTuple):
+    """What there is without a fault."""
+
+    recording: Recording
+    start: Start
+    nominal: Nominal
+    judged: Judged
+
+
+def right(task: Task, kinds: tuple[str, ...]) -> _Right:
+    """The run without a fault, with these sources."""
+    world = MOTIONS[task.motion]
+    recording = simulated(world, task.seed)
+    data = raw(recording, kinds, task.seed, NOMINAL)
+    cleaned = data.recording(world.imu, date=DATE)
+    start = start_of(task.subject, cleaned)
+    outcome = run(task.subject, data, world, recording, start)
+    assert recording.reference is not None
+    return _Right(recording, start, *nominal(outcome, recording.reference))
+
+
+def cells(task: Task, names: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
+    """Rows of the table: the run without a fault, every fault that concerns the filter (or those
+    of these names), and in the gentle motion the worlds without a fault."""
+    filter = filters.find(task.subject.filter)
+    own = kinds(filter)
+    known = {own: right(task, own)}
+    rows = [_row(task, NOMINAL, NOMINAL, known[own].judged)]
+    for fault in FAULTS.values():
+        there = kinds_with(fault, task.subject)
+        if there is None or (names is not None and fault.name not in names):
+            continue
+        if there not in known:
+            known[there] = right(task, there)
+        rows.append(_row(task, fault.name, fault.of, _faulted(task, fault, there, known[there])))
+    if task.motion != GENTLE:
+        return rows
+    for world in WORLDS.values():
+        if family(filter) in world.families and (names is None or world.name in names):
+            rows.append(_row(task, world.name, WORLD, _elsewhere(task, world, own, known[own])))
+    return rows
+
+
+def _faulted(task: Task, fault: Fault, kinds: tuple[str, ...], right: _Right) -> Judged:
+    data = raw(right.recording, kinds, task.seed, fault.name)
+    with np.errstate(all="ignore"):
+        fault.change(data)
+        return _run(task.subject, data, MOTIONS[task.motion], right, right.start)
+
+
+def _elsewhere(task: Task, world: World, kinds: tuple[str, ...], right: _Right) -> Judged:
+    recording = simulated(world, task.seed)
+    there = right._replace(recording=recording)
+    data = raw(recording, kinds, task.seed, NOMINAL)
+    try:
+        start = start_of(task.subject, data.recording(world.imu, date=DATE))
+    except DataError as error:
+        return refused(error)
+    return _run(task.subject, data, world, there, start)
+
+
+def _run(subject: Subject, data: Raw, world: World, right: _Right, start: Start) -> Judged:
+    reference = right.recording.reference
+    assert reference is not None
+    try:
+        return judged(run(subject, data, world, right.recording, start), reference, right.nominal)
+    except Exception as error:  # what is no DataError is the finding
+        return refused(error)
+
+
+def _row(task: Task, name: str, of: str, found: Judged) -> dict[str, Any]:
+    subject, filter = task.subject, filters.find(task.subject.filter)
+    why = hidden(name, family(filter), task.motion, kinds(filter))
+    return {
+        "fault": name,
+        "of": of,
+        "filter": subject.filter,
+        "way": subject.way,
+        "motion": task.motion,
+        "seed": task.seed,
+        **found._asdict(),
+        "showable": why is None,
+    }

@@ -1,0 +1,147 @@
+"""What "silently wrong" means, here and nowhere else.
+
+From 60 s on, an error of a component of position, velocity or attitude is compared with five
+standard deviations that the filter states for it; where it states none, with twice the largest
+error of the run without a fault. A run is wrong where a component is beyond that for a second in
+all. It is silently wrong where that second lies in rows whose status is valid or bridged, and no
+event and no note says what the run without a fault does not say too. Where that run is wrong
+itself and says so, its events count as said here too. A number of rejected fixes says nothing.
+"""
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from strapdown.checks import DataError
+from strapdown.core.contract import BRIDGED, DOUBTFUL, VALID
+from strapdown.data import Trajectory
+from strapdown.evaluation.metrics import errors
+from strapdown.typing import Array, Ints
+
+OK, REFUSED, SAID, SILENT, CRASH = "ok", "refused", "said", "silent", "crash"
+ORDER = (OK, REFUSED, SAID, SILENT, CRASH)
+"""What can become of a run, the better before the worse."""
+SETTLED, SIGMAS, LASTING = 60.0, 5.0, 1.0
+TIMES_NOMINAL = 2.0
+COMPONENTS = 9
+
+
+class Outcome(NamedTuple):
+    """What a run leaves."""
+
+    trajectory: Trajectory
+    status: Ints  # (n,)
+    notes: tuple[str, ...]
+    events: tuple[str, ...]
+
+
+class Nominal(NamedTuple):
+    """The run without a fault that others are compared with."""
+
+    largest: Array  # (9,) error of each component; NaN of what is not estimated
+    # what it says though nothing is wrong, in plain words, without numbers
+    says: frozenset[str]
+
+
+class Judged(NamedTuple):
+    """What a run comes to."""
+
+    verdict: str  # one of ORDER
+    wrong_s: float  # beyond what is allowed, in rows of any status
+    believed_s: float  # the same in rows that are valid or bridged
+    doubtful_s: float  # status doubtful
+    largest: float  # error over standard deviation, in rows that are valid or bridged
+    position_m: float  # largest error
+    attitude_deg: float
+    says: str  # what the run without a fault does not say
+
+
+def plain(text: str) -> str:
+    """A text without its numbers, which differ from run to run."""
+    return re.sub(r"[-+]?\d[\d.,]*(e[-+]?\d+)?", "#", text)
+
+
+def news(says: Iterable[str], known: frozenset[str]) -> tuple[str, ...]:
+    """What is said that the run without a fault does not say."""
+    return tuple(dict.fromkeys(text for text in says if plain(text) not in known))
+
+
+class _Errors(NamedTuple):
+    size: Array  # (n, 9) without sign, m, m/s, rad
+    sd: Array  # (n, 9)
+    status: Ints
+    step: float  # s
+
+
+def _errors(outcome: Outcome, reference: Trajectory) -> _Errors:
+    """Errors from SETTLED on; what is not known is NaN."""
+    e = errors(outcome.trajectory, reference)
+    unknown = np.full((len(e.t), 3), np.nan)
+    size = np.abs(
+        np.hstack([unknown if x is None else x for x in (e.position, e.velocity, e.attitude)])
+    )
+    sd = np.full(size.shape, np.nan) if e.sd is None else e.sd[:, :COMPONENTS]
+    late = e.t > SETTLED
+    step = float(np.median(np.diff(e.t))) if len(e.t) > 1 else 0.0
+    return _Errors(size[late], sd[late], outcome.status[e.rows][late], step)
+
+
+def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
+    """A run without a fault, and what it comes to itself."""
+    e = _errors(outcome, reference)
+    known = np.isfinite(e.size).any(axis=0)
+    largest = np.where(known, np.nanmax(e.size, axis=0, initial=0.0), np.nan)
+    notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.events))
+    own = judged(outcome, reference, Nominal(largest, notes))
+    return Nominal(largest, notes | events if own.verdict == OK else notes), own
+
+
+def refused(error: Exception) -> Judged:
+    """Of a run that a DataError ended, or something that should not have."""
+    verdict = REFUSED if isinstance(error, DataError) else CRASH
+    text = str(error) if verdict == REFUSED else f"{type(error).__name__}: {error}"
+    return Judged(verdict, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, text)
+
+
+def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
+    """What a run comes to beside the run without a fault."""
+    new = news((*outcome.notes, *outcome.events), right.says)
+    text = " | ".join(new)
+    try:
+        e = _errors(outcome, reference)
+    except DataError:  # no time in common with the truth: nothing of it is right
+        return Judged(SAID if new else SILENT, np.inf, np.inf, 0.0, np.inf, np.inf, np.inf, text)
+    known = np.isfinite(right.largest)
+    one_sd = np.where(np.isfinite(e.sd), e.sd, right.largest * TIMES_NOMINAL / SIGMAS)
+    with np.errstate(all="ignore"):
+        ratios = e.size / one_sd
+    # a number that is missing where there is one without the fault is as wrong as can be
+    ratios = np.where(np.isfinite(ratios), ratios, np.inf)[:, known]
+    ratio = ratios.max(axis=1, initial=0.0)
+    believed = np.isin(e.status, (VALID, BRIDGED))
+    wrong_s, believed_s = (
+        float((beyond.sum()) * e.step) for beyond in (ratio > SIGMAS, (ratio > SIGMAS) & believed)
+    )
+    return Judged(
+        _verdict(wrong_s, believed_s, bool(new)),
+        wrong_s,
+        believed_s,
+        float((e.status == DOUBTFUL).sum() * e.step),
+        float(ratio[believed].max(initial=0.0)),
+        _largest(e.size[:, :3]),
+        float(np.degrees(_largest(e.size[:, 6:]))),
+        text,
+    )
+
+
+def _verdict(wrong_s: float, believed_s: float, new: bool) -> str:
+    if wrong_s < LASTING:
+        return OK
+    return SAID if new or believed_s < LASTING else SILENT
+
+
+def _largest(size: Array) -> float:
+    """Of (n, 3) components the largest length; those that are not known count 0."""
+    return float(np.linalg.norm(np.nan_to_num(size), axis=1).max(initial=0.0))

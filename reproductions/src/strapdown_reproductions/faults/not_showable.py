@@ -1,0 +1,83 @@
+"""Faults that the data cannot show, with the reason. It is written down from what the sensors are,
+not from what a run has found."""
+
+from typing import NamedTuple
+
+from .worlds import AFLOAT, ATTITUDE, GENTLE, HARD, HEAVE, NAVIGATION
+
+IN_FLIGHT = (GENTLE, HARD)
+
+
+class Hidden(NamedTuple):
+    """Faults that filters of these families cannot be shown in these motions."""
+
+    faults: tuple[str, ...]
+    families: tuple[str, ...]
+    motions: tuple[str, ...]
+    reason: str
+    shown_by: str = ""  # a kind of source with which the data does show it
+
+
+NOT_SHOWABLE: tuple[Hidden, ...] = (
+    Hidden(
+        ("height above the geoid",),
+        (NAVIGATION,),
+        IN_FLIGHT,
+        "there is one source of height, and its offset is constant",
+    ),
+    Hidden(
+        ("position and velocity drift by 0.1 m/s",),
+        (NAVIGATION,),
+        IN_FLIGHT,
+        "position and velocity agree with each other, the IMU feels no constant velocity, and the "
+        "step into it is one standard deviation of the velocity",
+    ),
+    Hidden(
+        ("mounted 5 deg off in heading",),
+        (NAVIGATION,),
+        IN_FLIGHT,
+        "nothing but the IMU knows where the body's axes point: what accelerates tells the heading "
+        "of the IMU, and the angle is within what wind makes of heading and course",
+        shown_by="attitude",
+    ),
+    Hidden(
+        ("mounted 5 deg off in heading", "declination 10 deg off"),
+        (ATTITUDE,),
+        IN_FLIGHT,
+        "the magnetometer alone tells the heading, and in level flight its error and that of the "
+        "mounting are one constant",
+    ),
+    Hidden(
+        ("declination 10 deg off",),
+        (ATTITUDE,),
+        ("in a hand",),
+        "where north is comes from the reference field alone",
+    ),
+    Hidden(
+        (
+            "accelerometer x bias steps by 0.5 m/s^2",
+            "accelerometer x bias runs away by 0.5 m/s^2 in 120 s",
+        ),
+        (ATTITUDE, HEAVE),
+        (*IN_FLIGHT, AFLOAT),
+        "without position and velocity a bias of the accelerometer is a tilt of 3 deg, and the body "
+        "does not turn over, which would tell them apart",
+    ),
+    Hidden(
+        ("mounted 5 deg off in heading", "box slips by 10 deg in heading at 90 s"),
+        (HEAVE,),
+        (AFLOAT,),
+        "nothing but the IMU knows where the body's axes point",
+    ),
+)
+"""What the data cannot show."""
+
+
+def hidden(fault: str, family: str, motion: str, kinds: tuple[str, ...]) -> Hidden | None:
+    """Why a fault cannot be shown to a filter of that family with these sources; None where it
+    can."""
+    for each in NOT_SHOWABLE:
+        meant = fault in each.faults and family in each.families and motion in each.motions
+        if meant and each.shown_by not in kinds:
+            return each
+    return None

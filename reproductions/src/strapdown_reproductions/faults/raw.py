@@ -1,0 +1,137 @@
+"""What a logger holds, as arrays that a fault may change: the samples, the fixes, and the order in
+which they arrived."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from zlib import crc32
+
+import numpy as np
+
+from strapdown.core.contract import Start
+from strapdown.data import Aiding, Trajectory
+from strapdown.geodesy import displaced
+from strapdown.recording import Recording
+from strapdown.typing import Array, Ints, Mask
+
+BEGINS = 90.0
+"""s at which a fault begins that does not last from the start."""
+
+
+@dataclass
+class Fixes:
+    """One source."""
+
+    kind: str
+    t: Array  # (m,) s
+    y: Array  # (m, components)
+    sd: Array
+    parameters: tuple[float, ...]
+    name: str
+    arrival: Array  # (m,) s: when each came, whatever its stamp says
+
+    def from_fault(self, lasting: float = np.inf) -> Mask:
+        """(m,) which of them fall into the fault's `lasting` seconds."""
+        return (self.t >= BEGINS) & (self.t < BEGINS + lasting)
+
+    def take(self, rows: Mask | Ints) -> None:
+        """Keep these rows, in this order."""
+        self.t, self.y, self.sd, self.arrival = (
+            column[rows] for column in (self.t, self.y, self.sd, self.arrival)
+        )
+
+    def move(self, ned: Array | tuple[float, ...], rows: Mask | slice = slice(None)) -> None:
+        """Displace these rows of a position by `ned` (3,) or (n, 3), m."""
+        self.y[rows] = displaced(self.y[rows], np.asarray(ned, float) + 0 * self.y[rows])
+
+    def aiding(self) -> Aiding:
+        """As what a Recording holds."""
+        return Aiding(self.kind, self.t, self.y, self.sd, self.parameters, name=self.name)
+
+
+@dataclass
+class Raw:
+    """A recording before anything has looked at it."""
+
+    t: Array  # (n,) s
+    gyro: Array  # (n, 3) rad/s
+    accel: Array  # (n, 3) m/s^2
+    sources: dict[str, Fixes]
+    arrival: Array  # (n,) s
+    rng: np.random.Generator
+    # what becomes of the start that a right recording has; None: it is found from the data
+    start: Callable[[Start], Start] | None = None
+    reference: Trajectory | None = field(default=None, repr=False)
+
+    def from_fault(self, lasting: float = np.inf) -> Mask:
+        """(n,) which samples fall into the fault's `lasting` seconds."""
+        return (self.t >= BEGINS) & (self.t < BEGINS + lasting)
+
+    def since_fault(self) -> Array:
+        """(n,) s since the fault began, 0 before."""
+        return np.clip(self.t - BEGINS, 0.0, None)
+
+    def some(self, share: float) -> Mask:
+        """(n,) a random share of the samples."""
+        return self.rng.random(len(self.t)) < share
+
+    def take(self, rows: Mask | Ints) -> None:
+        """Keep these samples, in this order."""
+        self.t, self.gyro, self.accel, self.arrival = (
+            column[rows] for column in (self.t, self.gyro, self.accel, self.arrival)
+        )
+
+    def of(self, *kinds: str) -> list[Fixes]:
+        """The sources of these kinds that are there."""
+        return [self.sources[kind] for kind in kinds if kind in self.sources]
+
+    @property
+    def gnss(self) -> list[Fixes]:
+        """Positions and velocities."""
+        return self.of("position", "velocity")
+
+    def recording(self, grade: str, **meta: object) -> Recording:
+        """What `strapdown` makes of it. Raises DataError."""
+        return Recording.from_arrays(
+            self.t,
+            self.gyro,
+            self.accel,
+            [source.aiding() for source in self.sources.values()],
+            self.reference,
+            grade=grade,
+            **meta,
+        )
+
+
+def hold(values: Array, rows: Mask) -> None:
+    """What is stuck: all of these rows show what the first of them does."""
+    values[rows] = values[np.argmax(rows)]
+
+
+def raw(recording: Recording, kinds: tuple[str, ...], seed: int, name: str) -> Raw:
+    """The arrays of a simulated recording with the sources of these kinds; chance of its own for
+    each seed and name of a fault."""
+    imu = recording.imu
+    sources = {
+        a.kind: Fixes(
+            a.kind,
+            a.t.copy(),
+            a.y.copy(),
+            np.broadcast_to(a.sd, a.y.shape).copy(),
+            a.parameters,
+            a.name or a.kind,
+            a.t.copy(),
+        )
+        for a in recording.aidings
+        if a.kind in kinds
+    }
+    return Raw(
+        imu.t.copy(),
+        imu.dtheta / imu.dt[:, None],
+        imu.dv / imu.dt[:, None],
+        sources,
+        imu.t.copy(),
+        np.random.default_rng([seed, crc32(name.encode())]),
+        reference=recording.reference,
+    )

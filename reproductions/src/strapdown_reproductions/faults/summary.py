@@ -1,0 +1,264 @@
+"""The figures of the fault matrix, their targets and tables."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..common import markdown
+from .judging import CRASH, ORDER, SILENT
+from .jumps import FOR_GOOD, LASTING, NONE, SIZES
+from .not_showable import NOT_SHOWABLE
+from .runs import BATCH, SMOOTHED, STREAM
+
+TITLE = "Sensor faults: whether a filter that is wrong says so"
+INTRODUCTION = (
+    "Each fault is made with the same simulated recordings. A run is wrong where from 60 s on a "
+    "component of position, velocity or attitude is beyond five of its own standard deviations for "
+    "a second in all, or, where the filter states none, beyond twice the largest error of the run "
+    "without a fault. It is silent where that second lies in rows whose status is valid or bridged "
+    "and no event and no note says what the run without the fault does not say.",
+    "A cell shows the worst of the motions and seeds, with the number of runs that came to it. "
+    "Which faults the data cannot show is written down with the reason.",
+)
+SOON = 30.0
+"""s within which a lasting jump must be said."""
+
+
+class Target(NamedTuple):
+    """What is asked for."""
+
+    text: str
+    comparison: str  # <= or >=
+    bound: float
+    unit: str
+
+
+TARGETS = {
+    "silent": Target(
+        "runs that are silently wrong, of faults that the data can show", "<=", 0, "runs"
+    ),
+    "silent classes": Target("classes of faults among them", "<=", 0, "classes"),
+    "crashes": Target("runs that end in anything but a refusal", "<=", 0, "runs"),
+    "live": Target("runs that are silent live and not in batch", "<=", 0, "runs"),
+    "smoothed": Target("runs that are silent smoothed and not in batch", "<=", 0, "runs"),
+    **{
+        f"{size:g} m": Target(
+            f"jumps of {size:g} m: first wrong fix refused, of 1000", ">=", 999, "jumps"
+        )
+        for size in SIZES
+    },
+    "lasting": Target(
+        f"lasting jump of {LASTING:g} m said within {SOON:g} s, of 100", ">=", 95, "jumps"
+    ),
+    "alarms": Target("flights without a fault that are doubted, of 200", "<=", 1, "flights"),
+}
+"""The targets, by name."""
+
+
+def showable(rows: pd.DataFrame) -> pd.DataFrame:
+    """The cells with a fault that the data can show."""
+    return rows[rows["showable"]]
+
+
+def silent(rows: pd.DataFrame) -> pd.DataFrame:
+    """Of these the silently wrong ones."""
+    own = showable(rows)
+    return own[own["verdict"] == SILENT]
+
+
+def silent_only(rows: pd.DataFrame, way: str) -> pd.DataFrame:
+    """Cells that are silent in that way of running though the same filter in batch is not."""
+    keys = ["fault", "filter", "motion", "seed"]
+    own = silent(rows)
+    batch = rows[rows["way"] == BATCH].set_index(keys)["verdict"]
+    mine = own[own["way"] == way]
+    beside = mine.set_index(keys).index.map(batch.to_dict())
+    return mine[np.asarray(beside != SILENT) & np.asarray(pd.notna(beside))]
+
+
+def of_thousand(trials: pd.DataFrame, held: pd.Series, of: float) -> float:
+    """How many of so many trials; NaN of none."""
+    return of * float(held.mean()) if len(trials) else np.nan
+
+
+def figures(rows: pd.DataFrame, trials: pd.DataFrame) -> dict[str, float]:
+    """{name of a target: figure}; NaN where the cells do not decide."""
+    jumped = trials[trials["what"] != NONE]
+    lasting = jumped[(jumped["size"] == LASTING) & (jumped["what"] == FOR_GOOD)]
+    right = trials[trials["what"] == NONE]
+    there = lambda way: (rows["way"] == way).any()
+    count = lambda way: float(len(silent_only(rows, way))) if there(way) else np.nan
+    first = {
+        f"{size:g} m": of_thousand(own, own["refused"], 1000)
+        for size in SIZES
+        for own in [jumped[jumped["size"] == size]]
+    }
+    return {
+        "silent": float(len(silent(rows))),
+        "silent classes": float(silent(rows)["fault"].nunique()),
+        "crashes": float((rows["verdict"] == CRASH).sum()),
+        "live": count(STREAM),
+        "smoothed": count(SMOOTHED),
+        **first,
+        "lasting": of_thousand(lasting, lasting["said_after"] <= SOON, 100),
+        "alarms": of_thousand(right, alarm(right), 200),
+    }
+
+
+def alarm(trials: pd.DataFrame) -> pd.Series:
+    """Which runs say that something is wrong."""
+    return (trials["doubtful_s"] > 0) | (trials["says"].fillna("") != "")
+
+
+def claims(rows: pd.DataFrame, trials: pd.DataFrame) -> list[dict[str, Any]]:
+    """The claims that the cells at hand decide: what was asked for, what was measured, whether it
+    holds."""
+    return [
+        {
+            "claim": target.text,
+            "target": f"{target.comparison} {target.bound:g} {target.unit}",
+            "figure": f"{figure:.4g} {target.unit}",
+            "value": figure,
+            "bound": target.bound,
+            "holds": bool(
+                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
+            ),
+        }
+        for name, figure in figures(rows, trials).items()
+        for target in [TARGETS[name]]
+        if np.isfinite(figure)
+    ]
+
+
+def named(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with what ran in one column: "closed-loop live"."""
+    way = rows["way"].where(rows["way"] != BATCH, "")
+    return rows.assign(runs=(rows["filter"] + " " + way).str.strip())
+
+
+def worst(verdicts: pd.Series) -> str:
+    """The worst of these verdicts, with how many are so bad; in brackets where the data cannot show
+    the fault."""
+    counts = verdicts.value_counts()
+    last = max(counts.index, key=ORDER.index)
+    many = f" {counts[last]}" if last in (SILENT, CRASH) and len(verdicts) > 1 else ""
+    return f"{last}{many}"
+
+
+def matrix(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per fault, a column per filter and way: the worst that came of it."""
+    own = named(rows)
+    table = own.pivot_table(
+        index=["fault"], columns="runs", values="verdict", aggfunc=worst, sort=False
+    )
+    return table.fillna("").reset_index()
+
+
+def by_fault(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per fault: what it is of, and how many runs came to what."""
+    counts = (
+        rows.groupby(["of", "fault"], sort=False)["verdict"]
+        .value_counts()
+        .unstack(fill_value=0)
+        .reindex(columns=list(ORDER), fill_value=0)
+    )
+    unshown = rows.groupby(["of", "fault"], sort=False)["showable"].agg(lambda s: int((~s).sum()))
+    return counts.assign(**{"cannot be shown": unshown}).reset_index()
+
+
+def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per filter, way and motion: how many runs with a fault that can be shown came to
+    what."""
+    own = named(showable(rows))
+    counts = (
+        own.groupby(["runs", "motion"], sort=False)["verdict"]
+        .value_counts()
+        .unstack(fill_value=0)
+        .reindex(columns=list(ORDER), fill_value=0)
+    )
+    return counts.reset_index()
+
+
+def silences(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per fault and motion that some filter is silent about: which, and how wrong."""
+    own = named(silent(rows))
+    if own.empty:
+        return pd.DataFrame(columns=["fault", "motion", "runs", "seconds", "error / sd"])
+    return (
+        own.groupby(["fault", "motion"], sort=False)
+        .agg(
+            runs=("runs", lambda names: ", ".join(sorted(set(names)))),
+            seconds=("believed_s", "median"),
+            largest=("largest", "median"),
+        )
+        .rename(columns={"largest": "error / sd"})
+        .reset_index()
+    )
+
+
+def doubted(trials: pd.DataFrame) -> pd.DataFrame:
+    """A row per filter and motion without a fault: flights, doubted ones, and what was said."""
+    right = trials[trials["what"] == NONE]
+    groups = right.assign(alarm=alarm(right)).groupby(["filter", "motion"], sort=False)
+    first = lambda texts: next((text for text in texts.fillna("") if text), "")
+    return groups.agg(
+        flights=("seed", "size"), doubted=("alarm", "sum"), for_instance=("says", first)
+    ).reset_index()
+
+
+def jumped(trials: pd.DataFrame) -> pd.DataFrame:
+    """A row per kind of jump: how many had their first fix refused, how many were said in time."""
+    own = trials[trials["what"] != NONE]
+    groups = own.assign(soon=own["said_after"] <= SOON).groupby(["what", "size"], sort=False)
+    return groups.agg(
+        flights=("seed", "size"), first_refused=("refused", "sum"), said_within_30_s=("soon", "sum")
+    ).reset_index()
+
+
+def tables(rows: pd.DataFrame, trials: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
+    """{name: (caption, DataFrame)}."""
+    return {
+        "silent": ("Silently wrong, though the data can show it", silences(rows)),
+        "by-filter": ("What became of the runs whose fault the data can show", by_filter(rows)),
+        "by-fault": ("What became of each fault", by_fault(rows)),
+        "jumps": ("Jumps of the position, closed loop", jumped(trials)),
+        "without-fault": ("Flights without a fault", doubted(trials)),
+        "matrix": ("Every fault and filter: the worst of all motions and seeds", matrix(rows)),
+        "not-showable": ("What the data cannot show, and why", not_showable()),
+    }
+
+
+def not_showable() -> pd.DataFrame:
+    """The table of not_showable, as text."""
+    return pd.DataFrame(
+        [
+            ("; ".join(h.faults), ", ".join(h.families), ", ".join(h.motions) or "all", h.reason)
+            for h in NOT_SHOWABLE
+        ],
+        columns=["faults", "filters of", "motions", "reason"],
+    )
+
+
+IN_DOCS = ("silent", "by-filter", "by-fault", "jumps", "without-fault", "not-showable")
+"""Tables that are small enough for docs/faults.md."""
+
+
+def in_docs(
+    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
+) -> str:
+    """Markdown for docs/faults.md."""
+    shown = pd.DataFrame(
+        [
+            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
+            for c in claims
+        ],
+        columns=["figure", "target", "measured", ""],
+    )
+    headed = [
+        (f"### {caption}", table)
+        for caption, table in (tables[name] for name in IN_DOCS)
+        if len(table)
+    ]
+    return markdown.tables([("### Figures", shown), *headed])
