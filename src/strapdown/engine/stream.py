@@ -233,42 +233,45 @@ class Stream:
         """Take a Sample or a Fix, use what has waited long enough, and return the belief
         (updated in place). Raises DataError for what is neither, which changes nothing, and
         where the stream stopped."""
-        if isinstance(event, Fix):
+        if isinstance(event, Sample):
+            self._take_sample(event)
+        elif isinstance(event, Fix):
             self._take_fix(event)
         else:
-            if not isinstance(event, Sample):
-                refuse_event(event)
-            try:
-                t, dt, (a, b, c), (d, e, f) = event
-                finite = isfinite(t + dt + a + b + c + d + e + f)
-                possible = 0 < dt <= LONGEST_INTERVAL
-            except (TypeError, ValueError):
-                refuse_sample(event)
-            if not finite:
-                self._telling.drop("not finite", words.SAMPLES_NOT_FINITE, 0, self._when(t))
-            elif not possible:
-                refuse_sample(event)
-            elif not t > self._late:
-                self._drop_sample(t)
-            else:
-                if t > self.newest:
-                    if t - self.newest > LONGEST_GAP and self.newest > -inf:
-                        raise DataError(
-                            f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin "
-                            f"a new stream there"
-                        )
-                    self.newest = t
-                if self._ahrs is not None:
-                    self._feed(self._ahrs, event)
-                if self.lag == 0 and not self._samples:
-                    self._take(event)
-                else:
-                    self._number += 1
-                    heappush(self._samples, (t, self._number, event))
-                    self._use(self.newest - self.lag)
+            refuse_event(event)
         if self._telling.waits:
             self._telling.tell(self._when(self.t))
         return self.belief
+
+    def _take_sample(self, event: Sample) -> None:
+        try:
+            t, dt, (a, b, c), (d, e, f) = event
+            finite = isfinite(t + dt + a + b + c + d + e + f)
+            possible = 0 < dt <= LONGEST_INTERVAL
+        except (TypeError, ValueError):
+            refuse_sample(event)
+        if not finite:
+            self._telling.drop("not finite", words.SAMPLES_NOT_FINITE, 0, self._when(t))
+        elif not possible:
+            refuse_sample(event)
+        elif not t > self._late:
+            self._drop_sample(t)
+        else:
+            if t > self.newest:
+                if t - self.newest > LONGEST_GAP and self.newest > -inf:
+                    raise DataError(
+                        f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a "
+                        f"new stream there"
+                    )
+                self.newest = t
+            if self._ahrs is not None:
+                self._feed(self._ahrs, event)
+            if self.lag == 0 and not self._samples:
+                self._use_sample(event)
+            else:
+                self._number += 1
+                heappush(self._samples, (t, self._number, event))
+                self._use(self.newest - self.lag)
 
     def _take_fix(self, event: Fix) -> None:
         fix = self._sources.usable(event)
@@ -311,11 +314,11 @@ class Stream:
         while samples and samples[0][0] <= until:
             sample = heappop(samples)[2]
             if sample[0] > self._late:
-                self._take(sample)
+                self._use_sample(sample)
             else:
                 self._drop_sample(sample[0])
 
-    def _take(self, sample: Sample) -> None:
+    def _use_sample(self, sample: Sample) -> None:
         """Use one sample and the fixes up to its end."""
         if self._stopped:
             raise DataError(self._stopped)
