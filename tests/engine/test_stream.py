@@ -135,9 +135,8 @@ def test_an_attitude_stream_is_the_batch_and_leaves_other_sources_alone(name):
     assert np.allclose(belief.C, solution.trajectory.rotation.as_matrix()[-1], atol=1e-12)
     counts = solution.counts()
     assert stream.dropped == 0 and stream.counts() == [(0, 0), counts.get("magnetometer", (0, 0))]
-    assert [event for _, event in solution.events][1].endswith("attitude held") and set(
-        solution.status
-    ) == {VALID, BRIDGED, INVALID}
+    assert [event for _, event in solution.events][1].endswith("attitude held")
+    assert set(solution.status) >= {BRIDGED, INVALID} and stream.events == list(solution.events)
 
 
 def test_every_belief_on_the_way_is_a_row_of_the_batch():

@@ -87,6 +87,8 @@ def test_fault_by_fault_a_stream_says_what_the_batch_says(fault):
     assert same_solution(stream.solution, batch)
     assert np.array_equal(stream.solution.covariance, batch.covariance)
     assert stream.solution.verdict == batch.verdict
+    for mine, its in zip(stream.solution.recording.aidings, batch.recording.aidings):
+        assert np.array_equal(mine.sd, its.sd) and np.array_equal(mine.y, its.y, equal_nan=True)
 
 
 def test_a_verdict_tells_of_a_fault():

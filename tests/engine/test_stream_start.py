@@ -1,33 +1,19 @@
 """Where a stream starts: by itself from its first samples and fixes, from a Start with few fields, as
 does fuse."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from recordings import flight, start
+from recordings import at_rest, flight, start
 from test_stream import events_of, play, stream_of
 
 import strapdown as sd
 from strapdown.alignment.completed import left_open
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu, Start
+from strapdown.core.contract import Start
 from strapdown.data import INVALID
 from strapdown.engine.stream import Fix, Stream
 
 pytestmark = pytest.mark.short
-
-
-def at_rest(seconds=40.0, rate=20.0):
-    """A level IMU that stands for so long, with position fixes and nothing that tells its heading."""
-    n = round(seconds * rate)
-    t, f = np.arange(1, n + 1) / rate, np.tile([0.0, 0.0, -9.81 / rate], (n, 1))
-    noise = 1e-4 * np.random.default_rng(1004).standard_normal((2, n, 3))
-    imu = Imu(t, np.full(n, 1 / rate), 1e-2 * noise[0], f + noise[1])
-    moments = np.arange(1.0, seconds)
-    y = np.tile([0.8, 0.2, 300.0], (len(moments), 1))
-    fixes = sd.Aiding("position", moments, y, np.ones_like(y))
-    return sd.Recording(imu, (fixes,), meta={"grade": "tactical"})
 
 
 def own(recording, name="closed-loop", **more):
@@ -124,29 +110,6 @@ def test_a_short_stream_starts_where_it_is_finished():
 
 
 # ---- a Start with few fields
-
-
-def test_what_is_left_open_is_found_as_by_align():
-    recording, spec = flight(), sd.grade("tactical")
-    truth = start(recording, 5.0)
-    found = sd.align(recording, spec, heading=truth.rph[2], at=truth.t)
-    solution = sd.fuse(recording, start=Start(truth.t, rph=(np.nan, np.nan, truth.rph[2])))
-    begin = Start(**solution.meta["start"])
-    assert begin[:7] == found[:7] and begin.note.startswith("time given; ")
-    given = sd.fuse(recording, start=Start(truth.t, lla=truth.lla, rph=truth.rph))
-    begin = Start(**given.meta["start"])
-    assert begin.lla == truth.lla and begin.rph == truth.rph and begin.v == found.v
-    assert begin.sd[:3] == (10.0,) * 3 and np.degrees(begin.sd[6:9]) == pytest.approx([2.0] * 3)
-    assert begin.sd[9:] == found.sd[9:] and begin.note.startswith("lla, rph given; ")
-    assert np.abs(given.trajectory.v_n[-1] - recording.reference.v_n[-1]).max() < 1.0
-
-
-def test_at_rest_without_fixes_the_velocity_is_zero():
-    recording = replace(at_rest(), aidings=())
-    solution = sd.fuse(recording, start=Start(1.0, lla=(0.8, 0.2, 300.0), rph=(0.0, 0.0, 1.0)))
-    begin = Start(**solution.meta["start"])
-    assert begin.v == (0.0,) * 3 and begin.sd[3:6] == (0.1,) * 3
-    assert begin.lla == (0.8, 0.2, 300.0)
 
 
 def test_a_stream_waits_for_what_is_left_open():

@@ -97,6 +97,18 @@ def position(t, lla=(0.8, 0.2, 300.0), deviation=1.0, gate=np.inf, **more):
     )
 
 
+def at_rest(seconds=40.0, rate=20.0):
+    """A level IMU that stands for so long, with position fixes and nothing that tells its heading."""
+    n = round(seconds * rate)
+    t, f = np.arange(1, n + 1) / rate, np.tile([0.0, 0.0, -9.81 / rate], (n, 1))
+    noise = 1e-4 * np.random.default_rng(1004).standard_normal((2, n, 3))
+    imu = Imu(t, np.full(n, 1 / rate), 1e-2 * noise[0], f + noise[1])
+    moments = np.arange(1.0, seconds)
+    y = np.tile([0.8, 0.2, 300.0], (len(moments), 1))
+    fixes = Aiding("position", moments, y, np.ones_like(y))
+    return Recording(imu, (fixes,), meta={"grade": "tactical"})
+
+
 def ahrs(truth, rate=1.0, deviation=(0.2, 0.2, 0.5), seed=7, **more):
     """Attitude records of a Trajectory at `rate` (Hz) with white errors about forward, right and
     down (deg); seed: number or numpy Generator."""

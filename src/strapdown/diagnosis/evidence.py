@@ -244,6 +244,23 @@ def rejections(source: Fixes) -> Iterator[Reason]:
         )
 
 
+def jumps(source: Fixes) -> Iterator[Reason]:
+    """A gate of positions or velocities that had to be lifted once the start was over: what comes
+    after rests on these fixes being right."""
+    settled = source.t[0] + min(SETTLED, 0.2 * (source.t[-1] - source.t[0]))
+    lifted = np.flatnonzero(source.lifted & (source.t > settled))
+    if source.kind in ("position", "velocity") and len(lifted):
+        size = float(np.sqrt(np.nansum(source.innovation[lifted[0]] ** 2)))
+        unit = "m" if source.kind == "position" else "m/s"
+        yield Reason(
+            "outliers",
+            f"at {source.t[lifted[0]]:.0f} s its fixes were {size:.3g} {unit} off the prediction for so "
+            f"long that they were followed; what comes after rests on them",
+            DIAGNOSE + " see whether they or what was before is right",
+            source.name,
+        )
+
+
 def course(solution: Solution, t: Array) -> Iterator[Reason]:
     """The course over ground, at the times `t` (s) of fixes, against the heading, where one
     follows the other."""

@@ -77,7 +77,11 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
     yield from (*biases, *smoother)
     of_sources = []
     for source in sources:
-        found = [*evidence.noise(source), *evidence.rejections(source)]
+        found = [
+            *evidence.noise(source),
+            *evidence.rejections(source),
+            *evidence.jumps(source),
+        ]
         of_sources += sorted(found, key=lambda reason: -reason.weight)[:1]
     yield from of_sources
     if not (biases or smoother or of_sources):  # which say why rows are doubtful

@@ -48,6 +48,13 @@ class Events:
             self._fold(row)
         cursor.at[log.LOGGED] = 0
 
+    def tell(self, code: int, t: Array, values: Array) -> None:
+        """Take over what was seen at the times `t` (s), in their order, with these values."""
+        apart = np.flatnonzero(np.diff(t) > log.FOLD) + 1
+        for rows in np.split(np.arange(len(t)), apart) if len(t) else ():
+            first, last = t[rows[0]], t[rows[-1]]
+            self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
+
     def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
         """Write what happens outside the loop; whether it is new and no more of the same."""
         row = np.zeros(log.LOG_WIDTH)

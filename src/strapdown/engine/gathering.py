@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,8 @@ ALIGN_EVERY = 10.0
 
 class Gathering:
     """Samples and fixes in time order. given: a Start with parts left open, or None; within: s
-    after which any start that is found is taken; most: samples that are kept."""
+    after which any start that is found is taken; most: samples that are kept; meta: of the
+    recording that they make."""
 
     def __init__(
         self,
@@ -35,12 +37,14 @@ class Gathering:
         within: float,
         most: int,
         say: Say | None,
+        meta: dict[str, Any],
     ) -> None:
         self.samples: list[Sample] = []
         self.fixes: list[UsableFix] = []
         self._filter, self._aidings, self._spec, self._noise = filter, aidings, spec, noise
         self._given, self._within, self._most, self._say = given, within, most, say
         self._first = self._due = np.inf
+        self._meta = meta
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
         """Keep one sample and the fixes up to its end; whether it is time to look for a start."""
@@ -82,7 +86,7 @@ class Gathering:
                 _with_fixes(a, [fix for fix in fixes if fix.source == s])
                 for s, a in enumerate(self._aidings)
             ),
-            meta={"name": "stream"},
+            meta=self._meta,
         )
 
     def check(self) -> None:

@@ -16,7 +16,6 @@ from ..core import cursor as places
 from ..core.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
 from ..core.loop import SAME_TIME
 from ..data import Aiding, Solution
-from ..plugins import one_line
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes
 from ..typing import Array, Say
@@ -47,13 +46,12 @@ from .prepare import (
     fitted,
     usable,
 )
+from .telling import OnEvent, Telling
 
 HISTORY = 65536
 """Samples that a stream keeps, at least the newer half of them."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
-DROPPED = ("before the start", "late", "twice", "not finite")
-OnEvent = Callable[[float, str], object]
 
 
 class Stream:
@@ -105,22 +103,12 @@ class Stream:
         self.noise, self._spec = assumed_noise(imu, noise, needed=not whole)
         self._filter = filter = filters.find(filter)
         first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
-        self._ahrs = first and _Ahrs(
-            Stream(
-                first,
-                start if whole else None,
-                imu,
-                noise,
-                [a for a in aidings if a.kind != "attitude"],
-                lag,
-                say,
-                vehicle,
-                align_within=align_within,
-                history=history,
-            ),
-            aidings,
-            ahrs_rate,
-        )
+        self._ahrs = None
+        if first is not None:
+            beside, own = start if whole else None, [a for a in aidings if a.kind != "attitude"]
+            more: dict[str, Any] = {"align_within": align_within, "history": history}
+            stream = Stream(first, beside, imu, noise, own, lag, say, vehicle, **more)
+            self._ahrs = _Ahrs(stream, aidings, ahrs_rate)
         self.notes = self._ahrs.notes if self._ahrs else []
         if self._ahrs:
             self._ahrs.stream._row = self._take_attitude
@@ -129,12 +117,11 @@ class Stream:
         self._used, _ = usable(filter, left)
         check_needs(filter, left)
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
+        self._meta = {"name": "stream"} | ({"vehicle": self._vehicle} if vehicle else {})
         self._rows, self._every, self._covariance = history, every, covariance
         self.lag, self.newest = lag, -inf
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
-        self.dropped_by = dict.fromkeys(DROPPED, 0)
-        self._on_event, self._news, self._deaf = on_event, list[Array](), False
-        self._events = Events(filter, self._used, self._vehicle)
+        self._telling = Telling(Events(filter, self._used, self._vehicle), on_event)
         self._sources = Sources(aidings)
         # among those that the filter can use
         self._places = [
@@ -155,7 +142,7 @@ class Stream:
         check_options(filter, options)
         self.belief = _nothing_known()
         self._gathered = Gathering(
-            filter, aidings, self._spec, noise, start, align_within, history, say
+            filter, aidings, self._spec, noise, start, align_within, history, say, self._meta
         )
         if start is not None and whole:
             self.begin(start)
@@ -199,7 +186,7 @@ class Stream:
             self._rows,
             self._covariance,
             self._say,
-            self._events,
+            self._telling.events,
         )
         samples, self._gathered.samples = self._gathered.samples, []
         fixes, self._gathered.fixes = sorted(self._gathered.fixes, key=lambda fix: fix[:2]), []
@@ -215,7 +202,7 @@ class Stream:
                 self._advance(live, sample, fixes[:count])
                 del fixes[:count]
             else:
-                self.dropped_by["before the start"] += 1
+                self._telling.drop("before the start", 0, None, sample.t)
         return self.belief
 
     def _gather(self, sample: Sample, fixes: list[UsableFix]) -> None:
@@ -232,12 +219,12 @@ class Stream:
             start = gathered.start()
         except DataError as error:
             if gathered.late:
-                self._note(words.NO_START, 0, sample[0], because=str(error))
+                self._telling.note(words.NO_START, 0, sample[0], because=str(error))
             return
         if not gathered.worth(start):
             if not gathered.late:
                 return
-            self._note(words.POOR_START, 0, sample[0], because=start.note)
+            self._telling.note(words.POOR_START, 0, sample[0], because=start.note)
         self.begin(start)
 
     # ---- going on
@@ -246,42 +233,45 @@ class Stream:
         """Take a Sample or a Fix, use what has waited long enough, and return the belief
         (updated in place). Raises DataError for what is neither, which changes nothing, and
         where the stream stopped."""
-        if isinstance(event, Fix):
+        if isinstance(event, Sample):
+            self._take_sample(event)
+        elif isinstance(event, Fix):
             self._take_fix(event)
         else:
-            if not isinstance(event, Sample):
-                refuse_event(event)
-            try:
-                t, dt, (a, b, c), (d, e, f) = event
-                finite = isfinite(t + dt + a + b + c + d + e + f)
-                possible = 0 < dt <= LONGEST_INTERVAL
-            except (TypeError, ValueError):
-                refuse_sample(event)
-            if not finite:
-                self._drop("not finite", words.SAMPLES_NOT_FINITE, 0, t)
-            elif not possible:
-                refuse_sample(event)
-            elif not t > self._late:
-                self._drop_sample(t)
-            else:
-                if t > self.newest:
-                    if t - self.newest > LONGEST_GAP and self.newest > -inf:
-                        raise DataError(
-                            f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin "
-                            f"a new stream there"
-                        )
-                    self.newest = t
-                if self._ahrs is not None:
-                    self._feed(self._ahrs, event)
-                if self.lag == 0 and not self._samples:
-                    self._take(event)
-                else:
-                    self._number += 1
-                    heappush(self._samples, (t, self._number, event))
-                    self._use(self.newest - self.lag)
-        if self._news:
-            self._tell()
+            refuse_event(event)
+        if self._telling.waits:
+            self._telling.tell(self._when(self.t))
         return self.belief
+
+    def _take_sample(self, event: Sample) -> None:
+        try:
+            t, dt, (a, b, c), (d, e, f) = event
+            finite = isfinite(t + dt + a + b + c + d + e + f)
+            possible = 0 < dt <= LONGEST_INTERVAL
+        except (TypeError, ValueError):
+            refuse_sample(event)
+        if not finite:
+            self._telling.drop("not finite", words.SAMPLES_NOT_FINITE, 0, self._when(t))
+        elif not possible:
+            refuse_sample(event)
+        elif not t > self._late:
+            self._drop_sample(t)
+        else:
+            if t > self.newest:
+                if t - self.newest > LONGEST_GAP and self.newest > -inf:
+                    raise DataError(
+                        f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a "
+                        f"new stream there"
+                    )
+                self.newest = t
+            if self._ahrs is not None:
+                self._feed(self._ahrs, event)
+            if self.lag == 0 and not self._samples:
+                self._use_sample(event)
+            else:
+                self._number += 1
+                heappush(self._samples, (t, self._number, event))
+                self._use(self.newest - self.lag)
 
     def _take_fix(self, event: Fix) -> None:
         fix = self._sources.usable(event)
@@ -291,7 +281,7 @@ class Stream:
         if place is None and (self._live is not None or self._elsewhere[fix.source]):
             return
         if not isfinite(fix.t):
-            self._drop("not finite", words.FIXES_NOT_FINITE, place, self.newest)
+            self._telling.drop("not finite", words.FIXES_NOT_FINITE, place, self._when(nan))
         elif not fix.t > self._late_fix:
             self._drop_fix(fix)
         else:
@@ -305,7 +295,7 @@ class Stream:
 
     def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
         if text := ahrs.take(event):
-            self._note(words.AHRS_STOPPED, 0, event.t, because=text)
+            self._telling.note(words.AHRS_STOPPED, 0, event.t, because=text)
 
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
         """What the AHRS made of its newest sample, as a fix."""
@@ -324,11 +314,11 @@ class Stream:
         while samples and samples[0][0] <= until:
             sample = heappop(samples)[2]
             if sample[0] > self._late:
-                self._take(sample)
+                self._use_sample(sample)
             else:
                 self._drop_sample(sample[0])
 
-    def _take(self, sample: Sample) -> None:
+    def _use_sample(self, sample: Sample) -> None:
         """Use one sample and the fixes up to its end."""
         if self._stopped:
             raise DataError(self._stopped)
@@ -368,7 +358,7 @@ class Stream:
             except DataError as error:
                 self._stop(t, str(error))
             if said:
-                self._news += live.new_events()
+                self._telling.add(live.new_events())
             if self._row is not None:
                 self._row(self, live)
             if t >= self._look_at:
@@ -385,8 +375,8 @@ class Stream:
     def _stop(self, t: float, text: str) -> NoReturn:
         """Raise DataError, now and at all samples that follow."""
         self._stopped = text
-        self._note(words.STOPPED, 0, t, because=text)
-        self._tell()
+        self._telling.note(words.STOPPED, 0, t, because=text)
+        self._telling.tell(self._when(self.t))
         raise DataError(text)
 
     @property
@@ -428,66 +418,50 @@ class Stream:
         self._use(inf)
         if self._live is None:
             self.begin()
-        self._tell()
+        self._telling.tell(self._when(self.t))
         return self.belief
 
     # ---- what it says
 
-    def _drop(self, why: str, code: int, place: int | None, t: float, behind: float = 0.0) -> None:
-        if self._looking:
-            return
-        self.dropped_by[why] += 1
-        if place is not None:
-            self._note(code, place, t if isfinite(t) else max(self.newest, self._began), behind)
+    def _when(self, t: float) -> float:
+        """A time for an event: `t`, or where that is none the newest one."""
+        return t if isfinite(t) else self.newest if isfinite(self.newest) else 0.0
 
     def _drop_sample(self, t: float) -> None:
+        if self._looking:
+            return
         if t <= self._began + SAME_TIME:
-            self._drop("before the start", 0, None, t)
+            self._telling.drop("before the start", 0, None, t)
         elif t == self._late:
-            self._drop("twice", words.SAMPLES_TWICE, 0, t)
+            self._telling.drop("twice", words.SAMPLES_TWICE, 0, t)
         else:
-            self._drop("late", words.SAMPLES_LATE, 0, t, self._late - t)
+            self._telling.drop("late", words.SAMPLES_LATE, 0, t, self._late - t)
 
     def _drop_fix(self, fix: UsableFix) -> None:
+        if self._looking:
+            return
         before, place = self._before[fix.source], self._places[fix.source]
         if fix.t <= self._began + SAME_TIME:
-            self._drop("before the start", 0, None, fix.t)
+            self._telling.drop("before the start", 0, None, fix.t)
         elif before is not None and fix[:3] == before[:3]:
-            self._drop("twice", words.FIXES_TWICE, place, fix.t)
+            self._telling.drop("twice", words.FIXES_TWICE, place, fix.t)
         else:
-            self._drop("late", words.FIXES_LATE, place, fix.t, self._late - fix.t)
-
-    def _note(self, code: int, which: int, t: float, value: float = 0.0, because: str = "") -> None:
-        if because:
-            self._events.because[code] = because
-        if self._events.note(code, which, t, value):
-            self._news.append(self._events.rows[-1])
-
-    def _tell(self) -> None:
-        """Hand over the events that began."""
-        news, self._news = self._news, []
-        for row in news:
-            if self._on_event is None:
-                return
-            if self._deaf:
-                self._events.note(words.CALLBACK, 0, self.t)
-                continue
-            try:
-                self._on_event(float(row[places.T]), self._events.text(row))
-            except Exception as error:
-                self._deaf = True
-                self._events.because[words.CALLBACK] = one_line(error)
-                self._events.note(words.CALLBACK, 0, self.t)
+            self._telling.drop("late", words.FIXES_LATE, place, fix.t, self._late - fix.t)
 
     @property
     def events(self) -> list[tuple[float, str]]:
         """[(t, text)] of what a user must know, as of a Solution."""
-        return (self._live.told() if self._live else self._events).all
+        return (self._live.told() if self._live else self._telling.events).all
+
+    @property
+    def dropped_by(self) -> dict[str, int]:
+        """How many samples and fixes were not used, by the reason."""
+        return dict(self._telling.dropped_by)
 
     @property
     def dropped(self) -> int:
         """How many samples and fixes were not used; `dropped_by` says why."""
-        return sum(self.dropped_by.values())
+        return sum(self._telling.dropped_by.values())
 
     @property
     def t(self) -> float:
@@ -513,7 +487,7 @@ class Stream:
         sample is used."""
         if self._live is None or not self._live.cursor.at[places.ROW]:
             raise DataError("the stream has used no sample yet; there is no solution")
-        return self._live.solution(self._every, name="stream", notes=self.notes)
+        return self._live.solution(self._every, **self._meta, notes=self.notes)
 
     @property
     def verdict(self) -> Verdict:

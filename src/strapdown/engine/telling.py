@@ -1,0 +1,57 @@
+"""What a stream tells its user: events, kept and handed over as they begin, and what was dropped."""
+
+from collections.abc import Callable, Sequence
+
+from ..core import cursor as log
+from ..plugins import one_line
+from ..typing import Array
+from . import events as words
+from .events import Events
+
+OnEvent = Callable[[float, str], object]
+"""(t in s, text) of an event when it begins."""
+DROPPED = ("before the start", "late", "twice", "not finite")
+"""Why a sample or a fix is not used."""
+
+
+class Telling:
+    """Hands `events` over to `on_event`, which may be None, or raise: then it is not called again."""
+
+    def __init__(self, events: Events, on_event: OnEvent | None) -> None:
+        self.events = events
+        self.dropped_by = dict.fromkeys(DROPPED, 0)
+        self.waits = False  # whether there is something to tell
+        self._on_event, self._deaf, self._news = on_event, False, list[Array]()
+
+    def note(self, code: int, which: int, t: float, value: float = 0.0, because: str = "") -> None:
+        """Write an event that the loop does not see."""
+        if because:
+            self.events.because[code] = because
+        if self.events.note(code, which, t, value):
+            self.add([self.events.rows[-1]])
+
+    def drop(self, why: str, code: int, place: int | None, t: float, behind: float = 0.0) -> None:
+        """Count what is not used and, where it is of a source of the filter, say so."""
+        self.dropped_by[why] += 1
+        if place is not None:
+            self.note(code, place, t, behind)
+
+    def add(self, rows: Sequence[Array]) -> None:
+        """Events that began, to be told with the next `tell`."""
+        if self._on_event is not None:
+            self._news += rows
+            self.waits = bool(self._news)
+
+    def tell(self, t: float) -> None:
+        """Hand over what began; `t` s is now."""
+        news, self._news, self.waits = self._news, [], False
+        for row in news:
+            if self._deaf or self._on_event is None:
+                self.events.note(words.CALLBACK, 0, t)
+                continue
+            try:
+                self._on_event(float(row[log.T]), self.events.text(row))
+            except Exception as error:
+                self._deaf = True
+                self.events.because[words.CALLBACK] = one_line(error)
+                self.events.note(words.CALLBACK, 0, t)
