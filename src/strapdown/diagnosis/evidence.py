@@ -34,7 +34,7 @@ MOVING = 3.0  # m/s above which a course is compared with the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
 LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
 SETTLED = 60.0  # s of a run in which a filter may still doubt its start, a fifth of it at most
-DOUBTED = 0.5  # share of the time after that in which rows are doubtful
+DOUBTED = 0.2  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
 
@@ -306,9 +306,11 @@ def smoother(solution: Solution) -> Iterator[Reason]:
 
 
 def doubts(solution: Solution) -> Iterator[Reason]:
-    """Rows that the run itself says are doubtful, after its start, with what it said first."""
+    """Rows that the run itself says are doubtful, after its start and the doubt that began there,
+    with what it said first."""
     t, span = solution.t, np.diff(solution.t, prepend=solution.t[:1])
     settled = t > t[0] + min(SETTLED, 0.2 * (t[-1] - t[0]))
+    settled &= np.logical_or.accumulate(settled & (solution.status != DOUBTFUL))
     doubtful = settled & (solution.status == DOUBTFUL)
     if not doubtful.any():
         return

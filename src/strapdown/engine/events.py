@@ -62,13 +62,6 @@ class Events:
         row[log.CODE], row[log.WHICH], row[log.COUNT], row[log.VALUE] = code, which, 1, value
         return self._fold(row)
 
-    def tell(self, code: int, t: Array, values: Array) -> None:
-        """Take over what was seen at the times `t` (s), in their order, with these values."""
-        apart = np.flatnonzero(np.diff(t) > log.FOLD) + 1
-        for rows in np.split(np.arange(len(t)), apart) if len(t) else ():
-            first, last = t[rows[0]], t[rows[-1]]
-            self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
-
     def begun(self, cursor: Cursor, since: int) -> list[Array]:
         """The rows of the log from number `since` on that go on with nothing; it keeps them."""
         begun = []
