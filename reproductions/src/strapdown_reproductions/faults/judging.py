@@ -5,11 +5,13 @@ standard deviations that the filter states for it; where it states none, with tw
 error of the run without a fault. A run is wrong where a component is beyond that for a second in
 all. It is silently wrong where that second lies in rows whose status is valid or bridged, and no
 event and no note says what the run without a fault does not say too. Where that run is wrong
-itself and says so, its events count as said here too. A number of rejected fixes says nothing.
+itself and says so, its events count as said here too. A number of rejected fixes says nothing. Where
+rows and events say nothing, the verdict is asked: what it has against the run, and not against the
+run without a fault, is said too, and begins with "verdict:" in the table.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +21,7 @@ from strapdown.core.contract import BRIDGED, DOUBTFUL, VALID
 from strapdown.data import Trajectory
 from strapdown.evaluation.metrics import errors, interpolated
 from strapdown.typing import Array, Ints
+from strapdown.verdict import NOT_JUDGED, Verdict
 
 OK, REFUSED, SAID, SILENT, CRASH = "ok", "refused", "said", "silent", "crash"
 ORDER = (OK, REFUSED, SAID, SILENT, CRASH)
@@ -28,6 +31,10 @@ TIMES_NOMINAL = 2.0
 COMPONENTS = 9
 
 
+def _not_judged() -> Verdict:
+    return Verdict(NOT_JUDGED)
+
+
 class Outcome(NamedTuple):
     """What a run leaves."""
 
@@ -35,6 +42,7 @@ class Outcome(NamedTuple):
     status: Ints  # (n,)
     notes: tuple[str, ...]
     events: tuple[tuple[float, str], ...]  # (t in s, text)
+    ask: Callable[[], Verdict] = _not_judged  # for the verdict, which takes longer
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -50,6 +58,7 @@ class Nominal(NamedTuple):
     says: frozenset[str]
     # the truth at its rows, which most runs have too: interpolating it takes half the time
     truth: Trajectory | None = None
+    ask: Callable[[], Verdict] = _not_judged
 
 
 class Judged(NamedTuple):
@@ -103,7 +112,8 @@ def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
     notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.texts))
     own = judged(outcome, reference, Nominal(largest, notes))
     truth = interpolated(reference, outcome.trajectory.t)
-    return Nominal(largest, notes | events if own.verdict == OK else notes, truth), own
+    says = notes | events if own.verdict == OK else notes
+    return Nominal(largest, says, truth, outcome.ask), own
 
 
 def refused(error: Exception) -> Judged:
@@ -134,8 +144,11 @@ def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     wrong_s, believed_s = (
         float((beyond.sum()) * e.step) for beyond in (ratio > SIGMAS, (ratio > SIGMAS) & believed)
     )
+    verdict = _verdict(wrong_s, believed_s, bool(new))
+    if verdict == SILENT and (against := _against(outcome, right)):
+        verdict, text = SAID, f"verdict: {against}"
     return Judged(
-        _verdict(wrong_s, believed_s, bool(new)),
+        verdict,
         wrong_s,
         believed_s,
         float((e.status == DOUBTFUL).sum() * e.step),
@@ -143,6 +156,16 @@ def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
         _largest(e.size[:, :3]),
         float(np.degrees(_largest(e.size[:, 6:]))),
         text,
+    )
+
+
+def _against(outcome: Outcome, right: Nominal) -> str:
+    """What the verdict has against a run and not against the one without a fault, or nothing."""
+    known = {reason.what for reason in right.ask().reasons if reason.weight >= 1}
+    return " | ".join(
+        str(reason)
+        for reason in outcome.ask().reasons
+        if reason.weight >= 1 and reason.what not in known
     )
 
 

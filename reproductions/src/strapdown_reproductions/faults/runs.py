@@ -106,7 +106,9 @@ def run(subject: Subject, raw: Raw, world: World, right: Recording, start: Start
 def outcome(solution: Solution) -> Outcome:
     """The Outcome of a Solution."""
     notes = tuple(solution.meta["notes"])
-    return Outcome(solution.trajectory, solution.status, notes, solution.events)
+    return Outcome(
+        solution.trajectory, solution.status, notes, solution.events, lambda: solution.verdict
+    )
 
 
 def start_of(subject: Subject, right: Recording) -> Start:
@@ -141,7 +143,13 @@ def _live(name: str, raw: Raw, world: World, right: Recording, start: Start | No
     stream.finish()
     events = tuple(stream.events)
     table = np.array(rows).reshape(-1, 16 + STATES)
-    return Outcome(_trajectory(table, filter), np.array(status), tuple(stream.notes), events)
+    return Outcome(
+        _trajectory(table, filter),
+        np.array(status),
+        tuple(stream.notes),
+        events,
+        lambda: stream.verdict,
+    )
 
 
 def _sized(a: Aiding, raw: Raw) -> Aiding:
