@@ -74,7 +74,8 @@ def off(by, start, lasting):
 
 
 def outcome(north=0.0, status=VALID, notes=(), events=(), sd=SD):
-    return Outcome(trajectory(north, sd), np.full(len(T), status), notes, events)
+    told = tuple((71.5, text) for text in events)
+    return Outcome(trajectory(north, sd), np.full(len(T), status), notes, told)
 
 
 RIGHT = Nominal(np.full(9, 0.1), frozenset({"nothing of note at # s"}))

@@ -54,11 +54,12 @@ NOW, CAUSE = 0, 1
 scale (inf: not described), their noise (rad/sqrt(s), m/s/sqrt(s)), and what the vehicle never
 exceeds: speed (m/s), ellipsoidal height (m)."""
 
-LENGTH, REPEATS, STEP, LATELY, JITTER, WATCHED = range(6)
+LENGTH, REPEATS, STEP, LATELY, CHANGE, JITTER, UNEVEN, WATCHED = range(8)
 """Columns of Cursor.watched, one row per axis of gyro and accelerometer: samples at the present
 value, samples that repeated the one before, smallest change seen (rad/s, m/s^2), the share of
-repeats among the last samples in which any axis repeated its value, the mean square of half the
-change times dt, which is what a sample does not tell of the motion inside it ((m/s)^2, rad^2)."""
+repeats among the last samples in which any axis repeated its value, the change at the last look,
+the mean square of what samples do not tell of the motion inside them ((m/s)^2, rad^2); in the first
+row alone: the mean difference of an interval and the one before, over it."""
 
 CHANNELS = 7
 SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)
@@ -84,6 +85,7 @@ how often, its largest value."""
     FULL_SCALE,
     STUCK,
     COARSE,
+    JITTERED,
     FLOORED,
     NO_FIX,
     TOO_FAST,
@@ -95,7 +97,7 @@ how often, its largest value."""
     IN_CONDITION,
     APART,
     CODES,
-) = range(20)
+) = range(21)
 """What a row of the log can be; engine/events.py has their words. APART is the smoother's."""
 FOLD = 10.0  # s within which what happens again belongs to the same row of the log
 LOG_ROWS, LOG_FULL = 256, 128  # of which the loop stops at the second, so that the log is emptied

@@ -16,6 +16,7 @@ from .cursor import (
     ACCEL_RANGE,
     AGAINST,
     CAUSE,
+    CHANGE,
     CHANNELS,
     COARSE,
     FAILS,
@@ -26,6 +27,7 @@ from .cursor import (
     GYRO_RANGE,
     HIGHEST,
     JITTER,
+    JITTERED,
     LAST_USED,
     LATELY,
     LENGTH,
@@ -51,6 +53,7 @@ from .cursor import (
     TOO_FAST,
     TOO_HIGH,
     UNCONFIRMED,
+    UNEVEN,
     WHITENED,
     WHITENED_COUNT,
     say,
@@ -65,10 +68,11 @@ SELDOM, LONG_SAMPLE = (
     16,
     0.05,
 )  # changes are looked at in each so many samples, or in longer ones (s)
-LAST_CHANGES = 16.0  # over which their squares are averaged
+LAST_CHANGES = 16.0  # over which they are averaged
+MOST_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
 MOST_JITTER = 2.0
-"""Half the change of a sample, in m/s, over the standard deviation of the velocity. Recorded cars,
-aircraft and hands stay below 0.5."""
+"""What samples do not tell of the velocity, over its standard deviation. Recorded cars, aircraft and
+hands stay below 0.5."""
 LEARNED = 200  # samples from which the rate of repeated values is known
 STUCK_SAMPLES, STUCK_TIME = 10, 0.2  # an axis is not stuck for fewer, or for less (s)
 STUCK_LIKELIHOOD = 25.0  # -ln of how likely so many repeated values are by chance
@@ -135,7 +139,7 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cur
     code = 0
     if not changed and before > 0 or cursor.at[REPEATING] > 0:
         code = _repeated(dtheta, dv, dt, t, cursor)
-    if before > 0 and (cursor.at[SAMPLES] % SELDOM == 0 or dt > LONG_SAMPLE):
+    if before > 0 and (cursor.at[SAMPLES] % SELDOM <= 1 or dt > LONG_SAMPLE):
         _changes(dtheta, dv, dt, t, belief, cursor)
     if not (inside and below):
         code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
@@ -161,21 +165,30 @@ def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, insid
 
 @helper
 def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> None:
-    """Keep the smallest change of each axis and the mean square of what samples do not tell. Where
-    that is more than the velocity is said to be known by, the samples are too far apart."""
-    previous, watched, worst = cursor.previous, cursor.watched, 0
+    """Keep the smallest change of each axis. In the second of two samples, the mean square of what
+    they do not tell, from how their change changes: what goes up and down by A from sample to
+    sample is 4 A there, and motion that goes on is little. Where it is more than the velocity is
+    said to be known by, the samples are too far apart."""
+    previous, watched, worst = cursor.previous, cursor.watched, 3
+    second = cursor.at[SAMPLES] % SELDOM == 1 or dt > LONG_SAMPLE
     for i in range(6):
         value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
-        change = abs(value - previous[i] / previous[6])
-        if change > SAME_VALUE * abs(value):
-            watched[i, STEP] = min(watched[i, STEP], change)
-        half = 0.5 * change * dt
-        watched[i, JITTER] += (half * half - watched[i, JITTER]) / LAST_CHANGES
-        if i > 3 and watched[i, JITTER] > watched[3 + worst, JITTER]:
-            worst = i - 3
+        change = value - previous[i] / previous[6]
+        untold = 0.25 * (change - watched[i, CHANGE]) * dt
+        watched[i, CHANGE] = change
+        if abs(change) > SAME_VALUE * abs(value):
+            watched[i, STEP] = min(watched[i, STEP], abs(change))
+        if second:
+            watched[i, JITTER] += (untold * untold - watched[i, JITTER]) / LAST_CHANGES
+        if i > 3 and watched[i, JITTER] > watched[worst, JITTER]:
+            worst = i
+    uneven = abs(dt - previous[6]) / dt
+    watched[0, UNEVEN] += (uneven - watched[0, UNEVEN]) / LAST_CHANGES
+    if watched[0, UNEVEN] > MOST_UNEVEN:
+        say(cursor, JITTERED, 0, t, watched[0, UNEVEN])
     known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
-    if cursor.at[POSITIONED] and watched[3 + worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
-        say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[3 + worst, JITTER]) / dt)
+    if cursor.at[POSITIONED] and watched[worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
+        say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[worst, JITTER]) / dt)
         doubt(cursor, t)
 
 

@@ -15,34 +15,59 @@ BLOCK = JOSEPH.array("BLOCK", BLOCKS)  # blocks of F
 MID = JOSEPH.matrix("MID", 3, 3)  # C_nb at mid-interval
 WORK = JOSEPH.array("WORK", WORKSPACE)  # of core.kalman
 DX = JOSEPH.array("DX", MOST_STATES)  # not used
+# since the last step: rotation (rad) and velocity increments (m/s) without biases, s, the noise
+PENDING = JOSEPH.array("PENDING", 6)
+SECONDS = JOSEPH.number("SECONDS")
+NOISE = JOSEPH.array("NOISE", 6)
+FORCE = JOSEPH.array("FORCE", 3)  # mean specific force of the last step, body, m/s^2
 PRODUCT = JOSEPH.matrix("PRODUCT", 3, MOST_STATES)  # of `spread`
+LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than such a filter
+
+
+@inlined
+def changed(own: Array, noise: Noise) -> bool:
+    """Whether the samples that wait had another noise, so that P must go on before the next one."""
+    return own[NOISE][1] != noise.accel and own[SECONDS] > 0
+
+
+@inlined
+def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> bool:
+    """Let a sample, of bias-free rate and specific force, wait for the next step of P. Returns
+    whether that is due."""
+    sums, told = own[PENDING], own[NOISE]
+    told[0], told[1], told[2] = noise.gyro, noise.accel, noise.gyro_bias
+    told[3], told[4], told[5] = noise.accel_bias, noise.gyro_decay, noise.accel_decay
+    for i in range(3):
+        sums[i] += omega[i] * dt
+        sums[3 + i] += f[i] * dt
+    own[SECONDS] += dt
+    return own[SECONDS] >= LONGEST_STEP
 
 
 @helper
-def carry(
-    P: Array,
-    own: Array,
-    lla: Array,
-    v: Array,
-    C: Array,
-    increments: tuple[float, float, float, float, float, float],
-    dt: float,
-    noise: Noise,
-) -> None:
-    """P (n, n) over dt by the error dynamics of the INS that stands at lla, v, C, with bias-free
-    rotation (rad) and velocity increments (m/s); `own` of JOSEPH. States beyond the fifteenth stand
-    still."""
-    mid, blocks = matrix(own, MID, 3, 3), own[BLOCK]
-    r0, r1, r2, a0, a1, a2 = increments
-    r0, r1, r2 = 0.5 * r0, 0.5 * r1, 0.5 * r2
+def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
+    """P (n, n) over the samples that wait, which end at lla, v, C, by the error dynamics of the
+    INS; `own` of JOSEPH. States beyond the fifteenth stand still.
+
+    Returns the seconds; the mean specific force stays in own[FORCE].
+    """
+    mid, blocks, u, n, f = matrix(own, MID, 3, 3), own[BLOCK], own[PENDING], own[NOISE], own[FORCE]
+    dt = own[SECONDS]
+    r0, r1, r2 = -0.5 * u[0], -0.5 * u[1], -0.5 * u[2]  # half a turn back from the end
     for i in range(3):
         mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
         mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
         mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
     dv_n = own[DX]
-    dv_n[0], dv_n[1], dv_n[2] = turned(mid, a0, a1, a2)
+    dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
     w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)
+    noise = Noise(n[0], n[1], n[2], n[3], n[4], n[5])
     propagate(P, blocks, mid, dv_n, w0 * dt, w1 * dt, w2 * dt, dt, noise, own[WORK])
+    for i in range(3):
+        f[i] = u[3 + i] / dt
+        u[i] = u[3 + i] = 0.0
+    own[SECONDS] = 0.0
+    return dt
 
 
 @inlined

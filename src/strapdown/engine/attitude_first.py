@@ -183,6 +183,8 @@ def source(
     path = solution.trajectory.taking(keep)
     y, sd = attitudes(ahrs, path, aided)
     notes = notes_on(ahrs, own / every, aided)
+    said = [condition.text for condition in ahrs.conditions]
+    notes += [f"{ahrs.name}: {text}" for _, text in solution.events if text in said]
     if ahrs.diagnose:
         notes += [
             f"{ahrs.name}: {text}"

@@ -242,6 +242,10 @@ WORDS: dict[int, Words] = {
     log.FULL_SCALE: _full_scale,
     log.STUCK: _stuck,
     log.COARSE: _coarse,
+    log.JITTERED: lambda e, row, s, value: (
+        f"time stamps of the IMU jitter by {value:.0%} of their interval, until "
+        f"{row[log.UNTIL]:.0f} s: take the counter of the sensor, or even them out"
+    ),
     log.FLOORED: lambda e, row, s, value: (
         f"{e.name(s)}: standard deviations are smaller than any receiver's, {e.size(s, value)}: "
         f"raised{_times(row)}"

@@ -20,6 +20,7 @@ from strapdown.experiments.outages.compare import _events
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
+from strapdown.vehicle import Vehicle
 
 SCORES = [
     "north_rmse_m",
@@ -306,9 +307,10 @@ def test_a_filter_that_stops_keeps_the_outages_before(outages, scored):
     recording = flight(20.0)
     dv = recording.imu.dv.copy()
     dv[np.searchsorted(recording.imu.t, 9.0)] = 1e9
-    found = sd.compare(
-        replace(recording, imu=recording.imu._replace(dv=dv)), ["closed-loop"], outages
-    )
+    thrown = replace(recording, imu=recording.imu._replace(dv=dv))
+    # a bound that lets it through
+    let = Vehicle(acceleration=1e12)
+    found = sd.compare(thrown, ["closed-loop"], outages, vehicle=let)
     assert (
         list(np.isfinite(found.scores["horizontal_rmse_m"])) == scored
         and [track is not None for track in found.tracks["closed-loop"]] == scored
@@ -502,8 +504,27 @@ def test_drive_is_scored_as_fuse_scores_it(data_folder, solutions, monkeypatch):
     windows = moving_windows(
         recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0
     )
-    found = sd.compare(recording, ["closed-loop"], windows)
+    found = sd.compare(recording, ["closed-loop"], [(45.0, 50.0)])
     whole = sd.fuse(recording.hidden(windows, FIXES), start=sd.Start(**found.settings["start"]))
     for window in windows:
         same_rows(solutions["closed-loop", window[0]], whole)
     assert found.scores["heading_rmse_deg"].isna().all() and isinstance(found.reference, Trajectory)
+
+
+def test_what_was_said_before_an_outage_is_not_of_the_outage():
+    """A gap of the samples and a jump of the position long before it."""
+    from recordings import without_samples
+
+    from strapdown.geodesy import displaced
+
+    recording = flight(seconds=60.0)
+    fix, *others = recording.aidings
+    y = fix.y.copy()
+    late = fix.t > 20
+    y[late] = displaced(y[late], np.tile([0.0, 50.0, 0.0], (late.sum(), 1)))
+    spoilt = replace(recording, aidings=(replace(fix, y=y), *others))
+    found = sd.compare(without_samples(spoilt, (10.0, 10.5)), ["closed-loop"], [(45.0, 50.0)])
+    assert not [note for note in found.notes if "IMU gap" in note or "gate lifted" in note]
+    (doubtful,) = [note for note in found.notes if note.startswith("doubtful in the run")]
+    assert doubtful.startswith("doubtful in the run through all outages: closed-loop ")
+    assert 10 < float(doubtful.split()[-2]) < 41 and doubtful.endswith(" s")

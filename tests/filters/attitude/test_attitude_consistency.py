@@ -197,21 +197,5 @@ def test_the_observer_comes_back_after_a_gap():
     assert (
         angles.total[np.searchsorted(t, 25.0)] > 5
         and angles.total[t > 70].max() < 1.5
-        and np.isnan(solution.trajectory.sd).all()
+        and np.degrees(solution.trajectory.sd[np.searchsorted(t, 25.0), 6:9]).min() > 4
     )
-
-
-@pytest.mark.short
-def test_a_long_turn_is_an_event():
-    """Twelve seconds of 30 deg of bank, then level again: 1.15 g on the wing's normal."""
-    rate, bank = 50.0, np.radians(30.0)
-    t = (np.arange(1000) + 1) / rate
-    banked = (t > 4) & (t < 16)
-    force = np.where(banked[:, None], [0.0, 0.0, -9.81 / np.cos(bank)], [0.0, 0.0, -9.81])
-    recording = Recording.from_arrays(t, np.zeros((1000, 3)), force, grade="consumer")
-    ((when, text),) = sd.fuse(recording, "attitude-mekf").events
-    assert 5 < when < 12 and "off gravity by more than 1 m/s^2" in text
-    level = Recording.from_arrays(
-        t, np.zeros((1000, 3)), np.tile([0.0, 0.0, -9.81], (1000, 1)), grade="consumer"
-    )
-    assert not sd.fuse(level, "attitude-mekf").events

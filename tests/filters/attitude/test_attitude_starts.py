@@ -190,6 +190,4 @@ def test_what_a_filter_does_not_estimate_is_no_number(name):
     )
     assert np.isfinite(solution.b_g).all() and np.isfinite(solution.trajectory.q_nb).all()
     claimed = np.isfinite(solution.trajectory.sd).all(axis=0)
-    assert list(np.flatnonzero(claimed)) == (
-        [6, 7, 8, 12, 13, 14] if name == "attitude-mekf" else []
-    )
+    assert list(np.flatnonzero(claimed)) == [6, 7, 8, 12, 13, 14]

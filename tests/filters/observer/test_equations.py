@@ -372,7 +372,16 @@ def test_a_block_inside_another_filter_is_the_same_observer():
     implant(workspace[40:], at, NOISE)
     own = at.belief(covariance.SLOTS.zeros())
     begin(own.workspace[: equations.OBSERVER.size], at, NOISE)
-    state = np.r_[own.lla, own.v, own.C.ravel(), own.ba, own.bg, own.omega, own.f, own.workspace]
+    state = np.r_[
+        own.lla,
+        own.v,
+        own.C.ravel(),
+        own.ba,
+        own.bg,
+        own.omega,
+        own.f,
+        own.workspace[: equations.OBSERVER.size],
+    ]
     assert np.array_equal(workspace[40:], state, equal_nan=True) and not workspace[:40].any()
 
 

@@ -362,7 +362,7 @@ def test_states_that_sources_bring_along_are_estimated():
 
 def test_options_are_those_of_the_observer_and_one_more():
     names = lambda filter: list(inspect.signature(filter.start).parameters)
-    assert names(XKF) == [*names(nlo.NLO)[:2], "near", *names(nlo.NLO)[2:]]
+    assert names(XKF) == [*names(nlo.NLO)[:2], "near", *names(nlo.NLO)[3:]]
     with pytest.raises(DataError, match="near is -1.0 rad; it must be a number, 0 or more"):
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=-1.0)
     with pytest.raises(DataError, match="k1 is -1"):

@@ -168,8 +168,10 @@ def test_the_observer_takes_fixes_of_two_sources_alike_and_once_where_a_gate_is_
             replace(a, gate=gate, name=f"{a.kind} {n}") for a in recording.aidings for n in (1, 2)
         ),
     )
+    ungated_twice = replace(twice, aidings=tuple(replace(a, gate=np.inf) for a in twice.aidings))
     both, alone = (
-        sd.fuse(twice, name, start=start(recording)) for name in ("xkf-two-stage", "nlo")
+        sd.fuse(of, name, start=start(recording))
+        for of, name in ((twice, "xkf-two-stage"), (ungated_twice, "nlo"))
     )
     for axis in ("north", "east", "down"):
         np.testing.assert_allclose(

@@ -78,7 +78,7 @@ def _faulted(task: Task, fault: Fault, kinds: tuple[str, ...], right: _Right) ->
 
 def _elsewhere(task: Task, world: World, kinds: tuple[str, ...], right: _Right) -> Judged:
     recording = simulated(world, task.seed)
-    there = right._replace(recording=recording)
+    there = right._replace(recording=recording, nominal=right.nominal._replace(truth=None))
     data = raw(recording, kinds, task.seed, NOMINAL)
     try:
         start = start_of(task.subject, data.recording(world.imu, date=DATE))

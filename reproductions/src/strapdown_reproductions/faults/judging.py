@@ -17,7 +17,7 @@ import numpy as np
 from strapdown.checks import DataError
 from strapdown.core.contract import BRIDGED, DOUBTFUL, VALID
 from strapdown.data import Trajectory
-from strapdown.evaluation.metrics import errors
+from strapdown.evaluation.metrics import errors, interpolated
 from strapdown.typing import Array, Ints
 
 OK, REFUSED, SAID, SILENT, CRASH = "ok", "refused", "said", "silent", "crash"
@@ -34,7 +34,12 @@ class Outcome(NamedTuple):
     trajectory: Trajectory
     status: Ints  # (n,)
     notes: tuple[str, ...]
-    events: tuple[str, ...]
+    events: tuple[tuple[float, str], ...]  # (t in s, text)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Of the events."""
+        return tuple(text for _, text in self.events)
 
 
 class Nominal(NamedTuple):
@@ -43,6 +48,8 @@ class Nominal(NamedTuple):
     largest: Array  # (9,) error of each component; NaN of what is not estimated
     # what it says though nothing is wrong, in plain words, without numbers
     says: frozenset[str]
+    # the truth at its rows, which most runs have too: interpolating it takes half the time
+    truth: Trajectory | None = None
 
 
 class Judged(NamedTuple):
@@ -93,9 +100,10 @@ def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
     e = _errors(outcome, reference)
     known = np.isfinite(e.size).any(axis=0)
     largest = np.where(known, np.nanmax(e.size, axis=0, initial=0.0), np.nan)
-    notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.events))
+    notes, events = (frozenset(map(plain, texts)) for texts in (outcome.notes, outcome.texts))
     own = judged(outcome, reference, Nominal(largest, notes))
-    return Nominal(largest, notes | events if own.verdict == OK else notes), own
+    truth = interpolated(reference, outcome.trajectory.t)
+    return Nominal(largest, notes | events if own.verdict == OK else notes, truth), own
 
 
 def refused(error: Exception) -> Judged:
@@ -107,8 +115,10 @@ def refused(error: Exception) -> Judged:
 
 def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     """What a run comes to beside the run without a fault."""
-    new = news((*outcome.notes, *outcome.events), right.says)
+    new = news((*outcome.notes, *outcome.texts), right.says)
     text = " | ".join(new)
+    if right.truth is not None and np.array_equal(right.truth.t, outcome.trajectory.t):
+        reference = right.truth
     try:
         e = _errors(outcome, reference)
     except DataError:  # no time in common with the truth: nothing of it is right

@@ -105,8 +105,8 @@ def run(subject: Subject, raw: Raw, world: World, right: Recording, start: Start
 
 def outcome(solution: Solution) -> Outcome:
     """The Outcome of a Solution."""
-    events = tuple(text for _, text in solution.events)
-    return Outcome(solution.trajectory, solution.status, tuple(solution.meta["notes"]), events)
+    notes = tuple(solution.meta["notes"])
+    return Outcome(solution.trajectory, solution.status, notes, solution.events)
 
 
 def start_of(subject: Subject, right: Recording) -> Start:
@@ -139,7 +139,7 @@ def _live(name: str, raw: Raw, world: World, right: Recording, start: Start | No
             rows.append(np.concatenate([[last], belief.lla, belief.v, belief.C.ravel(), sd]))
             status.append(stream.status)
     stream.finish()
-    events = tuple(text for _, text in getattr(stream, "events", ()))
+    events = tuple(stream.events)
     table = np.array(rows).reshape(-1, 16 + STATES)
     return Outcome(_trajectory(table, filter), np.array(status), tuple(stream.notes), events)
 

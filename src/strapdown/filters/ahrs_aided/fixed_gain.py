@@ -34,7 +34,7 @@ from ...core.contract import (
 )
 from ...core.earth import displace
 from ...core.error_state import bias_free, observed, publish_rates
-from ...core.joseph import JOSEPH, carry, spread, test
+from ...core.joseph import JOSEPH, SECONDS, await_step, carry, changed, spread, test
 from ...core.mechanization import mechanize
 from ...core.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
@@ -150,15 +150,24 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, since = belief.workspace, belief.workspace[SINCE]
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
-    if dt > 0:
-        increments = (r0, r1, r2, a0, a1, a2)
-        carry(belief.P, workspace[OWN], belief.lla, belief.v, belief.C, increments, dt, noise)
+    if changed(workspace[OWN], noise):
+        _step(belief)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
     for i in range(6):
         since[i] += dt
     workspace[SINCE_TILT] += dt
     workspace[SINCE_HEADING] += dt
     publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    if dt > 0 and await_step(workspace[OWN], belief.omega, belief.f, dt, noise):
+        _step(belief)
+
+
+@helper
+def _step(belief: Belief) -> None:
+    """P over the samples since its last step."""
+    own = belief.workspace[OWN]
+    if own[SECONDS] > 0:
+        carry(belief.P, own, belief.lla, belief.v, belief.C)
 
 
 @kernel(CORRECT)
@@ -176,6 +185,7 @@ def correct(
     further off than the covariance allows. Returns the NIS."""
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
     H, own, change = matrix(workspace, JACOBIAN, 3, n), workspace[OWN], workspace[CHANGE]
+    _step(belief)
     rows = observed(belief, y, observe, parameters, innovation, H)
     nis = test(belief.P, own, H, innovation, sd, rows)
     if not nis <= gate:

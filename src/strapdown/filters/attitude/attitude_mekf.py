@@ -408,11 +408,15 @@ def _used(
     for i in range(6):
         dx[i] = 0.0
     count_bias(P, sensitivity, biases, -1.0)
+    by_bias, known = 0.0, variance
     for k in range(3):
-        by_bias = h0 * sensitivity[0, k] + h1 * sensitivity[1, k] + h2 * sensitivity[2, k]
-        variance += by_bias * by_bias * biases[k]
-    record = last[FIRST_RECORD]
-    nis = measured(P, h0, h1, h2, e, variance, gate, dx, record)
+        along = h0 * sensitivity[0, k] + h1 * sensitivity[1, k] + h2 * sensitivity[2, k]
+        by_bias += along * along * biases[k]
+        row = h0 * P[6, 6 + k] + h1 * P[7, 6 + k] + h2 * P[8, 6 + k]
+        known += row * (h0 if k == 0 else (h1 if k == 1 else h2))
+    # the biases widen what is expected of the innovation, but make no gains
+    wider, record = 1 + (by_bias / known if known > 0 else 0.0), last[FIRST_RECORD]
+    nis = measured(P, h0, h1, h2, e, variance, gate * wider, dx, record) / wider
     if record[INVERSE] > 0:
         absorb_bias(sensitivity, record[GAIN], h0, h1, h2, (0.0, 0.0, 0.0))
     count_bias(P, sensitivity, biases, 1.0)

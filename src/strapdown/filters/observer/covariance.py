@@ -22,7 +22,7 @@ from ...core.contract import (
     Slots,
 )
 from ...core.jit import helper, inlined, matrix
-from ...core.joseph import JOSEPH, carry, spread
+from ...core.joseph import FORCE, JOSEPH, NOISE, SECONDS, await_step, carry, changed, spread
 from ...core.kalman import decay
 from ...core.rotation import turned
 from ...typing import Array
@@ -50,16 +50,10 @@ of the library."""
 SLOTS = Slots(after=OBSERVER)
 FULL = SLOTS.matrix("FULL", STATES, STATES)  # their covariance
 CRAB_SD = SLOTS.number("CRAB_SD")  # of the angle between course and heading, rad
-# since its last step: rotation (rad) and velocity increments (m/s) without biases, s, the noise
-PENDING = SLOTS.array("PENDING", 6)
-SECONDS = SLOTS.number("SECONDS")
-NOISE = SLOTS.array("NOISE", 6)
-FORCE = SLOTS.array("FORCE", 3)  # their mean specific force, m/s^2
 A = SLOTS.matrix("A", 3, STATES)  # of core.joseph.spread
 B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
 OWN = SLOTS.part("OWN", JOSEPH)
-LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than the observer
 CRAB_TIME = 30.0  # s: time constant of that angle, that of turns in the wind
 Three: TypeAlias = tuple[float, float, float]
 
@@ -82,57 +76,37 @@ def clear(workspace: Array) -> None:
 @inlined
 def after_sample(belief: Belief, dt: float, noise: Noise) -> None:
     """A sample that the observer took, for the next step of P."""
-    workspace, told = belief.workspace, belief.workspace[NOISE]
-    sums, w, f = workspace[PENDING], belief.omega, belief.f
-    if told[1] != noise.accel:
+    own = belief.workspace[OWN]
+    if changed(own, noise):
         step(belief)
-    told[0], told[1], told[2], told[3], told[4], told[5] = (
-        noise.gyro,
-        noise.accel,
-        noise.gyro_bias,
-        noise.accel_bias,
-        noise.gyro_decay,
-        noise.accel_decay,
-    )
-    for i in range(3):
-        sums[i] += w[i] * dt
-        sums[3 + i] += f[i] * dt
-    workspace[SECONDS] += dt
-    if workspace[SECONDS] >= LONGEST_STEP:
+    if await_step(own, belief.omega, belief.f, dt, noise):
         step(belief)
 
 
 @helper
 def step(belief: Belief) -> None:
     """P over the samples since its last step: by the INS, then by what xi has moved."""
-    workspace, C, dt = belief.workspace, belief.C, belief.workspace[SECONDS]
-    if dt <= 0:
+    workspace, own, C = belief.workspace, belief.workspace[OWN], belief.C
+    if own[SECONDS] <= 0:
         return
-    u, n, f = workspace[PENDING], workspace[NOISE], workspace[FORCE]
+    f, accel = own[FORCE], own[NOISE][1]
     P, a, b, r = (
         matrix(workspace, FULL, STATES, STATES),
         matrix(workspace, A, 3, STATES),
         matrix(workspace, B, 3, STATES),
         matrix(workspace, R, 3, 3),
     )
-    noise = Noise(n[0], n[1], n[2], n[3], n[4], n[5])
     copy_leading(belief.P, P)  # the loop may have changed it
-    # the attitude is that of the end: mid-interval lies half a turn back
-    back = (-u[0], -u[1], -u[2], u[3], u[4], u[5])
-    carry(P, workspace[OWN], belief.lla, belief.v, C, back, dt, noise)
+    dt = carry(P, own, belief.lla, belief.v, C)
     keep, sd = decay(dt / CRAB_TIME), workspace[CRAB_SD]
     for j in range(STATES):
         P[CRAB, j] = P[j, CRAB] = keep * P[j, CRAB]
     P[CRAB, CRAB] = keep * P[CRAB, CRAB] + (1 - keep * keep) * sd * sd
-    for i in range(3):
-        f[i] = u[3 + i] / dt
-        u[i] = u[3 + i] = 0.0
-    workspace[SECONDS] = 0.0
     clear(workspace)
     for i in range(3):
         b[i, XI + i], a[i, 3 + i], a[i, i] = 1.0, dt, 0.5 * dt * dt
     square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
-    if square > 0 and noise.accel <= workspace[TOLD] and not outage(workspace):
+    if square > 0 and accel <= workspace[TOLD] and not outage(workspace):
         k = (1 - decay(gain(workspace, K1) * dt)) / square
         ki = gain(workspace, KI)
         adapted = workspace[ADAPTATION] * (1 - min(workspace[FADE], 1.0)) * dt / square

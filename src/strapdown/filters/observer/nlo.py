@@ -15,6 +15,7 @@ import numpy as np
 from ...checks import check_number
 from ...core.contract import (
     CORRECT,
+    MAGNETIC_KIND,
     PREDICT,
     Belief,
     Condition,
@@ -32,6 +33,9 @@ from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
 from .equations import CONDITION, EXCITATION, FORGETTING, JACOBIAN, OBSERVER, advance, take
 from .gains import USES, begin, configure, takes_options
 
+UNKNOWN = 0.5
+"""Standard deviation of the attitude, rad, beyond which a field is used without a test: how far it is
+off is far from linear in such an angle, and the observer needs it to come home."""
 EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 SLOW = Condition(
     "too slow for a course: the gyros alone carry the heading, ever less certain; a heading or a "
@@ -74,13 +78,19 @@ def correct(
     gate: float,
     innovation: Array,
 ) -> float:
-    """One fix, unless it is further off than the covariance allows. Returns the NIS."""
+    """One fix, unless it is further off than the covariance allows. Returns the NIS, NaN where there
+    is no test."""
     workspace = belief.workspace
     H = matrix(workspace, JACOBIAN, 3, 15)
     step(belief)
     rows = observed(belief, y, observe, parameters, innovation, H)
-    nis = test(belief.P, workspace[OWN], H, innovation, sd, rows)
-    if nis <= gate:
+    nis, P = test(belief.P, workspace[OWN], H, innovation, sd, rows), belief.P
+    unknown = kind == MAGNETIC_KIND and P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN
+    if unknown:
+        nis = math.nan
+        for i in range(3, innovation.size):
+            innovation[i] = math.nan
+    if nis <= gate or unknown:
         take(belief, y, sd, kind, parameters, innovation)
         after_fix(belief, sd, kind, parameters, H)
     return nis
