@@ -112,3 +112,14 @@ def test_an_ahrs_that_stops_is_said_once():
     (text,) = [text for _, text in stream.events if text.startswith("attitude-mekf")]
     assert "stopped at" in text and text.endswith("no attitude from here on")
     assert np.isfinite(stream.finish().lla).all()
+
+
+def test_what_the_ahrs_says_of_itself_the_stream_says_too():
+    flown = recording()
+    heavy = replace(flown, imu=flown.imu._replace(dv=flown.imu.dv * 1.2))
+    stream = Stream(FED, imu="tactical", aidings=heavy.aidings)
+    play(stream, events_of(heavy))
+    said = {text for _, text in stream.events if text.startswith("attitude-mekf: ")}
+    alone = sd.fuse(heavy, "attitude-mekf", start=stream._ahrs.stream.start, imu="tactical")
+    own = {condition.text for condition in stream._ahrs.stream._filter.conditions}
+    assert said and said == {f"attitude-mekf: {text}" for _, text in alone.events if text in own}

@@ -26,7 +26,8 @@ MOST_OF_A_KIND = 20
     CALLBACK,
     STOPPED,
     AHRS_STOPPED,
-) = range(log.CODES, log.CODES + 11)
+    AHRS_SAYS,
+) = range(log.CODES, log.CODES + 12)
 """What only a stream says: of rows that a Recording has not, of its start, of its caller."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
 NED = ("north", "east", "down")
@@ -40,6 +41,7 @@ class Events:
         self.vehicle = vehicle
         self._filter, self._aidings = filter, aidings
         self.because: dict[int, str] = {}  # by code: what the words of that event add
+        self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
         self._counts: dict[tuple[float, float], list[Array]] = {}
 
     def take(self, cursor: Cursor) -> None:
@@ -302,6 +304,7 @@ WORDS: dict[int, Words] = {
         f"on_event raised {e.because[CALLBACK]}: it is not called again{_missed(row)}"
     ),
     AHRS_STOPPED: lambda e, row, s, value: e.because[AHRS_STOPPED],
+    AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],
     STOPPED: lambda e, row, s, value: e.because[STOPPED].removeprefix("stream "),
 }
 """How each code of the log is said."""

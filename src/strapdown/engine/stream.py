@@ -107,6 +107,7 @@ class Stream:
         if first is not None:
             beside, own = start if whole else None, [a for a in aidings if a.kind != "attitude"]
             more: dict[str, Any] = {"align_within": align_within, "history": history}
+            more["on_event"] = self._hear
             stream = Stream(first, beside, imu, noise, own, lag, say, vehicle, **more)
             self._ahrs = _Ahrs(stream, aidings, ahrs_rate)
         self.notes = self._ahrs.notes if self._ahrs else []
@@ -122,6 +123,10 @@ class Stream:
         self.lag, self.newest = lag, -inf
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
         self._telling = Telling(Events(filter, self._used, self._vehicle), on_event)
+        if first is not None:
+            self._telling.events.of_ahrs = tuple(
+                f"{first.name}: {c.text}" for c in first.conditions
+            )
         self._sources = Sources(aidings)
         # among those that the filter can use
         self._places = [
@@ -296,6 +301,13 @@ class Stream:
     def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
         if text := ahrs.take(event):
             self._telling.note(words.AHRS_STOPPED, 0, event.t, because=text)
+
+    def _hear(self, t: float, text: str) -> None:
+        """Pass on what the AHRS says of itself; what it says of samples and fixes the filter does
+        too."""
+        assert self._ahrs is not None  # whose this is
+        if (said := f"{self._ahrs.made.name}: {text}") in self._telling.events.of_ahrs:
+            self._telling.note(words.AHRS_SAYS, self._telling.events.of_ahrs.index(said), t)
 
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
         """What the AHRS made of its newest sample, as a fix."""

@@ -70,7 +70,7 @@ CONDITIONS = (
 )
 TOO_HIGH, TOO_TILTED = 1.0, 2.0
 GRAVITY = 9.81  # m/s^2
-COVERED = 10.0  # standard deviations of the vertical bias; more shows in vertical velocities
+COVERED = 20.0  # standard deviations of the vertical bias; more shows in vertical velocities
 
 
 def start(
