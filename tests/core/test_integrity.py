@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 
+import false_alarms
 import numpy as np
 import pytest
 from recordings import alike, flight, rows, said, same, start
+from scipy import stats
 from scripted_filter import SCRIPTED, scripted
 
 import strapdown as sd
@@ -349,3 +351,14 @@ def test_a_million_of_them_are_a_few_rows():
     wild = said(solution, "which cannot be")
     assert len(wild) == 3 and all(f"({len(solution.t)} times until 20.0 s)" in e for _, e in wild)
     assert (solution.status == DOUBTFUL).all() and np.isfinite(rows(solution)).all()
+
+
+def test_false_alarms_are_as_rare_as_the_page_says():
+    """Tables of cumulative sums have 336 and 930 terms for k = 0.5 and h = 4 and 5."""
+    for bound, terms in ((4.0, 336.0), (5.0, 930.0)):
+        found = false_alarms.run_length(lambda x: stats.norm.cdf(x + 0.5), bound)
+        assert found == pytest.approx(terms, rel=0.02)
+    assert false_alarms.of_mean() / 2 / 3600 == pytest.approx(
+        1071, rel=0.01
+    )  # h, in docs/status.md
+    assert min(false_alarms.of_nis(rows) for rows in (1, 2, 3)) / 3600 > 9000

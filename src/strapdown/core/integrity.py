@@ -82,7 +82,7 @@ SECOND = 1.0 - 1e-6  # s of fixes that count as one
 MOST_WHITENED = 4.0  # of one second, so that one wild fix is no drift
 MEAN_ALLOWED, MEAN_ALARM = 0.5, 14.0
 """Mean of whitened innovations that lasting errors of right fixes have; what its sum beyond that
-reaches by chance once in some 8 million seconds of a component."""
+reaches by chance once in 1000 h of a component."""
 NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
 """The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
 MOST_NIS = 8.0  # of one second over its expectation
