@@ -504,7 +504,7 @@ def test_drive_is_scored_as_fuse_scores_it(data_folder, solutions, monkeypatch):
     windows = moving_windows(
         recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0
     )
-    found = sd.compare(recording, ["closed-loop"], [(45.0, 50.0)])
+    found = sd.compare(recording, ["closed-loop"], windows)
     whole = sd.fuse(recording.hidden(windows, FIXES), start=sd.Start(**found.settings["start"]))
     for window in windows:
         same_rows(solutions["closed-loop", window[0]], whole)

@@ -37,8 +37,7 @@ def test_where_the_body_turns_between_records_the_direct_filter_errs_more():
 
 
 def test_an_ahrs_makes_a_moving_car_worse():
-    """Fuse: 0.05 deg of roll and pitch and 0.4 deg of heading without, 2.5 and 2.8 deg with it,
-    and almost a third of the velocities rejected."""
+    """Fuse: 0.05 deg of roll and pitch and 0.4 deg of heading without, 0.35 and 1.1 deg with it."""
     car = sd.simulate(
         "car",
         duration=300.0,
@@ -59,6 +58,5 @@ def test_an_ahrs_makes_a_moving_car_worse():
             for rph in [np.degrees(sd.rms(sd.errors(s, car.reference), (150.0, 300.0)).rph)]
         )
     )
-    assert np.allclose(level, [0.05, 2.5], rtol=0.1) and np.allclose(heading, [0.4, 2.8], rtol=0.1)
-    used, rejected = fed.counts()["GNSS velocity"]
-    assert 0.28 < rejected / (used + rejected) < 0.36
+    assert np.allclose(level, [0.05, 0.35], rtol=0.1)
+    assert np.allclose(heading, [0.4, 1.1], rtol=0.1)

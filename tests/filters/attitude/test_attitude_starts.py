@@ -173,7 +173,8 @@ def test_a_start_that_is_no_start_is_refused(name):
     for change, text in (
         (dict(rph=(0.0, float("nan"), 0.0)), "start: rph"),
         (dict(sd=(-1.0,) * 15), "standard deviations must be 0 or more"),
-        (dict(lla=(2.0, 0.0, 0.0)), "latitude"),
+        (dict(lla=(2.0, 0.0, 0.0)), "lla is .* is it in degrees"),
+        (dict(lla=(1.56, 0.0, 0.0)), "latitude"),
     ):
         with pytest.raises(sd.DataError, match=text):
             sd.fuse(short_recording(), name, start=start._replace(**change), noise=NOISE)
