@@ -23,6 +23,8 @@ PAGES = {
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""
+MORE = {"faults": ("each.md", "faults-each.md")}
+"""The same of a second file and page."""
 
 
 def mark(name: str) -> str:
@@ -39,6 +41,10 @@ def main(name: str, out: str) -> None:
     """Put what the run in the folder `out` has written into its page."""
     file, page = PAGES[name]
     insert(DOCS / page, name, (Path(out) / file).read_text(encoding="utf-8"))
+    if name in MORE:
+        file, page = MORE[name]
+        text = (Path(out) / file).read_text(encoding="utf-8")
+        markdown.insert(DOCS / page, text, markdown.begin(file, name))
 
 
 if __name__ == "__main__":

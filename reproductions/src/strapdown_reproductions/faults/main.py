@@ -17,6 +17,7 @@ from strapdown import filters
 from strapdown.checks import check_choice, check_number
 from strapdown.typing import File, Progress
 
+from ..common import markdown
 from ..common.pages import write_page
 from . import jumps, summary
 from .cells import Task, cells
@@ -99,6 +100,9 @@ def write(out: Path, rows: pd.DataFrame, trials: pd.DataFrame) -> list[dict[str,
         summary.INTRODUCTION,
         claims,
         {"cells": (None, rows), "trials": (None, trials), **tables},
-        texts={"table.md": summary.in_docs(claims, tables)},
+        texts={
+            "table.md": summary.in_docs(claims, tables),
+            "each.md": markdown.tables([("### Each fault", tables["by-fault"][1])]),
+        },
     )
     return claims

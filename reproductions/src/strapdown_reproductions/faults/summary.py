@@ -241,7 +241,7 @@ def not_showable() -> pd.DataFrame:
     )
 
 
-IN_DOCS = ("silent", "by-filter", "by-fault", "jumps", "without-fault", "not-showable")
+IN_DOCS = ("silent", "by-filter", "jumps", "without-fault", "not-showable")
 """Tables that are small enough for docs/faults.md."""
 
 
