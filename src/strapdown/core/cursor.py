@@ -19,24 +19,24 @@ from .jit import helper
     SAVE_STEP,
     SAMPLES,
     REPEATING,
-    AGAINST,
     UNCONFIRMED,
     SHOWN,
     CONDITION,
     DOUBTFUL_CONDITIONS,
     LOGGED,
     CURSOR_SIZE,
-) = range(21)
+) = range(20)
 """Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep
 rows with row % every == phase, status by gaps alone, FAULT = 1 once the belief left the
 latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a
 position, calls of predict and correct so far, and the address of the kernel that records a call;
-samples so far, axes that repeat their value, sources that contradict the belief, fixes that must still confirm it, status as
+samples so far, axes that repeat their value, fixes that must still confirm it, status as
 rows show it, place of the filter's condition in its workspace or -1, bits of those conditions that
 make rows doubtful, rows of the log."""
 
-NOW, CAUSE = 0, 1
-"""Cursor.now: time of the belief, time of the last cause of doubt."""
+NOW, CAUSE, BROKEN = 0, 1, 2
+"""Cursor.now: time of the belief, time of the last cause of doubt; seconds for which samples could
+not be."""
 
 (
     GYRO_RANGE,
@@ -64,13 +64,12 @@ row alone: the mean difference of an interval and the one before, over it."""
 CHANNELS = 7
 SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)
 WHITENED, WHITENED_COUNT = slice(21, 24), slice(24, 27)
-NIS_SUM, NIS_COUNT, TESTED, REJECTING, OPPOSES, LIFTED_AT, LAST_USED, TESTS = range(27, 35)
+NIS_SUM, NIS_COUNT, TESTED, REJECTING, LIFTED_AT, LAST_USED, TESTS = range(27, 34)
 """Columns of Cursor.tests, one row per source. Of each of seven tests (whitened innovations above
 and below what is allowed, by component, and the NIS): the cumulative sum, its terms, whether it
 fails. Sums and counts of the present second, and when the last one ended. Whether its fixes are
-rejected for so long that the gate was or must be lifted, whether it contradicts the belief by
-either, rejections in a row when the gate was lifted last, 0 since a fix passed, time of the last
-fix that was used."""
+rejected for so long that the gate was or must be lifted (1), or it is left out (-1), rejections in
+a row when the gate was lifted last, 0 since a fix passed, time of the last fix that was used."""
 
 T, UNTIL, CODE, WHICH, COUNT, VALUE, LOG_WIDTH = range(7)
 """Columns of Cursor.log: first and last time (s), what it is, of which source, axis or condition,

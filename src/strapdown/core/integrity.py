@@ -14,7 +14,6 @@ from .cursor import (
     ACCEL_FULL_SCALE,
     ACCEL_NOISE,
     ACCEL_RANGE,
-    AGAINST,
     CAUSE,
     CHANGE,
     CHANNELS,
@@ -37,7 +36,6 @@ from .cursor import (
     NIS_OFF,
     NIS_SUM,
     NO_FIX,
-    OPPOSES,
     OUT_OF_RANGE,
     POSITIONED,
     REJECTING,
@@ -63,6 +61,9 @@ from .jit import helper, inlined
 CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
 a doubt ends."""
+HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
+LEFT = -1.0  # in REJECTING: left out
+NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
 SELDOM, LONG_SAMPLE = (
     16,
@@ -100,21 +101,24 @@ def doubt(cursor: Cursor, t: float) -> None:
 
 @helper
 def confirm(cursor: Cursor, t: float) -> None:
-    """A fix passed its gate at `t` s."""
-    if cursor.at[AGAINST] == 0 and t - cursor.now[CAUSE] >= CONFIRM_AFTER:
+    """A fix passed its gate at `t` s. It confirms where no source contradicts the belief that was
+    heard of lately: one that fell silent cannot take back what it said."""
+    tests, contradicted = cursor.tests, False
+    for s in range(tests.shape[0]):
+        if t - tests[s, TESTED] <= HEARD:
+            contradicted |= tests[s, REJECTING] > 0
+            for channel in range(CHANNELS):
+                contradicted |= tests[s, FAILS][channel] > 0
+    if not contradicted and t - cursor.now[CAUSE] >= CONFIRM_AFTER:
         cursor.at[UNCONFIRMED] -= 1
 
 
 @helper
-def oppose(cursor: Cursor, s: int) -> None:
-    """Keep the count of sources that contradict the belief."""
-    tests, opposes = cursor.tests[s], 0.0
-    if tests[REJECTING] > 0:
-        opposes = 1.0
+def leave_out(cursor: Cursor, s: int) -> None:
+    """Source `s` contradicts nothing any more, until one of its fixes passes."""
     for channel in range(CHANNELS):
-        opposes = max(opposes, tests[FAILS][channel])
-    cursor.at[AGAINST] += int(opposes - tests[OPPOSES])
-    tests[OPPOSES] = opposes
+        cursor.tests[s, FAILS][channel] = cursor.tests[s, SUM][channel] = 0.0
+    cursor.tests[s, REJECTING] = LEFT
 
 
 # ---- samples
@@ -123,7 +127,8 @@ def oppose(cursor: Cursor, s: int) -> None:
 @inlined
 def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> int:
     """0 for a sample that can be true, 1 for one of which less is known than the noise says (at
-    full scale, stuck), 2 for one that cannot be. `cursor.previous` still holds the one before."""
+    full scale, stuck), NO_GYRO, NO_ACCEL or both for one that cannot be. `cursor.previous` still
+    holds the one before."""
     limits, previous = cursor.limits, cursor.previous
     before = previous[6]
     gyro, accel = limits[GYRO_RANGE] * dt, limits[ACCEL_RANGE] * dt
@@ -139,7 +144,7 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cur
     code = 0
     if not changed and before > 0 or cursor.at[REPEATING] > 0:
         code = _repeated(dtheta, dv, dt, t, cursor)
-    if before > 0 and (cursor.at[SAMPLES] % SELDOM <= 1 or dt > LONG_SAMPLE):
+    if inside and before > 0 and (cursor.at[SAMPLES] % SELDOM <= 1 or dt > LONG_SAMPLE):
         _changes(dtheta, dv, dt, t, belief, cursor)
     if not (inside and below):
         code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
@@ -151,16 +156,17 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cur
 @helper
 def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, inside: bool) -> int:
     """Say which axes are beyond their range, or at full scale."""
-    limits = cursor.limits
+    limits, wrong = cursor.limits, 0
     for i in range(6):
         value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
         most = limits[GYRO_RANGE] if i < 3 else limits[ACCEL_RANGE]
         full = limits[GYRO_FULL_SCALE] if i < 3 else limits[ACCEL_FULL_SCALE]
         if not abs(value) <= most:
             say(cursor, OUT_OF_RANGE, i, t, value)
+            wrong |= NO_GYRO if i < 3 else NO_ACCEL
         elif inside and abs(value) >= full:
             say(cursor, FULL_SCALE, i, t, value)
-    return 1 if inside else 2
+    return wrong if wrong else 1
 
 
 @helper
@@ -293,6 +299,8 @@ def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> Non
     """Take the whitened innovation and the NIS of a fix into the sums of its source, and test
     them once a second."""
     tests, rows = cursor.tests[s], 0
+    if tests[REJECTING] == LEFT:
+        return
     whitened, counts = tests[WHITENED], tests[WHITENED_COUNT]
     for i in range(3):
         rows += not math.isnan(innovation[i])

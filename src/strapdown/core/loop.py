@@ -44,6 +44,7 @@ from .cursor import (
     BELIEF_TOO_FAST,
     BELIEF_TOO_HIGH,
     BRIDGED_GAP,
+    BROKEN,
     CONDITION,
     DOUBTFUL_CONDITIONS,
     EVERY,
@@ -76,7 +77,19 @@ from .cursor import (
     say,
 )
 from .earth import LATITUDE_LIMIT
-from .integrity import confirm, doubt, measured, oppose, plausible, reachable, test
+from .integrity import (
+    CONFIRM,
+    LEFT,
+    NO_ACCEL,
+    NO_GYRO,
+    confirm,
+    doubt,
+    leave_out,
+    measured,
+    plausible,
+    reachable,
+    test,
+)
 from .jit import caller, flatten, helper, inlined, kernel, plain
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
@@ -87,7 +100,7 @@ standard deviations, status; then a filter's own, then the states that aidings b
 their standard deviations."""
 F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, FIX_WIDTH = 0, 1, 2, 5, 6, 7, 10
 """Columns of Output.fix; use is one of the next four."""
-UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -1.0, 0.0, 1.0, 2.0
+NOT_ASKED, UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -2.0, -1.0, 0.0, 1.0, 2.0
 
 BRIDGE = 1.0  # s
 LONGEST_STEP = 0.1  # s: longest prediction inside a gap
@@ -99,7 +112,6 @@ LONGEST_HOLD = (
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
-NOT_USABLE = 2  # what `plausible` says of a sample that cannot be
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
 predict_at, correct_at, observe_at, save_step_at = (
@@ -137,13 +149,23 @@ def run(
         assumed, wrong = noise, plausible(imu.dtheta[row], imu.dv[row], dt, t, belief, cursor)
         if wrong:
             assumed = wider(noise, BRIDGE_GYRO, BRIDGE_ACCEL)
-        if wrong < NOT_USABLE:
+        if wrong < NO_GYRO:
+            now[BROKEN] = 0.0
             compensate(imu.dtheta[row], imu.dv[row], dt, cursor.previous, sample)
             for i in range(3):
                 cursor.previous[i], cursor.previous[3 + i] = imu.dtheta[row, i], imu.dv[row, i]
             cursor.previous[6] = dt
-        else:  # bridged, as a missing one
-            _rates_held(belief, dt, cursor.previous, sample)
+        else:  # bridged, as a missing one, but for the sensor that is right
+            now[BROKEN] += dt
+            long = now[BROKEN] > BRIDGE
+            if long:
+                assumed, at[STATUS] = wider(noise, HOLD_GYRO, HOLD_ACCEL), INVALID
+            _rates_held(belief, dt, cursor.previous, long, sample)
+            for i in range(3):
+                if not wrong & NO_GYRO:
+                    sample[i] = imu.dtheta[row, i]
+                if not wrong & NO_ACCEL:
+                    sample[3 + i] = imu.dv[row, i]
         if now[0] - begin > inside:  # the belief stands inside this sample: use the rest of it
             share = max(t - now[0], 0.0) / dt
             dt *= share
@@ -268,8 +290,8 @@ def _use_fix(
             say(cursor, LIFTED, s, t, _distance(innovation))
         _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
         gate, lifted = math.inf, True
-    use = ACCEPTED
-    if math.isnan(nis):
+    use = ACCEPTED if believable else NOT_ASKED
+    if believable and math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
             use = UNMEASURED
     elif nis > fixes.gate[s]:
@@ -284,15 +306,17 @@ def _use_fix(
             cursor.since[s] = t
         if cursor.lifts[s] == LIFTS and cursor.in_a_row[s] == tests[LIFTED_AT] + REJECTED:
             say(cursor, LEFT_OUT, s, cursor.since[s], 0.0)
-            tests[REJECTING] = 0.0
-    else:
+            leave_out(cursor, s)
+    elif believable:
         cursor.in_a_row[s] = cursor.lifts[s] = 0
         tests[LIFTED_AT] = tests[REJECTING] = 0.0
     if use > 0:
         tests[LAST_USED] = t
-    if use == ACCEPTED and at[UNCONFIRMED] > 0:
-        confirm(cursor, t)
-    oppose(cursor, s)
+    if at[UNCONFIRMED] > 0:
+        if use == ACCEPTED:
+            confirm(cursor, t)
+        elif use != UNMEASURED and tests[REJECTING] != LEFT:
+            at[UNCONFIRMED] = CONFIRM  # fixes in a row
     if use > 0 and fixes.kind[s] == POSITION_KIND and at[STATUS] == INVALID:
         at[STATUS] = VALID
     cursor.accepted[s] += use > 0
@@ -412,10 +436,10 @@ def _held(belief: Belief, step: float, u: Array) -> None:
 
 
 @helper
-def _rates_held(belief: Belief, dt: float, last: Array, u: Array) -> None:
-    """Increments over dt at the rates of the last sample, or, without one, that hold velocity and
-    attitude."""
-    if last[6] > 0:
+def _rates_held(belief: Belief, dt: float, last: Array, long: bool, u: Array) -> None:
+    """Increments over dt at the rates of the last sample; without one, or where they are missing for
+    `long`, those that hold velocity and attitude."""
+    if last[6] > 0 and not long:
         for i in range(6):
             u[i] = last[i] * (dt / last[6])
     else:

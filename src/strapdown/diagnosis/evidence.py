@@ -306,11 +306,13 @@ def smoother(solution: Solution) -> Iterator[Reason]:
 
 
 def doubts(solution: Solution) -> Iterator[Reason]:
-    """Rows that the run itself says are doubtful, after its start and the doubt that began there,
-    with what it said first."""
+    """Rows that the run itself says are doubtful, after its start and a doubt that began there and
+    ended in the first half, with what it said first."""
     t, span = solution.t, np.diff(solution.t, prepend=solution.t[:1])
     settled = t > t[0] + min(SETTLED, 0.2 * (t[-1] - t[0]))
-    settled &= np.logical_or.accumulate(settled & (solution.status != DOUBTFUL))
+    believed = np.flatnonzero(settled & (solution.status != DOUBTFUL))
+    if len(believed) and t[believed[0]] - t[0] < 0.5 * (t[-1] - t[0]):
+        settled &= t >= t[believed[0]]
     doubtful = settled & (solution.status == DOUBTFUL)
     if not doubtful.any():
         return

@@ -7,6 +7,7 @@ import numpy as np
 from .. import aiding, quantities
 from ..core import cursor as log, loop
 from ..core.contract import POS, Cursor, Filter
+from ..core.integrity import MOST_NIS, MOST_WHITENED
 from ..data import Aiding
 from ..preprocessing.origin import counted
 from ..typing import Array
@@ -128,7 +129,7 @@ class Events:
     @property
     def heights(self) -> str:
         """Where it is, at all."""
-        return f"the {self.vehicle.lowest:.4g} to {self.vehicle.highest:.4g} m of {self.vehicle}"
+        return f"the {self.vehicle.lowest:.0f} to {self.vehicle.highest:.0f} m of {self.vehicle}"
 
     @property
     def held(self) -> str:
@@ -216,9 +217,14 @@ def _coarse(events: Events, row: Array, which: int, value: float) -> str:
     )
 
 
+def _at_least(value: float, most: float) -> str:
+    """A value that is cut at `most`."""
+    return f"{most:.2g} or more" if value > 0.95 * most else f"{value:.2g}"
+
+
 def _mean_off(events: Events, row: Array, which: int, value: float) -> str:
     return (
-        f"{events.component(which)}: fixes are {abs(value):.2g} standard deviations off the "
+        f"{events.component(which)}: fixes are {_at_least(abs(value), MOST_WHITENED)} standard deviations off the "
         f"prediction on average, until {row[log.UNTIL]:.0f} s: they drift or jump, or contradict "
         f"another source"
     )
@@ -259,11 +265,11 @@ WORDS: dict[int, Words] = {
         f"{e.name(s)}: {value:.4g} m/s is more than {e.speed}: left out{_times(row)}"
     ),
     log.TOO_HIGH: lambda e, row, s, value: (
-        f"{e.name(s)}: a height of {value:.4g} m is beyond {e.heights}: left out{_times(row)}"
+        f"{e.name(s)}: a height of {value:.0f} m is beyond {e.heights}: left out{_times(row)}"
     ),
     log.MEAN_OFF: _mean_off,
     log.NIS_OFF: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes scatter {np.sqrt(value):.2g} times as much as their standard deviations "
+        f"{e.name(s)}: fixes scatter {_at_least(np.sqrt(value), np.sqrt(MOST_NIS))} times as much as their standard deviations "
         f"say, until {row[log.UNTIL]:.0f} s"
     ),
     log.BELIEF_TOO_FAST: lambda e, row, s, value: (
@@ -271,7 +277,7 @@ WORDS: dict[int, Words] = {
         f"{row[log.UNTIL]:.0f} s"
     ),
     log.BELIEF_TOO_HIGH: lambda e, row, s, value: (
-        f"the filter's height of {value:.4g} m is beyond {e.heights}, until {row[log.UNTIL]:.0f} s"
+        f"the filter's height of {value:.0f} m is beyond {e.heights}, until {row[log.UNTIL]:.0f} s"
     ),
     log.IN_CONDITION: lambda e, row, s, value: e.condition(s),
     log.APART: lambda e, row, s, value: (

@@ -58,7 +58,8 @@ class Gathering:
             self._forget()
         if sample.t < self._due - 1e-6:
             return False
-        self._due += ALIGN_EVERY
+        while self._due <= sample.t + 1e-6:  # a gap may be longer
+            self._due += ALIGN_EVERY
         return True
 
     def _forget(self) -> None:

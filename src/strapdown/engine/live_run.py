@@ -181,7 +181,8 @@ class LiveRun:
         row, fix = int(at[places.ROW]), int(at[places.FIX])
         end = imu.t[row // 2 - 1] if row == self._rows else -inf
         end = max(end, fixes.t[fix // 2] if fix >= self._rows else -inf) + loop.SAME_TIME
-        first = int(np.searchsorted(imu.t[:row], end, side="right"))
+        end = min(end, imu.t[row - 1])
+        first = max(int(np.searchsorted(imu.t[:row], end, side="right")), 1)
         first_fix = int(np.searchsorted(fixes.t[:fix], imu.t[first - 1] + loop.SAME_TIME, "right"))
         self.start = start_at(out.nav[first - 1])
         by_sample: list[Any] = [*imu, out.nav]

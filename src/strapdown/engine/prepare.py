@@ -210,7 +210,7 @@ def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Arra
 
     cursor = Cursor(
         np.zeros(places.CURSOR_SIZE, np.int64),
-        np.array([float(t), -np.inf]),
+        np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
         np.zeros(18),
         count(),

@@ -147,9 +147,12 @@ def most_calls(run: Run, stop: int) -> int:
 
 def _corrections(fix: Array, record: Array, n: int, forces: "_Forces") -> Corrections:
     """Those on a record, whose rows of the loop are `fix`. Of the two of a fix whose gate is
-    lifted, the first is marked so that it does not count."""
+    lifted, the first is marked so that it does not count; of one that the filter was not asked about
+    there is none."""
     calls = np.flatnonzero(record[:, 0] != PREDICTED)
-    row = np.repeat(np.arange(len(fix)), 1 + (fix[:, loop.F_USE] == loop.REACQUIRED))
+    use = fix[:, loop.F_USE]
+    asked = np.where(use == loop.NOT_ASKED, 0, 1 + (use == loop.REACQUIRED))
+    row = np.repeat(np.arange(len(fix)), asked)
     record[calls[:-1][row[1:] == row[:-1]], 0] = 0.0
     kept, t = record[calls], fix[row, loop.F_T]
     rows = kept[:, 0] % REJECTED

@@ -461,6 +461,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> 
             errors,
             journal,
         )
+        run.events.take(run.cursor)
         if progress:
             progress(at[kernels.ROW] / rows)
 

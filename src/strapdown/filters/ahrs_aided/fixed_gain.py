@@ -204,7 +204,7 @@ def correct(
             _pull(workspace, axis, 0 if kind != VELOCITY_KIND else 3, K)
             for i in range(3):
                 change[3 * i + axis] = K[3 * i + axis] * innovation[row]
-    _account(belief, sd, kind, H)
+    _account(belief, sd, kind, innovation, H)
     displace(belief.lla, change[0], change[1], change[2])
     for i in range(3):
         belief.v[i] += change[3 + i]
@@ -220,8 +220,8 @@ def _clear(workspace: Array) -> None:
 
 
 @helper
-def _account(belief: Belief, sd: Array, kind: int, H: Array) -> None:
-    """P by the gains of this fix."""
+def _account(belief: Belief, sd: Array, kind: int, innovation: Array, H: Array) -> None:
+    """P by the gains of the rows of this fix that were measured."""
     workspace, C = belief.workspace, belief.C
     a, b, r, K = (
         matrix(workspace, A, 3, STATES),
@@ -232,6 +232,8 @@ def _account(belief: Belief, sd: Array, kind: int, H: Array) -> None:
     _clear(workspace)
     for row in range(1 if kind == ALTITUDE_KIND else 3):
         axis = 2 if kind == ALTITUDE_KIND else row
+        if math.isnan(innovation[row]):
+            continue
         r[row, row], a[row, axis], a[row, 3 + axis] = sd[row] * sd[row], -K[axis], -K[3 + axis]
         for j in range(3):
             a[row, 9 + j] = C[axis, j] * K[6 + axis]
