@@ -33,7 +33,7 @@ UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
 LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
-SETTLED = 60.0  # s of a run in which a filter may still doubt its start, a fifth of it at most
+SETTLED = 25.0  # s of a run in which a filter may still doubt its start, a fifth of it at most
 DOUBTED = 0.2  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
