@@ -186,6 +186,20 @@ def test_a_field_that_stays_while_the_body_turns_is_said(name):
     assert holding(filter, belief) == STUCK
 
 
+@pytest.mark.parametrize("name", ["attitude-mekf", "mahony"])
+def test_a_field_that_stays_at_rest_is_not_stuck(name):
+    """A coarse magnetometer repeats itself at rest, where gyro noise of 0.5 deg/s goes to and fro
+    by 29 deg within a minute, and turns the body by none."""
+    filter, rng = find(name), np.random.default_rng(6)
+    belief = begun(filter)
+    for k in range(6000):
+        u = np.r_[rng.normal(0, 0.5 * DEG, 3), 0, 0, -9.81] * 0.02
+        filter.predict(belief, u, 0.02, NOISE)
+        if k % 5 == 4:
+            assert np.isfinite(measure(filter, belief, FIELD)[1][0])
+    assert holding(filter, belief) == 0
+
+
 @pytest.mark.parametrize("name", ["attitude-mekf", "mahony", "vru"])
 def test_a_force_that_no_vertical_acceleration_explains_is_said(name):
     """30 deg of bank for a minute, at which the filter began as if it were level: the force is

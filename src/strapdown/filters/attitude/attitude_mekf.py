@@ -92,7 +92,7 @@ LEAN_N, LEAN_E = ATTITUDE.numbers("LEAN_N", "LEAN_E")
 # s since the start; mean square of the angular rate, rad^2/s^2; 1 once the body was at rest
 ELAPSED, SPIN, RESTED = ATTITUDE.numbers("ELAPSED", "SPIN", "RESTED")
 FIELD = ATTITUDE.array("FIELD", 3)  # the last one, T
-REPEATED = ATTITUDE.number("REPEATED")  # rad: what the body has turned since it was another
+TURN = ATTITUDE.array("TURN", 3)  # rad, in n: what the body has turned since it was another
 # s: how long fields were refused, less how long they were not; why the last one was
 REFUSED, REASON = ATTITUDE.numbers("REFUSED", "REASON")
 # of the six states to the accelerometer biases, 6 x 3; their variances, (m/s^2)^2
@@ -228,11 +228,11 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     q += lost(workspace) * dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
     carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
+    turned_on(belief, r0, r1, r2)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
     workspace[SINCE] += dt
-    workspace[REPEATED] += math.sqrt(turned_square)
     made_up = noise.accel > workspace[TOLD]  # the loop adds noise in a gap
     workspace[SECONDS] = low_passed(
         belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up
@@ -243,6 +243,15 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
     count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], 1.0)
     workspace[HOLDS] = holding(workspace)
+
+
+@helper
+def turned_on(belief: Belief, r0: float, r1: float, r2: float) -> None:
+    """Add the rotation vector r (body, rad) to what the body has turned. The sum is taken in n,
+    where noise and swings to and fro cancel; corrections of the attitude are no turns."""
+    total, part = belief.workspace[TURN], turned(belief.C, r0, r1, r2)
+    for i in range(3):
+        total[i] += part[i]
 
 
 @helper
@@ -485,11 +494,13 @@ def refused(
 ) -> bool:
     """Whether a field y (T) of that horizontal square (T^2) and downward part (T) cannot be the
     known one, and the books of that; `seconds` are those since the last."""
-    workspace, P, field = belief.workspace, belief.P, belief.workspace[FIELD]
-    if not (y[0] == field[0] and y[1] == field[1] and y[2] == field[2]):
-        workspace[REPEATED] = 0.0
+    workspace, P = belief.workspace, belief.P
+    field, turn = workspace[FIELD], workspace[TURN]
+    same = y[0] == field[0] and y[1] == field[1] and y[2] == field[2]
     for i in range(3):
         field[i] = y[i]
+        if not same:
+            turn[i] = 0.0
     strength, dip = _known(parameters)
     noise = SURELY * math.sqrt((sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3)
     tilt = SURELY * math.sqrt(P[6, 6] + P[7, 7])
@@ -502,7 +513,7 @@ def refused(
         reason = DIPPING
     if looks and abs(size - strength) > STRENGTH_ALLOWED * strength + noise:
         reason = STRONG
-    if workspace[REPEATED] > STUCK_TURN:
+    if turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] > STUCK_TURN * STUCK_TURN:
         reason = STUCK
     if reason > 0:
         workspace[REASON] = reason

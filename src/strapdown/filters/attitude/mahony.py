@@ -62,7 +62,6 @@ from .attitude_mekf import (
     LEAN_N,
     LOW_PASS,
     RATE_ERROR,
-    REPEATED,
     SECONDS,
     SENSITIVITY,
     STRENGTH,
@@ -73,6 +72,7 @@ from .attitude_mekf import (
     level_density,
     lost,
     refused,
+    turned_on,
 )
 
 SLOTS = Slots(after=attitude_mekf.ATTITUDE)
@@ -151,6 +151,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     keep = decay(noise.gyro_decay * dt)
     _spread(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
+    turned_on(belief, r0, r1, r2)
     turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     for i in range(3):
         bg[i] *= keep
@@ -176,7 +177,6 @@ def _spread(belief: Belief, turned_square: float, keep: float, dt: float, noise:
     workspace, P, C = belief.workspace, belief.P, belief.C
     sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
-    workspace[REPEATED] += math.sqrt(turned_square)
     q = (noise.gyro * noise.gyro + lost(workspace)) * dt + workspace[
         RATE_ERROR
     ] * turned_square / dt
