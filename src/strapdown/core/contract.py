@@ -411,6 +411,9 @@ class Smoother(NamedTuple):
     width: Callable[[int], int]  # n -> numbers of a record of one call, with n states
     save_step: SaveStep
     adjoint_step: AdjointStep
+    # (calls, width) -> (calls, n, n): what P holds after each call that made no gains, such as
+    # biases that are no states; the way back leaves it out
+    considered: Callable[[Array], Array] | None = None
 
 
 class Filter(NamedTuple):

@@ -19,6 +19,7 @@ from ...core.contract import (
     MAGNETIC_KIND,
     PREDICT,
     SAVE_STEP,
+    STATES,
     Belief,
     Condition,
     Filter,
@@ -65,6 +66,8 @@ CALL = Slots()
 """What the smoother needs of the last call."""
 LAST_CALL = CALL.number("LAST_CALL")  # PREDICTED or FIX
 STEP = CALL.part("STEP", TRANSITION)
+# (6, 6): what accelerometer biases make of P after it
+CONSIDERED = CALL.matrix("CONSIDERED", 6, 6)
 # the scalar measurements
 FIRST_RECORD = CALL.part("FIRST_RECORD", RECORD)
 SECOND_RECORD = CALL.part("SECOND_RECORD", RECORD)
@@ -556,15 +559,24 @@ def _departure(
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What the last call left in workspace. A smoother goes back with the covariance that makes
-    the gains: accelerometer biases are left out of it from the first call on."""
+    """What the last call left in workspace, and what of P is the accelerometer biases': gains do
+    not know them, so that a smoother goes back with P without them."""
     workspace, last = belief.workspace, belief.workspace[LAST]
-    biases = workspace[BIAS_VARIANCE]
-    if biases[0] + biases[1] + biases[2] > 0:
-        count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), biases, -1.0)
-        biases[0] = biases[1] = biases[2] = 0.0
+    sensitivity, variance = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
     for i in range(last.size):
         record[i] = last[i]
+    considered = matrix(record, CONSIDERED, 6, 6)
+    for i in range(6):
+        for j in range(6):
+            for k in range(3):
+                considered[i, j] += variance[k] * sensitivity[i, k] * sensitivity[j, k]
+
+
+def considered(record: Array) -> Array:
+    """(calls, 15, 15): what of P is the accelerometer biases' in a record of `save_step`."""
+    P = np.zeros((len(record), STATES, STATES))
+    P[:, np.array(SIX)[:, None], SIX] = record[:, CONSIDERED : CONSIDERED + 36].reshape(-1, 6, 6)
+    return P
 
 
 @kernel(ADJOINT_STEP)
@@ -618,5 +630,5 @@ ATTITUDE_MEKF = Filter(
     slots=SLOTS,
     conditions=CONDITIONS,
     condition=HOLDS,
-    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step),
+    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered),
 )
