@@ -23,7 +23,7 @@ from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.motions import hand_held
 from strapdown.sim.synthesis import draw_start
-from strapdown.sim.trajectory import increments, sample
+from strapdown.sim.trajectory import demo_flight, increments, sample
 
 WHITE = dict(
     low_pass=0.0, acceleration=0.0, rate_error=0.0, heading=0.0, timing=0.0, disturbance=0.0
@@ -235,6 +235,27 @@ def test_all_but_the_estimates_is_the_filters(short):
     plain = sd.smooth(recording, "attitude-mekf", **given)
     assert plain.covariance is None
     equal(plain, smoothed)
+
+
+@pytest.mark.parametrize("chunk", (200, 512))
+def test_the_second_pass_is_the_first_with_accelerometer_biases_too(monkeypatch, chunk):
+    """Biases that no state holds widen gates and the bound on dips. Part of the fields is turned
+    so far that these decide which are measured."""
+    monkeypatch.setattr(smoothing, "RECORDED_ROWS", chunk)
+    flight = sd.simulate(
+        demo_flight(), 60.0, "consumer", seed=3, magnetometer=Magnetometer(), date="2024-01-01"
+    )
+    (field,) = (a for a in flight.aidings if a.kind == "magnetic-field")
+    rng = np.random.default_rng(0)
+    angle = rng.normal(0, np.radians(20.0), len(field.t)) * (rng.random(len(field.t)) < 0.3)
+    y = Rotation.from_rotvec(angle[:, None] * [0.6, 0.0, 0.8]).apply(field.y)
+    bent = replace(flight, aidings=(replace(field, y=y),))
+    smoothed, filtered = (run(bent, "attitude-mekf") for run in (sd.smooth, sd.fuse))
+    for part in ("innovation", "nis", "accepted"):
+        found, expected = (getattr(each.innovations, part) for each in (smoothed, filtered))
+        assert np.array_equal(found, expected, equal_nan=True)
+    assert 0 < np.isnan(filtered.innovations.nis).mean() < 0.5  # some fields are refused
+    assert np.array_equal(smoothed.status, filtered.status)
 
 
 def ordered(smoothed, filtered):

@@ -52,6 +52,7 @@ __all__ = [
     "PARAMETERS",
     "WALK",
     "FIRST",
+    "OF_KIND",
     "POSITION_KIND",
     "VELOCITY_KIND",
     "HEADING_KIND",
@@ -235,9 +236,10 @@ class Output(NamedTuple):
     mark: Ints  # int64 per row: calls before it; unused without a record
 
 
-PARAMETERS, WALK, FIRST = 8, 6, 7
-"""Numbers that a source hands to its observer; of a source that brings states along, the last
-two are their random walk (unit/sqrt(s)) and the index of the first of them."""
+PARAMETERS, WALK, FIRST, OF_KIND = 9, 6, 7, 8
+"""Numbers that a source hands to its observer. Of a source that brings states along, WALK is their
+random walk (unit/sqrt(s)) and FIRST the index of the first of them; OF_KIND says which of the
+sources of its kind it is, from 0."""
 VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
 before the next accepted position fix; not to be believed, because something contradicts it."""
@@ -411,6 +413,9 @@ class Smoother(NamedTuple):
     width: Callable[[int], int]  # n -> numbers of a record of one call, with n states
     save_step: SaveStep
     adjoint_step: AdjointStep
+    # (calls, width) -> (calls, n, n): what P holds after each call that made no gains, such as
+    # biases that are no states; the way back leaves it out
+    considered: Callable[[Array], Array] | None = None
 
 
 class Filter(NamedTuple):

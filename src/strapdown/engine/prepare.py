@@ -17,6 +17,7 @@ from ..core import cursor as places, loop
 from ..core.contract import (
     COMPILED,
     FIRST,
+    OF_KIND,
     PARAMETERS,
     POS,
     STATES,
@@ -138,8 +139,10 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
         for part in ("y", "sd")
     )
     parameters, gate, states = np.zeros((count, PARAMETERS)), np.empty(count), STATES
+    kinds = [a.kind for a in aidings]
     for s, (a, sensor) in enumerate(zip(aidings, sensors)):
         parameters[s, : len(a.parameters)] = a.parameters
+        parameters[s, OF_KIND] = kinds[:s].count(a.kind)
         if sensor.states:
             parameters[s, WALK], parameters[s, FIRST] = sensor.state_walk, states
             states += len(sensor.states)

@@ -25,6 +25,7 @@ from ..core.contract import (
     VEL,
     Filter,
     Noise,
+    Output,
     Smoother,
     Start,
     address,
@@ -186,6 +187,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
         run.cursor.at[places.OUT] = run.cursor.at[places.RECORDED] = 0
         run.cursor.at[[places.EVERY, places.PHASE]] = keeping
         run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
+        _leave_out_considered(run, room, rows, run.out.nav[whole])
         filtered = run.out.nav[whole, : loop.ROW_STATUS].copy()
         run_back(
             adjoint_step,
@@ -204,6 +206,17 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
     _restore(run, kept[-1])
     run.cursor.at[places.OUT] = out[-1]
     return differences
+
+
+def _leave_out_considered(run: Run, room: Output, rows: int, nav: Array) -> None:
+    """Take from the covariances and standard deviations of these rows what made no gains."""
+    considered = _smoother(run).considered
+    if considered is None or not rows:
+        return
+    P = room.covariance[:rows]
+    P -= considered(room.record[room.mark[:rows] - 1])  # a row follows the last of its calls
+    variance = np.diagonal(P, axis1=1, axis2=2)[:, :STATES]
+    nav[:, loop.SD : loop.SD + STATES] = np.sqrt(np.maximum(variance, 0.0))
 
 
 class Differences:

@@ -9,10 +9,19 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Belief, Filter, Noise, Start, compile_kernel
+from strapdown.core.contract import (
+    OF_KIND,
+    PARAMETERS,
+    Belief,
+    Filter,
+    Noise,
+    Start,
+    compile_kernel,
+)
 from strapdown.filters import find
 from strapdown.filters.attitude.attitude_error_state import SIX, count_bias, pulled
 from strapdown.filters.attitude.attitude_mekf import (
+    ASIDE,
     CONTRADICTED,
     DIPPING,
     STRONG,
@@ -111,10 +120,10 @@ def holding(filter: Filter, belief: Belief) -> int:
     return int(belief.workspace[filter.condition])
 
 
-def measure(filter: Filter, belief: Belief, y: Array) -> tuple[float, Array]:
+def measure(filter: Filter, belief: Belief, y: Array, magnetometer: int = 0) -> tuple[float, Array]:
     sensor = aiding.find("magnetic-field")
     innovation, parameters = np.zeros(6), np.zeros(PARAMETERS)
-    parameters[:3] = FIELD
+    parameters[:3], parameters[OF_KIND] = FIELD, magnetometer
     nis = filter.correct(
         belief,
         np.array(y, float),
@@ -184,6 +193,73 @@ def test_a_field_that_stays_while_the_body_turns_is_said(name):
             found.append(np.isfinite(measure(filter, belief, FIELD)[1][0]))
     assert sum(found) == pytest.approx(25, abs=2) and not any(found[27:])
     assert holding(filter, belief) == STUCK
+
+
+@pytest.mark.parametrize("name", ["attitude-mekf", "mahony"])
+def test_a_field_that_stays_at_rest_is_not_stuck(name):
+    """A coarse magnetometer repeats itself at rest, where gyro noise of 0.5 deg/s goes to and fro
+    by 29 deg within a minute, and turns the body by none."""
+    filter, rng = find(name), np.random.default_rng(6)
+    belief = begun(filter)
+    for k in range(6000):
+        u = np.r_[rng.normal(0, 0.5 * DEG, 3), 0, 0, -9.81] * 0.02
+        filter.predict(belief, u, 0.02, NOISE)
+        if k % 5 == 4:
+            assert np.isfinite(measure(filter, belief, FIELD)[1][0])
+    assert holding(filter, belief) == 0
+
+
+@pytest.mark.parametrize("name", ["attitude-mekf", "mahony"])
+@pytest.mark.parametrize("every", [5, 50], ids=["both at 10 Hz", "the stuck one at 1 Hz"])
+def test_one_magnetometer_that_is_stuck_beside_a_good_one(name, every):
+    """Each has books of its own, so that the stuck one is found although the other changes. The
+    heading goes on being measured, and rows stay valid."""
+    filter, rate = find(name), 0.2
+    belief = begun(filter)
+    u = np.array([0, 0, rate, 0, 0, -9.81]) * 0.02
+    for k in range(1000):
+        filter.predict(belief, u, 0.02, NOISE)
+        t = 0.02 * (k + 1)
+        c, s = math.cos(rate * t), math.sin(rate * t)
+        if k % 5 == 4:
+            good = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ FIELD
+            assert np.isfinite(measure(filter, belief, good, 1)[1][0])
+        if k % every == every - 1:
+            used = np.isfinite(measure(filter, belief, FIELD)[1][0])
+            assert not (used and t > 4.0)
+    heading = math.atan2(belief.C[1, 0], belief.C[0, 0])
+    assert abs(math.remainder(heading - rate * t, math.tau)) < 3 * math.sqrt(belief.P[8, 8])
+    assert holding(filter, belief) == STUCK + ASIDE
+    assert not filter.conditions[int(STUCK + ASIDE) - 1].doubtful
+
+
+@pytest.mark.parametrize("name", ["attitude-mekf", "mahony"])
+def test_what_is_refused_is_forgotten_when_its_source_is_gone(name):
+    filter = find(name)
+    belief = begun(filter)
+    still(filter, belief, 9.0, field=lambda t: 2 * FIELD)
+    assert holding(filter, belief) == STRONG
+    still(filter, belief, 11.0)
+    assert holding(filter, belief) == 0
+    assert still(filter, belief, 1.0, field=lambda t: FIELD) == 10 and holding(filter, belief) == 0
+
+
+@pytest.mark.parametrize("name", ["attitude-mekf", "mahony"])
+def test_a_field_that_is_refused_beside_a_heading_makes_nothing_doubtful(name):
+    """While headings are used; 10 s after the last one the heading does drift with the gyros."""
+    filter, compass = find(name), aiding.find("heading")
+    compile_kernel(compass.observe)
+    belief, kind = begun(filter), aiding.number("heading")
+    y, sd_y, innovation = np.zeros(3), np.full(3, 0.02), np.zeros(6)
+    for _ in range(20):
+        still(filter, belief, 0.5, field=lambda t: 2 * FIELD)
+        filter.correct(
+            belief, y, sd_y, kind, compass.observe, np.zeros(PARAMETERS), math.inf, innovation
+        )
+    still(filter, belief, 0.5, field=lambda t: 2 * FIELD)
+    assert holding(filter, belief) == STRONG + ASIDE
+    still(filter, belief, 11.0, field=lambda t: 2 * FIELD)
+    assert holding(filter, belief) == STRONG
 
 
 @pytest.mark.parametrize("name", ["attitude-mekf", "mahony", "vru"])

@@ -17,8 +17,10 @@ from ...core.contract import (
     ADJOINT_STEP,
     CORRECT,
     MAGNETIC_KIND,
+    OF_KIND,
     PREDICT,
     SAVE_STEP,
+    STATES,
     Belief,
     Condition,
     Filter,
@@ -65,6 +67,8 @@ CALL = Slots()
 """What the smoother needs of the last call."""
 LAST_CALL = CALL.number("LAST_CALL")  # PREDICTED or FIX
 STEP = CALL.part("STEP", TRANSITION)
+# (6, 6): what accelerometer biases make of P after it
+CONSIDERED = CALL.matrix("CONSIDERED", 6, 6)
 # the scalar measurements
 FIRST_RECORD = CALL.part("FIRST_RECORD", RECORD)
 SECOND_RECORD = CALL.part("SECOND_RECORD", RECORD)
@@ -81,8 +85,6 @@ TIMING = ATTITUDE.number("TIMING")  # s^3
 DISTURBANCE = ATTITUDE.number("DISTURBANCE")  # s
 # s: the specific force is a mean over; since the last field; between the last two
 SECONDS, SINCE, INTERVAL = ATTITUDE.numbers("SECONDS", "SINCE", "INTERVAL")
-# of the field, running: T, rad
-STRENGTH, DIP = ATTITUDE.numbers("STRENGTH", "DIP")
 TOLD = ATTITUDE.number("TOLD")  # accelerometer noise while there are samples
 GRAVITY = ATTITUDE.number("GRAVITY")  # at the start, m/s^2
 # m/s^2: mean of the size of the specific force less gravity, and of its part along the vertical
@@ -91,10 +93,19 @@ EXCESS, RISE = ATTITUDE.numbers("EXCESS", "RISE")
 LEAN_N, LEAN_E = ATTITUDE.numbers("LEAN_N", "LEAN_E")
 # s since the start; mean square of the angular rate, rad^2/s^2; 1 once the body was at rest
 ELAPSED, SPIN, RESTED = ATTITUDE.numbers("ELAPSED", "SPIN", "RESTED")
-FIELD = ATTITUDE.array("FIELD", 3)  # the last one, T
-REPEATED = ATTITUDE.number("REPEATED")  # rad: what the body has turned since it was another
+CLOCK = ATTITUDE.number("CLOCK")  # s, from GONE on
+HEADED = ATTITUDE.number("HEADED")  # when a heading was used last
+TURN = ATTITUDE.array("TURN", 3)  # rad, in n: what the body has turned
+MAGNETOMETERS = 4
+"""Which are told apart, each with its books; the fifth would share those of the fourth."""
+# of the field, running: T, rad
+STRENGTH, DIP = (ATTITUDE.array(name, MAGNETOMETERS) for name in ("STRENGTH", "DIP"))
+# when the last one was seen; when one was used
+SEEN_AT, USED_AT = (ATTITUDE.array(name, MAGNETOMETERS) for name in ("SEEN_AT", "USED_AT"))
 # s: how long fields were refused, less how long they were not; why the last one was
-REFUSED, REASON = ATTITUDE.numbers("REFUSED", "REASON")
+REFUSED, REASON = (ATTITUDE.array(name, MAGNETOMETERS) for name in ("REFUSED", "REASON"))
+FIELD = ATTITUDE.matrix("FIELD", MAGNETOMETERS, 3)  # the last one, T
+TURN_AT = ATTITUDE.matrix("TURN_AT", MAGNETOMETERS, 3)  # TURN when it was another
 # of the six states to the accelerometer biases, 6 x 3; their variances, (m/s^2)^2
 SENSITIVITY = ATTITUDE.matrix("SENSITIVITY", 6, 3)
 BIAS_VARIANCE = ATTITUDE.array("BIAS_VARIANCE", 3)
@@ -103,7 +114,9 @@ SLOTS = Slots(after=ATTITUDE)
 FORCE_EXCESS = SLOTS.output("force_excess [m/s^2]")
 PREDICTED, FIX = 0.0, 1.0
 STUCK, STRONG, DIPPING, CONTRADICTED = 1.0, 2.0, 3.0, 4.0
-"""Places in CONDITIONS, from 1."""
+ASIDE = 4.0
+"""Places in CONDITIONS, from 1; how much further on what is refused while another source measures
+the heading."""
 REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
@@ -115,6 +128,8 @@ STUCK_TURN = 0.5
 """rad: a body cannot turn so far while its field stays the same number by number."""
 REFUSED_FOR, REFUSED_MOST = 1.0, 5.0
 """s: refused fields that count; and at most, so that the count is over as soon again."""
+GONE = 10.0
+"""s: a source of which nothing came for so long is gone."""
 SURELY = 3.0
 """Standard deviations."""
 LASTING, RISE_TIME = 1.0, 20.0
@@ -200,6 +215,7 @@ def begin(
     if disturbance > 0:
         workspace[BIAS_VARIANCE] = np.square(start.sd[9:12])
     workspace[SPIN] = (4 * STILL) ** 2  # not at rest until it is seen
+    workspace[CLOCK] = workspace[SEEN_AT] = GONE  # so that at 0 nothing is used
     return belief
 
 
@@ -228,11 +244,11 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     q += lost(workspace) * dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
     carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
+    clocked(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, w0, w2, dt)
     for i in range(3):
         bg[i] *= keep
     workspace[SINCE] += dt
-    workspace[REPEATED] += math.sqrt(turned_square)
     made_up = noise.accel > workspace[TOLD]  # the loop adds noise in a gap
     workspace[SECONDS] = low_passed(
         belief, u, r0, r1, r2, dt, workspace[LOW_PASS], workspace[SECONDS], made_up
@@ -243,6 +259,17 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
     count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], 1.0)
     workspace[HOLDS] = holding(workspace)
+
+
+@helper
+def clocked(belief: Belief, r0: float, r1: float, r2: float, dt: float) -> None:
+    """Count the time and what the body turns in it, the rotation vector r (body, rad). The sum is
+    taken in n, where noise and swings to and fro cancel; corrections of the attitude are no
+    turns."""
+    belief.workspace[CLOCK] += dt
+    total, part = belief.workspace[TURN], turned(belief.C, r0, r1, r2)
+    for i in range(3):
+        total[i] += part[i]
 
 
 @helper
@@ -363,9 +390,18 @@ def lost(workspace: Array) -> float:
 @helper
 def holding(workspace: Array) -> float:
     """Which of CONDITIONS holds, counted from 1; 0 for none."""
-    if workspace[REFUSED] > REFUSED_FOR:
-        return workspace[REASON]
-    return CONTRADICTED if abs(workspace[RISE]) > LASTING else 0.0
+    clock, reason = workspace[CLOCK], 0.0
+    headed = clock - workspace[HEADED] < GONE
+    for s in range(MAGNETOMETERS):
+        if workspace[REFUSED][s] > REFUSED_FOR and clock - workspace[SEEN_AT][s] < GONE:
+            reason = workspace[REASON][s]
+        elif clock - workspace[USED_AT][s] < GONE:
+            headed = True
+    if reason > 0 and not headed:
+        return reason
+    if abs(workspace[RISE]) > LASTING:
+        return CONTRADICTED
+    return reason + ASIDE if reason > 0 else 0.0
 
 
 @kernel(CORRECT)
@@ -386,7 +422,10 @@ def correct(
         return _field(belief, y, sd, parameters, gate, innovation)
     H = matrix(workspace, JACOBIAN, 3, n)
     observed(belief, y, observe, parameters, innovation, H)
-    return _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
+    nis = _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
+    if nis <= gate:
+        workspace[HEADED] = workspace[CLOCK]
+    return nis
 
 
 @helper
@@ -442,7 +481,7 @@ def _field(
         return math.nan
     # of two fields at one time the second is another magnetometer's
     seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
-    if refused(belief, y, sd, parameters, square, down, seconds):
+    if refused(belief, y, sd, parameters, square, down):
         workspace[SINCE] = 0.0
         _write_nothing(workspace)
         return math.nan
@@ -457,13 +496,23 @@ def _field(
         belief, -north * down / square, -east * down / square, 1.0, innovation, variance, gate
     )
     if nis <= gate:
-        workspace[SINCE], workspace[INTERVAL], workspace[STRENGTH], workspace[DIP] = (
-            0.0,
-            seconds,
-            strength,
-            dip,
-        )
+        workspace[SINCE], workspace[INTERVAL] = 0.0, seconds
+        field_used(workspace, parameters, strength, dip)
     return nis
+
+
+@helper
+def field_used(workspace: Array, parameters: Array, strength: float, dip: float) -> None:
+    """Book a used field: when, and what `field_density` followed."""
+    s = _magnetometer(parameters)
+    workspace[USED_AT][s], workspace[STRENGTH][s] = workspace[CLOCK], strength
+    workspace[DIP][s] = dip
+
+
+@helper
+def _magnetometer(parameters: Array) -> int:
+    """Whose books are those of a source."""
+    return min(int(parameters[OF_KIND]), MAGNETOMETERS - 1)
 
 
 @helper
@@ -475,21 +524,12 @@ def _known(parameters: Array) -> tuple[float, float]:
 
 @helper
 def refused(
-    belief: Belief,
-    y: Array,
-    sd: Array,
-    parameters: Array,
-    square: float,
-    down: float,
-    seconds: float,
+    belief: Belief, y: Array, sd: Array, parameters: Array, square: float, down: float
 ) -> bool:
     """Whether a field y (T) of that horizontal square (T^2) and downward part (T) cannot be the
-    known one, and the books of that; `seconds` are those since the last."""
-    workspace, P, field = belief.workspace, belief.P, belief.workspace[FIELD]
-    if not (y[0] == field[0] and y[1] == field[1] and y[2] == field[2]):
-        workspace[REPEATED] = 0.0
-    for i in range(3):
-        field[i] = y[i]
+    known one, and the books of that."""
+    workspace, P, s = belief.workspace, belief.P, _magnetometer(parameters)
+    turn = _turn_since(workspace, s, y)
     strength, dip = _known(parameters)
     noise = SURELY * math.sqrt((sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3)
     tilt = SURELY * math.sqrt(P[6, 6] + P[7, 7])
@@ -502,13 +542,34 @@ def refused(
         reason = DIPPING
     if looks and abs(size - strength) > STRENGTH_ALLOWED * strength + noise:
         reason = STRONG
-    if workspace[REPEATED] > STUCK_TURN:
+    if turn > STUCK_TURN:
         reason = STUCK
+    seconds, count = workspace[CLOCK] - workspace[SEEN_AT][s], workspace[REFUSED][s]
+    if seconds >= GONE:
+        count = 0.0
+    seconds = min(seconds, 1.0)
     if reason > 0:
-        workspace[REASON] = reason
-    passed = seconds if reason > 0 else -seconds
-    workspace[REFUSED] = min(max(workspace[REFUSED] + passed, 0.0), REFUSED_MOST)
+        workspace[REASON][s] = reason
+    count += seconds if reason > 0 else -seconds
+    workspace[REFUSED][s], workspace[SEEN_AT][s] = (
+        min(max(count, 0.0), REFUSED_MOST),
+        workspace[CLOCK],
+    )
     return reason > 0
+
+
+@helper
+def _turn_since(workspace: Array, s: int, y: Array) -> float:
+    """How far (rad) the body has turned since magnetometer s gave another field than y."""
+    last, now = matrix(workspace, FIELD, MAGNETOMETERS, 3), workspace[TURN]
+    begin = matrix(workspace, TURN_AT, MAGNETOMETERS, 3)
+    same, square = y[0] == last[s, 0] and y[1] == last[s, 1] and y[2] == last[s, 2], 0.0
+    for i in range(3):
+        last[s, i] = y[i]
+        if not same:
+            begin[s, i] = now[i]
+        square += (now[i] - begin[s, i]) ** 2
+    return math.sqrt(square)
 
 
 @helper
@@ -517,10 +578,11 @@ def field_density(
 ) -> tuple[float, float, float]:
     """Density (rad^2 s) of the azimuth of a field of that horizontal square (T^2) and downward
     part (T); its running strength (T) and dip (rad), followed."""
-    workspace, omega = belief.workspace, belief.omega
-    if workspace[STRENGTH] == 0:
-        workspace[STRENGTH], workspace[DIP] = _known(parameters)
-    off, strength, dip = _departure(workspace[STRENGTH], workspace[DIP], square, down, seconds)
+    workspace, omega, s = belief.workspace, belief.omega, _magnetometer(parameters)
+    strength, dip = workspace[STRENGTH][s], workspace[DIP][s]
+    if strength == 0:
+        strength, dip = _known(parameters)
+    off, strength, dip = _departure(strength, dip, square, down, seconds)
     density = workspace[HEADING] + workspace[DISTURBANCE] * off
     density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])
     return density, strength, dip
@@ -545,15 +607,24 @@ def _departure(
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What the last call left in workspace. A smoother goes back with the covariance that makes
-    the gains: accelerometer biases are left out of it from the first call on."""
+    """What the last call left in workspace, and what of P is the accelerometer biases': gains do
+    not know them, so that a smoother goes back with P without them."""
     workspace, last = belief.workspace, belief.workspace[LAST]
-    biases = workspace[BIAS_VARIANCE]
-    if biases[0] + biases[1] + biases[2] > 0:
-        count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), biases, -1.0)
-        biases[0] = biases[1] = biases[2] = 0.0
+    sensitivity, variance = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
     for i in range(last.size):
         record[i] = last[i]
+    considered = matrix(record, CONSIDERED, 6, 6)
+    for i in range(6):
+        for j in range(6):
+            for k in range(3):
+                considered[i, j] += variance[k] * sensitivity[i, k] * sensitivity[j, k]
+
+
+def considered(record: Array) -> Array:
+    """(calls, 15, 15): what of P is the accelerometer biases' in a record of `save_step`."""
+    P = np.zeros((len(record), STATES, STATES))
+    P[:, np.array(SIX)[:, None], SIX] = record[:, CONSIDERED : CONSIDERED + 36].reshape(-1, 6, 6)
+    return P
 
 
 @kernel(ADJOINT_STEP)
@@ -572,25 +643,35 @@ CONTRADICTION = Condition(
     f"which no body keeps up for {RISE_TIME:g} s: roll and pitch are wrong, by a start in a turn or "
     f"by the gyros; start at rest, check the gyros' axes, signs and unit"
 )
-CONDITIONS = (
-    Condition(
+REFUSALS = (
+    (
         f"the magnetic field stays the same number by number while the body turns by "
-        f"{math.degrees(STUCK_TURN):.0f} deg: not used, the heading drifts with the gyros; check "
-        f"the magnetometer"
+        f"{math.degrees(STUCK_TURN):.0f} deg",
+        "check the magnetometer",
     ),
-    Condition(
-        f"the magnetic field is off the known strength by more than {STRENGTH_ALLOWED:.0%}: not "
-        f"used, the heading drifts with the gyros; check the unit and iron near the magnetometer, "
-        f"and calibrate it"
+    (
+        f"the magnetic field is off the known strength by more than {STRENGTH_ALLOWED:.0%}",
+        "check the unit and iron near the magnetometer, and calibrate it",
     ),
-    Condition(
+    (
         f"the dip of the magnetic field is off the known one by more than "
-        f"{math.degrees(DIP_ALLOWED):.0f} deg: not used, the heading drifts with the gyros; check "
-        f"signs and axes of the magnetometer and iron near it, or the attitude is wrong"
+        f"{math.degrees(DIP_ALLOWED):.0f} deg",
+        "check signs and axes of the magnetometer and iron near it, or the attitude is wrong",
+    ),
+)
+"""What was seen, and what to do."""
+CONDITIONS = (
+    *(
+        Condition(f"{seen}: not used, the heading drifts with the gyros; {remedy}")
+        for seen, remedy in REFUSALS
     ),
     CONTRADICTION,
+    *(
+        Condition(f"{seen}: not used, another source measures the heading; {remedy}", False)
+        for seen, remedy in REFUSALS
+    ),
 )
-"""In the order of STUCK, STRONG, DIPPING, CONTRADICTED."""
+"""In the order of STUCK, STRONG, DIPPING, CONTRADICTED; then ASIDE."""
 
 
 ATTITUDE_MEKF = Filter(
@@ -607,5 +688,5 @@ ATTITUDE_MEKF = Filter(
     slots=SLOTS,
     conditions=CONDITIONS,
     condition=HOLDS,
-    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step),
+    smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered),
 )

@@ -52,22 +52,23 @@ from .attitude_error_state import (
 from .attitude_mekf import (
     ACCELERATION,
     BIAS_VARIANCE,
-    DIP,
+    CLOCK,
     DISTURBANCE,
     EARTH_D,
     EARTH_N,
     ELAPSED,
+    HEADED,
     HOLDS,
     LEAN_E,
     LEAN_N,
     LOW_PASS,
     RATE_ERROR,
-    REPEATED,
     SECONDS,
     SENSITIVITY,
-    STRENGTH,
     TOLD,
+    clocked,
     field_density,
+    field_used,
     holding,
     level_bias,
     level_density,
@@ -151,6 +152,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     keep = decay(noise.gyro_decay * dt)
     _spread(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
+    clocked(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
     for i in range(3):
         bg[i] *= keep
@@ -176,7 +178,6 @@ def _spread(belief: Belief, turned_square: float, keep: float, dt: float, noise:
     workspace, P, C = belief.workspace, belief.P, belief.C
     sensitivity = matrix(workspace, SENSITIVITY, 6, 3)
     w0, w2 = workspace[EARTH_N] * dt, workspace[EARTH_D] * dt
-    workspace[REPEATED] += math.sqrt(turned_square)
     q = (noise.gyro * noise.gyro + lost(workspace)) * dt + workspace[
         RATE_ERROR
     ] * turned_square / dt
@@ -281,6 +282,8 @@ def correct(
             _heading_pulled(belief, sd[0] * sd[0], innovation)
             _pull(belief, 0.0, 0.0, math.sin(innovation[0]), gain)
             workspace[SINCE_COMPASS] = 0.0
+            if workspace[K3] > 0:
+                workspace[HEADED] = workspace[CLOCK]
     return math.nan
 
 
@@ -304,12 +307,13 @@ def _field(belief: Belief, y: Array, sd: Array, parameters: Array, innovation: A
         return
     seconds = min(workspace[SINCE_FIELD], LONGEST_GAP)
     workspace[SINCE_FIELD] = 0.0
-    if refused(belief, y, sd, parameters, size * size, -along, seconds):
+    if refused(belief, y, sd, parameters, size * size, -along):
         return
     n0, n1 = parameters[0] / level, parameters[1] / level
     innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
     density, strength, dip = field_density(belief, parameters, size * size, -along, seconds)
-    workspace[STRENGTH], workspace[DIP] = strength, dip
+    if workspace[K2] > 0:
+        field_used(workspace, parameters, strength, dip)
     # levelled by a force that leans, the azimuth errs by the lean times the tangent of the dip
     density += workspace[LEVEL] * (along / (size * GRAVITY_EQUATOR)) ** 2
     noise = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * size * size)
