@@ -30,6 +30,8 @@ def test_found_by_name_as_itself_and_from_its_fields():
         ({"speed": 0.0}, "vehicle speed"),
         ({"lowest": 5.0, "highest": 4.0}, "lowest is 5 m and highest 4 m"),
         ({"acceleration": float("nan")}, "vehicle acceleration"),
+        ({}, "vehicle: it has no bound; give some of speed, acceleration, lowest, highest"),
+        ({"name": None}, "vehicle name is None; it must be text"),
     ],
 )
 def test_others_are_refused_in_one_line(wrong, words):
@@ -45,7 +47,7 @@ def test_a_bound_below_what_was_flown_is_named_with_its_vehicle():
     rover = "vehicle 'rover'"
     (velocity,) = said(solution, f"is more than the 20 m/s of {rover}: left out")
     assert velocity[0] == 1.0 and velocity[1].startswith("GNSS velocity: 3")
-    (height,) = said(solution, f"is beyond the -1.2e+04 to 490 m of {rover}: left out")
+    (height,) = said(solution, f"is beyond the -12000 to 490 m of {rover}: left out")
     assert height[1].startswith("GNSS position: a height of 5")
     assert len(said(solution, "the filter's speed", "the filter's height")) == 2
     assert (solution.status == DOUBTFUL).all()
@@ -104,6 +106,7 @@ def test_a_description_names_one_or_has_bounds_with_units(tmp_path):
     ("text", "words"),
     [
         ('vehicle = "cra"', "recording.toml: vehicle: vehicle is 'cra' .did you mean 'car'"),
+        ("vehicle = {}", "vehicle: it has no bound; give some of speed"),
         ("vehicle = { sped = 3 }", "recording.toml: .vehicle.*unknown key 'sped'"),
         ('vehicle = { speed = 3, speed_unit = "kg" }', "speed: unknown unit 'kg'"),
         ("vehicle = { highest = -20000 }", "lowest is -12000 m and highest -20000 m"),

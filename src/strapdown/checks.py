@@ -33,6 +33,31 @@ def is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
+def shown(value: object) -> str:
+    """The value on one line, numbers of numpy as plain ones."""
+    return " ".join(repr(_plain(value)).split())
+
+
+def brief(value: object) -> str:
+    """The beginning of what `shown` gives."""
+    text = shown(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    item = getattr(value, "item", None)
+    return item() if callable(item) and getattr(value, "shape", None) == () else value
+
+
+def check_flag(value: object, name: str) -> bool:
+    """The value, which must be True or False. Raises DataError."""
+    if not isinstance(value, bool):
+        raise DataError(f"{name} is {shown(value)}; it must be True or False")
+    return value
+
+
 def _finite(value: float) -> bool:
     try:
         return math.isfinite(value)
@@ -97,7 +122,7 @@ def check_number(
     if not fits:
         kind = "a whole number" if whole else "a number" if infinite else "a finite number"
         raise DataError(
-            f"{name} is {' '.join(repr(value).split())}{unit and ' ' + unit}; it must be {kind}"
+            f"{name} is {shown(value)}{unit and ' ' + unit}; it must be {kind}"
             f"{_bounds(least, above, most, below)}"
         )
     return value  # type: ignore[return-value]

@@ -25,6 +25,8 @@ class Vehicle:
         return f"vehicle {self.name!r}"
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name):
+            raise DataError(f"vehicle name is {self.name!r}; it must be text, such as 'rover'")
         for bound in ("speed", "acceleration"):
             check_number(getattr(self, bound), f"vehicle {bound}", above=0)
         for bound in ("lowest", "highest"):
@@ -36,6 +38,7 @@ class Vehicle:
             )
 
 
+BOUNDS = ("speed", "acceleration", "lowest", "highest")
 VEHICLES = {
     vehicle.name: vehicle
     for vehicle in (
@@ -60,6 +63,8 @@ def find(vehicle: GivenVehicle | None) -> Vehicle:
     if isinstance(vehicle, Vehicle):
         return vehicle
     if isinstance(vehicle, Mapping):
+        if not vehicle:
+            raise DataError(f"vehicle: it has no bound; give some of {', '.join(BOUNDS)}")
         for bound in vehicle:
             check_choice(bound, "vehicle: the bound", Vehicle.__dataclass_fields__)
         return Vehicle(**vehicle)

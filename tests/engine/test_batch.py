@@ -250,8 +250,12 @@ def test_the_antimeridian_is_crossed(name):
             dict(error_model=3.0),
             "filter 'closed-loop': error_model is 3.0; it must be text, such as 'corrected'",
         ),
-        (dict(every=0), "every is 0; it must be a whole number, at least 1"),
+        (dict(every=0), "every is 0; it must be a whole number, 1 or more"),
         (dict(every=2.5), "every is 2.5"),
+        (dict(every="5"), "every is '5'; it must be a whole number"),
+        (dict(covariance="no"), "covariance is 'no'; it must be True or False"),
+        (dict(imu={}), "imu is {}; a dict must have the fields of an ImuSpec"),
+        (dict(t="20"), "start: t is '20'; it must be 1 finite number"),
         (dict(imu="tacticle"), "did you mean 'tactical'"),
         (
             dict(noise=(1e-4, float("nan"), 0, 0, 0, 0)),
@@ -279,6 +283,15 @@ def test_refused_in_one_line(wrong, words):
     with pytest.raises(DataError) as error:
         fused(recording, start=start(recording)._replace(**parts), **wrong)
     assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@short
+@pytest.mark.parametrize("wrong", [None, "a.toml"])
+def test_what_is_no_recording_is_to_be_read_first(wrong):
+    with pytest.raises(DataError) as error:
+        sd.fuse(wrong)
+    text = "it must be a Recording: read it first with sd.read"
+    assert str(error.value) == f"recording is {wrong!r}; {text}"
 
 
 @short

@@ -30,6 +30,9 @@ def no_harm(stream):
         (np.zeros(100), r"step is given array\(\[0., 0."),
         (GOOD._replace(t="1.0"), "IMU sample: t is '1.0'; it must be a number of seconds"),
         (GOOD._replace(t=None), "IMU sample: t is None"),
+        (GOOD._replace(t=True), "IMU sample: t is True; it must be a number of seconds"),
+        (GOOD._replace(dt=True), "IMU sample at 1.000 s: dt is True"),
+        (GOOD._replace(dt=10), "IMU sample at 1.000 s: dt is 10 s; .*; is it in ms?"),
         (GOOD._replace(dt=None), "IMU sample at 1.000 s: dt is None"),
         (GOOD._replace(dt=0.0), "IMU sample at 1.000 s: dt is 0 s; it must be above 0"),
         (GOOD._replace(dt=-0.05), "IMU sample at 1.000 s: dt is -0.05 s"),
@@ -51,10 +54,6 @@ def test_what_is_no_sample_is_refused(wrong, text):
 @pytest.mark.parametrize(
     "fix, text",
     [
-        (
-            {"y": (45.0, 7.0, 300.0)},
-            "latitude is 2578.31 deg; the limit is 90; check columns, unit",
-        ),
         ({"y": (1.56, 0.2, 300.0)}, "latitude is 89.3814 deg; results hold up to 89 deg"),
         (
             {"y": (0.8, 170.0, 300.0)},
@@ -79,6 +78,15 @@ def test_units_of_fixes_are_refused_in_the_words_of_a_recording(fix, text):
     with pytest.raises(DataError, match=text):
         sd.Recording.from_arrays(imu.t, imu.dtheta, imu.dv, [aiding], kind="increment")
     assert no_harm(stream)
+
+
+@pytest.mark.parametrize("latitude", [47.6, -1.6, np.float64(90.0)])
+def test_a_latitude_in_degrees_is_named_so(latitude):
+    stream = stream_of(flight())
+    with pytest.raises(DataError) as error:
+        stream.step(Fix(1.5, 0, (latitude, 0.2, 300.0), (1.0,) * 3))
+    text = f"latitude is {latitude:g} rad; is it in degrees?"
+    assert str(error.value) == f"fix at 1.500 s: GNSS position: {text}" and no_harm(stream)
 
 
 @pytest.mark.parametrize(
@@ -133,7 +141,20 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
     [
         ({"every": 0}, "every is 0; it must be a whole number, 1 or more"),
         ({"history": 10}, "history is 10 samples; it must be a whole number, 100 or more"),
+        ({"history": 10**12}, "history is 1000000000000 samples; .* at most 1e[+]07"),
+        ({"history": 10**7, "covariance": True}, "history is 10000000 samples; .* at most 2e[+]06"),
         ({"align_within": -1.0}, "align_within is -1.0 s"),
+        ({"aidings": None}, r"aidings is None; it must be a list of Aiding, \[\] for none"),
+        ({"aidings": "position"}, "aidings is 'position'; it must be a list of Aiding"),
+        ({"aidings": ["position"]}, r"aidings\[0\] is 'position'; it must be an Aiding"),
+        ({"aidings": flight().aidings[0]}, "aidings is one Aiding; it must be a list of them"),
+        ({"on_event": "print"}, "on_event is 'print'; it must be a function of"),
+        ({"on_event": 3}, "on_event is 3; it must be a function of"),
+        ({"covariance": "no"}, "covariance is 'no'; it must be True or False"),
+        ({"start": sd.Start("20")}, "start: t is '20'; it must be 1 finite number"),
+        ({"imu": {}}, "imu is {}; a dict must have the fields of an ImuSpec"),
+        ({"imu": None}, "give imu=, one of .*, or a file that describes it$"),
+        ({"vehicle": {}}, "vehicle: it has no bound; give some of speed, acceleration, lowest, hi"),
         ({"ahrs_rate": 5.0}, "ahrs_rate is 5 Hz, but no AHRS runs"),
         ({"ahrs": "closed-loop"}, "closed-loop is no AHRS"),
         ({"vehicle": "tram"}, "vehicle is 'tram'"),

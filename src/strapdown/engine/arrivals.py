@@ -1,13 +1,13 @@
 """What a stream is given, and what of it is refused: the same as of arrays and files, in one line."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 
 from .. import aiding, quantities
-from ..checks import DataError, is_number
+from ..checks import DataError, brief, is_number, shown
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Aiding
 from ..preprocessing.attitude_record import possible_attitude
@@ -50,7 +50,7 @@ class UsableFix(NamedTuple):
 def refuse_event(event: object) -> NoReturn:
     """Raise DataError for what is neither a Sample nor a Fix."""
     raise DataError(
-        f"step is given {_brief(event)}; it must be a Sample(t, dt, dtheta, dv) with increments in "
+        f"step is given {brief(event)}; it must be a Sample(t, dt, dtheta, dv) with increments in "
         f"rad and m/s, or a Fix(t, source, y, sd)"
     )
 
@@ -61,15 +61,15 @@ def refuse_sample(sample: Sample) -> NoReturn:
     where = f"IMU sample at {t:.3f} s" if is_number(t) else "IMU sample"
     for name, value in (("t", t), ("dt", dt)):
         if not is_number(value):
-            raise DataError(f"{where}: {name} is {_brief(value)}; it must be a number of seconds")
+            raise DataError(f"{where}: {name} is {brief(value)}; it must be a number of seconds")
     if dt <= 0 or dt > LONGEST_INTERVAL:
         raise DataError(
             f"{where}: dt is {dt:g} s; it must be above 0 and at most {LONGEST_INTERVAL:g}: the "
-            f"seconds over which the sample was summed up"
+            f"seconds over which the sample was summed up{'; is it in ms?' if dt > 0 else ''}"
         )
     wrong = ("dv", dv, "m/s") if _is_vector(dtheta) else ("dtheta", dtheta, "rad")
     raise DataError(
-        f"{where}: {wrong[0]} is {_brief(wrong[1])}; it must be three numbers, {wrong[2]}"
+        f"{where}: {wrong[0]} is {brief(wrong[1])}; it must be three numbers, {wrong[2]}"
     )
 
 
@@ -81,9 +81,17 @@ def _is_vector(value: object) -> bool:
     return array.shape == (3,) and not isinstance(value, str)
 
 
-def _brief(value: object) -> str:
-    text = " ".join(repr(value).split())
-    return text if len(text) <= 80 else text[:77] + "..."
+def checked_aidings(aidings: Sequence[Aiding]) -> tuple[Aiding, ...]:
+    """What a stream is given as its sources. Raises DataError where they are none."""
+    if isinstance(aidings, Aiding):
+        raise DataError("aidings is one Aiding; it must be a list of them: aidings=[...]")
+    if isinstance(aidings, str) or not isinstance(aidings, Iterable):
+        raise DataError(f"aidings is {brief(aidings)}; it must be a list of Aiding, [] for none")
+    aidings = tuple(aidings)
+    for i, each in enumerate(aidings):
+        if not isinstance(each, Aiding):
+            raise DataError(f"aidings[{i}] is {brief(each)}; it must be an Aiding")
+    return aidings
 
 
 class Sources:
@@ -98,7 +106,7 @@ class Sources:
         """The fix with NaN for what is not finite. Raises DataError for what no source
         delivers."""
         if not is_number(fix.t):
-            raise DataError(f"fix: t is {_brief(fix.t)}; it must be a number of seconds")
+            raise DataError(f"fix: t is {brief(fix.t)}; it must be a number of seconds")
         count, where = len(self._names), f"fix at {fix.t:.3f} s"
         if not (isinstance(fix.source, (int, np.integer)) and 0 <= fix.source < count):
             raise DataError(
@@ -110,7 +118,7 @@ class Sources:
             y, deviations = [float(value) for value in fix.y], [float(value) for value in fix.sd]
         except (TypeError, ValueError):
             raise DataError(
-                f"{where}: y is {_brief(fix.y)} and sd {_brief(fix.sd)}; each must be a tuple, "
+                f"{where}: y is {brief(fix.y)} and sd {brief(fix.sd)}; each must be a tuple, "
                 f"source {fix.source} needs {width} number{'s' * (width > 1)}"
             ) from None
         if not len(y) == len(deviations) == width:
@@ -122,7 +130,7 @@ class Sources:
         for value, sd, bound in zip(y, deviations, most):
             if value == value and not 0 < sd < inf:
                 raise DataError(
-                    f"{where}: standard deviations are {tuple(fix.sd)}; they must be above zero"
+                    f"{where}: standard deviations are {shown(tuple(fix.sd))}; they must be above zero"
                 )
             if abs(value) > bound:
                 self._refuse(fix.source, y, where)
@@ -132,6 +140,9 @@ class Sources:
     def _refuse(self, source: int, y: list[float], where: str) -> None:
         """Raise DataError where a component is beyond what it can be."""
         kind, origin = self._kinds[source], _OneFix(f"{where}: {self._names[source]}")
+        for quantity, value in zip(kind.quantities, y):
+            if quantity == "latitude" and np.pi / 2 < abs(value) <= 90:
+                raise DataError(f"{origin.name}: latitude is {value:g} rad; is it in degrees?")
         if kind.name == "attitude":
             possible_attitude(np.array([y]), origin)
         else:

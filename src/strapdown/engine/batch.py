@@ -3,11 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from .. import filters
 from ..alignment.completed import completed, left_open
-from ..checks import DataError
+from ..checks import DataError, brief, check_flag, check_number
 from ..core.contract import Filter, Noise, Start
 from ..data import Solution
 from ..recording import Recording
@@ -46,8 +44,8 @@ def fuse(
     """Run `filter` over `recording` and return the Solution.
 
     imu: grade, file or ImuSpec (default: what the recording names); start: a Start (default:
-    `heading_hypotheses.aligned`) whose open parts are found as `align` does, and to which fixes at its time belong: they are not used again; noise: a Noise
-    in place of the IMU's; every: keep each n-th row (the last one always); covariance: keep the
+    `heading_hypotheses.aligned`). Its open parts are found as `align` finds them. Fixes at its time
+    belong to it and are not used again. noise: a Noise in place of the IMU's; every: keep each n-th row (the last one always); covariance: keep the
     whole covariance of these rows too; say: told of slow compilation; progress: called with the
     fraction done; ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate`
     Hz is the `attitude` aiding (default: `attitude-mekf` where `filter` needs attitude, the
@@ -66,8 +64,12 @@ def fuse(
 
 def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     """The Run of `fuse` before its first sample. Raises DataError."""
-    if not isinstance(asked.every, (int, np.integer)) or asked.every < 1:
-        raise DataError(f"every is {asked.every}; it must be a whole number, at least 1")
+    if not isinstance(recording, Recording):
+        raise DataError(
+            f"recording is {brief(recording)}; it must be a Recording: read it first with sd.read"
+        )
+    check_number(asked.every, "every", least=1, whole=True)
+    check_flag(asked.covariance, "covariance")
     if asked.vehicle is not None:  # so that all runs of it know it
         recording = replace(
             recording, meta=recording.meta | {"vehicle": find_vehicle(asked.vehicle)}

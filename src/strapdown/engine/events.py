@@ -307,7 +307,7 @@ WORDS: dict[int, Words] = {
     NO_START: lambda e, row, s, value: f"no start yet: {e.because[NO_START]}",
     POOR_START: lambda e, row, s, value: f"started with what there is: {e.because[POOR_START]}",
     CALLBACK: lambda e, row, s, value: (
-        f"on_event raised {e.because[CALLBACK]}: it is not called again{_missed(row)}"
+        f"on_event raised {e.because[CALLBACK]}; the callback is not called again{_missed(row)}"
     ),
     AHRS_STOPPED: lambda e, row, s, value: e.because[AHRS_STOPPED],
     AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from .. import aiding, filters
-from ..alignment.completed import PARTS
-from ..checks import DataError
+from ..alignment.completed import MOST_HEADING, PARTS
+from ..checks import DataError, brief, shown
 from ..core import cursor as places, loop
 from ..core.contract import (
     COMPILED,
@@ -47,10 +47,14 @@ ROWS_AT_ONCE = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
 GATES = {1: 10.828, 2: 13.816, 3: 16.266}
 """Bound on the NIS by number of rows: 0.1 % of right fixes are rejected (chi-square quantiles)."""
-LARGEST_OF_START = {"rph": 4 * np.pi, "bg": 35.0}
-"""rad and rad/s that a start can have; 35 rad/s is the range of the common MEMS gyros."""
-LARGEST_ANGLES = np.array([np.pi / 2, 2 * np.pi])
-"""rad: latitude and longitude."""
+LARGEST_ANGLES = {"lla": np.array([np.pi / 2, 2 * np.pi]), "rph": np.full(3, MOST_HEADING)}
+"""rad: latitude and longitude; roll, pitch and heading."""
+LARGEST_OF_START = {
+    "v": (1e4, "m/s: is it in mm/s?"),
+    "ba": (5.0, "m/s^2: is gravity in it, or is it in mg?"),
+    "bg": (1.0, "rad/s: is it in deg/s or deg/h?"),
+}
+"""What a component of a start can be, generously, and what is probably wrong beyond it."""
 LONGEST_GAP = 86400.0
 """s without IMU samples; more is a mistaken clock and no pause."""
 AHRS_RATE = 10.0
@@ -396,14 +400,16 @@ def new_output(
 
 
 def assumed_noise(
-    imu: GivenImu | None, noise: Noise | None, needed: bool
+    imu: GivenImu | None,
+    noise: Noise | None,
+    needed: bool,
+    without: str = "the recording does not name its IMU: ",
 ) -> tuple[Noise, ImuSpec | None]:
     """The Noise to assume and the ImuSpec it comes from; None where the caller gave a noise and
-    the spec is not `needed`."""
+    the spec is not `needed`. `without`: what to say first where there is none."""
     if imu is None and (noise is None or needed):
         raise DataError(
-            f"the recording does not name its IMU: give imu=, one of {', '.join(grades())}, or a "
-            f"file that describes it"
+            f"{without}give imu=, one of {', '.join(grades())}, or a file that describes it"
         )
     spec = None if imu is None else grade(imu)
     try:
@@ -419,27 +425,35 @@ def assumed_noise(
         ) from None
 
 
+def _check_part(name: str, value: object, size: int) -> None:
+    """Raise DataError where a field of a Start is not so many numbers that it can be."""
+    try:
+        values = np.atleast_1d(np.asarray(value))
+        values = values.astype(float) if values.dtype.kind in "iuf" else np.empty(0)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    what = f"start: {name} is {shown(value)}"
+    if name == "rph" and np.isnan(values[:2]).all() and (np.abs(values[2:]) > MOST_HEADING).any():
+        raise DataError(f"start: heading is {values[2]:g} rad; is it in degrees?")
+    if values.shape != (size,) or not np.isfinite(values).all():
+        raise DataError(f"{what}; it must be {size} finite number{'s' * (size > 1)}")
+    angles = LARGEST_ANGLES.get(name, np.empty(0))
+    if (np.abs(values[: len(angles)]) > angles).any():
+        raise DataError(f"{what}, in rad; is it in degrees?")
+    most, hint = LARGEST_OF_START.get(name, (np.inf, ""))
+    if np.abs(values).max() > most:
+        raise DataError(f"{what}; each number is at most {most:g} {hint}")
+
+
 def check_start(start: Start, noise: Noise, missing: Collection[str] = ()) -> None:
     """Raise DataError naming the first field of a Start or a Noise that no filter can begin
     with; `missing` are those that are to be found."""
     if not isinstance(start, Start):
-        raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
+        raise DataError(f"start is {brief(start)}; it must be a Start, such as `align` gives")
     for name, size in {"t": 1, **PARTS}.items():
         if name in missing:
             continue
-        try:
-            values = np.atleast_1d(np.asarray(getattr(start, name), float))
-        except (TypeError, ValueError):
-            values = np.empty(0)
-        if values.shape != (size,) or not np.isfinite(values).all():
-            raise DataError(
-                f"start: {name} is {getattr(start, name)!r}; it must be {size} finite "
-                f"number{'s' * (size > 1)}"
-            )
-        if np.abs(values).max() > LARGEST_OF_START.get(name, np.inf) or (
-            name == "lla" and (np.abs(values[:2]) > LARGEST_ANGLES).any()
-        ):
-            raise DataError(f"start: {name} is {getattr(start, name)}, in rad; is it in degrees?")
+        _check_part(name, getattr(start, name), size)
     if "sd" not in missing and min(start.sd) < 0:
         raise DataError(f"start: sd has {min(start.sd):g}; standard deviations must be 0 or more")
     if "lla" not in missing and abs(start.lla[0]) > LATITUDE_LIMIT:

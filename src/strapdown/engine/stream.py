@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import filters
 from ..alignment.completed import left_open
-from ..checks import DataError, check_number
+from ..checks import DataError, check_flag, check_number
 from ..core import cursor as places
 from ..core.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
 from ..core.loop import SAME_TIME
@@ -28,6 +28,7 @@ from .arrivals import (
     Sample as Sample,
     Sources,
     UsableFix,
+    checked_aidings,
     refuse_event,
     refuse_sample,
 )
@@ -50,6 +51,8 @@ from .telling import OnEvent, Telling
 
 HISTORY = 65536
 """Samples that a stream keeps, at least the newer half of them."""
+MOST_HISTORY = 10_000_000
+"""The most that it may keep, 4 GB; with covariances a fifth of that."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
 
@@ -97,10 +100,13 @@ class Stream:
     ) -> None:
         check_number(lag, "lag", "s", least=0)
         check_number(align_within, "align_within", "s", least=0, infinite=True)
-        check_number(history, "history", "samples", least=100, whole=True)
+        check_flag(covariance, "covariance")
+        most = MOST_HISTORY // 5 if covariance else MOST_HISTORY
+        check_number(history, "history", "samples", least=100, most=most, whole=True)
         check_number(every, "every", least=1, whole=True)
+        aidings = checked_aidings(aidings)
         whole = isinstance(start, Start) and not left_open(start)
-        self.noise, self._spec = assumed_noise(imu, noise, needed=not whole)
+        self.noise, self._spec = assumed_noise(imu, noise, needed=not whole, without="")
         self._filter = filter = filters.find(filter)
         first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
         self._ahrs = None
@@ -252,7 +258,7 @@ class Stream:
         try:
             t, dt, (a, b, c), (d, e, f) = event
             finite = isfinite(t + dt + a + b + c + d + e + f)
-            possible = 0 < dt <= LONGEST_INTERVAL
+            possible = 0 < dt <= LONGEST_INTERVAL and type(t) is not bool and type(dt) is not bool
         except (TypeError, ValueError):
             refuse_sample(event)
         if not finite:

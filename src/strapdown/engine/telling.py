@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
+from ..checks import DataError, brief
 from ..core import cursor as log
 from ..plugins import one_line
 from ..typing import Array
@@ -18,6 +19,8 @@ class Telling:
     """Hands `events` over to `on_event`, which may be None, or raise: then it is not called again."""
 
     def __init__(self, events: Events, on_event: OnEvent | None) -> None:
+        if not (on_event is None or callable(on_event)):
+            raise DataError(f"on_event is {brief(on_event)}; it must be a function of (t, text)")
         self.events = events
         self.dropped_by = dict.fromkeys(DROPPED, 0)
         self.waits = False  # whether there is something to tell

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_number, did_you_mean, located
+from ..checks import DataError, brief, check_number, did_you_mean, located
 from ..core.contract import Imu, Noise
 from ..files import find_shipped, read_toml, replacing, shipped
 from ..toml_keys import Key, Read, made, read_table, section, text
@@ -176,15 +176,7 @@ def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
     if isinstance(name, ImuSpec):
         return name
     if isinstance(name, dict):
-        warm_up = name.get("warm_up")
-        return ImuSpec(
-            **{
-                **name,
-                "gyro": Triad(**name["gyro"]),
-                "accel": Triad(**name["accel"]),
-                "warm_up": WarmUp(**warm_up) if warm_up else None,
-            }
-        )
+        return _from_fields(name)
     name = str(name)
     if resource := find_shipped("grades", __package__, name):
         return _from_table(tomllib.loads(resource.read_text(encoding="utf-8")), f"grade {name}")
@@ -194,6 +186,24 @@ def grade(name: ImuSpec | dict[str, Any] | File) -> ImuSpec:
         f"unknown IMU grade {name!r}{did_you_mean(name, grades())}; grades: {', '.join(grades())}; or "
         f"give the path of a .toml file"
     )
+
+
+def _from_fields(fields: dict[str, Any]) -> ImuSpec:
+    try:
+        warm_up = fields.get("warm_up")
+        return ImuSpec(
+            **{
+                **fields,
+                "gyro": Triad(**fields["gyro"]),
+                "accel": Triad(**fields["accel"]),
+                "warm_up": WarmUp(**warm_up) if warm_up else None,
+            }
+        )
+    except (KeyError, TypeError):
+        raise DataError(
+            f"imu is {brief(fields)}; a dict must have the fields of an ImuSpec, as "
+            f"dataclasses.asdict gives them; or give a grade or a file"
+        ) from None
 
 
 def _bias_unit(sensor: str) -> str:

@@ -162,6 +162,8 @@ def _vehicle(value: Any) -> GivenVehicle:
     if not isinstance(value, dict):
         find_vehicle(value)
         return value
+    if not value:
+        find_vehicle(value)  # which says what it may have
     check_keys(value, ["name", *BOUNDS, *(f"{bound}_unit" for bound in BOUNDS)])
     bounds = {}
     for bound, dimension in BOUNDS.items():
