@@ -18,6 +18,7 @@ from strapdown.core.contract import (
     Start,
     compile_kernel,
 )
+from strapdown.data import DOUBTFUL
 from strapdown.filters import find
 from strapdown.filters.attitude.attitude_error_state import SIX, count_bias, pulled
 from strapdown.filters.attitude.attitude_mekf import (
@@ -328,3 +329,17 @@ def test_biases_are_counted_and_taken_out_again():
     np.testing.assert_allclose(P[np.ix_(SIX, SIX)], S @ np.diag(variance) @ S.T, rtol=1e-12)
     count_bias(P, S, variance, -1.0)
     assert np.abs(P).max() < 1e-12
+
+
+def test_headings_that_stay_off_are_said():
+    """Half a second in which the gyro reads 60 deg/s too much, 30 deg in all."""
+    hand = sd.simulate("hand-held", seed=1)
+    wrong = (hand.imu.t > 40) & (hand.imu.t < 40.5)
+    dtheta = hand.imu.dtheta.copy()
+    dtheta[wrong, 2] += np.radians(60) * hand.imu.dt[wrong]
+    right = sd.fuse(hand, "attitude-mekf")
+    thrown = sd.fuse(replace(hand, imu=hand.imu._replace(dtheta=dtheta)), "attitude-mekf")
+    assert not right.events and (right.status == 0).all()
+    ((t, text),) = thrown.events
+    assert 40 < t < 46 and text.startswith("headings measured stay more than 5 deg off")
+    assert thrown.seconds(DOUBTFUL) > 10

@@ -95,6 +95,8 @@ LEAN_N, LEAN_E = ATTITUDE.numbers("LEAN_N", "LEAN_E")
 ELAPSED, SPIN, RESTED = ATTITUDE.numbers("ELAPSED", "SPIN", "RESTED")
 CLOCK = ATTITUDE.number("CLOCK")  # s, from GONE on
 HEADED = ATTITUDE.number("HEADED")  # when a heading was used last
+# running mean of the innovations of headings and fields, rad, and when it moved last
+OFF, OFF_AT = ATTITUDE.numbers("OFF", "OFF_AT")
 TURN = ATTITUDE.array("TURN", 3)  # rad, in n: what the body has turned
 MAGNETOMETERS = 4
 """Which are told apart, each with its books; the fifth would share those of the fourth."""
@@ -114,9 +116,12 @@ SLOTS = Slots(after=ATTITUDE)
 FORCE_EXCESS = SLOTS.output("force_excess [m/s^2]")
 PREDICTED, FIX = 0.0, 1.0
 STUCK, STRONG, DIPPING, CONTRADICTED = 1.0, 2.0, 3.0, 4.0
-ASIDE = 4.0
+ASIDE, LASTS = 4.0, 8.0
 """Places in CONDITIONS, from 1; how much further on what is refused while another source measures
-the heading."""
+the heading; of headings that stay off."""
+OFF_TIME, OFF_ALLOWED, OFF_SDS = 4.0, math.radians(5.0), 3.0
+"""s over which innovations of the heading are averaged; how far they may be off, rad, besides so
+many standard deviations of the heading."""
 REFERENCE_TIME = 20.0
 """s: time constant of the running strength and dip while the field agrees with them."""
 AGREES = 0.05
@@ -258,7 +263,7 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     else:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
     count_bias(belief.P, sensitivity, workspace[BIAS_VARIANCE], 1.0)
-    workspace[HOLDS] = holding(workspace)
+    workspace[HOLDS] = holding(belief)
 
 
 @helper
@@ -388,9 +393,14 @@ def lost(workspace: Array) -> float:
 
 
 @helper
-def holding(workspace: Array) -> float:
+def holding(belief: Belief) -> float:
     """Which of CONDITIONS holds, counted from 1; 0 for none."""
+    workspace = belief.workspace
     clock, reason = workspace[CLOCK], 0.0
+    off = abs(workspace[OFF]) - OFF_ALLOWED
+    if off > 0 and off * off > OFF_SDS * OFF_SDS * belief.P[8, 8]:
+        if clock - workspace[OFF_AT] < GONE:
+            return LASTS
     headed = clock - workspace[HEADED] < GONE
     for s in range(MAGNETOMETERS):
         if workspace[REFUSED][s] > REFUSED_FOR and clock - workspace[SEEN_AT][s] < GONE:
@@ -443,6 +453,9 @@ def _used(
     workspace, P = belief.workspace, belief.P
     dx, last, e = workspace[DX], workspace[LAST], innovation[0]
     last[LAST_CALL] = FIX
+    seconds = workspace[CLOCK] - workspace[OFF_AT]
+    workspace[OFF] += min(seconds / OFF_TIME, 1.0) * (e - workspace[OFF])
+    workspace[OFF_AT] = workspace[CLOCK]
     sensitivity, biases = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
     for i in range(6):
         dx[i] = 0.0
@@ -669,6 +682,10 @@ CONDITIONS = (
     *(
         Condition(f"{seen}: not used, another source measures the heading; {remedy}", False)
         for seen, remedy in REFUSALS
+    ),
+    Condition(
+        "headings measured stay more than 5 deg off the filter's: the gyros, the field or the start "
+        "are wrong; check unit, sign and bias of the gyros, and iron beside the magnetometer"
     ),
 )
 """In the order of STUCK, STRONG, DIPPING, CONTRADICTED; then ASIDE."""

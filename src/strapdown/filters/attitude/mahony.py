@@ -167,7 +167,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     else:
         _level(belief, dt, noise.gyro * noise.gyro / dt)
     count_bias(belief.P, matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE], 1.0)
-    workspace[HOLDS] = holding(workspace)
+    workspace[HOLDS] = holding(belief)
     orthonormalise(C)
 
 
