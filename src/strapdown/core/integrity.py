@@ -63,6 +63,10 @@ from .jit import helper, inlined
 CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
 a doubt ends."""
+LEVELLED = 30.0
+"""s without a fix after which a filter that estimates no position ends a doubt by itself: gravity
+has levelled it, and a wrong vertical would have shown in the mean force, which attitude filters
+take over 20 s."""
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
 SELDOM, LONG_SAMPLE = (
     16,
@@ -115,6 +119,15 @@ def oppose(cursor: Cursor, s: int) -> None:
         opposes = max(opposes, tests[FAILS][channel])
     cursor.at[AGAINST] += int(opposes - tests[OPPOSES])
     tests[OPPOSES] = opposes
+
+
+@helper
+def level_again(cursor: Cursor, t: float) -> bool:
+    """Whether gravity confirms a filter that estimates no position, because nothing else can."""
+    last = cursor.now[CAUSE]
+    for s in range(cursor.tests.shape[0]):
+        last = max(last, cursor.tests[s, TESTED])
+    return cursor.at[POSITIONED] == 0 and t - last > LEVELLED
 
 
 # ---- samples

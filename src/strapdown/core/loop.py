@@ -76,7 +76,7 @@ from .cursor import (
     say,
 )
 from .earth import LATITUDE_LIMIT
-from .integrity import confirm, doubt, measured, oppose, plausible, reachable, test
+from .integrity import confirm, doubt, level_again, measured, oppose, plausible, reachable, test
 from .jit import caller, flatten, helper, inlined, kernel, plain
 from .mechanization import compensate, stationary_increments
 from .rotation import matrix_to_quaternion
@@ -440,6 +440,8 @@ def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
         if belief.lla[2] < limits[LOWEST] or belief.lla[2] > limits[HIGHEST]:
             say(cursor, BELIEF_TOO_HIGH, 0, t, belief.lla[2])
             doubt(cursor, t)
+    if at[UNCONFIRMED] > 0 and level_again(cursor, t):
+        at[UNCONFIRMED] = 0
     if at[STATUS] == INVALID or not (doubtful or at[UNCONFIRMED] > 0):
         return at[STATUS]
     return DOUBTFUL
