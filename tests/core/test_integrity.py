@@ -14,13 +14,14 @@ import strapdown as sd
 from strapdown import quantities
 from strapdown.core import cursor as log, integrity, loop
 from strapdown.core.jit import plain
-from strapdown.data import DOUBTFUL, INVALID, VALID
+from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine.events import MOST_OF_A_KIND, Events
 from strapdown.engine.limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
 from strapdown.geodesy import displaced
 from strapdown.sensor_models.imu import grade
+from strapdown.sim.trajectory import static
 from strapdown.vehicle import VEHICLES
 
 pytestmark = pytest.mark.short
@@ -272,6 +273,33 @@ def test_a_doubt_ends_with_confirming_fixes():
     assert doubtful[0] == pytest.approx(10.0)
     end = 10.0 + integrity.CONFIRM_AFTER + 0.5 * (integrity.CONFIRM - 1)
     assert doubtful[-1] == pytest.approx(end - 0.2, abs=0.11)
+
+
+def at_rest():
+    """(90 s at rest with a wild sample at 20 s and no fixes, a Start for it)."""
+    recording = sd.simulate(static((0.8, 0.1, 100.0)), 90.0, "tactical", 1, 5.0)
+    wild = with_samples(recording, gyro=lambda dtheta: dtheta.__setitem__((99, 0), 50.0))
+    return replace(wild, aidings=()), start(recording)
+
+
+@pytest.mark.parametrize("name", ["vru", "attitude-mekf", "mahony"])
+def test_a_doubt_of_an_attitude_without_fixes_ends_when_it_is_level_again(name):
+    """Nothing else could end it. A filter with positions waits for fixes for ever."""
+    wild, begin = at_rest()
+    solution = sd.fuse(wild, name, start=begin)
+    doubtful = solution.t[solution.status == DOUBTFUL]
+    assert doubtful[0] == pytest.approx(20.0)
+    assert doubtful[-1] == pytest.approx(20.0 + integrity.LEVELLED, abs=0.21)
+    assert sd.fuse(wild, start=begin).status[-1] == DOUBTFUL
+
+
+def test_a_source_that_is_heard_has_to_confirm():
+    """Heights that are rejected at 30 s put the end off."""
+    (wild, begin), t = at_rest(), np.array([30.0])
+    fix = Aiding("altitude", t, np.array([[5e3]]), np.array([[1.0]]), gate=0.01)
+    solution = sd.fuse(replace(wild, aidings=(fix,)), "vru", start=begin)
+    doubtful = solution.t[solution.status == DOUBTFUL]
+    assert doubtful[-1] == pytest.approx(30.0 + integrity.LEVELLED, abs=0.21)
 
 
 # ---- the log

@@ -370,6 +370,12 @@ def test_the_imu_must_be_known_even_beside_a_start():
     assert sd.fuse(nameless, FED, imu=imu, start=sd.align(nameless, imu), every=100).counts()
 
 
+def in_order(aidings):
+    return sorted(
+        sd.Fix(t, s, y, e) for s, a in enumerate(aidings) for t, y, e in zip(a.t, a.y, a.sd)
+    )
+
+
 @pytest.mark.short
 def test_a_stream_is_given_attitude():
     start = sd.align(recording(), sd.grade("tactical"))
@@ -377,13 +383,7 @@ def test_a_stream_is_given_attitude():
         sd.Stream(FED, start, "tactical", aidings=recording().aidings[:2])
     sources = beside(recorded())
     stream, imu = sd.Stream(FED, start, "tactical", aidings=sources.aidings), sources.imu
-    fixes = sorted(
-        [
-            sd.Fix(t, s, y, e)
-            for s, a in enumerate(sources.aidings)
-            for t, y, e in zip(a.t, a.y, a.sd)
-        ]
-    )
+    fixes = in_order(sources.aidings)
     for k, t in enumerate(imu.t):
         while fixes and fixes[0].t <= t:
             stream.step(fixes.pop(0))
@@ -391,6 +391,29 @@ def test_a_stream_is_given_attitude():
     solution = sd.fuse(sources, FED, start=start)
     assert np.array_equal(stream.finish().lla, solution.trajectory.lla[-1])
     assert dict(zip(solution.innovations.names, stream.counts())) == solution.counts()
+
+
+def test_one_that_gives_no_attitude_for_long_says_so():
+    """A wild sample at 10 s: its roll and pitch are doubtful until they are levelled again. Then
+    they come again, in the batch and live."""
+    whole = recording(60.0)
+    dv = whole.imu.dv.copy()
+    dv[199, 0] = 1e6
+    fixes = tuple(a for a in whole.aidings if a.kind in ("position", "velocity"))
+    wild = replace(whole, aidings=fixes, imu=whole.imu._replace(dv=dv))
+    start = sd.align(whole, sd.grade("tactical"))
+    solution = sd.fuse(wild, FED, start=start, ahrs="vru")
+    assert "vru gave no attitude from 9.9 to 40.1 s: its samples" in notes(solution)
+    stream = sd.Stream(FED, start, "tactical", aidings=fixes, ahrs="vru")
+    pending, imu = in_order(fixes), wild.imu
+    for k, t in enumerate(imu.t):
+        while pending and pending[0].t <= t:
+            stream.step(pending.pop(0))
+        stream.step(sd.Sample(t, imu.dt[k], tuple(imu.dtheta[k]), tuple(imu.dv[k])))
+    stream.finish()
+    ((t, text),) = [event for event in stream.events if "no attitude" in event[1]]
+    assert t == pytest.approx(15.0, abs=0.1) and "for 30 s, until 40 s" in text
+    assert "gave no attitude" not in notes(sd.fuse(whole, FED, start=start, ahrs="vru"))
 
 
 # ---- the command line, and a recorded flight

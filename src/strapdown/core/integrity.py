@@ -64,6 +64,10 @@ a doubt ends."""
 HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
 LEFT = -1.0  # in REJECTING: left out
 NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
+LEVELLED = 30.0
+"""s without a fix after which a filter that estimates no position ends a doubt by itself: gravity
+has levelled it, and a wrong vertical would have shown in the mean force, which attitude filters
+take over 20 s."""
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
 SELDOM, LONG_SAMPLE = (
     16,
@@ -119,6 +123,15 @@ def leave_out(cursor: Cursor, s: int) -> None:
     for channel in range(CHANNELS):
         cursor.tests[s, FAILS][channel] = cursor.tests[s, SUM][channel] = 0.0
     cursor.tests[s, REJECTING] = LEFT
+
+
+@helper
+def level_again(cursor: Cursor, t: float) -> bool:
+    """Whether gravity confirms a filter that estimates no position, because nothing else can."""
+    last = cursor.now[CAUSE]
+    for s in range(cursor.tests.shape[0]):
+        last = max(last, cursor.tests[s, TESTED])
+    return cursor.at[POSITIONED] == 0 and t - last > LEVELLED
 
 
 # ---- samples

@@ -85,6 +85,7 @@ from .integrity import (
     confirm,
     doubt,
     leave_out,
+    level_again,
     measured,
     plausible,
     reachable,
@@ -464,6 +465,8 @@ def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
         if belief.lla[2] < limits[LOWEST] or belief.lla[2] > limits[HIGHEST]:
             say(cursor, BELIEF_TOO_HIGH, 0, t, belief.lla[2])
             doubt(cursor, t)
+    if at[UNCONFIRMED] > 0 and level_again(cursor, t):
+        at[UNCONFIRMED] = 0
     if at[STATUS] == INVALID or not (doubtful or at[UNCONFIRMED] > 0):
         return at[STATUS]
     return DOUBTFUL

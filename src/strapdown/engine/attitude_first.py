@@ -33,6 +33,9 @@ ASSUMED = np.radians([1.5, 1.5, 5.0])
 """rad: standard deviations forward, right and down where a filter claims none: the largest rms
 inclination and heading error of `mahony` in the five BROAD trials (docs/attitude-broad.md),
 rounded up."""
+SILENT = 5.0
+"""s without an attitude that are said."""
+UNUSABLE = "its samples are missing or cannot be believed there; run it alone to see its events"
 REMEDY = (
     f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose "
     f"heading drifts: --ahrs {AHRS}, "
@@ -190,6 +193,7 @@ def source(
             f"{ahrs.name}: {text}"
             for _, text in ahrs.diagnose(solution.t, solution.trajectory.lla, solution.columns)
         ]
+    notes += _silence(ahrs, path.t, solution.t, own / every)
     notes += _motion(ahrs, begin, recording.imu)
     notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
     return Aiding("attitude", path.t, y, sd, name=ahrs.name), notes
@@ -207,6 +211,20 @@ def deviations(path: Trajectory) -> Array:
     heading = path.rph[:, 2]
     c, s = np.cos(heading), np.sin(heading)
     return np.c_[np.hypot(c * north, s * east), np.hypot(s * north, c * east), down]
+
+
+def _silence(ahrs: Filter, given: Array, t: Array, rate: float) -> list[str]:
+    """Notes on an AHRS with rows at `t` that gave attitudes only at the times `given`."""
+    edges = np.r_[t[:1], given, t[-1:]]
+    gaps = np.diff(edges)
+    long = gaps > SILENT + 1 / rate
+    if not long.any():
+        return []
+    k = int(np.argmax(gaps))
+    more = f", and {long.sum() - 1} times more for over {SILENT:g} s" if long.sum() > 1 else ""
+    return [
+        f"{ahrs.name} gave no attitude from {edges[k]:.1f} to {edges[k + 1]:.1f} s{more}: {UNUSABLE}"
+    ]
 
 
 def _motion(ahrs: Filter, start: Start, imu: Imu) -> list[str]:

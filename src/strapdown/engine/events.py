@@ -28,7 +28,8 @@ MOST_OF_A_KIND = 20
     STOPPED,
     AHRS_STOPPED,
     AHRS_SAYS,
-) = range(log.CODES, log.CODES + 12)
+    AHRS_SILENT,
+) = range(log.CODES, log.CODES + 13)
 """What only a stream says: of rows that a Recording has not, of its start, of its caller."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
 NED = ("north", "east", "down")
@@ -311,6 +312,10 @@ WORDS: dict[int, Words] = {
     ),
     AHRS_STOPPED: lambda e, row, s, value: e.because[AHRS_STOPPED],
     AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],
+    AHRS_SILENT: lambda e, row, s, value: (
+        f"{e.because[AHRS_SILENT]} gave no attitude for {value:.0f} s, until {row[log.UNTIL]:.0f} s: "
+        f"its samples are missing or cannot be believed"
+    ),
     STOPPED: lambda e, row, s, value: e.because[STOPPED].removeprefix("stream "),
 }
 """How each code of the log is said."""

@@ -32,7 +32,7 @@ from .arrivals import (
     refuse_event,
     refuse_sample,
 )
-from .attitude_first import attitudes, chosen, notes_on, taken_by, whose
+from .attitude_first import SILENT, attitudes, chosen, notes_on, taken_by, whose
 from .events import Events
 from .gathering import Gathering
 from .live_run import LiveRun
@@ -319,6 +319,9 @@ class Stream:
         """What the AHRS made of its newest sample, as a fix."""
         assert self._ahrs is not None  # whose this is
         fix = self._ahrs.fix(live, inner._looking)
+        if not inner._looking and (silent := live.t - self._ahrs.valid) > SILENT:
+            name = self._ahrs.made.name
+            self._telling.note(words.AHRS_SILENT, 0, live.t, silent, because=name)
         if fix is None:
             return
         self._number += 1
@@ -520,6 +523,7 @@ class _Ahrs:
     def __init__(self, stream: Stream, aidings: Sequence[Aiding], rate: float) -> None:
         self.stream, self._rate, self._every, self._count = stream, rate, 0, 0
         filter = stream._filter
+        self.valid = inf  # time of its last valid row, or of its first one
         self._taken = taken_by(filter, aidings)
         self._replaced = [a for a in aidings if a.kind == "attitude"]
         self._source, own = len(aidings), [a for a in aidings if a.kind != "attitude"]
@@ -566,6 +570,8 @@ class _Ahrs:
                 )
             self._every = round(own / self._rate)
         self._count += 1
+        if live.status == VALID or self.valid == inf:
+            self.valid = live.t
         if self._count % self._every or live.status != VALID:
             return None
         path = live.newest(looking)
@@ -575,12 +581,12 @@ class _Ahrs:
     @contextmanager
     def ahead(self) -> Iterator[None]:
         """What the AHRS uses now is as if it had not been afterwards."""
-        count = self._count
+        count, valid = self._count, self.valid
         with self.stream._ahead() as live:
             if live is not None:
                 self.stream._use(inf)
             yield
-        self._count = count
+        self._count, self.valid = count, valid
 
 
 def _nothing_known() -> Belief:

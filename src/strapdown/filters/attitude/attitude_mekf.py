@@ -397,10 +397,6 @@ def holding(belief: Belief) -> float:
     """Which of CONDITIONS holds, counted from 1; 0 for none."""
     workspace = belief.workspace
     clock, reason = workspace[CLOCK], 0.0
-    off = abs(workspace[OFF]) - OFF_ALLOWED
-    if off > 0 and off * off > OFF_SDS * OFF_SDS * belief.P[8, 8]:
-        if clock - workspace[OFF_AT] < GONE:
-            return LASTS
     headed = clock - workspace[HEADED] < GONE
     for s in range(MAGNETOMETERS):
         if workspace[REFUSED][s] > REFUSED_FOR and clock - workspace[SEEN_AT][s] < GONE:
@@ -411,6 +407,10 @@ def holding(belief: Belief) -> float:
         return reason
     if abs(workspace[RISE]) > LASTING:
         return CONTRADICTED
+    off = abs(workspace[OFF]) - OFF_ALLOWED
+    if off > 0 and off * off > OFF_SDS * OFF_SDS * belief.P[8, 8]:
+        if clock - workspace[OFF_AT] < GONE:
+            return LASTS
     return reason + ASIDE if reason > 0 else 0.0
 
 
