@@ -22,6 +22,7 @@ from strapdown.filters.observer.covariance import STATES, XI, step
 from strapdown.filters.observer.equations import (
     CONDITION,
     FADE,
+    MOMENT,
     SINCE_FIELD,
     SINCE_HEADING,
     XI as VALUE,
@@ -220,3 +221,18 @@ def test_a_course_is_one_where_its_deviation_allows_and_what_is_held_is_said():
     # 5 deg are 0.0873 rad
     assert held(1.4, 0.12) == [0.0] * 12 and held(0.24, 0.02) == [0.0] * 12
     assert held(1.4, 0.13) == [0.0] * 9 + [1.0] * 3 == held(0.22, 0.02)
+
+
+def test_a_bias_that_was_excited_once_is_not_said_again():
+    observe = aiding.find("position").observe
+    for kernel in (NLO.predict, NLO.correct, observe):
+        compile_kernel(kernel)
+    belief, said = perturbed(np.zeros(18), "across"), []
+    for excitation in (0.0, 0.1, 0.0):
+        for _ in range(61):
+            NLO.predict(belief, np.r_[0, 0, 0, 0, 0, -9.8], 1.0, SILENT)
+        belief.workspace[MOMENT] = excitation * np.eye(4)[np.triu_indices(4)]
+        fix = belief.lla.copy(), np.ones(3), POSITION_KIND, observe, np.zeros(PARAMETERS), np.inf
+        NLO.correct(belief, *fix, np.zeros(6))
+        said.append(belief.workspace[CONDITION])
+    assert said == [2.0, 0.0, 0.0] and "not excited" in NLO.conditions[1].text

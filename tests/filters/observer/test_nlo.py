@@ -12,7 +12,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.cli import app
 from strapdown.core.contract import Noise
-from strapdown.data import Aiding
+from strapdown.data import VALID, Aiding
 from strapdown.filters.observer.gains import configure
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -370,3 +370,19 @@ def test_positions_are_all_that_the_list_of_filters_says_it_needs(capsys):
         assert np.isfinite(
             sd.fuse(alone, name, start=start(flight()), noise=NOISE, course="none").trajectory.lla
         ).all()
+
+
+@pytest.mark.parametrize("name", ["nlo", "xkf"])
+def test_a_bias_that_nothing_excites_is_said_live_as_in_batch(name):
+    even, begin = flight(75.0), start(flight(75.0))  # a steady turn
+    solution = sd.fuse(even, name, start=begin, noise=NOISE)
+    ((t, text),) = [event for event in solution.events if "not excited" in event[1]]
+    assert t == pytest.approx(60.0, abs=0.1) and "calibrate the accelerometer" in text
+    assert (solution.status == VALID).all() and solution.columns["excitation"].max() < 1e-3
+    stream = sd.Stream(name, begin, noise=NOISE, aidings=even.aidings)
+    events = [sd.Sample(*row) for row in zip(*even.imu)]
+    for k, a in enumerate(even.aidings):
+        events += [sd.Fix(t, k, y, deviations) for t, y, deviations in zip(a.t, a.y, a.sd)]
+    for event in sorted(events, key=lambda event: (event.t, type(event) is sd.Sample)):
+        stream.step(event)
+    assert tuple(stream.events) == solution.events

@@ -62,7 +62,9 @@ ADAPTATION = OBSERVER.number("ADAPTATION")  # 1/s
 MODE, FIELD = OBSERVER.numbers("MODE", "FIELD")  # of the course, of the field
 LEAST_SPEED = OBSERVER.number("LEAST_SPEED")  # of a course, m/s; 0: as its sd says
 SLOW = OBSERVER.number("SLOW")  # s in a row of velocities without a course
-CONDITION = OBSERVER.number("CONDITION")  # 1: SLOW for long
+# s since the start without excitation, - inf once there was some
+UNEXCITED = OBSERVER.number("UNEXCITED")
+CONDITION = OBSERVER.number("CONDITION")  # 1: SLOW for long; 2: UNEXCITED for long
 OUTAGE_AFTER = OBSERVER.number("OUTAGE_AFTER")  # s
 TOLD = OBSERVER.number("TOLD")  # accelerometer noise while there are samples
 # what the last fix changed, for a covariance: gains (p, v, xi) of three rows, which axis the first
@@ -92,6 +94,7 @@ it: its velocity would have to be 11 of its own standard deviations."""
 LONG_HELD = 10.0  # s without a course that are worth saying
 TRUSTED = 5.0  # s after a heading or field during which the course is left alone
 FORGETTING = 60.0  # s, of MOMENT
+EXCITED = 1e-3  # of EXCITATION, in which 1 is a specific force of 1 g
 NOMINAL_GRAVITY = 9.81  # m/s^2, scale of MOMENT
 FADE_AT_START = math.exp(2.0)  # falls to 1 in twice its time constant
 OUTER = 1.1  # the biases never pass this times their bound
@@ -172,6 +175,8 @@ def _clocks(workspace: Array, dt: float, spread: float) -> None:
     what the fixes may correct."""
     for i in range(SINCE_FIX, SINCE_FIELD + 1):
         workspace[i] += dt
+    workspace[UNEXCITED] += dt
+    _assess(workspace)
     own = workspace[MOTION]
     for i in range(3):
         own[AGE][i] += dt
@@ -184,6 +189,15 @@ def _clocks(workspace: Array, dt: float, spread: float) -> None:
     # a start that heading is not part of is none
     if workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace):
         workspace[FADE] *= decay(2 * dt / workspace[START_TIME])
+
+
+@helper
+def _assess(workspace: Array) -> None:
+    """Which condition holds now; that of the heading comes first."""
+    if workspace[SLOW] >= LONG_HELD:
+        workspace[CONDITION] = 1.0
+    else:
+        workspace[CONDITION] = 2.0 if workspace[UNEXCITED] > FORGETTING else 0.0
 
 
 @helper
@@ -319,7 +333,7 @@ def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovat
     if kind == HEADING_KIND:
         if innovation[0] == innovation[0]:
             _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST_GAP))
-            workspace[SINCE_HEADING] = workspace[SLOW] = workspace[CONDITION] = 0.0
+            workspace[SINCE_HEADING] = workspace[SLOW] = 0.0
     elif kind == MAGNETIC_KIND:
         if (
             innovation[0] + innovation[1] + innovation[2]
@@ -336,6 +350,9 @@ def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovat
             )
         _translate(bar, kind, innovation, sd)
         workspace[EXCITATION] = smallest(workspace)
+        if workspace[EXCITATION] >= EXCITED:
+            workspace[UNEXCITED] = -math.inf
+    _assess(workspace)
     orthonormalise(bar.C)
 
 
@@ -385,9 +402,8 @@ def _course(bar: Belief, north: float, east: float, sd: float) -> None:
         held = min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP)
         workspace[HELD] += held
         workspace[SLOW] += held
-        workspace[CONDITION] = 1.0 if workspace[SLOW] >= LONG_HELD else 0.0
         return
-    workspace[SLOW] = workspace[CONDITION] = 0.0
+    workspace[SLOW] = 0.0
     workspace[COURSE_SD] = sd / speed if speed > 0 else math.inf
     seconds = min(workspace[SINCE_COURSE], LONGEST_GAP)
     workspace[COURSE], workspace[SINCE_COURSE] = math.atan2(east, north), 0.0
@@ -463,7 +479,7 @@ def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
             e2 / known,
             min(workspace[SINCE_FIELD], LONGEST_GAP),
         )
-        workspace[SINCE_FIELD] = workspace[SLOW] = workspace[CONDITION] = 0.0
+        workspace[SINCE_FIELD] = workspace[SLOW] = 0.0
 
 
 @inlined
@@ -487,7 +503,7 @@ def follow(bar: Belief, belief: Belief) -> None:
     """Without a course for long, of itself holding no heading: heading and gyro bias become those
     of a filter that has them by other means, f_n = C f + xi staying."""
     C, workspace = bar.C, bar.workspace
-    if workspace[CONDITION] == 0:
+    if workspace[SLOW] < LONG_HELD:
         return
     angle = wrap(math.atan2(belief.C[1, 0], belief.C[0, 0]) - math.atan2(C[1, 0], C[0, 0]))
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])

@@ -7,10 +7,7 @@ mean.
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any
-
-import numpy as np
 
 from ...checks import check_number
 from ...core.contract import (
@@ -30,16 +27,20 @@ from ...core.error_state import observed
 from ...core.joseph import test
 from ...typing import Array
 from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
-from .equations import CONDITION, EXCITATION, FORGETTING, JACOBIAN, OBSERVER, advance, take
+from .equations import CONDITION, JACOBIAN, OBSERVER, advance, take
 from .gains import USES, begin, configure, takes_options
 
 UNKNOWN = 0.5
 """Standard deviation of the attitude, rad, beyond which a field is used without a test: how far it is
 off is far from linear in such an angle, and the observer needs it to come home."""
-EXCITED = 1e-3  # of the smallest eigenvalue, in which 1 is a specific force of 1 g
 SLOW = Condition(
     "too slow for a course: the gyros alone carry the heading, ever less certain; a heading or a "
     "magnetic field would hold it",
+    doubtful=False,
+)
+UNEXCITED = Condition(
+    "accelerometer bias not excited: the motion has been too even to tell it from a tilt; pitch and "
+    "roll more, or calibrate the accelerometer before",
     doubtful=False,
 )
 
@@ -96,20 +97,6 @@ def correct(
     return nis
 
 
-def unexcited(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:
-    """[(t, text)] where the accelerometer bias was not excited."""
-    excitation = columns[OBSERVER.columns[EXCITATION]]
-    if len(t) and t[-1] - t[0] > FORGETTING and not np.max(excitation) >= EXCITED:
-        return [
-            (
-                float(t[-1]),
-                f"accelerometer bias not excited: the smallest eigenvalue of the mean of phi phi' "
-                f"never passed {np.max(excitation):.1g}",
-            )
-        ]
-    return []
-
-
 NLO = Filter(
     "nlo",
     "Alam, Whidborne & Millidere (2023) section 2.1; Grip, Fossen, Johansen & Saberi (2015); Hansen "
@@ -120,7 +107,6 @@ NLO = Filter(
     slots=SLOTS,
     uses=USES,
     configure=configure,
-    diagnose=unexcited,
-    conditions=(SLOW,),
+    conditions=(SLOW, UNEXCITED),
     condition=CONDITION,
 )

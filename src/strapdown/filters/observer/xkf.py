@@ -292,7 +292,6 @@ XKF = Filter(
     correct,
     slots=SLOTS,
     configure=configure,
-    diagnose=nlo.NLO.diagnose,
     conditions=nlo.NLO.conditions,
     condition=INSIDE.start + BLOCK.start + CONDITION,
 )
