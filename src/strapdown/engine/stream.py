@@ -179,13 +179,17 @@ class Stream:
         return self._found() if self._live is None else self._live.start
 
     def _found(self) -> Start:
-        """What was gathered tells it. Raises DataError, which names fixes of another clock first."""
+        """What was gathered tells it. Raises DataError, of the clock where that is why no position
+        is among it."""
         try:
             return self._gathered.start()
-        except DataError as error:
+        except DataError:
             events = self._telling.events
-            ahead = [row for row in events.rows if row[places.CODE] == words.FIXES_AHEAD]
-            raise DataError("; ".join([*map(events.text, ahead[:1]), str(error)])) from None
+            for row in events.rows:
+                ahead = row[places.CODE] == words.FIXES_AHEAD
+                if ahead and self._used[int(row[places.WHICH])].kind == "position":
+                    raise DataError(events.text(row)) from None
+            raise
 
     def begin(self, start: Start | None = None) -> Belief:
         """Start now, from this Start or the one of `align`, and run over what was gathered since.
