@@ -32,11 +32,10 @@ def eventful(name="closed-loop"):
     recording = without_samples(flight(), (4.8, 5.3), (12.6, 15.1))
     p, v = recording.aidings
     y = p.y.copy()
-    y[7], y[9, 2], y[16] = displaced(y[7:8], [[60.0, 0, 0]])[0], np.nan, np.nan
+    y[7], y[9, 2] = displaced(y[7:8], [[60.0, 0, 0]])[0], np.nan
+    p = replace(p, t=p.t - 0.013, y=y)._where(np.arange(len(p.t)) != 16)
     attitude = (ahrs(recording.reference, 2.0),) if filters.find(name).needs else ()
-    return replace(
-        recording, aidings=(replace(p, t=p.t - 0.013, y=y), replace(v, t=v.t - 0.02), *attitude)
-    )
+    return replace(recording, aidings=(p, replace(v, t=v.t - 0.02), *attitude))
 
 
 def play(stream, events):
@@ -284,9 +283,11 @@ def test_fixes_ahead_of_the_samples_wait_and_keep_their_order():
         stream.step(event)
     assert (
         equal(stream.finish(), solution)
-        and stream.dropped == 0
+        and stream.dropped == stream.dropped_by["after the last sample"] == 1
         and stream.counts() == [(2, 0), (1, 0)]
     )
+    (event,) = stream.events  # not before there was a sample
+    assert event[0] == 10.0 and event[1].startswith("position: fixes are up to 8999999990 s ahead")
 
 
 @pytest.mark.parametrize("name", WITH_POSITION)

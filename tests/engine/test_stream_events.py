@@ -167,8 +167,9 @@ def test_what_is_dropped_is_counted_by_its_reason_and_said():
     stream.step(samples[100]._replace(dv=(np.nan, 0.0, 0.0)))
     fix = Fix(5.02, 0, tuple(recording.aidings[0].y[4]), (1.0,) * 3)
     play(stream, [fix, fix, samples[101], fix, fix._replace(t=4.0), fix._replace(t=np.nan)])
-    assert stream.dropped_by == {"before the start": 1, "late": 2, "twice": 3, "not finite": 2}
-    assert stream.dropped == 8 and stream.counts()[0] == (1, 0)
+    play(stream, [fix._replace(t=5.04, y=(value,) * 3) for value in (np.nan, np.inf)])
+    assert [*stream.dropped_by.values()] == [1, 2, 3, 4, 0]
+    assert stream.dropped == 10 and stream.counts()[0] == (1, 0)
     texts = [text for _, text in stream.events if "gap" not in text]
     assert texts == [
         "IMU: 1 late sample dropped, up to 1.99 s behind: give a longer lag",
@@ -176,8 +177,38 @@ def test_what_is_dropped_is_counted_by_its_reason_and_said():
         "IMU: 1 repeated time dropped",
         "GNSS position: 2 repeated rows dropped",
         "IMU: 1 sample with NaN or infinite values dropped",
-        "GNSS position: 1 row without time dropped",
+        "GNSS position: 3 rows without time or value dropped",
     ]
+
+
+def far_ahead(stream, recording, seconds=345600.0):
+    """Step through the recording with fixes of another epoch."""
+    for event in events_of(recording):
+        stream.step(event._replace(t=event.t + seconds) if type(event) is Fix else event)
+
+
+def test_fixes_of_another_epoch_are_said_at_once_and_counted_at_the_end():
+    recording, told = flight(), []
+    stream = stream_of(recording, on_event=lambda t, text: told.append((stream.t, text)))
+    far_ahead(stream, recording)
+    stream.finish()
+    text = "fixes are up to 345600 s ahead of the IMU: check the clock of one of both"
+    assert [text for _, text in stream.events if "ahead" in text] == [
+        f"GNSS position: {text}",
+        f"GNSS velocity: {text}",
+    ]
+    assert [t for t, text in told if "ahead" in text] == pytest.approx([0.95] * 2)
+    assert stream.dropped_by["after the last sample"] == stream.dropped == 40
+    assert stream.finish() is stream.belief and stream.dropped == 40
+
+
+def test_no_lag_is_asked_for_where_the_clock_is_wrong():
+    recording, stream = flight(), stream_of(flight())
+    samples = [e for e in events_of(recording) if type(e) is Sample]
+    play(stream, [*samples[:21], samples[21]._replace(t=90.0)])
+    for t, remedy in ((2.0, "check the clock of one of both"), (45.0, "give a longer lag")):
+        play(stream, [Fix(t, 0, tuple(recording.aidings[0].y[4]), (1.0,) * 3)])
+        assert any(text.endswith(f" {90 - t:g} s behind: {remedy}") for _, text in stream.events)
 
 
 def test_events_by_the_thousand_are_folded():

@@ -168,3 +168,36 @@ def test_parts_that_no_filter_can_begin_with_are_refused(wrong, text):
 def test_an_open_start_needs_the_imu():
     with pytest.raises(DataError, match="give imu="):
         Stream("closed-loop", noise=sd.grade("tactical").noise(), aidings=flight().aidings)
+
+
+def test_where_the_fixes_have_another_epoch_it_names_the_clock():
+    recording = flight()
+    stream = own(recording)
+    with pytest.raises(DataError) as error:
+        for event in events_of(recording):
+            stream.step(event._replace(t=event.t + 3600.0) if type(event) is Fix else event)
+        stream.finish()
+    text = "GNSS position: fixes are up to 3600 s ahead of the IMU: check the clock of one of both"
+    assert str(error.value) == text
+    assert stream.dropped_by["after the last sample"] == 40
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.3])
+def test_before_the_start_no_fix_is_late(lag):
+    """Fixes come 1 s after their time: the start is that of fixes in time, and only those after
+    it that the lag does not wait for are lost."""
+    recording, first = flight(), flight().between(stop=9.0)
+
+    def late(whole):
+        return sorted(events_of(whole), key=lambda e: e.t + (1.02 if type(e) is Fix else 0.0))
+
+    stream = own(recording, lag=lag)
+    play(stream, late(first))
+    assert not stream.started and stream.dropped == 0
+    stream.finish()
+    batch = sd.fuse(first, start=sd.align(first, sd.grade("tactical")))
+    assert np.array_equal(stream.belief.lla, batch.trajectory.lla[-1])
+    stream = own(recording, lag=lag)
+    play(stream, late(recording))
+    assert stream.started and stream.dropped_by["late"] > 0
+    assert stream.events[-1][1].endswith("give a longer lag")

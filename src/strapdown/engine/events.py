@@ -29,9 +29,13 @@ MOST_OF_A_KIND = 20
     AHRS_STOPPED,
     AHRS_SAYS,
     AHRS_SILENT,
-) = range(log.CODES, log.CODES + 13)
+    FIXES_AHEAD,
+) = range(log.CODES, log.CODES + 14)
 """What only a stream says: of rows that a Recording has not, of its start, of its caller."""
+LONG_LAG = 60.0
+"""s: fixes further behind or ahead than that have another clock."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
+CLOCKS = "check the clock of one of both"
 NED = ("north", "east", "down")
 
 
@@ -178,6 +182,10 @@ def _counted(row: Array, noun: str) -> str:
     return counted(int(row[log.COUNT]), noun)
 
 
+def _seconds(value: float) -> str:
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+
+
 def _till(row: Array) -> str:
     """Until when, of what lasted."""
     return f" until {row[log.UNTIL]:.1f} s" if row[log.UNTIL] > row[log.T] else ""
@@ -296,14 +304,18 @@ WORDS: dict[int, Words] = {
         f"a longer lag"
     ),
     FIXES_NOT_FINITE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_counted(row, 'row')} without time dropped{_till(row)}"
+        f"{e.name(s)}: {_counted(row, 'row')} without time or value dropped{_till(row)}"
     ),
     FIXES_TWICE: lambda e, row, s, value: (
         f"{e.name(s)}: {_counted(row, 'repeated row')} dropped{_till(row)}"
     ),
     FIXES_LATE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {value:.3g} s behind{_till(row)}: "
-        f"give a longer lag"
+        f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {_seconds(value)} s behind{_till(row)}: "
+        f"{'give a longer lag' if value < LONG_LAG else CLOCKS}"
+    ),
+    FIXES_AHEAD: lambda e, row, s, value: (
+        f"{e.name(s)}: fixes are up to {_seconds(value)} s ahead of the IMU: "
+        f"{'' if value > LONG_LAG else 'samples are missing, or '}{CLOCKS}"
     ),
     NO_START: lambda e, row, s, value: f"no start yet: {e.because[NO_START]}",
     POOR_START: lambda e, row, s, value: f"started with what there is: {e.because[POOR_START]}",

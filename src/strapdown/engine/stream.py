@@ -47,8 +47,10 @@ from .prepare import (
     fitted,
     usable,
 )
-from .telling import OnEvent, Telling
+from .telling import BEYOND, OnEvent, Telling
 
+AHEAD = 10.0
+"""s by which a fix may be ahead of the newest sample, or the lag where that is longer."""
 HISTORY = 65536
 """Samples that a stream keeps, at least the newer half of them."""
 MOST_HISTORY = 10_000_000
@@ -59,7 +61,8 @@ LOOKS = (10.0, 60.0, inf)
 
 class Stream:
     """The same kernels live: samples wait `lag` seconds for late events, then all is used in time
-    order; what comes later still is dropped, counted and said.
+    order; what comes later still is dropped, counted and said. Before the start nothing is late for
+    a fix.
 
     aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not
     used). The result is that of `fuse` on the same events, bit for bit. A fix is used with the
@@ -173,7 +176,20 @@ class Stream:
     def align(self) -> Start:
         """The Start that the samples and fixes so far tell, for `begin`; of a stream that has
         started the one it has. Raises DataError where they tell none."""
-        return self._gathered.start() if self._live is None else self._live.start
+        return self._found() if self._live is None else self._live.start
+
+    def _found(self) -> Start:
+        """What was gathered tells it. Raises DataError, of the clock where that is why no position
+        is among it."""
+        try:
+            return self._gathered.start()
+        except DataError:
+            events = self._telling.events
+            for row in events.rows:
+                ahead = row[places.CODE] == words.FIXES_AHEAD
+                if ahead and self._used[int(row[places.WHICH])].kind == "position":
+                    raise DataError(events.text(row)) from None
+            raise
 
     def begin(self, start: Start | None = None) -> Belief:
         """Start now, from this Start or the one of `align`, and run over what was gathered since.
@@ -227,7 +243,7 @@ class Stream:
         except DataError as error:
             self._stop(sample[0], str(error))
         try:
-            start = gathered.start()
+            start = self._found()
         except DataError as error:
             if gathered.late:
                 self._telling.note(words.NO_START, 0, sample[0], because=str(error))
@@ -291,11 +307,15 @@ class Stream:
             self._feed(self._ahrs, event)
         if place is None and (self._live is not None or self._elsewhere[fix.source]):
             return
-        if not isfinite(fix.t):
-            self._telling.drop("not finite", words.FIXES_NOT_FINITE, place, self._when(nan))
+        if not isfinite(fix.t) or not any(map(isfinite, fix.y)):
+            self._telling.drop("not finite", words.FIXES_NOT_FINITE, place, self._when(fix.t))
+        elif self._live is None and fix.t <= self._late + SAME_TIME:
+            if self._is_new(fix):
+                self._gathered.fixes.append(fix)
         elif not fix.t > self._late_fix:
             self._drop_fix(fix)
         else:
+            self._compare_clocks(fix)
             if len(self._waiting) == MOST_WAITING_FIXES:
                 raise DataError(
                     f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at "
@@ -303,6 +323,12 @@ class Stream:
                 )
             self._number += 1
             heappush(self._waiting, (fix.t, fix.source, self._number, fix))
+
+    def _compare_clocks(self, fix: UsableFix) -> None:
+        """Say where a fix is far ahead of the samples, once there are any."""
+        ahead, place = fix.t - self.newest, self._places[fix.source]
+        if ahead > max(AHEAD, self.lag) and self.newest > self._began and place is not None:
+            self._telling.note(words.FIXES_AHEAD, place, self.newest, ahead)
 
     def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
         if text := ahrs.take(event):
@@ -355,13 +381,18 @@ class Stream:
         fixes, waiting = [], self._waiting
         while waiting and waiting[0][0] <= t + SAME_TIME:
             fix = heappop(waiting)[3]
-            before = self._before[fix.source]
-            if before is not None and fix[:3] == before[:3]:
-                self._drop_fix(fix)
-            else:
-                self._before[fix.source] = fix
+            if self._is_new(fix):
                 fixes.append(fix)
         return fixes
+
+    def _is_new(self, fix: UsableFix) -> bool:
+        """Whether it is not the one before of its source, which is dropped."""
+        before = self._before[fix.source]
+        if before is not None and fix[:3] == before[:3]:
+            self._drop_fix(fix)
+            return False
+        self._before[fix.source] = fix
+        return True
 
     def _advance(self, live: LiveRun, sample: Sample, fixes: list[UsableFix]) -> None:
         """Run over a sample and fixes of sources of which the filter may use some."""
@@ -437,6 +468,10 @@ class Stream:
         if self._ahrs is not None and not self._ahrs.stream._stopped:
             self._ahrs.stream.finish()
         self._use(inf)
+        beyond = [row[-1] for row in self._waiting if self._places[row[-1].source] is not None]
+        self._telling.dropped_by[BEYOND] = len(beyond)
+        for fix in beyond:
+            self._compare_clocks(fix)
         if self._live is None:
             self.begin()
         self._telling.tell(self._when(self.t))

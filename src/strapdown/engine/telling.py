@@ -11,7 +11,8 @@ from .events import Events
 
 OnEvent = Callable[[float, str], object]
 """(t in s, text) of an event when it begins."""
-DROPPED = ("before the start", "late", "twice", "not finite")
+BEYOND = "after the last sample"
+DROPPED = ("before the start", "late", "twice", "not finite", BEYOND)
 """Why a sample or a fix is not used."""
 
 
