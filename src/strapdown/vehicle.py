@@ -28,7 +28,7 @@ class Vehicle:
         if not (isinstance(self.name, str) and self.name):
             raise DataError(f"vehicle name is {self.name!r}; it must be text, such as 'rover'")
         for bound in ("speed", "acceleration"):
-            check_number(getattr(self, bound), f"vehicle {bound}", above=0)
+            check_number(getattr(self, bound), f"vehicle {bound}", above=0, infinite=True)
         for bound in ("lowest", "highest"):
             check_number(getattr(self, bound), f"vehicle {bound}", least=-math.inf)
         if not self.lowest < self.highest:

@@ -15,9 +15,13 @@ from strapdown.checks import DataError
 from strapdown.core.earth import gravity
 from strapdown.core.jit import plain
 from strapdown.engine import stream as live
+from strapdown.vehicle import Vehicle
 from strapdown_reproductions.mollaei.six_state import filters
 
 SHORT = pytest.mark.short
+
+
+UNBOUNDED = Vehicle(speed=np.inf, lowest=-1e300, highest=1e300)
 
 
 def fused(made, filter, **options):
@@ -391,6 +395,7 @@ def test_a_fix_of_which_no_component_knows_anything_is_counted():
     position, velocity = recording.aidings
     y = velocity.y.copy()
     y[4, 0] = 1e200
+    recording = replace(recording, meta=recording.meta | {"vehicle": UNBOUNDED})
     with np.errstate(over="ignore", invalid="ignore"):
         solution = fused(
             (replace(recording, aidings=(position, replace(velocity, y=y))), start, truth),
@@ -409,6 +414,7 @@ def test_a_fix_that_one_component_alone_explains_underflows_nothing():
     position, velocity = recording.aidings
     y = position.y.copy()
     y[4, 2] += 1e5
+    recording = replace(recording, meta=recording.meta | {"vehicle": UNBOUNDED})
     solution = fused(
         (replace(recording, aidings=(replace(position, y=y), velocity)), start, truth),
         filters.PKF6,
