@@ -419,3 +419,12 @@ def test_a_rejected_fix_begins_the_confirmation_anew():
     doubtful = solution.t[solution.status == DOUBTFUL]
     assert doubtful[0] == pytest.approx(10.0, abs=0.3)
     assert doubtful[-1] == pytest.approx(18.0, abs=0.3)  # three in a row: 16, 17 and 18 s
+
+
+def test_a_velocity_too_fast_for_the_vehicle_is_left_out_without_its_vertical_part_too():
+    recording, begin = alike(5.0, 5.0)
+    y = np.array([[900.0, 900.0, np.nan]])
+    fast = Aiding("velocity", np.array([2.0]), y, np.full((1, 3), 0.1))
+    solution = sd.fuse(replace(recording, aidings=(fast,)), start=begin, vehicle="aircraft")
+    ((_, text),) = solution.events
+    assert "1273 m/s is more than the 400 m/s of vehicle 'aircraft': left out" in text

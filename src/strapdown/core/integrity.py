@@ -263,6 +263,16 @@ def _alone(watched: Array, i: int, samples: int) -> bool:
 
 
 @helper
+def length(vector: Array) -> float:
+    """Of the components of a vector in three that were measured."""
+    squares = 0.0
+    for i in range(3):
+        if not math.isnan(vector[i]):
+            squares += vector[i] * vector[i]
+    return math.sqrt(squares)
+
+
+@helper
 def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
     """Whether fix `k` can be one: not latitude and longitude 0, and within what the vehicle can
     do. Its standard deviations are raised to the `floor` of its source."""
@@ -284,7 +294,7 @@ def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
             say(cursor, TOO_HIGH, s, t, y[2])
             return False
     elif fixes.kind[s] == VELOCITY_KIND:
-        speed = math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+        speed = length(y)
         if speed > limits[SPEED]:
             say(cursor, TOO_FAST, s, t, speed)
             return False
@@ -295,13 +305,12 @@ def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
 def reachable(belief: Belief, innovation: Array, s: int, t: float, cursor: Cursor) -> bool:
     """Whether the vehicle can have gone to a position fix since the last one that was used, or the
     belief allows it."""
-    squares, variance = 0.0, 0.0
+    variance = 0.0
     for i in range(3):
         if not math.isnan(innovation[i]):
-            squares += innovation[i] * innovation[i]
             variance += belief.P[i, i]
     seconds = t - cursor.tests[s, LAST_USED]
-    return math.sqrt(squares) <= cursor.limits[SPEED] * seconds + 5 * math.sqrt(variance)
+    return length(innovation) <= cursor.limits[SPEED] * seconds + 5 * math.sqrt(variance)
 
 
 # ---- innovations

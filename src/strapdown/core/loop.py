@@ -85,6 +85,7 @@ from .integrity import (
     confirm,
     doubt,
     leave_out,
+    length,
     level_again,
     measured,
     plausible,
@@ -285,10 +286,10 @@ def _use_fix(
         tests[REJECTING] = 1.0
         doubt(cursor, t)
         if fixes.kind[s] == POSITION_KIND and not reachable(belief, innovation, s, t, cursor):
-            say(cursor, TOO_FAR, s, t, _distance(innovation))
+            say(cursor, TOO_FAR, s, t, length(innovation))
             break
         if tests[LIFTED_AT] == 0:
-            say(cursor, LIFTED, s, t, _distance(innovation))
+            say(cursor, LIFTED, s, t, length(innovation))
         _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
         gate, lifted = math.inf, True
     use = ACCEPTED if believable else NOT_ASKED
@@ -326,15 +327,6 @@ def _use_fix(
     for i in range(3):
         row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
     at[FIX] += 1
-
-
-@helper
-def _distance(innovation: Array) -> float:
-    squares = 0.0
-    for i in range(3):
-        if not math.isnan(innovation[i]):
-            squares += innovation[i] * innovation[i]
-    return math.sqrt(squares)
 
 
 @helper

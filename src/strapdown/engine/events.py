@@ -214,8 +214,7 @@ def _full_scale(events: Events, row: Array, which: int, value: float) -> str:
 
 def _stuck(events: Events, row: Array, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
-    until = f" until {row[log.UNTIL]:.1f} s" if row[log.UNTIL] > row[log.T] else ""
-    return f"{axis} is stuck at {shown}{until}: check the sensor and its record"
+    return f"{axis} is stuck at {shown}{_till(row)}: check the sensor and its record"
 
 
 def _coarse(events: Events, row: Array, which: int, value: float) -> str:
