@@ -7,7 +7,7 @@ m/s).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
@@ -153,6 +153,8 @@ class Aiding:
     parameters: tuple[float, ...] = ()  # e.g. lever arm from the IMU to the antenna, m, body
     gate: float | None = None  # bound on the NIS; None: 0.1 % false alarms; inf: no gate
     name: str = ""  # shown in tables; the kind by default
+    # {parameter of the installation (names of `estimable`) to estimate: prior standard deviations}
+    estimate: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def between(self, start: float, stop: float) -> Aiding:
         """The fixes of [start, stop), s."""

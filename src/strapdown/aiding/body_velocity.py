@@ -4,8 +4,9 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
+from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, helper, kernel
 from ..typing import Array
+from . import estimated
 
 
 @helper
@@ -14,6 +15,9 @@ def along(
 ) -> int:
     """One row: y - velocity of the point `parameters[0:3]` (m, body, from the IMU) along body
     axis 0, 1 or 2."""
+    if parameters[ESTIMATED] > 0:
+        estimated.along(axis, belief, y, parameters, innovation, H)
+        return 1
     C, v, w = belief.C, belief.v, belief.omega
     i, j = (axis + 1) % 3, (axis + 2) % 3
     c0, c1, c2 = C[0, axis], C[1, axis], C[2, axis]
@@ -53,6 +57,7 @@ FORWARD = Measurement(
     observe_speed,
     ("speed",),
     parameters="reference",
+    estimable=("clock", "mounting", "scale"),
     reference="odometer: Groves (2013) section 16.3",
 )
 LATERAL = Measurement(
@@ -61,6 +66,7 @@ LATERAL = Measurement(
     ("speed",),
     parameters="reference",
     recorded=False,
+    estimable=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
 )
 VERTICAL = Measurement(
@@ -69,5 +75,6 @@ VERTICAL = Measurement(
     ("speed",),
     parameters="reference",
     recorded=False,
+    estimable=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
 )

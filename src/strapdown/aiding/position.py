@@ -2,25 +2,27 @@
 
 import math
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, kernel
 from ..core.earth import radii
-from ..core.rotation import wrap
+from ..core.rotation import turned, wrap
 from ..typing import Array
+from . import estimated
 
 
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: antenna position y - h, m NED."""
     R_M, R_N = radii(belief.lla[0])
-    C = belief.C
-    l0 = C[0, 0] * parameters[0] + C[0, 1] * parameters[1] + C[0, 2] * parameters[2]
-    l1 = C[1, 0] * parameters[0] + C[1, 1] * parameters[1] + C[1, 2] * parameters[2]
-    l2 = C[2, 0] * parameters[0] + C[2, 1] * parameters[1] + C[2, 2] * parameters[2]
-    innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2]) - l0
-    innovation[1] = (
-        wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * math.cos(belief.lla[0]) - l1
-    )
-    innovation[2] = belief.lla[2] - y[2] - l2
+    innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2])
+    innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * math.cos(belief.lla[0])
+    innovation[2] = belief.lla[2] - y[2]
+    if parameters[ESTIMATED] > 0:
+        estimated.position(belief, parameters, innovation, H)
+        return 3
+    l0, l1, l2 = turned(belief.C, parameters[0], parameters[1], parameters[2])
+    innovation[0] -= l0
+    innovation[1] -= l1
+    innovation[2] -= l2
     H[0, 0] = H[1, 1] = H[2, 2] = 1.0
     H[0, 7], H[0, 8] = l2, -l1
     H[1, 6], H[1, 8] = -l2, l0
@@ -33,5 +35,6 @@ MEASUREMENT = Measurement(
     observe,
     ("latitude", "longitude", "length"),
     parameters="antenna",
+    estimable=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",
 )

@@ -1,13 +1,19 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
 lever-arm term (7e-5 rad/s) is left out."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
+from . import estimated
 
 
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: antenna velocity y - h, m/s NED."""
+    if parameters[ESTIMATED] > 0:
+        for i in range(3):
+            innovation[i] = y[i] - belief.v[i]
+        estimated.velocity(belief, parameters, innovation, H)
+        return 3
     C, w = belief.C, belief.omega
     l0, l1, l2 = parameters[0], parameters[1], parameters[2]
     b0, b1, b2 = w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0
@@ -34,5 +40,6 @@ MEASUREMENT = Measurement(
     ("speed", "speed", "speed"),
     parameters="antenna",
     vector="n",
+    estimable=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",
 )

@@ -53,6 +53,22 @@ __all__ = [
     "WALK",
     "FIRST",
     "OF_KIND",
+    "BROUGHT",
+    "CLOCK_STATE",
+    "ARM_STATE",
+    "MOUNTING_STATE",
+    "SCALE_STATE",
+    "ESTIMATED",
+    "DELAY",
+    "AGE",
+    "CLOCK_AT",
+    "SLIP",
+    "FORCE",
+    "LAG",
+    "MEAN",
+    "REST",
+    "RATE",
+    "TURN",
     "POSITION_KIND",
     "VELOCITY_KIND",
     "HEADING_KIND",
@@ -222,6 +238,9 @@ class Cursor(NamedTuple):
     floor: Array  # (sources, 3): least standard deviations
     tests: Array  # (sources, TESTS): tests of the innovations
     log: Array  # (rows, LOG_WIDTH): what a user must know
+    # (rows, core.recent_motion.WIDTH): the motion of the last seconds; no rows where nobody looks
+    # back
+    recent: Array
 
 
 class Output(NamedTuple):
@@ -236,10 +255,20 @@ class Output(NamedTuple):
     mark: Ints  # int64 per row: calls before it; unused without a record
 
 
-PARAMETERS, WALK, FIRST, OF_KIND = 9, 6, 7, 8
+WALK, FIRST, OF_KIND, BROUGHT = 6, 7, 8, 9
 """Numbers that a source hands to its observer. Of a source that brings states along, WALK is their
-random walk (unit/sqrt(s)) and FIRST the index of the first of them; OF_KIND says which of the
-sources of its kind it is, from 0."""
+random walk (unit/sqrt(s)), FIRST the index of the first of them and BROUGHT how many there are;
+OF_KIND says which of the sources of its kind it is, from 0."""
+CLOCK_STATE, ARM_STATE, MOUNTING_STATE, SCALE_STATE, ESTIMATED = 10, 11, 14, 17, 18
+"""Index of the state that is the error of a parameter of the installation, or 0: of the clock, of
+the three components of the lever arm, of the three angles of the mounting, of the scale. ESTIMATED
+is 1 where any of them is a state."""
+DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
+"""s that a fix waits before it is used, so that what the filter looks back at is there; s by which
+the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
+them before a fix; side slip of a constraint (rad per m/s^2)."""
+FORCE, LAG, MEAN, REST, RATE, TURN, PARAMETERS = 23, 26, 29, 32, 35, 38, 47
+"""What happened in AGE, see core/recent_motion.py: vectors, and a matrix of nine."""
 VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
 before the next accepted position fix; not to be believed, because something contradicts it."""
@@ -302,7 +331,7 @@ if COMPILED:
     CURSOR = _named(
         Cursor,
         *(_count, _line, _line, _line, _count, _count, _count, _line, _count, _line),
-        *(_line, _table, _table, _table, _table),
+        *(_line, _table, _table, _table, _table, _table),
     )
     OUTPUT, RECORDED_OUTPUT = (
         _named(Output, _table, _cube, _table, record, _count) for record in (_line, _table)
@@ -447,6 +476,8 @@ class Filter(NamedTuple):
     # them holds now, counted from 1; 0 for none
     conditions: tuple[Condition, ...] = ()
     condition: int | None = None
+    # whether states that are parameters of the installation may stand behind its own
+    installation: bool = False
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied
@@ -490,3 +521,5 @@ class Measurement(NamedTuple):
     states: tuple[str, ...] = ()
     state_sd: float = 0.0  # their initial standard deviation
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)
+    # parameters of the installation that its observation knows as states: names of `estimable`
+    estimable: tuple[str, ...] = ()

@@ -24,15 +24,16 @@ from .jit import helper
     CONDITION,
     DOUBTFUL_CONDITIONS,
     LOGGED,
+    LATEST,
     CURSOR_SIZE,
-) = range(20)
+) = range(21)
 """Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep
 rows with row % every == phase, status by gaps alone, FAULT = 1 once the belief left the
 latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a
 position, calls of predict and correct so far, and the address of the kernel that records a call;
 samples so far, axes that repeat their value, fixes that must still confirm it, status as
 rows show it, place of the filter's condition in its workspace or -1, bits of those conditions that
-make rows doubtful, rows of the log."""
+make rows doubtful, rows of the log; row of the recent motion that is now."""
 
 NOW, CAUSE, BROKEN = 0, 1, 2
 """Cursor.now: time of the belief, time of the last cause of doubt; seconds for which samples could

@@ -21,7 +21,10 @@ from ..typing import Array, Ints
 from . import contract
 from .contract import (
     BRIDGED,
+    BROUGHT,
+    CLOCK_STATE,
     CORRECT,
+    DELAY,
     DOUBTFUL,
     FIRST,
     INVALID,
@@ -94,6 +97,7 @@ from .integrity import (
 )
 from .jit import caller, flatten, helper, inlined, kernel, plain
 from .mechanization import compensate, stationary_increments
+from .recent_motion import keep, look_back
 from .rotation import matrix_to_quaternion
 
 T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
@@ -222,18 +226,26 @@ def _advance(
             for i in range(6):
                 part[i] = whole[i] * (span / left)
                 whole[i] -= part[i]
-            predict_at(predict)(belief, part, span, noise)
-            _save_step(belief, at, out.record)
+            _predict(predict, belief, part, span, noise, cursor, out)
             left -= span
         elif span > SAME_TIME:
-            predict_at(predict)(belief, whole, left, noise)
-            _save_step(belief, at, out.record)
+            _predict(predict, belief, whole, left, noise, cursor, out)
             left = 0.0
         _use_fix(correct, observers, belief, fixes, cursor, out)
     if left > 0:
-        predict_at(predict)(belief, whole, left, noise)
-        _save_step(belief, at, out.record)
+        _predict(predict, belief, whole, left, noise, cursor, out)
     now[0] = until
+
+
+@inlined
+def _predict(
+    predict: int, belief: Belief, u: Array, dt: float, noise: Noise, cursor: Cursor, out: Output
+) -> None:
+    """One prediction, and what is kept of it."""
+    predict_at(predict)(belief, u, dt, noise)
+    _save_step(belief, cursor.at, out.record)
+    if cursor.recent.shape[0] > 0:
+        keep(cursor, belief, dt)
 
 
 @inlined
@@ -258,6 +270,8 @@ def _use_fix(
         nis = math.nan
         for i in range(6):
             innovation[i] = math.nan
+    if fixes.parameters[s, CLOCK_STATE] > 0:
+        look_back(cursor, belief, fixes.parameters[s])
     while believable:  # once, or a second time with the gate lifted
         for i in range(3):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -323,7 +337,8 @@ def _use_fix(
         at[STATUS] = VALID
     cursor.accepted[s] += use > 0
     cursor.rejected[s] += use == REJECTED_FIX
-    row[F_T], row[F_SOURCE], row[F_NIS], row[F_USE] = t, s, nis, use
+    row[F_T], row[F_SOURCE] = t - fixes.parameters[s, DELAY], s
+    row[F_NIS], row[F_USE] = nis, use
     for i in range(3):
         row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
     at[FIX] += 1
@@ -342,14 +357,10 @@ def _save_step(belief: Belief, at: Ints, record: Array) -> None:
 
 @helper
 def _walk(P: Array, parameters: Array, s: int, seconds: float) -> None:
-    """The random walk of the states of source `s`, which reach up to those of the next one; only
-    its fixes see them, so it can wait for one."""
-    last = P.shape[0]
-    for other in range(s + 1, parameters.shape[0]):
-        if parameters[other, FIRST] > 0:
-            last = int(parameters[other, FIRST])
-            break
-    for i in range(int(parameters[s, FIRST]), last):
+    """The random walk of the states that source `s` brought along; only its fixes see them, so it
+    can wait for one."""
+    first = int(parameters[s, FIRST])
+    for i in range(first, first + int(parameters[s, BROUGHT])):
         P[i, i] += parameters[s, WALK] * parameters[s, WALK] * seconds
 
 

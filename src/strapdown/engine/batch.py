@@ -14,6 +14,7 @@ from ..vehicle import GivenVehicle, find as find_vehicle
 from .attitude_first import fed
 from .finish import solution
 from .heading_hypotheses import aligned
+from .installation import Estimate, with_estimates
 from .prepare import (
     Asked,
     GivenImu,
@@ -39,6 +40,7 @@ def fuse(
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
     vehicle: GivenVehicle | None = None,
+    estimate: Estimate | None = None,
     **options: Any,
 ) -> Solution:
     """Run `filter` over `recording` and return the Solution.
@@ -51,12 +53,16 @@ def fuse(
     Hz is the `attitude` aiding (default: `attitude-mekf` where `filter` needs attitude, the
     recording has none and something in it measures the heading); vehicle: one of vehicle.VEHICLES, or
     a Vehicle, beyond whose bounds nothing is believed (default: what the recording names, else any);
+    estimate: parameters of the installation that become states, such as ["clock", "lever-arm"], or
+    {name: prior standard deviation} (default: what the recording names; [] for none);
     options: the filter's own. Raises DataError.
     """
     run = begin(
         recording,
         filter,
-        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle),
+        Asked(
+            options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate
+        ),
     )
     run.complete(progress)
     return solution(run)
@@ -74,6 +80,7 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
         recording = replace(
             recording, meta=recording.meta | {"vehicle": find_vehicle(asked.vehicle)}
         )
+    recording = with_estimates(recording, asked.estimate)
     imu, start = asked.imu, asked.start
     whole = isinstance(start, Start) and not left_open(start)
     noise, spec = assumed_noise(

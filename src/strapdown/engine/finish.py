@@ -63,11 +63,11 @@ def solution(run: Run) -> Solution:
         rows = np.searchsorted(samples.t, trajectory.t)
         omega = samples.dtheta[rows] / samples.dt[rows, None] - nav[:, loop.BIASES + 3 : loop.SD]
         trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
-    own = [name for name, _ in brought(recording.aidings)]
-    columns = {
-        name: nav[:, loop.NAV_WIDTH + i]
-        for i, name in enumerate((*filter.columns, *own, *(f"sd of {name}" for name in own)))
-    }
+    own = brought(recording.aidings, recording.meta.get("estimate"))
+    names = [(name, 1.0) for name in filter.columns]
+    names += [(each.name, each.factor) for each in own]
+    names += [(f"sd of {each.name}", each.factor) for each in own]
+    columns = {name: nav[:, loop.NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)}
     if filter.diagnose:
         events += filter.diagnose(nav[:, loop.T], nav[:, loop.LLA : loop.V], columns)
     return Solution(

@@ -2,7 +2,7 @@
 fixes, cursor and output, all held in a `Run`."""
 
 import inspect
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
@@ -15,7 +15,9 @@ from ..alignment.completed import MOST_HEADING, PARTS
 from ..checks import DataError, brief, shown
 from ..core import cursor as places, loop
 from ..core.contract import (
+    BROUGHT,
     COMPILED,
+    DELAY,
     FIRST,
     OF_KIND,
     PARAMETERS,
@@ -34,13 +36,16 @@ from ..core.contract import (
     is_cached,
 )
 from ..core.earth import LATITUDE_LIMIT
+from ..core.recent_motion import new_recent
 from ..data import Aiding
 from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Ints, Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
+from . import installation
 from .events import Events
+from .installation import Estimate
 from .limits import floors, limits
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500
@@ -64,6 +69,11 @@ GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
 """What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
 
 
+OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
+"""{parameter of the IMU that is estimated: prior standard deviations}, as `Recording.meta` has it
+under "estimate"."""
+
+
 class Asked(NamedTuple):
     """What a run is asked for beside its recording and its filter; see `engine.batch.fuse`."""
 
@@ -77,6 +87,7 @@ class Asked(NamedTuple):
     ahrs: str | Filter | None = None
     ahrs_rate: float = AHRS_RATE  # Hz
     vehicle: GivenVehicle | None = None
+    estimate: Estimate | None = None
 
 
 class Prepared(NamedTuple):
@@ -127,21 +138,11 @@ def blame(error: Exception, filter: Filter, aidings: Sequence[Aiding]) -> None:
         ) from error
 
 
-def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
-    """All fixes later than `after` (s) in time order (Fixes), simultaneous ones in the order of
-    `aidings`."""
+def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | None = None) -> Fixes:
+    """All fixes later than `after` (s) in the order in which they are used (Fixes), simultaneous
+    ones in the order of `aidings`. of_imu: what of the IMU is estimated."""
     sensors = [aiding.find(a.kind) for a in aidings]
     count = len(aidings)
-    t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
-    source = np.repeat(np.arange(count), [len(a.t) for a in aidings])
-    order = np.argsort(t, kind="stable")
-    order = order[t[order] > after]
-    y, sd = (
-        np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])[
-            order
-        ]
-        for part in ("y", "sd")
-    )
     parameters, gate, states = np.zeros((count, PARAMETERS)), np.empty(count), STATES
     kinds = [a.kind for a in aidings]
     for s, (a, sensor) in enumerate(zip(aidings, sensors)):
@@ -149,8 +150,22 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
         parameters[s, OF_KIND] = kinds[:s].count(a.kind)
         if sensor.states:
             parameters[s, WALK], parameters[s, FIRST] = sensor.state_walk, states
+            parameters[s, BROUGHT] = len(sensor.states)
             states += len(sensor.states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
+    installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
+    t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
+    source = np.repeat(np.arange(count), [len(a.t) for a in aidings])
+    later = t > after
+    t += parameters[source, DELAY]
+    order = np.argsort(t, kind="stable")
+    order = order[later[order]]
+    y, sd = (
+        np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])[
+            order
+        ]
+        for part in ("y", "sd")
+    )
     return Fixes(
         t[order],
         source[order].astype(np.int64),
@@ -162,19 +177,32 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf) -> Fixes:
     )
 
 
-def brought(aidings: Sequence[Aiding]) -> list[tuple[str, float]]:
-    """[(name with unit, initial standard deviation)] of the states that these sources bring
-    along, in the order of the states. Raises DataError."""
+class Brought(NamedTuple):
+    """A state beyond the fifteenth."""
+
+    name: str  # with its unit
+    sd: float  # initial standard deviation, SI
+    factor: float = 1.0  # from SI to its unit
+
+
+def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brought]:
+    """The states beyond the fifteenth, in their order: those that these sources bring along, then
+    the parameters of the installation that are estimated. Raises DataError."""
     states = [
-        (f"{a.name or a.kind} {name}", sensor.state_sd)
+        Brought(f"{a.name or a.kind} {name}", sensor.state_sd)
         for a in aidings
         for sensor in [aiding.find(a.kind)]
         for name in sensor.states
     ]
+    states += [
+        Brought(each.name, each.sd, each.of.factor)
+        for each in installation.parameters(aidings, of_imu or {})
+    ]
     if len(states) > STATES:
         raise DataError(
-            f"the sources bring {len(states)} states along, the last is {states[-1][0]!r}; "
-            f"at most {STATES} can be estimated: leave sources out"
+            f"there are {len(states)} states beside the filter's own, the last is "
+            f"{states[-1].name!r}; at most {STATES} can be estimated: leave sources out, or "
+            f"estimate less"
         )
     return states
 
@@ -231,8 +259,10 @@ def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Arra
         floors(aidings),
         np.zeros((sources, places.TESTS)),
         np.zeros((places.LOG_ROWS, places.LOG_WIDTH)),
+        new_recent(t, any("clock" in a.estimate for a in aidings)),
     )
     at = cursor.at
+    at[places.LATEST] = 1
     at[places.EVERY], at[places.POSITIONED] = 1, positioned(filter)
     at[places.CONDITION] = -1 if filter.condition is None else filter.condition
     doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
@@ -324,7 +354,8 @@ def ready(
     )
     options, said = fitted(filter, asked.options, aidings)
     notes += said
-    belief = new_belief(filter, start, noise, options, aidings)
+    of_imu = recording.meta.get("estimate")
+    belief = new_belief(filter, start, noise, options, aidings, of_imu)
     prepared = prepare(filter, [a.kind for a in aidings], asked.say)
     samples = Imu(*(np.require(column, float, ["C", "W"]) for column in recording.imu))
     first, rows = (
@@ -342,7 +373,7 @@ def ready(
             f"sample; "
             f"the longest gap is {LONGEST_GAP:.0f} s"
         )
-    fixes = merge(aidings, start.t + loop.SAME_TIME)
+    fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
     vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))
     cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle))
     every = asked.every
@@ -472,12 +503,14 @@ def new_belief(
     noise: Noise,
     options: dict[str, Any],
     aidings: Sequence[Aiding],
+    of_imu: OfImu | None = None,
 ) -> Belief:
     """The belief that `filter` begins with on these sources; raises DataError for a start, a
     noise or an option that it cannot use."""
     check_start(start, noise)
     check_options(filter, options)
-    start = start._replace(sd=(*start.sd, *(sd for _, sd in brought(aidings))))
+    installation.check_estimates(filter, installation.parameters(aidings, of_imu or {}))
+    start = start._replace(sd=(*start.sd, *(each.sd for each in brought(aidings, of_imu))))
     try:
         return filter.begin(start, noise, **options)
     except (TypeError, ValueError) as error:

@@ -41,6 +41,7 @@ from ..vehicle import GivenVehicle
 from .batch import begin
 from .events import Events
 from .finish import solution
+from .installation import Estimate
 from .prepare import Asked, GivenImu, Run, new_output
 
 RECORDED_ROWS = 512 if COMPILED else 250
@@ -66,6 +67,7 @@ def smooth(
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
     vehicle: GivenVehicle | None = None,
+    estimate: Estimate | None = None,
     **options: Any,
 ) -> Solution:
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
@@ -83,7 +85,9 @@ def smooth(
     run = begin(
         recording,
         filter,
-        Asked(options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle),
+        Asked(
+            options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate
+        ),
     )
     kernels: list[Any] = [
         run_back,

@@ -70,4 +70,5 @@ CLOSED_LOOP = Filter(
     correct,
     slots=ERROR_STATE,
     smoother=SMOOTHER,
+    installation=True,
 )

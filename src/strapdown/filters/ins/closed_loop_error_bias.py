@@ -57,4 +57,5 @@ CLOSED_LOOP_ERROR_BIAS = Filter(
     correct,
     slots=ERROR_STATE,
     smoother=SMOOTHER,
+    installation=True,
 )

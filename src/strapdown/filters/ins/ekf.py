@@ -265,4 +265,5 @@ EKF = Filter(
     predict,
     correct,
     slots=SLOTS,
+    installation=True,
 )

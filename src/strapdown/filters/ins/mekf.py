@@ -125,4 +125,5 @@ MEKF = Filter(
     correct,
     slots=SLOTS,
     smoother=Smoother(lambda n: adjoint.width(n) + 3, save_step, adjoint_step),
+    installation=True,
 )

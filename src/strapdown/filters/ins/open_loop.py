@@ -232,4 +232,5 @@ OPEN_LOOP = Filter(
     conditions=CONDITIONS,
     condition=CONDITION,
     smoother=SMOOTHER,
+    installation=True,
 )

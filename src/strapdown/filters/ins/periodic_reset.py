@@ -107,4 +107,5 @@ PERIODIC_RESET = Filter(
     conditions=CONDITIONS,
     condition=CONDITION,
     smoother=SMOOTHER,
+    installation=True,
 )

@@ -23,4 +23,5 @@ CKF = Filter(
     correct,
     slots=SLOTS,
     diagnose=repairs,
+    installation=True,
 )

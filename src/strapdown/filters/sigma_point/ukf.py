@@ -56,4 +56,5 @@ UKF = Filter(
     correct,
     slots=SLOTS,
     diagnose=repairs,
+    installation=True,
 )

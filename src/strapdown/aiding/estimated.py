@@ -1,0 +1,274 @@
+"""Observations where parameters of the installation are states: what `position`, `velocity` and the
+velocities of a vehicle see then, with the columns of H of all states.
+
+The clock's state says that the fix held AGE s before the belief, and later by the difference of the
+state to CLOCK_AT; see core/recent_motion.py. What the arm and the clock do to the attitude's and the
+gyro bias' columns is in them; accelerometer errors over AGE are left out.
+"""
+
+from ..core.contract import (
+    AGE,
+    ARM_STATE,
+    CLOCK_AT,
+    CLOCK_STATE,
+    FORCE,
+    LAG,
+    MEAN,
+    MOUNTING_STATE,
+    RATE,
+    REST,
+    SCALE_STATE,
+    STATES,
+    TURN,
+    Belief,
+    helper,
+    matrix,
+)
+from ..core.rotation import turned
+from ..typing import Array
+
+Three = tuple[float, float, float]
+
+
+@helper
+def cross(a: Three, b: Three) -> Three:
+    """a x b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@helper
+def turned_back(C: Array, a: Three) -> Three:
+    """C' a."""
+    return (
+        C[0, 0] * a[0] + C[1, 0] * a[1] + C[2, 0] * a[2],
+        C[0, 1] * a[0] + C[1, 1] * a[1] + C[2, 1] * a[2],
+        C[0, 2] * a[0] + C[1, 2] * a[1] + C[2, 2] * a[2],
+    )
+
+
+@helper
+def error(belief: Belief, parameters: Array, place: int) -> float:
+    """The estimated error of a parameter; 0 of one that is no state."""
+    state = int(parameters[place])
+    return belief.extra_states[state - STATES] if state > 0 else 0.0
+
+
+@helper
+def errors(belief: Belief, parameters: Array, place: int) -> Three:
+    """Those of three parameters."""
+    return (
+        error(belief, parameters, place),
+        error(belief, parameters, place + 1),
+        error(belief, parameters, place + 2),
+    )
+
+
+@helper
+def column(H: Array, parameters: Array, place: int, by: Three) -> None:
+    """Three rows of H: the derivatives by one parameter, where it is a state."""
+    state = int(parameters[place])
+    if state > 0:
+        H[0, state], H[1, state], H[2, state] = by
+
+
+@helper
+def arm_of_vehicle(belief: Belief, parameters: Array) -> Three:
+    """The lever arm with its error, in axes of the vehicle."""
+    d = errors(belief, parameters, ARM_STATE)
+    return parameters[0] + d[0], parameters[1] + d[1], parameters[2] + d[2]
+
+
+@helper
+def arm_of_body(belief: Belief, parameters: Array) -> Three:
+    """The same in axes of the body."""
+    l = arm_of_vehicle(belief, parameters)
+    by = cross(errors(belief, parameters, MOUNTING_STATE), l)
+    return l[0] - by[0], l[1] - by[1], l[2] - by[2]
+
+
+@helper
+def axis(k: int) -> Three:
+    """The unit vector along axis 0, 1 or 2."""
+    return (
+        1.0 if k == 0 else 0.0,
+        1.0 if k == 1 else 0.0,
+        1.0 if k == 2 else 0.0,
+    )
+
+
+@helper
+def along_arm(belief: Belief, parameters: Array, H: Array, rate: Three) -> None:
+    """Columns of the lever arm and of the mounting, which turns it, of a position (rate 0) or of a
+    velocity."""
+    C, M = belief.C, matrix(parameters, TURN, 3, 3)
+    swings, l = rate[0] != 0 or rate[1] != 0 or rate[2] != 0, arm_of_vehicle(belief, parameters)
+    for k in range(3):
+        unit = axis(k)
+        arm, turn = unit, cross(l, unit)
+        if swings:
+            arm, turn = cross(rate, arm), cross(rate, turn)
+        column(H, parameters, ARM_STATE + k, in_n(C, M, arm))
+        column(H, parameters, MOUNTING_STATE + k, in_n(C, M, turn))
+
+
+@helper
+def in_n(C: Array, M: Array, x: Three) -> Three:
+    """C M x: from the body at the instant of the fix to n."""
+    y = turned(M, x[0], x[1], x[2])
+    return turned(C, y[0], y[1], y[2])
+
+
+@helper
+def by_attitude(H: Array, x: Three) -> None:
+    """Columns of the attitude of C times a vector, which is x in n."""
+    H[0, 7], H[0, 8] = x[2], -x[1]
+    H[1, 6], H[1, 8] = -x[2], x[0]
+    H[2, 6], H[2, 7] = x[1], -x[0]
+
+
+@helper
+def position(belief: Belief, parameters: Array, innovation: Array, H: Array) -> None:
+    """What becomes of an innovation y - p (m, NED) of an antenna's position."""
+    C, M, v = belief.C, matrix(parameters, TURN, 3, 3), belief.v
+    later = error(belief, parameters, CLOCK_STATE) - parameters[CLOCK_AT]
+    age = parameters[AGE] - later
+    omega, l = rate_then(belief, parameters), arm_of_body(belief, parameters)
+    swing = cross(omega, l)
+    arm = turned(M, l[0] + later * swing[0], l[1] + later * swing[1], l[2] + later * swing[2])
+    F, Q, f = parameters[FORCE : FORCE + 3], parameters[LAG : LAG + 3], parameters[MEAN : MEAN + 3]
+    half, r = 0.5 * later * later, parameters[REST : REST + 3]
+    x = turned(
+        C,
+        arm[0] + Q[0] - later * F[0] + half * f[0],
+        arm[1] + Q[1] - later * F[1] + half * f[1],
+        arm[2] + Q[2] - later * F[2] + half * f[2],
+    )
+    s = turned(M, swing[0], swing[1], swing[2])
+    by_clock = turned(
+        C,
+        s[0] - F[0] + later * f[0],
+        s[1] - F[1] + later * f[1],
+        s[2] - F[2] + later * f[2],
+    )
+    for i in range(3):
+        innovation[i] -= x[i] - age * v[i] + 0.5 * age * age * r[i]
+        H[i, i], H[i, 3 + i] = 1.0, -age
+        for j in range(3):  # what an accelerometer bias does to LAG and FORCE
+            H[i, 9 + j] = -0.5 * age * age * C[i, j]
+    by_attitude(H, x)
+    column(
+        H,
+        parameters,
+        CLOCK_STATE,
+        (
+            by_clock[0] + v[0] - age * r[0],
+            by_clock[1] + v[1] - age * r[1],
+            by_clock[2] + v[2] - age * r[2],
+        ),
+    )
+    along_arm(belief, parameters, H, (0.0, 0.0, 0.0))
+
+
+@helper
+def rate_then(belief: Belief, parameters: Array) -> Three:
+    """The angular rate at the instant of the fix, rad/s, body."""
+    w = belief.omega
+    return w[0] + parameters[RATE], w[1] + parameters[RATE + 1], w[2] + parameters[RATE + 2]
+
+
+@helper
+def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> None:
+    """What becomes of an innovation y - v (m/s, NED) of an antenna's velocity."""
+    C, M = belief.C, matrix(parameters, TURN, 3, 3)
+    later = error(belief, parameters, CLOCK_STATE) - parameters[CLOCK_AT]
+    age = parameters[AGE] - later
+    omega, l = rate_then(belief, parameters), arm_of_body(belief, parameters)
+    swing = cross(omega, l)
+    s, more = turned(M, swing[0], swing[1], swing[2]), cross(omega, swing)
+    F, f, r = (
+        parameters[FORCE : FORCE + 3],
+        parameters[MEAN : MEAN + 3],
+        parameters[REST : REST + 3],
+    )
+    x = turned(
+        C,
+        s[0] - F[0] + later * f[0],
+        s[1] - F[1] + later * f[1],
+        s[2] - F[2] + later * f[2],
+    )
+    m = turned(M, more[0], more[1], more[2])
+    by_clock = turned(C, f[0] + m[0], f[1] + m[1], f[2] + m[2])
+    for i in range(3):
+        innovation[i] -= x[i] - age * r[i]
+        H[i, 3 + i] = 1.0
+        for j in range(3):  # what an accelerometer bias does to FORCE
+            H[i, 9 + j] = age * C[i, j]
+        # of the gyro bias: C M [l x]
+        a, b, c = (
+            C[i, 0] * M[0, 0] + C[i, 1] * M[1, 0] + C[i, 2] * M[2, 0],
+            C[i, 0] * M[0, 1] + C[i, 1] * M[1, 1] + C[i, 2] * M[2, 1],
+            C[i, 0] * M[0, 2] + C[i, 1] * M[1, 2] + C[i, 2] * M[2, 2],
+        )
+        H[i, 12], H[i, 13], H[i, 14] = b * l[2] - c * l[1], c * l[0] - a * l[2], a * l[1] - b * l[0]
+    by_attitude(H, x)
+    column(
+        H,
+        parameters,
+        CLOCK_STATE,
+        (by_clock[0] + r[0], by_clock[1] + r[1], by_clock[2] + r[2]),
+    )
+    along_arm(belief, parameters, H, omega)
+
+
+@helper
+def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> None:
+    """One row: y - velocity of a point along axis k of the vehicle, times 1 + scale."""
+    C, M, v = belief.C, matrix(parameters, TURN, 3, 3), belief.v
+    later = error(belief, parameters, CLOCK_STATE) - parameters[CLOCK_AT]
+    age, scale = parameters[AGE] - later, 1.0 + error(belief, parameters, SCALE_STATE)
+    F, f, r = (
+        parameters[FORCE : FORCE + 3],
+        parameters[MEAN : MEAN + 3],
+        parameters[REST : REST + 3],
+    )
+    omega, l = rate_then(belief, parameters), (parameters[0], parameters[1], parameters[2])
+    w = v[0] - age * r[0], v[1] - age * r[1], v[2] - age * r[2]
+    b = turned_back(C, w)
+    b = b[0] - F[0] + later * f[0], b[1] - F[1] + later * f[1], b[2] - F[2] + later * f[2]
+    b, swing = turned_back(M, b), cross(omega, l)
+    rolled = cross(omega, b)
+    b = (
+        b[0] + swing[0] - later * rolled[0],
+        b[1] + swing[1] - later * rolled[1],
+        b[2] + swing[2] - later * rolled[2],
+    )
+    mu = errors(belief, parameters, MOUNTING_STATE)
+    u = axis(k)  # of the vehicle, in the body: exp(-mu x) u, to second order
+    once = cross(u, mu)
+    twice = cross(once, mu)
+    u = (
+        u[0] + once[0] + 0.5 * twice[0],
+        u[1] + once[1] + 0.5 * twice[1],
+        u[2] + once[2] + 0.5 * twice[2],
+    )
+    speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
+    innovation[0] = y[0] - scale * speed
+    c = in_n(C, M, u)
+    by_attitude_row, by_bias, by_mounting = cross(c, w), cross(u, l), cross(b, u)
+    for i in range(3):
+        H[0, 3 + i] = scale * c[i]
+        H[0, 6 + i] = scale * by_attitude_row[i]
+        H[0, 12 + i] = scale * by_bias[i]
+        if parameters[MOUNTING_STATE + i] > 0:
+            H[0, int(parameters[MOUNTING_STATE + i])] = scale * by_mounting[i]
+    if parameters[SCALE_STATE] > 0:
+        H[0, int(parameters[SCALE_STATE])] = speed
+    if parameters[CLOCK_STATE] > 0:
+        a = turned_back(C, (r[0], r[1], r[2]))
+        a = turned_back(M, (a[0] + f[0], a[1] + f[1], a[2] + f[2]))
+        a = a[0] - rolled[0], a[1] - rolled[1], a[2] - rolled[2]
+        H[0, int(parameters[CLOCK_STATE])] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])

@@ -1,0 +1,197 @@
+"""Parameters of an installation as states of a filter: which are asked for, which sources share them,
+and where they stand behind the states that sources bring along."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from .. import aiding, estimable, filters
+from ..checks import DataError, brief, check_choice, check_number
+from ..core.contract import (
+    ARM_STATE,
+    CLOCK_STATE,
+    DELAY,
+    ESTIMATED,
+    MOUNTING_STATE,
+    SCALE_STATE,
+    TURN,
+    Filter,
+)
+from ..data import Aiding
+from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..recording import Recording
+from ..typing import Array
+
+IMU = "imu"
+"""What names the IMU where a source could stand."""
+PLACES = {
+    CLOCK.name: CLOCK_STATE,
+    LEVER_ARM.name: ARM_STATE,
+    MOUNTING.name: MOUNTING_STATE,
+    SCALE.name: SCALE_STATE,
+}
+"""Where a source finds the index of its first component."""
+WAIT, LONGEST_WAIT = 3.0, 1.0
+"""A fix whose clock is a state waits so many prior standard deviations, but at most so many s: later
+than it holds, with any probable offset."""
+
+Prior: TypeAlias = float | Sequence[float] | None
+Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]
+"""What to estimate: names, "clock" of all sources that have one, "gnss clock" of the source gnss,
+"imu gyro-scale"; or {name: prior standard deviation, SI, one or one per component}."""
+
+
+class Parameter(NamedTuple):
+    """A component of a parameter that is a state."""
+
+    of: Estimable
+    component: int
+    sources: tuple[int, ...]  # of the aidings; of the IMU's all that see it
+    sd: float  # prior, SI
+    owner: str  # name of the first source, or "imu"
+
+    @property
+    def name(self) -> str:
+        """As a column of a Solution: the error true - given, with its unit."""
+        words = [self.of.name.replace("-", " "), self.of.components[self.component]]
+        unit = f" [{self.of.unit}]" if self.of.unit else ""
+        return f"{' '.join(filter(None, words))} error of {self.owner}{unit}"
+
+
+def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording:
+    """The recording with what is to be estimated noted at its sources and its IMU, in place of what
+    it names itself; as it is for None. Raises DataError."""
+    if estimate is None:
+        return recording
+    wanted = _wanted(estimate)
+    aidings = [replace(a, estimate={}) for a in recording.aidings]
+    of_imu: dict[str, tuple[float, ...]] = {}
+    for words, prior in wanted.items():
+        *owner, name = words.split()
+        known = {**estimable.OF_SOURCE, **estimable.OF_IMU}
+        check_choice(name, "estimate", known)
+        what, whose = known[name], " ".join(owner)
+        sd = _prior(what, prior)
+        if name in estimable.OF_IMU:
+            if whose not in ("", IMU):
+                raise DataError(f"estimate: {name} is of the IMU, not of {whose!r}")
+            of_imu[name] = sd
+            continue
+        found = [
+            i
+            for i, a in enumerate(aidings)
+            if whose in ("", a.name or a.kind) and name in aiding.find(a.kind).estimable
+        ]
+        if not found:
+            names = ", ".join(
+                a.name or a.kind for a in aidings if name in aiding.find(a.kind).estimable
+            )
+            raise DataError(
+                f"estimate: {whose or 'no source'} has {'no' if whose else 'a'} {name} to estimate; "
+                f"{f'these have: {names}' if names else 'no source of the recording has one'}"
+            )
+        for i in found:
+            aidings[i] = replace(aidings[i], estimate={**aidings[i].estimate, name: sd})
+    return replace(recording, aidings=tuple(aidings), meta=recording.meta | {"estimate": of_imu})
+
+
+def _wanted(estimate: Estimate) -> dict[str, Prior]:
+    """{name, maybe with its owner: prior or None}. Raises DataError."""
+    if isinstance(estimate, str):
+        estimate = [part.strip() for part in estimate.split(",")]
+    if isinstance(estimate, Mapping):
+        return dict(estimate)
+    try:
+        names = list(estimate)
+    except TypeError:
+        names = []
+    if not all(isinstance(name, str) and name.split() for name in names):
+        raise DataError(
+            f"estimate is {brief(estimate)}; it must be names, such as ['clock', 'lever-arm']"
+        )
+    return dict.fromkeys(names)
+
+
+def _prior(what: Estimable, prior: Any) -> tuple[float, ...]:
+    """Prior standard deviations by component, SI. Raises DataError."""
+    if prior is None:
+        return what.sd
+    many = len(what.components)
+    values = (
+        tuple(np.broadcast_to(np.asarray(prior, float), many))
+        if np.ndim(prior) == 0
+        else tuple(prior)
+    )
+    if len(values) != many:
+        raise DataError(
+            f"estimate: {what.name} has {many} components, and {len(values)} standard deviations "
+            f"are given"
+        )
+    for value in values:
+        check_number(value, f"estimate: standard deviation of {what.name}", least=0, most=what.most)
+    if not any(values):
+        raise DataError(f"estimate: all standard deviations of {what.name} are 0; leave it out")
+    return tuple(float(value) for value in values)
+
+
+def parameters(
+    aidings: Sequence[Aiding], of_imu: Mapping[str, tuple[float, ...]]
+) -> list[Parameter]:
+    """The parameters that are states, in their order. Sources of position and velocity with the
+    same lever arm are one antenna: what both ask for is one state."""
+    found: list[Parameter] = []
+    for name, what in estimable.OF_SOURCE.items():
+        done: set[int] = set()
+        for i, a in enumerate(aidings):
+            if name not in a.estimate or i in done:
+                continue
+            together = [
+                j
+                for j, other in enumerate(aidings)
+                if j == i or (name in other.estimate and _same_antenna(a, other))
+            ]
+            done |= set(together)
+            found += _components(what, a.estimate[name], tuple(together), a.name or a.kind)
+    for name, what in estimable.OF_IMU.items():
+        if name in of_imu:
+            seeing = tuple(
+                i for i, a in enumerate(aidings) if name in aiding.find(a.kind).estimable
+            )
+            found += _components(what, of_imu[name], seeing, IMU)
+    return found
+
+
+def _components(
+    what: Estimable, sd: Sequence[float], sources: tuple[int, ...], owner: str
+) -> list[Parameter]:
+    return [Parameter(what, k, sources, value, owner) for k, value in enumerate(sd) if value > 0]
+
+
+def _same_antenna(a: Aiding, b: Aiding) -> bool:
+    gnss = ("position", "velocity")
+    return a.kind in gnss and b.kind in gnss and tuple(a.parameters) == tuple(b.parameters)
+
+
+def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
+    """Refuse a filter that cannot estimate an installation. Raises DataError."""
+    if found and not filter.installation:
+        able = [name for name in filters.names() if filters.find(name).installation]
+        raise DataError(
+            f"{filter.name} cannot estimate {found[0].of.name}; these can: {', '.join(able)}"
+        )
+
+
+def place(rows: Array, found: Sequence[Parameter], first: int) -> None:
+    """Write into the parameters (sources, PARAMETERS) of the sources where their states are, which
+    begin with the state `first`."""
+    for k, parameter in enumerate(found):
+        if parameter.of.name not in PLACES:
+            continue
+        for s in parameter.sources:
+            rows[s, PLACES[parameter.of.name] + parameter.component] = first + k
+            rows[s, ESTIMATED] = 1
+            if parameter.of is CLOCK:
+                rows[s, DELAY] = min(WAIT * parameter.sd, LONGEST_WAIT)
+    rows[:, TURN : TURN + 9] = np.eye(3).ravel()
