@@ -145,7 +145,10 @@ class Twin:
             )
             * dt
         )
-        S[V, V] += 2 * self.correlation / dt * CROSS(f) @ S[A, A] @ CROSS(f).T
+        # without velocities the given attitude is also wrong by what the estimate has more than it
+        d = (coordinates(x.angles) @ self.at.minus(x))[A] * (self.since >= 3)
+        tilt = S[A, A] + np.outer(d, d)
+        S[V, V] += 2 * self.correlation / dt * CROSS(f) @ tilt @ CROSS(f).T
         self.P = last @ S @ last.T
         self.at = moved.plus(last @ first @ self.at.minus(x))
         if bar is not None:
