@@ -4,8 +4,6 @@ given it may be."""
 import math
 from typing import NamedTuple
 
-GNSS, REFERENCE = "gnss", "reference"
-
 
 class Estimable(NamedTuple):
     """A parameter of one or more components, each of which becomes a state where its prior standard
@@ -20,8 +18,9 @@ class Estimable(NamedTuple):
 
 
 AXES, ANGLES = ("forward", "right", "down"), ("roll", "pitch", "heading")
-MISALIGNED = ("xy", "xz", "yx", "yz", "zx", "zy")
-"""Of axes x, y, z: how much of the second gets into the first."""
+MISALIGNED = ("xy", "xz", "yz", "yx", "zx", "zy")
+"""Of axes x, y, z: how much of the second gets into the first; the first three are those of a
+triad that defines the axes itself."""
 
 CLOCK = Estimable("clock", ("",), "s", 1.0, (0.1,), 2.0)
 """s to add to the time stamps of a source."""
@@ -41,13 +40,12 @@ GYRO_MISALIGNMENT = Estimable(
 )
 ACCEL_MISALIGNMENT = Estimable(
     "accel-misalignment",
-    MISALIGNED[:1] + MISALIGNED[1:2] + MISALIGNED[3:4],
+    MISALIGNED[:3],
     "deg",
     math.degrees(1),
     (0.01,) * 3,
     math.radians(10),
 )
-"""The accelerometers define the axes: above the diagonal alone."""
 
 OF_SOURCE = {each.name: each for each in (CLOCK, LEVER_ARM, SCALE)}
 OF_IMU = {
