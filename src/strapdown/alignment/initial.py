@@ -19,6 +19,7 @@ from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding
 from ..geodesy import displaced, displacement
+from ..preprocessing.lever_arm import swung
 from ..recording import Recording
 from ..rotation_products import running_products
 from ..typing import Array, Ints
@@ -167,15 +168,18 @@ def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Sta
     if record := _recorded(recording, t, moment.bg):
         roll, pitch, level_sd, level_note = _level_recorded(record, psi)
     C = body_to_navigation(roll, pitch, psi)
-    v = moment.v - C @ np.cross(moment.omega, _arm(moment.velocity))
-    lla = displaced(fixes.y[k], v * (t - fixes.t[k]) - C @ _arm(fixes))
-    sd = [
-        *np.hypot(fixes.sd[k], abs(t - fixes.t[k]) * moment.v_sd),
-        *moment.v_sd,
-        *np.broadcast_to(level_sd, 2),
-        heading.sd,
-        *moment.bias_sd,
-    ]
+    arm, swinging = C @ _arm(fixes), _arm(moment.velocity)
+    swing = C @ np.cross(moment.omega, swinging)
+    v = moment.v - swing
+    lla = displaced(fixes.y[k], v * (t - fixes.t[k]) - arm)
+    attitude_sd = np.r_[np.broadcast_to(level_sd, 2), heading.sd]
+    # what an error of the attitude, and of the rate, does to the lever arms
+    v_sd = np.hypot(
+        swung(moment.v_sd, swing, attitude_sd),
+        np.linalg.norm(moment.bias_sd[3:]) * np.linalg.norm(swinging),
+    )
+    lla_sd = swung(np.hypot(fixes.sd[k], abs(t - fixes.t[k]) * v_sd), arm, attitude_sd)
+    sd = [*lla_sd, *v_sd, *attitude_sd, *moment.bias_sd]
     return _start(
         t,
         lla,
@@ -364,16 +368,20 @@ def _arm(source: Aiding | None) -> Array:
 
 
 def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array]:
-    """Mean angular rate (rad/s, less the gyro bias) and specific force (m/s^2) over half a
-    second before and after t."""
+    """Angular rate (rad/s, less the gyro bias) at t, of a straight line through half a second before
+    and after, and mean specific force (m/s^2) over these."""
     imu = recording.imu
     rows = slice(
         *np.clip(
             np.searchsorted(imu.t, [t - 0.5, t + 0.5 + 1e-9]), [0, 1], [len(imu.t) - 1, len(imu.t)]
         )
     )
-    seconds = imu.dt[rows].sum()
-    return imu.dtheta[rows].sum(axis=0) / seconds - bg, imu.dv[rows].sum(axis=0) / seconds
+    dt = imu.dt[rows]
+    seconds, after = dt.sum(), imu.t[rows] - 0.5 * dt - t
+    mean, rate = after @ dt / seconds, imu.dtheta[rows].sum(axis=0) / seconds
+    away = after - mean
+    slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9)
+    return rate - mean * slope - bg, imu.dv[rows].sum(axis=0) / seconds
 
 
 def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) -> float:

@@ -134,11 +134,11 @@ def gnss_at(
         return replace(
             fixes,
             y=displaced(fixes.y, -arm),
-            sd=_grown(fixes.sd, arm, sd),
+            sd=swung(fixes.sd, arm, sd),
             parameters=(0.0, 0.0, 0.0),
         )
     swing = turn.apply(np.cross(_rates(imu, fixes.t), lever_arm))
-    grown = np.hypot(_grown(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
+    grown = np.hypot(swung(fixes.sd, swing, sd), rate_sd * np.linalg.norm(lever_arm))
     return replace(fixes, y=fixes.y - swing, sd=grown, parameters=(0.0, 0.0, 0.0))
 
 
@@ -192,9 +192,9 @@ def _rates(imu: Imu | None, at: Array) -> Array:
     return imu.dtheta[rows] / imu.dt[rows, None]
 
 
-def _grown(sd: Array, arm: Array, attitude_sd: Array) -> Array:
-    """Standard deviations (n, 3) grown by what a rotation error of `attitude_sd` (n, 3), about
-    north, east, down, does to `arm` (n, 3) in n."""
+def swung(sd: Array, arm: Array, attitude_sd: Array) -> Array:
+    """Standard deviations (n, 3) or (3,) grown by what a rotation error of `attitude_sd`, about
+    north, east, down, does to `arm` in n, of the same shape."""
     north, east, down = arm.T
     a, b, c = attitude_sd.T
     added = [
