@@ -225,6 +225,30 @@ def test_an_unknown_heading_converges_in_motion():
 # ---- refusals and overrides
 
 
+def test_a_high_antenna_on_a_rolling_ship_leaves_an_honest_start():
+    """The record begins in the middle of a roll: seconds after it tell another rate than that of
+    the start, and the antenna swings 12 m above the IMU."""
+    roll = lambda t: 0.1 * np.cos(2 * np.pi * t / 8.0)  # noqa: E731
+    motion = Motion(
+        "ship",
+        (0.8, 0.2, 0.0),
+        lambda t: (6.0 + 0 * t, 0 * t, 0 * t),
+        lambda t: (roll(t), 0 * t, 0 * t),
+    )
+    gnss = Gnss(0.5, (1.0, 1.0, 1.5), (0.1,) * 3, (-5.0, 0.5, -12.0))
+    found = []
+    for seed in range(10):
+        recording = sd.simulate(motion, 12.0, MEMS, seed, 50.0, gnss).between(2.0)
+        found.append(scores(recording, align(recording, MEMS, at=2.0))[0][:9])
+    assert np.sqrt(np.mean(np.square(found), axis=0)).max() < 1.5
+
+
+@pytest.mark.short
+def test_a_grade_by_its_name_is_refused_here():
+    with pytest.raises(DataError, match="imu is 'tactical'; it must be an ImuSpec"):
+        align(at_rest(), "tactical")
+
+
 @pytest.mark.short
 @pytest.mark.parametrize("at", [-5.0, 20.0, 1e9])
 def test_a_start_outside_the_imu_record_is_refused(at):

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, brief
 from ..core.contract import Imu, Start
 from ..core.earth import GRAVITY_EQUATOR
 from ..core.jit import plain
@@ -69,6 +69,8 @@ def align(
     attitude without position: it starts with the record and needs no fix. Raises DataError where
     there is no position fix to start from, or no specific force to level by.
     """
+    if not hasattr(imu, "bias_sd"):
+        raise DataError(f"imu is {brief(imu)}; it must be an ImuSpec, such as sd.grade('tactical')")
     if at is not None and not recording.span[0] <= at < recording.span[1]:
         raise DataError(
             f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to "
