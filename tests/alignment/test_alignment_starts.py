@@ -228,7 +228,7 @@ def test_an_unknown_heading_converges_in_motion():
 def test_a_high_antenna_on_a_rolling_ship_leaves_an_honest_start():
     """The record begins in the middle of a roll: seconds after it tell another rate than that of
     the start, and the antenna swings 12 m above the IMU."""
-    roll = lambda t: 0.1 * np.cos(2 * np.pi * t / 8.0)  # noqa: E731
+    roll = lambda t: 0.2 * np.cos(2 * np.pi * t / 8.0)
     motion = Motion(
         "ship",
         (0.8, 0.2, 0.0),
@@ -238,8 +238,8 @@ def test_a_high_antenna_on_a_rolling_ship_leaves_an_honest_start():
     gnss = Gnss(0.5, (1.0, 1.0, 1.5), (0.1,) * 3, (-5.0, 0.5, -12.0))
     found = []
     for seed in range(10):
-        recording = sd.simulate(motion, 12.0, MEMS, seed, 50.0, gnss).between(2.0)
-        found.append(scores(recording, align(recording, MEMS, at=2.0))[0][:9])
+        recording = sd.simulate(motion, 12.0, MEMS, seed, 50.0, gnss).between(4.0)
+        found.append(scores(recording, align(recording, MEMS, at=4.0))[0][:6])
     assert np.sqrt(np.mean(np.square(found), axis=0)).max() < 1.5
 
 
