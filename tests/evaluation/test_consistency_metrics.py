@@ -353,3 +353,39 @@ def test_what_the_recording_does_not_know_is_refused_or_nan(flown):
     np.testing.assert_array_equal(
         np.isnan(consistency.nees_of(solution, replace(recording, reference=half))), solution.t > 20
     )
+
+
+def test_nees_takes_the_states_beyond_the_fifteenth_whose_truth_is_known(flown):
+    from dataclasses import replace
+
+    recording, start, _ = flown
+    wrong = replace(
+        recording, aidings=tuple(replace(a, parameters=(-0.3, 0, 0)) for a in recording.aidings)
+    )
+    solution = sd.fuse(
+        wrong, start=start, every=20, covariance=True, estimate=["lever-arm", "clock"]
+    )
+    names = list(solution.columns)[:4]
+    assert names[0] == "clock error of GNSS position [s]"
+    truth = dict(zip(names, (0.0, 0.3, 0.0, 0.0)))
+    places = [*range(15), 17, 15]
+    beyond = {names[2]: np.zeros(len(solution.t)), names[0]: truth[names[0]]}
+    error = np.c_[
+        consistency.state_errors(solution, wrong),
+        -solution.columns[names[2]],
+        -solution.columns[names[0]],
+    ]
+    P = solution.covariance[:, places][:, :, places]
+    by_hand = [e @ np.linalg.solve(p, e) for e, p in zip(error, P)]
+    np.testing.assert_allclose(consistency.nees_of(solution, wrong, beyond), by_hand, rtol=1e-6)
+    assert 4 < np.mean(consistency.nees_of(solution, wrong, truth)) < 50
+    # a truth that is not the one is seen
+    assert np.mean(consistency.nees_of(solution, wrong, truth | {names[1]: -2.0})[20:]) > 50
+    for bad, text in (
+        ({"clock": 0.0}, "clock error of GNSS position"),
+        ({names[0]: [0.0, 1.0]}, "shape"),
+    ):
+        with pytest.raises(DataError, match=text):
+            consistency.nees_of(solution, wrong, bad)
+    with pytest.raises(DataError, match="comes from a file"):
+        consistency.nees_of(replace(solution, recording=None), wrong, truth)

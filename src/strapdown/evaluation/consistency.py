@@ -5,15 +5,16 @@ Functions of arrays; errors are true - estimate. Sources: Bar-Shalom, Li & Kirub
 section 5.4 (NEES, NIS, whiteness); Wilson (1927) for proportions; Ljung & Box (1978).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, check_choice
 from ..core.contract import ATT, BA, BG, POS, STATES, VEL
 from ..data import Solution
+from ..engine.prepare import Brought, brought
 from ..recording import Recording
 from ..typing import Array, ArrayLike
 from . import metrics
@@ -345,13 +346,53 @@ def state_errors(solution: Solution, recording: Recording) -> Array:
     return error
 
 
-def nees_of(solution: Solution, recording: Recording) -> Array:
-    """(n,) NEES of the 15 states at the rows of a Solution with covariance, against a simulated
-    recording; NaN outside its reference.
+def errors_beyond(solution: Solution, true: Mapping[str, ArrayLike]) -> tuple[list[int], Array]:
+    """(places (m,) in the covariance, (n, m) true - estimate in SI) of states beyond the fifteenth
+    at the rows of a Solution: true {column: value in its unit, one or one per row}. Raises
+    DataError."""
+    own = _brought(solution)
+    names, places = [each.name for each in own], []
+    errors = np.empty((len(solution.t), len(true)))
+    for k, (name, value) in enumerate(true.items()):
+        check_choice(name, "state beyond the fifteenth", names)
+        places.append(names.index(name))
+        values = np.asarray(value, float)
+        if values.shape not in ((), (len(solution.t),)):
+            raise DataError(
+                f"true {name!r} has shape {values.shape}; it must be one number, or one for each of "
+                f"the {len(solution.t)} rows"
+            )
+        errors[:, k] = (values - solution.columns[name]) / own[places[-1]].factor
+    return [STATES + place for place in places], errors
 
+
+def _brought(solution: Solution) -> list[Brought]:
+    """The states beyond the fifteenth of a Solution. Raises DataError."""
+    if solution.recording is None:
+        raise DataError(
+            "the solution comes from a file and does not know its states beyond the fifteenth; "
+            "fuse the recording again"
+        )
+    return brought(solution.recording.aidings, solution.recording.meta.get("estimate"))
+
+
+def nees_of(
+    solution: Solution, recording: Recording, beyond: Mapping[str, ArrayLike] | None = None
+) -> Array:
+    """(n,) NEES at the rows of a Solution with covariance, against a simulated recording, of the 15
+    states and of those `beyond` them whose truth is given, as in `errors_beyond`; NaN outside its
+    reference.
+
+    The truth of the error of a parameter of the installation is what was done to the recording.
     Raises DataError where the solution has no covariance or the recording does not know its true
     states.
     """
     if solution.covariance is None:
         raise DataError("the solution has no covariance; fuse with covariance=True")
-    return nees(state_errors(solution, recording), solution.covariance[:, :STATES, :STATES])
+    places, errors = errors_beyond(solution, beyond) if beyond else ([], np.empty((0, 0)))
+    states = [*range(STATES), *places]
+    own = state_errors(solution, recording)
+    return nees(
+        np.hstack([own, errors]) if places else own,
+        solution.covariance[:, states][:, :, states],
+    )
