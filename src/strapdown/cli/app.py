@@ -17,6 +17,7 @@ import strapdown as sd
 
 from . import calibrate, compare, diagnose, fly, simulation
 from .console import (
+    ESTIMATE,
     FORMATS_AND_TABLES,
     FROM,
     IMU,
@@ -28,6 +29,7 @@ from .console import (
     Progress,
     Reads,
     end,
+    estimates,
     option_values,
     print_errors,
     print_outages,
@@ -188,6 +190,7 @@ def fuse(
         typer.Option(metavar="DEG", help="Initial heading, where you know it (to 2 deg)."),
     ] = None,
     option: OPTION = None,
+    estimate: ESTIMATE = None,
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
     ahrs: Annotated[
         str | None,
@@ -224,12 +227,13 @@ def fuse(
     position, track.kml."""
     windows = _windows(hide)
     options: dict[str, Any] = option_values(option)
+    asked = estimates(estimate)
     whole = sd.read(recording)
     grade = imu or _grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
     withheld = sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)
-    estimate, label, ending = (
+    run, label, ending = (
         (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
     )
     with results_folder(
@@ -237,7 +241,7 @@ def fuse(
     ) as folder:
         begin = _start(seen, grade, heading, filter)
         with Progress() as progress:
-            solution = estimate(
+            solution = run(
                 seen,
                 filter,
                 imu=grade,
@@ -248,6 +252,7 @@ def fuse(
                 progress=progress.track(label),
                 ahrs=ahrs,
                 ahrs_rate=ahrs_rate,
+                estimate=asked,
                 **options,
             )
         if windows:

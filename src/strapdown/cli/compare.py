@@ -10,6 +10,7 @@ import typer
 import strapdown as sd
 
 from .console import (
+    ESTIMATE,
     FROM,
     IMU,
     STRICT,
@@ -17,6 +18,7 @@ from .console import (
     VEHICLE,
     Progress,
     end,
+    estimates,
     number,
     print_verdicts,
     recording_argument,
@@ -60,6 +62,7 @@ def compare(
     kinds: KINDS = None,
     start: FROM = None,
     stop: TO = None,
+    estimate: ESTIMATE = None,
     ahrs: Annotated[
         str | None,
         typer.Option(
@@ -75,8 +78,11 @@ def compare(
 ) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
+    from ..engine.installation import with_estimates
+
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    part = with_estimates(part, estimates(estimate))
     given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (
         results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-compare")) as folder,

@@ -16,9 +16,11 @@ from typer.core import TyperCommand
 
 import strapdown as sd
 
+from ..checks import DataError, check_choice
 from ..verdict import Verdict, together
 
 if TYPE_CHECKING:
+    from ..engine.installation import Prior
     from ..reports.shell import Page
     from ..typing import Array
 
@@ -43,6 +45,16 @@ OPTION = Annotated[
     typer.Option(
         metavar="NAME=VALUE",
         help="An option of the filter (see `strapdown filters`); may be repeated.",
+    ),
+]
+ESTIMATE = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME,...",
+        help="What of the installation becomes states of the filter: clock, lever-arm, mounting, scale, "
+        "gyro-scale, accel-scale, gyro-misalignment, accel-misalignment; `gnss clock` of the source gnss "
+        "alone; clock=0.05 with its prior standard deviation, in s, m, deg or none; none for nothing. May "
+        "be repeated.  [default: what the recording names]",
     ),
 ]
 FROM = Annotated[
@@ -362,6 +374,33 @@ def option_values(items: Sequence[str] | None) -> dict[str, float | str]:
         except ValueError:
             options[name.strip()] = value.strip()
     return options
+
+
+def estimates(items: Sequence[str] | None) -> "dict[str, Prior] | None":
+    """What `fuse` takes as `estimate`, from NAME and NAME=SD in the units of tables; of several
+    components SD is one number or one each, with spaces between them. Raises DataError."""
+    from .. import estimable
+
+    if not items:
+        return None
+    found: dict[str, Prior] = {}
+    pieces = [piece.strip() for item in items for piece in item.split(",") if piece.strip()]
+    for piece in pieces if pieces != ["none"] else ():
+        words, equals, sd = (part.strip() for part in piece.partition("="))
+        name = words.split()[-1] if words else ""
+        known = {**estimable.ASKED_OF_IMU, **estimable.asked_at([*estimable.OF_SOURCE])}
+        check_choice(name, "--estimate", known)
+        try:
+            values = [float(each) / known[name][0].factor for each in sd.split()]
+        except ValueError:
+            values = []
+        if equals and not values:
+            raise DataError(
+                f"--estimate {piece!r}: write {words}=SD, a prior standard deviation"
+                f"{known[name][0].unit and ' in '}{known[name][0].unit}"
+            )
+        found[words] = values[0] if len(values) == 1 else values or None
+    return found
 
 
 @contextmanager

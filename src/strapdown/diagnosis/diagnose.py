@@ -87,12 +87,16 @@ def diagnose(
 
     Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
     applied, and the filter is run again until nothing moves: `settling.MOST_RUNS` runs at most.
-    filter: the closed loop or one of its relatives; the other arguments are those of `fuse`.
+    What the recording names to be estimated as states is not, here. filter: the closed loop or one
+    of its relatives; the other arguments are those of `fuse`.
     Without a source of velocity no more than a clock offset beyond 0.5 s is reported. Raises
     DataError.
     """
     return _Runs(
-        recording, filter, Asked(options, imu, start, say=say, vehicle=vehicle), progress
+        recording,
+        filter,
+        Asked(options, imu, start, say=say, vehicle=vehicle, estimate=()),
+        progress,
     ).diagnosis()
 
 

@@ -23,6 +23,7 @@ from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from .finish import solution as solution_of
+from .installation import without_estimates
 from .prepare import AHRS_RATE, Asked, assumed_noise, check_needs, positioned, ready
 
 AHRS = "attitude-mekf"
@@ -169,8 +170,8 @@ def source(
     every = round(own / rate)
     seen = replace(
         recording,
-        aidings=tuple(a for a in recording.aidings if a.kind != "attitude"),
-        meta=recording.meta | {"notes": []},
+        aidings=without_estimates(a for a in recording.aidings if a.kind != "attitude"),
+        meta=recording.meta | {"notes": [], "estimate": {}},
     )
     begin = _start(seen, imu, noise, start)
     assumed, spec = assumed_noise(

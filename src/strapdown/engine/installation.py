@@ -8,14 +8,16 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from .. import aiding, estimable, filters
-from ..checks import DataError, brief, check_choice, check_number
+from ..checks import DataError, brief, check_choice, located
 from ..core.contract import (
     ARM_STATE,
     CLOCK_STATE,
     DELAY,
     ESTIMATED,
     MOUNTING_STATE,
+    PARAMETERS,
     SCALE_STATE,
+    STATES,
     TURN,
     Filter,
 )
@@ -40,7 +42,10 @@ than it holds, with any probable offset."""
 Prior: TypeAlias = float | Sequence[float] | None
 Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]
 """What to estimate: names, "clock" of all sources that have one, "gnss clock" of the source gnss,
-"imu gyro-scale"; or {name: prior standard deviation, SI, one or one per component}."""
+"imu gyro-scale", "imu scale" of both sensors; or {name: prior standard deviation, SI, one or one per component}."""
+OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
+"""{parameter of the IMU that is estimated: prior standard deviations}, as `Recording.meta` has it
+under "estimate"."""
 
 
 class Parameter(NamedTuple):
@@ -65,20 +70,30 @@ def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording
     it names itself; as it is for None. Raises DataError."""
     if estimate is None:
         return recording
-    wanted = _wanted(estimate)
-    aidings = [replace(a, estimate={}) for a in recording.aidings]
+    aidings, of_imu = asked_of(recording.aidings, estimate)
+    return replace(recording, aidings=aidings, meta=recording.meta | {"estimate": of_imu})
+
+
+def without_estimates(aidings: Iterable[Aiding]) -> tuple[Aiding, ...]:
+    """These sources with nothing to estimate."""
+    return tuple(replace(a, estimate={}) for a in aidings)
+
+
+def asked_of(sources: Iterable[Aiding], estimate: Estimate) -> tuple[tuple[Aiding, ...], OfImu]:
+    """(sources with what of them is to be estimated, what of the IMU). Raises DataError."""
+    aidings = list(without_estimates(sources))
     of_imu: dict[str, tuple[float, ...]] = {}
-    for words, prior in wanted.items():
+    known = dict.fromkeys([*estimable.OF_SOURCE, *estimable.ASKED_OF_IMU])
+    for words, sd in _wanted(estimate).items():
         *owner, name = words.split()
-        known = {**estimable.OF_SOURCE, **estimable.OF_IMU}
         check_choice(name, "estimate", known)
-        what, whose = known[name], " ".join(owner)
-        sd = _prior(what, prior)
-        if name in estimable.OF_IMU:
-            if whose not in ("", IMU):
-                raise DataError(f"estimate: {name} is of the IMU, not of {whose!r}")
-            of_imu[name] = sd
+        whose = " ".join(owner)
+        if name not in estimable.OF_SOURCE and whose not in ("", IMU):
+            raise DataError(f"estimate: {name} is of the IMU, not of {whose!r}")
+        if name not in estimable.OF_SOURCE or (whose == IMU and name in estimable.ASKED_OF_IMU):
+            of_imu |= {what.name: _prior(what, sd) for what in estimable.ASKED_OF_IMU[name]}
             continue
+        prior = _prior(estimable.OF_SOURCE[name], sd)
         found = [
             i
             for i, a in enumerate(aidings)
@@ -93,47 +108,28 @@ def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording
                 f"{f'these have: {names}' if names else 'no source of the recording has one'}"
             )
         for i in found:
-            aidings[i] = replace(aidings[i], estimate={**aidings[i].estimate, name: sd})
-    return replace(recording, aidings=tuple(aidings), meta=recording.meta | {"estimate": of_imu})
+            aidings[i] = replace(aidings[i], estimate={**aidings[i].estimate, name: prior})
+    return tuple(aidings), of_imu
 
 
 def _wanted(estimate: Estimate) -> dict[str, Prior]:
     """{name, maybe with its owner: prior or None}. Raises DataError."""
     if isinstance(estimate, str):
         estimate = [part.strip() for part in estimate.split(",")]
-    if isinstance(estimate, Mapping):
-        return dict(estimate)
     try:
-        names = list(estimate)
+        names: list[Any] = list(estimate)
     except TypeError:
-        names = []
+        names = [None]
     if not all(isinstance(name, str) and name.split() for name in names):
         raise DataError(
             f"estimate is {brief(estimate)}; it must be names, such as ['clock', 'lever-arm']"
         )
-    return dict.fromkeys(names)
+    return dict(estimate) if isinstance(estimate, Mapping) else dict.fromkeys(names)
 
 
-def _prior(what: Estimable, prior: Any) -> tuple[float, ...]:
-    """Prior standard deviations by component, SI. Raises DataError."""
-    if prior is None:
-        return what.sd
-    many = len(what.components)
-    values = (
-        tuple(np.broadcast_to(np.asarray(prior, float), many))
-        if np.ndim(prior) == 0
-        else tuple(prior)
-    )
-    if len(values) != many:
-        raise DataError(
-            f"estimate: {what.name} has {many} components, and {len(values)} standard deviations "
-            f"are given"
-        )
-    for value in values:
-        check_number(value, f"estimate: standard deviation of {what.name}", least=0, most=what.most)
-    if not any(values):
-        raise DataError(f"estimate: all standard deviations of {what.name} are 0; leave it out")
-    return tuple(float(value) for value in values)
+def _prior(what: Estimable, sd: Prior) -> tuple[float, ...]:
+    with located("estimate"):
+        return estimable.prior(what, sd)
 
 
 def parameters(
@@ -181,6 +177,13 @@ def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
         raise DataError(
             f"{filter.name} cannot estimate {found[0].of.name}; these can: {', '.join(able)}"
         )
+
+
+def delays(aidings: Sequence[Aiding], of_imu: OfImu) -> list[float]:
+    """s that a fix of each source waits before it is used."""
+    rows = np.zeros((len(aidings), PARAMETERS))
+    place(rows, parameters(aidings, of_imu), STATES)
+    return list(rows[:, DELAY].tolist())
 
 
 def place(rows: Array, found: Sequence[Parameter], first: int) -> None:

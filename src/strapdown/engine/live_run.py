@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core import cursor as places, loop
-from ..core.contract import STATES, Belief, Cursor, Filter, Imu, Noise, Start, entry_point
+from ..core.contract import DELAY, STATES, Belief, Cursor, Filter, Imu, Noise, Start, entry_point
 from ..core.rotation import quaternion_to_euler
 from ..data import Aiding, Solution, Trajectory
 from ..recording import Recording
@@ -21,6 +21,7 @@ from ..vehicle import Vehicle
 from .arrivals import MOST_WAITING_FIXES, Sample, UsableFix
 from .events import Events
 from .finish import solution, stopped
+from .installation import OfImu
 from .limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare
 
@@ -42,17 +43,19 @@ class _Room:
         cursor: Cursor,
         rows: int,
         covariance: bool = False,
+        of_imu: OfImu | None = None,
     ) -> None:
         most = rows + MOST_WAITING_FIXES
         self.imu = Imu(np.empty(rows), np.empty(rows), np.empty((rows, 3)), np.empty((rows, 3)))
-        self.fixes = merge(aidings)._replace(
+        self.fixes = merge(aidings, of_imu=of_imu)._replace(
             t=np.empty(most),
             source=np.zeros(most, np.int64),
             y=np.empty((most, 3)),
             sd=np.empty((most, 3)),
         )
-        # of the fixes as they came: the loop raises those below the floor
-        self.sd = np.empty((most, 3))
+        # of the fixes as they came: they may wait, and the loop raises those below the floor
+        self.stamp, self.sd = np.empty(most), np.empty((most, 3))
+        self.waits = self.fixes.parameters[:, DELAY].tolist()
         self.out = new_output(filter, belief, rows, covariance, most)
         self.arguments = (*kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
         columns: list[Any] = [cursor.at, *self.imu]
@@ -63,7 +66,8 @@ class _Room:
         """Write fixes into the rows from `k` on."""
         into = self.fixes
         for fix in fixes:
-            into.t[k], into.source[k], into.y[k], sd = fix
+            t, source, into.y[k], sd = fix
+            into.t[k], into.source[k], self.stamp[k] = t + self.waits[source], source, t
             into.sd[k] = self.sd[k] = sd
             k += 1
         self.at[places.FIXES] = k
@@ -73,6 +77,7 @@ class LiveRun:
     """`filter` from `start` on over what `take` is given, with the last `rows` samples of it.
 
     aidings: the sources that it uses. covariance: keep the covariances of these samples too.
+    of_imu: what of the IMU is estimated.
     Raises DataError.
     """
 
@@ -89,6 +94,7 @@ class LiveRun:
         covariance: bool = False,
         say: Say | None = None,
         events: Events | None = None,
+        of_imu: OfImu | None = None,
     ) -> None:
         self.filter, self.start, self.noise, self.spec, self.options = (
             filter,
@@ -98,14 +104,15 @@ class LiveRun:
             options,
         )
         self.aidings = tuple(a._where(np.zeros(len(a.t), bool)) for a in aidings)
-        self.belief = new_belief(filter, start, noise, options, self.aidings)
+        self.belief = new_belief(filter, start, noise, options, self.aidings, of_imu)
         made = prepare(filter, [a.kind for a in self.aidings], say)
         self.kernels = made.predict, made.correct, made.observers
         self.cursor = new_cursor(filter, start.t, self.aidings, limits(spec, noise, vehicle))
         self.events = events or Events(filter, self.aidings, vehicle)
         self.seen = 0  # rows of the log that were looked at
         parts = (filter, self.kernels, self.belief, self.aidings, noise, self.cursor)
-        self._room, self._ahead = _Room(*parts, rows, covariance), _Room(*parts, 1)
+        self._room = _Room(*parts, rows, covariance, of_imu)
+        self._ahead = _Room(*parts, 1, of_imu=of_imu)
         self._rows = rows
         self._run = entry_point(loop.run)
 
@@ -186,7 +193,7 @@ class LiveRun:
         first_fix = int(np.searchsorted(fixes.t[:fix], imu.t[first - 1] + loop.SAME_TIME, "right"))
         self.start = start_at(out.nav[first - 1])
         by_sample: list[Any] = [*imu, out.nav]
-        by_fix: list[Any] = [fixes.t, fixes.source, fixes.y, fixes.sd, sd, out.fix]
+        by_fix: list[Any] = [fixes.t, fixes.source, fixes.y, fixes.sd, room.stamp, sd, out.fix]
         for column in [*by_sample, out.covariance] if len(out.covariance) else by_sample:
             column[: row - first] = column[first:row].copy()
         for column in by_fix:
@@ -202,13 +209,13 @@ class LiveRun:
 
     def recording(self, **meta: Any) -> Recording:
         """The samples and fixes that are kept."""
-        fixes, sd = self._room.fixes, self._room.sd
+        fixes, stamp, sd = self._room.fixes, self._room.stamp, self._room.sd
         kept = slice(0, int(self.cursor.at[places.FIXES]))
         aidings = []
         for s, a in enumerate(self.aidings):
             mine, width = np.flatnonzero(fixes.source[kept] == s), a.y.shape[1]
             aidings.append(
-                replace(a, t=fixes.t[mine], y=fixes.y[mine, :width], sd=sd[mine, : a.sd.shape[1]])
+                replace(a, t=stamp[mine], y=fixes.y[mine, :width], sd=sd[mine, : a.sd.shape[1]])
             )
         return Recording(self.samples, tuple(aidings), meta=meta)
 

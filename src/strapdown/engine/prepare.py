@@ -2,7 +2,7 @@
 fixes, cursor and output, all held in a `Run`."""
 
 import inspect
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
@@ -45,7 +45,7 @@ from ..typing import Array, ArrayLike, File, Ints, Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
 from . import installation
 from .events import Events
-from .installation import Estimate
+from .installation import Estimate, OfImu
 from .limits import floors, limits
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500
@@ -67,11 +67,6 @@ AHRS_RATE = 10.0
 
 GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
 """What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
-
-
-OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
-"""{parameter of the IMU that is estimated: prior standard deviations}, as `Recording.meta` has it
-under "estimate"."""
 
 
 class Asked(NamedTuple):

@@ -3,7 +3,7 @@ bit, and says what `fuse` says."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from heapq import heappop, heappush
+from heapq import heapify, heappop, heappush
 from math import inf, isfinite, nan
 from typing import Any, NoReturn
 
@@ -35,6 +35,15 @@ from .arrivals import (
 from .attitude_first import SILENT, attitudes, chosen, notes_on, taken_by, whose
 from .events import Events
 from .gathering import Gathering
+from .installation import (
+    Estimate,
+    OfImu,
+    asked_of,
+    check_estimates,
+    delays,
+    parameters,
+    without_estimates,
+)
 from .live_run import LiveRun
 from .prepare import (
     AHRS_RATE,
@@ -66,8 +75,8 @@ class Stream:
 
     aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not
     used). The result is that of `fuse` on the same events, bit for bit. A fix is used with the
-    sample that reaches its time; a sample with a NaN is dropped. Fixes of sources that the filter
-    cannot use change nothing. Where a filter takes options from the fixes of a recording, such as
+    sample that reaches its time, a moment later where its clock is estimated; a sample with a NaN
+    is dropped. Fixes of sources that the filter cannot use change nothing. Where a filter takes options from the fixes of a recording, such as
     their interval, it takes them from these Aidings, or where they hold none from those before the
     start; `notes` says what it took.
 
@@ -79,7 +88,8 @@ class Stream:
     on_event: called with (t, text) of each event when it begins; where it raises, an event says so
     and it is not called again. history: samples of which `solution` and `verdict` tell; at least
     the newer half of so many are kept, with covariances where `covariance` asks for them; every:
-    the solution has each n-th row. Other arguments as of `fuse`. Raises DataError.
+    the solution has each n-th row. estimate: as of `fuse` (default: what the Aidings name, and
+    nothing of the IMU). Other arguments as of `fuse`. Raises DataError.
     """
 
     def __init__(
@@ -99,6 +109,7 @@ class Stream:
         covariance: bool = False,
         ahrs: str | Filter | None = None,
         ahrs_rate: float = AHRS_RATE,
+        estimate: Estimate | None = None,
         **options: Any,
     ) -> None:
         check_number(lag, "lag", "s", least=0)
@@ -108,13 +119,17 @@ class Stream:
         check_number(history, "history", "samples", least=100, most=most, whole=True)
         check_number(every, "every", least=1, whole=True)
         aidings = checked_aidings(aidings)
+        of_imu: OfImu = {}
+        if estimate is not None:
+            aidings, of_imu = asked_of(aidings, estimate)
         whole = isinstance(start, Start) and not left_open(start)
         self.noise, self._spec = assumed_noise(imu, noise, needed=not whole, without="")
         self._filter = filter = filters.find(filter)
         first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
         self._ahrs = None
         if first is not None:
-            beside, own = start if whole else None, [a for a in aidings if a.kind != "attitude"]
+            beside = start if whole else None
+            own = without_estimates(a for a in aidings if a.kind != "attitude")
             more: dict[str, Any] = {"align_within": align_within, "history": history}
             more["on_event"] = self._hear
             stream = Stream(first, beside, imu, noise, own, lag, say, vehicle, **more)
@@ -126,8 +141,13 @@ class Stream:
         left = [a for a in aidings if not (self._ahrs and self._ahrs.has_for_itself(a))]
         self._used, _ = usable(filter, left)
         check_needs(filter, left)
+        check_estimates(filter, parameters(self._used, of_imu))
+        self._of_imu = of_imu
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
-        self._meta = {"name": "stream"} | ({"vehicle": self._vehicle} if vehicle else {})
+        self._meta: dict[str, Any] = {"name": "stream"} | (
+            {"vehicle": self._vehicle} if vehicle else {}
+        )
+        self._meta |= {"estimate": of_imu} if of_imu else {}
         self._rows, self._every, self._covariance = history, every, covariance
         self.lag, self.newest = lag, -inf
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
@@ -141,6 +161,8 @@ class Stream:
         self._places = [
             next((i for i, b in enumerate(self._used) if b is a), None) for a in aidings
         ]
+        waits = delays(self._used, of_imu)
+        self._waits = [0.0 if place is None else waits[place] for place in self._places]
         self._elsewhere = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in aidings]
         # heaps of samples and of fixes; a number that keeps equal times in order
         self._samples: list[tuple[float, int, Sample]] = []
@@ -214,18 +236,26 @@ class Stream:
             self._covariance,
             self._say,
             self._telling.events,
+            self._of_imu,
         )
         samples, self._gathered.samples = self._gathered.samples, []
-        fixes, self._gathered.fixes = sorted(self._gathered.fixes, key=lambda fix: fix[:2]), []
+        fixes, self._gathered.fixes = self._gathered.fixes, []
         self._live, self.belief, self._began = live, live.belief, start.t
         self.newest = max(self.newest, start.t)
         self._late = self._late_fix = start.t + SAME_TIME
         self._look_at = start.t + LOOKS[0]
-        fixes = [fix for fix in fixes if fix.t > self._late_fix]
+        fixes = sorted(
+            (fix for fix in fixes if fix.t > self._late_fix),
+            key=lambda fix: (self._due_at(fix), fix.source),
+        )
+        self._waiting = [row for row in self._waiting if row[-1].t > self._late_fix]
+        heapify(self._waiting)
         for sample in samples:
             if sample.t > self._late:
                 end = sample.t + SAME_TIME
-                count = next((k for k, fix in enumerate(fixes) if fix.t > end), len(fixes))
+                count = next(
+                    (k for k, fix in enumerate(fixes) if self._due_at(fix) > end), len(fixes)
+                )
                 self._advance(live, sample, fixes[:count])
                 del fixes[:count]
             else:
@@ -309,20 +339,24 @@ class Stream:
             return
         if not isfinite(fix.t) or not any(map(isfinite, fix.y)):
             self._telling.drop("not finite", words.FIXES_NOT_FINITE, place, self._when(fix.t))
-        elif self._live is None and fix.t <= self._late + SAME_TIME:
+        elif self._live is None and self._due_at(fix) <= self._late + SAME_TIME:
             if self._is_new(fix):
                 self._gathered.fixes.append(fix)
-        elif not fix.t > self._late_fix:
+        elif not (self._due_at(fix) > self._late_fix and fix.t > self._began + SAME_TIME):
             self._drop_fix(fix)
         else:
             self._compare_clocks(fix)
             if len(self._waiting) == MOST_WAITING_FIXES:
                 raise DataError(
                     f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at "
-                    f"{self._waiting[0][0]:.3f} s; the stream needs samples to go on"
+                    f"{self._waiting[0][-1].t:.3f} s; the stream needs samples to go on"
                 )
             self._number += 1
-            heappush(self._waiting, (fix.t, fix.source, self._number, fix))
+            heappush(self._waiting, (self._due_at(fix), fix.source, self._number, fix))
+
+    def _due_at(self, fix: UsableFix) -> float:
+        """When it is used, s: one whose clock is estimated waits."""
+        return fix.t + self._waits[fix.source]
 
     def _compare_clocks(self, fix: UsableFix) -> None:
         """Say where a fix is far ahead of the samples, once there are any."""

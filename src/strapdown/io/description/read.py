@@ -75,8 +75,9 @@ def _renamed(aiding: Aiding, number: int) -> Aiding:
 
 
 def read_meta(description: Description, files: Files) -> dict[str, Any]:
-    """The meta of a Recording that its description gives: name, date, place, grade, vehicle, point, mounting
-    (roll, pitch, heading, rad) and lever arm of the IMU. Raises DataError."""
+    """The meta of a Recording that its description gives: name, date, place, grade, vehicle,
+    point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and what of it is
+    estimated. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
@@ -87,6 +88,7 @@ def read_meta(description: Description, files: Files) -> dict[str, Any]:
         "place": place,
         "grade": grade,
         "vehicle": description.vehicle,
+        "estimate": description.imu.estimate or None,
     }
     found = {key: value for key, value in found.items() if value is not None}
     mounting = description.imu.mounting
@@ -141,9 +143,8 @@ def read_aiding(
     )
 
     def make(t: Array, y: Array, sd: Array) -> Aiding:
-        return Aiding(
-            part.kind, t, y, sd, tuple(map(float, arm)), part.gate, part.name or part.kind
-        )
+        name, own = part.name or part.kind, tuple(map(float, arm))
+        return Aiding(part.kind, t, y, sd, own, part.gate, name, part.estimated)
 
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:

@@ -10,6 +10,7 @@ from pydantic import AfterValidator, model_validator
 
 from ...checks import DataError, check_keys, check_number
 from ...core.earth import LATITUDE_LIMIT
+from ...estimable import ASKED_OF_IMU, asked
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
 from ...typing import Array
@@ -33,6 +34,10 @@ from .schema_base import (
 def _body_axes(text: str) -> str:
     axes_matrix(text, BODY_AXES)
     return text
+
+
+def _estimate(value: Any) -> dict[str, tuple[float, ...]]:
+    return asked(value, ASKED_OF_IMU)
 
 
 def _date(value: Any) -> str:
@@ -86,6 +91,7 @@ class ImuPart(Part):
     calibration: str | None = None
     temperature: Temperature | None = None
     lever_arm: Triple = [0.0, 0.0, 0.0]
+    estimate: Annotated[Any, AfterValidator(_estimate)] = None
     grade: str | None = None
 
     @property

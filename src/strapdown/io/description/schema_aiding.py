@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, model_validator
 from ...aiding import find
 from ...checks import check_number, is_number
 from ...core.contract import Measurement
+from ...estimable import asked, asked_at
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...quantities import dimension, innovation_dimension
@@ -93,6 +94,7 @@ class AidingPart(Part):
     declination: Declination | None = None
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
+    estimate: Any = None
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
 
@@ -140,6 +142,12 @@ class AidingPart(Part):
     def deviations(self) -> list[Any]:
         """A number, a column or a table of column, unit and scale per component."""
         return self.sd if isinstance(self.sd, list) else [self.sd] * self.many
+
+    @property
+    def estimated(self) -> dict[str, tuple[float, ...]]:
+        """What of it is estimated: {name: prior standard deviations, SI}."""
+        known = asked_at(self.sensor.estimable)
+        return {} if self.estimate is None else asked(self.estimate, known)
 
     @property
     def matrix(self) -> Array | None:
@@ -225,6 +233,7 @@ class AidingPart(Part):
                 "field have their own",
             ),
         )
+        named("estimate", lambda: self.estimated)
         if self.axes is not None:
             named("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
 

@@ -52,6 +52,7 @@ def write_recording(recording: Recording, path: File) -> None:
             {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
         )
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
+        attributes |= {"estimate": json.dumps(dict(aiding.estimate))} if aiding.estimate else {}
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
@@ -199,6 +200,7 @@ def _column(variable: Any) -> Array:
 
 def _aiding(group: Any) -> Aiding:
     gate, parameters = group.attrs.get("gate"), np.atleast_1d(group.attrs.get("parameters", ()))
+    estimate = json.loads(group.attrs.get("estimate", "{}"))
     return Aiding(
         group.attrs["kind"],
         _column(group["t"]),
@@ -207,6 +209,7 @@ def _aiding(group: Any) -> Aiding:
         parameters=tuple(map(float, parameters)),
         gate=None if gate is None else float(gate),
         name=group.attrs["name"],
+        estimate={name: tuple(sd) for name, sd in estimate.items()},
     )
 
 
