@@ -32,6 +32,7 @@ from .findings import (
     changes,
     named,
     reasons,
+    settings,
 )
 from .installation import (
     ARM,
@@ -202,9 +203,12 @@ class _Runs:
             self.estimate(each, final, i, float(value[i]), bool(wrong[i]), float(shares[i]))
             for i, each in enumerate(sought)
         ]
-        lines = changes(
-            self.recording, [each for each, one in zip(sought, wrong) if one], value[wrong]
-        )
+        found = [
+            (each.kind, each.sources, each.axis, float(x))
+            for each, x, one in zip(sought, value, wrong)
+            if one
+        ]
+        lines = changes(self.recording, settings(self.recording, found))
         self.progress(1.0)
         return Diagnosis(
             tuple(estimates + self.never(sought)),
@@ -276,7 +280,8 @@ class _Runs:
             value * factor,
             sd * factor,
             gain,
-            motion if status == NOT_OBSERVABLE else "",
+            motion,
+            unknown.axis,
         )
 
     def never(self, sought: Sequence[Unknown]) -> list[Estimate]:
@@ -302,6 +307,7 @@ class _Runs:
                     np.nan,
                     np.nan,
                     motion=missing,
+                    axis=axis,
                 )
             )
         return found

@@ -1,7 +1,7 @@
 """What is said of the constants of an installation: each with its value in the terms of
 recording.toml, its status, and what to change."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -44,7 +44,8 @@ class Estimate(NamedTuple):
     change: float  # to be added to it; NaN where nothing can be said
     sd: float  # of the change
     gain: float = 0.0  # of FOUND: its share of what the solution gains, in the sum of min(NIS, 30)
-    motion: str = ""  # of NOT_OBSERVABLE: what would show it
+    motion: str = ""  # what would show it, or show it better
+    axis: int = 0  # 0, 1, 2 of a lever arm or a mounting
 
     @property
     def value(self) -> float:
@@ -64,6 +65,14 @@ class Estimate(NamedTuple):
                 return f"{self.name}: consistent with what was given ({self.seen})"
             return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
         return f"{self.name}: found to be off by {self.seen}; the fit gains {self.gain:.0f}"
+
+
+class Setting(NamedTuple):
+    """What a section of recording.toml must say."""
+
+    kind: str
+    source: int | None  # of the aidings; None: of the IMU
+    value: Array  # clock: s to add; arm: m (3,); mounting: roll, pitch, heading, rad; scale: factor
 
 
 @dataclass(frozen=True)
@@ -119,51 +128,57 @@ def named(unknown: Unknown, names: Sequence[str], antennas: int) -> str:
     return f"{unknown.kind} {axis[unknown.axis]}{own}" if axis else unknown.kind
 
 
-def changes(recording: Recording, found: Sequence[Unknown], value: Array) -> dict[str, list[str]]:
-    """{kind: lines of recording.toml} for what was found, with values (SI) as changes."""
-    lines: dict[str, list[str]] = {each.kind: [] for each in found}
+def changes(recording: Recording, needed: Iterable[Setting]) -> dict[str, list[str]]:
+    """{kind: lines of recording.toml} of settings."""
+    lines: dict[str, list[str]] = {}
+    for kind, source, new in needed:
+        where = "[imu]" if source is None else section(recording.aidings, source)
+        if kind == MOUNTING:
+            roll, pitch, heading = np.degrees(new)
+            text = (
+                f"mounting = {{ roll = {roll:.2f}, pitch = {pitch:.2f}, heading = {heading:.2f}, "
+                f'unit = "deg" }}'
+            )
+        else:
+            text = {
+                CLOCK: "time: add {0[0]:+.3f} s to offset",
+                ARM: "lever_arm = [{0[0]:.2f}, {0[1]:.2f}, {0[2]:.2f}]",
+                SCALE: "scale: multiply by {0[0]:.4f}",
+            }[kind].format(new)
+        lines.setdefault(kind, []).append(f"{where} {text}")
+    return lines
+
+
+def settings(
+    recording: Recording, found: Iterable[tuple[str, Sequence[int], int, float]]
+) -> list[Setting]:
+    """What recording.toml must say for (kind, sources, axis, change in SI) of what was found."""
+    made: list[Setting] = []
     arms: dict[tuple[int, ...], Array] = {}
     turn = np.zeros(3)
-    for each, change in zip(found, value):
-        if each.kind == CLOCK:
-            lines[CLOCK] += [
-                f"{section(recording.aidings, i)} time: add {change:+.3f} s to offset"
-                for i in each.sources
-            ]
-        elif each.kind == SCALE:
-            lines[SCALE].append(
-                f"{section(recording.aidings, each.sources[0])} scale: multiply by "
-                f"{1 / (1 + change):.4f}"
-            )
-        elif each.kind == ARM:
-            arms.setdefault(each.sources, np.zeros(3))[each.axis] = change
+    for kind, sources, axis, change in found:
+        if kind == CLOCK:
+            made += [Setting(CLOCK, i, np.array([change])) for i in sources]
+        elif kind == SCALE:
+            made += [Setting(SCALE, i, np.array([1 / (1 + change)])) for i in sources]
+        elif kind == ARM:
+            arms.setdefault(tuple(sources), np.zeros(3))[axis] = change
         else:
-            turn[each.axis] = change
+            turn[axis] = change
     of_imu = np.array(recording.meta.get("imu_lever_arm", [0.0] * 3))
     for sources, arm in arms.items():
         for i in sources:
             given = np.array((*recording.aidings[i].parameters, 0.0, 0.0, 0.0)[:3])
-            lines[ARM].append(
-                f"{section(recording.aidings, i)} lever_arm = {triple(of_imu + given + arm, 2)}"
-            )
+            made.append(Setting(ARM, i, of_imu + given + arm))
     if turn.any():
         C = rotation(turn) @ rotation_matrix(*recording.meta.get("imu_mounting", (0.0, 0.0, 0.0)))
-        roll, pitch, heading = np.degrees(plain(matrix_to_euler)(C))
-        lines[MOUNTING].append(
-            f"[imu] mounting = {{ roll = {roll:.2f}, pitch = {pitch:.2f}, heading = {heading:.2f}, "
-            f'unit = "deg" }}'
-        )
-    return lines
+        made.append(Setting(MOUNTING, None, np.array(plain(matrix_to_euler)(C))))
+    return made
 
 
 def section(aidings: Sequence[Aiding], i: int) -> str:
     """Where recording.toml has a source."""
     return f"[[aiding]] {i + 1} ({aidings[i].name or aidings[i].kind})"
-
-
-def triple(values: Array, digits: int) -> str:
-    """Three numbers as in TOML."""
-    return f"[{', '.join(f'{each:.{digits}f}' for each in values)}]"
 
 
 def reasons(

@@ -1,0 +1,211 @@
+"""What `calibrate_installation` found: each parameter with its standard deviation and status, what
+changes in recording.toml, and the change itself."""
+
+import datetime
+import difflib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...diagnosis.findings import (
+    CONSISTENT,
+    FOUND,
+    NOT_OBSERVABLE,
+    UNITS,
+    Diagnosis,
+    Setting,
+    changes,
+    settings,
+)
+from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
+from ...diagnosis.settling import NOTABLE
+from ...io.description.rewriting import LEVER_ARM, TIME, Edit, rewrite, rewritten
+from ...io.description.rewriting import MOUNTING as MOUNTING_KEY, SCALE as SCALE_KEY
+from ...recording import Recording
+from ...typing import File
+from .confirming import ESTIMABLE, Asking
+
+if TYPE_CHECKING:
+    from ...reports.shell import Page
+
+NOT_CONFIRMED, IMPLAUSIBLE = "not confirmed", "not plausible"
+KEYS = {CLOCK: TIME, ARM: LEVER_ARM, MOUNTING: MOUNTING_KEY, SCALE: SCALE_KEY}
+"""{kind: key of recording.toml}."""
+MARK = "calibrate installation"
+"""Behind the date in the comments that it writes."""
+
+
+class Parameter(NamedTuple):
+    """A parameter of the installation. Numbers are in `unit`: s, m, deg, or none for a scale."""
+
+    name: str  # such as "clock of gnss", "lever arm forward"
+    cause: str  # a key of verdict.CAUSES
+    sources: tuple[str, ...]  # names of those that it concerns
+    axis: int  # 0, 1, 2 of a lever arm or a mounting
+    unit: str
+    status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE, NOT_CONFIRMED or IMPLAUSIBLE
+    # as the recording has it; of a clock and of a mounting 0, of a scale 1
+    given: float
+    change: float  # to be added to it; NaN where nothing can be said
+    sd: float  # of the change: the larger of the two estimates'
+    by_states: float  # the second estimate of the change
+    states_sd: float  # and its standard deviation
+    motion: str  # what would show it, or show it better
+
+    @property
+    def value(self) -> float:
+        """What it is, as estimated."""
+        return self.given + self.change
+
+    @property
+    def seen(self) -> str:
+        """The change with its standard deviation and unit."""
+        return _interval(self.change, self.sd, self.unit)
+
+    def __str__(self) -> str:
+        if self.status == NOT_OBSERVABLE:
+            return f"{self.name}: not observable; to show it, {self.motion}"
+        if self.status == NOT_CONFIRMED:
+            return (
+                f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, "
+                f"{_interval(self.by_states, self.states_sd, self.unit)} as a state; to show it "
+                f"better, {self.motion}"
+            )
+        if self.status == IMPLAUSIBLE:
+            most = ESTIMABLE[self.cause].most * UNITS[self.cause][1]
+            return (
+                f"{self.name}: {self.seen}, more than the {most:.3g} {self.unit}".rstrip()
+                + " that an installation is off, so not written: look for its cause (such as leap "
+                "seconds, or a wrong unit), and change it by hand"
+            )
+        if self.status == CONSISTENT:
+            if abs(self.change) < NOTABLE * self.sd:
+                return f"{self.name}: consistent with what was given ({self.seen})"
+            return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
+        second = _interval(self.by_states, self.states_sd, self.unit)
+        return f"{self.name}: found to be off by {self.seen} (as a state: {second})"
+
+
+def _interval(value: float, sd: float, unit: str) -> str:
+    return f"{value:+.3f} +- {sd:.3f} {unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Installation:
+    """What `calibrate_installation` found."""
+
+    parameters: tuple[Parameter, ...]
+    recording: Recording  # set up as found
+    given: Recording  # as it was
+    diagnosis: Diagnosis
+    notes: tuple[str, ...]  # one line each
+    imu_clock: bool  # whether a shared offset is written to the IMU
+    asking: Asking = field(repr=False)  # how the filter was run
+
+    @property
+    def found(self) -> tuple[Parameter, ...]:
+        """The parameters that are wrong as given."""
+        return tuple(each for each in self.parameters if each.status == FOUND)
+
+    @property
+    def implausible(self) -> tuple[Parameter, ...]:
+        """Those so far off that nothing is written: all others were estimated beside them."""
+        return tuple(each for each in self.parameters if each.status == IMPLAUSIBLE)
+
+    @property
+    def settings(self) -> list[Setting]:
+        """What recording.toml must say."""
+        if self.implausible:
+            return []
+        names = [a.name or a.kind for a in self.given.aidings]
+        made = settings(
+            self.given,
+            [
+                (
+                    each.cause,
+                    tuple(i for i, name in enumerate(names) if name in each.sources),
+                    each.axis,
+                    each.change / UNITS[each.cause][1],
+                )
+                for each in self.found
+            ],
+        )
+        if not self.imu_clock:
+            return made
+        # sources that are late beside the IMU: the IMU is early beside them
+        clocks = [Setting(CLOCK, None, -each.value) for each in made if each.kind == CLOCK]
+        return [*clocks[:1], *(each for each in made if each.kind != CLOCK)]
+
+    @property
+    def edits(self) -> list[Edit]:
+        """The same with standard deviations, as keys of the file."""
+        return [
+            Edit(each.source, KEYS[each.kind], tuple(map(float, each.value)), self._sd(each))
+            for each in self.settings
+        ]
+
+    def _sd(self, setting: Setting) -> tuple[float, ...]:
+        """By component, SI; 0 of one that was not found."""
+        sd = np.zeros(len(setting.value))
+        aidings = self.given.aidings
+        for each in self.found:
+            of_source = setting.source is None or (
+                (aidings[setting.source].name or aidings[setting.source].kind) in each.sources
+            )
+            if each.cause == setting.kind and of_source:
+                sd[each.axis] = each.sd / UNITS[each.cause][1]
+        if setting.kind == SCALE:
+            sd *= setting.value  # of a factor by its own size
+        return tuple(map(float, sd))
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """What to write into recording.toml, a line each."""
+        return tuple(
+            line for own in changes(self.given, self.settings).values() for line in own
+        )
+
+    @property
+    def lines(self) -> list[str]:
+        """For people: every parameter, then what must be known beside."""
+        return [*map(str, self.parameters), *self.notes]
+
+    def __str__(self) -> str:
+        return "\n".join([*self.lines, *self.changes])
+
+    def diff(self, path: File) -> list[str]:
+        """The lines of a recording.toml that change, - as they are and + as they would be. Raises
+        DataError where it is another file, or cannot be changed."""
+        old = Path(path).read_text(encoding="utf-8").splitlines()
+        new = rewritten(path, self.edits, self._kinds, self._mark).splitlines()
+        lines = list(difflib.unified_diff(old, new, n=0, lineterm=""))[2:]
+        return [line for line in lines if not line.startswith("@@")]
+
+    def write(self, path: File) -> Path | None:
+        """Write what was found into the recording.toml that the recording was read from, with
+        comments that have standard deviations and date; the path of the copy of the old one that is
+        kept beside it, or None where nothing changes.
+
+        Raises DataError where something is not plausible and where the file is another one or cannot
+        be changed; then nothing is.
+        """
+        if self.implausible:
+            raise DataError(f"{path}: left as it is; {self.implausible[0]}")
+        return rewrite(path, self.edits, self._kinds, self._mark) if self.edits else None
+
+    def page(self) -> "Page":
+        """The page, with runs as given and as found, and some around each parameter."""
+        from .page import page
+
+        return page(self)
+
+    @property
+    def _kinds(self) -> list[str]:
+        return [a.kind for a in self.given.aidings]
+
+    @property
+    def _mark(self) -> str:
+        return f"{datetime.date.today().isoformat()}, {MARK}"

@@ -1,0 +1,262 @@
+"""Values of a `recording.toml` changed in place, with its comments, order and layout kept."""
+
+import os
+import re
+import stat
+import tomllib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import Float, InlineTable, Item, Table, Trivia
+
+from ...checks import DataError
+from ...files import replacing
+from ...typing import File
+from ...units import DEG
+
+TIME, LEVER_ARM, MOUNTING, SCALE = "time", "lever_arm", "mounting", "scale"
+ARM_AXES, ANGLES = ("forward", "right", "down"), ("roll", "pitch", "heading")
+UNITS = {TIME: " s", LEVER_ARM: " m", MOUNTING: " deg", SCALE: ""}
+FEWEST = {TIME: 3, LEVER_ARM: 2, MOUNTING: 3, SCALE: 4}
+"""{key: digits behind the point that are always written}."""
+
+
+class Edit(NamedTuple):
+    """One key of a section, with a new value."""
+
+    source: int | None  # [[aiding]], from 0; None: [imu]
+    key: str  # TIME, LEVER_ARM, MOUNTING or SCALE
+    # s to add to the offset; m of all three axes; roll, pitch, heading, rad; a factor
+    value: tuple[float, ...]
+    sd: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
+
+
+def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) -> str:
+    """The text of a description with its values changed; `mark` ends the comment of each, behind
+    their standard deviations. kinds: those of [[aiding]] that it must have.
+
+    Raises DataError where the file is another one, or cannot be changed and stay what it is.
+    """
+    text = _text(path)
+    try:
+        old = tomllib.loads(text)
+        content = tomlkit.parse(text)
+    except (tomllib.TOMLDecodeError, TOMLKitError) as error:
+        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
+    _check_sections(path, old, kinds)
+    edits = list(edits)
+    try:
+        for edit in edits:
+            section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]  # type: ignore[index]
+            _change(section, edit, mark)
+        # tomlkit ends lines of its own with \n
+        ends = "\r\n" if "\r\n" in text else "\n"
+        new = tomlkit.dumps(content).replace("\r\n", "\n").replace("\n", ends)
+        made = tomllib.loads(new)
+    except (TOMLKitError, tomllib.TOMLDecodeError, TypeError, AttributeError, KeyError):
+        raise _unable(path) from None
+    if _others(made, edits) != _others(old, edits) or not all(_there(made, e) for e in edits):
+        raise _unable(path)
+    return new
+
+
+def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) -> Path:
+    """Change a description on disk (see `rewritten`); the path of the copy of the old one beside
+    it, NAME.before or NAME.before-2, ... Raises DataError, and then nothing is changed."""
+    new = rewritten(path, edits, kinds, mark)
+    target = Path(os.path.realpath(path))
+    if not target.stat().st_mode & stat.S_IWUSR:
+        raise DataError(f"{path}: is read-only; make it writable, or change it by hand")
+    with replacing(target) as part:
+        part.write_bytes(new.encode())
+        part.chmod(target.stat().st_mode)
+        return _copied(target)
+
+
+def _text(path: File) -> str:
+    try:
+        return Path(path).read_bytes().decode("utf-8")
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except UnicodeDecodeError:
+        raise DataError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+
+
+def _copied(target: Path) -> Path:
+    """A copy of a file beside it, under a name that was not taken."""
+    number = 1
+    while True:
+        copy = target.with_name(f"{target.name}.before{f'-{number}' if number > 1 else ''}")
+        try:
+            with open(copy, "xb") as file:
+                file.write(target.read_bytes())
+                os.fsync(file.fileno())
+            return copy
+        except FileExistsError:
+            number += 1
+
+
+def _check_sections(path: File, old: dict[str, Any], kinds: Sequence[str]) -> None:
+    sources = old.get("aiding", [])
+    found = [each.get("kind") for each in sources if isinstance(each, dict)]
+    if "imu" not in old or found != list(kinds):
+        there = f"[imu] and {len(found)} [[aiding]]" if "imu" in old else "no [imu]"
+        raise DataError(
+            f"{path}: has {there} ({', '.join(map(str, found))}), where the recording has "
+            f"{', '.join(kinds)}; name the file from which it was read"
+        )
+
+
+def _unable(path: File) -> DataError:
+    return DataError(
+        f"{path}: is written in a way that cannot be changed in place; change it by hand, or write "
+        f"`time`, `mounting`, `lever_arm` and `scale` as keys of their section"
+    )
+
+
+def _change(section: Any, edit: Edit, mark: str) -> None:
+    """Set the key of a section, and its comment."""
+    if edit.key == TIME:
+        time, sd = section[TIME], edit.sd[0]
+        _put(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, TIME), TIME)
+        inline = isinstance(time, InlineTable)
+        where, key = (section, TIME) if inline else (section[TIME], "offset")
+        said = f"{'offset ' if where is section else ''}+- {_sd(sd)} s"
+    elif edit.key == MOUNTING:
+        where, key, said = section, MOUNTING, _of_each(ANGLES, edit)
+        _set_mounting(section, edit)
+    elif edit.key == LEVER_ARM:
+        where, key, said = section, LEVER_ARM, _of_each(ARM_AXES, edit)
+        _set_arm(section, edit)
+    else:
+        where, key, said = section, SCALE, f"+- {_sd(edit.sd[0])} of it"
+        _set_scale(section, edit)
+    item = where[key]
+    if isinstance(item, Table):  # a section of its own
+        item = next(reversed(list(item.values())))
+    _say(item, f"{said}, {mark}", mark)
+
+
+def _of_each(names: Sequence[str], edit: Edit) -> str:
+    """Standard deviations of the components that were estimated, by name."""
+    size = DEG if edit.key == MOUNTING else 1.0
+    return ", ".join(
+        f"{name} +- {_sd(sd / size)}{UNITS[edit.key]}" for name, sd in zip(names, edit.sd) if sd
+    )
+
+
+def _set_mounting(section: Any, edit: Edit) -> None:
+    if MOUNTING not in section:
+        _put(section, MOUNTING, tomlkit.value('{ unit = "deg" }'))
+    given = section[MOUNTING]
+    unit = DEG if given["unit"] == "deg" else 1.0
+    sd = min(each for each in edit.sd if each) / unit
+    for name, angle in zip(ANGLES, edit.value):
+        number = _number(angle / unit, sd, MOUNTING)
+        if name in given or float(number.as_string()):
+            _put(section, name, number, MOUNTING)
+
+
+def _set_arm(section: Any, edit: Edit) -> None:
+    least = min(each for each in edit.sd if each)
+    numbers = [_number(x, sd or least, LEVER_ARM) for x, sd in zip(edit.value, edit.sd)]
+    if LEVER_ARM not in section:
+        texts = ", ".join(number.as_string() for number in numbers)
+        _put(section, LEVER_ARM, tomlkit.value(f"[{texts}]"))
+        return
+    for axis, (number, sd) in enumerate(zip(numbers, edit.sd)):
+        if sd:
+            section[LEVER_ARM][axis] = number
+
+
+def _set_scale(section: Any, edit: Edit) -> None:
+    (by,), (sd,) = edit.value, edit.sd
+    old = section.get(SCALE, 1.0)
+    if isinstance(old, list):
+        for i, each in enumerate(old):
+            old[i] = _number(each * by, abs(each) * sd, SCALE)
+    else:
+        _put(section, SCALE, _number(old * by, abs(old) * sd, SCALE))
+
+
+def _put(section: Any, key: str, item: Item, within: str | None = None) -> None:
+    """Set a key of a section, or of its table `within`; a new one behind the last that is there,
+    before comments at the end."""
+    table = section if within is None else section[within]
+    if key in table:
+        table[key] = item
+    elif isinstance(table, InlineTable):
+        head = table.as_string().rstrip("}")
+        space = head[len(head.rstrip()) :]
+        comma = ", " if len(table) else ""
+        section[within] = tomlkit.value(
+            f"{head.rstrip()}{comma}{key} = {item.as_string()}{space}}}"
+        )
+    elif isinstance(table, Table):
+        behind, body = [], table.value.body
+        while body and body[-1][0] is None:
+            behind.append(body.pop())
+        table.append(key, item)
+        body.extend(reversed(behind))
+    else:
+        table[key] = item
+
+
+def _number(value: float, sd: float, key: str) -> Item:
+    """A number with the digits that its standard deviation leaves it."""
+    digits = max(FEWEST[key], _digits(sd))
+    text = f"{value:.{digits}f}"
+    if not float(text):
+        text = text.lstrip("-")
+    return Float(float(text), Trivia(), text)
+
+
+def _sd(sd: float) -> str:
+    return f"{sd:.{_digits(sd)}f}"
+
+
+def _digits(sd: float) -> int:
+    """Behind the point of a standard deviation: one that counts, two where the first is 1."""
+    magnitude, first = f"{sd:.1e}".split("e")[1], f"{sd:.0e}"[0]
+    return max(0, -int(magnitude) + (first == "1"))
+
+
+def _say(item: Item, text: str, mark: str) -> None:
+    """Put `text` behind the comment of an item, in the place of what was put there before."""
+    kind = re.escape(mark.partition(", ")[2])
+    own = rf"(?:^|; )[^;]*\+- [^;]*, \d{{4}}-\d\d-\d\d, {kind}$"
+    before = re.sub(own, "", item.trivia.comment.lstrip("#").strip())
+    space = item.trivia.comment_ws
+    item.comment("; ".join(filter(None, [before, text])))
+    item.trivia.comment_ws = space or "  "
+
+
+def _path(edit: Edit) -> tuple[Any, ...]:
+    """Where the value of an edit lies."""
+    section: tuple[Any, ...] = ("imu",) if edit.source is None else ("aiding", edit.source)
+    return (*section, "time", "offset") if edit.key == TIME else (*section, edit.key)
+
+
+def _others(content: dict[str, Any], edits: Iterable[Edit]) -> Any:
+    """All that the edits leave as it is."""
+    left = tomllib.loads(tomlkit.dumps(content))  # a copy
+    for edit in edits:
+        *way, last = _path(edit)
+        place: Any = left
+        for step in way:
+            place = place[step]
+        place.pop(last, None)
+    return left
+
+
+def _there(made: dict[str, Any], edit: Edit) -> bool:
+    """Whether the content that was made has the key of an edit."""
+    place: Any = made
+    for step in _path(edit):
+        if isinstance(place, dict) and step not in place:
+            return False
+        place = place[step]
+    return True
