@@ -52,6 +52,7 @@ def write_recording(recording: Recording, path: File) -> None:
             {"parameters": np.array(aiding.parameters, float)} if len(aiding.parameters) else {}
         )
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
+        attributes |= {"slip": float(aiding.slip)} if aiding.slip else {}
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
@@ -207,6 +208,7 @@ def _aiding(group: Any) -> Aiding:
         parameters=tuple(map(float, parameters)),
         gate=None if gate is None else float(gate),
         name=group.attrs["name"],
+        slip=float(group.attrs.get("slip", 0.0)),
     )
 
 
