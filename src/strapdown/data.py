@@ -155,6 +155,8 @@ class Aiding:
     name: str = ""  # shown in tables; the kind by default
     # {parameter of the installation (names of `estimable`) to estimate: prior standard deviations}
     estimate: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    # of a constraint across the wheels: side slip, rad per m/s^2 of lateral acceleration; adds to sd
+    slip: float = 0.0
 
     def between(self, start: float, stop: float) -> Aiding:
         """The fixes of [start, stop), s."""

@@ -8,7 +8,7 @@ from . import plugins
 from .checks import DataError, check_choice, check_number
 from .units import UNITS
 
-SHOWN = {"rad": "deg", "T": "uT"}
+SHOWN = {"rad": "deg", "rad/s": "deg/s", "T": "uT"}
 """Units that people read in place of SI."""
 
 
@@ -42,6 +42,9 @@ OWN = {
         Quantity("length", "length", most=500e3, hint="is the unit mm or ft?", least_sd=1e-3),
         Quantity("speed", "speed", most=1e4, hint="is the unit mm/s or cm/s?", least_sd=1e-4),
         Quantity("acceleration", "acceleration", least_sd=1e-6),
+        Quantity(
+            "angular rate", "angular rate", most=100.0, hint="is the unit deg/s?", least_sd=1e-9
+        ),
         Quantity(
             "magnetic field",
             "magnetic field",

@@ -33,6 +33,11 @@ def heading(b):
     return Rotation.from_matrix(b.C).as_euler("ZYX")[0]
 
 
+def earth_rate(b):
+    """North, east, down, rad/s (IERS)."""
+    return 7.292115e-5 * np.array([math.cos(b.lla[0]), 0, -math.sin(b.lla[0])])
+
+
 FIELD = np.array([20.3, 1.2, 45.0])  # NED, in uT, so that the tolerances of metres fit
 
 
@@ -67,6 +72,7 @@ SENSORS = {
     "zero-lateral-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[1]),
     "zero-vertical-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[2]),
     "zero-velocity": ((), lambda b: b.v),
+    "zero-angular-rate": ((), lambda b: b.bg + b.C.T @ earth_rate(b)),
     "gravity": ((), lambda b: b.C @ b.f + [leaning(b), 0, normal_gravity(b)]),
     "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
     "pressure": (
@@ -213,6 +219,17 @@ def test_jacobian_is_the_derivative(name, at):
         np.testing.assert_allclose(
             H[:rows, state], (behind - ahead) / (2 * step), rtol=1e-5, atol=2e-5
         )
+
+
+@pytest.mark.parametrize("at", BELIEFS)
+def test_the_earths_rate_tells_the_attitude(at):
+    """It is below the tolerances above: the same at its own size."""
+    b = belief_at(at)
+    _, _, H = observe("zero-angular-rate", b, np.zeros(3))
+    for state in range(6, 9):
+        error = 1e-3 * (np.arange(STATES) == state)
+        ahead, behind = (b.C.T @ earth_rate(b) for b in (moved(b, error), moved(b, -error)))
+        np.testing.assert_allclose(H[:, state], (ahead - behind) / 2e-3, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", [name for name in SENSORS if aiding.find(name).recorded])

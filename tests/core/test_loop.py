@@ -379,3 +379,68 @@ def test_missing_components_are_skipped_and_missing_fixes_not_counted():
         solution.trajectory.sd[-1, :2], full.trajectory.sd[-1, :2], rtol=0.05
     )
     assert solution.trajectory.sd[-1, 2] > 3 * full.trajectory.sd[-1, 2]
+
+
+# ---- side slip
+
+
+def across(recording, rows, sd=0.1, slip=0.0):
+    """The recording with a zero lateral velocity at these samples."""
+    t = recording.imu.t[rows]
+    fixes = np.zeros((len(t), 1))
+    constraint = Aiding(
+        "zero-lateral-velocity", t, fixes, fixes + sd, gate=np.inf, name="wheels", slip=slip
+    )
+    return replace(recording, aidings=(*recording.aidings, constraint))
+
+
+@pytest.mark.parametrize("run", [sd.fuse, sd.smooth])
+def test_side_slip_widens_a_constraint_by_the_angle_of_the_lateral_acceleration(run):
+    recording, k, slip = flight(), 255, 0.004
+    before = fused(recording)
+    rate = recording.imu.dtheta[k, 2] / recording.imu.dt[k] - before.b_g[k, 2]
+    square = np.sum(before.trajectory.v_n[k] ** 2)
+    wide = np.hypot(0.1, slip * rate * square)
+    assert wide > 0.2
+    slipping, by_hand, rigid = (
+        run(across(recording, [k], *how), start=start(recording))
+        for how in ((0.1, slip), (wide, 0.0), (0.1, 0.0))
+    )
+    np.testing.assert_allclose(rows(slipping), rows(by_hand), rtol=1e-7, atol=1e-10)
+    assert np.abs(rows(slipping) - rows(rigid)).max() > 1e-3
+    assert slipping.recording.aidings[-1].sd[0, 0] == 0.1
+
+
+def test_a_stream_slips_as_the_batch_does():
+    recording = across(flight(), np.arange(2, 400, 2), slip=0.004)
+    batch = fused(recording)
+    stream = sd.Stream(
+        "closed-loop", start(recording), aidings=recording.aidings, imu=recording.meta["grade"]
+    )
+    events = [
+        sd.Fix(t, s, tuple(y), tuple(deviations))
+        for s, a in enumerate(recording.aidings)
+        for t, y, deviations in zip(a.t, a.y, a.sd)
+    ]
+    events += [
+        sd.Sample(t, dt, tuple(dtheta), tuple(dv)) for t, dt, dtheta, dv in zip(*recording.imu)
+    ]
+    # a fix before the sample that reaches its time
+    for event in sorted(events, key=lambda e: (e.t, isinstance(e, sd.Sample))):
+        stream.step(event)
+    np.testing.assert_array_equal(rows(stream.solution), rows(batch))
+
+
+@pytest.mark.parametrize(
+    "kind, slip, told",
+    [
+        ("zero-vertical-velocity", 0.01, "slip: zero-vertical-velocity takes none"),
+        ("zero-lateral-velocity", -0.01, "it must be"),
+        ("zero-lateral-velocity", 0.5, "it must be"),
+    ],
+)
+def test_slip_that_no_tyres_have_is_refused(kind, slip, told):
+    recording = across(flight(), [255], slip=slip)
+    *others, constraint = recording.aidings
+    with pytest.raises(sd.DataError, match=told):
+        fused(replace(recording, aidings=(*others, replace(constraint, kind=kind))))

@@ -29,7 +29,13 @@ def assert_equal(first, second):
     assert all(same(a, b) for a, b in zip(first.imu, second.imu))
     assert len(first.aidings) == len(second.aidings)
     for a, b in zip(first.aidings, second.aidings):
-        assert (a.kind, a.gate, a.parameters, a.name) == (b.kind, b.gate, b.parameters, b.name)
+        assert (a.kind, a.gate, a.parameters, a.name, a.slip) == (
+            b.kind,
+            b.gate,
+            b.parameters,
+            b.name,
+            b.slip,
+        )
         assert same(a.t, b.t) and same(a.y, b.y) and same(a.sd, b.sd)
     if first.reference is None:
         assert second.reference is None

@@ -241,6 +241,45 @@ def test_constraint_at_rest_holds_only_there_and_none_in_a_gap(build):
     assert any("zero-velocity: at rest for" in note for note in recording.meta["notes"])
 
 
+RATES = """
+[[aiding]]
+kind = "zero-angular-rate"
+rate = 10.0
+sd = {}
+"""
+
+
+def test_zero_angular_rate_is_told_the_mean_of_the_gyro_over_the_step_before(build):
+    path = build(
+        imu=lambda frame: frame.drop(range(303, 307)), toml=lambda s: s + RATES.format(0.1)
+    )
+    recording = read(path)
+    imu, rates = recording.imu, recording.aidings[2]
+    assert rates.y.shape == rates.sd.shape == (200, 3) and np.all(rates.sd == 0.1)
+    means = imu.dtheta[:300].reshape(30, 10, 3).sum(axis=1) / 0.1
+    np.testing.assert_allclose(rates.y[:30], means, rtol=1e-9)
+    in_gap = np.r_[300:303, 303:306]  # the six samples that are left of that step
+    np.testing.assert_allclose(rates.y[30], imu.dtheta[in_gap].sum(axis=0) / 0.06, rtol=1e-9)
+    assert not any("scatter" in note for note in recording.meta["notes"])
+
+
+def test_zero_angular_rate_is_not_known_better_than_it_scatters(build):
+    recording = read(build(toml=lambda s: s + RATES.format(1e-5)))
+    expected = np.radians(0.1) / np.sqrt(10)  # of the samples, ten to a mean
+    np.testing.assert_allclose(recording.aidings[2].sd, expected, rtol=0.2)
+    assert any("zero-angular-rate: its means scatter" in note for note in recording.meta["notes"])
+
+
+def test_side_slip_is_of_the_constraint_across_the_wheels_alone(build):
+    constraint = '\n[[aiding]]\nkind = "zero-{}-velocity"\nrate = 2.0\nsd = 0.1\nslip = {}\n'
+    path = build(toml=lambda s: s + constraint.format("lateral", 0.005))
+    assert read(path).aidings[2].slip == 0.005
+    with pytest.raises(DataError, match="slip: zero-vertical-velocity takes none"):
+        read(build(toml=lambda s: s + constraint.format("vertical", 0.005)))
+    with pytest.raises(DataError, match="slip"):
+        read(build(toml=lambda s: s + constraint.format("lateral", 5)))
+
+
 def test_table_without_header_and_other_separators(build, tmp_path):
     expected, frame = read(build()), table(tmp_path / "x")
     text = frame.to_csv(index=False, header=False, sep=";")

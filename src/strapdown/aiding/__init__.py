@@ -100,6 +100,7 @@ def check(sensor: Measurement) -> None:
     check_choice(sensor.parameters, what + "parameters", PARAMETER_MEANINGS)
     check_choice(sensor.vector, what + "vector", ("", "n", "b"))
     check_choice(sensor.when, what + "when", ("", "at rest"))
+    check_choice(sensor.mean_of, what + "mean_of", ("", "gyro"))
     if len(set(sensor.states)) < len(sensor.states):
         raise DataError(f"{what}two of its states have one name: {', '.join(sensor.states)}")
     if sensor.states:

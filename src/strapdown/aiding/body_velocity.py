@@ -66,6 +66,7 @@ LATERAL = Measurement(
     ("speed",),
     parameters="reference",
     recorded=False,
+    slips=True,
     estimable=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
 )

@@ -224,7 +224,8 @@ class Cursor(NamedTuple):
     at: Ints  # int64, see the names in core/cursor.py, as of the other tables
     now: Array  # time of the belief, s, and of the last cause of doubt
     previous: Array  # the last sample: increments (6), seconds
-    work: Array  # increments in use (6), a part of them (6), innovation (6)
+    # increments in use (6), a part of them (6), innovation (6), standard deviations with slip (3)
+    work: Array
     accepted: Ints  # int64 per source
     rejected: Ints  # int64 per source
     in_a_row: Ints  # int64 per source: rejections since the last accepted fix
@@ -266,7 +267,7 @@ is 1 where any of them is a state."""
 DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
 """s that a fix waits before it is used, so that what the filter looks back at is there; s by which
 the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
-them before a fix; side slip of a constraint (rad per m/s^2)."""
+them before a fix; side slip of a constraint (rad per m/s^2), which adds to its standard deviation."""
 FORCE, LAG, MEAN, REST, RATE, TURN, PARAMETERS = 23, 26, 29, 32, 35, 38, 47
 """What happened in AGE, see core/recent_motion.py: vectors, and a matrix of nine."""
 VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
@@ -516,6 +517,8 @@ class Measurement(NamedTuple):
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
     recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
     when: str = ""  # a constraint that holds only then: "at rest"
+    mean_of: str = ""  # y of a constraint is the mean of that over the step before it: "gyro"
+    slips: bool = False  # whether side slip in turns can widen its standard deviation
     reference: str = ""
     # names, with units, of the states that each source of this kind brings along
     states: tuple[str, ...] = ()

@@ -33,6 +33,7 @@ from .contract import (
     PREDICT,
     RUN,
     RUN_RECORDED,
+    SLIP,
     VALID,
     VELOCITY_KIND,
     WALK,
@@ -272,13 +273,16 @@ def _use_fix(
             innovation[i] = math.nan
     if fixes.parameters[s, CLOCK_STATE] > 0:
         look_back(cursor, belief, fixes.parameters[s])
+    sd = fixes.sd[k]
+    if fixes.parameters[s, SLIP] > 0:
+        sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[18:21])
     while believable:  # once, or a second time with the gate lifted
         for i in range(3):
             innovation[3 + i] = math.nan  # not every filter whitens
         found = correct_at(correct)(
             belief,
             fixes.y[k],
-            fixes.sd[k],
+            sd,
             fixes.kind[s],
             observe_at(observers[fixes.kind[s]]),
             fixes.parameters[s],
@@ -353,6 +357,18 @@ def _save_step(belief: Belief, at: Ints, record: Array) -> None:
     if record.ndim == 2:
         save_step_at(at[SAVE_STEP])(belief, record[at[RECORDED]])
     at[RECORDED] += 1
+
+
+@helper
+def _slipping(sd: Array, belief: Belief, slip: float, wider: Array) -> Array:
+    """The standard deviations with those of the side slip of tyres, in `wider`: as an angle it grows
+    with the lateral acceleration, which is taken as yaw rate times speed. That is smooth, where the
+    accelerometers feel the engine and the road."""
+    v = belief.v
+    square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    for i in range(3):
+        wider[i] = math.hypot(sd[i], slip * belief.omega[2] * square)
+    return wider
 
 
 @helper

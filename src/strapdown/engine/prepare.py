@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import aiding, filters
 from ..alignment.completed import MOST_HEADING, PARTS
-from ..checks import DataError, brief, shown
+from ..checks import DataError, brief, check_number, shown
 from ..core import cursor as places, loop
 from ..core.contract import (
     BROUGHT,
@@ -22,6 +22,7 @@ from ..core.contract import (
     OF_KIND,
     PARAMETERS,
     POS,
+    SLIP,
     STATES,
     WALK,
     Belief,
@@ -29,6 +30,7 @@ from ..core.contract import (
     Filter,
     Fixes,
     Imu,
+    Measurement,
     Noise,
     Output,
     Start,
@@ -67,6 +69,10 @@ AHRS_RATE = 10.0
 
 GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
 """What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
+
+
+MOST_SLIP = 0.1
+"""rad per m/s^2: tyres on ice have less."""
 
 
 class Asked(NamedTuple):
@@ -147,6 +153,7 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
             parameters[s, WALK], parameters[s, FIRST] = sensor.state_walk, states
             parameters[s, BROUGHT] = len(sensor.states)
             states += len(sensor.states)
+        parameters[s, SLIP] = checked_slip(a, sensor)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
     t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
@@ -170,6 +177,14 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
         parameters,
         gate,
     )
+
+
+def checked_slip(a: Aiding, sensor: Measurement) -> float:
+    """Its side slip. Raises DataError for none that tyres have, or where its kind takes none."""
+    what = f"{a.name or a.kind}: slip"
+    if a.slip and not sensor.slips:
+        raise DataError(f"{what}: {a.kind} takes none; a constraint across the wheels does")
+    return check_number(a.slip, what, "rad per m/s^2", least=0, most=MOST_SLIP)
 
 
 class Brought(NamedTuple):
@@ -242,7 +257,7 @@ def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Arra
         np.zeros(places.CURSOR_SIZE, np.int64),
         np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
-        np.zeros(18),
+        np.zeros(21),
         count(),
         count(),
         count(),

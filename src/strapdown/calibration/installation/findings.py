@@ -22,8 +22,15 @@ from ...diagnosis.findings import (
 )
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
 from ...diagnosis.settling import NOTABLE
-from ...io.description.rewriting import LEVER_ARM, TIME, Edit, rewrite, rewritten
-from ...io.description.rewriting import MOUNTING as MOUNTING_KEY, SCALE as SCALE_KEY
+from ...io.description.rewriting import (
+    LEVER_ARM,
+    MOUNTING as MOUNTING_KEY,
+    SCALE as SCALE_KEY,
+    TIME,
+    Edit,
+    rewrite,
+    rewritten,
+)
 from ...recording import Recording
 from ...typing import File
 from .confirming import ESTIMABLE, Asking
@@ -164,9 +171,7 @@ class Installation:
     @property
     def changes(self) -> tuple[str, ...]:
         """What to write into recording.toml, a line each."""
-        return tuple(
-            line for own in changes(self.given, self.settings).values() for line in own
-        )
+        return tuple(line for own in changes(self.given, self.settings).values() for line in own)
 
     @property
     def lines(self) -> list[str]:

@@ -144,17 +144,18 @@ def read_aiding(
 
     def make(t: Array, y: Array, sd: Array) -> Aiding:
         name, own = part.name or part.kind, tuple(map(float, arm))
-        return Aiding(part.kind, t, y, sd, own, part.gate, name, part.estimated)
+        return Aiding(part.kind, t, y, sd, own, part.gate, name, part.estimated, slip=part.slip)
 
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:
         t, notes = _constraint_times(part, imu, where)
         shape = (len(t), len(sensor.quantities))
-        return make(
-            t,
-            np.full(shape, part.level or 0.0),
-            np.broadcast_to(np.array(part.deviations, float), shape).copy(),
-        ), notes
+        y = np.full(shape, part.level or 0.0)
+        sd = np.broadcast_to(np.array(part.deviations, float), shape).copy()
+        if sensor.mean_of == "gyro":
+            y, sd, scatter = _gyro_means(part, t, sd, imu)
+            notes += scatter
+        return make(t, y, sd), notes
     # the schema asks every kind that is recorded for these
     assert part.file is not None and part.time is not None and part.columns is not None
     names = [_deviation_column(sd) for sd in part.deviations]
@@ -270,6 +271,33 @@ def _constraint_times(part: AidingPart, imu: Imu, where: str) -> tuple[Array, li
         f"{part.kind}: "
         f"{f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"
     ]
+
+
+def _gyro_means(part: AidingPart, t: Array, sd: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
+    """(y, sd, notes): the mean rate that the gyro reads over the step before each of the times t;
+    no sd is below the scatter of these means from step to step."""
+    assert part.rate is not None
+    edges, step = np.r_[imu.t[0] - imu.dt[0], imu.t], 1.0 / part.rate
+    sums = np.vstack([np.zeros(4), np.cumsum(np.c_[imu.dtheta, imu.dt], axis=0)])
+    over = np.stack(
+        [np.interp(t, edges, each) - np.interp(t - step, edges, each) for each in sums.T], axis=1
+    )
+    y = over[:, :3] / over[:, 3:]
+    neighbours = np.diff(t) < 1.5 * step
+    if not neighbours.any():
+        return y, sd, []
+    # halved: the difference of two means has twice the variance of one
+    scatter = np.sqrt(0.5 * np.mean(np.diff(y, axis=0)[neighbours] ** 2, axis=0))
+    if np.all(scatter <= sd[0]):
+        return y, sd, []
+    return (
+        y,
+        np.maximum(sd, scatter),
+        [
+            f"{part.kind}: its means scatter by {scatter.max():.2g} rad/s, more than sd = "
+            f"{sd[0, scatter.argmax()]:.2g}; that is taken"
+        ],
+    )
 
 
 def read_reference(part: ReferencePart, imu: Imu, files: Files) -> tuple[Trajectory, list[str]]:

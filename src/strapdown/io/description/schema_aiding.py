@@ -95,6 +95,7 @@ class AidingPart(Part):
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
     estimate: Any = None
+    slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
 
@@ -206,6 +207,10 @@ class AidingPart(Part):
             (
                 self.axes is not None and not sensor.vector and not is_attitude,
                 f"axes: {sensor.name} is no vector and takes no axes",
+            ),
+            (
+                self.slip > 0 and not sensor.slips,
+                f"slip: {sensor.name} takes none; zero-lateral-velocity does",
             ),
             (
                 self.lever_arm is not None and sensor.parameters not in ("antenna", "reference"),

@@ -53,6 +53,7 @@ def write_recording(recording: Recording, path: File) -> None:
         )
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
         attributes |= {"estimate": json.dumps(dict(aiding.estimate))} if aiding.estimate else {}
+        attributes |= {"slip": float(aiding.slip)} if aiding.slip else {}
         groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
@@ -210,6 +211,7 @@ def _aiding(group: Any) -> Aiding:
         gate=None if gate is None else float(gate),
         name=group.attrs["name"],
         estimate={name: tuple(sd) for name, sd in estimate.items()},
+        slip=float(group.attrs.get("slip", 0.0)),
     )
 
 

@@ -1,0 +1,32 @@
+"""Zero angular rate over ground while the vehicle is at rest: what the gyro reads then is its bias
+and the Earth's rate. y = its mean reading over the step before, rad/s, body."""
+
+import math
+
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.earth import RATE
+from ..typing import Array
+
+
+@kernel(OBSERVE)
+def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+    """Three rows: y - (bg + C' w), w the Earth's rate in n; with true C = exp(theta) C the
+    derivative by theta is C' [w x]."""
+    north, down = RATE * math.cos(belief.lla[0]), -RATE * math.sin(belief.lla[0])
+    for i in range(3):
+        a, b, c = belief.C[0, i], belief.C[1, i], belief.C[2, i]
+        innovation[i] = y[i] - belief.bg[i] - a * north - c * down
+        H[i, 6], H[i, 7], H[i, 8] = b * down, c * north - a * down, -b * north
+        H[i, 12 + i] = 1.0
+    return 3
+
+
+MEASUREMENT = Measurement(
+    "zero-angular-rate",
+    observe,
+    ("angular rate", "angular rate", "angular rate"),
+    recorded=False,
+    when="at rest",
+    mean_of="gyro",
+    reference="Groves (2013) section 15.3",
+)
