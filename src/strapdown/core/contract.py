@@ -224,7 +224,8 @@ class Cursor(NamedTuple):
     at: Ints  # int64, see the names in core/cursor.py, as of the other tables
     now: Array  # time of the belief, s, and of the last cause of doubt
     previous: Array  # the last sample: increments (6), seconds
-    # increments in use (6), a part of them (6), innovation (6), standard deviations with slip (3)
+    # increments in use (6), a part of them (6), innovation (6), increments as read (6), standard
+    # deviations with slip (3)
     work: Array
     accepted: Ints  # int64 per source
     rejected: Ints  # int64 per source
@@ -242,6 +243,8 @@ class Cursor(NamedTuple):
     # (rows, core.recent_motion.WIDTH): the motion of the last seconds; no rows where nobody looks
     # back
     recent: Array
+    # int64 (rows, 3), see core/coupling.py: the states of the IMU that act on the increments
+    coupled: Ints
 
 
 class Output(NamedTuple):
@@ -320,7 +323,7 @@ if COMPILED:
         types.Array(_f8, 2, "C"),
         types.Array(_f8, 3, "C"),
     )
-    _count = types.Array(_i8, 1, "C")
+    _count, _counts = types.Array(_i8, 1, "C"), types.Array(_i8, 2, "C")
 
     def _named(cls: type, *fields: Any) -> Any:
         return types.NamedTuple(fields, cls)
@@ -332,7 +335,7 @@ if COMPILED:
     CURSOR = _named(
         Cursor,
         *(_count, _line, _line, _line, _count, _count, _count, _line, _count, _line),
-        *(_line, _table, _table, _table, _table, _table),
+        *(_line, _table, _table, _table, _table, _table, _counts),
     )
     OUTPUT, RECORDED_OUTPUT = (
         _named(Output, _table, _cube, _table, record, _count) for record in (_line, _table)

@@ -20,6 +20,9 @@ COPY, PRODUCT, TRANSPOSED = 0, 225, 480
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P
 transposed (rows of 8). One array with constant offsets, strides and trip counts, because then
 the compiler sees that nothing overlaps and makes vector code."""
+WIDE, WIDE_PRODUCT, WIDE_END = 600, 1080, 1368
+"""The same of more than fifteen states: P (15 rows of 32) and Phi P (9 rows of 32). What is written
+eight numbers at a time is read so: the processor waits where the two do not match."""
 LEAST_NOISE = 1e-9
 """A fix has at least this fraction of the variance that its states would bring without their
 correlations: below it P would lose its positive sign to rounding."""
@@ -155,9 +158,13 @@ def transition(
 
 # all 15 columns; the eighth is done twice, alike
 _rows = transition("_rows", COPY, 15, PRODUCT, 16, (0, 7), 8)
+# up to 23 columns, up to 31
+_rows_23 = transition("_rows_23", WIDE, 32, WIDE_PRODUCT, 32, (0, 8, 16), 8)
+_rows_31 = transition("_rows_31", WIDE, 32, WIDE_PRODUCT, 32, (0, 8, 16, 24), 8)
 # columns 0-7 of Phi P: symmetry gives the rest
 _columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)
 _last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)  # its row 8
+_last_wide = transition("_last_wide", WIDE_PRODUCT + 8 * 32, 1, COPY, 1, (0,), 1)
 _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 
 
@@ -190,55 +197,71 @@ def propagate(
     q = (q_v, q_v, q_v, q_t, q_t, q_t, q_a, q_a, q_a, q_g, q_g, q_g)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
-    if P.shape[0] == 15:  # one copy of constant length instead of fifteen
-        numbers = flatten(P)
+    numbers, n = flatten(P), P.shape[0]
+    if n == 15:
         for i in range(225):
             work[COPY + i] = numbers[i]
+        _rows(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _transpose(PRODUCT, 16, work)
+        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _last(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _write_back(PRODUCT, 16, P, keep, work)
     else:
-        for i in range(15):
-            for j in range(15):
-                work[COPY + 15 * i + j] = P[i, j]
-    _rows(work, blocks, C, dv_n, w0, w1, w2, dt)
+        if n <= 23:
+            _widen(P, 24, work)
+            _rows_23(work, blocks, C, dv_n, w0, w1, w2, dt)
+        else:
+            _widen(P, 32, work)
+            _rows_31(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _transpose(WIDE_PRODUCT, 32, work)
+        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _last_wide(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _write_back(WIDE_PRODUCT, 32, P, keep, work)
+        _write_beyond(P, keep, work)
+    for i in range(12):
+        P[3 + i, 3 + i] += q[i]
+
+
+@inlined
+def _transpose(product: int, stride: int, work: Array) -> None:
+    """The first 8 rows of Phi P transposed."""
     for i in range(15):
         for j in range(8):
-            work[TRANSPOSED + 8 * i + j] = work[PRODUCT + 16 * j + i]
-    _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
-    _last(work, blocks, C, dv_n, w0, w1, w2, dt)
+            work[TRANSPOSED + 8 * i + j] = work[product + stride * j + i]
+
+
+@inlined
+def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], work: Array) -> None:
+    """P of the first fifteen states from Phi P and Phi (Phi P)'."""
     for i in range(9):
         for j in range(min(i + 1, 8)):
             P[i, j] = P[j, i] = work[TRANSPOSED + 8 * i + j]
         for j in range(6):
-            P[i, 9 + j] = P[9 + j, i] = keep[j] * work[PRODUCT + 16 * i + 9 + j]
+            P[i, 9 + j] = P[9 + j, i] = keep[j] * work[product + stride * i + 9 + j]
     P[8, 8] = work[COPY + 8]
     for i in range(6):
         for j in range(6):
             P[9 + i, 9 + j] *= keep[i] * keep[j]
-    for i in range(12):
-        P[3 + i, 3 + i] += q[i]
+
+
+@inlined
+def _widen(P: Array, lanes: int, work: Array) -> None:
+    """The first fifteen rows of P in rows of 32. Lanes beyond the states reach into the next row."""
+    for i in range(15):
+        row = P[i]  # of a row the compiler knows that no index is negative
+        for lane in range(lanes):
+            work[WIDE + 32 * i + lane] = row[lane]
+
+
+@inlined
+def _write_beyond(P: Array, keep: tuple[float, ...], work: Array) -> None:
+    """The covariances with states beyond the fifteenth, which stand still themselves."""
     for column in range(15, P.shape[0]):
-        _propagate_column(P, column, keep, blocks, C, dv_n, w0, w1, w2, dt, work)
-
-
-@helper
-def _propagate_column(
-    P: Array,
-    column: int,
-    keep: tuple[float, ...],
-    blocks: Array,
-    C: Array,
-    dv_n: Array,
-    w0: float,
-    w1: float,
-    w2: float,
-    dt: float,
-    work: Array,
-) -> None:
-    """The covariance with a state beyond the fifteenth, which stands still itself."""
-    for i in range(15):
-        work[COPY + i] = P[i, column]
-    _single(work, blocks, C, dv_n, w0, w1, w2, dt)
-    for i in range(15):
-        P[i, column] = P[column, i] = work[PRODUCT + i] if i < 9 else keep[i - 9] * work[COPY + i]
+        for i in range(9):
+            P[i, column] = P[column, i] = work[WIDE_PRODUCT + 32 * i + column]
+        if keep[0] != 1.0 or keep[3] != 1.0:
+            for i in range(6):
+                P[9 + i, column] = P[column, 9 + i] = keep[i] * work[WIDE + 32 * (9 + i) + column]
 
 
 @helper
@@ -280,7 +303,7 @@ def used_rows(n: int) -> int:
     return n * n + 3 * n + 4
 
 
-WORKSPACE = max(600, plain(used_rows)(MOST_STATES) + 13)
+WORKSPACE = max(WIDE_END, plain(used_rows)(MOST_STATES) + 13)
 """Numbers of the flat workspace of `propagate`, and of `update`, which uses it in its own way."""
 
 

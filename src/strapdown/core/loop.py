@@ -44,6 +44,7 @@ from .contract import (
     Noise,
     Output,
 )
+from .coupling import couple, read
 from .cursor import (
     BELIEF_TOO_FAST,
     BELIEF_TOO_HIGH,
@@ -119,6 +120,7 @@ LONGEST_HOLD = (
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
+SLIPPING = slice(24, 27)  # of Cursor.work
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
 predict_at, correct_at, observe_at, save_step_at = (
@@ -167,7 +169,7 @@ def run(
             long = now[BROKEN] > BRIDGE
             if long:
                 assumed, at[STATUS] = wider(noise, HOLD_GYRO, HOLD_ACCEL), INVALID
-            _rates_held(belief, dt, cursor.previous, long, sample)
+            _rates_held(belief, dt, cursor, long, sample)
             for i in range(3):
                 if not wrong & NO_GYRO:
                     sample[i] = imu.dtheta[row, i]
@@ -243,8 +245,12 @@ def _predict(
     predict: int, belief: Belief, u: Array, dt: float, noise: Noise, cursor: Cursor, out: Output
 ) -> None:
     """One prediction, and what is kept of it."""
+    if cursor.coupled.shape[0] > 0:
+        read(cursor, belief, u, -1.0)
     predict_at(predict)(belief, u, dt, noise)
     _save_step(belief, cursor.at, out.record)
+    if cursor.coupled.shape[0] > 0:
+        _couple(cursor, belief, dt, out.record)
     if cursor.recent.shape[0] > 0:
         keep(cursor, belief, dt)
 
@@ -275,7 +281,7 @@ def _use_fix(
         look_back(cursor, belief, fixes.parameters[s])
     sd = fixes.sd[k]
     if fixes.parameters[s, SLIP] > 0:
-        sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[18:21])
+        sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[SLIPPING])
     while believable:  # once, or a second time with the gate lifted
         for i in range(3):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -372,6 +378,16 @@ def _slipping(sd: Array, belief: Belief, slip: float, wider: Array) -> Array:
 
 
 @helper
+def _couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
+    """What states of the IMU do to a prediction; a call of its own to the smoother."""
+    if record.ndim == 2:
+        couple(cursor, belief, dt, record[cursor.at[RECORDED]])
+    else:
+        couple(cursor, belief, dt, record)
+    cursor.at[RECORDED] += 1
+
+
+@helper
 def _walk(P: Array, parameters: Array, s: int, seconds: float) -> None:
     """The random walk of the states that source `s` brought along; only its fixes see them, so it
     can wait for one."""
@@ -425,7 +441,7 @@ def _cross_gap(
             for i in range(6):
                 u[i] = last[i] * (step / last[6])
         else:
-            _held(belief, step, u)
+            _held(belief, step, cursor, u)
         _advance(predict, correct, observers, belief, fixes, wide, cursor, out, now[0] + step, step)
     now[0] = until
     # last: fixes inside the gap do not end it
@@ -447,23 +463,26 @@ def wider(noise: Noise, gyro: float, accel: float) -> Noise:
 
 
 @helper
-def _held(belief: Belief, step: float, u: Array) -> None:
-    """Increments over `step` s that hold velocity and attitude."""
+def _held(belief: Belief, step: float, cursor: Cursor, u: Array) -> None:
+    """Increments over `step` s, as the IMU would read them, that hold velocity and attitude."""
     stationary_increments(belief.lla, belief.v, belief.C, step, u)
     for i in range(3):
         u[i] += belief.bg[i] * step
         u[3 + i] += belief.ba[i] * step
+    if cursor.coupled.shape[0] > 0:
+        read(cursor, belief, u, 1.0)
 
 
 @helper
-def _rates_held(belief: Belief, dt: float, last: Array, long: bool, u: Array) -> None:
+def _rates_held(belief: Belief, dt: float, cursor: Cursor, long: bool, u: Array) -> None:
     """Increments over dt at the rates of the last sample; without one, or where they are missing for
     `long`, those that hold velocity and attitude."""
+    last = cursor.previous
     if last[6] > 0 and not long:
         for i in range(6):
             u[i] = last[i] * (dt / last[6])
     else:
-        _held(belief, dt, u)
+        _held(belief, dt, cursor, u)
 
 
 @inlined

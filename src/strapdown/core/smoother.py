@@ -12,6 +12,7 @@ import math
 
 from ..typing import Array, Ints
 from .contract import ADJOINT_STEP, RUN_BACK
+from .coupling import COUPLED, uncouple
 from .earth import displace
 from .jit import caller, flatten, helper, inlined, kernel
 from .loop import BIASES, LLA, SD, Q, V
@@ -48,14 +49,23 @@ def run_back(
     call = record.shape[0] - 1
     for row in range(mark.size - 1, -1, -1):
         while call >= mark[row]:
-            adjoint_step_at(adjoint_step)(record[call], lam, Lam, work)
+            _undo(adjoint_step, record[call], lam, Lam, work)
             call -= 1
         _smooth_row(P[row], estimated, lam, Lam, work, nav[row])
         if covariance.shape[0] > 0:
             _write_covariance(P[row], estimated, lam.size, work, covariance[row])
     while call >= 0:
-        adjoint_step_at(adjoint_step)(record[call], lam, Lam, work)
+        _undo(adjoint_step, record[call], lam, Lam, work)
         call -= 1
+
+
+@inlined
+def _undo(adjoint_step: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
+    """The adjoint of a call of the filter, or of what the loop did beside it."""
+    if call[0] == COUPLED:
+        uncouple(call, lam, Lam)
+    else:
+        adjoint_step_at(adjoint_step)(call, lam, Lam, work)
 
 
 @helper

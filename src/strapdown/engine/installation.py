@@ -22,9 +22,20 @@ from ..core.contract import (
     Filter,
 )
 from ..data import Aiding
-from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..estimable import (
+    ACCEL_MISALIGNMENT,
+    ACCEL_SCALE,
+    AXES,
+    CLOCK,
+    GYRO_MISALIGNMENT,
+    GYRO_SCALE,
+    LEVER_ARM,
+    MOUNTING,
+    SCALE,
+    Estimable,
+)
 from ..recording import Recording
-from ..typing import Array
+from ..typing import Array, Ints
 
 IMU = "imu"
 """What names the IMU where a source could stand."""
@@ -35,6 +46,13 @@ PLACES = {
     SCALE.name: SCALE_STATE,
 }
 """Where a source finds the index of its first component."""
+SENSORS = {
+    GYRO_SCALE.name: 0,
+    GYRO_MISALIGNMENT.name: 0,
+    ACCEL_SCALE.name: 3,
+    ACCEL_MISALIGNMENT.name: 3,
+}
+"""The first component of the increments of their sensor."""
 WAIT, LONGEST_WAIT = 3.0, 1.0
 """A fix whose clock is a state waits so many prior standard deviations, but at most so many s: later
 than it holds, with any probable offset."""
@@ -184,6 +202,27 @@ def delays(aidings: Sequence[Aiding], of_imu: OfImu) -> list[float]:
     rows = np.zeros((len(aidings), PARAMETERS))
     place(rows, parameters(aidings, of_imu), STATES)
     return list(rows[:, DELAY].tolist())
+
+
+def coupled(found: Sequence[Parameter], first: int) -> Ints:
+    """The rows of `Cursor.coupled`: those of the states that are scales and misalignments of the
+    IMU; the states begin with `first`."""
+    rows = [
+        (first + k, sensor + into, sensor + of)
+        for k, parameter in enumerate(found)
+        if parameter.of.name in SENSORS
+        for sensor in [SENSORS[parameter.of.name]]
+        for into, of in [_axes(parameter.of.components[parameter.component])]
+    ]
+    return np.array(rows, np.int64).reshape(-1, 3)
+
+
+def _axes(component: str) -> tuple[int, int]:
+    """(axis that reads too much, axis of which it does)."""
+    if component in AXES:
+        return AXES.index(component), AXES.index(component)
+    into, of = ("xyz".index(letter) for letter in component)
+    return into, of
 
 
 def place(rows: Array, found: Sequence[Parameter], first: int) -> None:

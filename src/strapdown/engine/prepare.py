@@ -245,10 +245,17 @@ def _three_columns(values: ArrayLike) -> Array:
     return np.pad(columns, ((0, 0), (0, 3 - columns.shape[1])), constant_values=np.nan)
 
 
-def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Array) -> Cursor:
+def new_cursor(
+    filter: Filter,
+    t: float,
+    aidings: Sequence[Aiding],
+    limits: Array,
+    of_imu: OfImu | None = None,
+) -> Cursor:
     """A Cursor at time `t` before the first sample, for these sources; `limits` as
-    `engine.limits.limits` gives them."""
-    sources = len(aidings)
+    `engine.limits.limits` gives them. of_imu: what of the IMU is estimated."""
+    sources, parameters = len(aidings), installation.parameters(aidings, of_imu or {})
+    first = STATES + len(brought(aidings, of_imu)) - len(parameters)
 
     def count() -> Ints:
         return np.zeros(sources, np.int64)
@@ -257,7 +264,7 @@ def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Arra
         np.zeros(places.CURSOR_SIZE, np.int64),
         np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
-        np.zeros(21),
+        np.zeros(loop.SLIPPING.stop),
         count(),
         count(),
         count(),
@@ -270,6 +277,7 @@ def new_cursor(filter: Filter, t: float, aidings: Sequence[Aiding], limits: Arra
         np.zeros((sources, places.TESTS)),
         np.zeros((places.LOG_ROWS, places.LOG_WIDTH)),
         new_recent(t, any("clock" in a.estimate for a in aidings)),
+        installation.coupled(parameters, first),
     )
     at = cursor.at
     at[places.LATEST] = 1
@@ -385,7 +393,7 @@ def ready(
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
     vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))
-    cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle))
+    cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle), of_imu)
     every = asked.every
     cursor.at[places.ROW], cursor.at[places.FIXES], cursor.at[places.EVERY] = (
         first,

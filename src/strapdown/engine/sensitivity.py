@@ -82,9 +82,10 @@ def check_sensitive(filter: Filter) -> None:
 
 
 def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
-    """The Run of `fuse` with the kernels that `pieces` needs. Raises DataError."""
+    """The Run of `fuse` with the kernels that `pieces` needs; no parameter of the installation is a
+    state of it. Raises DataError."""
     check_sensitive(filter)
-    run = begin(recording, filter, asked)
+    run = begin(recording, filter, asked._replace(estimate={}))
     kernels: list[Any] = [loop.run_recorded, save_step, run_sensitivity]
     if asked.say and not all(map(is_cached, kernels)):
         asked.say("compiling the diagnosis for the first time on this machine, about 15 s ...")
