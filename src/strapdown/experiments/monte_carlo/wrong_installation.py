@@ -141,7 +141,7 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
     rates, forces = imu.dtheta, imu.dv
     if back is not None:
         rates, forces = back.apply(rates), back.apply(forces)
-        of_axes = {name: back.apply(meta[name]) for name in ("b_a", "b_g")}
+        of_axes = {name: back.apply(meta[name]) for name in ("b_a", "b_g") if name in meta}
         meta, reference = meta | of_axes, _turned(reference, back.inv())
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
     accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
