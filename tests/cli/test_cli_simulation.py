@@ -92,6 +92,32 @@ def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, command):
     assert json.loads((hop / "done" / "manifest.json").read_text())["seed"] == 2
 
 
+def test_a_study_draws_an_installation_in_the_units_of_a_user(hop, command):
+    label = "closed-loop:estimate=clock+lever-arm"
+    given = "clock=0.1, lever-arm=0.5,mounting=0/2/1"
+    code, out, _ = command(
+        "study",
+        "hop.toml",
+        "--filter",
+        label,
+        "--installation",
+        given,
+        "--runs",
+        1,
+        "--out",
+        "wrong",
+    )
+    assert code == 0 and label in out
+    drawn = json.loads((hop / "wrong" / "manifest.json").read_text())["installation"]
+    assert drawn == {
+        "clock": [0.1],
+        "lever-arm": [0.5] * 3,
+        "mounting": pytest.approx([0.0, np.radians(2), np.radians(1)]),
+    }
+    code, _, err = command("study", "hop.toml", "--installation", "clock", "--out", "x")
+    assert code == 2 and "write clock=0.1,mounting=0/2/2" in err[0]
+
+
 TOML = {
     "negative rate": ("rate_hz = 20", "rate_hz = -20"),
     "too fast": ("speed_m_s = 40", "speed_m_s = 4000"),

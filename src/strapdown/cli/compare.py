@@ -71,6 +71,14 @@ def compare(
             "attitude.",
         ),
     ] = None,
+    estimate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,...",
+            help="Parameters of the installation as states, such as clock,lever-arm, of every "
+            "filter that does not say so itself as NAME:estimate=clock+lever-arm.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
     ] = None,
@@ -95,6 +103,7 @@ def compare(
             imu=imu,
             vehicle=vehicle,
             ahrs=ahrs,
+            estimate=estimate,
             say=progress.say,
             progress=progress.track("compare"),
             **given,

@@ -78,6 +78,14 @@ def study(
     runs: Annotated[
         int, typer.Option(metavar="N", help="Runs of each scenario with each IMU.")
     ] = 50,
+    installation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME=SD,...",
+            help="Standard deviations from which each run draws what is wrong with the "
+            "installation, in s, m and deg: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02.",
+        ),
+    ] = None,
     seed: SEED = 0,
     out: OUT = Path("study"),
     workers: WORKERS = 0,
@@ -86,7 +94,12 @@ def study(
     """Run filters many times on the same simulated data and score them; an interrupted study
     goes on where it was."""
     made = sd.Study(
-        tuple(scenario), tuple(filter or ("closed-loop", "open-loop")), tuple(imu or ()), runs, seed
+        tuple(scenario),
+        tuple(filter or ("closed-loop", "open-loop")),
+        tuple(imu or ()),
+        runs,
+        seed,
+        installation=_installation(installation),
     )
     print(
         f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: "
@@ -102,6 +115,28 @@ def study(
         )
     print_summary(campaign.summary)
     print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
+
+
+def _installation(text: str | None) -> dict[str, tuple[float, ...]]:
+    """{parameter: standard deviations by component, SI} of "clock=0.1,mounting=0/2/2", in the units
+    of `estimable`. Raises DataError."""
+    from ..experiments.filter_label import check_parameter
+
+    found = {}
+    for item in (text or "").split(","):
+        if not item.strip():
+            continue
+        name, _, values = item.partition("=")
+        try:
+            given = [float(value) for value in values.split("/")]
+        except ValueError:
+            raise sd.DataError(
+                f"--installation {text!r}: {item.strip()!r} is no parameter with its standard "
+                f"deviation; write clock=0.1,mounting=0/2/2"
+            ) from None
+        factor = check_parameter(name).factor
+        found[name.strip()] = tuple(value / factor for value in given)
+    return found
 
 
 def print_summary(summary: "pd.DataFrame") -> None:

@@ -1,14 +1,17 @@
-"""Filters by label: a name, or a name with options, as studies, comparisons and their tables
-have them."""
+"""Filters by label: a name, or a name with options and with what it estimates of the installation,
+as studies, comparisons and their tables have them."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
-from .. import filters
-from ..checks import DataError
+from .. import estimable, filters
+from ..checks import DataError, check_choice
 from ..core.contract import STATES, Filter, Noise, Start
 from ..engine.prepare import check_options, new_belief
 
+ESTIMATE, NOTHING = "estimate", "none"
+"""The option of a label that names parameters of the installation, which become states, and what it
+says where there shall be none."""
 ANYWHERE, NOISELESS = (
     Start(0.0, (0.0, 0.0, 0.0), (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * STATES),
     Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -16,8 +19,30 @@ ANYWHERE, NOISELESS = (
 """A start and a noise that any filter takes, to try its options with."""
 
 
-def parsed(label: str) -> tuple[Filter, dict[str, Any]]:
-    """(Filter, options) of "name" or "name:option=value,option=value". Raises DataError."""
+class Labelled(NamedTuple):
+    """What a label stands for."""
+
+    filter: Filter
+    options: dict[str, Any]
+    # parameters of the installation, as `fuse` has them; None where the label says nothing of them
+    estimate: tuple[str, ...] | None = None
+
+    @property
+    def label(self) -> str:
+        """The label; the same options always have the same."""
+        texts = {
+            key: value if isinstance(value, str) else format(value, ".12g")
+            for key, value in self.options.items()
+        }
+        if self.estimate is not None:
+            texts[ESTIMATE] = "+".join(self.estimate) or NOTHING
+        ordered = ",".join(f"{key}={text}" for key, text in sorted(texts.items()))
+        return self.filter.name + ":" * bool(texts) + ordered
+
+
+def parsed(label: str) -> Labelled:
+    """What "name", "name:option=value,option=value" or "name:estimate=clock+lever-arm" stands for.
+    Raises DataError."""
     name, _, rest = label.partition(":")
     pairs = [item.partition("=") for item in rest.split(",") if item.strip()]
     if wrong := [key for key, equals, _ in pairs if not equals]:
@@ -28,23 +53,37 @@ def parsed(label: str) -> tuple[Filter, dict[str, Any]]:
     return tried(name, {key.strip(): _value(value) for key, _, value in pairs})
 
 
-def tried(name: str, options: dict[str, Any]) -> tuple[Filter, dict[str, Any]]:
-    """(Filter, options) where there is a filter of that name and it takes these options. Raises
-    DataError."""
-    filter = filters.find(name)
-    check_options(filter, options)
-    new_belief(filter, ANYWHERE, NOISELESS, options, ())  # refuses values
-    return filter, options
+def tried(name: str, options: Mapping[str, Any]) -> Labelled:
+    """The filter of that name with these options, which it takes; what they have under ESTIMATE,
+    names between "+" or a list of names, is no option of its own. Raises DataError."""
+    filter, own = filters.find(name), dict(options)
+    estimate = _estimate(filter, own.pop(ESTIMATE)) if ESTIMATE in own else None
+    check_options(filter, own)
+    new_belief(filter, ANYWHERE, NOISELESS, own, ())  # refuses values
+    return Labelled(filter, own, estimate)
 
 
-def labelled(name: str, options: Mapping[str, Any]) -> str:
-    """The label of a filter with options, as `parsed` reads it; the same options always have the
-    same label."""
-    texts = {
-        key: value if isinstance(value, str) else format(value, ".12g")
-        for key, value in sorted(options.items())
-    }
-    return name + ":" * bool(texts) + ",".join(f"{key}={text}" for key, text in texts.items())
+def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
+    if isinstance(wanted, str):
+        wanted = [] if wanted == NOTHING else wanted.split("+")
+    if not isinstance(wanted, Sequence) or not all(isinstance(each, str) for each in wanted):
+        raise DataError(
+            f"filter {filter.name!r}: {ESTIMATE} is {wanted!r}; it must be names with + between "
+            f"them, such as clock+lever-arm"
+        )
+    names = tuple(" ".join(each.split()) for each in wanted)
+    for each in names:
+        check_parameter(each)
+    if names and not filter.installation:
+        able = [name for name in filters.names() if filters.find(name).installation]
+        raise DataError(f"{filter.name} cannot estimate {names[0]}; these can: {', '.join(able)}")
+    return names
+
+
+def check_parameter(words: str) -> estimable.Estimable:
+    """The parameter that "clock" or "gnss clock" names. Raises DataError."""
+    known = {**estimable.OF_SOURCE, **estimable.OF_IMU}
+    return known[check_choice((words.split() or [""])[-1], "estimate", known)]
 
 
 def _value(text: str) -> float | str:

@@ -107,6 +107,29 @@ def test_an_outage_is_bit_for_bit_a_run_without_its_fixes(solutions, outages):
     assert found.sweep == ("@" in outages) and not found.summary["failures"].any()
 
 
+@pytest.mark.parametrize("outages", ["7@20:58/4.321", "22:30,40.02:49"])
+def test_a_filter_that_estimates_the_installation_goes_through_the_outages_of_fuse(
+    solutions, outages
+):
+    recording, label = sensed(), "closed-loop:estimate=clock+lever-arm"
+    found = sd.compare(recording, [label], outages, threads=3)
+    start = sd.Start(**found.settings["start"])
+    for window in found.windows:
+        hidden = recording.hidden([window] if found.sweep else found.windows, FIXES)
+        whole = sd.fuse(hidden, start=start, estimate=["clock", "lever-arm"])
+        same_rows(solutions["closed-loop", window[0]], whole)
+    assert found.settings["options"][label]["estimate"] == "clock+lever-arm"
+
+
+def test_with_and_without_estimates_stand_side_by_side():
+    labels = ["closed-loop", "closed-loop:estimate=none", "closed-loop:estimate=clock"]
+    found = sd.compare(sensed(), labels, "22:30,40.02:49", estimate="clock,lever-arm")
+    rmse = found.scores.set_index(["filter", "outage"])["north_rmse_m"].unstack(0)
+    assert len(found.paired) == 12 and (rmse.diff(axis=1).iloc[:, 1:].abs() > 0).all().all()
+    alone = sd.compare(sensed(), "closed-loop", "22:30,40.02:49").scores["north_rmse_m"]
+    np.testing.assert_array_equal(rmse["closed-loop:estimate=none"], alone)
+
+
 @pytest.mark.parametrize("filter", ["closed-loop", "mekf"])
 @pytest.mark.short
 def test_a_few_samples_of_it(solutions, filter):
@@ -335,6 +358,9 @@ REFUSED = [
     (dict(filters=["mahony"]), "mahony estimates no position"),
     (dict(filters=[]), "no filter"),
     (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"),
+    (dict(filters=["mekf:estimate=clok"]), "estimate is 'clok' (did you mean 'clock'?)"),
+    (dict(filters=["fixed-gain:estimate=clock"]), "fixed-gain cannot estimate clock; these can"),
+    (dict(estimate="scale"), "no source has a scale"),
     (dict(filters=[5]), "5 is no filter"),
     (dict(filters=[("mekf", 5)]), "is no filter"),
     (dict(kinds=()), "kinds is empty"),

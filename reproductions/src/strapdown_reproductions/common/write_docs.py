@@ -18,6 +18,7 @@ PAGES = {
     "faults": ("table.md", "faults.md"),
     "fossen": ("findings.md", "fossen.md"),
     "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
+    "installation": ("table.md", "installation-figures.md"),
     "mollaei": ("findings.md", "mollaei.md"),
     "recordings": ("table.md", "every-filter.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),

@@ -66,7 +66,7 @@ def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
     cell = study.cells[number]
     made = simulator(cell)
     recording, start = made.run(cell.imu, seeds(study, cell, run))
-    filter, options = parsed(study.filters[0])
+    filter, options, _ = parsed(study.filters[0])
     solution = fuse(
         recording,
         filter,

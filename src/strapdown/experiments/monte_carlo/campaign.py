@@ -33,7 +33,7 @@ from ...files import netcdf, replacing
 from ...plugins import Plugin
 from ...typing import File
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
-from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES
+from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES, PARAMETER_SCALARS
 from .summaries import run_rows, summary_row
 
 if TYPE_CHECKING:
@@ -55,7 +55,9 @@ CHUNK_DIMENSIONS = {
     "bound": ("t", "state"),
     "mean_square": ("filter", "run", "group"),
     "coverage": ("filter", "run", "sigma"),
-    **dict.fromkeys(SCALARS, ("filter", "run")),
+    "parameter_error": ("filter", "run", "parameter"),
+    "parameter_sd": ("filter", "run", "parameter"),
+    **dict.fromkeys((*SCALARS, *PARAMETER_SCALARS), ("filter", "run")),
 }
 ABOUT = {
     "t": "s",
@@ -64,6 +66,8 @@ ABOUT = {
     "bias": "true biases, m/s^2, rad/s",
     "bound": "variances of the Cramer-Rao bound, units of error squared",
     "nees_rows": "of 15 states",
+    "parameter_error": "true - estimate at the end, in the units of the names",
+    "parameter_sd": "as the filter states it at the end; NaN of what is no state",
     "lasted": "s",
     "left_model": "s",
     "censored": "mean squared position error, m^2",
@@ -79,10 +83,12 @@ SOURCES = (
     "engine",
     "evaluation",
     "experiments/filter_label.py",
+    "estimable.py",
     "geodesy.py",
     "experiments/monte_carlo/chunks.py",
     "experiments/monte_carlo/study.py",
     "experiments/monte_carlo/scoring.py",
+    "experiments/monte_carlo/wrong_installation.py",
 )
 """What can change a result."""
 
@@ -229,9 +235,16 @@ class Campaign:
 
     def numbers(self, cell: str) -> Arrays:
         """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square"
-        (ERROR_GROUPS) and "coverage" (1, 2, 3 sigma)."""
-        parts = self.read(cell, (*SCALARS, "mean_square", "coverage"))
+        (ERROR_GROUPS) and "coverage" (1, 2, 3 sigma); of a wrong installation PARAMETER_SCALARS,
+        "parameter_error" and "parameter_sd" (`parameters`)."""
+        more = (*PARAMETER_SCALARS, "parameter_error", "parameter_sd")
+        parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *more))
         return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
+
+    def parameters(self, cell: str) -> list[str]:
+        """The parameters of the installation that were drawn wrong, with their units."""
+        found = self.read(cell, ("parameter",))[0].get("parameter", ())
+        return [name.decode() for name in found]
 
     def curves(self, cell: str) -> Arrays:
         """{name: array} over the stored epochs of a cell, from sums over the runs that were
@@ -319,6 +332,7 @@ def describe(study: Study) -> dict[str, Any]:
         "epoch_s": float(study.epoch),
         "keep": int(study.keep),
         "limits": study.limits._asdict(),
+        "installation": dict(study.installation),
         "chunk_steps": int(study.chunk_steps),
         "cells": cells,
     }
@@ -428,9 +442,11 @@ def _fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> Non
         "bias_axis": list(ERROR_STATE_NAMES[9:]),
         "t": arrays["t"],
     }
+    if "parameter" in arrays:
+        labels["parameter"] = arrays["parameter"].tolist()
     file.dimensions = {name: len(values) for name, values in labels.items()}
     dimensions = {name: (name,) for name in labels} | CHUNK_DIMENSIONS
-    for name, values in (labels | arrays).items():
+    for name, values in (arrays | labels).items():
         if name == "kept":
             continue
         text = isinstance(values, list)

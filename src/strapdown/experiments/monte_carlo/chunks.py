@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -19,16 +19,28 @@ from ... import aiding, filters
 from ...checks import DataError
 from ...core.contract import STATES
 from ...engine.batch import fuse
+from ...engine.installation import Parameter
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao
 from ...plugins import Plugin
 from ...quantities import REGISTRY as QUANTITIES
+from ...recording import Recording
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
-from ..filter_label import parsed
-from .scoring import ERROR_GROUPS, QUARANTINED, Epochs, Scored, epochs, score
+from ..filter_label import Labelled, parsed
+from .scoring import (
+    ERROR_GROUPS,
+    PARAMETER_SCALARS,
+    QUARANTINED,
+    Epochs,
+    Scored,
+    epochs,
+    score,
+    score_parameters,
+)
+from .wrong_installation import Installation, Installed, drawn, parameters_of, start_of
 
 if TYPE_CHECKING:
     from .study import Study
@@ -115,15 +127,24 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
     cell = study.cells[chunk.cell]
     made = simulator(cell)
     at = epochs(made.truth, max(1, round(study.epoch * cell.scenario.rate)))
-    arrays, wanted = _empty(study, chunk, at), [parsed(label) for label in study.filters]
+    wanted = [parsed(label) for label in study.filters]
+    arrays = _empty(study, chunk, at, parameters_of(made.ideal_recording(), study.installation))
+    priors = [estimated(study.installation, label) for label in wanted]
     for place, run in enumerate(range(chunk.first, chunk.stop)):
         if run in skip:
             arrays["reason"][:, place] = QUARANTINED
             continue
         recording, start = made.run(cell.imu, seeds(study, cell, run))
+        installed = wrongly_installed(study, cell, run, recording)
+        if installed.parameters:
+            recording, start = installed.recording, start_of(installed, start)
+            assert recording.reference is not None
+            own = at._replace(truth=recording.reference.taking(at.rows + 1))
+        else:
+            own = at
         b_a, b_g = recording.meta["b_a"][at.rows], recording.meta["b_g"][at.rows]
         arrays["bias"][place] = np.c_[b_a, b_g][arrays["kept"]]
-        for number, (filter, options) in enumerate(wanted):
+        for number, (filter, options, _) in enumerate(wanted):
             solution = fuse(
                 recording,
                 filter,
@@ -131,12 +152,36 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
                 noise=cell.imu.noise(),
                 every=at.every,
                 covariance=True,
+                estimate=priors[number],
                 **options,
             )
-            _keep(arrays, number, place, score(solution, at, b_a, b_g, study.limits))
+            scored = score(solution, own, b_a, b_g, study.limits)
+            if installed.parameters:
+                scored.numbers.update(score_parameters(solution, scored, installed.true))
+            _keep(arrays, number, place, scored)
     if chunk.first == 0:
         arrays["bound"] = _bound(made, cell, at)[arrays["kept"]]
     return arrays
+
+
+def estimated(installation: Installation, label: Labelled) -> Installation | None:
+    """What a filter estimates, as `fuse` has it: the parameters that its label names, with the
+    standard deviations from which they are drawn."""
+    if label.estimate is None:
+        return None
+    return {name: installation.get(name) for name in label.estimate}
+
+
+def wrongly_installed(study: Study, cell: Cell, run: int, recording: Recording) -> Installed:
+    """The recording of a run with the installation drawn wrong, from a stream of its own: the same
+    for every IMU and every set of filters."""
+    if not study.installation:
+        return Installed(recording, (), np.empty(0))
+    of_run = seeds(study, cell, run)
+    stream = np.random.SeedSequence(
+        of_run.entropy, spawn_key=(*of_run.spawn_key, zlib.crc32(b"installation"))
+    )
+    return drawn(recording, study.installation, np.random.default_rng(stream))
 
 
 def _bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
@@ -153,7 +198,7 @@ def _bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
         return np.full((len(at.rows), STATES), np.nan)
 
 
-def _empty(study: Study, chunk: Chunk, at: Epochs) -> Arrays:
+def _empty(study: Study, chunk: Chunk, at: Epochs, parameters: Sequence[Parameter]) -> Arrays:
     """Arrays for the results of a chunk: runs at the stored epochs, sums over its runs, numbers
     of each run."""
     M, N, kept = (
@@ -174,6 +219,13 @@ def _empty(study: Study, chunk: Chunk, at: Epochs) -> Arrays:
     sums = {name: np.zeros((M, n, STATES)) for name in ("squares", "variances")} | {
         name: np.zeros((M, n)) for name in ("nees_sum", "alive")
     }
+    if parameters:
+        numbers |= {name: np.full((M, N), np.nan) for name in PARAMETER_SCALARS}
+        numbers |= {
+            name: np.full((M, N, len(parameters)), np.nan)
+            for name in ("parameter_error", "parameter_sd")
+        }
+        numbers["parameter"] = np.array([each.name for each in parameters], object)
     return {
         "t": at.truth.t[kept],
         "kept": kept,

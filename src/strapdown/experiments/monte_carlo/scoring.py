@@ -1,6 +1,7 @@
 """One run of a study scored against its truth: errors of the 15 states, NEES, abort, and what a
 summary needs of them."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,12 @@ ERROR_GROUPS = (
 QUARANTINED = len(consistency.REASONS)
 """Reason code of a run that killed its worker."""
 RUN_REASONS = (*consistency.REASONS, "quarantined")
+
+
+PARAMETER_SCALARS = ("nees_all", "nees_all_inside", "nees_parameters")
+"""Numbers of a run whose installation was wrong: NEES of the 15 states and the parameters that are
+states, by degree of freedom, and its share within the 95 % band; that of the parameters at the
+end, by degree of freedom."""
 
 
 class Scored(NamedTuple):
@@ -92,6 +99,43 @@ def score(
             **_fixes(solution.innovations, at.truth.t[rows - 1] if rows else -np.inf),
         }
     return Scored(error, sd, nees, rows, numbers)
+
+
+def score_parameters(
+    solution: Solution, scored: Scored, true: Mapping[str, float]
+) -> dict[str, float | Array]:
+    """What became of parameters of the installation, {column of a Solution: true error of what was
+    given}: "parameter_error" (m,) true - estimate at the end, or as given where it is no state,
+    "parameter_sd" (m,), NaN there, both in the units of the columns, and PARAMETER_SCALARS."""
+    left, sd = np.array(list(true.values())), np.full(len(true), np.nan)
+    numbers: dict[str, float | Array] = {
+        "parameter_error": left,
+        "parameter_sd": sd,
+        **dict.fromkeys(PARAMETER_SCALARS, np.nan),
+    }
+    states = {name: value for name, value in true.items() if name in solution.columns}
+    if not states or not scored.rows:
+        return numbers
+    for k, name in enumerate(true):
+        if name in states:
+            left[k] -= solution.columns[name][-1]
+            sd[k] = solution.columns[f"sd of {name}"][-1]
+    P = solution.covariance
+    assert P is not None
+    places, errors = consistency.errors_beyond(solution, states)
+    rows = slice(0, min(scored.rows, len(P)))
+    all_states = [*range(STATES), *places]
+    of_all = consistency.nees(
+        np.hstack([scored.error[: len(P)], errors])[rows], P[rows][:, all_states][:, :, all_states]
+    )
+    low, high = consistency.band(len(all_states))
+    return numbers | {
+        "nees_all": consistency.mean_of_known(of_all) / len(all_states),
+        "nees_all_inside": float(((of_all >= low) & (of_all <= high)).mean()),
+        "nees_parameters": float(
+            consistency.nees(errors[-1], P[-1][places][:, places]) / len(places)
+        ),
+    }
 
 
 def _errors(solution: Solution, at: Epochs, b_a: Array, b_g: Array) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ from ..filter_label import parsed
 from . import distributed
 from .campaign import Campaign
 from .chunks import SCALARS, Cell, Chunk, cells, compile_for, run_chunk, seeds, simulator
+from .wrong_installation import Installation, checked
 
 __all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", "simulator"]
 
@@ -33,7 +34,9 @@ class Study:
 
     scenarios: Scenario values, built-in names or TOML files; filters: names, with options as
     "periodic-reset:interval=60"; imus: grades, files or ImuSpec, each with every scenario (default:
-    the scenario's own).
+    the scenario's own); installation: of parameters as `fuse(estimate=)` names them, SI, see
+    `wrong_installation.installed_wrong`. A filter estimates them where its label says so, as
+    "closed-loop:estimate=clock+lever-arm", with these standard deviations as its priors.
     """
 
     scenarios: tuple[str | Scenario, ...]
@@ -46,6 +49,8 @@ class Study:
     limits: Limits = field(default_factory=Limits)
     # filter steps in a chunk, about: seconds of work, which is what an interruption loses
     chunk_steps: int = 3_000_000
+    # {parameter: standard deviation}, from which each run draws what is wrong with it
+    installation: Installation = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in ("scenarios", "filters", "imus"):
@@ -58,6 +63,7 @@ class Study:
         for name, least in (("runs", 1), ("keep", 1), ("seed", 0), ("chunk_steps", 1)):
             check_number(getattr(self, name), f"study: {name}", least=least, whole=True)
         check_number(self.epoch, "study: epoch", "s", above=0)
+        object.__setattr__(self, "installation", checked(self.installation))
         if not self.scenarios or not self.filters:
             raise DataError("study: it needs a scenario and a filter at least")
         for label in self.filters:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ...checks import check_choice
 from ...core.contract import POS, STATES
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from .campaign import Campaign
     from .chunks import Arrays
 
+NORMAL_95 = 1.96
+"""Standard deviations to both ends of a 95 % interval."""
 SETTLED_AFTER = 120.0
 """s: the Cramer-Rao ratio leaves out what comes before, where the start and not the filter
 decides."""
@@ -96,10 +99,33 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
             f"within_{sigma}_sigma": mean_of_known(numbers["coverage"][ran, i])
             for i, sigma in enumerate((1, 2, 3))
         },
+        **_of_parameters(numbers, campaign.parameters(cell["name"]), ran),
         "accepted": int(np.nansum(numbers["accepted"])),
         "rejected": int(np.nansum(numbers["rejected"])),
         **bound_ratio(campaign.curves(cell["name"]), place),
     }
+
+
+def _of_parameters(numbers: Arrays, names: list[str], ran: NDArray[np.bool_]) -> dict[str, float]:
+    """Of a wrong installation: NEES of all states and of its parameters by degree of freedom, and
+    of each parameter RMSE and bias at the end, and the share of runs whose 95 % interval holds the
+    truth."""
+    if not names:
+        return {}
+    row = {
+        "anees_all": mean_of_known(numbers["nees_all"][ran]),
+        "nees_all_inside": mean_of_known(numbers["nees_all_inside"][ran]),
+        "anees_parameters": mean_of_known(numbers["nees_parameters"][ran]),
+    }
+    for k, name in enumerate(names):
+        error, sd = numbers["parameter_error"][ran, k], numbers["parameter_sd"][ran, k]
+        held = (np.abs(error) <= NORMAL_95 * sd)[np.isfinite(sd)]
+        row |= {
+            f"rmse {name}": float(np.sqrt(mean_of_known(error**2))),
+            f"bias {name}": mean_of_known(error),
+            f"within 95 % {name}": mean_of_known(held.astype(float)),
+        }
+    return row
 
 
 def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
@@ -116,10 +142,18 @@ def bound_ratio(curves: Arrays, place: int) -> dict[str, float]:
     return {"settled_rmse_m": found, "bound_m": bound, "bound_ratio": found / bound}
 
 
+def _parameters_of_runs(own: Arrays, names: list[str]) -> dict[str, Array]:
+    columns = {name: own["parameter_error"][:, k] for k, name in enumerate(names)}
+    columns |= {f"sd of {name}": own["parameter_sd"][:, k] for k, name in enumerate(names)}
+    more = {"anees_all": "nees_all", "anees_parameters": "nees_parameters"}
+    return columns | {column: own[name] for column, name in more.items() if name in own}
+
+
 def run_rows(campaign: Campaign, number: int) -> pd.DataFrame:
     """pandas DataFrame of the runs of a cell: reason, times, mean squares as roots, consistency."""
     cell = campaign.manifest["cells"][number]
     numbers, frames = campaign.numbers(cell["name"]), []
+    parameters = campaign.parameters(cell["name"])
     for place, name in enumerate(campaign.manifest["filters"]):
         own = {key: values[place] for key, values in numbers.items()}
         roots = np.sqrt(own["mean_square"])
@@ -144,6 +178,7 @@ def run_rows(campaign: Campaign, number: int) -> pd.DataFrame:
                     "nis": own["nis"],
                     "innovation_correlation": own["correlation"],
                     "rejected": own["rejected"],
+                    **_parameters_of_runs(own, parameters),
                 }
             )
         )

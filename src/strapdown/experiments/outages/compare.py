@@ -18,12 +18,13 @@ from ...checks import DataError, check_number
 from ...core.contract import Filter, Noise, Start
 from ...data import Trajectory
 from ...engine.heading_hypotheses import aligned
+from ...engine.installation import Estimate, with_estimates
 from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
-from ..filter_label import labelled, parsed, tried
+from ..filter_label import ESTIMATE, NOTHING, parsed, tried
 from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
 from .runs import Common, Entrant, Result, Way, through
@@ -53,6 +54,7 @@ def compare(
     say: Say | None = None,
     progress: Progress | None = None,
     vehicle: GivenVehicle | None = None,
+    estimate: Estimate | None = None,
 ) -> Comparison:
     """Run filters through the same outages of a recording with a reference, and return the
     Comparison of their errors.
@@ -60,7 +62,9 @@ def compare(
     filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that
     estimate a position but those of SLOW_FILTERS. outages: text, see `comparison.outages`, or a
     list of (start, stop) in s; kinds: of the fixes withheld. imu, noise, vehicle: as of `fuse`, for all
-    filters; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
+    filters; estimate: parameters of the installation that become states, as of `fuse`, of every
+    filter whose label does not say so itself, as "NAME:estimate=clock+lever-arm" or
+    "NAME:estimate=none"; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
     feeds those that need an attitude (default: as `fuse` has it). threads: at a time (default: one
     per core); say: told of slow compilation; progress: called with the fraction done. A filter that
     cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
@@ -69,6 +73,7 @@ def compare(
     if not isinstance(recording, Recording):
         raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
     entrants, kinds = _entrants(filters), _kinds(kinds)
+    recording = with_estimates(recording, estimate)
     if threads is not None:
         check_number(threads, "threads", least=1, whole=True)
     if start is not None and not isinstance(start, Start):
@@ -122,9 +127,9 @@ def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -
         )
     made = []
     for each in [wanted] if isinstance(wanted, str) else wanted:
-        filter, options = parsed(each) if isinstance(each, str) else tried(*_pair(each))
-        made.append(Entrant(labelled(filter.name, options), filter, options))
-        if not positioned(filter):
+        found = parsed(each) if isinstance(each, str) else tried(*_pair(each))
+        made.append(Entrant(found.label, *found))
+        if not positioned(found.filter):
             raise DataError(
                 f"{made[-1].label} estimates no position, by which outages are scored; leave it out"
             )
@@ -270,7 +275,8 @@ def _settings(
             if a.kind not in common.kinds
         },
         "options": {
-            e.label: defaults(e.filter) | (run.options if run else e.options) for e, run in ran
+            e.label: defaults(e.filter) | (run.options if run else e.options) | _estimated(e)
+            for e, run in ran
         },
         "sources": {
             e.label: [a.name or a.kind for a in run.recording.aidings] if run else []
@@ -278,6 +284,12 @@ def _settings(
         },
         "reference": {e.label: e.filter.reference for e, _ in ran},
     }
+
+
+def _estimated(entrant: Entrant) -> dict[str, str]:
+    """What a label says of the installation, as an option."""
+    wanted = entrant.estimate
+    return {} if wanted is None else {ESTIMATE: "+".join(wanted) or NOTHING}
 
 
 def _withheld(common: Common) -> dict[str, int]:

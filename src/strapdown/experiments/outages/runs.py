@@ -15,7 +15,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...core import cursor as places, loop
-from ...core.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
+from ...core.contract import DELAY, DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
 from ...data import Aiding
 from ...engine.batch import begin
 from ...engine.events import Events
@@ -57,6 +57,7 @@ class Entrant(NamedTuple):
     label: str
     filter: Filter
     options: dict[str, Any]
+    estimate: tuple[str, ...] | None = None  # None: what the recording has
 
 
 class Way(NamedTuple):
@@ -119,6 +120,7 @@ def _begun(common: Common, entrant: Entrant, recording: Recording, say: Say | No
             ahrs=ahrs,
             ahrs_rate=AHRS_RATE,
             vehicle=common.vehicle,
+            estimate=entrant.estimate,
         ),
     )
 
@@ -237,9 +239,16 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
         int(np.searchsorted(fixes.t, samples.t[-1] + loop.SAME_TIME, side="right")),
     )
     t, source = fixes.t[near], fixes.source[near]
-    keep = ~((t >= outage.start) & (t < outage.stop) & np.isin(source, sources))
+    # one whose clock is a state is used later than its stamp says
+    waited = fixes.parameters[source, DELAY]
+    stamp = np.where(waited > 0, np.round(t - waited, 9), t)
+    keep = ~((stamp >= outage.start) & (stamp < outage.stop) & np.isin(source, sources))
     fixes = fixes._replace(
-        t=t[keep], source=source[keep], y=fixes.y[near][keep], sd=fixes.sd[near][keep]
+        t=t[keep],
+        source=source[keep],
+        y=fixes.y[near][keep],
+        sd=fixes.sd[near][keep],
+        parameters=fixes.parameters.copy(),  # the loop writes there, and outages run at a time
     )
     at, unscored = cursor.at, outage.first - outage.branch
     at[[places.ROW, places.FIX, places.OUT]], at[places.FIXES] = 0, keep.sum()

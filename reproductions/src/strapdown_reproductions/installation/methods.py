@@ -1,0 +1,87 @@
+"""Ways to find what of an installation is wrong: each takes a recording and gives it back with what
+it found, so that one can stand in another's place."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+import strapdown as sd
+from strapdown.diagnosis.findings import FOUND
+from strapdown.engine.installation import Parameter
+from strapdown.experiments.monte_carlo.wrong_installation import installed_wrong, parameters_of
+from strapdown.recording import Recording
+from strapdown.typing import Array
+
+PASSES = 3
+"""Of the states: the estimate of one pass is where the next begins."""
+
+
+class Calibrated(NamedTuple):
+    """A recording set up as found, by how much it was changed, and what was estimated."""
+
+    recording: Recording
+    change: Array  # (m,) of the parameters asked for, SI
+    estimate: Array  # (m,) the same also where it was too small or too unsure to be applied
+    sd: Array  # (m,) of the estimate, SI
+
+
+Method = Callable[[Recording, Mapping[str, None]], Calibrated]
+"""Of a recording and the names of what is asked for."""
+
+
+def set_up(recording: Recording, parameters: tuple[Parameter, ...], change: Array) -> Recording:
+    """The recording with its parameters changed: what errs by `change`, true - given, is right
+    then."""
+    return installed_wrong(recording, parameters, -np.asarray(change)).recording
+
+
+def by_states(recording: Recording, wanted: Mapping[str, None], passes: int = 1) -> Calibrated:
+    """The states at the end of the closed loop's run, where filter and smoother are one."""
+    parameters = parameters_of(recording, wanted)
+    change, made = np.zeros(len(parameters)), recording
+    for _ in range(passes):
+        solution = sd.fuse(made, estimate=wanted)
+        columns = solution.columns
+        change += [columns[p.name][-1] / p.of.factor for p in parameters]
+        made = set_up(recording, parameters, change)
+    sds = [columns[f"sd of {p.name}"][-1] / p.of.factor for p in parameters]
+    return Calibrated(made, change, change, np.array(sds))
+
+
+def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
+    """The same PASSES times, each from what the one before found."""
+    return by_states(recording, wanted, PASSES)
+
+
+def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
+    """What `diagnose` finds wrong; what it calls consistent, or not observable, stays as given."""
+    diagnosis, parameters = sd.diagnose(recording), parameters_of(recording, wanted)
+    known = {_name(each.name, each.cause): each for each in diagnosis.parameters}
+    own = [known[_words(p)] for p in parameters]
+    factors = np.array([p.of.factor for p in parameters])
+    estimate = np.array([each.change for each in own]) / factors
+    return Calibrated(
+        diagnosis.recording,
+        np.where([each.status == FOUND for each in own], estimate, 0.0),
+        estimate,
+        np.array([each.sd for each in own]) / factors,
+    )
+
+
+def _name(name: str, cause: str) -> str:
+    """The name of an Estimate without its sources."""
+    return cause if cause == "clock" else name.partition(" of ")[0]
+
+
+def _words(parameter: Parameter) -> str:
+    axis = parameter.of.components[parameter.component]
+    return " ".join(filter(None, (parameter.of.name.replace("-", " "), axis)))
+
+
+METHODS: dict[str, Method] = {
+    "states": by_states,
+    "states, three passes": by_states_again,
+    "diagnose": by_diagnosis,
+}
+"""By name."""

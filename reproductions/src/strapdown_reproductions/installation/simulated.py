@@ -1,0 +1,85 @@
+"""A simulated run with a wrong installation: what a filter finds of it, and its NEES."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from strapdown.data import Solution
+from strapdown.engine.batch import fuse
+from strapdown.evaluation.consistency import nees_of
+from strapdown.typing import Array
+
+from .cases import case
+
+NORMAL_95 = 1.96
+FOUND = 0.5
+"""A parameter is called found where its standard deviation at the end is at most this part of its
+prior: the same half as of `diagnose`."""
+SCALE_ROWS = 5.0
+"""s between the rows of the scale over time."""
+
+
+class Runs(NamedTuple):
+    """Tables of runs."""
+
+    parameters: pd.DataFrame  # a row per run and parameter
+    epochs: pd.DataFrame  # a row per run and second: NEES
+    scales: pd.DataFrame  # a row per run and SCALE_ROWS of the odometer's scale
+
+
+def runs(name: str, filter: str, start: str, seed: int) -> Runs:
+    """The tables of one run."""
+    made = case(name, seed, start)
+    of = {"motion": name, "filter": filter, "start": start, "seed": seed}
+    every = round(1 / float(np.median(made.recording.imu.dt)))
+    asked: dict[str, Any] = {"every": every, "covariance": True}
+    solution = fuse(made.recording, filter, start=made.start, estimate=made.priors, **asked)
+    right = fuse(made.right, filter, start=made.right_start, **asked)
+    with_all = nees_of(solution, made.recording, made.true)
+    of_right = np.interp(solution.t, right.t, nees_of(right, made.right), left=np.nan)
+    epochs = {"t": solution.t.round(3), "nees": with_all, "nees_right": of_right}
+    return Runs(
+        pd.DataFrame([of | row for row in _parameters(solution, made.true)]),
+        pd.DataFrame(epochs).assign(**of, dof=15 + len(made.true)),
+        pd.DataFrame(_scales(solution, made.true)).assign(**of),
+    )
+
+
+def _parameters(solution: Solution, true: dict[str, float]) -> list[dict[str, Any]]:
+    """A row per parameter: its error at the end, where filter and smoother are one."""
+    rows = []
+    for name, value in true.items():
+        sd, prior = solution.columns[f"sd of {name}"], _prior(solution, name)
+        error = value - solution.columns[name][-1]
+        rows.append(
+            {
+                "parameter": name,
+                "true": value,
+                "error": error,
+                "sd": sd[-1],
+                "prior": prior,
+                "found": bool(sd[-1] <= FOUND * prior),
+                "inside": bool(abs(error) <= NORMAL_95 * sd[-1]),
+                "stopped": "stopped" in solution.meta,
+            }
+        )
+    return rows
+
+
+def _prior(solution: Solution, name: str) -> float:
+    from strapdown.engine.prepare import brought
+
+    assert solution.recording is not None
+    states = brought(solution.recording.aidings, solution.recording.meta.get("estimate"))
+    return next(each.sd * each.factor for each in states if each.name == name)
+
+
+def _scales(solution: Solution, true: dict[str, float]) -> dict[str, Array]:
+    """Error and standard deviation of the odometer's scale over time."""
+    for name, value in true.items():
+        if name.startswith("scale"):
+            rows = slice(int(SCALE_ROWS) - 1, None, int(SCALE_ROWS))
+            error, sd = value - solution.columns[name], solution.columns[f"sd of {name}"]
+            return {"t": solution.t[rows].round(3), "error": error[rows], "sd": sd[rows]}
+    return {"t": np.empty(0), "error": np.empty(0), "sd": np.empty(0)}

@@ -1,0 +1,310 @@
+"""The figures: errors, intervals, NEES, what is called found; their targets and tables."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from strapdown.evaluation.consistency import band
+
+from ..common import markdown
+from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
+from .drive import EVERYTHING, NOTHING, RIGHT, WRONG
+from .misses import BOUNDS, STATES, UNITS
+
+TITLE = "The installation, estimated"
+INTRODUCTION = (
+    "Clocks, lever arms, mounting and odometer scale are given wrongly, and estimated as states of "
+    "the filter. What is found is compared with what was done.",
+    "Simulated runs draw the errors from the priors of the filter: clock 0.1 s, each component of "
+    "the lever arm 0.5 m, mounting 2 deg in pitch and heading, scale 0.02. A parameter is called "
+    "found where its standard deviation at the end is at most half of its prior.",
+)
+FILTER = "closed-loop"
+METHOD = "states, three passes"
+"""By which the drive is judged; the tables have the others."""
+SETTLED = 30.0
+"""s after the start from which NEES counts."""
+LOWEST, HIGHEST, MANY = 0.90, 0.99, 100
+"""Shares of runs whose 95 % interval holds the truth; the upper counts for so many runs at least,
+for all of a few is no sign."""
+FIVE_MINUTES = 300.0
+DRIVEN = {"clock": 0.01, "lever-arm": 0.05, "mounting": 0.2}
+ASIDE = "lever-arm down"
+"""Of the drive: its motion hardly shows it."""
+
+
+class Target(NamedTuple):
+    """What is asked for."""
+
+    text: str
+    comparison: str  # <= or >=
+    bound: float
+    unit: str = ""
+
+
+def _of_starts(name: str, text: str, *rest: Any) -> dict[str, Target]:
+    return {f"{name}, {start}": Target(f"{text}, {start}", *rest) for start in (KNOWN, ALIGNED)}
+
+
+TARGETS = {
+    "drive clock": Target(
+        "drive0708 from wrong set-ups: clock, the largest error", "<=", 0.01, "s"
+    ),
+    "drive lever-arm": Target(
+        "drive0708 from wrong set-ups: lever arm, vertical aside, the largest error",
+        "<=",
+        0.05,
+        "m",
+    ),
+    "drive mounting": Target(
+        "drive0708 from wrong set-ups: mounting, the largest error", "<=", 0.2, "deg"
+    ),
+    "drive alone": Target(
+        "drive0708 calibrated, GNSS alone: outages over those of the right set-up, the worst",
+        "<=",
+        1.1,
+    ),
+    "drive constrained": Target(
+        "drive0708 calibrated, with constraints: outages over those of the right set-up, the worst",
+        "<=",
+        1.1,
+    ),
+    **_of_starts(
+        "intervals",
+        "simulated: parameters called found whose 95 % interval holds the truth in fewer than 90 or "
+        "more than 99 of 100 runs",
+        "<=",
+        0.0,
+    ),
+    **_of_starts(
+        "nees",
+        "simulated: epochs with the NEES of all states in its 95 % band, the worst motion",
+        ">=",
+        90.0,
+        "%",
+    ),
+    "unseen": Target(
+        "simulated: what the motion does not show, called found, the most often", "<=", 1.0, "%"
+    ),
+    "scale": Target(
+        "odometer scale after five minutes, 95 % of the runs are within", "<=", 0.1, "%"
+    ),
+    **{
+        name: Target(f"{name}, with clock and lever arm as states", "<=", bound, UNITS[name])
+        for name, bound in BOUNDS.items()
+    },
+}
+"""The targets, by name."""
+
+
+class Evidence(NamedTuple):
+    """Tables of all runs."""
+
+    parameters: pd.DataFrame
+    epochs: pd.DataFrame
+    scales: pd.DataFrame
+    drive: pd.DataFrame
+    misses: pd.DataFrame
+
+
+def intervals(parameters: pd.DataFrame) -> pd.DataFrame:
+    """A row per motion, filter, start and parameter: how often it is called found and its interval
+    holds the truth then; bias and RMSE over all runs."""
+    rows = []
+    keys = ["motion", "filter", "start", "parameter"]
+    for key, own in parameters.groupby(keys, sort=False):
+        found = own[own["found"]]
+        rows.append(
+            dict(zip(keys, key))
+            | {
+                "runs": len(own),
+                "stopped": int(own["stopped"].sum()),
+                "found": len(found),
+                "inside": float(found["inside"].mean()) if len(found) else np.nan,
+                "bias": own["error"].mean(),
+                "rmse": float(np.sqrt((own["error"] ** 2).mean())),
+                "sd": own["sd"].mean(),
+                "prior": own["prior"].iloc[0],
+            }
+        )
+    return pd.DataFrame(rows, columns=[*keys, *COLUMNS])
+
+
+COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "sd", "prior")
+HIDDEN_LAST = "not shown by the motion"
+
+
+def hidden(table: pd.DataFrame) -> pd.Series:
+    """Which rows are of a parameter that its motion does not show."""
+    return pd.Series(
+        [p.startswith(simulation(m).hidden) for m, p in zip(table["motion"], table["parameter"])],
+        table.index,
+        bool,
+    )
+
+
+def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
+    """A row per motion, filter and start: the share of epochs, from SETTLED s after the start, whose
+    NEES averaged over the runs is in its 95 % band, its mean by degree of freedom, and the same of
+    the right set-up without the parameters."""
+    rows = []
+    keys = ["motion", "filter", "start"]
+    for key, own in epochs.groupby(keys, sort=False):
+        own = own[own["t"] >= own.groupby("seed")["t"].min().max() + SETTLED]
+        runs, dof = own["seed"].nunique(), int(own["dof"].iloc[0])
+        by_t = own.groupby("t")[["nees", "nees_right"]].agg(["mean", "size"])
+        by_t = by_t[by_t["nees", "size"] == runs]
+        row = dict(zip(keys, key)) | {"runs": runs, "states": dof}
+        for name, states in (("nees", dof), ("nees_right", 15)):
+            low, high = band(states, runs)
+            mean = by_t[name, "mean"]
+            row |= {
+                f"{name}_in_band_%": 100 * float(((mean >= low) & (mean <= high)).mean()),
+                f"{name}/dof": float(mean.mean() / states),
+            }
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def scales(table: pd.DataFrame) -> pd.DataFrame:
+    """A row per minute and start: median and 95 % quantile of the error of the odometer's scale, and
+    the mean standard deviation, in %."""
+    own = table[(table["filter"] == FILTER) & table["motion"].isin(list(MOTIONS))]
+    own = own[(own["t"] % 30 == 0) & (own["t"] > 0)]
+    rows = [
+        {
+            "start": start,
+            "t_s": t,
+            "median_%": 100 * each["error"].abs().median(),
+            "q95_%": 100 * each["error"].abs().quantile(0.95),
+            "sd_%": 100 * each["sd"].mean(),
+        }
+        for (start, t), each in own.groupby(["start", "t"], sort=False)
+    ]
+    return pd.DataFrame(rows, columns=["start", "t_s", "median_%", "q95_%", "sd_%"])
+
+
+def driven(drive: pd.DataFrame) -> pd.DataFrame:
+    """A row per wrong set-up and method: error of each parameter against what the same method
+    estimates from the file as given, and the outages over those of the file as given."""
+    rows = []
+    right = drive[drive["wrong"] == RIGHT]
+    base = right[right["method"] == NOTHING].iloc[0] if len(right) else None
+    for (wrong, method), own in drive.groupby(["wrong", "method"], sort=False):
+        of_right = right[right["method"] == method].set_index("parameter")["estimated"]
+        row = {"wrong": wrong, "method": method}
+        for _, each in own.iterrows():
+            name = f"{each['parameter']}, {each['unit']}"
+            known = each["estimated"] - of_right.get(each["parameter"], np.nan)
+            row[name] = known - each["done"]
+        row |= {"alone, m": own["alone_m"].iloc[0], "constrained, m": own["constrained_m"].iloc[0]}
+        if base is not None:
+            row["alone, ratio"] = row["alone, m"] / base["alone_m"]
+            row["constrained, ratio"] = row["constrained, m"] / base["constrained_m"]
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def figures(found: Evidence) -> dict[str, float]:
+    """{name of a target: figure}; NaN where the runs do not decide."""
+    values: dict[str, float] = {}
+    if len(found.drive):
+        table = driven(found.drive)
+        own = table[(table["method"] == METHOD) & (table["wrong"] != RIGHT)]
+        for name in DRIVEN:
+            columns = [c for c in own if c.startswith(name) and not c.startswith(ASIDE)]
+            values[f"drive {name}"] = float(own[columns].abs().max().max())
+        values["drive alone"] = float(own["alone, ratio"].max())
+        values["drive constrained"] = float(own["constrained, ratio"].max())
+    told = intervals(found.parameters)
+    told = told[told["filter"] == FILTER]
+    seen, unseen = (told[told["motion"].isin(list(which))] for which in (MOTIONS, UNSEEN))
+    nees = consistency(found.epochs)
+    for start in (KNOWN, ALIGNED):
+        own = seen[(seen["start"] == start) & (seen["found"] > 0)]
+        off = (own["inside"] < LOWEST) | ((own["inside"] > HIGHEST) & (own["found"] >= MANY))
+        values[f"intervals, {start}"] = float(off.sum()) if len(own) else np.nan
+        rows = nees[
+            (nees["start"] == start)
+            & (nees["filter"] == FILTER)
+            & nees["motion"].isin(list(MOTIONS))
+        ]
+        values[f"nees, {start}"] = float(rows["nees_in_band_%"].min()) if len(rows) else np.nan
+    cannot = unseen[hidden(unseen)]
+    values["unseen"] = float((100 * cannot["found"] / cannot["runs"]).max())
+    of_scale = scales(found.scales)
+    late = of_scale[(of_scale["t_s"] == FIVE_MINUTES)]
+    values["scale"] = float(late["q95_%"].max())
+    for name in BOUNDS:
+        own = found.misses[found.misses["method"] == STATES] if len(found.misses) else []
+        values[name] = float(own[name].dropna().iloc[0]) if len(own) else np.nan
+    return values
+
+
+def claims(found: Evidence) -> list[dict[str, Any]]:
+    """The claims that the runs at hand decide: what was asked for, what was measured, whether it
+    holds."""
+    return [
+        {
+            "claim": target.text,
+            "target": f"{target.comparison} {target.bound:g} {target.unit}".rstrip(),
+            "figure": f"{figure:.3g} {target.unit}".rstrip(),
+            "value": figure,
+            "bound": target.bound,
+            "holds": bool(
+                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
+            ),
+        }
+        for name, figure in figures(found).items()
+        for target in [TARGETS[name]]
+        if np.isfinite(figure)
+    ]
+
+
+def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
+    """{name: (caption, DataFrame)}."""
+    told = intervals(found.parameters)
+    cannot = hidden(told)
+    shown = {
+        "drive": (
+            "drive0708: errors against what the same method estimates from the file as given; "
+            "median of the largest horizontal errors in nine outages",
+            driven(found.drive) if len(found.drive) else found.drive,
+        ),
+        "simulated": (
+            "Simulated: errors at the end, and intervals where called found",
+            told[~cannot & told["motion"].isin(list(MOTIONS))],
+        ),
+        "nees": ("NEES averaged over the runs", consistency(found.epochs)),
+        "not-shown": ("What the motion does not show", told[cannot]),
+        "scale": ("The odometer's scale over time", scales(found.scales)),
+        "misses": ("Missed figures of recorded data, with what is found", found.misses),
+    }
+    return {name: (caption, table) for name, (caption, table) in shown.items() if len(table)}
+
+
+def in_docs(
+    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
+) -> str:
+    """Markdown for docs/installation-figures.md."""
+    columns = ["figure", "target", "measured", ""]
+    head = pd.DataFrame(
+        [
+            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
+            for c in claims
+        ],
+        columns=columns,
+    )
+    headed = [(f"### {caption}", table.map(_rounded)) for caption, table in tables.values()]
+    return markdown.tables([("### Figures", head), *headed])
+
+
+def _rounded(value: object) -> object:
+    if not isinstance(value, (float, np.floating)):
+        return value
+    return "–" if np.isnan(value) else f"{value:.3g}"
+
+
+__all__ = ["EVERYTHING", "TARGETS", "WRONG", "Evidence", "claims", "figures", "in_docs", "tables"]

@@ -1,0 +1,175 @@
+"""A simulated recording as a user would set it up who does not know the installation: its parameters
+are drawn from standard deviations, and the recording is given without them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from ...checks import DataError, check_number
+from ...core.contract import Start
+from ...data import Aiding, Trajectory
+from ...engine.installation import Parameter, Prior, parameters, with_estimates
+from ...estimable import (
+    ACCEL_MISALIGNMENT,
+    ACCEL_SCALE,
+    CLOCK,
+    GYRO_MISALIGNMENT,
+    GYRO_SCALE,
+    LEVER_ARM,
+    MOUNTING,
+    SCALE,
+    Estimable,
+)
+from ...recording import Recording
+from ...typing import Array
+from ..filter_label import check_parameter
+
+Installation: TypeAlias = Mapping[str, Prior]
+"""{parameter: standard deviation, SI, one or one per component; None for that of `estimable`}."""
+
+
+class Installed(NamedTuple):
+    """A recording with wrong parameters of its installation, and by how much they are wrong."""
+
+    recording: Recording  # its reference and its true biases are those of the axes as described
+    parameters: tuple[Parameter, ...]
+    error: Array  # (m,) true - given, SI
+
+    @property
+    def true(self) -> dict[str, float]:
+        """{column of a Solution: true value in its unit}, as `nees_of` takes it."""
+        return {p.name: float(e * p.of.factor) for p, e in zip(self.parameters, self.error)}
+
+
+def checked(installation: object) -> dict[str, tuple[float, ...]]:
+    """An Installation with a standard deviation for each component. Raises DataError."""
+    if not isinstance(installation, Mapping):
+        raise DataError(
+            f"installation is {installation!r}; it must be {{name: standard deviation}}, such as "
+            f"{{'clock': 0.1}}"
+        )
+    found = {}
+    for name, given in installation.items():
+        of = check_parameter(name)
+        values = of.sd if given is None else tuple(np.ravel(given))
+        values = values * len(of.components) if len(values) == 1 else values
+        if len(values) != len(of.components):
+            raise DataError(
+                f"installation: {name} has {len(of.components)} components, and {len(values)} "
+                f"standard deviations are given"
+            )
+        what = f"installation: standard deviation of {name}"
+        found[name] = tuple(check_number(value, what, least=0, most=of.most) for value in values)
+    return found
+
+
+def parameters_of(recording: Recording, installation: Installation) -> tuple[Parameter, ...]:
+    """The parameters that `estimate=installation` makes states of. Raises DataError."""
+    wanted = with_estimates(recording, installation)
+    return tuple(parameters(wanted.aidings, wanted.meta["estimate"]))
+
+
+def drawn(recording: Recording, installation: Installation, rng: np.random.Generator) -> Installed:
+    """The recording with each of the parameters wrong by an error drawn from its standard deviation.
+    Raises DataError."""
+    found = parameters_of(recording, installation)
+    return installed_wrong(
+        recording, found, np.array([each.sd for each in found]) * rng.standard_normal(len(found))
+    )
+
+
+def installed_wrong(recording: Recording, found: Sequence[Parameter], error: Array) -> Installed:
+    """The recording given with parameters that are wrong by `error` (m,), true - given, SI.
+
+    A clock, a lever arm and a scale change their sources. A mounting and what is wrong with the
+    axes of the IMU change its samples; the true attitude and biases are those of its own axes then.
+    """
+    aidings = list(recording.aidings)
+    vectors: dict[str, Array] = {}
+    for parameter, value in zip(found, error):
+        of = parameter.of
+        if of not in (CLOCK, LEVER_ARM, SCALE):
+            vectors.setdefault(of.name, np.zeros(len(of.components)))[parameter.component] = value
+            continue
+        for i in parameter.sources:
+            aidings[i] = _given_wrong(aidings[i], of, parameter.component, float(value))
+    start, stop = recording.span
+    changed = replace(recording, aidings=tuple(a.between(start, stop + 1e-9) for a in aidings))
+    return Installed(_samples_wrong(changed, vectors), tuple(found), np.asarray(error, float))
+
+
+def start_of(installed: Installed, start: Start) -> Start:
+    """A Start of the right recording, with the same error, in the axes as described."""
+    from scipy.spatial.transform import Rotation
+
+    turn = np.zeros(3)
+    for parameter, value in zip(installed.parameters, installed.error):
+        if parameter.of is MOUNTING:
+            turn[parameter.component] = value
+    if not turn.any():
+        return start
+    own = Rotation.from_rotvec(turn)
+    heading, pitch, roll = (Rotation.from_euler("ZYX", start.rph[::-1]) * own).as_euler("ZYX")
+    b_a, b_g = (own.inv().apply(bias) for bias in (start.ba, start.bg))
+    return start._replace(
+        rph=(float(roll), float(pitch), float(heading % (2 * np.pi))),
+        ba=tuple(map(float, b_a)),
+        bg=tuple(map(float, b_g)),
+    )
+
+
+def _given_wrong(a: Aiding, of: Estimable, component: int, error: float) -> Aiding:
+    if of is CLOCK:
+        return replace(a, t=a.t - error)
+    if of is SCALE:
+        return replace(a, y=a.y * (1 + error))
+    arm = [*a.parameters, 0.0, 0.0, 0.0][:3]
+    arm[component] -= error
+    return replace(a, parameters=tuple(map(float, arm)))
+
+
+def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Recording:
+    """The recording with samples as an IMU gives them whose axes are off by these errors."""
+    from scipy.spatial.transform import Rotation
+
+    imu, meta, reference = recording.imu, recording.meta, recording.reference
+    back = Rotation.from_rotvec(-vectors[MOUNTING.name]) if MOUNTING.name in vectors else None
+    rates, forces = imu.dtheta, imu.dv
+    if back is not None:
+        rates, forces = back.apply(rates), back.apply(forces)
+        of_axes = {name: back.apply(meta[name]) for name in ("b_a", "b_g") if name in meta}
+        meta, reference = meta | of_axes, _turned(reference, back.inv())
+    gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
+    accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
+    return replace(
+        recording,
+        imu=imu._replace(dtheta=rates @ gyro.T, dv=forces @ accel.T),
+        reference=reference,
+        meta=meta,
+    )
+
+
+def _turned(reference: Trajectory | None, turn: object) -> Trajectory | None:
+    """The reference with the attitude of axes from which `turn` leads to its own."""
+    from scipy.spatial.transform import Rotation
+
+    assert isinstance(turn, Rotation)
+    if reference is None or reference.q_nb is None:
+        return reference
+    own = Rotation.from_quat(reference.q_nb[:, [1, 2, 3, 0]]) * turn
+    return replace(reference, q_nb=own.as_quat()[:, [3, 0, 1, 2]])
+
+
+def _triad(vectors: Mapping[str, Array], scale: Estimable, misalignment: Estimable) -> Array:
+    """(3, 3) from the true rates or forces to those of sensors with these errors."""
+    made = np.eye(3)
+    if scale.name in vectors:
+        made += np.diag(vectors[scale.name])
+    if misalignment.name in vectors:
+        for pair, value in zip(misalignment.components, vectors[misalignment.name]):
+            made["xyz".index(pair[0]), "xyz".index(pair[1])] += value
+    return made

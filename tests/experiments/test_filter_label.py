@@ -1,0 +1,46 @@
+"""Labels of filters: options, parameters of the installation, and the text that they come back to."""
+
+import pytest
+
+from strapdown.checks import DataError
+from strapdown.experiments.filter_label import parsed, tried
+
+pytestmark = pytest.mark.short
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "estimate", "label"),
+    [
+        ("closed-loop", {}, None, "closed-loop"),
+        ("closed-loop:estimate=none", {}, (), "closed-loop:estimate=none"),
+        (
+            "periodic-reset: interval=5, estimate=clock+GNSS position lever-arm",
+            {"interval": 5.0},
+            ("clock", "GNSS position lever-arm"),
+            "periodic-reset:estimate=clock+GNSS position lever-arm,interval=5",
+        ),
+    ],
+)
+def test_a_label_comes_back_to_one_text(text, options, estimate, label):
+    found = parsed(text)
+    assert (found.options, found.estimate, found.label) == (options, estimate, label)
+    assert parsed(label) == found
+
+
+def test_a_list_of_names_is_what_their_text_is():
+    assert tried("mekf", {"estimate": ["clock", "scale"]}) == parsed("mekf:estimate=clock+scale")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("closed-loop:estimate=", "estimate is ''"),
+        ("closed-loop:estimate=clock+", "estimate is ''"),
+        ("closed-loop:estimate=3", "names with + between"),
+        ("mekf:estimate=leverarm", "did you mean 'lever-arm'"),
+        ("fixed-gain:estimate=clock", "fixed-gain cannot estimate clock; these can: "),
+    ],
+)
+def test_a_label_that_estimates_nothing_known_is_refused(text, said):
+    with pytest.raises(DataError, match=said.replace("+", r"\+")):
+        parsed(text)
