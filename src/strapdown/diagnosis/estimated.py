@@ -66,9 +66,9 @@ class EstimatedParameter(NamedTuple):
             known = f"+-{_size(self.sd, self.unit)} of a prior of {_size(self.prior, self.unit)}"
             return f"{self.name}: not observable ({known}); to show it, {self.motion}"
         if self.status == FOUND:
-            value = f"{self.value:.4g}" if self.parameter == "scale" else f"{self.value:.3f}"
-            is_new = f": {value} {self.unit}".rstrip() if self.value != self.error else ""
-            return f"{self.name}: found{is_new}, off what was given by {self.seen}"
+            new = f": {self.value:.{3 if self.unit else 4}f} {self.unit}".rstrip()
+            new = new if self.parameter in ("lever-arm", "mounting", "scale") else ""
+            return f"{self.name}: found{new}, off what was given by {self.seen}"
         if abs(self.error) < NOTABLE * self.sd:
             return f"{self.name}: consistent with what was given ({self.seen})"
         return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
