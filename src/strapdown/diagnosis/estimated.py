@@ -55,6 +55,12 @@ class EstimatedParameter(NamedTuple):
     most: float  # what is further off is no error of an installation
     cause: str  # a key of verdict.CAUSES
     motion: str  # what would show it, or show it better
+    column: str  # of the solution's: the error over time
+
+    @property
+    def sd_column(self) -> str:
+        """That of its standard deviation."""
+        return f"sd of {self.column}"
 
     @property
     def seen(self) -> str:
@@ -162,6 +168,7 @@ def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> Estim
         most,
         cause,
         _motion(solution, cause, axis),
+        facts["column"],
     )
 
 
