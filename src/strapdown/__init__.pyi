@@ -7,6 +7,10 @@ from .checks import DataError as DataError
 from .core.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
 from .data import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory
 from .diagnosis.diagnose import diagnose as diagnose
+from .diagnosis.estimated import (
+    EstimatedInstallation as EstimatedInstallation,
+    installation as installation,
+)
 from .diagnosis.findings import Diagnosis as Diagnosis
 from .engine.batch import fuse as fuse
 from .engine.smoothing import smooth as smooth

@@ -52,6 +52,7 @@ def test_a_stream_that_estimates_the_installation_is_the_batch_bit_for_bit():
     for name, values in solution.columns.items():
         assert np.array_equal(live.columns[name], values)
     assert np.array_equal(live.innovations.t, solution.innovations.t)
+    assert live.meta["installation"] == solution.meta["installation"]
     assert stream.counts() == list(solution.counts().values())
     # what waits at the end is used by neither
     late = {"late": 0, "twice": 0}

@@ -135,6 +135,8 @@ def summarise(solution: "sd.Solution") -> None:
             f"{counted(outside, 'fix', 'es')} {verbs[0]} before the start or after the last sample "
             f"and {verbs[1]} not used"
         )
+    for line in sd.installation(solution).told:
+        print(line)
     for t, text in solution.events[:10]:
         print(f"{t:10.2f} s  {text}")
     if len(solution.events) > 10:

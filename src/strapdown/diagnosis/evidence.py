@@ -30,6 +30,7 @@ LASTING = 0.5  # correlation of one innovation with the next
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
 LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
+AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
 MOVING = 3.0  # m/s above which a course is compared with the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
 LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
@@ -341,3 +342,11 @@ def heading_never_seen(solution: Solution) -> bool:
         return False
     first, last = solution.meta["start"]["sd"][ATT.stop - 1], sd[-1, ATT.stop - 1]
     return bool(last > 0.7 * first and last > np.radians(5.0))
+
+
+def moves(solution: Solution) -> bool:
+    """Whether it is ever faster than what hardly moves."""
+    v = solution.trajectory.v_n
+    if v is None:
+        return False
+    return bool((np.abs(v[:: max(1, len(v) // 2000), :2]) > AT_REST).any())

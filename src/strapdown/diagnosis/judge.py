@@ -13,12 +13,12 @@ from ..data import Solution
 from ..plugins import one_line
 from ..verdict import NOT_JUDGED, Reason, Verdict
 from . import evidence, screening
+from .estimated import installation
 from .evidence import GATED, Fixes
 from .installation import CONSTRAINED
 
 Found = TypeVar("Found")
 SHORTEST = 30.0  # s of a run that says something of itself
-AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
 HEIGHTS = {"position", "altitude", "pressure", "pressure-altitude", "zero-sea-level"}
 """Kinds that measure a height."""
 
@@ -39,11 +39,11 @@ def judge(solution: Solution) -> Verdict:
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
-    causes = list(evidence.gaps(solution))
+    causes = [*evidence.gaps(solution), *installation(solution).reasons]
     if any(source.kind == "position" for source in sources):
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
         causes += looked
-        untested += unknown if _moves(solution) else []
+        untested += unknown if evidence.moves(solution) else []
     # what compares the parts of the recording takes longer: all of it only where there is doubt, or
     # where the filter's own gates tell nothing
     doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))
@@ -112,7 +112,7 @@ def _untested(solution: Solution, sources: list[Fixes]) -> Iterator[str]:
     if solution.meta.get("bias_sd") is None:
         yield "biases: the IMU is not described"
     kinds = {source.kind for source in sources}
-    moves = _moves(solution)
+    moves = evidence.moves(solution)
     if not kinds & {"position", "velocity"}:
         yield "clock and lever arm: there is no GNSS"
     elif not moves:
@@ -128,10 +128,3 @@ def _untested(solution: Solution, sources: list[Fixes]) -> Iterator[str]:
         yield "mounting of the IMU: no constraint or odometer shows it"
     if moves and evidence.heading_never_seen(solution):
         yield "heading: no turn or acceleration showed it, its error is that of the start"
-
-
-def _moves(solution: Solution) -> bool:
-    v = solution.trajectory.v_n
-    if v is None:
-        return False
-    return bool((np.abs(v[:: max(1, len(v) // 2000), :2]) > AT_REST).any())

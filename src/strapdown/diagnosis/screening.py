@@ -17,6 +17,7 @@ from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
 from .diagnose import LEAST_CLOCK_ALONE, MOTIONS
+from .estimated import installation
 from .findings import AXES, LEAST_Z, UNITS
 from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
 from .settling import Trial, Unknown, estimated, explained, groups
@@ -141,7 +142,8 @@ def _suspect(trial: Trial, group: Sequence[Unknown], excess: float) -> Suspect:
 def look(solution: Solution) -> tuple[list[Reason], list[str]]:
     """Reasons to doubt the installation of a solution, and what of it its motion does not show.
     Raises DataError."""
-    found, alone = suspects(solution), not _has(solution, "velocity")
+    found = [each for each in suspects(solution) if not _estimated(solution, each)]
+    alone = not _has(solution, "velocity")
     likely = [each for each in found if _matters(each, alone)]
     reasons = [_reason(solution, each) for each in likely[:1]]
     if alone:
@@ -150,6 +152,19 @@ def look(solution: Solution) -> tuple[list[Reason], list[str]]:
     # of clocks one line is enough: that of all, which is known best
     clocks = [text for text in unknown if text.startswith(CLOCK)]
     return reasons, [text for text in unknown if text not in clocks[1:]]
+
+
+def _estimated(solution: Solution, suspect: Suspect) -> bool:
+    """Whether what it concerns were states of the filter, which says of them itself."""
+    assert solution.recording is not None
+    names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
+    own = {
+        name
+        for each in installation(solution).parameters
+        if each.cause == suspect.unknowns[0].kind
+        for name in each.sources
+    }
+    return all(names[i] in own for i in suspect.unknowns[0].sources)
 
 
 def _has(solution: Solution, kind: str) -> bool:

@@ -10,13 +10,14 @@ from ..core import cursor as places, loop
 from ..core.contract import BA, BG, POS, STATES, VEL
 from ..data import Aiding, Innovations, Solution, Trajectory
 from ..typing import Array
+from .installation import told
 from .prepare import Run, brought
 
 
 def solution(run: Run) -> Solution:
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says
     why."""
-    recording, samples, filter, _, start, noise, spec, _, fixes, cursor, out, *_ = run
+    recording, samples, filter, _, start, noise, spec, belief, fixes, cursor, out, *_ = run
     nav, used = out.nav[: cursor.at[places.OUT]], out.fix[: cursor.at[places.FIX]]
     events = run.events.all
     meta = {
@@ -32,7 +33,7 @@ def solution(run: Run) -> Solution:
         "kinds": {a.name or a.kind: a.kind for a in recording.aidings},
         "date": recording.meta.get("date"),
         "point": recording.meta.get("point", "imu"),
-    }
+    } | told(recording, belief.P)
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
         meta["stopped"] = stopped(t)

@@ -188,6 +188,47 @@ def _same_antenna(a: Aiding, b: Aiding) -> bool:
     return a.kind in gnss and b.kind in gnss and tuple(a.parameters) == tuple(b.parameters)
 
 
+def told(recording: Recording, P: Array) -> dict[str, Any]:
+    """What the meta of a Solution says of the parameters that were states, in plain values: each as
+    given and its prior, SI, and their correlations by the last covariance P. {} without any."""
+    found = parameters(recording.aidings, recording.meta.get("estimate") or {})
+    if not found:
+        return {}
+    names = [a.name or a.kind for a in recording.aidings]
+    block = P[-len(found) :, -len(found) :]
+    sd = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    return {
+        "installation": {
+            "parameters": [
+                {
+                    "name": each.of.name,
+                    "component": each.component,
+                    "column": each.name,
+                    "sources": [names[s] for s in each.sources],
+                    "of_imu": each.owner == IMU,
+                    "given": _given(recording, each),
+                    "prior": each.sd,
+                }
+                for each in found
+            ],
+            "mounting": recording.meta.get("imu_mounting", [0.0] * 3),  # roll, pitch, heading
+            "correlation": np.nan_to_num(block / np.outer(sd, sd)).tolist(),
+        }
+    }
+
+
+def _given(recording: Recording, parameter: Parameter) -> float:
+    """As the recording has it, SI: of a clock 0, of a scale 1, a lever arm from the reference point
+    of the vehicle, a mounting as roll, pitch, heading."""
+    what, k = parameter.of, parameter.component
+    if what is LEVER_ARM:
+        own = recording.aidings[parameter.sources[0]].parameters
+        return float((*own, 0.0, 0.0, 0.0)[k] + recording.meta.get("imu_lever_arm", [0.0] * 3)[k])
+    if what is MOUNTING:
+        return float(recording.meta.get("imu_mounting", [0.0] * 3)[k])
+    return 1.0 if what is SCALE else 0.0
+
+
 def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
     """Refuse a filter that cannot estimate an installation. Raises DataError."""
     if found and not filter.installation:

@@ -7,13 +7,13 @@ from typing import NamedTuple, TypeAlias
 
 import plotly.graph_objects as go
 
-from .. import plugins
+from .. import estimable, plugins
 from ..checks import DataError, check_keys
 from ..core.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from . import figures, fix_figures
+from . import figures, fix_figures, installation_figures
 from .summary import claimed_sd
 
 Text: TypeAlias = str | Callable[[Sequence[Solution]], str]
@@ -130,6 +130,20 @@ def _angles(
     )
 
 
+def _of_installation(name: str) -> Figure:
+    """The figure of the parameters of the installation of that name."""
+    return Figure(
+        f"installation-{name}",
+        name.replace("-", " ").capitalize(),
+        lambda s, reference, colour: installation_figures.estimates(s, name, colour),
+        "True − given, with ±2σ; dashed: ±2σ of the prior.",
+        INSTALLATION,
+        ("colour",),
+    )
+
+
+INSTALLATION = "Installation"
+"""Heading of the section of what of the installation was estimated, where a table stands first."""
 AS_ERRORS = ("errors", "colour", "window")
 FIGURES: list[Figure] = [
     Figure(
@@ -252,6 +266,7 @@ FIGURES: list[Figure] = [
         "Biases",
         ("colour",),
     ),
+    *(_of_installation(name) for name in (*estimable.OF_SOURCE, *estimable.OF_IMU)),
     Figure(
         "innovations",
         "Innovations",

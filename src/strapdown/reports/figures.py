@@ -17,6 +17,7 @@ import plotly.graph_objects as go
 
 from ..core.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
+from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..geodesy import STANDARD_GRAVITY, displacement
@@ -501,11 +502,15 @@ def _bias(
 
 
 def extra(solution: Solution, colour: str = COLOURS[0]) -> go.Figure | None:
-    """The filter's own output columns, a panel each; None where it has none."""
+    """The filter's own output columns, but those of the installation, a panel each; None where it
+    has none."""
+    of_installation = {
+        name for each in installation(solution).parameters for name in (each.column, each.sd_column)
+    }
     numeric = {
         name: np.asarray(values, float)
         for name, values in solution.columns.items()
-        if np.asarray(values).dtype.kind in "fiub"
+        if np.asarray(values).dtype.kind in "fiub" and name not in of_installation
     }
     if not numeric:
         return None

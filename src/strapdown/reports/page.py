@@ -20,7 +20,8 @@ from ..evaluation.metrics import Errors
 from ..io.solution import plain
 from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
-from .figure_list import REGISTRY, Figure, figures_of_page
+from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
+from .installation_figures import installation_table
 from .shell import Page, listed, placed, shell
 from .verdict_block import verdict_block
 
@@ -181,6 +182,8 @@ def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str
         if section == "Track" and shown:
             pair = f"{shown[0]}<div>{''.join(shown[1:])}</div>"
             shown = [f"<div class='grid pair'>{pair}</div>"]
+        if section == INSTALLATION and shown:
+            shown.insert(0, installation_table(solutions))
         yield "Estimates" if section == "Motion" and not scores else section, "".join(shown)
         for heading, given in more if section == "Track" else ():
             yield heading, f"<div class=grid>{''.join(draw.place(*each) for each in given)}</div>"

@@ -1,0 +1,241 @@
+"""What a finished Solution says of the parameters of the installation that were states of its filter:
+each in the terms of recording.toml, found, consistent with what was given or not observable, and
+what speaks against them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import estimable
+from ..core.jit import plain
+from ..core.rotation import matrix_to_euler
+from ..data import Solution
+from ..estimable import Estimable
+from ..preprocessing.axes import rotation_matrix
+from ..typing import Array
+from ..verdict import Reason
+from .diagnose import LEAST, MOTIONS
+from .evidence import AT_REST, moves
+from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE
+from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, SHOWN_BY, rotation
+from .settling import NOTABLE
+
+CAUSES = {"clock": CLOCK, "lever-arm": ARM, "mounting": MOUNTING, "scale": SCALE}
+"""{name of an Estimable: cause of verdict.CAUSES}; of the sensors "gyro" and "accelerometer"."""
+OF_SENSORS = {
+    "gyro": "turn about all axes, by more than 90 deg and to both sides",
+    "accelerometer": "tilt it to all sides, or accelerate along all axes",
+}
+"""{cause: the motion that would show scale and misalignment}."""
+KNOWN = 0.5
+"""Of its prior standard deviation: what is known no better is not observable."""
+PLAUSIBLE = 3.0
+"""Prior standard deviations from which the data contradict the prior: one right prior in 370 does."""
+ALIKE = 0.95
+"""Correlation from which two parameters cannot be told apart."""
+
+
+class EstimatedParameter(NamedTuple):
+    """A parameter of the installation as a filter with states for them has it in the end. Numbers
+    are in `unit`: s, m, deg, or none."""
+
+    name: str  # such as "clock of gnss", "lever arm forward of gnss"
+    parameter: str  # name of `estimable`: "clock"
+    component: str  # "forward"; "" of the only one
+    sources: tuple[str, ...]  # names of those that it concerns; of the IMU's those that see it
+    unit: str
+    status: str  # "found", "consistent" or "not observable"
+    given: float  # as the recording has it; of a clock 0, of a scale 1, else as in recording.toml
+    value: float  # what belongs there
+    error: float  # true less given, the state: of a mounting about the axis of the vehicle
+    sd: float  # of both
+    prior: float  # standard deviation of the error before
+    most: float  # what is further off is no error of an installation
+    cause: str  # a key of verdict.CAUSES
+    motion: str  # what would show it, or show it better
+    column: str  # of the solution's: the error over time
+
+    @property
+    def sd_column(self) -> str:
+        """That of its standard deviation."""
+        return f"sd of {self.column}"
+
+    @property
+    def seen(self) -> str:
+        """The error with its standard deviation and unit."""
+        return _interval(self.error, self.sd, self.unit)
+
+    def __str__(self) -> str:
+        if self.status == NOT_OBSERVABLE:
+            known = f"+-{_size(self.sd, self.unit)} of a prior of {_size(self.prior, self.unit)}"
+            return f"{self.name}: not observable ({known}); to show it, {self.motion}"
+        if self.status == FOUND:
+            new = f": {self.value:.{3 if self.unit else 4}f} {self.unit}".rstrip()
+            new = new if self.parameter in ("lever-arm", "mounting", "scale") else ""
+            return f"{self.name}: found{new}, off what was given by {self.seen}"
+        if abs(self.error) < NOTABLE * self.sd:
+            return f"{self.name}: consistent with what was given ({self.seen})"
+        return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
+
+
+@dataclass(frozen=True)
+class EstimatedInstallation:
+    """What `installation` found."""
+
+    parameters: tuple[EstimatedParameter, ...]
+    reasons: tuple[Reason, ...]  # to doubt them; the verdict has them too
+    remarks: tuple[str, ...]  # what cannot be told apart, and what no motion shows
+
+    @property
+    def lines(self) -> list[str]:
+        """For people: every parameter, then what must be known beside."""
+        return [*map(str, self.parameters), *map(str, self.reasons), *self.remarks]
+
+    @property
+    def told(self) -> list[str]:
+        """The same without the reasons, for whoever shows the verdict too."""
+        return [*map(str, self.parameters), *self.remarks]
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+
+def installation(solution: Solution) -> EstimatedInstallation:
+    """What a Solution of `fuse`, `smooth` or a Stream says at its end of the parameters that were
+    states (`estimate`); empty where none was."""
+    known = solution.meta.get("installation", {"parameters": [], "correlation": []})
+    values = _values(solution, known["parameters"])
+    parameters = tuple(
+        _parameter(solution, facts, value) for facts, value in zip(known["parameters"], values)
+    )
+    remarks = [*_alike(parameters, np.array(known["correlation"])), *_nothing(solution, parameters)]
+    reasons = [reason for each in parameters for reason in _doubts(each)]
+    return EstimatedInstallation(parameters, tuple(reasons), tuple(remarks))
+
+
+def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
+    """What belongs into recording.toml, SI: what was given and the error; angles of a mounting are
+    those of the IMU turned by all its errors."""
+    turn = np.zeros(3)
+    errors = [_last(solution, facts) for facts in known]
+    for facts, error in zip(known, errors):
+        if facts["name"] == "mounting":
+            turn[facts["component"]] = error
+    C = rotation_matrix(*solution.meta["installation"]["mounting"]) if known else np.eye(3)
+    angles = plain(matrix_to_euler)(rotation(turn) @ C)
+    return [
+        float(angles[facts["component"]]) if facts["name"] == "mounting" else facts["given"] + error
+        for facts, error in zip(known, errors)
+    ]
+
+
+def _last(solution: Solution, facts: dict[str, Any], prefix: str = "") -> float:
+    """The error in the end, or with "sd of " its standard deviation, SI."""
+    return float(solution.columns[prefix + facts["column"]][-1]) / _of(facts).factor
+
+
+def _of(facts: dict[str, Any]) -> Estimable:
+    return (estimable.OF_IMU if facts["of_imu"] else estimable.OF_SOURCE)[facts["name"]]
+
+
+def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> EstimatedParameter:
+    what, axis, sources = _of(facts), facts["component"], tuple(facts["sources"])
+    error, sd = (_last(solution, facts, prefix) for prefix in ("", "sd of "))
+    cause = CAUSES.get(what.name, "gyro" if what.name.startswith("gyro") else "accelerometer")
+    status = CONSISTENT
+    if not sd < KNOWN * facts["prior"]:
+        status = NOT_OBSERVABLE
+    elif abs(error) > max(LEAST_Z * sd, LEAST.get(cause, 0.0)):
+        status = FOUND
+    words = [what.name.replace("-", " "), what.components[axis]]
+    words += [] if facts["of_imu"] else ["of", " and ".join(sources)]
+    numbers = (facts["given"], value, error, sd, facts["prior"], what.most)
+    given, value, error, sd, prior, most = (each * what.factor for each in numbers)
+    return EstimatedParameter(
+        " ".join(filter(None, words)),
+        what.name,
+        what.components[axis],
+        sources,
+        what.unit,
+        status,
+        given,
+        value,
+        error,
+        sd,
+        prior,
+        most,
+        cause,
+        _motion(solution, cause, axis),
+        facts["column"],
+    )
+
+
+def _motion(solution: Solution, cause: str, axis: int) -> str:
+    """What would show it."""
+    kinds = set(solution.meta["kinds"].values())
+    if cause == MOUNTING and axis in SHOWN_BY and SHOWN_BY[axis] not in kinds:
+        return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
+    return OF_SENSORS[cause] if cause in OF_SENSORS else MOTIONS[cause][axis]
+
+
+def _doubts(each: EstimatedParameter) -> Iterator[Reason]:
+    """Why an estimate, or its prior, cannot be right."""
+    source = each.sources[0] if len(each.sources) == 1 and " of " in each.name else ""
+    if abs(each.error) > each.most:
+        yield Reason(
+            each.cause,
+            f"{each.name} is estimated {each.seen} off what was given, at most "
+            f"{_size(each.most, each.unit)} is plausible",
+            "look for its cause, such as a wrong unit, and give it before it is estimated",
+            source,
+            3.0 * abs(each.error) / each.most,
+        )
+    elif each.status != NOT_OBSERVABLE and abs(each.error) > PLAUSIBLE * each.prior:
+        times = abs(each.error) / each.prior
+        yield Reason(
+            each.cause,
+            f"{each.name} is estimated {each.seen} off what was given, and its prior is "
+            f"{_size(each.prior, each.unit)}: the prior contradicts the data",
+            f"correct what is given, or give a prior of {_size(abs(each.error), each.unit)} or more",
+            source,
+            times / PLAUSIBLE,
+        )
+
+
+def _alike(parameters: tuple[EstimatedParameter, ...], correlation: Array) -> Iterator[str]:
+    """Pairs that the data cannot tell apart."""
+    for i, a in enumerate(parameters):
+        for j in range(i + 1, len(parameters)):
+            b, r = parameters[j], float(correlation[i, j])
+            if abs(r) > ALIKE:
+                shows = " and ".join(dict.fromkeys((a.motion, b.motion)))
+                yield (
+                    f"{a.name} and {b.name} cannot be told apart (correlation {r:+.3f}): estimate "
+                    f"one of them, or {shows}"
+                )
+
+
+def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> Iterator[str]:
+    """Why nothing of them can be seen, where it is so."""
+    if not parameters or any(each.status != NOT_OBSERVABLE for each in parameters):
+        return
+    kinds = set(solution.meta["kinds"].values())
+    why = "the motion does not show them"
+    if not kinds & {*GNSS, *CONSTRAINED}:
+        why = "there is no source of position or velocity"
+    elif not moves(solution):
+        why = f"it hardly moves, at most {AT_REST:g} m/s"
+    elif not kinds & {"velocity", "speed"}:
+        why = "there is no source of velocity, add one"
+    yield f"nothing of the installation that was asked for is observable: {why}"
+
+
+def _interval(value: float, sd: float, unit: str) -> str:
+    digits = 3 if unit else 4
+    return f"{value:+.{digits}f} +- {sd:.{digits}f} {unit}".rstrip()
+
+
+def _size(value: float, unit: str) -> str:
+    return f"{value:.2g} {unit}".rstrip()

@@ -1,0 +1,208 @@
+"""What a solution says of parameters that were states: against the errors that were put in, and
+against what its own numbers must lead to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import at_rest, start
+from scipy.spatial.transform import Rotation
+
+import strapdown as sd
+from strapdown import estimable
+from strapdown.data import Aiding
+from strapdown.diagnosis.estimated import installation
+from strapdown.engine.installation import with_estimates
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sim.trajectory import DEG, Motion
+
+pytestmark = pytest.mark.short
+SECONDS = 60.0
+
+
+def wrong(recording, arm=(0.0, 0.0, 0.0), clock=0.0):
+    """The recording whose antenna is given wrong by `arm` (m), and whose stamps are by `clock`
+    (s), less than the truth."""
+    return replace(
+        recording,
+        aidings=tuple(
+            replace(a, t=a.t - clock, parameters=tuple(np.array(a.parameters) - arm))
+            for a in recording.aidings
+        ),
+    )
+
+
+def by_name(solution):
+    return {(each.parameter, each.component): each for each in installation(solution).parameters}
+
+
+def moving(name, course, speed, roll=0.0, seed=1003, **gnss):
+    """A simulated recording of level motion along a course (deg), at a speed and roll (m/s, deg), all
+    functions of time."""
+    motion = Motion(
+        name,
+        (DEG * 47.0, DEG * 8.0, 500.0),
+        lambda t: (speed(t) * np.cos(DEG * course(t)), speed(t) * np.sin(DEG * course(t)), 0 * t),
+        lambda t: (DEG * roll * np.sin(0.23 * t), 0 * t, DEG * course(t)),
+    )
+    return sd.simulate(motion, SECONDS, "tactical", seed, 20.0, Gnss(**gnss))
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """It winds, faster and slower, with an accurate receiver."""
+    return moving(
+        "winding",
+        lambda t: 80 + 60 * np.sin(0.3 * t),
+        lambda t: 15 + 5 * np.sin(0.17 * t),
+        20.0,
+        position_sd=0.3,
+        velocity_sd=0.03,
+        lever_arm=(0.3, -0.2, -0.5),
+    )
+
+
+def straight(**more):
+    """Straight and level at 30 m/s: what it shows of an antenna is nothing."""
+    return moving("straight", lambda t: 80 + 0 * t, lambda t: 30.0 + 0 * t, **more)
+
+
+@pytest.mark.parametrize("run", [sd.fuse, sd.smooth])
+def test_what_is_wrong_is_found_in_the_terms_of_the_file(turning, run):
+    recording = wrong(turning, (1.0, -0.8, 0.0), 0.1)
+    recording = replace(recording, meta=recording.meta | {"imu_lever_arm": [0.2, 0.0, -1.0]})
+    solution = run(recording, start=start(turning), estimate=["clock", "lever-arm"])
+    found = by_name(solution)
+    for key, error, given in (
+        (("clock", ""), 0.1, 0.0),
+        (("lever-arm", "forward"), 1.0, 0.3 - 1.0 + 0.2),
+        (("lever-arm", "right"), -0.8, -0.2 + 0.8),
+    ):
+        each = found[key]
+        assert each.status == "found" and abs(each.error - error) < 3 * each.sd < 0.5
+        assert each.given == pytest.approx(given) and each.value == pytest.approx(
+            given + each.error
+        )
+    clock = found["clock", ""]
+    column = "clock error of GNSS position [s]"
+    assert clock.error == solution.columns[column][-1] and clock.prior == 0.1
+    assert clock.sd == solution.columns[f"sd of {column}"][-1]
+    assert clock.name == "clock of GNSS position and GNSS velocity" and clock.unit == "s"
+    assert str(clock) == f"{clock.name}: found, off what was given by {clock.seen}"
+    assert str(found["lever-arm", "right"]).startswith(
+        f"lever arm right of GNSS position and GNSS velocity: found: "
+        f"{found['lever-arm', 'right'].value:.3f} m, off what was given by -0."
+    )
+
+
+def test_what_is_right_is_consistent(turning):
+    found = by_name(sd.fuse(turning, start=start(turning), estimate=["clock", "lever-arm"]))
+    assert found["clock", ""].status == found["lever-arm", "right"].status == "consistent"
+    assert "consistent with what was given (" in str(found["clock", ""])
+
+
+def test_what_no_motion_shows_is_said_with_the_motion_that_would():
+    recording = straight()
+    solution = sd.fuse(recording, start=start(recording), estimate=["lever-arm"])
+    found = by_name(solution)
+    assert found["lever-arm", "right"].status == "not observable"
+    text = str(found["lever-arm", "right"])
+    assert text.endswith(" of a prior of 0.5 m); to show it, turn, to both sides")
+    assert "(+-0." in text
+
+
+def test_two_clocks_cannot_be_told_apart_at_one_speed():
+    """Two antennas show the difference of their clocks, and nothing what they have in common."""
+    recording, more = straight(), straight(seed=1004, lever_arm=(2.0, 0.0, 0.0))
+    front = replace(more.aidings[0], name="front")
+    recording = replace(recording, aidings=(recording.aidings[0], front))
+    solution = sd.fuse(recording, start=start(recording), estimate=["clock"])
+    (remark,) = installation(solution).remarks
+    assert remark.startswith(
+        "clock of GNSS position and clock of front cannot be told apart (correlation +0.9"
+    )
+    assert remark.endswith("): estimate one of them, or accelerate, brake or turn")
+
+
+def test_without_a_source_of_velocity_that_is_said():
+    recording = straight()
+    alone = replace(recording, aidings=recording.aidings[:1])
+    found = installation(sd.fuse(alone, start=start(recording), estimate=["lever-arm"]))
+    assert found.remarks == (
+        "nothing of the installation that was asked for is observable: there is no source of "
+        "velocity, add one",
+    )
+
+
+def test_at_rest_nothing_is_observable():
+    recording = at_rest()
+    solution = sd.fuse(recording, estimate=["clock", "lever-arm"])
+    assert installation(solution).remarks[-1] == (
+        "nothing of the installation that was asked for is observable: it hardly moves, at most "
+        "0.3 m/s"
+    )
+
+
+def test_a_prior_that_contradicts_the_data_is_a_reason_with_both_numbers(turning):
+    recording = wrong(turning, (1.0, 0.0, 0.0))
+    solution = sd.fuse(recording, start=start(turning), estimate={"lever-arm": 0.2, "clock": 0.1})
+    (reason,) = installation(solution).reasons
+    error = by_name(solution)["lever-arm", "forward"]
+    assert reason.cause == "lever arm" and reason.weight == pytest.approx(error.error / 0.6)
+    assert reason.seen == (
+        f"{error.name} is estimated {error.seen} off what was given, and its prior is 0.2 m: the "
+        "prior contradicts the data"
+    )
+    assert reason in solution.verdict.reasons and not solution.verdict.trusted
+
+
+def told(solution, **changes):
+    """What is said where the facts on the first parameter are these."""
+    facts = solution.meta["installation"]
+    first = facts["parameters"][0] | changes
+    known = facts | {"parameters": [first, *facts["parameters"][1:]]}
+    return installation(replace(solution, meta=solution.meta | {"installation": known}))
+
+
+def test_an_estimate_beyond_what_is_plausible_is_a_reason(turning):
+    solution = sd.fuse(turning, start=start(turning), estimate=["clock"])
+    (column,) = [name for name in solution.columns if name.startswith("clock")]
+    far = replace(solution, columns=solution.columns | {column: np.full(len(solution.t), -2.5)})
+    (reason,) = installation(far).reasons
+    assert "-2.500 +- 0.0" in reason.seen and "at most 2 s is plausible" in reason.seen
+    assert reason.weight == pytest.approx(3 * 2.5 / estimable.CLOCK.most)
+
+
+@pytest.mark.parametrize("share, status", [(2.1, "consistent"), (1.9, "not observable")])
+def test_half_of_the_prior_is_the_limit(turning, share, status):
+    solution = sd.fuse(turning, start=start(turning), estimate=["clock"])
+    sd_ = by_name(solution)["clock", ""].sd
+    assert told(solution, prior=share * sd_).parameters[0].status == status
+
+
+def test_angles_of_a_mounting_are_those_to_be_written(turning):
+    """The IMU stands 90 deg to the left: what is off about the vehicle's pitch is its roll."""
+    given = [0.0, 0.0, -np.pi / 2]
+    recording = replace(turning, meta=turning.meta | {"imu_mounting": given})
+    t = np.arange(1.0, SECONDS)
+    zeros = np.zeros((len(t), 1))
+    level = Aiding("zero-vertical-velocity", t, zeros, zeros + 0.1, (0.0,) * 3)
+    recording = replace(recording, aidings=(*recording.aidings, level))
+    solution = sd.fuse(recording, start=start(turning), estimate=["mounting"])
+    pitch, heading = installation(solution).parameters
+    assert (pitch.given, heading.given) == (0.0, -90.0) and pitch.motion != heading.motion
+    C = Rotation.from_rotvec(np.radians([0, pitch.error, heading.error])) * Rotation.from_euler(
+        "ZYX", [-90, 0, 0], degrees=True
+    )
+    assert [heading.value, pitch.value] == pytest.approx(C.as_euler("ZYX", degrees=True)[:2])
+
+
+def test_a_file_says_the_same(turning, tmp_path):
+    asked = with_estimates(turning, ["clock", "lever-arm"])
+    solution = sd.fuse(asked, start=start(turning))
+    sd.write_solution(solution, tmp_path / "solution.nc")
+    assert installation(sd.read_solution(tmp_path / "solution.nc")) == installation(solution)
+
+
+def test_nothing_is_said_where_nothing_was_asked_for(turning):
+    assert installation(sd.fuse(turning, start=start(turning))).lines == []
