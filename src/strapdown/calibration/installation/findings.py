@@ -15,7 +15,6 @@ from ...diagnosis.findings import (
     FOUND,
     NOT_OBSERVABLE,
     UNITS,
-    Diagnosis,
     Setting,
     changes,
     settings,
@@ -49,10 +48,10 @@ class Parameter(NamedTuple):
     status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE, NOT_CONFIRMED or IMPLAUSIBLE
     # as the recording has it; of a clock and of a mounting 0, of a scale 1
     given: float
-    change: float  # to be added to it; NaN where nothing can be said
+    change: float  # to be added to it, as a state has it; NaN where nothing can be said
     sd: float  # of the change: the larger of the two estimates'
-    by_states: float  # the second estimate of the change
-    states_sd: float  # and its standard deviation
+    by_innovations: float  # the other estimate of the change
+    innovations_sd: float  # and its standard deviation
     motion: str  # what would show it, or show it better
 
     @property
@@ -65,14 +64,18 @@ class Parameter(NamedTuple):
         """The change with its standard deviation and unit."""
         return _interval(self.change, self.sd, self.unit)
 
+    @property
+    def second(self) -> str:
+        """The other estimate of the change, the same way."""
+        return _interval(self.by_innovations, self.innovations_sd, self.unit)
+
     def __str__(self) -> str:
         if self.status == NOT_OBSERVABLE:
             return f"{self.name}: not observable; to show it, {self.motion}"
         if self.status == NOT_CONFIRMED:
             return (
-                f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, "
-                f"{_interval(self.by_states, self.states_sd, self.unit)} as a state; to show it "
-                f"better, {self.motion}"
+                f"{self.name}: not confirmed, so not written: {self.seen} as a state, {self.second} "
+                f"by the innovations; to show it better, {self.motion}"
             )
         if self.status == IMPLAUSIBLE:
             most = ESTIMABLE[self.cause].most * UNITS[self.cause][1]
@@ -85,8 +88,7 @@ class Parameter(NamedTuple):
             if abs(self.change) < NOTABLE * self.sd:
                 return f"{self.name}: consistent with what was given ({self.seen})"
             return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
-        second = _interval(self.by_states, self.states_sd, self.unit)
-        return f"{self.name}: found to be off by {self.seen} (as a state: {second})"
+        return f"{self.name}: found to be off by {self.seen} (by the innovations: {self.second})"
 
 
 def _interval(value: float, sd: float, unit: str) -> str:
@@ -100,7 +102,8 @@ class Installation:
     parameters: tuple[Parameter, ...]
     recording: Recording  # set up as found
     given: Recording  # as it was
-    diagnosis: Diagnosis
+    runs: int  # of `diagnose`
+    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
