@@ -1,15 +1,14 @@
 """`calibrate_installation`: clocks, lever arms, mounting and scale from a log, estimated until they
 settle, confirmed by a second estimate, and ready to be written into recording.toml."""
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...aiding import find
 from ...checks import DataError
 from ...core.contract import Filter, Start
-from ...diagnosis.diagnose import LARGEST_SD, LEAST, diagnose
+from ...diagnosis.diagnose import LARGEST_SD, LEAST
 from ...diagnosis.findings import (
     CONSISTENT,
     FOUND,
@@ -20,17 +19,16 @@ from ...diagnosis.findings import (
     Diagnosis,
     Estimate,
 )
-from ...diagnosis.installation import ARM, CLOCK, Constant, applied, constants
+from ...diagnosis.installation import ARM, CLOCK, applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
 from ...recording import Recording
-from ...typing import Array, Progress, Say
+from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
 from .confirming import ESTIMABLE, Asking, Seen, as_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, Installation, Parameter
+from .settled import Settled, settle, theta_of
 
-MOST_TURNS = 3
-"""So often `diagnose` is run, on what it found before."""
 CONTRADICT = 3.0
 """Combined standard deviations by which the two estimates of a parameter may differ."""
 
@@ -51,8 +49,8 @@ def calibrate_installation(
 
     `diagnose` is run on what it found until that has nothing wrong; the smoother with the same
     numbers as states, around what was found, is the second estimate. A parameter is found where it
-    is off what was given by `diagnose`'s limits and both agree; its value is that of the state, its
-    standard deviation the larger of the two. What the recording asks to be estimated is left out.
+    is off what was given by `diagnose`'s limits and both agree; its standard deviation is the larger
+    of the two. What the recording asks to be estimated is left out.
     imu_clock: blame the clock of the IMU, where all sources share an offset; the other arguments
     are those of `diagnose`. Raises DataError: without a source of velocity, and where nothing shows.
     """
@@ -63,7 +61,7 @@ def calibrate_installation(
         )
     recording = with_estimates(recording, ())
     asking = Asking(filter, imu, vehicle, start, say, progress or (lambda done: None), options)
-    settled = _settled(recording, asking)
+    settled = settle(recording, asking)
     last = settled.last
     seen = as_states(
         applied(recording, settled.known, settled.theta), settled.sought, asking.within(0.7, 1.0)
@@ -79,9 +77,10 @@ def calibrate_installation(
         )
     if imu_clock:
         _check_imu_clock(recording, parameters)
+    right = [each for each in parameters if each.status == FOUND]
     return Installation(
         parameters,
-        _set_up(recording, parameters),
+        applied(recording, settled.known, theta_of(settled.known, recording, right)),
         recording,
         settled.runs,
         last.misfit,
@@ -91,84 +90,19 @@ def calibrate_installation(
     )
 
 
-class _Settled(NamedTuple):
-    """What `diagnose` comes to when it is run again on what it found."""
-
-    known: tuple[Constant, ...]
-    before: Array  # (m,) change of what was given, SI, in the last recording that was diagnosed
-    theta: Array  # (m,) and with what was found in that
-    last: Diagnosis
-    sought: tuple[Estimate, ...]  # its parameters that some source shows, clocks that differ apart
-    runs: int  # of the filter, in all
-
-    def of(self, each: Estimate) -> int:
-        """The constant that an estimate is of: the first, of several that share it."""
-        return _which(self.known, self.last.recording, each)[0]
-
-
-def _settled(recording: Recording, asking: Asking) -> _Settled:
-    """`diagnose` on the recording, and on what it found, until that has nothing wrong."""
-    known = constants(recording.aidings)
-    theta, runs = np.zeros(len(known)), 0
-    for turn in range(MOST_TURNS):
-        before = theta.copy()
-        part = asking.within(0.7 * turn / MOST_TURNS, 0.7 * (turn + 1) / MOST_TURNS)
-        found = diagnose(
-            applied(recording, known, theta),
-            part.filter,
-            part.imu,
-            part.start,
-            part.say,
-            part.progress,
-            part.vehicle,
-            **part.options,
-        )
-        runs += found.runs
-        sought = [each for each in found.parameters if each.sources]
-        for each in found.found:
-            theta[_which(known, recording, each)] += each.change / UNITS[each.cause][1]
-        if not found.found:
-            break
-    apart = [part for each in sought for part in _apart(each, known, recording, theta)]
-    return _Settled(known, before, theta, found, tuple(apart), runs)
-
-
-def _which(known: Sequence[Constant], recording: Recording, each: Estimate | Parameter) -> list[int]:
-    """The constants that an estimate is of."""
-    names = [a.name or a.kind for a in recording.aidings]
-    return [
-        j
-        for j, constant in enumerate(known)
-        if (constant.kind, constant.axis) == (each.cause, each.axis)
-        and {names[i] for i in constant.sources} <= set(each.sources)
-    ]
-
-
-def _apart(
-    each: Estimate, known: Sequence[Constant], recording: Recording, theta: Array
-) -> list[Estimate]:
-    """A clock of several sources that were changed by different offsets as one of each."""
-    which = _which(known, recording, each)
-    if each.cause != CLOCK or not np.ptp(theta[which]):
-        return [each]
-    names = [a.name or a.kind for a in recording.aidings]
-    owners = [names[known[j].sources[0]] for j in which]
-    return [each._replace(name=f"clock of {name}", sources=(name,)) for name in owners]
-
-
-def _parameter(each: Estimate, settled: _Settled, seen: Seen) -> Parameter:
-    """What the two estimates of a constant come to. The value is that of the state, which stands
-    beside all others; the standard deviation is the larger."""
+def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
+    """What the two estimates of a constant come to. The value is that of the innovations; the
+    standard deviation is the larger."""
     unit, factor = UNITS[each.cause]
     j = settled.of(each)
-    by_innovations = settled.before[j] * factor + each.change
-    change = settled.theta[j] * factor + seen.left
+    change = settled.before[j] * factor + each.change
+    by_states = settled.theta[j] * factor + seen.left
     sd = max(each.sd, seen.sd)
     status = CONSISTENT
     if sd > LARGEST_SD[each.cause] * factor or not seen.known:
         status = NOT_OBSERVABLE
     elif settled.theta[j] and abs(change) > max(LEAST[each.cause] * factor, LEAST_Z * sd):
-        agree = abs(change - by_innovations) <= CONTRADICT * np.hypot(each.sd, seen.sd)
+        agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
         plausible = abs(change) <= ESTIMABLE[each.cause].most * factor
         status = NOT_CONFIRMED if not agree else FOUND if plausible else IMPLAUSIBLE
     return Parameter(
@@ -181,8 +115,8 @@ def _parameter(each: Estimate, settled: _Settled, seen: Seen) -> Parameter:
         each.given - settled.before[j] * factor * (each.cause == ARM),
         float(change),
         sd,
-        float(by_innovations),
-        each.sd,
+        float(by_states),
+        seen.sd,
         each.motion,
     )
 
@@ -214,16 +148,6 @@ def _check_imu_clock(recording: Recording, parameters: tuple[Parameter, ...]) ->
             f"--imu-clock: no offset was estimated of {', '.join(others)}, which would move against "
             f"the IMU; leave it out, so that only {' and '.join(clocks[0].sources)} are moved"
         )
-
-
-def _set_up(recording: Recording, parameters: tuple[Parameter, ...]) -> Recording:
-    """The recording with what is found."""
-    known = constants(recording.aidings)
-    theta = np.zeros(len(known))
-    for each in parameters:
-        if each.status == FOUND:
-            theta[_which(known, recording, each)] = each.change / UNITS[each.cause][1]
-    return applied(recording, known, theta)
 
 
 def _notes(

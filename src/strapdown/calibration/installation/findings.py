@@ -21,8 +21,15 @@ from ...diagnosis.findings import (
 )
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
 from ...diagnosis.settling import NOTABLE
-from ...io.description.rewriting import LEVER_ARM, TIME, Edit, rewrite, rewritten
-from ...io.description.rewriting import MOUNTING as MOUNTING_KEY, SCALE as SCALE_KEY
+from ...io.description.rewriting import (
+    LEVER_ARM,
+    MOUNTING as MOUNTING_KEY,
+    SCALE as SCALE_KEY,
+    TIME,
+    Edit,
+    rewrite,
+    rewritten,
+)
 from ...recording import Recording
 from ...typing import File
 from .confirming import ESTIMABLE, Asking
@@ -48,10 +55,10 @@ class Parameter(NamedTuple):
     status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE, NOT_CONFIRMED or IMPLAUSIBLE
     # as the recording has it; of a clock and of a mounting 0, of a scale 1
     given: float
-    change: float  # to be added to it, as a state has it; NaN where nothing can be said
+    change: float  # to be added to it; NaN where nothing can be said
     sd: float  # of the change: the larger of the two estimates'
-    by_innovations: float  # the other estimate of the change
-    innovations_sd: float  # and its standard deviation
+    by_states: float  # the other estimate of the change
+    states_sd: float  # and its standard deviation
     motion: str  # what would show it, or show it better
 
     @property
@@ -67,15 +74,15 @@ class Parameter(NamedTuple):
     @property
     def second(self) -> str:
         """The other estimate of the change, the same way."""
-        return _interval(self.by_innovations, self.innovations_sd, self.unit)
+        return _interval(self.by_states, self.states_sd, self.unit)
 
     def __str__(self) -> str:
         if self.status == NOT_OBSERVABLE:
             return f"{self.name}: not observable; to show it, {self.motion}"
         if self.status == NOT_CONFIRMED:
             return (
-                f"{self.name}: not confirmed, so not written: {self.seen} as a state, {self.second} "
-                f"by the innovations; to show it better, {self.motion}"
+                f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, {self.second} as a "
+                f"state; to show it better, {self.motion}"
             )
         if self.status == IMPLAUSIBLE:
             most = ESTIMABLE[self.cause].most * UNITS[self.cause][1]
@@ -88,7 +95,7 @@ class Parameter(NamedTuple):
             if abs(self.change) < NOTABLE * self.sd:
                 return f"{self.name}: consistent with what was given ({self.seen})"
             return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
-        return f"{self.name}: found to be off by {self.seen} (by the innovations: {self.second})"
+        return f"{self.name}: found to be off by {self.seen} (as a state: {self.second})"
 
 
 def _interval(value: float, sd: float, unit: str) -> str:
@@ -167,9 +174,7 @@ class Installation:
     @property
     def changes(self) -> tuple[str, ...]:
         """What to write into recording.toml, a line each."""
-        return tuple(
-            line for own in changes(self.given, self.settings).values() for line in own
-        )
+        return tuple(line for own in changes(self.given, self.settings).values() for line in own)
 
     @property
     def lines(self) -> list[str]:
