@@ -161,25 +161,25 @@ def installation(
 
 def _change(found: "Installation", path: Path, write: bool) -> None:
     """Print what changes in the file, or change it. Raises DataError where it is asked to and
-    cannot."""
-    described = path.suffix.lower() == ".toml"
+    cannot; what to change stands above it then."""
+    if not found.edits and not (write and found.implausible):
+        print(f"nothing to change in {path}")
+        return
     try:
-        lines = found.diff(path) if described else list(found.changes)
+        if path.suffix.lower() != ".toml":
+            raise sd.DataError(
+                f"{path}: only a recording.toml can be changed; change what it was made from"
+            )
+        lines = found.diff(path)
+        kept = found.write(path) if write else None
     except sd.DataError as error:
+        print("to change by hand:" if found.changes else "nothing to change")
+        for line in found.changes:
+            print(f"  {line}")
         if write:
             raise
-        lines = [*found.changes, f"note: {error}"]
-    if not lines and not found.implausible:
-        print(f"nothing to change in {path if described else 'the recording'}")
+        print(f"note: {error}")
         return
-    if write and not described:
-        for line in lines:
-            print(line)
-        raise sd.DataError(
-            f"{path}: only a recording.toml can be changed; change what it was made from, as said "
-            f"above"
-        )
-    kept = found.write(path) if write else None
     print(f"changed in {path}:" if write else f"to change in {path} (--write does it):")
     for line in lines:
         print(f"  {line}")

@@ -104,7 +104,8 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
     elif settled.theta[j] and abs(change) > max(LEAST[each.cause] * factor, LEAST_Z * sd):
         agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
         plausible = abs(change) <= ESTIMABLE[each.cause].most * factor
-        status = NOT_CONFIRMED if not agree else FOUND if plausible else IMPLAUSIBLE
+        confirmed = agree and not settled.last.found
+        status = NOT_CONFIRMED if not confirmed else FOUND if plausible else IMPLAUSIBLE
     return Parameter(
         each.name,
         each.cause,
@@ -171,6 +172,11 @@ def _notes(
             f"{one.name} and {other.name} trade off: they differ by "
             f"{one.change - other.change:+.3f} s, but the motion does not show either; neither is "
             f"written"
+        )
+    if found.found:
+        notes.append(
+            "the estimates do not settle, so none is written: correct by hand what is far off, such as "
+            "a clock by seconds, and run again"
         )
     if found.misfit > MISFIT:
         notes.append(

@@ -185,12 +185,19 @@ class Installation:
         return "\n".join([*self.lines, *self.changes])
 
     def diff(self, path: File) -> list[str]:
-        """The lines of a recording.toml that change, - as they are and + as they would be. Raises
-        DataError where it is another file, or cannot be changed."""
-        old = Path(path).read_text(encoding="utf-8").splitlines()
+        """The lines of a recording.toml that change, with their numbers: - as they are, + as they
+        would be. Raises DataError where it is another file, or cannot be changed."""
+        if not self.edits:
+            return []
         new = rewritten(path, self.edits, self._kinds, self._mark).splitlines()
-        lines = list(difflib.unified_diff(old, new, n=0, lineterm=""))[2:]
-        return [line for line in lines if not line.startswith("@@")]
+        old = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = []
+        matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
+        for step, i, j, k, m in matcher.get_opcodes():
+            if step != "equal":
+                lines += [f"{row + 1:4d} - {old[row]}" for row in range(i, j)]
+                lines += [f"{row + 1:4d} + {new[row]}" for row in range(k, m)]
+        return lines
 
     def write(self, path: File) -> Path | None:
         """Write what was found into the recording.toml that the recording was read from, with
