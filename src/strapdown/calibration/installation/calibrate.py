@@ -98,14 +98,18 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
     change = settled.before[j] * factor + each.change
     by_states = settled.theta[j] * factor + seen.left
     sd = max(each.sd, seen.sd)
-    status = CONSISTENT
+    least = max(LEAST[each.cause] * factor, LEAST_Z * sd)
+    agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
     if sd > LARGEST_SD[each.cause] * factor or not seen.known:
         status = NOT_OBSERVABLE
-    elif settled.theta[j] and abs(change) > max(LEAST[each.cause] * factor, LEAST_Z * sd):
-        agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
-        plausible = abs(change) <= ESTIMABLE[each.cause].most * factor
-        confirmed = agree and not settled.last.found
-        status = NOT_CONFIRMED if not confirmed else FOUND if plausible else IMPLAUSIBLE
+    elif not settled.theta[j] or abs(change) <= least:
+        status = CONSISTENT
+    elif not agree or settled.last.found:
+        status = NOT_CONFIRMED
+    elif abs(change) > ESTIMABLE[each.cause].most * factor:
+        status = IMPLAUSIBLE
+    else:
+        status = FOUND if abs(by_states) > least else CONSISTENT
     return Parameter(
         each.name,
         each.cause,
@@ -156,11 +160,9 @@ def _notes(
 ) -> tuple[str, ...]:
     notes = []
     clocks = [each for each in parameters if each.cause == CLOCK]
-    if (
-        recording.reference is not None
-        and not imu_clock
-        and any(each.status == FOUND for each in clocks)
-    ):
+    positions = {a.name or a.kind for a in recording.aidings if a.kind == "position"}
+    moved = any(each.status == FOUND and positions & set(each.sources) for each in clocks)
+    if recording.reference is not None and moved and not imu_clock:
         notes.append(
             "the reference keeps its time stamps: where it comes from the same receiver, its offset "
             "needs the same change (or --imu-clock moves the IMU instead)"

@@ -99,7 +99,8 @@ class Parameter(NamedTuple):
 
 
 def _interval(value: float, sd: float, unit: str) -> str:
-    return f"{value:+.3f} +- {sd:.3f} {unit}".rstrip()
+    digits = 3 if unit else 5
+    return f"{value:+.{digits}f} +- {sd:.{digits}f} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
