@@ -3,6 +3,8 @@
 from .alignment.initial import align as align
 from .alignment.static_attitude import static_attitude as static_attitude
 from .calibration.fitting import Calibration as Calibration, calibrate as calibrate
+from .calibration.installation.calibrate import calibrate_installation as calibrate_installation
+from .calibration.installation.findings import Installation as Installation
 from .checks import DataError as DataError
 from .core.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
 from .data import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory

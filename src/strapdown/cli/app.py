@@ -418,12 +418,12 @@ def _windows(text: str | None) -> list[tuple[float, float]]:
 
 for command in (
     *simulation.COMMANDS,
-    calibrate.calibrate,
     compare.compare,
     diagnose.diagnose,
     fly.fly,
 ):
     app.command(cls=Reads)(command)
+app.add_typer(calibrate.group)
 
 if __name__ == "__main__":
     main()

@@ -1,14 +1,71 @@
-"""The command calibrate: bias, scale, misalignment and soft iron of accelerometer and
-magnetometer from a record."""
+"""The commands calibrate: bias, scale, misalignment and soft iron of accelerometer and magnetometer
+from a record, and calibrate installation: clocks, lever arms, mounting and scale from a log."""
 
+from contextlib import nullcontext
+from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 import strapdown as sd
 
-from .console import OUT, recording_argument, results_folder, table
+from .console import (
+    FROM,
+    IMU,
+    OPTION,
+    OUT,
+    TO,
+    VEHICLE,
+    Progress,
+    Reads,
+    option_values,
+    recording_argument,
+    results_folder,
+    save_page,
+    table,
+)
+
+if TYPE_CHECKING:
+    from ..calibration.installation.findings import Installation
+
+SENSORS, INSTALLATION = "sensors", "installation"
+"""Commands of the group: the first stands without its name, and where it is not the second."""
+
+
+class Group(TyperGroup):
+    """`calibrate RECORDING`, and `calibrate installation RECORDING`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """As click asks."""
+        if args[:1] not in ([INSTALLATION], ["--help"]):
+            args = [SENSORS, *args]
+        return super().parse_args(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The help of the command without a name, then the other one."""
+        command = self.commands[SENSORS]
+        own = command.context_class(command, info_name=ctx.info_name, parent=ctx.parent)
+        command.format_help(own, formatter)
+        self.format_commands(ctx, formatter)
+
+
+class Unnamed(Reads):
+    """The command of a group that stands without its name."""
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
+    ) -> Any:
+        """As click asks."""
+        return super().make_context(parent.info_name, args, parent.parent, **extra)
+
+
+group = typer.Typer(
+    cls=Group,
+    name="calibrate",
+    help="Calibrate accelerometer or magnetometer from a record, or the installation from a log.",
+)
 
 SENSOR = Annotated[
     str | None,
@@ -19,6 +76,7 @@ SENSOR = Annotated[
 ]
 
 
+@group.command(SENSORS, cls=Unnamed, hidden=True)
 def calibrate(
     recording: Annotated[Path, recording_argument("; docs/calibrate.md tells how to record it.")],
     sensor: SENSOR = None,
@@ -46,3 +104,84 @@ def calibrate(
         found.write(out)
     print(f"wrote {out}/calibration.toml, calibration.html")
     print(f"in recording.toml: {found.hint.format(f'{out}/calibration.toml')}")
+
+
+@group.command(INSTALLATION, cls=Reads)
+def installation(
+    recording: Annotated[Path, recording_argument()],
+    write: Annotated[
+        bool,
+        typer.Option(
+            "--write",
+            help="Change recording.toml in place; the old one is kept as recording.toml.before.",
+        ),
+    ] = False,
+    imu_clock: Annotated[
+        bool,
+        typer.Option(
+            "--imu-clock",
+            help="The IMU's time stamps are wrong, where all sources are off by the same.",
+        ),
+    ] = False,
+    filter: Annotated[
+        str, typer.Option(help="The closed loop or one of its relatives.")
+    ] = "closed-loop",
+    imu: IMU = None,
+    vehicle: VEHICLE = None,
+    start: FROM = None,
+    stop: TO = None,
+    option: OPTION = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for a page.  [default: none is made]")
+    ] = None,
+) -> None:
+    """Find clock offsets, lever arms, mounting and odometer scale from a log, and write them into
+    its recording.toml."""
+    options: dict[str, Any] = option_values(option)
+    whole = sd.read(recording)
+    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    with results_folder(out) if out else nullcontext(), Progress() as progress:
+        found = sd.calibrate_installation(
+            part,
+            filter,
+            imu=imu,
+            vehicle=vehicle,
+            imu_clock=imu_clock,
+            say=progress.say,
+            progress=progress.track("calibrate installation"),
+            **options,
+        )
+        for line in found.lines:
+            print(line)
+        if out:
+            save_page(found.page(), out / "installation.html")
+            print(f"wrote {out}/installation.html")
+    _change(found, recording, write)
+
+
+def _change(found: "Installation", path: Path, write: bool) -> None:
+    """Print what changes in the file, or change it. Raises DataError where it is asked to and
+    cannot; what to change stands above it then."""
+    if not found.edits and not (write and found.implausible):
+        print(f"nothing to change in {path}")
+        return
+    try:
+        if path.suffix.lower() != ".toml":
+            raise sd.DataError(
+                f"{path}: only a recording.toml can be changed; change what it was made from"
+            )
+        lines = found.diff(path)
+        kept = found.write(path) if write else None
+    except sd.DataError as error:
+        print("to change by hand:" if found.changes else "nothing to change")
+        for line in found.changes:
+            print(f"  {line}")
+        if write:
+            raise
+        print(f"note: {error}")
+        return
+    print(f"changed in {path}:" if write else f"to change in {path} (--write does it):")
+    for line in lines:
+        print(f"  {line}")
+    if kept:
+        print(f"the old file is {kept}")

@@ -8,7 +8,7 @@ import numpy as np
 from ...aiding import find
 from ...checks import DataError
 from ...core.contract import Filter, Start
-from ...diagnosis.diagnose import LARGEST_SD, diagnose
+from ...diagnosis.diagnose import LARGEST_SD, LEAST
 from ...diagnosis.findings import (
     CONSISTENT,
     FOUND,
@@ -19,7 +19,7 @@ from ...diagnosis.findings import (
     Diagnosis,
     Estimate,
 )
-from ...diagnosis.installation import CLOCK, applied, constants
+from ...diagnosis.installation import ARM, CLOCK, applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
 from ...recording import Recording
@@ -27,6 +27,7 @@ from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
 from .confirming import ESTIMABLE, Asking, Seen, as_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, Installation, Parameter
+from .settled import Settled, settle, theta_of
 
 CONTRADICT = 3.0
 """Combined standard deviations by which the two estimates of a parameter may differ."""
@@ -46,10 +47,10 @@ def calibrate_installation(
     """What the installation of `recording` is: clock offset of each GNSS source, lever arm of its
     antenna, mounting of the IMU, scale of the odometer.
 
-    `diagnose` estimates them until they settle; the smoother with the same numbers as states, around
-    what was found, is the second estimate. A parameter is found where it is off what was given by
-    `diagnose`'s limits and both agree; its standard deviation is the larger of the two. What the
-    recording asks to be estimated as states is left out.
+    `diagnose` is run on what it found until that has nothing wrong; the smoother with the same
+    numbers as states, around what was found, is the second estimate. A parameter is found where it
+    is off what was given by `diagnose`'s limits and both agree; its standard deviation is the larger
+    of the two. What the recording asks to be estimated is left out.
     imu_clock: blame the clock of the IMU, where all sources share an offset; the other arguments
     are those of `diagnose`. Raises DataError: without a source of velocity, and where nothing shows.
     """
@@ -59,72 +60,77 @@ def calibrate_installation(
             "installation; add one (`strapdown diagnose` still looks for clocks beyond 0.5 s)"
         )
     recording = with_estimates(recording, ())
-    report = progress or (lambda done: None)
-    found = diagnose(
-        recording,
-        filter,
-        imu,
-        start,
-        say,
-        lambda done: report(0.7 * done),
-        vehicle,
-        **options,
+    asking = Asking(filter, imu, vehicle, start, say, progress or (lambda done: None), options)
+    settled = settle(recording, asking)
+    last = settled.last
+    seen = as_states(
+        applied(recording, settled.known, settled.theta), settled.sought, asking.within(0.7, 1.0)
     )
-    sought = [each for each in found.parameters if each.sources]
-    if all(each.status == NOT_OBSERVABLE for each in sought):
-        motions = dict.fromkeys(each.motion for each in sought)
+    parameters = (
+        *(_parameter(each, settled, seen[each]) for each in settled.sought),
+        *(_unseen(each) for each in last.parameters if not each.sources),
+    )
+    if all(each.status == NOT_OBSERVABLE for each in parameters):
+        motions = dict.fromkeys(each.motion for each in settled.sought)
         raise DataError(
             f"nothing of the installation shows in this motion; to show it, {'; '.join(motions)}"
         )
-    asking = Asking(
-        filter, imu, vehicle, start, say, lambda done: report(0.7 + 0.3 * done), options
-    )
-    seen = as_states(found.recording, sought, asking)
-    parameters = tuple(_parameter(each, seen.get(each)) for each in found.parameters)
     if imu_clock:
         _check_imu_clock(recording, parameters)
-    report(1.0)
+    right = [each for each in parameters if each.status == FOUND]
     return Installation(
         parameters,
-        _set_up(recording, parameters),
+        applied(recording, settled.known, theta_of(settled.known, recording, right)),
         recording,
-        found,
-        _notes(recording, found, parameters, imu_clock),
+        settled.runs,
+        last.misfit,
+        _notes(recording, last, parameters, imu_clock),
         imu_clock,
         asking,
     )
 
 
-def _parameter(each: Estimate, seen: Seen | None) -> Parameter:
-    """What the two estimates of a constant come to."""
-    applied = each.change if each.status == FOUND else 0.0
-    second = np.nan if seen is None else applied + seen.left
-    second_sd = np.nan if seen is None else seen.sd
-    sd = float(np.fmax(each.sd, second_sd))
-    status, factor = each.status, UNITS[each.cause][1]
-    if status == FOUND and sd > LARGEST_SD[each.cause] * factor:
+def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
+    """What the two estimates of a constant come to. The value is that of the innovations; the
+    standard deviation is the larger."""
+    unit, factor = UNITS[each.cause]
+    j = settled.of(each)
+    change = settled.before[j] * factor + each.change
+    by_states = settled.theta[j] * factor + seen.left
+    sd = max(each.sd, seen.sd)
+    least = max(LEAST[each.cause] * factor, LEAST_Z * sd)
+    agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
+    if sd > LARGEST_SD[each.cause] * factor or not seen.known:
         status = NOT_OBSERVABLE
-    elif status == FOUND and abs(each.change) > ESTIMABLE[each.cause].most * factor:
-        status = IMPLAUSIBLE
-    elif status == FOUND and not (
-        abs(second - each.change) <= CONTRADICT * np.hypot(each.sd, second_sd)
-    ):
-        status = NOT_CONFIRMED
-    elif status == FOUND and abs(each.change) <= LEAST_Z * sd:
+    elif not settled.theta[j] or abs(change) <= least:
         status = CONSISTENT
+    elif not agree or settled.last.found:
+        status = NOT_CONFIRMED
+    elif abs(change) > ESTIMABLE[each.cause].most * factor:
+        status = IMPLAUSIBLE
+    else:
+        status = FOUND if abs(by_states) > least else CONSISTENT
     return Parameter(
         each.name,
         each.cause,
         each.sources,
         each.axis,
-        each.unit,
+        unit,
         status,
-        each.given,
-        each.change,
+        each.given - settled.before[j] * factor * (each.cause == ARM),
+        float(change),
         sd,
-        float(second),
-        float(second_sd),
+        float(by_states),
+        seen.sd,
         each.motion,
+    )
+
+
+def _unseen(each: Estimate) -> Parameter:
+    """A constant that no motion shows with these sources."""
+    return Parameter(
+        *(each.name, each.cause, each.sources, each.axis, each.unit, NOT_OBSERVABLE, each.given),
+        *(np.nan, np.nan, np.nan, np.nan, each.motion),
     )
 
 
@@ -149,32 +155,14 @@ def _check_imu_clock(recording: Recording, parameters: tuple[Parameter, ...]) ->
         )
 
 
-def _set_up(recording: Recording, parameters: tuple[Parameter, ...]) -> Recording:
-    """The recording with what is found."""
-    known = constants(recording.aidings)
-    names = [a.name or a.kind for a in recording.aidings]
-    theta = np.zeros(len(known))
-    for each in parameters:
-        for j, constant in enumerate(known):
-            if (
-                each.status == FOUND
-                and (constant.kind, constant.axis) == (each.cause, each.axis)
-                and {names[i] for i in constant.sources} <= set(each.sources)
-            ):
-                theta[j] = each.change / UNITS[each.cause][1]
-    return applied(recording, known, theta)
-
-
 def _notes(
     recording: Recording, found: Diagnosis, parameters: tuple[Parameter, ...], imu_clock: bool
 ) -> tuple[str, ...]:
     notes = []
     clocks = [each for each in parameters if each.cause == CLOCK]
-    if (
-        recording.reference is not None
-        and not imu_clock
-        and any(each.status == FOUND for each in clocks)
-    ):
+    positions = {a.name or a.kind for a in recording.aidings if a.kind == "position"}
+    moved = any(each.status == FOUND and positions & set(each.sources) for each in clocks)
+    if recording.reference is not None and moved and not imu_clock:
         notes.append(
             "the reference keeps its time stamps: where it comes from the same receiver, its offset "
             "needs the same change (or --imu-clock moves the IMU instead)"
@@ -186,6 +174,11 @@ def _notes(
             f"{one.name} and {other.name} trade off: they differ by "
             f"{one.change - other.change:+.3f} s, but the motion does not show either; neither is "
             f"written"
+        )
+    if found.found:
+        notes.append(
+            "the estimates do not settle, so none is written: correct by hand what is far off, such as "
+            "a clock by seconds, and run again"
         )
     if found.misfit > MISFIT:
         notes.append(

@@ -4,6 +4,8 @@ found: a second estimate of the same numbers, in one run."""
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ... import estimable
 from ...core.contract import Filter, Start
 from ...diagnosis.findings import Estimate
@@ -22,6 +24,11 @@ ESTIMABLE = {
     SCALE: estimable.SCALE,
 }
 """{kind of constant: what it is as a state}."""
+PRIOR = {CLOCK: 0.1, ARM: 1.0, MOUNTING: np.radians(6.0), SCALE: 0.04}
+"""s, m, rad: standard deviation of what is left, before the run. A clock's is no larger because
+its fixes wait three of them."""
+KNOWN = 0.5
+"""Share of its prior from which a standard deviation says that the data show little."""
 ROWS = 1000
 """IMU samples of which one row is kept: constants need only the last."""
 
@@ -31,6 +38,7 @@ class Seen(NamedTuple):
 
     left: float  # true less what the recording has
     sd: float
+    known: bool  # whether the data, and not the prior, say so
 
 
 class Asking(NamedTuple):
@@ -41,8 +49,12 @@ class Asking(NamedTuple):
     vehicle: GivenVehicle | None
     start: Start | None
     say: Say | None
-    progress: Progress | None
+    progress: Progress
     options: dict[str, Any]
+
+    def within(self, first: float, last: float) -> "Asking":
+        """The same, reporting its progress as this part of the whole."""
+        return self._replace(progress=lambda done: self.progress(first + done * (last - first)))
 
 
 def as_states(
@@ -53,7 +65,7 @@ def as_states(
     what is a state."""
     seen: dict[Estimate, Seen] = {}
     for wanted in _runs(sought):
-        asked = with_estimates(recording, dict.fromkeys(_names(wanted)))
+        asked = with_estimates(recording, _priors(wanted))
         solution = smooth(
             asked,
             asking.filter,
@@ -75,8 +87,12 @@ def as_states(
                     and state.component == each.axis
                     and own & set(state.sources)
                 ):
-                    values = (solution.columns[f"{sd}{state.name}"][-1] for sd in ("", "sd of "))
-                    seen.setdefault(each, Seen(*map(float, values)))
+                    left, sd = (
+                        float(solution.columns[name][-1])
+                        for name in (state.name, f"sd of {state.name}")
+                    )
+                    known = sd < KNOWN * state.sd * state.of.factor
+                    seen.setdefault(each, Seen(left, sd, known))
     return seen
 
 
@@ -84,16 +100,17 @@ def _runs(sought: Sequence[Estimate]) -> Iterator[list[Estimate]]:
     """What is estimated together: all, but one clock at a time."""
     clocks = [each for each in sought if each.cause == CLOCK]
     others = [each for each in sought if each.cause != CLOCK]
-    for clock in clocks or [None]:
-        if wanted := [*filter(None, [clock]), *others]:
-            yield wanted
+    yield [*clocks[:1], *others]
+    for clock in clocks[1:]:
+        yield [clock, *others]
 
 
-def _names(wanted: Sequence[Estimate]) -> Iterator[str]:
-    """As `estimate` takes them."""
+def _priors(wanted: Sequence[Estimate]) -> dict[str, tuple[float, ...]]:
+    """As `estimate` takes them: {name: prior standard deviation by component}."""
+    priors: dict[str, list[float]] = {}
     for each in wanted:
-        name = ESTIMABLE[each.cause].name
-        if each.cause == MOUNTING:
-            yield name
-        else:
-            yield from (f"{source} {name}" for source in each.sources)
+        what = ESTIMABLE[each.cause]
+        for source in each.sources if each.cause != MOUNTING else [""]:
+            sd = priors.setdefault(f"{source} {what.name}", [0.0] * len(what.components))
+            sd[each.axis] = PRIOR[each.cause]
+    return {name: tuple(sd) for name, sd in priors.items()}

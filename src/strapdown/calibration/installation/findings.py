@@ -15,7 +15,6 @@ from ...diagnosis.findings import (
     FOUND,
     NOT_OBSERVABLE,
     UNITS,
-    Diagnosis,
     Setting,
     changes,
     settings,
@@ -58,7 +57,7 @@ class Parameter(NamedTuple):
     given: float
     change: float  # to be added to it; NaN where nothing can be said
     sd: float  # of the change: the larger of the two estimates'
-    by_states: float  # the second estimate of the change
+    by_states: float  # the other estimate of the change
     states_sd: float  # and its standard deviation
     motion: str  # what would show it, or show it better
 
@@ -72,14 +71,18 @@ class Parameter(NamedTuple):
         """The change with its standard deviation and unit."""
         return _interval(self.change, self.sd, self.unit)
 
+    @property
+    def second(self) -> str:
+        """The other estimate of the change, the same way."""
+        return _interval(self.by_states, self.states_sd, self.unit)
+
     def __str__(self) -> str:
         if self.status == NOT_OBSERVABLE:
             return f"{self.name}: not observable; to show it, {self.motion}"
         if self.status == NOT_CONFIRMED:
             return (
-                f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, "
-                f"{_interval(self.by_states, self.states_sd, self.unit)} as a state; to show it "
-                f"better, {self.motion}"
+                f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, {self.second} as a "
+                f"state; to show it better, {self.motion}"
             )
         if self.status == IMPLAUSIBLE:
             most = ESTIMABLE[self.cause].most * UNITS[self.cause][1]
@@ -92,12 +95,12 @@ class Parameter(NamedTuple):
             if abs(self.change) < NOTABLE * self.sd:
                 return f"{self.name}: consistent with what was given ({self.seen})"
             return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
-        second = _interval(self.by_states, self.states_sd, self.unit)
-        return f"{self.name}: found to be off by {self.seen} (as a state: {second})"
+        return f"{self.name}: found to be off by {self.seen} (as a state: {self.second})"
 
 
 def _interval(value: float, sd: float, unit: str) -> str:
-    return f"{value:+.3f} +- {sd:.3f} {unit}".rstrip()
+    digits = 3 if unit else 5
+    return f"{value:+.{digits}f} +- {sd:.{digits}f} {unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,8 @@ class Installation:
     parameters: tuple[Parameter, ...]
     recording: Recording  # set up as found
     given: Recording  # as it was
-    diagnosis: Diagnosis
+    runs: int  # of `diagnose`
+    misfit: float  # mean of min(NIS, 30) as found, over that of a right set-up: about 1
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
@@ -182,12 +186,19 @@ class Installation:
         return "\n".join([*self.lines, *self.changes])
 
     def diff(self, path: File) -> list[str]:
-        """The lines of a recording.toml that change, - as they are and + as they would be. Raises
-        DataError where it is another file, or cannot be changed."""
-        old = Path(path).read_text(encoding="utf-8").splitlines()
+        """The lines of a recording.toml that change, with their numbers: - as they are, + as they
+        would be. Raises DataError where it is another file, or cannot be changed."""
+        if not self.edits:
+            return []
         new = rewritten(path, self.edits, self._kinds, self._mark).splitlines()
-        lines = list(difflib.unified_diff(old, new, n=0, lineterm=""))[2:]
-        return [line for line in lines if not line.startswith("@@")]
+        old = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = []
+        matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
+        for step, i, j, k, m in matcher.get_opcodes():
+            if step != "equal":
+                lines += [f"{row + 1:4d} - {old[row]}" for row in range(i, j)]
+                lines += [f"{row + 1:4d} + {new[row]}" for row in range(k, m)]
+        return lines
 
     def write(self, path: File) -> Path | None:
         """Write what was found into the recording.toml that the recording was read from, with

@@ -50,7 +50,7 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     edits = list(edits)
     try:
         for edit in edits:
-            section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]  # type: ignore[index]
+            section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]
             _change(section, edit, mark)
         # tomlkit ends lines of its own with \n
         ends = "\r\n" if "\r\n" in text else "\n"

@@ -1,0 +1,232 @@
+"""The page of an installation: the table, innovations and NIS of each source as given and as found,
+and the likelihood over each parameter that was found."""
+
+from html import escape
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+import plotly.graph_objects as go
+
+from ... import __version__
+from ...data import Solution
+from ...diagnosis.installation import applied, constants
+from ...engine.batch import fuse
+from ...engine.sensitivity import LARGEST_NIS
+from ...recording import Recording
+from ...reports.drawing import COLOURS, GREY, finish, line, note, origin, panels
+from ...reports.shell import Page, listed, placed, shell
+from .settled import theta_of
+
+if TYPE_CHECKING:
+    from .findings import Installation, Parameter
+
+STEPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0, 6.0)
+"""Standard deviations from what was found, of the runs that draw a likelihood."""
+SMOOTHED = 10.0
+"""s over which the NIS is averaged."""
+DRAWN = {"as given": GREY, "as found": COLOURS[0]}
+FOOTER = "change = what is to be added to what was given. Standard deviations are the larger of two estimates'."
+
+
+def page(found: "Installation") -> Page:
+    """The Page of an Installation. Raises DataError."""
+    solutions = {
+        "as given": _fused(found, found.given),
+        "as found": _fused(found, found.recording),
+    }
+    figures = [
+        ("Whitened innovations", innovations_figure(solutions)),
+        ("NIS", nis_figure(solutions)),
+        *((f"Likelihood: {each.name}", likelihood_figure(found, each)) for each in found.found),
+    ]
+    drawn = "".join(
+        placed(number, figure, heading) for number, (heading, figure) in enumerate(figures, 1)
+    )
+    t = found.given.imu.t
+    facts = {
+        "recording": found.given.meta.get("name", ""),
+        "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
+        "found": f"{len(found.found)} of {len(found.parameters)} parameters",
+        "runs": f"{found.runs} of the filter",
+        "software": f"strapdown {__version__}",
+    }
+    return shell(
+        "Calibration of the installation",
+        listed(facts),
+        [("Parameters", _table(found)), ("Before and after", drawn)],
+        FOOTER,
+    )
+
+
+def _fused(found: "Installation", recording: Recording) -> Solution:
+    asking = found.asking
+    return fuse(
+        recording,
+        asking.filter,
+        imu=asking.imu,
+        start=asking.start,
+        every=100,
+        vehicle=asking.vehicle,
+        **asking.options,
+    )
+
+
+def _table(found: "Installation") -> str:
+    """HTML of the parameters, the notes and the lines that change."""
+    header = (
+        "parameter",
+        "unit",
+        "change",
+        "sd",
+        "as a state",
+        "sd",
+        "status",
+        "to show it",
+    )
+
+    def number(value: float) -> str:
+        return f"{value:+.4f}" if np.isfinite(value) else ""
+
+    rows = "".join(
+        "<tr>"
+        + "".join(
+            f"<td>{escape(cell)}</td>"
+            for cell in (
+                each.name,
+                each.unit,
+                number(each.change),
+                number(each.sd).lstrip("+"),
+                number(each.by_states),
+                number(each.states_sd).lstrip("+"),
+                each.status,
+                each.motion,
+            )
+        )
+        + "</tr>"
+        for each in found.parameters
+    )
+    head = "".join(f"<th>{escape(name)}</th>" for name in header)
+    said = "".join(f"<p class=note>{escape(text)}</p>" for text in found.notes)
+    lines = found.changes or ("nothing",)
+    changed = "".join(f"<li>{escape(text)}</li>" for text in lines)
+    return (
+        f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        f"{said}<p>To change in recording.toml:</p><ul>{changed}</ul>"
+    )
+
+
+def _sources(solution: Solution) -> list[int]:
+    """Those of which something was measured."""
+    made = solution.innovations
+    return [int(s) for s in np.unique(made.source[np.isfinite(made.nis)])]
+
+
+def innovations_figure(solutions: dict[str, Solution]) -> go.Figure:
+    """Whitened innovations of each source over time: of each fix the component of the largest
+    size."""
+    first = next(iter(solutions.values()))
+    sources, names = _sources(first), first.innovations.names
+    drawn, zero = panels([f"{_wrapped(names[s])} [sd]" for s in sources], 160), origin(first.t)
+    for label, solution in solutions.items():
+        made = solution.innovations
+        assert made.whitened is not None  # as of all that was not read from a file
+        for row, s in enumerate(sources, 1):
+            of = (made.source == s) & np.isfinite(made.whitened).any(axis=1)
+            values = np.nan_to_num(made.whitened[of])
+            largest = values[np.arange(len(values)), np.abs(values).argmax(axis=1)]
+            # no line where nothing was measured
+            t = made.t[of] - zero
+            gaps = 1 + np.flatnonzero(np.diff(t) > 10 * np.median(np.diff(t)))
+            t, largest = np.insert(t, gaps, t[gaps]), np.insert(largest, gaps, np.nan)
+            line(drawn, t, largest, label, DRAWN[label], row)
+    _time(drawn, zero, len(sources))
+    note(
+        drawn,
+        "Of each fix the component of the largest size. Of a right set-up nearly all are within "
+        "4 standard deviations, without a pattern.",
+    )
+    return drawn
+
+
+def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
+    """Mean NIS of each source over time, as a share of what is expected."""
+    first = next(iter(solutions.values()))
+    sources, names = _sources(first), first.innovations.names
+    drawn, zero = (
+        panels([f"{_wrapped(names[s])} [-]" for s in sources], 160, log=True),
+        origin(first.t),
+    )
+    for label, solution in solutions.items():
+        made = solution.innovations
+        for row, s in enumerate(sources, 1):
+            of = (made.source == s) & np.isfinite(made.nis)
+            expected = np.isfinite(made.innovation[of]).sum(axis=1).mean()
+            t, nis = made.t[of], made.nis[of] / expected
+            block = np.floor((t - t[0]) / SMOOTHED).astype(int)
+            count = np.bincount(block)
+            mean = np.where(count, np.bincount(block, nis) / np.maximum(count, 1), np.nan)
+            centre = t[0] + (np.arange(len(count)) + 0.5) * SMOOTHED
+            line(drawn, centre - zero, mean, label, DRAWN[label], row)
+            drawn.add_hline(y=1.0, line={"color": COLOURS[1], "width": 1, "dash": "dash"}, row=row)
+    _time(drawn, zero, len(sources))
+    note(
+        drawn,
+        f"Mean over {SMOOTHED:.0f} s, over what is expected of a right filter (dashed: 1). Below 1 "
+        "the stated standard deviations are large.",
+    )
+    return drawn
+
+
+def _wrapped(name: str) -> str:
+    """A name in lines that fit beside a panel."""
+    return "<br>".join(escape(part) for part in wrap(name, 16))
+
+
+def _time(drawn: go.Figure, zero: float, rows: int) -> None:
+    title = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
+    drawn.update_xaxes(title_text=title, row=rows, col=1)
+
+
+def likelihood_figure(found: "Installation", each: "Parameter") -> go.Figure:
+    """The sum of min(NIS, 30) of whole runs with one parameter moved, all others as found, over
+    the smallest of them."""
+    known = constants(found.given.aidings)
+    values = each.change + np.array(STEPS) * each.sd
+    costs = []
+    for value in values:
+        theta = theta_of(
+            known,
+            found.given,
+            [other if other is not each else each._replace(change=value) for other in found.found],
+        )
+        nis = _fused(found, applied(found.given, known, theta)).innovations.nis
+        costs.append(np.minimum(nis[np.isfinite(nis)], LARGEST_NIS).sum())
+    drawn = finish(go.Figure(), 300)
+    drawn.add_trace(
+        go.Scatter(
+            x=values,
+            y=np.array(costs) - min(costs),
+            mode="lines+markers",
+            line={"color": COLOURS[0]},
+            hovertemplate="%{y:.4g}",
+            showlegend=False,
+        )
+    )
+    drawn.add_vline(x=each.change, line={"color": COLOURS[1], "width": 1, "dash": "dash"})
+    drawn.add_vrect(
+        x0=each.change - 1.96 * each.sd,
+        x1=each.change + 1.96 * each.sd,
+        fillcolor=COLOURS[1],
+        opacity=0.12,
+        line={"width": 0},
+    )
+    unit = f" [{each.unit}]" if each.unit else " [-]"
+    drawn.update_xaxes(title_text=f"change of what was given{unit}")
+    drawn.update_yaxes(title_text="sum of min(NIS, 30), less the least [-]", rangemode="tozero")
+    note(
+        drawn,
+        f"{len(STEPS)} runs, all else as found. Dashed: the value found, shaded its 95 % interval. "
+        "What was given is at 0.",
+    )
+    return drawn

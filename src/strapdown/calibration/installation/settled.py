@@ -1,0 +1,93 @@
+"""`diagnose` run on what it found until that has nothing wrong, and changes of a recording by
+parameters."""
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+
+from ...diagnosis.diagnose import diagnose
+from ...diagnosis.findings import UNITS, Diagnosis, Estimate
+from ...diagnosis.installation import CLOCK, Constant, applied, constants
+from ...recording import Recording
+from ...typing import Array
+from .confirming import Asking
+
+if TYPE_CHECKING:
+    from .findings import Parameter
+
+Estimated: TypeAlias = "Estimate | Parameter"
+MOST_TURNS = 3
+"""So often `diagnose` is run, on what it found before."""
+
+
+class Settled(NamedTuple):
+    """What `diagnose` comes to when it is run again on what it found."""
+
+    known: tuple[Constant, ...]
+    before: Array  # (m,) change of what was given, SI, in the last recording that was diagnosed
+    theta: Array  # (m,) and with what was found in that
+    last: Diagnosis
+    sought: tuple[Estimate, ...]  # its parameters that some source shows, clocks that differ apart
+    runs: int  # of the filter, in all
+
+    def of(self, each: Estimate) -> int:
+        """The constant that an estimate is of: the first, of several that share it."""
+        return which(self.known, self.last.recording, each)[0]
+
+
+def settle(recording: Recording, asking: Asking) -> Settled:
+    """`diagnose` on the recording, and on what it found, until that has nothing wrong."""
+    known = constants(recording.aidings)
+    theta, runs = np.zeros(len(known)), 0
+    for turn in range(MOST_TURNS):
+        before = theta.copy()
+        part = asking.within(0.7 * turn / MOST_TURNS, 0.7 * (turn + 1) / MOST_TURNS)
+        found = diagnose(
+            applied(recording, known, theta),
+            part.filter,
+            part.imu,
+            part.start,
+            part.say,
+            part.progress,
+            part.vehicle,
+            **part.options,
+        )
+        runs += found.runs
+        sought = [each for each in found.parameters if each.sources]
+        theta += theta_of(known, recording, found.found)
+        if not found.found:
+            break
+    apart = [part for each in sought for part in _apart(each, known, recording, theta)]
+    return Settled(known, before, theta, found, tuple(apart), runs)
+
+
+def which(known: Sequence[Constant], recording: Recording, each: Estimated) -> list[int]:
+    """The constants that an estimate is of."""
+    names = [a.name or a.kind for a in recording.aidings]
+    return [
+        j
+        for j, constant in enumerate(known)
+        if (constant.kind, constant.axis) == (each.cause, each.axis)
+        and {names[i] for i in constant.sources} <= set(each.sources)
+    ]
+
+
+def _apart(
+    each: Estimate, known: Sequence[Constant], recording: Recording, theta: Array
+) -> list[Estimate]:
+    """A clock of several sources that were changed by different offsets as one of each."""
+    own = which(known, recording, each)
+    if each.cause != CLOCK or not np.ptp(theta[own]):
+        return [each]
+    names = [a.name or a.kind for a in recording.aidings]
+    owners = [names[known[j].sources[0]] for j in own]
+    return [each._replace(name=f"clock of {name}", sources=(name,)) for name in owners]
+
+
+def theta_of(known: Sequence[Constant], recording: Recording, found: Iterable[Estimated]) -> Array:
+    """(m,) the changes of constants that estimates come to, SI."""
+    theta = np.zeros(len(known))
+    for each in found:
+        theta[which(known, recording, each)] = each.change / UNITS[each.cause][1]
+    return theta
