@@ -93,6 +93,7 @@ def test_round_trip_of_any_recording(tmp_path, n, fixes, sd, gate, name):
         (0.0, 1.0, 2.0),
         gate,
         "antenna",
+        slip=0.004,
     )
     recording = Recording.from_arrays(
         t,

@@ -107,7 +107,9 @@ class LiveRun:
         self.belief = new_belief(filter, start, noise, options, self.aidings, of_imu)
         made = prepare(filter, [a.kind for a in self.aidings], say)
         self.kernels = made.predict, made.correct, made.observers
-        self.cursor = new_cursor(filter, start.t, self.aidings, limits(spec, noise, vehicle))
+        self.cursor = new_cursor(
+            filter, start.t, self.aidings, limits(spec, noise, vehicle), of_imu
+        )
         self.events = events or Events(filter, self.aidings, vehicle)
         self.seen = 0  # rows of the log that were looked at
         parts = (filter, self.kernels, self.belief, self.aidings, noise, self.cursor)

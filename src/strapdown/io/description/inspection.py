@@ -54,7 +54,8 @@ def _parts(path: Path, description: Description, found: Findings) -> list[str]:
     aidings: list[Aiding] = []
     parts: list[tuple[AidingPart, int]] = []
     for number, part in enumerate(description.aiding, 1):
-        read = found.attempt(read_aiding, part, number, description.imu.lever_arm, imu, files)
+        arm = description.imu.lever_arm
+        read = found.attempt(read_aiding, part, number, arm, imu, files, aidings)
         if read is not None:
             aidings.append(read[0])
             parts.append((part, number))

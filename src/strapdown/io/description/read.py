@@ -19,7 +19,8 @@ from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_note
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import mistakes
-from ...preprocessing.stationary import at_rest
+from ...preprocessing.vehicle_rest import vehicle_at_rest
+from ...preprocessing.wheel_slip import without_slip
 from ...quantities import dimension, innovation_dimension
 from ...recording import Recording
 from ...typing import Array, File
@@ -47,11 +48,15 @@ def read_description(path: File) -> Recording:
     for field, text in mistakes(imu, description.imu.kind):
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings: list[Aiding] = []
-    for number, part in enumerate(description.aiding, 1):
-        aiding, more = read_aiding(part, number, description.imu.lever_arm, imu, files)
+    found: dict[int, Aiding] = {}
+    parts, arm = list(enumerate(description.aiding, 1)), description.imu.lever_arm
+    # constraints at rest ask the sensors whether it is one
+    for number, part in sorted(parts, key=lambda each: not each[1].sensor.recorded):
+        found[number], more = read_aiding(part, number, arm, imu, files, found.values())
         notes += more
-        name, others = aiding.name, [other.name for other in aidings]
-        aidings.append(aiding if name not in others else _renamed(aiding, number))
+    for number, aiding in sorted(found.items()):
+        others = [other.name for other in aidings]
+        aidings.append(aiding if aiding.name not in others else _renamed(aiding, number))
     meta = read_meta(description, files)
     notes += level_notes(aidings, meta)
     for k, part in enumerate(description.aiding):
@@ -132,9 +137,15 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
 
 
 def read_aiding(
-    part: AidingPart, number: int, imu_lever_arm: list[float], imu: Imu, files: Files
+    part: AidingPart,
+    number: int,
+    imu_lever_arm: list[float],
+    imu: Imu,
+    files: Files,
+    others: Iterable[Aiding] = (),
 ) -> tuple[Aiding, list[str]]:
-    """(Aiding, notes) of one section [[aiding]]. Raises DataError."""
+    """(Aiding, notes) of one section [[aiding]]; the speeds of `others` say when there is no rest.
+    Raises DataError."""
     sensor = part.sensor
     arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
@@ -148,7 +159,7 @@ def read_aiding(
 
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:
-        t, notes = _constraint_times(part, imu, where)
+        t, notes = _constraint_times(part, imu, others, where)
         shape = (len(t), len(sensor.quantities))
         y = np.full(shape, part.level or 0.0)
         sd = np.broadcast_to(np.array(part.deviations, float), shape).copy()
@@ -195,7 +206,11 @@ def read_aiding(
         y, sd = _turned(y, matrix), _turned(sd, np.abs(matrix))
     aiding, notes = clean(make(t, y, sd), sensor, origin)
     overlap(imu, aiding.t, where)
-    return aiding, more + notes + overlap_notes(imu, aiding)
+    notes = more + notes + overlap_notes(imu, aiding)
+    if part.slip_test and part.kind == "speed":
+        aiding, slipped = without_slip(aiding, imu)
+        notes += slipped
+    return aiding, notes
 
 
 def _attitude(
@@ -251,7 +266,9 @@ def _deviation(entry: Any, quantity: str, unit: float, values: Array) -> Array:
     return values * own * (entry if _deviation_column(entry) is None else 1.0)
 
 
-def _constraint_times(part: AidingPart, imu: Imu, where: str) -> tuple[Array, list[str]]:
+def _constraint_times(
+    part: AidingPart, imu: Imu, others: Iterable[Aiding], where: str
+) -> tuple[Array, list[str]]:
     """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says
     so, at rest; notes). Raises DataError."""
     assert part.rate is not None  # the schema asks every constraint for one
@@ -266,7 +283,7 @@ def _constraint_times(part: AidingPart, imu: Imu, where: str) -> tuple[Array, li
     use = t > imu.t[sample] - imu.dt[sample] - 1e-9
     if part.sensor.when != "at rest":
         return t[use], []
-    t = t[use & at_rest(imu)[sample]]
+    t = t[use & vehicle_at_rest(imu, others)[sample]]
     return t, [
         f"{part.kind}: "
         f"{f'at rest for {len(t) / part.rate:.1f} s' if len(t) else 'no rest was found, so it never holds'}"

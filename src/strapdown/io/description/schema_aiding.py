@@ -95,6 +95,7 @@ class AidingPart(Part):
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None
     estimate: Any = None
+    slip_test: bool = True
     slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
@@ -207,6 +208,10 @@ class AidingPart(Part):
             (
                 self.axes is not None and not sensor.vector and not is_attitude,
                 f"axes: {sensor.name} is no vector and takes no axes",
+            ),
+            (
+                "slip_test" in self.model_fields_set and sensor.name != "speed",
+                f"slip_test: {sensor.name} takes none; speed does, where wheels measure it",
             ),
             (
                 self.slip > 0 and not sensor.slips,

@@ -1,0 +1,66 @@
+"""How often the detector of rest misses one, and takes motion for one."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pandas as pd
+
+from strapdown.data import Aiding
+from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
+from strapdown.recording import Recording
+
+from .drives import drive, wheel_of
+
+STILL, MOVING, CREEPING = 0.02, 0.1, 1.5
+"""m/s: below the first it stands, above the second it moves, below the third it creeps."""
+NOISE = 0.05  # m/s: the least that an RTK velocity tells from rest
+COLUMNS = (
+    "drive",
+    "judged by",
+    "at rest, s",
+    "missed, %",
+    "in motion, s",
+    "false, s per hour",
+    "of them creeping, %",
+)
+
+
+def simulated(seeds: Sequence[int], grades: Sequence[str], roughness: float) -> pd.DataFrame:
+    """Rates on simulated drives of 300 s, by the IMU alone and with wheel speed."""
+    rows = []
+    for grade in grades:
+        drives = [drive(seed, 300.0, grade, roughness) for seed in seeds]
+        name = f"simulated, {grade}, roughness {roughness:g}"
+        rows += [
+            (name, "IMU", *_rates(drives, [()] * len(drives), STILL)),
+            (name, "IMU, wheels", *_rates(drives, [(wheel_of(r),) for r in drives], STILL)),
+        ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def recorded(recording: Recording) -> pd.DataFrame:
+    """Rates on a recorded drive, against the speed of its reference."""
+    velocity = tuple(a for a in recording.aidings if a.kind == "velocity")
+    rows = [
+        ("drive0708", judged, *_rates([recording], [aidings], NOISE))
+        for judged, aidings in (("IMU", ()), ("IMU, GNSS", velocity))
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _rates(
+    drives: Iterable[Recording], aidings: Iterable[Iterable[Aiding]], still: float
+) -> tuple[float, float, float, float, float]:
+    """(s at rest, % of it missed, s in motion, s of false rest per hour of it, % of them creeping)."""
+    rest = missed = motion = false = creeping = 0.0
+    for recording, beside in zip(drives, aidings):
+        imu, truth = recording.imu, recording.reference
+        speed = np.interp(imu.t, truth.t, np.linalg.norm(truth.v_n, axis=1))
+        found, stands, moves = vehicle_at_rest(imu, beside), speed < still, speed > MOVING
+        rest += imu.dt[stands].sum()
+        missed += imu.dt[stands & ~found].sum()
+        motion += imu.dt[moves].sum()
+        false += imu.dt[moves & found].sum()
+        creeping += imu.dt[moves & found & (speed < CREEPING)].sum()
+    share = 100 * creeping / false if false else np.nan
+    return rest, 100 * missed / rest, motion, 3600 * false / motion, share
