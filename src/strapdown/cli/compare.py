@@ -71,14 +71,6 @@ def compare(
             "attitude.",
         ),
     ] = None,
-    estimate: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Parameters of the installation as states, such as clock,lever-arm, of every "
-            "filter that does not say so itself as NAME:estimate=clock+lever-arm.",
-        ),
-    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
     ] = None,
@@ -86,11 +78,8 @@ def compare(
 ) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
-    from ..engine.installation import with_estimates
-
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
-    part = with_estimates(part, estimates(estimate))
     given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (
         results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-compare")) as folder,
@@ -103,7 +92,7 @@ def compare(
             imu=imu,
             vehicle=vehicle,
             ahrs=ahrs,
-            estimate=estimate,
+            estimate=estimates(estimate),
             say=progress.say,
             progress=progress.track("compare"),
             **given,
