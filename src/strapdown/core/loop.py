@@ -22,6 +22,7 @@ from . import contract
 from .contract import (
     BRIDGED,
     BROUGHT,
+    CLOCK_AT,
     CLOCK_STATE,
     CORRECT,
     DELAY,
@@ -49,6 +50,7 @@ from .cursor import (
     BELIEF_TOO_HIGH,
     BRIDGED_GAP,
     BROKEN,
+    CLOCK_OFF,
     CONDITION,
     DOUBTFUL_CONDITIONS,
     EVERY,
@@ -275,8 +277,9 @@ def _use_fix(
         nis = math.nan
         for i in range(6):
             innovation[i] = math.nan
-    if fixes.parameters[s, CLOCK_STATE] > 0:
-        look_back(cursor, belief, fixes.parameters[s])
+    if fixes.parameters[s, CLOCK_STATE] > 0 and not look_back(cursor, belief, fixes.parameters[s]):
+        say(cursor, CLOCK_OFF, s, t, fixes.parameters[s, CLOCK_AT])
+        doubt(cursor, t)
     while believable:  # once, or a second time with the gate lifted
         for i in range(3):
             innovation[3 + i] = math.nan  # not every filter whitens
