@@ -2,13 +2,15 @@
 velocities of a vehicle see then, with the columns of H of all states.
 
 The clock's state says that the fix held AGE s before the belief, and later by the difference of the
-state to CLOCK_AT; see core/recent_motion.py. What the arm and the clock do to the attitude's and the
-gyro bias' columns is in them; accelerometer errors over AGE are left out.
+state to CLOCK_AT; see core/recent_motion.py. What the arm and the clock do to the columns of the
+attitude and of the biases is in them; what a gyro bias turns in AGE, 1e-3 m/s with one of 1e-3 rad/s,
+is left out.
 """
 
 from ..core.contract import (
     AGE,
     ARM_STATE,
+    BIAS_AT,
     CLOCK_AT,
     CLOCK_STATE,
     FORCE,
@@ -116,6 +118,18 @@ def along_arm(belief: Belief, parameters: Array, H: Array, rate: Three) -> None:
 
 
 @helper
+def bias_since(belief: Belief, parameters: Array) -> Three:
+    """The accelerometer bias less that of which FORCE, LAG and MEAN are free, m/s^2: not zero at
+    the points of a filter that tries some."""
+    b = belief.ba
+    return (
+        b[0] - parameters[BIAS_AT],
+        b[1] - parameters[BIAS_AT + 1],
+        b[2] - parameters[BIAS_AT + 2],
+    )
+
+
+@helper
 def in_n(C: Array, M: Array, x: Three) -> Three:
     """C M x: from the body at the instant of the fix to n."""
     y = turned(M, x[0], x[1], x[2])
@@ -141,24 +155,25 @@ def position(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
     arm = turned(M, l[0] + later * swing[0], l[1] + later * swing[1], l[2] + later * swing[2])
     F, Q, f = parameters[FORCE : FORCE + 3], parameters[LAG : LAG + 3], parameters[MEAN : MEAN + 3]
     half, r = 0.5 * later * later, parameters[REST : REST + 3]
+    bias, lag = bias_since(belief, parameters), -0.5 * age * age
     x = turned(
         C,
-        arm[0] + Q[0] - later * F[0] + half * f[0],
-        arm[1] + Q[1] - later * F[1] + half * f[1],
-        arm[2] + Q[2] - later * F[2] + half * f[2],
+        arm[0] + Q[0] - later * F[0] + half * f[0] + lag * bias[0],
+        arm[1] + Q[1] - later * F[1] + half * f[1] + lag * bias[1],
+        arm[2] + Q[2] - later * F[2] + half * f[2] + lag * bias[2],
     )
     s = turned(M, swing[0], swing[1], swing[2])
     by_clock = turned(
         C,
-        s[0] - F[0] + later * f[0],
-        s[1] - F[1] + later * f[1],
-        s[2] - F[2] + later * f[2],
+        s[0] - F[0] + later * f[0] + age * bias[0],
+        s[1] - F[1] + later * f[1] + age * bias[1],
+        s[2] - F[2] + later * f[2] + age * bias[2],
     )
     for i in range(3):
         innovation[i] -= x[i] - age * v[i] + 0.5 * age * age * r[i]
         H[i, i], H[i, 3 + i] = 1.0, -age
         for j in range(3):  # what an accelerometer bias does to LAG and FORCE
-            H[i, 9 + j] = -0.5 * age * age * C[i, j]
+            H[i, 9 + j] = lag * C[i, j]
     by_attitude(H, x)
     column(
         H,
@@ -194,14 +209,14 @@ def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
         parameters[MEAN : MEAN + 3],
         parameters[REST : REST + 3],
     )
+    bias, m = bias_since(belief, parameters), turned(M, more[0], more[1], more[2])
     x = turned(
         C,
-        s[0] - F[0] + later * f[0],
-        s[1] - F[1] + later * f[1],
-        s[2] - F[2] + later * f[2],
+        s[0] - F[0] + later * (f[0] + m[0]) + age * bias[0],
+        s[1] - F[1] + later * (f[1] + m[1]) + age * bias[1],
+        s[2] - F[2] + later * (f[2] + m[2]) + age * bias[2],
     )
-    m = turned(M, more[0], more[1], more[2])
-    by_clock = turned(C, f[0] + m[0], f[1] + m[1], f[2] + m[2])
+    by_clock = turned(C, f[0] - bias[0] + m[0], f[1] - bias[1] + m[1], f[2] - bias[2] + m[2])
     for i in range(3):
         innovation[i] -= x[i] - age * r[i]
         H[i, 3 + i] = 1.0
@@ -237,8 +252,12 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
     )
     omega, l = rate_then(belief, parameters), (parameters[0], parameters[1], parameters[2])
     w = v[0] - age * r[0], v[1] - age * r[1], v[2] - age * r[2]
-    b = turned_back(C, w)
-    b = b[0] - F[0] + later * f[0], b[1] - F[1] + later * f[1], b[2] - F[2] + later * f[2]
+    b, bias = turned_back(C, w), bias_since(belief, parameters)
+    b = (
+        b[0] - F[0] + later * f[0] + age * bias[0],
+        b[1] - F[1] + later * f[1] + age * bias[1],
+        b[2] - F[2] + later * f[2] + age * bias[2],
+    )
     b, swing = turned_back(M, b), cross(omega, l)
     rolled = cross(omega, b)
     b = (
@@ -257,11 +276,12 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
     )
     speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
     innovation[0] = y[0] - scale * speed
-    c = in_n(C, M, u)
+    c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
     by_attitude_row, by_bias, by_mounting = cross(c, w), cross(u, l), cross(b, u)
     for i in range(3):
         H[0, 3 + i] = scale * c[i]
         H[0, 6 + i] = scale * by_attitude_row[i]
+        H[0, 9 + i] = scale * age * by_force[i]
         H[0, 12 + i] = scale * by_bias[i]
         if parameters[MOUNTING_STATE + i] > 0:
             H[0, int(parameters[MOUNTING_STATE + i])] = scale * by_mounting[i]
@@ -269,6 +289,6 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
         H[0, int(parameters[SCALE_STATE])] = speed
     if parameters[CLOCK_STATE] > 0:
         a = turned_back(C, (r[0], r[1], r[2]))
-        a = turned_back(M, (a[0] + f[0], a[1] + f[1], a[2] + f[2]))
+        a = turned_back(M, (a[0] + f[0] - bias[0], a[1] + f[1] - bias[1], a[2] + f[2] - bias[2]))
         a = a[0] - rolled[0], a[1] - rolled[1], a[2] - rolled[2]
         H[0, int(parameters[CLOCK_STATE])] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])

@@ -69,6 +69,7 @@ __all__ = [
     "REST",
     "RATE",
     "TURN",
+    "BIAS_AT",
     "POSITION_KIND",
     "VELOCITY_KIND",
     "HEADING_KIND",
@@ -271,8 +272,9 @@ DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
 """s that a fix waits before it is used, so that what the filter looks back at is there; s by which
 the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
 them before a fix; side slip of a constraint (rad per m/s^2), which adds to its standard deviation."""
-FORCE, LAG, MEAN, REST, RATE, TURN, PARAMETERS = 23, 26, 29, 32, 35, 38, 47
-"""What happened in AGE, see core/recent_motion.py: vectors, and a matrix of nine."""
+FORCE, LAG, MEAN, REST, RATE, TURN, BIAS_AT, PARAMETERS = 23, 26, 29, 32, 35, 38, 47, 50
+"""What happened in AGE, see core/recent_motion.py: vectors, a matrix of nine, and the accelerometer
+bias of then."""
 VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
 before the next accepted position fix; not to be believed, because something contradicts it."""

@@ -63,16 +63,19 @@ def couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
 @helper
 def _moved(P: Array, state: int, first: int, G: tuple[float, float, float]) -> None:
     """P <- T P T', symmetric to the last bit."""
-    p = P[state, first], P[state, first + 1], P[state, first + 2]
+    n, g0, g1, g2 = P.shape[0], G[0], G[1], G[2]
+    row, r0, r1, r2 = P[state], P[first], P[first + 1], P[first + 2]
+    for j in range(n):
+        r0[j] += g0 * row[j]
+        r1[j] += g1 * row[j]
+        r2[j] += g2 * row[j]
     for i in range(3):
         for j in range(i + 1):
-            P[first + i, first + j] += G[i] * p[j] + G[j] * p[i] + G[i] * G[j] * P[state, state]
+            P[first + i, first + j] += G[j] * P[first + i, state]
             P[first + j, first + i] = P[first + i, first + j]
-    for j in range(P.shape[0]):
-        if j < first or j >= first + 3:
-            for i in range(3):
-                P[first + i, j] += G[i] * P[state, j]
-                P[j, first + i] = P[first + i, j]
+    for j in range(n):
+        column = P[j, first : first + 3]
+        column[0], column[1], column[2] = r0[j], r1[j], r2[j]
 
 
 @helper

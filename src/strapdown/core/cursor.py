@@ -96,8 +96,9 @@ how often, its largest value."""
     BELIEF_TOO_HIGH,
     IN_CONDITION,
     APART,
+    CLOCK_OFF,
     CODES,
-) = range(21)
+) = range(22)
 """What a row of the log can be; engine/events.py has their words. APART is the smoother's."""
 FOLD = 10.0  # s within which what happens again belongs to the same row of the log
 LOG_ROWS, LOG_FULL = 256, 128  # of which the loop stops at the second, so that the log is emptied

@@ -247,8 +247,9 @@ def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], wo
 @inlined
 def _widen(P: Array, lanes: int, work: Array) -> None:
     """The first fifteen rows of P in rows of 32. Lanes beyond the states reach into the next row."""
+    n, numbers = P.shape[0], flatten(P)
     for i in range(15):
-        row = P[i]  # of a row the compiler knows that no index is negative
+        row = numbers[n * i : n * i + lanes]  # in which the compiler knows no index to be negative
         for lane in range(lanes):
             work[WIDE + 32 * i + lane] = row[lane]
 

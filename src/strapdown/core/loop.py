@@ -22,6 +22,7 @@ from . import contract
 from .contract import (
     BRIDGED,
     BROUGHT,
+    CLOCK_AT,
     CLOCK_STATE,
     CORRECT,
     DELAY,
@@ -50,6 +51,7 @@ from .cursor import (
     BELIEF_TOO_HIGH,
     BRIDGED_GAP,
     BROKEN,
+    CLOCK_OFF,
     CONDITION,
     DOUBTFUL_CONDITIONS,
     EVERY,
@@ -277,8 +279,9 @@ def _use_fix(
         nis = math.nan
         for i in range(6):
             innovation[i] = math.nan
-    if fixes.parameters[s, CLOCK_STATE] > 0:
-        look_back(cursor, belief, fixes.parameters[s])
+    if fixes.parameters[s, CLOCK_STATE] > 0 and not look_back(cursor, belief, fixes.parameters[s]):
+        say(cursor, CLOCK_OFF, s, t, fixes.parameters[s, CLOCK_AT])
+        doubt(cursor, t)
     sd = fixes.sd[k]
     if fixes.parameters[s, SLIP] > 0:
         sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[SLIPPING])

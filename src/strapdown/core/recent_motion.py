@@ -9,14 +9,18 @@ s lies behind the belief, by AGE. With S the integral of C f, and X that of S, f
 where r is gravity less the Coriolis term. All is written into the parameters of the source: the two
 brackets FORCE and LAG, and the mean force MEAN about s, in body axes now, so that they turn with
 its errors; REST, r in n; RATE, the angular rate about s less the present one; TURN (3, 3), which
-takes vectors from body axes at s to body axes now.
+takes vectors from body axes at s to body axes now. BIAS_AT is the accelerometer bias that the forces
+are without.
 """
+
+import math
 
 import numpy as np
 
 from ..typing import Array
 from .contract import (
     AGE,
+    BIAS_AT,
     CLOCK_AT,
     CLOCK_STATE,
     DELAY,
@@ -31,13 +35,17 @@ from .contract import (
     Cursor,
 )
 from .cursor import LATEST
-from .jit import helper
+from .jit import helper, matrix
 from .mechanization import stationary_increments
+from .rotation import rotate_left
 
 T, S, X, ANGLE, WIDTH = 0, 1, 4, 7, 10
 """Columns of Cursor.recent: time (s) and the integrals, of force (m/s, n), of that (m) and of the
 angular rate (rad, body)."""
 ROWS, STEP = 256, 0.0099  # kept at least so many s apart
+BEHIND, AHEAD = 2.5, 1.0
+"""s before the belief and after it at which a fix can have held: that much is kept, and so far the
+motion may be taken to go on."""
 WINDOW = 0.2
 """s about the instant of a fix over which the force is averaged: vibration of single samples would
 make a derivative by time too large. The rate is that of the instant, since it moves the antenna."""
@@ -76,7 +84,8 @@ def keep(cursor: Cursor, belief: Belief, dt: float) -> None:
 
 @helper
 def _at(recent: Array, now: int, t: float, column: int) -> float:
-    """The value of a column at time t, linear between rows and before the first."""
+    """The value of a column at time t, not before the first row: between rows S and ANGLE are
+    linear."""
     newer = older = now
     for k in range(1, ROWS):
         candidate = (now - k) % ROWS
@@ -89,48 +98,77 @@ def _at(recent: Array, now: int, t: float, column: int) -> float:
     if not span > 0:
         return recent[newer, column]
     share = (t - recent[older, T]) / span
-    return recent[older, column] + share * (recent[newer, column] - recent[older, column])
+    value = recent[older, column] + share * (recent[newer, column] - recent[older, column])
+    if X <= column < X + 3:  # bent by the force of the row
+        gained = recent[newer, column - X + S] - recent[older, column - X + S]
+        value -= 0.5 * share * (1.0 - share) * span * gained
+    return value
 
 
 @helper
-def look_back(cursor: Cursor, belief: Belief, parameters: Array) -> None:
-    """Write what happened since the fix of a source whose clock is a state held."""
-    recent, now, C = cursor.recent, cursor.at[LATEST], belief.C
+def _slope(recent: Array, now: int, begin: float, t: float, width: float, column: int) -> float:
+    """The mean derivative of a column over `width` s about t, or next to it within what was kept,
+    which begins at `begin`."""
+    last = min(recent[now, T], max(t + 0.5 * width, begin + width))
+    first = max(begin, last - width)
+    if not last > first:
+        return 0.0
+    change = _at(recent, now, last, column) - _at(recent, now, first, column)
+    return change / (last - first)
+
+
+@helper
+def look_back(cursor: Cursor, belief: Belief, parameters: Array) -> bool:
+    """Write what happened since the fix of a source whose clock is a state held; whether the clock
+    is such that it can be told, else the fix is taken for one at the limit."""
     clock = belief.extra_states[int(parameters[CLOCK_STATE]) - STATES]
-    age = parameters[DELAY] - clock
+    age = max(-AHEAD, min(BEHIND, parameters[DELAY] - clock))
     parameters[CLOCK_AT], parameters[AGE] = clock, age
-    # gravity and Coriolis: what holds the velocity, the other way round
+    _at_rest(belief, parameters)
+    _since(cursor.recent, cursor.at[LATEST], age, belief, parameters)
+    for i in range(3):
+        parameters[BIAS_AT + i] = belief.ba[i]
+    return age == parameters[DELAY] - clock
+
+
+@helper
+def _at_rest(belief: Belief, parameters: Array) -> None:
+    """REST: gravity and Coriolis are what holds the velocity, the other way round."""
+    C = belief.C
     stationary_increments(belief.lla, belief.v, C, 1.0, parameters[FORCE : FORCE + 6])
     a, b, c = parameters[FORCE + 3], parameters[FORCE + 4], parameters[FORCE + 5]
     for i in range(3):
         parameters[REST + i] = -(C[i, 0] * a + C[i, 1] * b + C[i, 2] * c)
-    t = recent[now, T]
-    last = min(t, t - age + 0.5 * WINDOW)
-    first, end = last - WINDOW, min(t, t - age + 0.5 * STEP)
-    s = min(t - age, t)  # what has not happened yet goes on as the last did
-    beyond = t - age - s
-    turn = parameters[TURN : TURN + 3]  # for a moment the rotation vector
+
+
+@helper
+def _since(recent: Array, now: int, age: float, belief: Belief, parameters: Array) -> None:
+    """FORCE to TURN of the instant `age` s ago. Before the first row and behind the last the motion
+    is taken to go on, by `off` s, as it was next to it."""
+    t, C, oldest = recent[now, T], belief.C, (now + 1) % ROWS
+    begin = recent[oldest, T] if recent[oldest, T] < math.inf else recent[0, T]
+    held = t - age
+    s = min(max(held, begin), t)
+    off = held - s
+    angle = parameters[TURN : TURN + 3]  # for a moment
+    for j in range(3):
+        parameters[FORCE + j] = parameters[LAG + j] = parameters[MEAN + j] = 0.0
     for i in range(3):
-        mean = (_at(recent, now, last, S + i) - _at(recent, now, first, S + i)) / WINDOW
-        force = recent[now, S + i] - _at(recent, now, s, S + i) - mean * beyond
-        lag = (
-            (t - s) * recent[now, S + i]
-            - (recent[now, X + i] - _at(recent, now, s, X + i))
-            + 0.5 * mean * beyond * beyond
-        )
+        mean = _slope(recent, now, begin, held, WINDOW, S + i)
+        gained = recent[now, S + i] - _at(recent, now, s, S + i)
+        way = recent[now, X + i] - _at(recent, now, s, X + i)
+        force = gained - mean * off
+        lag = (t - s) * recent[now, S + i] - way - gained * off + 0.5 * mean * off * off
         for j in range(3):
-            if i == 0:
-                parameters[FORCE + j] = parameters[LAG + j] = parameters[MEAN + j] = 0.0
             parameters[FORCE + j] += C[i, j] * force
             parameters[LAG + j] += C[i, j] * lag
             parameters[MEAN + j] += C[i, j] * mean
-        w = (_at(recent, now, end, ANGLE + i) - _at(recent, now, end - STEP, ANGLE + i)) / STEP
+        w = _slope(recent, now, begin, held, STEP, ANGLE + i)
         parameters[RATE + i] = w - belief.omega[i]
-        turn[i] = recent[now, ANGLE + i] - _at(recent, now, s, ANGLE + i) - w * beyond
-    x, y, z = turn[0], turn[1], turn[2]
-    xx, yy, zz = 0.5 * x * x, 0.5 * y * y, 0.5 * z * z
-    turn[0] = 1.0 - yy - zz
-    parameters[TURN + 1], parameters[TURN + 3] = 0.5 * x * y + z, 0.5 * x * y - z
-    parameters[TURN + 2], parameters[TURN + 6] = 0.5 * x * z - y, 0.5 * x * z + y
-    parameters[TURN + 5], parameters[TURN + 7] = 0.5 * y * z + x, 0.5 * y * z - x
-    parameters[TURN + 4], parameters[TURN + 8] = 1.0 - xx - zz, 1.0 - xx - yy
+        angle[i] = recent[now, ANGLE + i] - _at(recent, now, s, ANGLE + i) - w * off
+    x, y, z = angle[0], angle[1], angle[2]
+    turn = matrix(parameters, TURN, 3, 3)
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = 1.0 if i == j else 0.0
+    rotate_left(-x, -y, -z, turn)

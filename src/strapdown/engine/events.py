@@ -292,6 +292,10 @@ WORDS: dict[int, Words] = {
         f"filter and smoother are up to {value:.2g} standard deviations apart, until "
         f"{row[log.UNTIL]:.0f} s: what came later contradicts what came before"
     ),
+    log.CLOCK_OFF: lambda e, row, s, value: (
+        f"the clock of {e.name(s)} is estimated {value:.2g} s off, beyond what can be looked back, "
+        f"until {row[log.UNTIL]:.0f} s: set time.offset"
+    ),
     SAMPLES_NOT_FINITE: lambda e, row, s, value: (
         f"IMU: {_counted(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
     ),

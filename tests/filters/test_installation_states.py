@@ -1,0 +1,144 @@
+"""Parameters of the installation as states, in every filter that can have them: found, alike, smoothed;
+and a clock that runs away."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flat_flight import NOISE, flight
+from installed import car, wrong
+
+import strapdown as sd
+from strapdown import filters
+from strapdown.data import DOUBTFUL
+from strapdown.diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
+from strapdown.engine.batch import begin
+from strapdown.engine.prepare import Asked
+
+ABLE = [name for name in filters.names() if filters.find(name).installation]
+WRONG = {
+    "clock error of gnss position [s]": 0.08,
+    "lever arm forward error of gnss position [m]": 0.5,
+    "mounting heading error of imu [deg]": 1.5,
+    "scale error of speed": 0.01,
+    "gyro scale down error of imu": 0.01,
+}
+"""{column of the solution: what must be found}."""
+ESTIMATE = {
+    "clock": None,
+    "lever-arm": None,
+    "mounting": None,
+    "scale": None,
+    "gyro-scale": (0.0, 0.0, 0.01),
+}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    """A car of two minutes with all of it wrong."""
+    made = car(1001, 120.0, "tactical")
+    for kind, value, axis in ((CLOCK, 0.08, 0), (ARM, 0.5, 0), (MOUNTING, np.radians(1.5), 2)):
+        made = wrong(made, kind, value, axis)
+    made, dtheta = wrong(made, SCALE, 0.01), made.imu.dtheta.copy()
+    dtheta[:, 2] *= 1.01
+    return replace(made, imu=made.imu._replace(dtheta=dtheta))
+
+
+@pytest.fixture(scope="module")
+def closed(recording):
+    return sd.fuse(recording, "closed-loop", estimate=ESTIMATE)
+
+
+def test_names_of_the_columns(closed):
+    assert {*WRONG} <= {*closed.columns}, list(closed.columns)
+
+
+@pytest.mark.parametrize("name", ABLE)
+def test_every_filter_finds_what_is_wrong(name, recording, closed):
+    solution = closed if name == "closed-loop" else sd.fuse(recording, name, estimate=ESTIMATE)
+    for column, truth in WRONG.items():
+        found, sd_of = solution.columns[column][-1], solution.columns[f"sd of {column}"][-1]
+        assert abs(found - truth) < 4 * sd_of, column
+        assert sd_of < 0.5 * solution.columns[f"sd of {column}"][0], column
+        # and as the closed loop finds it
+        assert abs(found - closed.columns[column][-1]) < 1.0 * sd_of, column
+
+
+SMOOTHED = [name for name in ABLE if filters.find(name).smoother]
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_what_stands_still_is_smoothed_to_its_last_estimate(name, recording, closed):
+    """A constant is known at all times as well as at the end."""
+    if name != "closed-loop":
+        closed = sd.fuse(recording, name, estimate=ESTIMATE)
+    smoothed = sd.smooth(recording, name, estimate=ESTIMATE)
+    for column in WRONG:
+        last, sd_of = closed.columns[column][-1], closed.columns[f"sd of {column}"][-1]
+        np.testing.assert_allclose(smoothed.columns[column], last, atol=0.3 * sd_of)
+        np.testing.assert_allclose(smoothed.columns[f"sd of {column}"], sd_of, rtol=0.02)
+
+
+def true_fix(recording, t, tau):
+    """Position and velocity fixes stamped t, exact at t + tau (Aidings)."""
+    truth = recording.reference
+    lla, v = (
+        np.stack([np.interp(t + tau, truth.t, x) for x in part.T], axis=1)
+        for part in (truth.lla, truth.v_n)
+    )
+    one = np.full((len(t), 3), 1.0)
+    return (
+        sd.Aiding("position", t, lla, one, gate=np.inf, estimate={"clock": (0.1,)}),
+        sd.Aiding("velocity", t, v, 0.1 * one, gate=np.inf, estimate={"clock": (0.1,)}),
+    )
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("tau", [-0.2, 0.0, 0.2])
+def test_a_right_fix_is_compared_with_the_truth(tau):
+    """On an exact INS with the right estimate of the clock there is no innovation."""
+    made, _, truth = flight(4.0, 100.0, noisy=False)
+    at = made.reference
+    start = sd.Start(
+        0.0,
+        tuple(at.lla[0]),
+        tuple(at.v_n[0]),
+        tuple(at.rotation[0].as_euler("ZYX")[::-1]),
+        (0.0,) * 3,
+        (0.0,) * 3,
+        (1e-6,) * 15,
+    )
+    stamps = np.array([0.5, 1.1, 1.9, 2.603, 3.2])
+    made = replace(made, aidings=true_fix(made, stamps, tau))
+    noise = NOISE._replace(gyro=0.0, accel=0.0)
+    run = begin(made, "closed-loop", Asked({}, start=start, noise=noise))
+    run.belief.extra_states[0] = tau
+    run.belief.P[15, 15] = 1e-12
+    run.complete()
+    innovation = run.out.fix[:, 2:5]
+    assert run.out.fix[:, 0].tolist() == np.repeat(stamps, 2).tolist()  # their own stamps
+    # what the flat motion leaves out of Coriolis, 3e-3 m/s^2, and interpolates at 603 ms
+    np.testing.assert_allclose(innovation[0::2], 0.0, atol=0.03)
+    np.testing.assert_allclose(innovation[1::2], 0.0, atol=0.02)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("tau", [9.0, -9.0, 1e6])
+def test_a_clock_that_runs_away_is_said(tau):
+    made, start, _ = flight(6.0, 20.0)
+    made = replace(
+        made, aidings=tuple(replace(a, estimate={"clock": (0.1,)}) for a in made.aidings)
+    )
+    run = begin(made, "closed-loop", Asked({}, start=start, noise=NOISE))
+    run.belief.extra_states[:] = tau
+    run.belief.P[15, 15] = 1e-6
+    run.complete()
+    assert np.isfinite(run.out.nav).all() and np.isfinite(run.out.fix[:, 2:5]).all()
+    said = [text for _, text in run.events.all]
+    assert any(
+        f"the clock of position is estimated {tau:.2g} s off, beyond what can be looked back"
+        in text
+        and text.endswith("set time.offset")
+        for text in said
+    ), said
+    assert (run.out.nav[:, 32] == DOUBTFUL).any()
