@@ -10,7 +10,7 @@ from strapdown.evaluation.consistency import band
 
 from ..common import markdown
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
-from .drive import EVERYTHING, NOTHING, RIGHT, WRONG
+from .drive import NOTHING, RIGHT
 from .misses import BOUNDS, STATES, UNITS
 
 TITLE = "The installation, estimated"
@@ -133,7 +133,6 @@ def intervals(parameters: pd.DataFrame) -> pd.DataFrame:
 
 
 COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "sd", "prior")
-HIDDEN_LAST = "not shown by the motion"
 
 
 def hidden(table: pd.DataFrame) -> pd.Series:
@@ -305,6 +304,3 @@ def _rounded(value: object) -> object:
     if not isinstance(value, (float, np.floating)):
         return value
     return "–" if np.isnan(value) else f"{value:.3g}"
-
-
-__all__ = ["EVERYTHING", "TARGETS", "WRONG", "Evidence", "claims", "figures", "in_docs", "tables"]
