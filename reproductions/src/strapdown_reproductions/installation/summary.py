@@ -144,6 +144,9 @@ def hidden(table: pd.DataFrame) -> pd.Series:
     )
 
 
+NEES = ("_in_band_%", "/dof")
+
+
 def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
     """A row per motion, filter and start: the share of epochs, from SETTLED s after the start, whose
     NEES averaged over the runs is in its 95 % band, its mean by degree of freedom, and the same of
@@ -164,7 +167,8 @@ def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
                 f"{name}/dof": float(mean.mean() / states),
             }
         rows.append(row)
-    return pd.DataFrame(rows)
+    columns = ("runs", "states", *(f"nees{of}{what}" for of in ("", "_right") for what in NEES))
+    return pd.DataFrame(rows, columns=[*keys, *columns])
 
 
 def scales(table: pd.DataFrame) -> pd.DataFrame:
