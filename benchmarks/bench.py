@@ -35,6 +35,10 @@ import yardstick  # noqa: E402
 
 from strapdown_reproductions.faults import main as faults  # noqa: E402
 from strapdown_reproductions.faults.summary import TARGETS as FAULT_TARGETS  # noqa: E402
+from strapdown_reproductions.installation import main as installation  # noqa: E402
+from strapdown_reproductions.installation.summary import (  # noqa: E402
+    TARGETS as INSTALLATION_TARGETS,
+)
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
 from strapdown_reproductions.wrong_setups import main as wrong_setups  # noqa: E402
 from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUP_TARGETS  # noqa: E402
@@ -315,6 +319,36 @@ def fault_figures(book):
     )
 
 
+INSTALLATION = {
+    "drive0708 from wrong set-ups, clock": "drive clock",
+    "drive0708 from wrong set-ups, arm": "drive lever-arm",
+    "drive0708 from wrong set-ups, mounting": "drive mounting",
+    "drive0708 calibrated, alone": "drive alone",
+    "drive0708 calibrated, constrained": "drive constrained",
+    "installation, NEES from a known start": "nees, known start",
+    "installation, NEES from own alignment": "nees, own alignment",
+    "installation, found though not shown": "unseen",
+    "odometer scale after five minutes": "scale",
+    "thor75 roll, installation found": "thor75 roll",
+    "thor75 D, installation found": "thor75 position D",
+    "drive0708 alone, installation found": "drive0708 alone",
+}
+"""{figure: name of its target in `strapdown reproduce installation`}. Intervals need its 100
+seeds."""
+INSTALLATION_SEEDS = 10
+
+
+def installation_figures(book):
+    """Of clocks, lever arms, mounting and scale as states."""
+    claimed(
+        book,
+        INSTALLATION,
+        INSTALLATION_TARGETS,
+        lambda out: installation.reproduce(out, runs=INSTALLATION_SEEDS),
+        f"strapdown reproduce installation --runs {INSTALLATION_SEEDS}",
+    )
+
+
 def claimed(book, figures, targets, reproduce, note):
     """The values of a reproduction's claims; figures: {figure: name of its target}."""
 
@@ -401,6 +435,7 @@ def main():
         recorded_figures(book)
         setup_figures(book)
         fault_figures(book)
+        installation_figures(book)
         attitude_figures(book)
         navigation_figures(book)
         exogenous_figures(book)

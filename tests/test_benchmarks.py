@@ -38,7 +38,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 75
+    assert len(tables) == 87
     assert (
         tables["A closed loop time"]["target"] == 1.0
         and tables["B closed loop time"]["target"] == 1.2
@@ -115,6 +115,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(bench.wrong_setups, "reproduce", lambda out, runs: found)
     faults = [{"claim": target.text, "value": 9.0} for target in bench.FAULT_TARGETS.values()]
     monkeypatch.setattr(bench.faults, "reproduce", lambda out, runs, names: faults)
+    of_targets = [{"claim": t.text, "value": 9.0} for t in bench.INSTALLATION_TARGETS.values()]
+    monkeypatch.setattr(bench.installation, "reproduce", lambda out, runs: of_targets)
     monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
     monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)
     monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))

@@ -77,7 +77,7 @@ UNSEEN = {
         hidden=("mounting roll",),
     ),
 }
-"""Motions with parameters that nothing in them shows."""
+"""Motions with parameters that nothing in them shows, as long as nobody knows where they begin."""
 IMU = "industrial"
 
 

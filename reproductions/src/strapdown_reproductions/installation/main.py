@@ -75,7 +75,7 @@ def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
             for start in (KNOWN, ALIGNED)
             for task in batches(name, FILTER, start, seed, count)
         ),
-        *(task for name in UNSEEN for task in batches(name, FILTER, KNOWN, seed, count)),
+        *(task for name in UNSEEN for task in batches(name, FILTER, ALIGNED, seed, count)),
         *(
             task
             for name in MOTIONS

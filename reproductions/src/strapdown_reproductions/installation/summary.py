@@ -10,7 +10,7 @@ from strapdown.evaluation.consistency import band
 
 from ..common import markdown
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
-from .drive import EVERYTHING, NOTHING, RIGHT, WRONG
+from .drive import NOTHING, RIGHT
 from .misses import BOUNDS, STATES, UNITS
 
 TITLE = "The installation, estimated"
@@ -133,7 +133,6 @@ def intervals(parameters: pd.DataFrame) -> pd.DataFrame:
 
 
 COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "sd", "prior")
-HIDDEN_LAST = "not shown by the motion"
 
 
 def hidden(table: pd.DataFrame) -> pd.Series:
@@ -143,6 +142,9 @@ def hidden(table: pd.DataFrame) -> pd.Series:
         table.index,
         bool,
     )
+
+
+NEES = ("_in_band_%", "/dof")
 
 
 def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
@@ -165,7 +167,8 @@ def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
                 f"{name}/dof": float(mean.mean() / states),
             }
         rows.append(row)
-    return pd.DataFrame(rows)
+    columns = ("runs", "states", *(f"nees{of}{what}" for of in ("", "_right") for what in NEES))
+    return pd.DataFrame(rows, columns=[*keys, *columns])
 
 
 def scales(table: pd.DataFrame) -> pd.DataFrame:
@@ -305,6 +308,3 @@ def _rounded(value: object) -> object:
     if not isinstance(value, (float, np.floating)):
         return value
     return "–" if np.isnan(value) else f"{value:.3g}"
-
-
-__all__ = ["EVERYTHING", "TARGETS", "WRONG", "Evidence", "claims", "figures", "in_docs", "tables"]
