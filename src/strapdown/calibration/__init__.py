@@ -1,1 +1,2 @@
-"""Calibration of accelerometer and magnetometer from a record, and its page."""
+"""Calibration of accelerometer and magnetometer from a record, and its page; of an installation from
+a log."""

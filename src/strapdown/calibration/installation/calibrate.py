@@ -16,7 +16,6 @@ from ...diagnosis.findings import (
     MISFIT,
     NOT_OBSERVABLE,
     UNITS,
-    Diagnosis,
     Estimate,
 )
 from ...diagnosis.installation import ARM, CLOCK, applied
@@ -84,7 +83,7 @@ def calibrate_installation(
         recording,
         settled.runs,
         last.misfit,
-        _notes(recording, last, parameters, imu_clock),
+        _notes(settled, recording, parameters, imu_clock),
         imu_clock,
         asking,
     )
@@ -104,7 +103,7 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         status = NOT_OBSERVABLE
     elif not settled.theta[j] or abs(change) <= least:
         status = CONSISTENT
-    elif not agree or settled.last.found:
+    elif not agree or not settled.sure:
         status = NOT_CONFIRMED
     elif abs(change) > ESTIMABLE[each.cause].most * factor:
         status = IMPLAUSIBLE
@@ -156,7 +155,7 @@ def _check_imu_clock(recording: Recording, parameters: tuple[Parameter, ...]) ->
 
 
 def _notes(
-    recording: Recording, found: Diagnosis, parameters: tuple[Parameter, ...], imu_clock: bool
+    settled: Settled, recording: Recording, parameters: tuple[Parameter, ...], imu_clock: bool
 ) -> tuple[str, ...]:
     notes = []
     clocks = [each for each in parameters if each.cause == CLOCK]
@@ -175,14 +174,14 @@ def _notes(
             f"{one.change - other.change:+.3f} s, but the motion does not show either; neither is "
             f"written"
         )
-    if found.found:
+    if not settled.sure:
         notes.append(
             "the estimates do not settle, so none is written: correct by hand what is far off, such as "
             "a clock by seconds, and run again"
         )
-    if found.misfit > MISFIT:
+    if settled.last.misfit > MISFIT:
         notes.append(
-            f"the fixes still fit badly: their NIS is {found.misfit:.1f} times what is expected, so "
+            f"the fixes still fit badly: their NIS is {settled.last.misfit:.1f} times what is expected, so "
             f"something else is wrong, and what stands above may be too"
         )
     return tuple(notes)

@@ -9,6 +9,7 @@ import numpy as np
 from ...diagnosis.diagnose import diagnose
 from ...diagnosis.findings import UNITS, Diagnosis, Estimate
 from ...diagnosis.installation import CLOCK, Constant, applied, constants
+from ...diagnosis.settling import MOST_RUNS
 from ...recording import Recording
 from ...typing import Array
 from .confirming import Asking
@@ -30,6 +31,11 @@ class Settled(NamedTuple):
     last: Diagnosis
     sought: tuple[Estimate, ...]  # its parameters that some source shows, clocks that differ apart
     runs: int  # of the filter, in all
+
+    @property
+    def sure(self) -> bool:
+        """Whether nothing was found in the end, before the runs were used up."""
+        return not self.last.found and self.last.runs < MOST_RUNS
 
     def of(self, each: Estimate) -> int:
         """The constant that an estimate is of: the first, of several that share it."""

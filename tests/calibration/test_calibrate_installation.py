@@ -1,0 +1,196 @@
+"""An installation that is wrong in a known way: found, confirmed, written, and right after that; what
+is not sure is not written."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from described import CONSTRAINTS, SPEED, TOML, described
+from installed import car, wrong
+
+import strapdown as sd
+from strapdown.calibration.installation import calibrate as module, settled as settling
+from strapdown.calibration.installation.confirming import Seen
+from strapdown.calibration.installation.findings import IMPLAUSIBLE, NOT_CONFIRMED
+from strapdown.calibration.installation.settled import Settled, theta_of
+from strapdown.checks import DataError
+from strapdown.diagnosis.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
+from strapdown.diagnosis.installation import applied, constants
+
+DEG = np.pi / 180
+TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "odometer scale": 0.01}
+
+
+def all_wrong(seed=1070, seconds=200.0):
+    made = wrong(car(seed, seconds), "clock", 0.2)
+    made = wrong(made, "lever arm", 1.0, 0)
+    return wrong(wrong(made, "mounting", -2 * DEG, 1), "odometer scale", 0.01)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return sd.calibrate_installation(all_wrong())
+
+
+def of(found, name):
+    """The parameter whose name begins so."""
+    return next(each for each in found.parameters if each.name.startswith(name))
+
+
+def test_what_is_wrong_is_found_within_its_interval(found):
+    assert {each.cause for each in found.found} == {
+        "clock",
+        "lever arm",
+        "mounting",
+        "odometer scale",
+    }
+    for name, value in TRUE.items():
+        one = of(found, name)
+        assert one.status == FOUND and abs(one.change - value) < 3 * one.sd
+        assert abs(one.by_states - one.change) < 3 * np.hypot(one.sd, one.states_sd)
+        assert one.sd >= one.states_sd
+    assert of(found, "clock").sd < 0.01 and of(found, "mounting pitch").sd < 0.05
+    # in the terms of recording.toml: what was given, of which 1 m lacks, and what is found
+    assert of(found, "lever arm forward").given == pytest.approx(-0.5)
+    assert of(found, "lever arm right").status == CONSISTENT
+
+
+def test_the_recording_as_found_is_the_right_one_and_has_nothing_to_change(found):
+    known = constants(found.given.aidings)
+    again = applied(found.given, known, theta_of(known, found.given, found.found))
+    for a, b in zip(found.recording.aidings, again.aidings):
+        np.testing.assert_array_equal(a.t, b.t)
+    right = car(1070)
+    np.testing.assert_allclose(found.recording.aidings[0].t, right.aidings[0].t, atol=0.012)
+    second = sd.calibrate_installation(found.recording)
+    assert not second.found and not second.edits and not second.changes
+    assert {each.status for each in second.parameters} == {CONSISTENT}
+
+
+def test_what_the_motion_does_not_show_is_said_and_never_found():
+    recording = wrong(sd.simulate("straight", 120.0, "tactical", 1071), "lever arm", 1.0, 0)
+    made = sd.calibrate_installation(recording)
+    arm = of(made, "lever arm forward")
+    assert arm.status == NOT_OBSERVABLE and str(arm).endswith("to show it, turn, to both sides")
+    assert "add an odometer" in str(of(made, "odometer scale"))
+    assert not made.found
+
+
+def test_without_motion_or_velocity_it_is_refused():
+    right = car(1072, 60.0)
+    alone = replace(right, aidings=right.aidings[:1])
+    with pytest.raises(DataError, match="has no source of velocity, and positions alone do not"):
+        sd.calibrate_installation(alone)
+    still = sd.simulate("static", 60.0, "tactical", 1072)
+    with pytest.raises(DataError, match="nothing of the installation shows in this motion; to sh"):
+        sd.calibrate_installation(still)
+
+
+def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch):
+    def far(recording, sought, asking):
+        return {each: Seen(10 * each.sd, each.sd, True) for each in sought}
+
+    monkeypatch.setattr(module, "as_states", far)
+    made = sd.calibrate_installation(wrong(car(1073, 100.0), "clock", 0.2))
+    clock = of(made, "clock")
+    assert clock.status == NOT_CONFIRMED and not made.edits
+    assert "clock of GNSS position and GNSS velocity: not confirmed, so not written" in str(clock)
+    assert str(clock).endswith("as a state; to show it better, accelerate, brake or turn")
+
+
+def test_a_clock_by_leap_seconds_is_not_plausible_and_nothing_is_written(tmp_path):
+    made = sd.calibrate_installation(wrong(car(1074, 120.0), "clock", 18.0))
+    (one,) = made.implausible
+    assert one.status == IMPLAUSIBLE and one.change == pytest.approx(18.0, abs=0.05)
+    assert "more than the 2 s that an installation is off, so not written" in str(one)
+    assert not made.changes
+    path = described(car(1074, 120.0), tmp_path)
+    with pytest.raises(DataError, match="left as it is; clock of GNSS position and GNSS velocity"):
+        made.write(path)
+    assert path.read_text() == TOML
+
+
+def test_clocks_that_differ_are_told_apart():
+    made = sd.calibrate_installation(wrong(car(1075), "clock", 0.15, of="velocity"))
+    clock = of(made, "clock of GNSS velocity")
+    assert clock.status == FOUND and abs(clock.change - 0.15) < 3 * clock.sd
+    assert of(made, "clock of GNSS position").status == CONSISTENT
+    assert [edit.source for edit in made.edits] == [1]
+    with pytest.raises(DataError, match="--imu-clock: the sources do not share one offset"):
+        sd.calibrate_installation(made.given, imu_clock=True)
+
+
+def test_the_clock_of_the_imu_is_the_other_way_round():
+    recording = wrong(car(1076, 150.0, vehicle=False), "clock", 0.2)
+    made = sd.calibrate_installation(recording, imu_clock=True)
+    ((source, key, (value,), (deviation,)),) = made.edits
+    assert (source, key) == (None, "time") and value == pytest.approx(-0.2, abs=0.02)
+    assert deviation == of(made, "clock").sd
+    assert made.changes == (f"[imu] time: add {value:+.3f} s to offset",)
+    with pytest.raises(DataError, match="--imu-clock: no offset was estimated of speed"):
+        sd.calibrate_installation(wrong(car(1070), "clock", 0.2), imu_clock=True)
+
+
+def test_two_clocks_that_trade_off_are_said():
+    recording = car(1072, 60.0)
+    diagnosis = sd.diagnose(recording)
+    (clock,) = [each for each in diagnosis.parameters if each.cause == "clock"]
+    clocks = tuple(
+        module._unseen(clock)._replace(name=f"clock of {name}", sources=(name,), change=change)
+        for name, change in (("a", 0.5), ("b", 0.1))
+    )
+    nothing = np.zeros(len(constants(recording.aidings)))
+    settled = Settled((), nothing, nothing, diagnosis, (), 1)
+    assert module._notes(settled, recording, clocks, False) == (
+        "clock of a and clock of b trade off: they differ by +0.400 s, but the motion does not show "
+        "either; neither is written",
+    )
+
+
+def test_what_does_not_settle_is_not_written(monkeypatch):
+    recording = wrong(car(1073, 100.0), "clock", 0.2)
+    monkeypatch.setattr(settling, "MOST_TURNS", 1)
+    made = sd.calibrate_installation(recording)
+    assert of(made, "clock").status == NOT_CONFIRMED and not made.edits
+    assert made.notes[-1].startswith("the estimates do not settle, so none is written")
+
+
+@pytest.fixture
+def drive(tmp_path):
+    """A recording.toml of a drive, right but for 0.2 s, 1 m, 2 deg and 1 %."""
+    return described(all_wrong(), tmp_path, TOML + SPEED + CONSTRAINTS)
+
+
+def test_what_was_written_is_right_and_settles(drive):
+    text = drive.read_text()
+    text = text.replace("lever_arm = [0.5, 0.2, -1.5]", "lever_arm = [-0.5, 0.2, -1.5]")
+    drive.write_text(text)
+    first = sd.calibrate_installation(sd.read(drive))
+    assert {each.cause for each in first.found} == {
+        "clock",
+        "lever arm",
+        "mounting",
+        "odometer scale",
+    }
+    assert first.write(drive).read_text() == text
+    lines = drive.read_text().splitlines()
+    assert lines[0] == "# A drive, with comments that must stay." and "# of the vehicle" in lines
+    assert [line for line in lines if "by tape" in line][0].startswith("lever_arm = [0.")
+    assert sum("calibrate installation" in line for line in lines) == 6
+    found = sd.read(drive)
+    assert found.aidings[0].parameters == pytest.approx((0.5, 0.2, -1.0), abs=0.12)
+    assert found.aidings[1].parameters == found.aidings[0].parameters
+    assert np.degrees(found.meta["imu_mounting"]) == pytest.approx([0, -2, 0], abs=0.15)
+    second = sd.calibrate_installation(found)
+    assert not second.edits and second.write(drive) is None
+    assert len(list(drive.parent.glob("*.before*"))) == 1
+
+
+def test_the_page_has_the_table_and_every_figure(found):
+    page = found.page().html
+    for text in ("Whitened innovations", "NIS", "Likelihood: lever arm forward", "consistent"):
+        assert text in page
+    assert page.count("<div class=plot") == 2 + len(found.found)
+    for each in found.parameters:
+        assert each.name in page
+    assert "change of what was given [deg]" in page and "time [s]" in page
