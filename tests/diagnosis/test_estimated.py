@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import estimable
 from strapdown.data import Aiding
+from strapdown.diagnosis import screening
 from strapdown.diagnosis.estimated import installation
 from strapdown.engine.installation import with_estimates
 from strapdown.sensor_models.gnss import Gnss
@@ -154,6 +155,35 @@ def test_a_prior_that_contradicts_the_data_is_a_reason_with_both_numbers(turning
         "prior contradicts the data"
     )
     assert reason in solution.verdict.reasons and not solution.verdict.trusted
+
+
+def test_the_verdict_looks_at_the_set_up_that_was_found(turning):
+    """An IMU whose mounting, antenna and clock were given wrong; the filter found them, and nothing
+    else is blamed for it."""
+    recording = wrong(turning, (1.0, 0.0, 0.0), 0.1)
+    t = np.arange(0.5, SECONDS, 0.5)
+    zeros = np.zeros((len(t), 1))
+    constraints = [
+        Aiding(kind, t, zeros, zeros + 0.05, (0.0,) * 3)
+        for kind in ("zero-lateral-velocity", "zero-vertical-velocity")
+    ]
+    turn = Rotation.from_euler("ZYX", [3, -2, 0], degrees=True)
+    imu = recording.imu._replace(
+        dtheta=turn.apply(recording.imu.dtheta), dv=turn.apply(recording.imu.dv)
+    )
+    recording = replace(recording, imu=imu, aidings=(*recording.aidings, *constraints))
+    begin = start(turning)
+    asked = {"clock": 0.1, "lever-arm": 0.5, "mounting": (0, 0.05, 0.05)}
+    given = (Rotation.from_euler("ZYX", begin.rph[::-1]) * turn.inv()).as_euler("ZYX")[::-1]
+    begin = begin._replace(rph=tuple(given.tolist()))
+    solution = sd.fuse(recording, start=begin, estimate=asked)
+    found = by_name(solution)
+    assert {each.status for each in found.values()} == {"found", "consistent"}
+    assert found["mounting", "heading"].error == pytest.approx(-3, abs=0.3)
+    assert found["mounting", "pitch"].error == pytest.approx(2, abs=0.3)
+    for suspect in screening.suspects(solution):
+        assert (suspect.z < 5).all()
+    assert solution.verdict.trusted
 
 
 def told(solution, **changes):

@@ -72,6 +72,18 @@ def test_its_recording_has_the_stamps_and_gives_the_same_again():
     assert again.columns.keys() == live.columns.keys()
 
 
+def test_a_short_history_keeps_stamps_and_values_together():
+    recording, begin = with_wheel(eventful()), start(flight())
+    short, whole = (stream_of(recording, begin, history=n, estimate=ASKED) for n in (100, 1000))
+    for stream in (short, whole):
+        play(stream, events_of(recording))
+    assert np.array_equal(short.belief.P, whole.belief.P)
+    for given, kept in zip(whole.solution.recording.aidings, short.solution.recording.aidings):
+        assert 0 < len(kept.t) < len(given.t)
+        assert np.array_equal(kept.t, given.t[-len(kept.t) :])
+        assert np.array_equal(kept.y, given.y[-len(kept.t) :], equal_nan=True)
+
+
 def test_what_aidings_name_themselves_is_estimated_and_an_empty_list_switches_it_off():
     recording, begin = flight(), start(flight())
     asked = with_estimates(recording, ["clock", "lever-arm"])

@@ -10,16 +10,30 @@ import numpy as np
 from .. import filters
 from ..core import cursor as places, loop
 from ..core.contract import POS, STATES, VEL, Imu, Noise, Start
+from ..core.jit import plain
+from ..core.rotation import matrix_to_euler
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
 from ..engine.sensitivity import begin_sensitive, fit, sums
+from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
 from .diagnose import LEAST_CLOCK_ALONE, MOTIONS
 from .estimated import installation
 from .findings import AXES, LEAST_Z, UNITS
-from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, Model, constants
+from .installation import (
+    ARM,
+    CLOCK,
+    CONSTRAINED,
+    GNSS,
+    MOUNTING,
+    SCALE,
+    Model,
+    applied,
+    constants,
+    rotation,
+)
 from .settling import Trial, Unknown, estimated, explained, groups
 
 STEP, PACE = 0.5, 1.0
@@ -91,6 +105,31 @@ def window(solution: Solution) -> tuple[Recording, Start]:
     return recording.between(there.t, end), there
 
 
+def as_found(solution: Solution, recording: Recording, start: Start) -> tuple[Recording, Start]:
+    """A recording and a start of it, set up as the filter of the solution estimated; as they are
+    where it estimated nothing of the installation."""
+    known, names = (
+        constants(recording.aidings),
+        [a.name or a.kind for a in recording.aidings],
+    )
+    theta, turn = np.zeros(len(known)), np.zeros(3)
+    for each in installation(solution).parameters:
+        axis = AXES[each.cause].index(each.component) if each.cause in AXES else 0
+        for k, (kind, sources, own) in enumerate(known):
+            if (kind, own) == (each.cause, axis) and names[sources[0]] in each.sources:
+                theta[k] = each.error / UNITS[kind][1]
+                turn[own] += theta[k] if kind == MOUNTING else 0.0
+    if turn.any():  # the body turns, and what is known of it
+        R = rotation(turn)
+        C = rotation_matrix(*start.rph) @ R.T
+        start = start._replace(
+            rph=tuple(plain(matrix_to_euler)(C)),
+            ba=tuple((R @ start.ba).tolist()),
+            bg=tuple((R @ start.bg).tolist()),
+        )
+    return applied(recording, known, theta), start
+
+
 def thinned(recording: Recording) -> Recording:
     """The recording with a fix of each source every `PACE` s or more, of sources that say something
     of the installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever
@@ -117,11 +156,11 @@ def _paced(aiding: Aiding) -> Aiding:
 def suspects(solution: Solution) -> list[Suspect]:
     """What would explain the innovations of a solution, the likeliest first; [] where nothing
     tells. Raises DataError."""
-    part, start = window(solution)
+    part, start = as_found(solution, *window(solution))
     recording, noise = thinned(part), Noise(**solution.meta["noise"])
     known = constants(recording.aidings)
     run = begin_sensitive(
-        recording, filters.find("closed-loop"), Asked({}, start=start, noise=noise)
+        recording, filters.find("closed-loop"), Asked({}, start=start, noise=noise, estimate=())
     )
     model = Model(run, known, True)
     found = sums(run, model.derivatives, model.start)

@@ -234,7 +234,8 @@ def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
     if found and not filter.installation:
         able = [name for name in filters.names() if filters.find(name).installation]
         raise DataError(
-            f"{filter.name} cannot estimate {found[0].of.name}; these can: {', '.join(able)}"
+            f"{filter.name} cannot estimate {found[0].of.name}; these can: {', '.join(able)}; "
+            f"estimate=[] (--estimate none) asks for nothing"
         )
 
 

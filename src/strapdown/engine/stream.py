@@ -50,6 +50,7 @@ from .prepare import (
     LONGEST_GAP,
     GivenImu,
     assumed_noise,
+    brought,
     check_needs,
     check_options,
     check_start,
@@ -142,6 +143,7 @@ class Stream:
         self._used, _ = usable(filter, left)
         check_needs(filter, left)
         check_estimates(filter, parameters(self._used, of_imu))
+        brought(self._used, of_imu)  # refuses too many
         self._of_imu = of_imu
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
         self._meta: dict[str, Any] = {"name": "stream"} | (
