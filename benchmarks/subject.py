@@ -93,10 +93,11 @@ def accuracy(workload, name):
     return score(workload, path.t, path.lla, path.v_n, path.rotation.as_matrix())
 
 
-def timed_run(workload, name, every=1, aidings=(), **options):
+def timed_run(workload, name, every=1, aidings=(), estimate=None, **options):
     """A function that runs filter `name` over the whole workload and returns the seconds of the
     compiled loop; every `every`-th sample is stored, where it is not each of them with its
-    covariance as in a study. `aidings` are sources beside the position fixes.
+    covariance as in a study. `aidings` are sources beside the position fixes, `estimate` what of the
+    installation are states.
 
     As with the yardstick, compiling, the start and the output arrays are there before the clock
     starts.
@@ -112,7 +113,14 @@ def timed_run(workload, name, every=1, aidings=(), **options):
         lambda begin: begin(
             log,
             name,
-            Asked(options, start=at_start, noise=densities, every=every, covariance=every > 1),
+            Asked(
+                options,
+                start=at_start,
+                noise=densities,
+                every=every,
+                covariance=every > 1,
+                estimate=estimate,
+            ),
         )
     )
 

@@ -21,6 +21,8 @@ ASKED = {
     "GNSS position lever-arm": 0.5,
     "mounting": (0.0, 0.03, 0.03),
     "wheel scale": 0.02,
+    "gyro-scale": 0.01,
+    "accel-scale": 0.01,
 }
 
 
@@ -42,7 +44,7 @@ def stream_of(recording, begin, **more):
 def test_a_stream_that_estimates_the_installation_is_the_batch_bit_for_bit():
     recording, begin = with_wheel(eventful()), start(flight())
     solution = sd.fuse(recording, start=begin, covariance=True, estimate=ASKED)
-    assert solution.covariance.shape[1] == 15 + 2 + 3 + 2 + 1
+    assert solution.covariance.shape[1] == 15 + 2 + 3 + 2 + 1 + 6
     stream = stream_of(recording, begin, lag=0.4, estimate=ASKED)
     play(stream, shuffled(events_of(recording), 0.39))
     assert equal(stream.finish(), solution)
