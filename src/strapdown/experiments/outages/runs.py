@@ -166,7 +166,12 @@ def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
 def _fed(run: Run, recording: Recording) -> list[Aiding]:
     """The sources of a Run that are none of the recording's: the attitude of an AHRS that ran
     first."""
-    return [a for a in run.recording.aidings if not any(a is own for own in recording.aidings)]
+    return [a for a in run.recording.aidings if not _is_of(a, recording)]
+
+
+def _is_of(a: Aiding, recording: Recording) -> bool:
+    """Whether the source is one of the recording's, maybe with other parameters as states."""
+    return any(a.y is own.y for own in recording.aidings)
 
 
 def _copied(belief: Belief, cursor: Cursor) -> Stand:
@@ -224,7 +229,7 @@ def _withheld(common: Common, run: Run) -> list[int]:
     return [
         s
         for s, a in enumerate(run.recording.aidings)
-        if a.kind in common.kinds and any(a is own for own in common.recording.aidings)
+        if a.kind in common.kinds and _is_of(a, common.recording)
     ]
 
 
