@@ -9,10 +9,12 @@ from installed import car
 from recordings import flight
 
 from strapdown import filters
+from strapdown.diagnosis.findings import settings
 from strapdown.diagnosis.installation import Model, applied, constants, rotation
 from strapdown.engine.prepare import Asked
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
 from strapdown.geodesy import displacement
+from strapdown.preprocessing.axes import rotation_matrix
 
 STEP = 1e-6
 
@@ -128,3 +130,31 @@ def test_each_antenna_has_an_arm_of_its_own():
     found = constants((position, velocity, other))
     arms = {one.sources for one in found if one.kind == "lever arm"}
     assert arms == {(0, 1), (2,)} and sum(one.kind == "clock" for one in found) == 3
+
+
+@pytest.mark.short
+def test_what_the_description_must_say_gives_the_recording_as_found():
+    given, recording = (0.3, -0.2, 3.0), car(1041, 20.0)
+    raw = recording.imu.dv @ rotation_matrix(*given)  # C' on each row
+    recording = replace(
+        recording, meta={**recording.meta, "imu_mounting": given, "imu_lever_arm": [0.0, 0.1, -0.5]}
+    )
+    found = [
+        ("mounting", (0, 1), 1, 0.05),
+        ("mounting", (0, 1), 2, -0.1),
+        ("lever arm", (0, 1), 0, 1.5),
+        ("odometer scale", (2,), 0, 0.02),
+    ]
+    known = constants(recording.aidings)
+    theta = np.array(
+        [sum(x for kind, _, axis, x in found if one[::2] == (kind, axis)) for one in known]
+    )
+    wanted = applied(recording, known, theta)
+    said = {(each.kind, each.source): each.value for each in settings(recording, found)}
+    mounted = raw @ rotation_matrix(*said["mounting", None]).T
+    np.testing.assert_allclose(mounted, wanted.imu.dv, atol=1e-12)
+    for i in (0, 1):
+        arm = said["lever arm", i] - recording.meta["imu_lever_arm"]
+        np.testing.assert_allclose(arm, wanted.aidings[i].parameters)
+    speed = recording.aidings[2].y * said["odometer scale", 2]
+    np.testing.assert_allclose(speed, wanted.aidings[2].y)
