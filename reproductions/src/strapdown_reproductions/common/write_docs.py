@@ -20,6 +20,7 @@ PAGES = {
     "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
     "mollaei": ("findings.md", "mollaei.md"),
     "recordings": ("table.md", "every-filter.md"),
+    "vehicle-kit": ("table.md", "vehicle.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""
