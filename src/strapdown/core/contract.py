@@ -514,7 +514,7 @@ class Measurement(NamedTuple):
     name: str
     observe: Observe
     # what each component of y is: "latitude", "longitude", "length", "speed", "angle",
-    # "acceleration", "magnetic field", "pressure"
+    # "acceleration", "angular rate", "magnetic field", "pressure"
     quantities: tuple[str, ...]
     # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
     # point, m, body; "field": T, NED

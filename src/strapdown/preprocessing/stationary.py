@@ -28,12 +28,18 @@ def at_rest(imu: Imu, window: float = 1.0) -> Mask:
     n, width = len(imu.t), max(2, round(window / float(np.median(imu.dt))))
     if n < width:
         return np.zeros(n, bool)
-    force, _ = _spread(imu.dv, imu.dt, width)
-    rate, mean = _spread(imu.dtheta, imu.dt, width)
+    force, _ = spread(imu.dv, imu.dt, width)
+    rate, mean = spread(imu.dtheta, imu.dt, width)
     quiet = (force < REST_ACCEL**2) & (rate < REST_RATE**2) & (mean < REST_MEAN**2)
+    return in_all_windows(quiet, width)
+
+
+def in_all_windows(quiet: Mask, width: int) -> Mask:
+    """(n,) bool: whether every window of `width` samples that holds a sample is quiet (n - width
+    + 1,), one window beginning at each sample that has room for it."""
     # window k covers samples k ... k + width - 1, so sample i is in windows i - width + 1 ... i
     moving = np.r_[0, np.cumsum(~quiet)]
-    i = np.arange(n)
+    i = np.arange(len(quiet) + width - 1)
     return moving[np.minimum(i + 1, len(quiet))] == moving[np.maximum(i - width + 1, 0)]
 
 
@@ -55,7 +61,7 @@ def stretches(mask: Mask) -> Ints:
     return np.flatnonzero(np.diff(np.r_[False, mask, False])).reshape(-1, 2)
 
 
-def _spread(columns: Array, dt: Array, width: int) -> tuple[Array, Array]:
+def spread(columns: Array, dt: Array, width: int) -> tuple[Array, Array]:
     """Variance and squared mean of columns / dt over every window of `width` samples, summed
     over the axes."""
     variance, square = np.zeros((2, len(dt) - width + 1))

@@ -8,31 +8,37 @@ import numpy as np
 from ..core.contract import Imu
 from ..data import Aiding
 from ..typing import Array, Mask
-from .stationary import at_rest
+from .stationary import in_all_windows, spread
 
-STEP = (
-    0.01  # s: shorter samples are averaged over it, so that their noise does not look like motion
-)
+STEP, WINDOW = 0.1, 1.0
+"""s: samples are averaged over the first, which takes engine and noise out; the means are judged over
+the second."""
+FORCE, RATE, MEAN = 0.15, 0.009, 0.03
+"""At rest: standard deviations of these means of specific force (m/s^2) and rate (rad/s), three axes
+together, whose squares over these add up to less than 1; bound on the mean rate (rad/s)."""
 MOST_BIAS = 0.2  # rad/s (11 deg/s): what turns on faster is no gyro bias
 FASTEST, SURELY = 0.3, 4.0  # m/s, and standard deviations, that a speed is above at rest
 HEARD = 1.5  # s for which a speed counts
 
 
 def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
-    """(n,) bool: `at_rest` at 100 Hz at most, of rates less their median, which of a vehicle is the
-    bias of its gyro; and no wheel speed or velocity among the aidings surely says that it moves."""
+    """(n,) bool: every second that holds the sample is quiet, see `FORCE`, in the manner of the
+    likelihood ratio of Skog et al. (2010), IEEE TBME 57(11); rates are taken from their median, which
+    of a vehicle is the bias of its gyro. And no wheel speed or velocity among the aidings surely says
+    that it moves."""
+    seconds = float(np.median(imu.dt))
+    many = max(1, round(STEP / seconds))
+    width = max(2, round(WINDOW / (many * seconds)))
+    first = np.arange(0, len(imu.t), many)
+    if len(first) < width:
+        return np.zeros(len(imu.t), bool)
     middle = np.median(imu.dtheta / imu.dt[:, None], axis=0)
     bias = np.where(np.abs(middle) < MOST_BIAS, middle, 0.0)
-    many = max(1, round(STEP / float(np.median(imu.dt))))
-    first = np.arange(0, len(imu.t), many)
-    dt = np.add.reduceat(imu.dt, first)
-    coarse = Imu(
-        imu.t[np.r_[first[1:] - 1, len(imu.t) - 1]],
-        dt,
-        np.add.reduceat(imu.dtheta, first) - bias * dt[:, None],
-        np.add.reduceat(imu.dv, first),
-    )
-    still = np.repeat(at_rest(coarse), many)[: len(imu.t)]
+    dt, dtheta, dv = (np.add.reduceat(column, first) for column in imu[1:])
+    force, _ = spread(dv, dt, width)
+    rate, mean = spread(dtheta - bias * dt[:, None], dt, width)
+    quiet = (force / FORCE**2 + rate / RATE**2 < 1) & (mean < MEAN**2)
+    still = np.repeat(in_all_windows(quiet, width), many)[: len(imu.t)]
     return still & ~moving(aidings, imu.t)
 
 

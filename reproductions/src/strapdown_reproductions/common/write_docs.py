@@ -21,6 +21,7 @@ PAGES = {
     "installation": ("table.md", "installation-figures.md"),
     "mollaei": ("findings.md", "mollaei.md"),
     "recordings": ("table.md", "every-filter.md"),
+    "vehicle-kit": ("table.md", "vehicle.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""

@@ -74,13 +74,16 @@ def _shaken(made: Recording, rng: np.random.Generator, engine: float) -> Any:
     speed."""
     imu, truth = made.imu, made.reference
     speed = np.interp(imu.t, truth.t, np.linalg.norm(truth.v_n, axis=1))
-    phase = np.cumsum(2 * np.pi * (IDLE + FASTER * speed) * imu.dt)
-    phase += np.cumsum(rng.normal(0, 0.3, len(phase)) * np.sqrt(imu.dt) * 2 * np.pi)
+    turns = (IDLE + FASTER * speed) * imu.dt + rng.normal(0, 0.3, len(speed)) * np.sqrt(imu.dt)
+    middle = 2 * np.pi * (np.cumsum(turns) - 0.5 * turns)
     size = engine * (1 + np.minimum(speed / 5.0, 2.0))
 
     def along(share: float) -> Array:
         axes = rng.uniform(0, 2 * np.pi, 3)
-        wave = sum(np.sin(k * phase[:, None] + axes) / k for k in (1, 2))
+        # over a sample, as a sensor integrates: sampled at instants it would alias to a bias
+        wave = sum(
+            np.sin(k * middle[:, None] + axes) * np.sinc(k * turns)[:, None] / k for k in (1, 2)
+        )
         return share * size[:, None] * wave * np.sqrt(2 / 3 / 1.25) * imu.dt[:, None]
 
     return imu._replace(dtheta=imu.dtheta + along(GYRO_SHARE), dv=imu.dv + along(1.0))

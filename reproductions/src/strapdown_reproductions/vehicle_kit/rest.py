@@ -13,6 +13,7 @@ from .drives import drive, wheel_of
 
 STILL, MOVING, CREEPING = 0.02, 0.1, 1.5
 """m/s: below the first it stands, above the second it moves, below the third it creeps."""
+SMOOTH = {"roughness": 0.1, "engine": 0.0}  # motion feels like rest there
 NOISE = 0.05  # m/s: the least that an RTK velocity tells from rest
 COLUMNS = (
     "drive",
@@ -25,16 +26,16 @@ COLUMNS = (
 )
 
 
-def simulated(seeds: Sequence[int], grades: Sequence[str], roughness: float) -> pd.DataFrame:
-    """Rates on simulated drives of 300 s, by the IMU alone and with wheel speed."""
-    rows = []
-    for grade in grades:
-        drives = [drive(seed, 300.0, grade, roughness) for seed in seeds]
-        name = f"simulated, {grade}, roughness {roughness:g}"
-        rows += [
-            (name, "IMU", *_rates(drives, [()] * len(drives), STILL)),
-            (name, "IMU, wheels", *_rates(drives, [(wheel_of(r),) for r in drives], STILL)),
-        ]
+def simulated(seeds: Sequence[int], grade: str, smooth: bool = False) -> pd.DataFrame:
+    """Rates on simulated drives of 300 s, by the IMU alone and with wheel speed; `smooth`: of an
+    electric car on a very smooth road."""
+    road = SMOOTH if smooth else {}
+    drives = [drive(seed, 300.0, grade, **road) for seed in seeds]
+    name = f"simulated, {grade}" + (", no engine, smooth road" if smooth else "")
+    rows = [
+        (name, "IMU", *_rates(drives, [()] * len(drives), STILL)),
+        (name, "IMU, wheels", *_rates(drives, [(wheel_of(r),) for r in drives], STILL)),
+    ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
