@@ -75,4 +75,4 @@ def completed(
     parts = found._replace(v=v, sd=tuple(map(float, sd)))
     given = {name: getattr(start, name) for name in PARTS if name not in missing}
     note = f"{', '.join(given) or 'time'} given; {found.note}"
-    return parts._replace(t=start.t, note=note, **given)
+    return parts._replace(t=start.t, note=note, motion=(), **given)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..checks import DataError, brief
 from ..core.contract import Imu, Start
-from ..core.earth import GRAVITY_EQUATOR
+from ..core.earth import GRAVITY_EQUATOR, gravity
 from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding
@@ -190,7 +190,13 @@ def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Sta
         moment.bg,
         sd,
         f"position and velocity at {t:.2f} s, {heading.note}, {level_note}, {moment.note}",
-    )
+    )._replace(motion=_motion(moment, C, lla))
+
+
+def _motion(moment: _Moment, C: Array, lla: Array) -> tuple[float, ...]:
+    """`Start.motion`."""
+    down = np.array([0.0, 0.0, plain(gravity)(np.sin(lla[0]), lla[2])])
+    return tuple(np.r_[moment.omega, C @ moment.f + down].tolist())
 
 
 def _start(

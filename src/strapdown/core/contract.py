@@ -161,6 +161,9 @@ class Start(NamedTuple):
     # bring along
     sd: tuple[float, ...] = ()
     note: str = ""  # how each part was found
+    # angular rate (3, body, rad/s) and acceleration (3, NED, m/s^2) of a start whose position and
+    # velocity are those of fixes, and so err with their clock and lever arm; () of any other
+    motion: tuple[float, ...] = ()
 
     def towards(self, q_nb: Vector) -> "Start":
         """This Start with the attitude of a unit quaternion, scalar first, body to navigation.

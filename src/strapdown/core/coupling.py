@@ -74,8 +74,7 @@ def _moved(P: Array, state: int, first: int, G: tuple[float, float, float]) -> N
             P[first + i, first + j] += G[j] * P[first + i, state]
             P[first + j, first + i] = P[first + i, first + j]
     for j in range(n):
-        column = P[j, first : first + 3]
-        column[0], column[1], column[2] = r0[j], r1[j], r2[j]
+        P[j, first], P[j, first + 1], P[j, first + 2] = r0[j], r1[j], r2[j]
 
 
 @helper

@@ -18,6 +18,7 @@ from ..core.earth import gravity
 from ..core.error_dynamics import cross_matrix
 from ..core.jit import plain
 from ..data import Aiding
+from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
 from ..preprocessing.axes import rotation_matrix
@@ -120,14 +121,14 @@ class Model:
         near = slice(first, max(last, first + 1))
         seconds = run.samples.dt[near].sum()
         rate = run.samples.dtheta[near].sum(axis=0) / seconds - np.asarray(start.bg)
-        swing = C @ cross_matrix(rate)
+        by_clock, by_arm = errors_of_start(np.asarray(start.v), C, rate, acceleration)
         for j, constant in enumerate(self.found):
             kinds = self.kinds[list(constant.sources)]
             if constant.kind == CLOCK:
-                V[0:3, j] = -np.asarray(start.v) * ("position" in kinds)
-                V[3:6, j] = -acceleration * ("velocity" in kinds)
+                V[0:3, j] = by_clock[:3] * ("position" in kinds)
+                V[3:6, j] = by_clock[3:] * ("velocity" in kinds)
             elif constant.kind == ARM:
-                V[0:3, j], V[3:6, j] = -C[:, constant.axis], -swing[:, constant.axis]
+                V[0:6, j] = by_arm[:, constant.axis]
 
     def derivatives(self, at: Corrections) -> Array:
         """h (k, 3, m) at these corrections."""

@@ -16,11 +16,15 @@ from ..core.contract import (
     ESTIMATED,
     MOUNTING_STATE,
     PARAMETERS,
+    POS,
     SCALE_STATE,
     STATES,
     TURN,
+    VEL,
     Filter,
+    Start,
 )
+from ..core.error_dynamics import cross_matrix
 from ..data import Aiding
 from ..estimable import (
     ACCEL_MISALIGNMENT,
@@ -34,6 +38,7 @@ from ..estimable import (
     SCALE,
     Estimable,
 )
+from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..typing import Array, Ints
 
@@ -265,6 +270,38 @@ def _axes(component: str) -> tuple[int, int]:
         return AXES.index(component), AXES.index(component)
     into, of = ("xyz".index(letter) for letter in component)
     return into, of
+
+
+def errors_of_start(v: Array, C: Array, omega: Array, acceleration: Array) -> tuple[Array, Array]:
+    """Derivatives of the error of a start that was made of fixes, position and velocity: by their
+    clock (6,), and by their lever arm (6, 3). `omega` in rad/s, body; the others in n."""
+    return np.r_[-v, -acceleration], -np.vstack([C, C @ cross_matrix(omega)])
+
+
+def correlate(P: Array, start: Start, found: Sequence[Parameter], kinds: Sequence[str]) -> None:
+    """Add to P at the start what the first fixes err by with the parameters `found`, whose states
+    are the last; `kinds` of all sources."""
+    if not start.motion:
+        return
+    position = kinds.index("position") if "position" in kinds else -1
+    velocity = kinds.index("velocity") if "velocity" in kinds else position
+    by_clock, by_arm = errors_of_start(
+        np.asarray(start.v),
+        rotation_matrix(*start.rph),
+        np.asarray(start.motion[:3]),
+        np.asarray(start.motion[3:]),
+    )
+    V = np.zeros((len(P), len(found)))
+    for k, parameter in enumerate(found):
+        if parameter.of in (CLOCK, LEVER_ARM):
+            by = by_clock if parameter.of is CLOCK else by_arm[:, parameter.component]
+            V[POS, k] = by[:3] * (position in parameter.sources)
+            V[VEL, k] = by[3:] * (velocity in parameter.sources)
+    first = len(P) - len(found)
+    together = V * np.diagonal(P)[first:]
+    P[:, first:] += together
+    P[first:, :] += together.T
+    P += together @ V.T
 
 
 def place(rows: Array, found: Sequence[Parameter], first: int) -> None:

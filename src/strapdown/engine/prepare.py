@@ -527,10 +527,11 @@ def new_belief(
     noise or an option that it cannot use."""
     check_start(start, noise)
     check_options(filter, options)
-    installation.check_estimates(filter, installation.parameters(aidings, of_imu or {}))
+    found = installation.parameters(aidings, of_imu or {})
+    installation.check_estimates(filter, found)
     start = start._replace(sd=(*start.sd, *(each.sd for each in brought(aidings, of_imu))))
     try:
-        return filter.begin(start, noise, **options)
+        belief = filter.begin(start, noise, **options)
     except (TypeError, ValueError) as error:
         raise DataError(f"filter {filter.name!r}: {error}") from None
     except Exception as error:
@@ -539,6 +540,8 @@ def new_belief(
                 f"plugin {plugin.name}: start of the Filter {filter.name!r} fails ({error})"
             ) from error
         raise
+    installation.correlate(belief.P, start, found, [a.kind for a in aidings])
+    return belief
 
 
 def fitted(

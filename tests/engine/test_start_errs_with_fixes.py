@@ -1,0 +1,54 @@
+"""A start that is made of the first fixes errs with their clock and lever arm, and P says so."""
+
+import numpy as np
+from installed import flown
+
+import strapdown as sd
+from strapdown.core.contract import STATES
+from strapdown.diagnosis.installation import ARM, CLOCK, applied, constants
+from strapdown.engine.batch import begin
+from strapdown.engine.installation import with_estimates
+from strapdown.engine.prepare import Asked
+from strapdown.geodesy import displacement
+
+ESTIMATE = {"clock": 0.1, "lever-arm": 0.5}
+
+
+def covariance(recording, start=None):
+    return begin(recording, "closed-loop", Asked({}, estimate=ESTIMATE, start=start)).belief.P
+
+
+def test_correlations_of_the_start_are_what_a_wrong_set_up_does_to_it():
+    """V theta against the starts that the recording gives with its set-up changed by theta."""
+    recording = flown(1001, 60.0)
+    P, start = covariance(recording), sd.align(recording, sd.grade("tactical"))
+    found = constants(recording.aidings)
+    for column, (kind, axis, step) in enumerate(
+        [(CLOCK, 0, 0.02), (ARM, 0, 0.1), (ARM, 1, 0.1), (ARM, 2, 0.1)]
+    ):
+        theta = np.array([step if (one.kind, one.axis) == (kind, axis) else 0.0 for one in found])
+        other = sd.align(applied(recording, found, theta), sd.grade("tactical"))
+        if kind == CLOCK:  # the moment of the start moves with the stamps: both at one time
+            shift = (start.t - other.t) * np.asarray(other.v)
+        else:
+            shift = np.zeros(3)
+        moved = displacement(np.array([other.lla]), np.array([start.lla]))[0] + shift
+        state = STATES + column
+        by = P[:3, state] / P[state, state]
+        np.testing.assert_allclose(by, moved / step, atol=0.05 * max(1.0, np.abs(by).max()))
+
+
+def test_only_a_start_of_fixes_is_correlated_and_only_with_what_is_estimated():
+    recording = flown(1001, 60.0)
+    start = sd.align(recording, sd.grade("tactical"))
+    diagonal = covariance(recording, start._replace(motion=()))
+    assert np.array_equal(diagonal, np.diag(np.diag(diagonal)))
+    P = covariance(recording)
+    np.testing.assert_array_equal(P, covariance(recording, start))
+    assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P)))).min() > 0
+    assert np.all(np.diag(P) >= np.diag(diagonal))
+    given = sd.Start(start.t, lla=start.lla, v=start.v)
+    completed = covariance(recording, given)
+    assert not completed[:STATES, STATES:].any()
+    plain = begin(with_estimates(recording, {}), "closed-loop", Asked({})).belief.P
+    assert np.array_equal(plain, np.diag(np.array(start.sd) ** 2))
