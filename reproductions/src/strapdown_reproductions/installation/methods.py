@@ -2,7 +2,7 @@
 it found, so that one can stand in another's place."""
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,13 +56,19 @@ def by_states_again(recording: Recording, wanted: Mapping[str, None]) -> Calibra
 
 def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
     """What `diagnose` finds wrong; what it calls consistent, or not observable, stays as given."""
-    diagnosis, parameters = sd.diagnose(recording), parameters_of(recording, wanted)
-    known = {_name(each.name, each.cause): each for each in diagnosis.parameters}
+    return told(sd.diagnose(recording), recording, wanted)
+
+
+def told(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
+    """The Calibrated of what tells of each of its `parameters` name, cause, status, change and sd,
+    and has the recording set up as found: a Diagnosis, and what is made like one."""
+    parameters = parameters_of(recording, wanted)
+    known = {_name(each.name, each.cause): each for each in found.parameters}
     own = [known[_words(p)] for p in parameters]
     factors = np.array([p.of.factor for p in parameters])
     estimate = np.array([each.change for each in own]) / factors
     return Calibrated(
-        diagnosis.recording,
+        found.recording,
         np.where([each.status == FOUND for each in own], estimate, 0.0),
         estimate,
         np.array([each.sd for each in own]) / factors,

@@ -1,6 +1,7 @@
 """The three figures of the README that are missed on recorded data, with what is found of the
 installation."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,10 @@ def rows(folder: Path) -> list[dict[str, Any]]:
     driven = [_driven(drive, NOTHING), _driven(drive, STATES, estimate=list(FLYING))]
     for name, method in METHODS.items():
         in_flight = method(flight, FLYING)
-        found.append(_flown(in_flight.recording, name) | _said(flight, FLYING, in_flight.change))
+        clock = float(in_flight.change[0])
+        found.append(
+            _flown(in_flight.recording, name, clock) | _said(flight, FLYING, in_flight.change)
+        )
         on_road = method(vehicle, WANTED)
         parameters = parameters_of(vehicle, WANTED)
         driven.append(
@@ -49,20 +53,29 @@ def _said(recording: Recording, wanted: dict[str, None], change: Any) -> dict[st
     return {"found": ", ".join(parts)}
 
 
-def _flown(recording: Recording, method: str, **more: Any) -> dict[str, Any]:
+def _flown(recording: Recording, method: str, clock: float = 0.0, **more: Any) -> dict[str, Any]:
+    """The row of a solution of thor75. Beside its horizontal difference from the solution on board
+    stands that from the same taken `clock` s later: as far as that one shares a latency."""
     solution = sd.fuse(recording, **more)
-    r = rms(errors(solution, recording.reference), FLIGHT)
+    columns = solution.columns
     found = {
-        f"{name.split(' error')[0]} {values[-1]:+.3f}"
-        for name, values in solution.columns.items()
+        name.split(" error of")[0]: float(columns[name][-1])
+        for name in columns
         if " error of " in name and not name.startswith("sd of")
     }
+    clock = found.get("clock", clock)
+    reference = recording.reference
+    assert reference is not None
+    late = replace(reference, t=reference.t + clock)
+    r, of_late = (rms(errors(solution, each), FLIGHT) for each in (reference, late))
     return {
         "recording": "thor75",
         "method": method,
         "thor75 roll": float(np.degrees(r.rph[0])),
         "thor75 position D": float(r.position[2]),
-        "found": ", ".join(sorted(found)),
+        "thor75 horizontal": float(np.hypot(*r.position[:2])),
+        "the same, reference as late": float(np.hypot(*of_late.position[:2])),
+        "found": ", ".join(f"{name} {value:+.3f}" for name, value in found.items()),
     }
 
 
