@@ -20,6 +20,7 @@ from ..core.contract import (
     RATE,
     REST,
     SCALE_STATE,
+    SPIN,
     STATES,
     TURN,
     Belief,
@@ -203,7 +204,9 @@ def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
     age = parameters[AGE] - later
     omega, l = rate_then(belief, parameters), arm_of_body(belief, parameters)
     swing = cross(omega, l)
-    s, more = turned(M, swing[0], swing[1], swing[2]), cross(omega, swing)
+    s, round_ = turned(M, swing[0], swing[1], swing[2]), cross(omega, swing)
+    spun = cross((parameters[SPIN], parameters[SPIN + 1], parameters[SPIN + 2]), l)
+    more = round_[0] + spun[0], round_[1] + spun[1], round_[2] + spun[2]
     F, f, r = (
         parameters[FORCE : FORCE + 3],
         parameters[MEAN : MEAN + 3],
@@ -277,18 +280,29 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
     speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
     innovation[0] = y[0] - scale * speed
     c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
-    by_attitude_row, by_bias, by_mounting = cross(c, w), cross(u, l), cross(b, u)
+    by_attitude_row, by_bias = cross(c, w), cross(u, l)
     for i in range(3):
         H[0, 3 + i] = scale * c[i]
         H[0, 6 + i] = scale * by_attitude_row[i]
         H[0, 9 + i] = scale * age * by_force[i]
         H[0, 12 + i] = scale * by_bias[i]
         if parameters[MOUNTING_STATE + i] > 0:
-            H[0, int(parameters[MOUNTING_STATE + i])] = scale * by_mounting[i]
+            turn = cross(axis(k), axis(i))
+            more, again = cross(turn, mu), cross(once, axis(i))
+            H[0, int(parameters[MOUNTING_STATE + i])] = scale * (
+                b[0] * (turn[0] + 0.5 * (more[0] + again[0]))
+                + b[1] * (turn[1] + 0.5 * (more[1] + again[1]))
+                + b[2] * (turn[2] + 0.5 * (more[2] + again[2]))
+            )
     if parameters[SCALE_STATE] > 0:
         H[0, int(parameters[SCALE_STATE])] = speed
     if parameters[CLOCK_STATE] > 0:
         a = turned_back(C, (r[0], r[1], r[2]))
         a = turned_back(M, (a[0] + f[0] - bias[0], a[1] + f[1] - bias[1], a[2] + f[2] - bias[2]))
-        a = a[0] - rolled[0], a[1] - rolled[1], a[2] - rolled[2]
+        spun = cross((parameters[SPIN], parameters[SPIN + 1], parameters[SPIN + 2]), l)
+        a = (
+            a[0] - rolled[0] + spun[0],
+            a[1] - rolled[1] + spun[1],
+            a[2] - rolled[2] + spun[2],
+        )
         H[0, int(parameters[CLOCK_STATE])] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])

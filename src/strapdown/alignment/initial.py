@@ -124,6 +124,7 @@ class _Moment(NamedTuple):
     rest: list[Ints]  # that begin before t
     omega: Array  # rad/s, body
     f: Array  # m/s^2, body
+    spin: Array  # rad/s^2, body
     bg: Array  # rad/s, gyro bias
     bias_sd: Array  # m/s^2 and rad/s, of both biases
     force: MeanForce
@@ -190,13 +191,16 @@ def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Sta
         moment.bg,
         sd,
         f"position and velocity at {t:.2f} s, {heading.note}, {level_note}, {moment.note}",
-    )._replace(motion=_motion(moment, C, lla))
+    )._replace(motion=_motion(moment, C, lla, v))
 
 
-def _motion(moment: _Moment, C: Array, lla: Array) -> tuple[float, ...]:
+def _motion(moment: _Moment, C: Array, lla: Array, v: Array) -> tuple[float, ...]:
     """`Start.motion`."""
-    down = np.array([0.0, 0.0, plain(gravity)(np.sin(lla[0]), lla[2])])
-    return tuple(np.r_[moment.omega, C @ moment.f + down].tolist())
+    down, omega = np.array([0.0, 0.0, plain(gravity)(np.sin(lla[0]), lla[2])]), moment.omega
+    swing = np.cross(omega, _arm(moment.fixes))
+    arm = _arm(moment.velocity)
+    whirl = np.cross(omega, np.cross(omega, arm)) + np.cross(moment.spin, arm)
+    return tuple(np.r_[omega, v + C @ swing, C @ (moment.f + whirl) + down].tolist())
 
 
 def _start(
@@ -375,9 +379,9 @@ def _arm(source: Aiding | None) -> Array:
     return np.array((tuple(source.parameters) if source is not None else ()) + (0.0, 0.0, 0.0))[:3]
 
 
-def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array]:
+def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array, Array]:
     """Angular rate (rad/s, less the gyro bias) at t, of a straight line through half a second before
-    and after, and mean specific force (m/s^2) over these."""
+    and after, mean specific force (m/s^2) over these, and the slope of the line (rad/s^2)."""
     imu = recording.imu
     rows = slice(
         *np.clip(
@@ -389,7 +393,7 @@ def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array]:
     mean, rate = after @ dt / seconds, imu.dtheta[rows].sum(axis=0) / seconds
     away = after - mean
     slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9)
-    return rate - mean * slope - bg, imu.dv[rows].sum(axis=0) / seconds
+    return rate - mean * slope - bg, imu.dv[rows].sum(axis=0) / seconds, slope
 
 
 def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) -> float:

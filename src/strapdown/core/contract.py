@@ -69,6 +69,8 @@ __all__ = [
     "REST",
     "RATE",
     "TURN",
+    "SPIN",
+    "BEND",
     "BIAS_AT",
     "POSITION_KIND",
     "VELOCITY_KIND",
@@ -161,8 +163,9 @@ class Start(NamedTuple):
     # bring along
     sd: tuple[float, ...] = ()
     note: str = ""  # how each part was found
-    # angular rate (3, body, rad/s) and acceleration (3, NED, m/s^2) of a start whose position and
-    # velocity are those of fixes, and so err with their clock and lever arm; () of any other
+    # angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each, NED, SI) of a
+    # start whose position and velocity are those of fixes, and so err with their clock and lever
+    # arm; () of any other
     motion: tuple[float, ...] = ()
 
     def towards(self, q_nb: Vector) -> "Start":
@@ -275,9 +278,11 @@ DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
 """s that a fix waits before it is used, so that what the filter looks back at is there; s by which
 the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
 them before a fix; side slip of a constraint (rad per m/s^2), which adds to its standard deviation."""
-FORCE, LAG, MEAN, REST, RATE, TURN, BIAS_AT, PARAMETERS = 23, 26, 29, 32, 35, 38, 47, 50
-"""What happened in AGE, see core/recent_motion.py: vectors, a matrix of nine, and the accelerometer
-bias of then."""
+FORCE, LAG, MEAN, REST, RATE, TURN, BIAS_AT, SPIN = 23, 26, 29, 32, 35, 38, 47, 50
+BEND, PARAMETERS = 53, 59
+"""What happened in AGE, see core/recent_motion.py: vectors, a matrix of nine, the accelerometer bias
+of then and the angular acceleration. BEND: standard deviations of what the clock bends in positions
+(3) and velocities (3)."""
 VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
 before the next accepted position fix; not to be believed, because something contradicts it."""

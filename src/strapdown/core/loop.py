@@ -20,6 +20,7 @@ import math
 from ..typing import Array, Ints
 from . import contract
 from .contract import (
+    BEND,
     BRIDGED,
     BROUGHT,
     CLOCK_AT,
@@ -285,6 +286,8 @@ def _use_fix(
     sd = fixes.sd[k]
     if fixes.parameters[s, SLIP] > 0:
         sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[SLIPPING])
+    if fixes.parameters[s, CLOCK_STATE] > 0:
+        sd = _unbent(sd, fixes.kind[s], fixes.parameters[s], cursor.work[SLIPPING])
     while believable:  # once, or a second time with the gate lifted
         for i in range(3):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -377,6 +380,18 @@ def _slipping(sd: Array, belief: Belief, slip: float, wider: Array) -> Array:
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     for i in range(3):
         wider[i] = math.hypot(sd[i], slip * belief.omega[2] * square)
+    return wider
+
+
+@helper
+def _unbent(sd: Array, kind: int, parameters: Array, wider: Array) -> Array:
+    """The standard deviations of a position or a velocity with what an uncertain clock bends, in
+    `wider`."""
+    if kind != POSITION_KIND and kind != VELOCITY_KIND:
+        return sd
+    first = BEND if kind == POSITION_KIND else BEND + 3
+    for i in range(3):
+        wider[i] = math.hypot(sd[i], parameters[first + i])
     return wider
 
 

@@ -10,7 +10,7 @@ where r is gravity less the Coriolis term. All is written into the parameters of
 brackets FORCE and LAG, and the mean force MEAN about s, in body axes now, so that they turn with
 its errors; REST, r in n; RATE, the angular rate about s less the present one; TURN (3, 3), which
 takes vectors from body axes at s to body axes now. BIAS_AT is the accelerometer bias that the forces
-are without.
+are without; SPIN the angular acceleration about s.
 """
 
 import math
@@ -20,6 +20,8 @@ import numpy as np
 from ..typing import Array
 from .contract import (
     AGE,
+    ARM_STATE,
+    BEND,
     BIAS_AT,
     CLOCK_AT,
     CLOCK_STATE,
@@ -29,6 +31,7 @@ from .contract import (
     MEAN,
     RATE,
     REST,
+    SPIN,
     STATES,
     TURN,
     Belief,
@@ -37,7 +40,7 @@ from .contract import (
 from .cursor import LATEST
 from .jit import helper, matrix
 from .mechanization import stationary_increments
-from .rotation import rotate_left
+from .rotation import rotate_left, turned
 
 T, S, X, ANGLE, WIDTH = 0, 1, 4, 7, 10
 """Columns of Cursor.recent: time (s) and the integrals, of force (m/s, n), of that (m) and of the
@@ -126,6 +129,7 @@ def look_back(cursor: Cursor, belief: Belief, parameters: Array) -> bool:
     parameters[CLOCK_AT], parameters[AGE] = clock, age
     _at_rest(belief, parameters)
     _since(cursor.recent, cursor.at[LATEST], age, belief, parameters)
+    _bent(cursor.recent, cursor.at[LATEST], age, belief, parameters)
     for i in range(3):
         parameters[BIAS_AT + i] = belief.ba[i]
     return age == parameters[DELAY] - clock
@@ -151,10 +155,13 @@ def _since(recent: Array, now: int, age: float, belief: Belief, parameters: Arra
     s = min(max(held, begin), t)
     off = held - s
     angle = parameters[TURN : TURN + 3]  # for a moment
+    state = int(parameters[CLOCK_STATE])
+    sigma = math.sqrt(max(belief.P[state, state], 0.0))
+    half = max(0.5 * WINDOW, sigma)
     for j in range(3):
         parameters[FORCE + j] = parameters[LAG + j] = parameters[MEAN + j] = 0.0
     for i in range(3):
-        mean = _slope(recent, now, begin, held, WINDOW, S + i)
+        mean = _slope(recent, now, begin, held, 2 * half, S + i)
         gained = recent[now, S + i] - _at(recent, now, s, S + i)
         way = recent[now, X + i] - _at(recent, now, s, X + i)
         force = gained - mean * off
@@ -163,8 +170,12 @@ def _since(recent: Array, now: int, age: float, belief: Belief, parameters: Arra
             parameters[FORCE + j] += C[i, j] * force
             parameters[LAG + j] += C[i, j] * lag
             parameters[MEAN + j] += C[i, j] * mean
-        w = _slope(recent, now, begin, held, STEP, ANGLE + i)
+        w = _slope(recent, now, begin, held, max(STEP, 2 * sigma), ANGLE + i)
         parameters[RATE + i] = w - belief.omega[i]
+        parameters[SPIN + i] = (
+            _slope(recent, now, begin, held + half, STEP, ANGLE + i)
+            - _slope(recent, now, begin, held - half, STEP, ANGLE + i)
+        ) / (2 * half)
         angle[i] = recent[now, ANGLE + i] - _at(recent, now, s, ANGLE + i) - w * off
     x, y, z = angle[0], angle[1], angle[2]
     turn = matrix(parameters, TURN, 3, 3)
@@ -172,3 +183,58 @@ def _since(recent: Array, now: int, age: float, belief: Belief, parameters: Arra
         for j in range(3):
             turn[i, j] = 1.0 if i == j else 0.0
     rotate_left(-x, -y, -z, turn)
+
+
+@helper
+def _bent(recent: Array, now: int, age: float, belief: Belief, parameters: Array) -> None:
+    """BEND: standard deviations of what the observation of a position (3) and of a velocity (3)
+    leaves out, which is linear in the errors of clock and lever arm: with D the second difference
+    of its motion over one standard deviation of the clock, D^2/4 times the mean fourth power of a
+    normal error, and the change of the rate in that time times the error of the arm."""
+    state, C, P = int(parameters[CLOCK_STATE]), belief.C, belief.P
+    sigma, arm, t = math.sqrt(max(P[state, state], 0.0)), 0.0, recent[now, T] - age
+    oldest = (now + 1) % ROWS
+    begin = recent[oldest, T] if recent[oldest, T] < math.inf else recent[0, T]
+    later, earlier = t + sigma, t - sigma
+    l = parameters[BEND : BEND + 3]  # for a moment
+    for i in range(3):
+        l[i] = parameters[i]
+        k = int(parameters[ARM_STATE + i])
+        if k > 0:
+            l[i] += belief.extra_states[k - STATES]
+            arm += P[k, k]
+    x, y, z = l[0], l[1], l[2]
+    bend, turn = parameters[BEND + 3 : BEND + 6], parameters[BEND : BEND + 3]
+    change = 0.0
+    for i in range(3):
+        before = _slope(recent, now, begin, earlier, STEP, ANGLE + i)
+        after = _slope(recent, now, begin, later, STEP, ANGLE + i)
+        bend[i] = before - 2 * _slope(recent, now, begin, t, STEP, ANGLE + i) + after
+        turn[i] = (
+            _at(recent, now, earlier, ANGLE + i)
+            - 2 * _at(recent, now, t, ANGLE + i)
+            + _at(recent, now, later, ANGLE + i)
+        )
+        change += 0.25 * (after - before) * (after - before)
+    swung = turned(
+        C, bend[1] * z - bend[2] * y, bend[2] * x - bend[0] * z, bend[0] * y - bend[1] * x
+    )
+    moved = turned(
+        C, turn[1] * z - turn[2] * y, turn[2] * x - turn[0] * z, turn[0] * y - turn[1] * x
+    )
+    for i in range(3):
+        D = (
+            _at(recent, now, earlier, X + i)
+            - 2 * _at(recent, now, t, X + i)
+            + _at(recent, now, later, X + i)
+            + parameters[REST + i] * sigma * sigma
+            + moved[i]
+        )
+        parameters[BEND + i] = math.sqrt(0.75) * abs(D)
+        D = (
+            _at(recent, now, earlier, S + i)
+            - 2 * _at(recent, now, t, S + i)
+            + _at(recent, now, later, S + i)
+            + swung[i]
+        )
+        parameters[BEND + 3 + i] = math.sqrt(0.75 * D * D + change * arm)

@@ -274,7 +274,8 @@ def _axes(component: str) -> tuple[int, int]:
 
 def errors_of_start(v: Array, C: Array, omega: Array, acceleration: Array) -> tuple[Array, Array]:
     """Derivatives of the error of a start that was made of fixes, position and velocity: by their
-    clock (6,), and by their lever arm (6, 3). `omega` in rad/s, body; the others in n."""
+    clock (6,), and by their lever arm (6, 3). `omega` in rad/s, body; the others in n, velocity and
+    acceleration being those of the antenna."""
     return np.r_[-v, -acceleration], -np.vstack([C, C @ cross_matrix(omega)])
 
 
@@ -286,10 +287,10 @@ def correlate(P: Array, start: Start, found: Sequence[Parameter], kinds: Sequenc
     position = kinds.index("position") if "position" in kinds else -1
     velocity = kinds.index("velocity") if "velocity" in kinds else position
     by_clock, by_arm = errors_of_start(
-        np.asarray(start.v),
+        np.asarray(start.motion[3:6]),
         rotation_matrix(*start.rph),
         np.asarray(start.motion[:3]),
-        np.asarray(start.motion[3:]),
+        np.asarray(start.motion[6:]),
     )
     V = np.zeros((len(P), len(found)))
     for k, parameter in enumerate(found):
