@@ -38,8 +38,14 @@ BA, BG = np.array([0.1, -0.2, 0.05]), np.array([0.01, 0.02, -0.005])
 # of clock, arm, mounting, scale: what the belief says of them
 ESTIMATES = np.array([0.05, 0.3, -0.2, 0.1, 1e-3, -2e-3, 3e-3, 0.02])
 NOW, WAIT = 1.0, 0.3  # s
-KINDS = {"position": 3, "velocity": 3, "speed": 1, "zero-lateral-velocity": 1}
-LEFT_OUT = {"position": 1.0, "velocity": 0.6, "speed": 5.5, "zero-lateral-velocity": 5.5}
+KINDS = {"position": 3, "velocity": 3, "speed": 1, "zero-lateral-velocity": 1, "heading": 1}
+LEFT_OUT = {
+    "position": 1.0,
+    "velocity": 0.6,
+    "speed": 5.5,
+    "zero-lateral-velocity": 5.5,
+    "heading": 0.0,
+}
 """Of the columns of the gyro bias: what it turns the arm, the force and the velocity in 0.25 s."""
 STEPS = np.r_[
     np.repeat([0.1, 0.01, 1e-5, 1e-3, 1e-4], 3), 1e-4, [1e-2] * 3, [1e-5] * 3, 1e-4
@@ -75,6 +81,9 @@ def truth(kind, error, r):
     own = ESTIMATES + error[15:]
     clock, arm, mounting, scale = own[0], GIVEN + own[1:4], own[4:7], own[7]
     t = NOW - WAIT + clock
+    if kind == "heading":  # has no clock to be estimated, and is used when it comes
+        attitude = Rotation.from_rotvec(theta) * C * Rotation.from_rotvec(mounting).inv()
+        return attitude.as_euler("ZYX")[:1]
     p, v, attitude = back(t, V + dv, Rotation.from_rotvec(theta) * C, BA + ba, BG + bg, r)
     omega, to_body = rate(t) - BG - bg, Rotation.from_rotvec(mounting).inv()
     if kind == "position":

@@ -1,11 +1,13 @@
-"""Observations where parameters of the installation are states: what `position`, `velocity` and the
-velocities of a vehicle see then, with the columns of H of all states.
+"""Observations where parameters of the installation are states: what `position`, `velocity`, the
+velocities of a vehicle and its heading see then, with the columns of H of all states.
 
 The clock's state says that the fix held AGE s before the belief, and later by the difference of the
 state to CLOCK_AT; see core/recent_motion.py. What the arm and the clock do to the columns of the
 attitude and of the biases is in them; what a gyro bias turns in AGE, 1e-3 m/s with one of 1e-3 rad/s,
 is left out.
 """
+
+import math
 
 from ..core.contract import (
     AGE,
@@ -100,6 +102,19 @@ def axis(k: int) -> Three:
         1.0 if k == 0 else 0.0,
         1.0 if k == 1 else 0.0,
         1.0 if k == 2 else 0.0,
+    )
+
+
+@helper
+def axis_of_vehicle(k: int, belief: Belief, parameters: Array) -> Three:
+    """The unit vector along axis k of the vehicle, in the body: exp(-mu x) u, to second order."""
+    u, mu = axis(k), errors(belief, parameters, MOUNTING_STATE)
+    once = cross(u, mu)
+    twice = cross(once, mu)
+    return (
+        u[0] + once[0] + 0.5 * twice[0],
+        u[1] + once[1] + 0.5 * twice[1],
+        u[2] + once[2] + 0.5 * twice[2],
     )
 
 
@@ -268,15 +283,7 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
         b[1] + swing[1] - later * rolled[1],
         b[2] + swing[2] - later * rolled[2],
     )
-    mu = errors(belief, parameters, MOUNTING_STATE)
-    u = axis(k)  # of the vehicle, in the body: exp(-mu x) u, to second order
-    once = cross(u, mu)
-    twice = cross(once, mu)
-    u = (
-        u[0] + once[0] + 0.5 * twice[0],
-        u[1] + once[1] + 0.5 * twice[1],
-        u[2] + once[2] + 0.5 * twice[2],
-    )
+    u = axis_of_vehicle(k, belief, parameters)
     speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
     innovation[0] = y[0] - scale * speed
     c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
@@ -306,3 +313,18 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
             a[2] - rolled[2] + spun[2],
         )
         H[0, int(parameters[CLOCK_STATE])] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])
+
+
+@helper
+def heading(belief: Belief, parameters: Array, H: Array) -> float:
+    """Heading of the x axis of the vehicle, rad, and its row of H."""
+    C, u = belief.C, axis_of_vehicle(0, belief, parameters)
+    n, e, d = turned(C, u[0], u[1], u[2])
+    square = max(n * n + e * e, 1e-12)
+    H[0, 6], H[0, 7], H[0, 8] = -d * n / square, -d * e / square, 1.0
+    for k in range(3):
+        if parameters[MOUNTING_STATE + k] > 0:
+            by = cross(u, axis(k))
+            x = turned(C, by[0], by[1], by[2])
+            H[0, int(parameters[MOUNTING_STATE + k])] = (n * x[1] - e * x[0]) / square
+    return math.atan2(e, n)

@@ -3,14 +3,18 @@ every heading (the published compass row is not)."""
 
 import math
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, kernel
 from ..core.rotation import wrap
 from ..typing import Array
+from . import estimated
 
 
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
+    if parameters[ESTIMATED] > 0:
+        innovation[0] = wrap(y[0] - estimated.heading(belief, parameters, H))
+        return 1
     C = belief.C
     # zero where the x axis points up or down
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)
@@ -25,5 +29,6 @@ MEASUREMENT = Measurement(
     "heading",
     observe,
     ("angle",),
+    estimable=("mounting",),
     reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected",
 )
