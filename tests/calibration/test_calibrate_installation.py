@@ -173,6 +173,10 @@ def test_what_was_written_is_right_and_settles(drive):
         "odometer scale",
     }
     assert first.write(drive).read_text() == text
+    changed = drive.read_text()
+    with pytest.raises(DataError, match="has this already; read it and calibrate anew"):
+        first.write(drive)
+    assert drive.read_text() == changed
     lines = drive.read_text().splitlines()
     assert lines[0] == "# A drive, with comments that must stay." and "# of the vehicle" in lines
     assert [line for line in lines if "by tape" in line][0].startswith("lever_arm = [0.")

@@ -115,6 +115,8 @@ class Installation:
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
+    # files that have it: offsets and factors are on top of what they said
+    written: set[Path] = field(default_factory=set, init=False, repr=False, compare=False)
 
     @property
     def found(self) -> tuple[Parameter, ...]:
@@ -205,12 +207,19 @@ class Installation:
         comments that have standard deviations and date; the path of the copy of the old one that is
         kept beside it, or None where nothing changes.
 
-        Raises DataError where something is not plausible and where the file is another one or cannot
-        be changed; then nothing is.
+        Raises DataError where something is not plausible, where it was written there before, and
+        where the file is another one or cannot be changed; then nothing is.
         """
         if self.implausible:
             raise DataError(f"{path}: left as it is; {self.implausible[0]}")
-        return rewrite(path, self.edits, self._kinds, self._mark) if self.edits else None
+        if not self.edits:
+            return None
+        target = Path(path).resolve()
+        if target in self.written:
+            raise DataError(f"{path}: has this already; read it and calibrate anew to change it")
+        kept = rewrite(path, self.edits, self._kinds, self._mark)
+        self.written.add(target)
+        return kept
 
     def page(self) -> "Page":
         """The page, with runs as given and as found, and some around each parameter."""
