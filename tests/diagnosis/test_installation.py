@@ -9,6 +9,7 @@ from installed import car
 from recordings import flight
 
 from strapdown import filters
+from strapdown.data import Aiding
 from strapdown.diagnosis.findings import settings
 from strapdown.diagnosis.installation import Model, applied, constants, rotation
 from strapdown.engine.prepare import Asked
@@ -121,6 +122,17 @@ def test_what_is_applied_is_what_the_constants_say():
     # its x axis points to the right of the vehicle
     np.testing.assert_allclose(made.imu.dv[:, 1], recording.imu.dv[:, 0], atol=1e-12)
     assert applied(recording, found, 0 * theta).imu is recording.imu
+
+
+@pytest.mark.short
+def test_rates_that_the_gyro_measured_turn_with_it():
+    recording = car(1040, 20.0)
+    rates = Aiding("zero-angular-rate", [1.0], [[0.01, 0.02, 0.03]], [[0.005] * 3])
+    recording = replace(recording, aidings=(*recording.aidings, rates))
+    found = constants(recording.aidings)
+    theta = np.array([np.pi / 2 * (one[::2] == ("mounting", 2)) for one in found])
+    made = applied(recording, found, theta)
+    np.testing.assert_allclose(made.aidings[-1].y, [[-0.02, 0.01, 0.03]], atol=1e-15)
 
 
 def test_each_antenna_has_an_arm_of_its_own():

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..aiding import find
 from ..core.contract import Imu
 from ..core.earth import gravity
 from ..core.error_dynamics import cross_matrix
@@ -85,6 +86,8 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
     if turn.any():
         R = rotation(turn)
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
+        of_imu = [find(a.kind).mean_of == "gyro" for a in aidings]
+        aidings = [replace(a, y=a.y @ R.T) if own else a for a, own in zip(aidings, of_imu)]
     return replace(recording, imu=imu, aidings=tuple(aidings))
 
 
