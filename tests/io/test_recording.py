@@ -263,6 +263,16 @@ def test_zero_angular_rate_is_told_the_mean_of_the_gyro_over_the_step_before(bui
     assert not any("scatter" in note for note in recording.meta["notes"])
 
 
+def test_zero_angular_rate_at_long_steps_is_told_the_rest_alone(build):
+    def turning_before(frame):
+        frame.loc[:649, "gz"] += 20.0 + np.sin(np.arange(650))
+        return frame
+
+    text = RATES.format(0.1).replace("10.0", "0.25")
+    rates = read(build(imu=turning_before, toml=lambda s: s + text)).aidings[2]
+    assert len(rates.t) > 1 and np.abs(rates.y).max() < np.radians(1.5)
+
+
 def test_zero_angular_rate_is_not_known_better_than_it_scatters(build):
     recording = read(build(toml=lambda s: s + RATES.format(1e-5)))
     expected = np.radians(0.1) / np.sqrt(10)  # of the samples, ten to a mean

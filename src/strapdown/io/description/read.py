@@ -19,7 +19,7 @@ from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_note
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import mistakes
-from ...preprocessing.vehicle_rest import vehicle_at_rest
+from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
 from ...quantities import dimension, innovation_dimension
 from ...recording import Recording
@@ -291,13 +291,15 @@ def _constraint_times(
 
 
 def _gyro_means(part: AidingPart, t: Array, sd: Array, imu: Imu) -> tuple[Array, Array, list[str]]:
-    """(y, sd, notes): the mean rate that the gyro reads over the step before each of the times t;
-    no sd is below the scatter of these means from step to step."""
+    """(y, sd, notes): the mean rate that the gyro reads over the step before each of the times t,
+    of which rest is sure for 1 s; no sd is below the scatter of these means from step to step."""
     assert part.rate is not None
     edges, step = np.r_[imu.t[0] - imu.dt[0], imu.t], 1.0 / part.rate
+    over_time = min(step, WINDOW)
     sums = np.vstack([np.zeros(4), np.cumsum(np.c_[imu.dtheta, imu.dt], axis=0)])
     over = np.stack(
-        [np.interp(t, edges, each) - np.interp(t - step, edges, each) for each in sums.T], axis=1
+        [np.interp(t, edges, each) - np.interp(t - over_time, edges, each) for each in sums.T],
+        axis=1,
     )
     y = over[:, :3] / over[:, 3:]
     neighbours = np.diff(t) < 1.5 * step
