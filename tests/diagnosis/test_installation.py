@@ -22,14 +22,17 @@ STEP = 1e-6
 
 @pytest.fixture(scope="module")
 def model():
-    run = begin_sensitive(car(1040, 20.0), filters.find("closed-loop"), Asked({}))
+    recording = car(1040, 20.0)
+    heading = Aiding("heading", *map(np.array, ([5.0], [[0.0]], [[0.1]])))
+    recording = replace(recording, aidings=(*recording.aidings, heading))
+    run = begin_sensitive(recording, filters.find("closed-loop"), Asked({}))
     return Model(run, constants(run.recording.aidings), True)
 
 
 @pytest.fixture(scope="module")
 def at():
-    """One correction by each of the five sources, at one turning belief."""
-    rng, count = np.random.default_rng(5), 5
+    """One correction by each of the six sources, at one turning belief."""
+    rng, count = np.random.default_rng(5), 6
     tile = lambda values: np.tile(values, (count, *[1] * np.ndim(values)))
     return Corrections(
         np.zeros(count),
@@ -50,11 +53,13 @@ def measured(model, at, source, arm, turn, scale):
         return C @ arm
     if model.kinds[source] == "velocity":
         return at.v[0] + C @ swing
+    if model.kinds[source] == "heading":
+        return np.array([np.arctan2(C[1, 0], C[0, 0]), 0.0, 0.0])
     axis = ["speed", "zero-lateral-velocity", "zero-vertical-velocity"].index(model.kinds[source])
     return np.array([(C.T @ at.v[0] + swing)[axis] * (1 + scale), 0.0, 0.0])
 
 
-@pytest.mark.parametrize("source", range(5))
+@pytest.mark.parametrize("source", range(6))
 def test_derivatives_are_those_of_the_measurements(model, at, source):
     h, arm = model.derivatives(at), model.arms[source]
     for j, one in enumerate(model.found):
@@ -127,7 +132,9 @@ def test_what_is_applied_is_what_the_constants_say():
 @pytest.mark.short
 def test_rates_that_the_gyro_measured_turn_with_it():
     recording = car(1040, 20.0)
-    rates = Aiding("zero-angular-rate", [1.0], [[0.01, 0.02, 0.03]], [[0.005] * 3])
+    rates = Aiding(
+        "zero-angular-rate", *map(np.array, ([1.0], [[0.01, 0.02, 0.03]], [[0.005] * 3]))
+    )
     recording = replace(recording, aidings=(*recording.aidings, rates))
     found = constants(recording.aidings)
     theta = np.array([np.pi / 2 * (one[::2] == ("mounting", 2)) for one in found])

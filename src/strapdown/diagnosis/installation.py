@@ -31,6 +31,8 @@ CLOCK, ARM, MOUNTING, SCALE = "clock", "lever arm", "mounting", "odometer scale"
 GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
 """{kind of aiding: body axis along which it sees the velocity of the vehicle}."""
+HEADING = "heading"
+"""Kind of aiding that sees the x axis of the vehicle."""
 SHOWN_BY = {1: "zero-vertical-velocity", 2: "zero-lateral-velocity"}
 """{axis of the mounting: the constraint that shows it}."""
 
@@ -51,7 +53,7 @@ def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
     for arm in dict.fromkeys(_arm(aidings[i]) for i in gnss):
         own = tuple(i for i in gnss if _arm(aidings[i]) == arm)
         found += [Constant(ARM, own, axis) for axis in range(3)]
-    seen = tuple(i for i, kind in enumerate(kinds) if kind in CONSTRAINED)
+    seen = tuple(i for i, kind in enumerate(kinds) if kind in (*CONSTRAINED, HEADING))
     found += [
         Constant(MOUNTING, (*gnss, *seen), axis)
         for axis, shown_by in SHOWN_BY.items()
@@ -144,6 +146,8 @@ class Model:
             elif kind in CONSTRAINED:
                 body = turned(C.transpose(0, 2, 1), at.v[rows]) + cross(at.omega[rows], arm)
                 h[rows, 0] = self._of_body(body, CONSTRAINED[kind], s)
+            elif kind == HEADING:
+                h[rows, 0] = self._of_heading(C, s)
         return h
 
     def _of_antenna(self, at: Corrections, rows: Ints, s: int) -> Array:
@@ -163,6 +167,12 @@ class Model:
         """Of the velocity `body` (k, 3) of the vehicle along a body axis, of the source s."""
         by = {SCALE: body[:, None, :1], MOUNTING: cross(body, np.eye(3)[axis])[:, None]}
         return self._columns(by, s)[:, 0]
+
+    def _of_heading(self, C: Array, s: int) -> Array:
+        """Of the heading of the x axis of the vehicle, of the source s."""
+        n, e, turn = C[:, :1, 0], C[:, 1:2, 0], C @ cross_matrix(np.eye(3)[0])
+        by = (n * turn[:, 1] - e * turn[:, 0]) / np.maximum(n * n + e * e, 1e-12)
+        return self._columns({MOUNTING: by[:, None]}, s)[:, 0]
 
     def _columns(self, by: dict[str, Array], s: int) -> Array:
         """(k, rows, m) from the derivatives (k, rows, axes) by each kind of constant, of source s;
