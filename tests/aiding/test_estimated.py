@@ -105,7 +105,7 @@ def believed(change=np.zeros(STATES)):
         (Rotation.from_rotvec(theta) * C).as_matrix(),
         BA + ba,
         BG + bg,
-        np.eye(STATES),
+        1e-8 * np.eye(STATES),
         rate(NOW) - BG - bg,
         force(NOW) - BA - ba,
         np.zeros(1),

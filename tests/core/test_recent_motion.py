@@ -73,7 +73,7 @@ def belief_of(motion, t):
         attitude(t).as_matrix(),
         np.array([0.1, 0.2, 0.3]),
         np.zeros(3),
-        np.eye(16),
+        1e-8 * np.eye(16),
         TURNING.copy(),
         np.zeros(3),
         np.zeros(1),
