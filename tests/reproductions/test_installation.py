@@ -162,7 +162,7 @@ def test_epochs_count_from_30_s_after_the_start_by_their_band():
 
 @pytest.mark.short
 def test_the_drive_is_judged_by_what_is_estimated_from_the_file_as_given():
-    def of(wrong, done, estimated, alone, method="states, three passes"):
+    def of(wrong, done, estimated, alone, method="calibrate installation"):
         return {
             "wrong": wrong,
             "method": method,

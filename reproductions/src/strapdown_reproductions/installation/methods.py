@@ -59,6 +59,11 @@ def by_diagnosis(recording: Recording, wanted: Mapping[str, None]) -> Calibrated
     return told(sd.diagnose(recording), recording, wanted)
 
 
+def by_calibration(recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
+    """What `calibrate_installation` would write: found, and confirmed by states and smoother."""
+    return told(sd.calibrate_installation(recording), recording, wanted)
+
+
 def told(found: Any, recording: Recording, wanted: Mapping[str, None]) -> Calibrated:
     """The Calibrated of what tells of each of its `parameters` name, cause, status, change and sd,
     and has the recording set up as found: a Diagnosis, and what is made like one."""
@@ -89,5 +94,6 @@ METHODS: dict[str, Method] = {
     "states": by_states,
     "states, three passes": by_states_again,
     "diagnose": by_diagnosis,
+    "calibrate installation": by_calibration,
 }
 """By name."""

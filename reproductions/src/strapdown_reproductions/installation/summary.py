@@ -22,7 +22,7 @@ INTRODUCTION = (
     "found where its standard deviation at the end is at most half of its prior.",
 )
 FILTER = "closed-loop"
-METHOD = "states, three passes"
+METHOD = "calibrate installation"
 """By which the drive is judged; the tables have the others."""
 SETTLED = 30.0
 """s after the start from which NEES counts."""
