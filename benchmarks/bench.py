@@ -33,6 +33,9 @@ import subject  # noqa: E402
 import workload  # noqa: E402
 import yardstick  # noqa: E402
 
+import strapdown as sd  # noqa: E402
+from strapdown.sim.scenario import scenario  # noqa: E402
+from strapdown.sim.synthesis import Simulator  # noqa: E402
 from strapdown_reproductions.faults import main as faults  # noqa: E402
 from strapdown_reproductions.faults.summary import TARGETS as FAULT_TARGETS  # noqa: E402
 from strapdown_reproductions.installation import main as installation  # noqa: E402
@@ -40,6 +43,7 @@ from strapdown_reproductions.installation.summary import (  # noqa: E402
     TARGETS as INSTALLATION_TARGETS,
 )
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
+from strapdown_reproductions.vehicle_kit import on_drive  # noqa: E402
 from strapdown_reproductions.wrong_setups import main as wrong_setups  # noqa: E402
 from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUP_TARGETS  # noqa: E402
 
@@ -370,6 +374,32 @@ def installation_figures(book):
     )
 
 
+CAR = 600.0
+"""s at 100 Hz."""
+
+
+def calibration_figures(book):
+    """The drive with the vehicle kit, and what it costs to calibrate the installation of a log."""
+    kit = "drive0708, vehicle kit with clock and arm as states"
+
+    def drive():
+        folder = Path(__file__).resolve().parents[1] / "examples" / "recordings"
+        _, table = on_drive.outage_errors(folder)
+        row = (table["windows"] == "README") & table["set-up"].str.contains("states too")
+        return [(float(table.loc[row, "median, m"].iloc[0]), "strapdown reproduce vehicle-kit")]
+
+    def log():
+        car = scenario("car").replace(duration=CAR, imu="industrial")
+        recording = Simulator(car).recording("industrial", np.random.default_rng(1))
+        sd.calibrate_installation(recording)  # compiles
+        before = time.perf_counter()
+        sd.calibrate_installation(recording)
+        return [(time.perf_counter() - before, f"{CAR / 60:.0f} min, 100 Hz")]
+
+    book.measure([kit], drive)
+    book.measure(["calibrate installation, 10 minutes at 100 Hz"], log)
+
+
 def claimed(book, figures, targets, reproduce, note):
     """The values of a reproduction's claims; figures: {figure: name of its target}."""
 
@@ -457,6 +487,7 @@ def main():
         setup_figures(book)
         fault_figures(book)
         installation_figures(book)
+        calibration_figures(book)
         attitude_figures(book)
         navigation_figures(book)
         exogenous_figures(book)

@@ -35,6 +35,7 @@ def outage_errors(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
         "as given": (given, ()),
         "constraints": (constrained, ()),
         "kit": (kit, ("mounting",)),
+        "kit, clock and lever arm as states too": (kit, ("clock", "lever-arm", "mounting")),
         "kit, and wheel speed made of the RTK": (wheeled, ("mounting", "scale")),
     }
     sets = {"README": [windows_of(given)], "issue": [OF_ISSUE], "chosen on": CHOSEN_ON}
