@@ -469,7 +469,7 @@ def test_numbers_of_kinds_stay_and_filters_are_found_by_name_or_not_sent(monkeyp
 @pytest.mark.parametrize(
     "changes, said",
     [
-        (dict(name="angular rate", units={"rad/s": 1.0, "rpm": 0.1}), "give dimension='angular"),
+        (dict(name="turn rate", units={"rad/s": 1.0, "rpm": 0.1}), "give dimension='angular"),
         (dict(units={"V": 1.0, "m/s": 2.0}), "the unit 'm/s' exists already"),
         (dict(units={"u": 1.0, "m/s": 2.0}, dimension="speed"), "give one of the two"),
         (dict(units={"mV": 1e-3}), "must begin with the SI unit"),
