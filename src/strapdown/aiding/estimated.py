@@ -288,6 +288,8 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
     innovation[0] = y[0] - scale * speed
     c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
     by_attitude_row, by_bias = cross(c, w), cross(u, l)
+    mu = errors(belief, parameters, MOUNTING_STATE)
+    once = cross(axis(k), mu)
     for i in range(3):
         H[0, 3 + i] = scale * c[i]
         H[0, 6 + i] = scale * by_attitude_row[i]
