@@ -73,6 +73,11 @@ def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
         )
     names = tuple(" ".join(each.split()) for each in wanted)
     for each in names:
+        if "=" in each:
+            raise DataError(
+                f"filter {filter.name!r}: {ESTIMATE} has {each!r}; a label takes names alone, priors "
+                f"stand in estimate= (--estimate) of all filters or in the recording"
+            )
         check_parameter(each)
     if names and not filter.installation:
         able = [name for name in filters.names() if filters.find(name).installation]

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ...checks import DataError, check_number
+from ...checks import DataError, located
 from ...core.contract import Start
 from ...data import Aiding, Trajectory
 from ...engine.installation import Parameter, Prior, parameters, with_estimates
@@ -23,6 +23,7 @@ from ...estimable import (
     MOUNTING,
     SCALE,
     Estimable,
+    prior,
 )
 from ...recording import Recording
 from ...typing import Array
@@ -54,16 +55,8 @@ def checked(installation: object) -> dict[str, tuple[float, ...]]:
         )
     found = {}
     for name, given in installation.items():
-        of = check_parameter(name)
-        values = of.sd if given is None else tuple(np.ravel(given))
-        values = values * len(of.components) if len(values) == 1 else values
-        if len(values) != len(of.components):
-            raise DataError(
-                f"installation: {name} has {len(of.components)} components, and {len(values)} "
-                f"standard deviations are given"
-            )
-        what = f"installation: standard deviation of {name}"
-        found[name] = tuple(check_number(value, what, least=0, most=of.most) for value in values)
+        with located("installation"):
+            found[name] = prior(check_parameter(name), given)
     return found
 
 
