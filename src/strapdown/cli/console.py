@@ -412,8 +412,7 @@ def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
 
     words, equals, sd = (part.strip() for part in piece.partition("="))
     name = words.split()[-1] if words else ""
-    of_sources = estimable.asked_at([*estimable.OF_SOURCE])
-    known = {**estimable.ASKED_OF_IMU, **of_sources}
+    known = {**estimable.ASKED_OF_IMU, **estimable.asked_at([*estimable.OF_SOURCE])}
     if words.lower().startswith("imu "):  # whose scale is another
         known |= estimable.ASKED_OF_IMU
     what = known[check_choice(name, option, known)][0]

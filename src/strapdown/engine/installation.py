@@ -232,11 +232,11 @@ def told(recording: Recording, P: Array) -> dict[str, Any]:
 
 def _of_right_clock(aidings: Sequence[Aiding], parameter: Parameter) -> list[int]:
     """The sources of the antenna of a clock that is estimated whose own clock is none."""
-    first = aidings[parameter.sources[0]]
+    if parameter.of is not CLOCK:
+        return []
+    own = aidings[parameter.sources[0]]
     return [
-        i
-        for i, a in enumerate(aidings)
-        if parameter.of is CLOCK and _same_antenna(first, a) and CLOCK.name not in a.estimate
+        i for i, a in enumerate(aidings) if _same_antenna(own, a) and CLOCK.name not in a.estimate
     ]
 
 

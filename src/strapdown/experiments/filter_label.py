@@ -86,7 +86,7 @@ def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
 
 
 def check_parameter(words: str) -> estimable.Estimable:
-    """The parameter that "clock" or "gnss clock" names. Raises DataError."""
+    """The parameter that "clock" or "position clock" names. Raises DataError."""
     known = {**estimable.OF_SOURCE, **estimable.OF_IMU}
     return known[check_choice((words.split() or [""])[-1], "estimate", known)]
 
