@@ -119,6 +119,18 @@ def axis_of_vehicle(k: int, belief: Belief, parameters: Array) -> Three:
 
 
 @helper
+def axis_by_mounting(k: int, i: int, belief: Belief, parameters: Array) -> Three:
+    """The derivative of `axis_of_vehicle` by component i of the mounting."""
+    mu, turn = errors(belief, parameters, MOUNTING_STATE), cross(axis(k), axis(i))
+    more, again = cross(turn, mu), cross(cross(axis(k), mu), axis(i))
+    return (
+        turn[0] + 0.5 * (more[0] + again[0]),
+        turn[1] + 0.5 * (more[1] + again[1]),
+        turn[2] + 0.5 * (more[2] + again[2]),
+    )
+
+
+@helper
 def along_arm(belief: Belief, parameters: Array, H: Array, rate: Three) -> None:
     """Columns of the lever arm and of the mounting, which turns it, of a position (rate 0) or of a
     velocity."""
@@ -278,37 +290,32 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
     )
     b, swing = turned_back(M, b), cross(omega, l)
     rolled = cross(omega, b)
+    spun = cross((parameters[SPIN], parameters[SPIN + 1], parameters[SPIN + 2]), l)
     b = (
-        b[0] + swing[0] - later * rolled[0],
-        b[1] + swing[1] - later * rolled[1],
-        b[2] + swing[2] - later * rolled[2],
+        b[0] + swing[0] + later * (spun[0] - rolled[0]),
+        b[1] + swing[1] + later * (spun[1] - rolled[1]),
+        b[2] + swing[2] + later * (spun[2] - rolled[2]),
     )
     u = axis_of_vehicle(k, belief, parameters)
     speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
     innovation[0] = y[0] - scale * speed
     c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
     by_attitude_row, by_bias = cross(c, w), cross(u, l)
-    mu = errors(belief, parameters, MOUNTING_STATE)
-    once = cross(axis(k), mu)
     for i in range(3):
         H[0, 3 + i] = scale * c[i]
         H[0, 6 + i] = scale * by_attitude_row[i]
         H[0, 9 + i] = scale * age * by_force[i]
         H[0, 12 + i] = scale * by_bias[i]
         if parameters[MOUNTING_STATE + i] > 0:
-            turn = cross(axis(k), axis(i))
-            more, again = cross(turn, mu), cross(once, axis(i))
+            by = axis_by_mounting(k, i, belief, parameters)
             H[0, int(parameters[MOUNTING_STATE + i])] = scale * (
-                b[0] * (turn[0] + 0.5 * (more[0] + again[0]))
-                + b[1] * (turn[1] + 0.5 * (more[1] + again[1]))
-                + b[2] * (turn[2] + 0.5 * (more[2] + again[2]))
+                b[0] * by[0] + b[1] * by[1] + b[2] * by[2]
             )
     if parameters[SCALE_STATE] > 0:
         H[0, int(parameters[SCALE_STATE])] = speed
     if parameters[CLOCK_STATE] > 0:
         a = turned_back(C, (r[0], r[1], r[2]))
         a = turned_back(M, (a[0] + f[0] - bias[0], a[1] + f[1] - bias[1], a[2] + f[2] - bias[2]))
-        spun = cross((parameters[SPIN], parameters[SPIN + 1], parameters[SPIN + 2]), l)
         a = (
             a[0] - rolled[0] + spun[0],
             a[1] - rolled[1] + spun[1],
@@ -326,7 +333,7 @@ def heading(belief: Belief, parameters: Array, H: Array) -> float:
     H[0, 6], H[0, 7], H[0, 8] = -d * n / square, -d * e / square, 1.0
     for k in range(3):
         if parameters[MOUNTING_STATE + k] > 0:
-            by = cross(u, axis(k))
+            by = axis_by_mounting(0, k, belief, parameters)
             x = turned(C, by[0], by[1], by[2])
             H[0, int(parameters[MOUNTING_STATE + k])] = (n * x[1] - e * x[0]) / square
     return math.atan2(e, n)
