@@ -79,7 +79,7 @@ def test_without_motion_or_velocity_it_is_refused():
     with pytest.raises(DataError, match="has no source of velocity, and positions alone do not"):
         sd.calibrate_installation(alone)
     still = sd.simulate("static", 60.0, "tactical", 1072)
-    with pytest.raises(DataError, match="nothing of the installation shows in this motion; to sh"):
+    with pytest.raises(DataError, match="in this motion; to show the clock: acc"):
         sd.calibrate_installation(still)
 
 

@@ -24,15 +24,17 @@ def test_names_and_priors_in_the_units_of_tables():
     assert estimates(["clock, lever-arm", "imu scale"]) == dict.fromkeys(
         ["clock", "lever-arm", "imu scale"]
     )
-    found = estimates(["gnss clock=0.05,mounting=0 1 2", "misalignment=0.5"])
-    assert found["gnss clock"] == 0.05
+    found = estimates(["position clock=0.05,mounting=0 1 2", "misalignment=0.5"])
+    assert found["position clock"] == 0.05
     assert found["mounting"] == pytest.approx([0, np.radians(1), np.radians(2)])
+    assert estimates(["mounting=0/1/2"])["mounting"] == found["mounting"]
+    assert estimates(["imu scale=0.05"]) == {"imu scale": 0.05}
     assert found["misalignment"] == pytest.approx(np.radians(0.5))
 
 
 @pytest.mark.parametrize("smooth", [[], ["--smooth"]])
 def test_fuse_estimates_what_is_asked_for(here, command, smooth):
-    asked = ["--estimate", "clock=0.05", "--estimate", "GNSS position lever-arm"]
+    asked = ["--estimate", "clock=0.05", "--estimate", "gnss Position lever-arm"]
     code, out, err = command("fuse", "flight.nc", *asked, *smooth, "--out", "made")
     assert (code, err) == (0, [])
     assert "clock of GNSS position and GNSS velocity: " in out and " of a prior of 0.5 m)" in out
@@ -69,11 +71,16 @@ def test_compare_estimates_too(here, command):
     "asked, said",
     [
         ("clok", "--estimate is 'clok' (did you mean 'clock'?); it must be one of"),
-        ("clock=", "--estimate 'clock=': write clock=SD, a prior standard deviation in s"),
-        ("scale=x", "--estimate 'scale=x': write scale=SD, a prior standard deviation"),
-        ("clock=-1", "estimate: standard deviation of clock is -1.0 s; it must be"),
+        ("clock=", "--estimate 'clock=': write clock=SD, a standard deviation in s"),
+        ("scale=x", "--estimate 'scale=x': write scale=SD, a standard deviation"),
+        ("clock=-1", "--estimate: standard deviation of clock is -1.0 s; it must be"),
+        ("mounting=0/90/0", "--estimate: standard deviation of mounting is 90.0 deg; it must be"),
+        ("lever-arm=1,2,3", "--estimate: 'lever-arm=1' and '2': between the components of one"),
+        ("", "--estimate is empty; write names"),
+        ("clock,none", "--estimate: none stands alone"),
+        ("scale", "estimate: no source of the recording has a scale to estimate"),
         ("roof clock", "estimate: roof has no clock to estimate; these have: GNSS position, GNSS"),
-        ("lever-arm=1 2", "estimate: lever-arm has 3 components (forward, right, down), and 2 "),
+        ("lever-arm=1 2", "--estimate: lever-arm has 3 components (forward, right, down), and 2 "),
     ],
 )
 def test_bad_input_is_refused_in_one_line(here, command, asked, said):

@@ -94,7 +94,7 @@ def test_a_study_prints_its_table_and_goes_on_where_it_was(hop, command):
 
 def test_a_study_draws_an_installation_in_the_units_of_a_user(hop, command):
     label = "closed-loop:estimate=clock+lever-arm"
-    given = "clock=0.1, lever-arm=0.5,mounting=0/2/1"
+    given = "clock=0.1, lever-arm=0.5,mounting=0 2 1"
     code, out, _ = command(
         "study",
         "hop.toml",
@@ -114,8 +114,13 @@ def test_a_study_draws_an_installation_in_the_units_of_a_user(hop, command):
         "lever-arm": [0.5] * 3,
         "mounting": pytest.approx([0.0, np.radians(2), np.radians(1)]),
     }
-    code, _, err = command("study", "hop.toml", "--installation", "clock", "--out", "x")
-    assert code == 2 and "write clock=0.1,mounting=0/2/2" in err[0]
+    for given, said in (
+        ("clock=", "write clock=SD, a standard deviation in s"),
+        ("clock=9", "standard deviation of clock is 9.0 s; it must be"),
+        ("", "--installation is empty"),
+    ):
+        code, _, err = command("study", "hop.toml", "--installation", given, "--out", "x")
+        assert code == 2 and said in err[0]
 
 
 TOML = {

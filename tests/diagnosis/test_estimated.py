@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import estimable
+from strapdown.checks import DataError
 from strapdown.data import Aiding
 from strapdown.diagnosis import screening
 from strapdown.diagnosis.estimated import installation
@@ -100,6 +101,91 @@ def test_what_is_right_is_consistent(turning):
     found = by_name(sd.fuse(turning, start=start(turning), estimate=["clock", "lever-arm"]))
     assert found["clock", ""].status == found["lever-arm", "right"].status == "consistent"
     assert "consistent with what was given (" in str(found["clock", ""])
+
+
+def with_odometer(recording, scale):
+    """With the speed of the reference, times scale."""
+    t = np.arange(1.0, SECONDS, 0.5)
+    truth = recording.reference
+    speed = np.interp(t, truth.t, np.linalg.norm(truth.v_n, axis=1))
+    odometer = Aiding("speed", t, scale * speed[:, None], np.full((len(t), 1), 0.05), (0.0,) * 3)
+    return replace(recording, aidings=(*recording.aidings, odometer))
+
+
+def test_a_scale_is_told_as_what_its_file_must_be_multiplied_by(turning):
+    recording = with_odometer(turning, 1.03)
+    solution = sd.fuse(recording, start=start(turning), estimate=["scale"])
+    (scale,) = installation(solution).parameters
+    assert scale.status == "found" and scale.error == pytest.approx(0.03, abs=2e-3)
+    assert scale.value == pytest.approx(1 / 1.03, abs=2e-3)
+    assert str(scale).startswith(
+        "scale of speed: found: it reads 3.0 % too much, off what was given"
+    )
+    assert str(scale).endswith(f"; multiply its scale by {scale.value:.4f}")
+    # what is told, done, leaves nothing to find
+    right = [replace(a, y=a.y * scale.value) if a.kind == "speed" else a for a in recording.aidings]
+    again = sd.fuse(
+        replace(recording, aidings=tuple(right)), start=start(turning), estimate=["scale"]
+    )
+    assert abs(installation(again).parameters[0].error) < 1e-4
+
+
+@pytest.mark.parametrize("given", [None, 3, "solution.nc"])
+def test_what_is_no_solution_is_refused(given):
+    with pytest.raises(DataError, match="it must be a Solution"):
+        installation(given)
+
+
+def test_numbers_are_plain_floats(turning):
+    solution = sd.fuse(turning, start=start(turning), estimate=["clock", "mounting"])
+    for each in installation(solution).parameters:
+        assert {type(x) for x in each if not isinstance(x, str | tuple)} == {float}
+
+
+def test_the_stamps_of_a_reference_are_doubted_with_those_of_the_receiver(turning, tmp_path):
+    recording = wrong(turning, clock=0.1)
+    meta = {key: value for key, value in recording.meta.items() if key not in ("b_a", "b_g")}
+    truth = recording.reference
+    logged = replace(recording, meta=meta, reference=replace(truth, t=truth.t - 0.1))
+    solution = sd.fuse(logged, start=start(turning), estimate=["clock"])
+    found = installation(solution)
+    assert found.of_reference == found.told[-1]
+    assert found.of_reference.startswith(
+        "the reference keeps its time stamps: where it comes from "
+    )
+    assert f"off by {found.parameters[0].seen} too" in found.of_reference
+    sd.report(solution, logged.reference).save(tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "it may err itself: the reference keeps its time stamps" in page
+    for other in (recording, replace(logged, reference=None)):
+        assert not installation(
+            sd.fuse(other, start=start(turning), estimate=["clock"])
+        ).of_reference
+
+
+def test_the_other_source_of_an_antenna_is_taken_as_right_in_time(turning):
+    solution = sd.fuse(turning, start=start(turning), estimate=["position clock"])
+    assert installation(solution).remarks == (
+        "clock of GNSS position: GNSS velocity of the same antenna is taken as right in time; where "
+        "one receiver stamps both, estimate the clocks of both",
+    )
+
+
+def test_an_attitude_is_of_the_imu_whatever_its_mounting(turning):
+    zeros = np.zeros((1, 3))
+    ahrs = Aiding("attitude", np.array([SECONDS - 1]), zeros, zeros + 1e3, (), name="AHRS")
+    solution = sd.fuse(turning, start=start(turning), estimate=["mounting"])
+    assert not [text for text in installation(solution).remarks if "own axes" in text]
+    kinds = solution.meta["kinds"] | {ahrs.name: ahrs.kind}
+    remarks = installation(replace(solution, meta=solution.meta | {"kinds": kinds})).remarks
+    assert "the mounting is estimated, and AHRS taken as of the IMU's own axes" in remarks
+
+
+def test_a_tight_prior_is_no_reason_to_go_driving(turning):
+    solution = sd.fuse(turning, start=start(turning), estimate={"clock": 1e-4})
+    found = installation(solution)
+    assert str(found.parameters[0]).endswith("); the prior says as much as the data")
+    assert found.remarks == ()
 
 
 def test_what_no_motion_shows_is_said_with_the_motion_that_would():

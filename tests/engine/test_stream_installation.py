@@ -164,7 +164,7 @@ def test_an_attitude_from_an_ahrs_goes_with_estimates():
 def test_refusals_of_a_stream():
     recording, begin = flight(), start(flight())
     for estimate, name, said in (
-        (["scale"], "closed-loop", "estimate: no source has a scale to estimate; no source"),
+        (["scale"], "closed-loop", "estimate: no source of the recording has a scale to estimate"),
         (["clock"], "pkf", "pkf cannot estimate clock; these can: "),
         ({"clock": -1}, "closed-loop", "estimate: standard deviation of clock is -1"),
         ({"clock": "large"}, "closed-loop", "estimate: standard deviation of clock is 'large'"),

@@ -16,7 +16,7 @@ from typer.core import TyperCommand
 
 import strapdown as sd
 
-from ..checks import DataError, check_choice
+from ..checks import DataError, check_choice, located
 from ..verdict import Verdict, together
 
 if TYPE_CHECKING:
@@ -52,9 +52,10 @@ ESTIMATE = Annotated[
     typer.Option(
         metavar="NAME,...",
         help="What of the installation becomes states of the filter: clock, lever-arm, mounting, scale, "
-        "gyro-scale, accel-scale, gyro-misalignment, accel-misalignment; `gnss clock` of the source gnss "
-        "alone; clock=0.05 with its prior standard deviation, in s, m, deg or none; none for nothing. May "
-        "be repeated.  [default: what the recording names]",
+        "gyro-scale, accel-scale, gyro-misalignment, accel-misalignment; `position clock` of the source of "
+        "that name or kind alone; clock=0.05 with its prior standard deviation, in s, m, deg or none, "
+        "mounting=0/1/2 of each component; none for nothing. May be repeated.  [default: what the "
+        "recording names]",
     ),
 ]
 FROM = Annotated[
@@ -379,30 +380,61 @@ def option_values(items: Sequence[str] | None) -> dict[str, float | str]:
 
 
 def estimates(items: Sequence[str] | None) -> "dict[str, Prior] | None":
-    """What `fuse` takes as `estimate`, from NAME and NAME=SD in the units of tables; of several
-    components SD is one number or one each, with spaces between them. Raises DataError."""
+    """What `fuse` takes as `estimate`, from NAME and NAME=SD as `standard_deviations` reads them;
+    None where nothing is given. Raises DataError."""
+    return standard_deviations(items, "--estimate") if items else None
+
+
+def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]":
+    """{parameter of the installation: standard deviations by component, SI, or None} of NAME and
+    NAME=SD between commas, in the units of tables; of several components SD is one number, or one
+    each with "/" or blanks between them. "none" alone is none of them. Raises DataError."""
+    pieces = [piece.strip() for item in items for piece in item.split(",") if piece.strip()]
+    if not pieces:
+        raise DataError(f"{option} is empty; write names, such as clock,lever-arm, or none")
+    if pieces == ["none"]:
+        return {}
+    if "none" in pieces:
+        raise DataError(f"{option}: none stands alone; leave it or the other names out")
+    found: dict[str, Prior] = {}
+    for i, piece in enumerate(pieces):
+        if i and "=" in pieces[i - 1] and _numbers(piece):
+            raise DataError(
+                f"{option}: {pieces[i - 1]!r} and {piece!r}: between the components of one parameter "
+                f"write / instead of a comma, as in {pieces[i - 1]}/{piece}"
+            )
+        found |= _standard_deviation(piece, option)
+    return found
+
+
+def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
     from .. import estimable
 
-    if not items:
-        return None
-    found: dict[str, Prior] = {}
-    pieces = [piece.strip() for item in items for piece in item.split(",") if piece.strip()]
-    for piece in pieces if pieces != ["none"] else ():
-        words, equals, sd = (part.strip() for part in piece.partition("="))
-        name = words.split()[-1] if words else ""
-        known = {**estimable.ASKED_OF_IMU, **estimable.asked_at([*estimable.OF_SOURCE])}
-        check_choice(name, "--estimate", known)
-        try:
-            values = [float(each) / known[name][0].factor for each in sd.split()]
-        except ValueError:
-            values = []
-        if equals and not values:
-            raise DataError(
-                f"--estimate {piece!r}: write {words}=SD, a prior standard deviation"
-                f"{known[name][0].unit and ' in '}{known[name][0].unit}"
-            )
-        found[words] = values[0] if len(values) == 1 else values or None
-    return found
+    words, equals, sd = (part.strip() for part in piece.partition("="))
+    name = words.split()[-1] if words else ""
+    known = {**estimable.ASKED_OF_IMU, **estimable.asked_at([*estimable.OF_SOURCE])}
+    if words.lower().startswith("imu "):  # whose scale is another
+        known |= estimable.ASKED_OF_IMU
+    what = known[check_choice(name, option, known)][0]
+    if not equals:
+        return {words: None}
+    values = _numbers(sd)
+    if not values:
+        raise DataError(
+            f"{option} {piece!r}: write {words}=SD, a standard deviation"
+            f"{what.unit and ' in '}{what.unit}"
+        )
+    with located(option):
+        of_each = estimable.prior(what, values if len(values) > 1 else values[0], in_tables=True)
+    return {words: of_each if len(values) > 1 else of_each[0]}
+
+
+def _numbers(text: str) -> list[float]:
+    """Those between blanks or "/"; none where something else stands there."""
+    try:
+        return [float(each) for each in text.replace("/", " ").split()]
+    except ValueError:
+        return []
 
 
 @contextmanager

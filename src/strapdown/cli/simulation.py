@@ -18,6 +18,7 @@ from .console import (
     Progress,
     recording_argument,
     results_folder,
+    standard_deviations,
     table,
 )
 
@@ -83,7 +84,8 @@ def study(
         typer.Option(
             metavar="NAME=SD,...",
             help="Standard deviations from which each run draws what is wrong with the "
-            "installation, in s, m and deg: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02.",
+            "installation, in s, m and deg: clock=0.1,lever-arm=0.5,mounting=0/2/2,scale=0.02; "
+            "clock alone with the prior of `estimate`.",
         ),
     ] = None,
     seed: SEED = 0,
@@ -99,7 +101,9 @@ def study(
         tuple(imu or ()),
         runs,
         seed,
-        installation=_installation(installation),
+        installation=standard_deviations([installation], "--installation")
+        if installation is not None
+        else {},
     )
     print(
         f"{len(made.cells)} cells, {len(made.filters)} filters, {runs} runs: "
@@ -115,28 +119,6 @@ def study(
         )
     print_summary(campaign.summary)
     print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
-
-
-def _installation(text: str | None) -> dict[str, tuple[float, ...]]:
-    """{parameter: standard deviations by component, SI} of "clock=0.1,mounting=0/2/2", in the units
-    of `estimable`. Raises DataError."""
-    from ..experiments.filter_label import check_parameter
-
-    found = {}
-    for item in (text or "").split(","):
-        if not item.strip():
-            continue
-        name, _, values = item.partition("=")
-        try:
-            given = [float(value) for value in values.split("/")]
-        except ValueError:
-            raise sd.DataError(
-                f"--installation {text!r}: {item.strip()!r} is no parameter with its standard "
-                f"deviation; write clock=0.1,mounting=0/2/2"
-            ) from None
-        factor = check_parameter(name).factor
-        found[name.strip()] = tuple(value / factor for value in given)
-    return found
 
 
 def print_summary(summary: "pd.DataFrame") -> None:

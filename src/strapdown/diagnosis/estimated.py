@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import estimable
+from ..checks import DataError, brief
 from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Solution
@@ -31,10 +32,14 @@ OF_SENSORS = {
 """{cause: the motion that would show scale and misalignment}."""
 KNOWN = 0.5
 """Of its prior standard deviation: what is known no better is not observable."""
+TIGHT = 0.1
+"""Of the prior that a parameter has where none is given: one as tight says as much as data do."""
 PLAUSIBLE = 3.0
 """Prior standard deviations from which the data contradict the prior: one right prior in 370 does."""
 ALIKE = 0.95
 """Correlation from which two parameters cannot be told apart."""
+OF_BODY = ("attitude", "magnetic-field", "gravity")
+"""Kinds of aiding in the axes of the IMU, also where its mounting is a state."""
 
 
 class EstimatedParameter(NamedTuple):
@@ -48,19 +53,28 @@ class EstimatedParameter(NamedTuple):
     unit: str
     status: str  # "found", "consistent" or "not observable"
     given: float  # as the recording has it; of a clock 0, of a scale 1, else as in recording.toml
-    value: float  # what belongs there
-    error: float  # true less given, the state: of a mounting about the axis of the vehicle
+    value: float  # what belongs there; of a scale what the scale in recording.toml is to be times
+    # true less given, the state: of a mounting about the axis of the vehicle; of a scale the share
+    # by which the odometer reads too much
+    error: float
     sd: float  # of both
     prior: float  # standard deviation of the error before
     most: float  # what is further off is no error of an installation
     cause: str  # a key of verdict.CAUSES
-    motion: str  # what would show it, or show it better
+    motion: str  # what would show it, or show it better; "" where the prior is that tight
     column: str  # of the solution's: the error over time
 
     @property
     def sd_column(self) -> str:
         """That of its standard deviation."""
         return f"sd of {self.column}"
+
+    @property
+    def advice(self) -> str:
+        """What to do where it is not observable."""
+        if self.motion:
+            return f"to show it, {self.motion}"
+        return "the prior says as much as the data"
 
     @property
     def seen(self) -> str:
@@ -70,10 +84,16 @@ class EstimatedParameter(NamedTuple):
     def __str__(self) -> str:
         if self.status == NOT_OBSERVABLE:
             known = f"+-{_size(self.sd, self.unit)} of a prior of {_size(self.prior, self.unit)}"
-            return f"{self.name}: not observable ({known}); to show it, {self.motion}"
+            return f"{self.name}: not observable ({known}); {self.advice}"
+        if self.status == FOUND and self.parameter == "scale":
+            many = "much" if self.error > 0 else "little"
+            return (
+                f"{self.name}: found: it reads {100 * abs(self.error):.1f} % too {many}, off what was "
+                f"given by {self.seen}; multiply its scale by {self.value:.4f}"
+            )
         if self.status == FOUND:
-            new = f": {self.value:.{3 if self.unit else 4}f} {self.unit}".rstrip()
-            new = new if self.parameter in ("lever-arm", "mounting", "scale") else ""
+            new = f": {self.value:.3f} {self.unit}"
+            new = new if self.parameter in ("lever-arm", "mounting") else ""
             return f"{self.name}: found{new}, off what was given by {self.seen}"
         if abs(self.error) < NOTABLE * self.sd:
             return f"{self.name}: consistent with what was given ({self.seen})"
@@ -86,7 +106,8 @@ class EstimatedInstallation:
 
     parameters: tuple[EstimatedParameter, ...]
     reasons: tuple[Reason, ...]  # to doubt them; the verdict has them too
-    remarks: tuple[str, ...]  # what cannot be told apart, and what no motion shows
+    remarks: tuple[str, ...]  # what cannot be told apart, what no motion shows, what is presumed
+    of_reference: str = ""  # the remark on the time stamps of the reference, where there is one
 
     @property
     def lines(self) -> list[str]:
@@ -104,20 +125,31 @@ class EstimatedInstallation:
 
 def installation(solution: Solution) -> EstimatedInstallation:
     """What a Solution of `fuse`, `smooth` or a Stream says at its end of the parameters that were
-    states (`estimate`); empty where none was."""
+    states (`estimate`); empty where none was. Raises DataError."""
+    if not isinstance(solution, Solution):
+        raise DataError(
+            f"solution is {brief(solution)}; it must be a Solution, as fuse, smooth and read_solution "
+            f"give one"
+        )
     known = solution.meta.get("installation", {"parameters": [], "correlation": []})
     values = _values(solution, known["parameters"])
     parameters = tuple(
         _parameter(solution, facts, value) for facts, value in zip(known["parameters"], values)
     )
-    remarks = [*_alike(parameters, np.array(known["correlation"])), *_nothing(solution, parameters)]
+    remarks = [
+        *_alike(parameters, np.array(known["correlation"])),
+        *_nothing(solution, parameters),
+        *_trusted(solution, parameters, known["parameters"]),
+    ]
+    stamps = _of_reference(solution, parameters)
+    remarks += [stamps] if stamps else []
     reasons = [reason for each in parameters for reason in _doubts(each)]
-    return EstimatedInstallation(parameters, tuple(reasons), tuple(remarks))
+    return EstimatedInstallation(parameters, tuple(reasons), tuple(remarks), stamps)
 
 
 def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
     """What belongs into recording.toml, SI: what was given and the error; angles of a mounting are
-    those of the IMU turned by all its errors."""
+    those of the IMU turned by all its errors, and what reads too much is divided by it."""
     turn = np.zeros(3)
     errors = [_last(solution, facts) for facts in known]
     for facts, error in zip(known, errors):
@@ -125,10 +157,13 @@ def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
             turn[facts["component"]] = error
     C = rotation_matrix(*solution.meta["installation"]["mounting"]) if known else np.eye(3)
     angles = plain(matrix_to_euler)(rotation(turn) @ C)
-    return [
-        float(angles[facts["component"]]) if facts["name"] == "mounting" else facts["given"] + error
-        for facts, error in zip(known, errors)
-    ]
+
+    def value(facts: dict[str, Any], error: float) -> float:
+        if facts["name"] == "mounting":
+            return float(angles[facts["component"]])
+        return 1 / (1 + error) if facts["name"] == "scale" else facts["given"] + error
+
+    return [value(facts, error) for facts, error in zip(known, errors)]
 
 
 def _last(solution: Solution, facts: dict[str, Any], prefix: str = "") -> float:
@@ -167,7 +202,7 @@ def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> Estim
         prior,
         most,
         cause,
-        _motion(solution, cause, axis),
+        "" if facts["prior"] <= TIGHT * max(what.sd) else _motion(solution, cause, axis),
         facts["column"],
     )
 
@@ -210,16 +245,23 @@ def _alike(parameters: tuple[EstimatedParameter, ...], correlation: Array) -> It
         for j in range(i + 1, len(parameters)):
             b, r = parameters[j], float(correlation[i, j])
             if abs(r) > ALIKE:
-                shows = " and ".join(dict.fromkeys((a.motion, b.motion)))
+                unseen = [each for each in (a, b) if each.status == NOT_OBSERVABLE] or (a, b)
+                shows = [each.motion for each in unseen if each.motion]
                 yield (
-                    f"{a.name} and {b.name} cannot be told apart (correlation {r:+.3f}): estimate "
-                    f"one of them, or {shows}"
+                    f"{a.name} and {b.name} cannot be told apart (correlation {r:+.3f}): "
+                    + ", or ".join(
+                        ["estimate one of them", " and ".join(dict.fromkeys(shows))][
+                            : 1 + bool(shows)
+                        ]
+                    )
                 )
 
 
 def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> Iterator[str]:
     """Why nothing of them can be seen, where it is so."""
-    if not parameters or any(each.status != NOT_OBSERVABLE for each in parameters):
+    if not parameters or any(
+        each.status != NOT_OBSERVABLE or not each.motion for each in parameters
+    ):
         return
     kinds = set(solution.meta["kinds"].values())
     why = "the motion does not show them"
@@ -230,6 +272,41 @@ def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> 
     elif not kinds & {"velocity", "speed"}:
         why = "there is no source of velocity, add one"
     yield f"nothing of the installation that was asked for is observable: {why}"
+
+
+def _trusted(
+    solution: Solution,
+    parameters: tuple[EstimatedParameter, ...],
+    known: list[dict[str, Any]],
+) -> Iterator[str]:
+    """What was taken as right beside the estimates."""
+    for each, facts in zip(parameters, known):
+        if beside := facts.get("beside"):
+            them = " and ".join(beside)
+            yield (
+                f"{each.name}: {them} of the same antenna {'are' if len(beside) > 1 else 'is'} taken as "
+                f"right in time; where one receiver stamps both, estimate the clocks of both"
+            )
+    kinds = solution.meta["kinds"].items()
+    own = [name for name, kind in kinds if kind in OF_BODY]
+    if own and any(each.parameter == "mounting" for each in parameters):
+        yield f"the mounting is estimated, and {' and '.join(own)} taken as of the IMU's own axes"
+
+
+def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> str:
+    """What a clock that is off says of the reference; "" where it says nothing."""
+    kinds = solution.meta["kinds"]
+    for each in parameters:
+        off = each.status != NOT_OBSERVABLE and abs(each.error) > NOTABLE * each.sd
+        positions = [name for name in each.sources if kinds.get(name) == "position"]
+        if each.parameter == "clock" and off and positions:
+            if solution.meta["installation"].get("reference"):
+                return (
+                    f"the reference keeps its time stamps: where it comes from the receiver of "
+                    f"{positions[0]}, they are off by {each.seen} too, and errors against it are "
+                    f"larger for that"
+                )
+    return ""
 
 
 def _interval(value: float, sd: float, unit: str) -> str:

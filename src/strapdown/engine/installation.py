@@ -64,8 +64,9 @@ than it holds, with any probable offset."""
 
 Prior: TypeAlias = float | Sequence[float] | None
 Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]
-"""What to estimate: names, "clock" of all sources that have one, "gnss clock" of the source gnss,
-"imu gyro-scale", "imu scale" of both sensors; or {name: prior standard deviation, SI, one or one per component}."""
+"""What to estimate: names, "clock" of all sources that have one, "position clock" of the source of
+that name or kind, "imu gyro-scale", "imu scale" of both sensors; or {name: prior standard deviation, SI, one or one per
+component}."""
 OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
 """{parameter of the IMU that is estimated: prior standard deviations}, as `Recording.meta` has it
 under "estimate"."""
@@ -111,28 +112,32 @@ def asked_of(sources: Iterable[Aiding], estimate: Estimate) -> tuple[tuple[Aidin
         *owner, name = words.split()
         check_choice(name, "estimate", known)
         whose = " ".join(owner)
-        if name not in estimable.OF_SOURCE and whose not in ("", IMU):
+        of_it = whose.lower() == IMU
+        if name not in estimable.OF_SOURCE and whose and not of_it:
             raise DataError(f"estimate: {name} is of the IMU, not of {whose!r}")
-        if name not in estimable.OF_SOURCE or (whose == IMU and name in estimable.ASKED_OF_IMU):
+        if name not in estimable.OF_SOURCE or (of_it and name in estimable.ASKED_OF_IMU):
             of_imu |= {what.name: _prior(what, sd) for what in estimable.ASKED_OF_IMU[name]}
             continue
         prior = _prior(estimable.OF_SOURCE[name], sd)
-        found = [
-            i
-            for i, a in enumerate(aidings)
-            if whose in ("", a.name or a.kind) and name in aiding.find(a.kind).estimable
-        ]
-        if not found:
-            names = ", ".join(
-                a.name or a.kind for a in aidings if name in aiding.find(a.kind).estimable
-            )
-            raise DataError(
-                f"estimate: {whose or 'no source'} has {'no' if whose else 'a'} {name} to estimate; "
-                f"{f'these have: {names}' if names else 'no source of the recording has one'}"
-            )
-        for i in found:
+        for i in _asked_at(aidings, name, whose):
             aidings[i] = replace(aidings[i], estimate={**aidings[i].estimate, name: prior})
     return tuple(aidings), of_imu
+
+
+def _asked_at(aidings: Sequence[Aiding], name: str, whose: str) -> list[int]:
+    """The sources that have the parameter `name`: all, or those of the name `whose` or, where none
+    has it, of that kind, in upper or lower case. Raises DataError."""
+    having = [i for i, a in enumerate(aidings) if name in aiding.find(a.kind).estimable]
+    if not having:
+        raise DataError(f"estimate: no source of the recording has a {name} to estimate")
+    if not whose:
+        return having
+    named = [i for i in having if (aidings[i].name or "").lower() == whose.lower()]
+    found = named or [i for i in having if aidings[i].kind == whose.lower()]
+    if not found:
+        names = ", ".join(aidings[i].name or aidings[i].kind for i in having)
+        raise DataError(f"estimate: {whose} has no {name} to estimate; these have: {names}")
+    return found
 
 
 def _wanted(estimate: Estimate) -> dict[str, Prior]:
@@ -212,14 +217,27 @@ def told(recording: Recording, P: Array) -> dict[str, Any]:
                     "sources": [names[s] for s in each.sources],
                     "of_imu": each.owner == IMU,
                     "given": _given(recording, each),
-                    "prior": each.sd,
+                    "prior": float(each.sd),
+                    "beside": [names[i] for i in _of_right_clock(recording.aidings, each)],
                 }
                 for each in found
             ],
+            # that of a simulation is the truth
+            "reference": recording.reference is not None and "b_g" not in recording.meta,
             "mounting": recording.meta.get("imu_mounting", [0.0] * 3),  # roll, pitch, heading
             "correlation": np.nan_to_num(block / np.outer(sd, sd)).tolist(),
         }
     }
+
+
+def _of_right_clock(aidings: Sequence[Aiding], parameter: Parameter) -> list[int]:
+    """The sources of the antenna of a clock that is estimated whose own clock is none."""
+    if parameter.of is not CLOCK:
+        return []
+    own = aidings[parameter.sources[0]]
+    return [
+        i for i, a in enumerate(aidings) if _same_antenna(own, a) and CLOCK.name not in a.estimate
+    ]
 
 
 def _given(recording: Recording, parameter: Parameter) -> float:

@@ -73,6 +73,11 @@ def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
         )
     names = tuple(" ".join(each.split()) for each in wanted)
     for each in names:
+        if "=" in each:
+            raise DataError(
+                f"filter {filter.name!r}: {ESTIMATE} has {each!r}; a label takes names alone, priors "
+                f"stand in estimate= (--estimate) of all filters or in the recording"
+            )
         check_parameter(each)
     if names and not filter.installation:
         able = [name for name in filters.names() if filters.find(name).installation]
@@ -81,7 +86,7 @@ def _estimate(filter: Filter, wanted: object) -> tuple[str, ...]:
 
 
 def check_parameter(words: str) -> estimable.Estimable:
-    """The parameter that "clock" or "gnss clock" names. Raises DataError."""
+    """The parameter that "clock" or "position clock" names. Raises DataError."""
     known = {**estimable.OF_SOURCE, **estimable.OF_IMU}
     return known[check_choice((words.split() or [""])[-1], "estimate", known)]
 

@@ -74,5 +74,5 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
 
 def _status(each: EstimatedParameter) -> str:
     if each.status == NOT_OBSERVABLE:
-        return f"{each.status}; to show it, {each.motion}"
+        return f"{each.status}; {each.advice}"
     return each.status

@@ -15,6 +15,7 @@ from .. import __version__
 from ..checks import DataError
 from ..core.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution, Trajectory
+from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..io.solution import plain
@@ -219,7 +220,9 @@ def _summary(
         summary.run_table(solutions),
         summary.fix_table(solutions),
         "</div></div>",
-        summary.beyond(scores, window),
+        summary.beyond(
+            scores, window, {name: installation(s).of_reference for name, s in solutions.items()}
+        ),
     ]
     parts += [summary.withheld_table(solutions, scores)]
     notes = list(

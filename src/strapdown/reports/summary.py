@@ -152,9 +152,14 @@ BEYOND_SHARE, SIGMAS = 0.05, 3.0
 deviations; it would be 0.8 % for three normal errors."""
 
 
-def beyond(found: Mapping[str, Errors], window: tuple[float, float] | None = None) -> str:
+def beyond(
+    found: Mapping[str, Errors],
+    window: tuple[float, float] | None = None,
+    of_reference: Mapping[str, str] | None = None,
+) -> str:
     """Paragraphs on the errors of {name: metrics.Errors} that any of their components exceeds
-    its claim too often by; "" where none does."""
+    its claim too often by; "" where none does. of_reference: {name: what must be known of the
+    reference}, said where positions exceed it."""
     said = []
     for name, e in found.items():
         inside = e.inside(window)
@@ -166,10 +171,11 @@ def beyond(found: Mapping[str, Errors], window: tuple[float, float] | None = Non
             known = (np.isfinite(errors) & np.isfinite(sd)).any(axis=1)
             share = (errors > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
             if share > BEYOND_SHARE:
+                why = (of_reference or {}).get(name, "") if group == "position" else ""
                 said.append(
                     f"{name}: {group} error beyond 3σ of what the filter claims at "
                     f"{100 * share:.0f} % of the times, against the reference. The verdict does not "
-                    f"know it, and it may err itself."
+                    f"know it, and it may err itself{why and ': '}{why}."
                 )
     return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.data import Aiding
 from strapdown.diagnosis.installation import applied, constants
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.experiments.monte_carlo.wrong_installation import (
@@ -79,6 +80,36 @@ def test_what_the_diagnosis_applies_undoes_a_wrong_installation(right):
         for s, r in ((start, recording), (own, wrong))
     ]
     np.testing.assert_allclose(*errors, atol=1e-12)
+
+
+@pytest.mark.short
+def test_sources_in_the_axes_of_the_imu_turn_with_a_mounting(right):
+    """The field, the rates at rest and the attitude that the turned IMU sees are the same in n."""
+    recording, _ = right
+    t = recording.reference.t[100:104]
+    C = recording.reference.rotation[100:104]
+    field, rate = np.array([2e-5, 1e-6, 4e-5]), np.array([0.0, 0.0, 1e-4])
+    rph = C.as_euler("ZYX")[:, ::-1]
+    level = rph.copy()
+    level[:, 2] = np.nan
+    ones = np.ones((4, 3))
+    sources = (
+        Aiding("magnetic-field", t, C.inv().apply(field), ones * 1e-7, tuple(field)),
+        Aiding("zero-angular-rate", t, C.inv().apply(rate), ones * 1e-4, ()),
+        Aiding("attitude", t, rph, ones * 0.01, ()),
+        Aiding("attitude", t, level, ones * 0.01, (), name="level"),
+    )
+    recording = replace(recording, aidings=(*recording.aidings, *sources))
+    found = parameters_of(recording, {"mounting": (0.01, 0.1, 0.1)})
+    wrong = installed_wrong(recording, found, np.array([0.02, 0.1, -0.2])).recording
+    own = wrong.reference.rotation[100:104]
+    magnetic, rates, attitude, level = wrong.aidings[-4:]
+    np.testing.assert_allclose(own.apply(magnetic.y), np.tile(field, (4, 1)), atol=1e-12)
+    np.testing.assert_allclose(own.apply(rates.y), np.tile(rate, (4, 1)), atol=1e-12)
+    same = Rotation.from_euler("ZYX", attitude.y[:, ::-1]) * own.inv()
+    np.testing.assert_allclose(same.magnitude(), 0, atol=1e-9)
+    np.testing.assert_allclose(level.y[:, :2], attitude.y[:, :2], atol=1e-12)
+    assert np.isnan(level.y[:, 2]).all()
 
 
 @pytest.mark.short
@@ -167,7 +198,7 @@ def test_what_is_drawn_is_part_of_the_study(finished, tmp_path):
     [
         ("clock", "it must be {name: standard deviation}"),
         ({"clok": 0.1}, "did you mean 'clock'"),
-        ({"lever-arm": (0.1, 0.2)}, "has 3 components, and 2"),
+        ({"lever-arm": (0.1, 0.2)}, "has 3 components .forward, right, down., and 2"),
         ({"clock": -1}, "standard deviation of clock"),
         ({"clock": 100.0}, "standard deviation of clock"),
     ],

@@ -361,7 +361,7 @@ REFUSED = [
     (dict(filters=["mekf", "mekf"]), "'mekf' is there twice"),
     (dict(filters=["mekf:estimate=clok"]), "estimate is 'clok' (did you mean 'clock'?)"),
     (dict(filters=["fixed-gain:estimate=clock"]), "fixed-gain cannot estimate clock; these can"),
-    (dict(estimate="scale"), "no source has a scale"),
+    (dict(estimate="scale"), "no source of the recording has a scale"),
     (dict(filters=[5]), "5 is no filter"),
     (dict(filters=[("mekf", 5)]), "is no filter"),
     (dict(kinds=()), "kinds is empty"),

@@ -70,9 +70,9 @@ def calibrate_installation(
         *(_unseen(each) for each in last.parameters if not each.sources),
     )
     if all(each.status == NOT_OBSERVABLE for each in parameters):
-        motions = dict.fromkeys(each.motion for each in settled.sought)
+        motions = dict.fromkeys(f"the {each.cause}: {each.motion}" for each in settled.sought)
         raise DataError(
-            f"nothing of the installation shows in this motion; to show it, {'; '.join(motions)}"
+            f"nothing of the installation shows in this motion; to show {'; '.join(motions)}"
         )
     if imu_clock:
         _check_imu_clock(recording, parameters)

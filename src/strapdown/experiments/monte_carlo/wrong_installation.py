@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ...checks import DataError, check_number
+from ...aiding import find
+from ...checks import DataError, located
 from ...core.contract import Start
 from ...data import Aiding, Trajectory
 from ...engine.installation import Parameter, Prior, parameters, with_estimates
@@ -23,10 +24,14 @@ from ...estimable import (
     MOUNTING,
     SCALE,
     Estimable,
+    prior,
 )
 from ...recording import Recording
 from ...typing import Array
 from ..filter_label import check_parameter
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Installation: TypeAlias = Mapping[str, Prior]
 """{parameter: standard deviation, SI, one or one per component; None for that of `estimable`}."""
@@ -54,16 +59,8 @@ def checked(installation: object) -> dict[str, tuple[float, ...]]:
         )
     found = {}
     for name, given in installation.items():
-        of = check_parameter(name)
-        values = of.sd if given is None else tuple(np.ravel(given))
-        values = values * len(of.components) if len(values) == 1 else values
-        if len(values) != len(of.components):
-            raise DataError(
-                f"installation: {name} has {len(of.components)} components, and {len(values)} "
-                f"standard deviations are given"
-            )
-        what = f"installation: standard deviation of {name}"
-        found[name] = tuple(check_number(value, what, least=0, most=of.most) for value in values)
+        with located("installation"):
+            found[name] = prior(check_parameter(name), given)
     return found
 
 
@@ -137,27 +134,43 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
     from scipy.spatial.transform import Rotation
 
     imu, meta, reference = recording.imu, recording.meta, recording.reference
+    aidings = recording.aidings
     back = Rotation.from_rotvec(-vectors[MOUNTING.name]) if MOUNTING.name in vectors else None
     rates, forces = imu.dtheta, imu.dv
     if back is not None:
         rates, forces = back.apply(rates), back.apply(forces)
         of_axes = {name: back.apply(meta[name]) for name in ("b_a", "b_g") if name in meta}
         meta, reference = meta | of_axes, _turned(reference, back.inv())
+        aidings = tuple(_of_turned_axes(a, back) for a in aidings)
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
     accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
     return replace(
         recording,
         imu=imu._replace(dtheta=rates @ gyro.T, dv=forces @ accel.T),
         reference=reference,
+        aidings=aidings,
         meta=meta,
     )
 
 
-def _turned(reference: Trajectory | None, turn: object) -> Trajectory | None:
+def _of_turned_axes(a: Aiding, back: Rotation) -> Aiding:
+    """A source with what is of the IMU's axes in those as described, `back` from the true ones."""
+    from scipy.spatial.transform import Rotation
+
+    if a.kind == "attitude":  # roll, pitch, heading; the first two know no heading
+        angles = np.nan_to_num(a.y)[:, ::-1]
+        turned = (Rotation.from_euler("ZYX", angles) * back.inv()).as_euler("ZYX")[:, ::-1]
+        turned[:, 2] = np.where(np.isnan(a.y[:, 2]), np.nan, turned[:, 2] % (2 * np.pi))
+        return replace(a, y=turned)
+    if a.kind == "magnetic-field" or find(a.kind).mean_of == "gyro":
+        return replace(a, y=back.apply(a.y))
+    return a
+
+
+def _turned(reference: Trajectory | None, turn: Rotation) -> Trajectory | None:
     """The reference with the attitude of axes from which `turn` leads to its own."""
     from scipy.spatial.transform import Rotation
 
-    assert isinstance(turn, Rotation)
     if reference is None or reference.q_nb is None:
         return reference
     own = Rotation.from_quat(reference.q_nb[:, [1, 2, 3, 0]]) * turn
