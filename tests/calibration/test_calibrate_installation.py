@@ -2,6 +2,7 @@
 is not sure is not written."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,9 +28,14 @@ def all_wrong(seed=1070, seconds=200.0):
     return wrong(wrong(made, "mounting", -2 * DEG, 1), "odometer scale", 0.01)
 
 
+@cache
+def calibrated():
+    return sd.calibrate_installation(all_wrong())
+
+
 @pytest.fixture(scope="module")
 def found():
-    return sd.calibrate_installation(all_wrong())
+    return calibrated()
 
 
 def of(found, name):
@@ -188,6 +194,40 @@ def test_what_was_written_is_right_and_settles(drive):
     second = sd.calibrate_installation(found)
     assert not second.edits and second.write(drive) is None
     assert len(list(drive.parent.glob("*.before*"))) == 1
+
+
+def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
+    read = replace(all_wrong(), meta=sd.read(drive).meta)
+    made = replace(calibrated(), given=read)
+    text = drive.read_text()
+    for old, new, said in (
+        ("offset = 0.0", "offset = 0.5", "time offset is 0.5, and 0 where the recording was read"),
+        (
+            "[0.5, 0.2, -1.5]      #",
+            "[0.0, 0.2, -1.5]      #",
+            r"lever_arm is \[0, 0.2, -1.5\], and \[0.5,",
+        ),
+        (
+            "pitch = 0.0",
+            "pitch = 90.0",
+            r"\[imu\] mounting is \[0, 1.570796327, 0\], and \[0, 0, 0",
+        ),
+    ):
+        drive.write_text(text.replace(old, new))
+        for change in (made.write, made.diff):
+            with pytest.raises(DataError, match=said + ".*; read that file and calibrate it$"):
+                change(drive)
+    drive.write_text(text)
+    assert made.diff(drive)
+    for name, said in (("no.toml", "cannot be read"), ("a.nc", "only a recording.toml can be")):
+        with pytest.raises(DataError, match=said):
+            made.diff(tmp_path / name)
+    # what was changed after reading, and what was read otherwise
+    known = constants(read.aidings)
+    for other in (applied(read, known, np.full(len(known), 0.01)), replace(read, meta={})):
+        with pytest.raises(DataError, match="was not read as a recording.toml has it; read that"):
+            replace(made, given=other).write(drive)
+    assert drive.read_text() == text
 
 
 def test_the_page_has_the_table_and_every_figure(found):

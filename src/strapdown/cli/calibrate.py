@@ -166,10 +166,6 @@ def _change(found: "Installation", path: Path, write: bool) -> None:
         print(f"nothing to change in {path}")
         return
     try:
-        if path.suffix.lower() != ".toml":
-            raise sd.DataError(
-                f"{path}: only a recording.toml can be changed; change what it was made from"
-            )
         lines = found.diff(path)
         kept = found.write(path) if write else None
     except sd.DataError as error:

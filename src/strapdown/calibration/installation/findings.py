@@ -21,12 +21,15 @@ from ...diagnosis.findings import (
 )
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
 from ...diagnosis.settling import NOTABLE
+from ...io.description.complaints import load
+from ...io.description.installed import INSTALLED, difference, installed
 from ...io.description.rewriting import (
     LEVER_ARM,
     MOUNTING as MOUNTING_KEY,
     SCALE as SCALE_KEY,
     TIME,
     Edit,
+    check_sections,
     rewrite,
     rewritten,
 )
@@ -192,6 +195,7 @@ class Installation:
         would be. Raises DataError where it is another file, or cannot be changed."""
         if not self.edits:
             return []
+        self._check_same(path)
         new = rewritten(path, self.edits, self._kinds, self._mark).splitlines()
         old = Path(path).read_text(encoding="utf-8").splitlines()
         lines = []
@@ -217,6 +221,7 @@ class Installation:
         target = Path(path).resolve()
         if target in self.written:
             raise DataError(f"{path}: has this already; read it and calibrate anew to change it")
+        self._check_same(path)
         kept = rewrite(path, self.edits, self._kinds, self._mark)
         self.written.add(target)
         return kept
@@ -226,6 +231,18 @@ class Installation:
         from .page import page
 
         return page(self)
+
+    def _check_same(self, path: File) -> None:
+        """Refuse a file that has other values than those the edits start from. Raises DataError."""
+        check_sections(path, self._kinds)
+        read = self.given.meta.get(INSTALLED)
+        differs = (
+            "the recording was not read as a recording.toml has it"
+            if read is None
+            else difference(installed(load(path)), read)
+        )
+        if differs:
+            raise DataError(f"{path}: {differs}; read that file and calibrate it")
 
     @property
     def _kinds(self) -> list[str]:

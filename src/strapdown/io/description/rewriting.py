@@ -41,12 +41,7 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     Raises DataError where the file is another one, or cannot be changed and stay what it is.
     """
     text = _text(path)
-    try:
-        old = tomllib.loads(text)
-        content = tomlkit.parse(text)
-    except (tomllib.TOMLDecodeError, TOMLKitError) as error:
-        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
-    _check_sections(path, old, kinds)
+    old, content = _check_sections(path, text, kinds)
     edits = list(edits)
     try:
         for edit in edits:
@@ -77,6 +72,10 @@ def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) 
 
 
 def _text(path: File) -> str:
+    if Path(path).suffix.lower() != ".toml":
+        raise DataError(
+            f"{path}: only a recording.toml can be changed; change what it was made from"
+        )
     try:
         return Path(path).read_bytes().decode("utf-8")
     except OSError as error:
@@ -99,7 +98,17 @@ def _copied(target: Path) -> Path:
             number += 1
 
 
-def _check_sections(path: File, old: dict[str, Any], kinds: Sequence[str]) -> None:
+def check_sections(path: File, kinds: Sequence[str]) -> None:
+    """Refuse what is no description with sources of these kinds. Raises DataError."""
+    _check_sections(path, _text(path), kinds)
+
+
+def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[str, Any], Any]:
+    """(content, the same as it can be changed) of a description. Raises DataError."""
+    try:
+        old, content = tomllib.loads(text), tomlkit.parse(text)
+    except (tomllib.TOMLDecodeError, TOMLKitError) as error:
+        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
     sources = old.get("aiding", [])
     found = [each.get("kind") for each in sources if isinstance(each, dict)]
     if "imu" not in old or found != list(kinds):
@@ -108,6 +117,7 @@ def _check_sections(path: File, old: dict[str, Any], kinds: Sequence[str]) -> No
             f"{path}: has {there} ({', '.join(map(str, found))}), where the recording has "
             f"{', '.join(kinds)}; name the file from which it was read"
         )
+    return old, content
 
 
 def _unable(path: File) -> DataError:
