@@ -106,7 +106,7 @@ def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch)
 
 def test_a_clock_by_leap_seconds_is_not_plausible_and_nothing_is_written(tmp_path):
     made = sd.calibrate_installation(wrong(car(1074, 120.0), "clock", 18.0))
-    (one,) = made.implausible
+    (one,) = made.unsure
     assert one.status == IMPLAUSIBLE and one.change == pytest.approx(18.0, abs=0.05)
     assert "more than the 2 s that an installation is off, so not written" in str(one)
     assert not made.changes

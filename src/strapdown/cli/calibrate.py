@@ -162,7 +162,7 @@ def installation(
 def _change(found: "Installation", path: Path, write: bool) -> None:
     """Print what changes in the file, or change it. Raises DataError where it is asked to and
     cannot; what to change stands above it then."""
-    if not found.edits and not (write and found.implausible):
+    if not found.edits and not (write and found.unsure):
         print(f"nothing to change in {path}")
         return
     try:

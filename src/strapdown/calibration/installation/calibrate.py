@@ -21,15 +21,18 @@ from ...diagnosis.findings import (
 from ...diagnosis.installation import ARM, CLOCK, applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
-from ...recording import Recording
+from ...recording import Recording, check_recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
-from .confirming import ESTIMABLE, Asking, Seen, as_states
-from .findings import IMPLAUSIBLE, NOT_CONFIRMED, Installation, Parameter
+from .confirming import ESTIMABLE, Asking, Seen, as_states, check_states
+from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
 from .settled import Settled, settle, theta_of
 
 CONTRADICT = 3.0
 """Combined standard deviations by which the two estimates of a parameter may differ."""
+
+VARIES = 4.0
+"""Combined standard deviations by which both halves of the time may differ."""
 
 
 def calibrate_installation(
@@ -53,12 +56,14 @@ def calibrate_installation(
     imu_clock: blame the clock of the IMU, where all sources share an offset; the other arguments
     are those of `diagnose`. Raises DataError: without a source of velocity, and where nothing shows.
     """
-    if not any(a.kind == "velocity" for a in recording.aidings):
+    check_recording(recording)
+    if not any(a.kind == "velocity" and len(a.t) for a in recording.aidings):
         raise DataError(
             "the recording has no source of velocity, and positions alone do not show an "
             "installation; add one (`strapdown diagnose` still looks for clocks beyond 0.5 s)"
         )
     recording = with_estimates(recording, ())
+    check_states(recording)
     asking = Asking(filter, imu, vehicle, start, say, progress or (lambda done: None), options)
     settled = settle(recording, asking)
     last = settled.last
@@ -107,8 +112,10 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         status = NOT_CONFIRMED
     elif abs(change) > ESTIMABLE[each.cause].most * factor:
         status = IMPLAUSIBLE
+    elif abs(by_states) <= least:
+        status = CONSISTENT
     else:
-        status = FOUND if abs(by_states) > least else CONSISTENT
+        status = FOUND if _constant(each) else NOT_CONSTANT
     return Parameter(
         each.name,
         each.cause,
@@ -122,7 +129,14 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         float(by_states),
         seen.sd,
         each.motion,
+        tuple((settled.before[j] * factor + half, own) for half, own in each.halves),
     )
+
+
+def _constant(each: Estimate) -> bool:
+    """Whether both halves of the time say the same, or do not say otherwise."""
+    (first, first_sd), (second, second_sd) = each.halves
+    return not abs(first - second) > VARIES * np.hypot(first_sd, second_sd)
 
 
 def _unseen(each: Estimate) -> Parameter:

@@ -3,6 +3,7 @@ changes in recording.toml, and the change itself."""
 
 import datetime
 import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -41,6 +42,10 @@ if TYPE_CHECKING:
     from ...reports.shell import Page
 
 NOT_CONFIRMED, IMPLAUSIBLE = "not confirmed", "not plausible"
+NOT_CONSTANT = "not constant"
+UNSURE = (NOT_CONFIRMED, IMPLAUSIBLE, NOT_CONSTANT)
+MINUTES = 180.0
+"""s: from a shorter recording a constant is hardly told from what varies."""
 KEYS = {CLOCK: TIME, ARM: LEVER_ARM, MOUNTING: MOUNTING_KEY, SCALE: SCALE_KEY}
 """{kind: key of recording.toml}."""
 MARK = "calibrate installation"
@@ -55,7 +60,7 @@ class Parameter(NamedTuple):
     sources: tuple[str, ...]  # names of those that it concerns
     axis: int  # 0, 1, 2 of a lever arm or a mounting
     unit: str
-    status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE, NOT_CONFIRMED or IMPLAUSIBLE
+    status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE or one of UNSURE
     # as the recording has it; of a clock and of a mounting 0, of a scale 1
     given: float
     change: float  # to be added to it; NaN where nothing can be said
@@ -63,6 +68,8 @@ class Parameter(NamedTuple):
     by_states: float  # the other estimate of the change
     states_sd: float  # and its standard deviation
     motion: str  # what would show it, or show it better
+    # change and sd by the first and by the second half of the time
+    halves: tuple[tuple[float, float], ...] = ((np.nan, np.nan),) * 2
 
     @property
     def value(self) -> float:
@@ -87,6 +94,12 @@ class Parameter(NamedTuple):
                 f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, {self.second} as a "
                 f"state; to show it better, {self.motion}"
             )
+        if self.status == NOT_CONSTANT:
+            first, second = (_interval(*each, self.unit) for each in self.halves)
+            return (
+                f"{self.name}: not constant, so not written: {first} by the first half of the time, "
+                f"{second} by the second"
+            )
         if self.status == IMPLAUSIBLE:
             most = ESTIMABLE[self.cause].most * UNITS[self.cause][1]
             return (
@@ -99,6 +112,10 @@ class Parameter(NamedTuple):
                 return f"{self.name}: consistent with what was given ({self.seen})"
             return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
         return f"{self.name}: found to be off by {self.seen} (as a state: {self.second})"
+
+
+def _listed(parameters: Iterable[Parameter]) -> str:
+    return " and ".join(each.name for each in parameters)
 
 
 def _interval(value: float, sd: float, unit: str) -> str:
@@ -127,14 +144,14 @@ class Installation:
         return tuple(each for each in self.parameters if each.status == FOUND)
 
     @property
-    def implausible(self) -> tuple[Parameter, ...]:
-        """Those so far off that nothing is written: all others were estimated beside them."""
-        return tuple(each for each in self.parameters if each.status == IMPLAUSIBLE)
+    def unsure(self) -> tuple[Parameter, ...]:
+        """Those that forbid to write anything, since all others were estimated beside them."""
+        return tuple(each for each in self.parameters if each.status in UNSURE)
 
     @property
     def settings(self) -> list[Setting]:
-        """What recording.toml must say."""
-        if self.implausible:
+        """What recording.toml must say; nothing where something is `unsure`."""
+        if self.unsure:
             return []
         names = [a.name or a.kind for a in self.given.aidings]
         made = settings(
@@ -185,7 +202,23 @@ class Installation:
     @property
     def lines(self) -> list[str]:
         """For people: every parameter, then what must be known beside."""
-        return [*map(str, self.parameters), *self.notes]
+        unsure, found = self.unsure, self.found
+        together = []
+        if unsure and found:
+            together = [
+                f"nothing is written: {_listed(found)} was estimated together with "
+                f"{_listed(unsure)}, and half a correction may be worse than none"
+            ]
+        return [*map(str, self.parameters), *together, *self.notes, self.used]
+
+    @property
+    def used(self) -> str:
+        """The time that was used, for people."""
+        first, last = self.given.span
+        short = "; use several minutes, to tell a constant from what varies"
+        return f"used: {first:.1f} to {last:.1f} s, {last - first:.0f} s" + (
+            short if last - first < MINUTES else ""
+        )
 
     def __str__(self) -> str:
         return "\n".join([*self.lines, *self.changes])
@@ -211,11 +244,11 @@ class Installation:
         comments that have standard deviations and date; the path of the copy of the old one that is
         kept beside it, or None where nothing changes.
 
-        Raises DataError where something is not plausible, where it was written there before, and
+        Raises DataError where something is `unsure`, where it was written there before, and
         where the file is another one or cannot be changed; then nothing is.
         """
-        if self.implausible:
-            raise DataError(f"{path}: left as it is; {self.implausible[0]}")
+        if self.unsure:
+            raise DataError(f"{path}: left as it is; {self.unsure[0]}")
         if not self.edits:
             return None
         target = Path(path).resolve()
