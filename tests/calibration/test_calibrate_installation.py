@@ -12,7 +12,11 @@ from installed import car, wrong
 import strapdown as sd
 from strapdown.calibration.installation import calibrate as module, settled as settling
 from strapdown.calibration.installation.confirming import Seen
-from strapdown.calibration.installation.findings import IMPLAUSIBLE, NOT_CONFIRMED
+from strapdown.calibration.installation.findings import (
+    IMPLAUSIBLE,
+    NOT_CONFIRMED,
+    NOT_CONSTANT,
+)
 from strapdown.calibration.installation.settled import Settled, theta_of
 from strapdown.checks import DataError
 from strapdown.diagnosis.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
@@ -90,6 +94,64 @@ def test_without_motion_or_velocity_it_is_refused():
     still = sd.simulate("static", 60.0, "tactical", 1072)
     with pytest.raises(DataError, match="nothing of the installation shows in this motion; to sh"):
         sd.calibrate_installation(still)
+
+
+def test_a_velocity_source_without_fixes_is_none():
+    recording = wrong(car(1072, 60.0), "clock", 0.2).hidden([(0.0, 1000.0)], ("velocity",))
+    with pytest.raises(DataError, match="has no source of velocity, and positions alone do not"):
+        sd.calibrate_installation(recording)
+    assert {each.status for each in sd.diagnose(recording).parameters} == {NOT_OBSERVABLE}
+
+
+def test_what_is_no_recording_is_refused():
+    for function in (sd.calibrate_installation, sd.diagnose):
+        with pytest.raises(DataError, match="^recording is 'a.toml'; it must be a Recording: read"):
+            function("a.toml")
+
+
+def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatch):
+    right = car(1072, 60.0)
+    others = [
+        replace(a, name=f"{a.name} {k}", parameters=(float(k), 0.0, 0.0))
+        for k in (2, 3, 4)
+        for a in right.aidings[:2]
+    ]
+    monkeypatch.setattr(module, "settle", None)
+    with pytest.raises(DataError, match="there are 19 states beside the filter's own.*at most 15"):
+        sd.calibrate_installation(replace(right, aidings=(*right.aidings, *others)))
+
+
+def test_what_changes_within_the_recording_is_not_constant():
+    right = car(1077)
+    late = [
+        replace(a, t=a.t - np.where(a.t < 100.0, 0.35, 0.15))
+        if a.kind in ("position", "velocity")
+        else a
+        for a in right.aidings
+    ]
+    made = sd.calibrate_installation(replace(right, aidings=tuple(late)))
+    clock = of(made, "clock")
+    assert clock.status == NOT_CONSTANT and not made.edits
+    (first, _), (second, _) = clock.halves
+    assert (first, second) == pytest.approx((0.35, 0.15), abs=0.03)
+    assert f"not constant, so not written: {first:+.3f} +- " in str(clock)
+    assert made.used == "used: 0.0 to 200.0 s, 200 s"
+
+
+def test_nothing_is_written_beside_what_is_not_sure(found, drive):
+    text = drive.read_text()
+    clock = of(found, "clock")
+    for status in (NOT_CONFIRMED, NOT_CONSTANT):
+        unsure = tuple(
+            each._replace(status=status) if each is clock else each for each in found.parameters
+        )
+        made = replace(found, parameters=unsure)
+        assert made.found and not made.edits and not made.changes
+        (line,) = [line for line in made.lines if line.startswith("nothing is written: ")]
+        assert "lever arm forward and mounting pitch" in line and f"with {clock.name}, and" in line
+        with pytest.raises(DataError, match=f"left as it is; clock of .*: {status}"):
+            made.write(drive)
+    assert drive.read_text() == text
 
 
 def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch):

@@ -86,6 +86,11 @@ class Parameter(NamedTuple):
         """The other estimate of the change, the same way."""
         return _interval(self.by_states, self.states_sd, self.unit)
 
+    @property
+    def by_halves(self) -> list[str]:
+        """The change by the first and by the second half of the time, the same way."""
+        return [_interval(change, sd, self.unit) for change, sd in self.halves]
+
     def __str__(self) -> str:
         if self.status == NOT_OBSERVABLE:
             return f"{self.name}: not observable; to show it, {self.motion}"
@@ -95,7 +100,7 @@ class Parameter(NamedTuple):
                 f"state; to show it better, {self.motion}"
             )
         if self.status == NOT_CONSTANT:
-            first, second = (_interval(*each, self.unit) for each in self.halves)
+            first, second = self.by_halves
             return (
                 f"{self.name}: not constant, so not written: {first} by the first half of the time, "
                 f"{second} by the second"
