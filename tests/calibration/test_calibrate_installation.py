@@ -294,7 +294,7 @@ def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
 
 def test_the_page_has_the_table_and_every_figure(found):
     page = found.page().html
-    for text in ("Whitened innovations", "NIS", "Likelihood: lever arm forward", "consistent"):
+    for text in ("Whitened innovations", "NIS", "Misfit: lever arm forward", "consistent"):
         assert text in page
     assert page.count("<div class=plot") == 2 + len(found.found)
     for each in found.parameters:

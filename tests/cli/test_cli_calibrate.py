@@ -24,6 +24,7 @@ def test_help_shows_both(command):
     assert (code, err) == (0, [])
     assert "--sensor" in out and "\n  installation  Find clock offsets" in out
     assert out.startswith("Usage: strapdown calibrate [OPTIONS] ")
+    assert out.splitlines()[1] == ("       strapdown calibrate installation [OPTIONS] RECORDING")
     code, out, _ = command("calibrate", "installation", "--help")
     assert code == 0 and "--write" in out and "--imu-clock" in out
 
@@ -89,6 +90,13 @@ def test_what_cannot_be_written_is_said_in_one_line(late, drive, command, tmp_pa
     assert drive.read_text() == TOML and not list(tmp_path.glob("*.before"))
     code, out, err = command("calibrate", "installation", plain)
     assert (code, err) == (0, [])
+
+
+def test_an_imu_that_is_missing_is_asked_for_as_an_option(drive, command):
+    drive.write_text(TOML.replace('grade = "consumer"\n', ""))
+    for words in (["calibrate", "installation"], ["diagnose"]):
+        code, _, (err,) = command(*words, drive)
+        assert code == 2 and "does not name its IMU: give --imu, one of" in err
 
 
 def test_a_page_is_written(drive, command, tmp_path):

@@ -20,6 +20,7 @@ from .console import (
     VEHICLE,
     Progress,
     Reads,
+    grade_of,
     option_values,
     recording_argument,
     results_folder,
@@ -59,6 +60,12 @@ class Unnamed(Reads):
     ) -> Any:
         """As click asks."""
         return super().make_context(parent.info_name, args, parent.parent, **extra)
+
+    def format_usage(self, ctx: Any, formatter: Any) -> None:
+        """As click asks: its own, then that of the other command."""
+        super().format_usage(ctx, formatter)
+        other = f"{ctx.command_path} {INSTALLATION}"
+        formatter.write_usage(other, "[OPTIONS] RECORDING", prefix=" " * len("Usage: "))
 
 
 group = typer.Typer(
@@ -144,7 +151,7 @@ def installation(
         found = sd.calibrate_installation(
             part,
             filter,
-            imu=imu,
+            imu=imu or grade_of(whole),
             vehicle=vehicle,
             imu_clock=imu_clock,
             say=progress.say,

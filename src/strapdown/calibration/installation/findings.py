@@ -140,8 +140,8 @@ class Installation:
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
-    # files that have it: offsets and factors are on top of what they said
-    written: set[Path] = field(default_factory=set, init=False, repr=False, compare=False)
+    # {file that has it: copy of the old one}: offsets and factors are on top of what that said
+    written: dict[Path, Path] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def found(self) -> tuple[Parameter, ...]:
@@ -261,7 +261,7 @@ class Installation:
             raise DataError(f"{path}: has this already; read it and calibrate anew to change it")
         self._check_same(path)
         kept = rewrite(path, self.edits, self._kinds, self._mark)
-        self.written.add(target)
+        self.written[target] = kept
         return kept
 
     def page(self) -> "Page":
