@@ -100,6 +100,10 @@ def test_an_imu_that_is_missing_is_asked_for_as_an_option(drive, command):
 
 
 def test_a_page_is_written(drive, command, tmp_path):
-    code, out, _ = command("calibrate", "installation", drive, "--out", tmp_path / "page")
+    code, out, _ = command(
+        "calibrate", "installation", drive, "--write", "--out", tmp_path / "page"
+    )
     assert code == 0 and f"wrote {tmp_path}/page/installation.html" in out
-    assert (tmp_path / "page" / "installation.html").stat().st_size > 1e6
+    page = (tmp_path / "page" / "installation.html").read_text()
+    assert f"Written: {drive}; the old file is {drive}.before." in page
+    assert "To change in recording.toml" not in page and len(page) > 1e6

@@ -160,10 +160,12 @@ def installation(
         )
         for line in found.lines:
             print(line)
-        if out:
-            save_page(found.page(), out / "installation.html")
-            print(f"wrote {out}/installation.html")
-    _change(found, recording, write)
+        try:
+            _change(found, recording, write)
+        finally:  # the page says what was written
+            if out:
+                save_page(found.page(), out / "installation.html")
+                print(f"wrote {out}/installation.html")
 
 
 def _change(found: "Installation", path: Path, write: bool) -> None:

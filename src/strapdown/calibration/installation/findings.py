@@ -17,7 +17,7 @@ from ...diagnosis.findings import (
     NOT_OBSERVABLE,
     UNITS,
     Setting,
-    changes,
+    section,
     settings,
 )
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
@@ -33,6 +33,7 @@ from ...io.description.rewriting import (
     check_sections,
     rewrite,
     rewritten,
+    told,
 )
 from ...recording import Recording
 from ...typing import File
@@ -201,8 +202,11 @@ class Installation:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What to write into recording.toml, a line each."""
-        return tuple(line for own in changes(self.given, self.settings).values() for line in own)
+        """What to write into recording.toml, a line each, with the digits of the file."""
+        return tuple(
+            f"{'[imu]' if e.source is None else section(self.given.aidings, e.source)} {told(e)}"
+            for e in self.edits
+        )
 
     @property
     def lines(self) -> list[str]:
@@ -214,7 +218,14 @@ class Installation:
                 f"nothing is written: {_listed(found)} was estimated together with "
                 f"{_listed(unsure)}, and half a correction may be worse than none"
             ]
-        return [*map(str, self.parameters), *together, *self.notes, self.used]
+        turned = []
+        if np.any(self.given.meta.get("imu_mounting", 0.0)) and any(
+            each.kind == MOUNTING for each in self.settings
+        ):
+            turned = [
+                "mounting: the change turns what was given, so that all three angles are written anew"
+            ]
+        return [*map(str, self.parameters), *together, *turned, *self.notes, self.used]
 
     @property
     def used(self) -> str:

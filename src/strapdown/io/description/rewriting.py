@@ -58,6 +58,24 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     return new
 
 
+def told(edit: Edit) -> str:
+    """What an edit changes, in words, with the digits of the file."""
+    size, least = DEG if edit.key == MOUNTING else 1.0, min(sd for sd in edit.sd if sd)
+    own = edit.sd if edit.key == LEVER_ARM else [least] * len(edit.value)
+    numbers = [
+        _number(x / size, (sd or least) / size, edit.key).as_string()
+        for x, sd in zip(edit.value, own)
+    ]
+    if edit.key == TIME:
+        return f"time: add {'' if edit.value[0] < 0 else '+'}{numbers[0]} s to offset"
+    if edit.key == LEVER_ARM:
+        return f"lever_arm = [{', '.join(numbers)}]"
+    if edit.key == MOUNTING:
+        angles = ", ".join(f"{name} = {number}" for name, number in zip(ANGLES, numbers))
+        return f'mounting = {{ {angles}, unit = "deg" }}'
+    return f"scale: multiply by {numbers[0]}"
+
+
 def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) -> Path:
     """Change a description on disk (see `rewritten`); the path of the copy of the old one beside
     it, NAME.before or NAME.before-2, ... Raises DataError, and then nothing is changed."""
