@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .aiding import find
-from .checks import DataError
+from .checks import DataError, brief
 from .core.contract import Imu
 from .data import Aiding, Trajectory
 from .preprocessing.fixes import checked_aidings
@@ -117,3 +117,11 @@ class Recording:
 
     def __repr__(self) -> str:
         return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"
+
+
+def check_recording(recording: object) -> None:
+    """Refuse what is no Recording, such as the path of one. Raises DataError."""
+    if not isinstance(recording, Recording):
+        raise DataError(
+            f"recording is {brief(recording)}; it must be a Recording: read it first with sd.read"
+        )

@@ -2,6 +2,7 @@
 is not sure is not written."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +12,11 @@ from installed import car, wrong
 import strapdown as sd
 from strapdown.calibration.installation import calibrate as module, settled as settling
 from strapdown.calibration.installation.confirming import Seen
-from strapdown.calibration.installation.findings import IMPLAUSIBLE, NOT_CONFIRMED
+from strapdown.calibration.installation.findings import (
+    IMPLAUSIBLE,
+    NOT_CONFIRMED,
+    NOT_CONSTANT,
+)
 from strapdown.calibration.installation.settled import Settled, theta_of
 from strapdown.checks import DataError
 from strapdown.diagnosis.findings import CONSISTENT, FOUND
@@ -27,9 +32,14 @@ def all_wrong(seed=1070, seconds=200.0):
     return wrong(wrong(made, "mounting", -2 * DEG, 1), "odometer scale", 0.01)
 
 
+@cache
+def calibrated():
+    return sd.calibrate_installation(all_wrong())
+
+
 @pytest.fixture(scope="module")
 def found():
-    return sd.calibrate_installation(all_wrong())
+    return calibrated()
 
 
 def of(found, name):
@@ -83,6 +93,64 @@ def test_without_motion_or_velocity_it_is_refused():
         sd.calibrate_installation(still)
 
 
+def test_a_velocity_source_without_fixes_is_none():
+    recording = wrong(car(1072, 60.0), "clock", 0.2).hidden([(0.0, 1000.0)], ("velocity",))
+    with pytest.raises(DataError, match="has no source of velocity, and positions alone do not"):
+        sd.calibrate_installation(recording)
+    assert {each.status for each in sd.diagnose(recording).parameters} == {NOT_OBSERVABLE}
+
+
+def test_what_is_no_recording_is_refused():
+    for function in (sd.calibrate_installation, sd.diagnose):
+        with pytest.raises(DataError, match="^recording is 'a.toml'; it must be a Recording: read"):
+            function("a.toml")
+
+
+def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatch):
+    right = car(1072, 60.0)
+    others = [
+        replace(a, name=f"{a.name} {k}", parameters=(float(k), 0.0, 0.0))
+        for k in (2, 3, 4)
+        for a in right.aidings[:2]
+    ]
+    monkeypatch.setattr(module, "settle", None)
+    with pytest.raises(DataError, match="there are 19 states beside the filter's own.*at most 15"):
+        sd.calibrate_installation(replace(right, aidings=(*right.aidings, *others)))
+
+
+def test_what_changes_within_the_recording_is_not_constant():
+    right = car(1077)
+    late = [
+        replace(a, t=a.t - np.where(a.t < 100.0, 0.35, 0.15))
+        if a.kind in ("position", "velocity")
+        else a
+        for a in right.aidings
+    ]
+    made = sd.calibrate_installation(replace(right, aidings=tuple(late)))
+    clock = of(made, "clock")
+    assert clock.status == NOT_CONSTANT and not made.edits
+    (first, _), (second, _) = clock.halves
+    assert (first, second) == pytest.approx((0.35, 0.15), abs=0.03)
+    assert f"not constant, so not written: {first:+.3f} +- " in str(clock)
+    assert made.used == "used: 0.0 to 200.0 s, 200 s"
+
+
+def test_nothing_is_written_beside_what_is_not_sure(found, drive):
+    text = drive.read_text()
+    clock = of(found, "clock")
+    for status in (NOT_CONFIRMED, NOT_CONSTANT):
+        unsure = tuple(
+            each._replace(status=status) if each is clock else each for each in found.parameters
+        )
+        made = replace(found, parameters=unsure)
+        assert made.found and not made.edits and not made.changes
+        (line,) = [line for line in made.lines if line.startswith("nothing is written: ")]
+        assert "lever arm forward and mounting pitch" in line and f"with {clock.name}, and" in line
+        with pytest.raises(DataError, match=f"left as it is; clock of .*: {status}"):
+            made.write(drive)
+    assert drive.read_text() == text
+
+
 def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch):
     def far(recording, sought, asking):
         return {each: Seen(10 * each.sd, each.sd, True) for each in sought}
@@ -97,7 +165,7 @@ def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch)
 
 def test_a_clock_by_leap_seconds_is_not_plausible_and_nothing_is_written(tmp_path):
     made = sd.calibrate_installation(wrong(car(1074, 120.0), "clock", 18.0))
-    (one,) = made.implausible
+    (one,) = made.unsure
     assert one.status == IMPLAUSIBLE and one.change == pytest.approx(18.0, abs=0.05)
     assert "more than the 2 s that an installation is off, so not written" in str(one)
     assert not made.changes
@@ -187,9 +255,43 @@ def test_what_was_written_is_right_and_settles(drive):
     assert len(list(drive.parent.glob("*.before*"))) == 1
 
 
+def test_only_the_file_that_was_read_is_changed(drive, tmp_path):
+    read = replace(all_wrong(), meta=sd.read(drive).meta)
+    made = replace(calibrated(), given=read)
+    text = drive.read_text()
+    for old, new, said in (
+        ("offset = 0.0", "offset = 0.5", "time offset is 0.5, and 0 where the recording was read"),
+        (
+            "[0.5, 0.2, -1.5]      #",
+            "[0.0, 0.2, -1.5]      #",
+            r"lever_arm is \[0, 0.2, -1.5\], and \[0.5,",
+        ),
+        (
+            "pitch = 0.0",
+            "pitch = 90.0",
+            r"\[imu\] mounting is \[0, 1.570796327, 0\], and \[0, 0, 0",
+        ),
+    ):
+        drive.write_text(text.replace(old, new))
+        for change in (made.write, made.diff):
+            with pytest.raises(DataError, match=said + ".*; read that file and calibrate it$"):
+                change(drive)
+    drive.write_text(text)
+    assert made.diff(drive)
+    for name, said in (("no.toml", "cannot be read"), ("a.nc", "only a recording.toml can be")):
+        with pytest.raises(DataError, match=said):
+            made.diff(tmp_path / name)
+    # what was changed after reading, and what was read otherwise
+    known = constants(read.aidings)
+    for other in (applied(read, known, np.full(len(known), 0.01)), replace(read, meta={})):
+        with pytest.raises(DataError, match="was not read as a recording.toml has it; read that"):
+            replace(made, given=other).write(drive)
+    assert drive.read_text() == text
+
+
 def test_the_page_has_the_table_and_every_figure(found):
     page = found.page().html
-    for text in ("Whitened innovations", "NIS", "Likelihood: lever arm forward", "consistent"):
+    for text in ("Whitened innovations", "NIS", "Misfit: lever arm forward", "consistent"):
         assert text in page
     assert page.count("<div class=plot") == 2 + len(found.found)
     for each in found.parameters:

@@ -24,6 +24,7 @@ def test_help_shows_both(command):
     assert (code, err) == (0, [])
     assert "--sensor" in out and "\n  installation  Find clock offsets" in out
     assert out.startswith("Usage: strapdown calibrate [OPTIONS] ")
+    assert out.splitlines()[1] == ("       strapdown calibrate installation [OPTIONS] RECORDING")
     code, out, _ = command("calibrate", "installation", "--help")
     assert code == 0 and "--write" in out and "--imu-clock" in out
 
@@ -91,7 +92,18 @@ def test_what_cannot_be_written_is_said_in_one_line(late, drive, command, tmp_pa
     assert (code, err) == (0, [])
 
 
+def test_an_imu_that_is_missing_is_asked_for_as_an_option(drive, command):
+    drive.write_text(TOML.replace('grade = "consumer"\n', ""))
+    for words in (["calibrate", "installation"], ["diagnose"]):
+        code, _, (err,) = command(*words, drive)
+        assert code == 2 and "does not name its IMU: give --imu, one of" in err
+
+
 def test_a_page_is_written(drive, command, tmp_path):
-    code, out, _ = command("calibrate", "installation", drive, "--out", tmp_path / "page")
+    code, out, _ = command(
+        "calibrate", "installation", drive, "--write", "--out", tmp_path / "page"
+    )
     assert code == 0 and f"wrote {tmp_path}/page/installation.html" in out
-    assert (tmp_path / "page" / "installation.html").stat().st_size > 1e6
+    page = (tmp_path / "page" / "installation.html").read_text()
+    assert f"Written: {drive}; the old file is {drive}.before." in page
+    assert "To change in recording.toml" not in page and len(page) > 1e6

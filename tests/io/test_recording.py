@@ -33,6 +33,17 @@ def test_units_become_si(build):
     np.testing.assert_allclose(position.sd, 1.5)
     np.testing.assert_allclose(velocity.sd, 0.1)
     assert recording.meta == {
+        "installed": {
+            "[imu] time offset": [0.0],
+            "[imu] mounting": [0.0, 0.0, 0.0],
+            "[imu] lever_arm": [0.0, 0.0, 0.0],
+            "[[aiding]] 1 (position) lever_arm": [0.0, 0.0, 0.0],
+            "[[aiding]] 1 (position) time offset": [0.0],
+            "[[aiding]] 1 (position) scale": [1.0, 1.0, 1.0],
+            "[[aiding]] 2 (velocity) lever_arm": [0.0, 0.0, 0.0],
+            "[[aiding]] 2 (velocity) time offset": [0.0],
+            "[[aiding]] 2 (velocity) scale": [1.0, 1.0, 1.0],
+        },
         "name": "recording",
         "date": "2024-05-01",
         "point": "imu",

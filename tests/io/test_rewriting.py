@@ -14,6 +14,7 @@ from strapdown.io.description.rewriting import (
     Edit,
     rewrite,
     rewritten,
+    told,
 )
 
 MARK = "2026-11-22, calibrate installation"
@@ -218,3 +219,20 @@ def test_a_file_that_is_read_only_stays(path):
     with pytest.raises(DataError, match="is read-only; make it writable, or change it by hand"):
         rewrite(path, [Edit(0, TIME, (0.1,), (0.01,))], KINDS, MARK)
     assert path.read_text() == TEXT and len(list(path.parent.iterdir())) == 1
+
+
+def test_an_edit_is_told_with_the_digits_of_the_file():
+    deg = math.radians(1.0)
+    for edit, text in (
+        (Edit(0, TIME, (-0.20123,), (0.0004,)), "time: add -0.2012 s to offset"),
+        (
+            Edit(0, LEVER_ARM, (1.0, 0.26, 0.0), (0.2, 0.004, 0.0)),
+            "lever_arm = [1.00, 0.260, 0.000]",
+        ),
+        (
+            Edit(None, MOUNTING, (deg, -2 * deg, 0.0), (0.0, 0.02 * deg, 0.0)),
+            'mounting = { roll = 1.000, pitch = -2.000, heading = 0.000, unit = "deg" }',
+        ),
+        (Edit(2, SCALE, (1.01234,), (0.001,)), "scale: multiply by 1.0123"),
+    ):
+        assert told(edit) == text

@@ -30,6 +30,7 @@ from .console import (
     Reads,
     end,
     estimates,
+    grade_of,
     option_values,
     print_errors,
     print_outages,
@@ -229,7 +230,7 @@ def fuse(
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
     whole = sd.read(recording)
-    grade = imu or _grade_of(whole)
+    grade = imu or grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
     withheld = sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)
@@ -302,17 +303,6 @@ def _start(
     return sd.align(
         recording, sd.grade(imu), heading=radians(heading), position=positioned(find(filter))
     )
-
-
-def _grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
-    from ..sensor_models.imu import grades
-
-    if recording.meta.get("grade") is None:
-        raise sd.DataError(
-            f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a "
-            f"file that describes it"
-        )
-    return recording.meta["grade"]
 
 
 @app.command(cls=Reads)

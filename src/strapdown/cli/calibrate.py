@@ -20,6 +20,7 @@ from .console import (
     VEHICLE,
     Progress,
     Reads,
+    grade_of,
     option_values,
     recording_argument,
     results_folder,
@@ -59,6 +60,12 @@ class Unnamed(Reads):
     ) -> Any:
         """As click asks."""
         return super().make_context(parent.info_name, args, parent.parent, **extra)
+
+    def format_usage(self, ctx: Any, formatter: Any) -> None:
+        """As click asks: its own, then that of the other command."""
+        super().format_usage(ctx, formatter)
+        other = f"{ctx.command_path} {INSTALLATION}"
+        formatter.write_usage(other, "[OPTIONS] RECORDING", prefix=" " * len("Usage: "))
 
 
 group = typer.Typer(
@@ -144,7 +151,7 @@ def installation(
         found = sd.calibrate_installation(
             part,
             filter,
-            imu=imu,
+            imu=imu or grade_of(whole),
             vehicle=vehicle,
             imu_clock=imu_clock,
             say=progress.say,
@@ -153,23 +160,21 @@ def installation(
         )
         for line in found.lines:
             print(line)
-        if out:
-            save_page(found.page(), out / "installation.html")
-            print(f"wrote {out}/installation.html")
-    _change(found, recording, write)
+        try:
+            _change(found, recording, write)
+        finally:  # the page says what was written
+            if out:
+                save_page(found.page(), out / "installation.html")
+                print(f"wrote {out}/installation.html")
 
 
 def _change(found: "Installation", path: Path, write: bool) -> None:
     """Print what changes in the file, or change it. Raises DataError where it is asked to and
     cannot; what to change stands above it then."""
-    if not found.edits and not (write and found.implausible):
+    if not found.edits and not (write and found.unsure):
         print(f"nothing to change in {path}")
         return
     try:
-        if path.suffix.lower() != ".toml":
-            raise sd.DataError(
-                f"{path}: only a recording.toml can be changed; change what it was made from"
-            )
         lines = found.diff(path)
         kept = found.write(path) if write else None
     except sd.DataError as error:

@@ -8,7 +8,17 @@ import typer
 
 import strapdown as sd
 
-from .console import FROM, IMU, OPTION, TO, VEHICLE, Progress, option_values, recording_argument
+from .console import (
+    FROM,
+    IMU,
+    OPTION,
+    TO,
+    VEHICLE,
+    Progress,
+    grade_of,
+    option_values,
+    recording_argument,
+)
 
 if TYPE_CHECKING:
     from ..core.contract import Start
@@ -29,7 +39,7 @@ def diagnose(
     the IMU, scale of the odometer; what is right; and what the motion does not show."""
     whole = sd.read(recording)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
-    show(part, filter, imu, vehicle, None, option_values(option))
+    show(part, filter, imu or grade_of(whole), vehicle, None, option_values(option))
 
 
 def show(

@@ -15,7 +15,7 @@ from ..cross_checks.motion import Subject
 from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
-from ..recording import Recording
+from ..recording import Recording, check_recording
 from ..typing import Array, Mask, Progress, Say
 from ..vehicle import GivenVehicle
 from .coarse import check_axes, coarse_clocks
@@ -111,9 +111,10 @@ class _Runs:
         asked: Asked,
         progress: Progress | None = None,
     ) -> None:
+        check_recording(recording)
         self.recording, self.filter, self.asked = recording, filters.find(filter), asked
         check_sensitive(self.filter)
-        self.kinds = [a.kind for a in recording.aidings]
+        self.kinds = [a.kind for a in recording.aidings if len(a.t)]
         if "position" not in self.kinds:
             raise DataError(
                 "nothing of the installation shows without a source of position: add one"
@@ -282,6 +283,7 @@ class _Runs:
             gain,
             motion,
             unknown.axis,
+            tuple((float(x * factor), float(s * factor)) for x, s in final.halves[i]),
         )
 
     def never(self, sought: Sequence[Unknown]) -> list[Estimate]:

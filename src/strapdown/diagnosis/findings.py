@@ -46,6 +46,9 @@ class Estimate(NamedTuple):
     gain: float = 0.0  # of FOUND: its share of what the solution gains, in the sum of min(NIS, 30)
     motion: str = ""  # what would show it, or show it better
     axis: int = 0  # 0, 1, 2 of a lever arm or a mounting
+    # change and standard deviation by the first and by the second half of the time, all others as
+    # estimated; NaN where that half shows nothing
+    halves: tuple[tuple[float, float], ...] = ((np.nan, np.nan),) * 2
 
     @property
     def value(self) -> float:

@@ -22,6 +22,7 @@ from ..data import Aiding
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
+from ..io.description.installed import INSTALLED
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..typing import Array, Ints
@@ -90,7 +91,10 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
         of_imu = [find(a.kind).mean_of == "gyro" for a in aidings]
         aidings = [replace(a, y=a.y @ R.T) if own else a for a, own in zip(aidings, of_imu)]
-    return replace(recording, imu=imu, aidings=tuple(aidings))
+    meta = recording.meta
+    if np.any(theta):  # it is no longer as its file has it
+        meta = {key: value for key, value in meta.items() if key != INSTALLED}
+    return replace(recording, imu=imu, aidings=tuple(aidings), meta=meta)
 
 
 def rotation(turn: Array) -> Array:

@@ -81,6 +81,7 @@ class Estimated(NamedTuple):
     step: Array  # (q,) of it, what is not in the set-up of the run yet
     sd: Array  # (q,) the larger of the model's and the scatter's over blocks of time
     model_sd: Array  # (q,)
+    halves: Array  # (q, 2, 2) value and sd by each half of the blocks, all others as estimated
 
     @property
     def z(self) -> Array:
@@ -102,7 +103,27 @@ def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimat
     blocks = len(left)
     scatter = covariance @ (left.T @ left) @ covariance * (blocks / (blocks - 1))
     model_sd = np.sqrt(np.diag(covariance))
-    return Estimated(now + step, step, np.maximum(model_sd, np.sqrt(np.diag(scatter))), model_sd)
+    sd = np.maximum(model_sd, np.sqrt(np.diag(scatter)))
+    halves = np.stack(
+        [
+            _by_part(now + step, information[part], left[part])
+            for part in (slice(0, blocks // 2), slice(blocks // 2, blocks))
+        ],
+        axis=1,
+    )
+    return Estimated(now + step, step, sd, model_sd, halves)
+
+
+def _by_part(value: Array, information: Array, left: Array) -> Array:
+    """(q, 2) each value and its standard deviation by some blocks alone, all others being `value`
+    (q,), of which the score `left` (blocks, q) remains; NaN where they do not show it."""
+    own = np.diagonal(information, axis1=1, axis2=2)  # (blocks, q)
+    total = own.sum(axis=0)
+    total = np.where(total > 0, total, np.nan)
+    more = left.sum(axis=0) / total
+    still = left - own * more
+    scatter = (still**2).sum(axis=0) * len(left) / (len(left) - 1)
+    return np.stack([value + more, np.sqrt(np.maximum(1 / total, scatter / total**2))], axis=1)
 
 
 def explained(trial: Trial, sought: Sequence[Unknown], step: Array) -> float:

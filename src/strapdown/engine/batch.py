@@ -5,10 +5,10 @@ from typing import Any
 
 from .. import filters
 from ..alignment.completed import completed, left_open
-from ..checks import DataError, brief, check_flag, check_number
+from ..checks import check_flag, check_number
 from ..core.contract import Filter, Noise, Start
 from ..data import Solution
-from ..recording import Recording
+from ..recording import Recording, check_recording
 from ..typing import Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
 from .attitude_first import fed
@@ -70,10 +70,7 @@ def fuse(
 
 def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     """The Run of `fuse` before its first sample. Raises DataError."""
-    if not isinstance(recording, Recording):
-        raise DataError(
-            f"recording is {brief(recording)}; it must be a Recording: read it first with sd.read"
-        )
+    check_recording(recording)
     check_number(asked.every, "every", least=1, whole=True)
     check_flag(asked.covariance, "covariance")
     if asked.vehicle is not None:  # so that all runs of it know it

@@ -21,15 +21,19 @@ from ...diagnosis.findings import (
 from ...diagnosis.installation import ARM, CLOCK, applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
-from ...recording import Recording
+from ...recording import Recording, check_recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
-from .confirming import ESTIMABLE, Asking, Seen, as_states
-from .findings import IMPLAUSIBLE, NOT_CONFIRMED, Installation, Parameter
+from .confirming import ESTIMABLE, Asking, Seen, as_states, check_states
+from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
 from .settled import Settled, settle, theta_of
 
 CONTRADICT = 3.0
 """Combined standard deviations by which the two estimates of a parameter may differ."""
+
+VARIES = 4.0
+"""Combined standard deviations by which both halves of the time may differ: of constants they differ
+by 2.0 at most in 84 pairs (12 simulated drives of 200 s)."""
 
 
 def calibrate_installation(
@@ -53,12 +57,14 @@ def calibrate_installation(
     imu_clock: blame the clock of the IMU, where all sources share an offset; the other arguments
     are those of `diagnose`. Raises DataError: without a source of velocity, and where nothing shows.
     """
-    if not any(a.kind == "velocity" for a in recording.aidings):
+    check_recording(recording)
+    if not any(a.kind == "velocity" and len(a.t) for a in recording.aidings):
         raise DataError(
             "the recording has no source of velocity, and positions alone do not show an "
             "installation; add one (`strapdown diagnose` still looks for clocks beyond 0.5 s)"
         )
     recording = with_estimates(recording, ())
+    check_states(recording)
     asking = Asking(filter, imu, vehicle, start, say, progress or (lambda done: None), options)
     settled = settle(recording, asking)
     last = settled.last
@@ -103,6 +109,8 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         status = NOT_OBSERVABLE
     elif not settled.theta[j] or abs(change) <= least:
         status = CONSISTENT
+    elif not _constant(each):
+        status = NOT_CONSTANT
     elif not agree or not settled.sure:
         status = NOT_CONFIRMED
     elif abs(change) > ESTIMABLE[each.cause].most * factor:
@@ -122,7 +130,16 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         float(by_states),
         seen.sd,
         each.motion,
+        tuple((settled.before[j] * factor + half, own) for half, own in each.halves),
     )
+
+
+def _constant(each: Estimate | Parameter) -> bool:
+    """Whether both halves of the time say the same, or what differs is within the noise or so
+    little that it is not reported."""
+    (first, first_sd), (second, second_sd) = each.halves
+    least = max(LEAST[each.cause] * UNITS[each.cause][1], VARIES * np.hypot(first_sd, second_sd))
+    return not abs(first - second) > least
 
 
 def _unseen(each: Estimate) -> Parameter:
@@ -166,6 +183,12 @@ def _notes(
             "the reference keeps its time stamps: where it comes from the same receiver, its offset "
             "needs the same change (or --imu-clock moves the IMU instead)"
         )
+    notes += [
+        f"{each.name} is not constant: {' by the first half of the time, '.join(each.by_halves)} by "
+        f"the second; what is said of it is a mean"
+        for each in parameters
+        if each.status == CONSISTENT and not _constant(each)
+    ]
     unseen = [each for each in clocks if each.status == NOT_OBSERVABLE]
     if len(unseen) > 1:
         one, other = unseen[:2]

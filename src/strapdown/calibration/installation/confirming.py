@@ -1,7 +1,7 @@
 """The constants of an installation as states of the filter, beside what separate bias estimation
 found: a second estimate of the same numbers, in one run."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,9 +9,10 @@ import numpy as np
 from ... import estimable
 from ...core.contract import Filter, Start
 from ...diagnosis.findings import Estimate
-from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
+from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE, constants
+from ...diagnosis.settling import unknowns
 from ...engine.installation import parameters, with_estimates
-from ...engine.prepare import GivenImu
+from ...engine.prepare import GivenImu, brought
 from ...engine.smoothing import smooth
 from ...recording import Recording
 from ...typing import Progress, Say
@@ -66,7 +67,8 @@ def as_states(
     what is a state."""
     seen: dict[Estimate, Seen] = {}
     for wanted in _runs(sought):
-        asked = with_estimates(recording, _priors(wanted))
+        priors = _priors((each.cause, each.sources, each.axis) for each in wanted)
+        asked = with_estimates(recording, priors)
         solution = smooth(
             asked,
             asking.filter,
@@ -106,12 +108,22 @@ def _runs(sought: Sequence[Estimate]) -> Iterator[list[Estimate]]:
         yield [clock, *others]
 
 
-def _priors(wanted: Sequence[Estimate]) -> dict[str, tuple[float, ...]]:
-    """As `estimate` takes them: {name: prior standard deviation by component}."""
+def check_states(recording: Recording) -> None:
+    """Refuse a recording with more parameters than can be states. Raises DataError."""
+    names = [a.name or a.kind for a in recording.aidings]
+    wanted = unknowns(constants(recording.aidings))
+    priors = _priors((each.kind, [names[i] for i in each.sources], each.axis) for each in wanted)
+    asked = with_estimates(recording, priors)
+    brought(asked.aidings, asked.meta["estimate"])
+
+
+def _priors(wanted: Iterable[tuple[str, Sequence[str], int]]) -> dict[str, tuple[float, ...]]:
+    """As `estimate` takes them, of (kind, names of sources, axis): {name: prior standard deviation
+    by component}."""
     priors: dict[str, list[float]] = {}
-    for each in wanted:
-        what = ESTIMABLE[each.cause]
-        for source in each.sources if each.cause != MOUNTING else [""]:
+    for kind, sources, axis in wanted:
+        what = ESTIMABLE[kind]
+        for source in sources if kind != MOUNTING else [""]:
             sd = priors.setdefault(f"{source} {what.name}", [0.0] * len(what.components))
-            sd[each.axis] = PRIOR[each.cause]
+            sd[axis] = PRIOR[kind]
     return {name: tuple(sd) for name, sd in priors.items()}

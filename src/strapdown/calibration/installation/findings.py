@@ -3,6 +3,7 @@ changes in recording.toml, and the change itself."""
 
 import datetime
 import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,19 +17,23 @@ from ...diagnosis.findings import (
     NOT_OBSERVABLE,
     UNITS,
     Setting,
-    changes,
+    section,
     settings,
 )
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
 from ...diagnosis.settling import NOTABLE
+from ...io.description.complaints import load
+from ...io.description.installed import INSTALLED, difference, installed
 from ...io.description.rewriting import (
     LEVER_ARM,
     MOUNTING as MOUNTING_KEY,
     SCALE as SCALE_KEY,
     TIME,
     Edit,
+    check_sections,
     rewrite,
     rewritten,
+    told,
 )
 from ...recording import Recording
 from ...typing import File
@@ -38,6 +43,10 @@ if TYPE_CHECKING:
     from ...reports.shell import Page
 
 NOT_CONFIRMED, IMPLAUSIBLE = "not confirmed", "not plausible"
+NOT_CONSTANT = "not constant"
+UNSURE = (NOT_CONFIRMED, IMPLAUSIBLE, NOT_CONSTANT)
+MINUTES = 180.0
+"""s: from a shorter recording a constant is hardly told from what varies."""
 KEYS = {CLOCK: TIME, ARM: LEVER_ARM, MOUNTING: MOUNTING_KEY, SCALE: SCALE_KEY}
 """{kind: key of recording.toml}."""
 MARK = "calibrate installation"
@@ -52,7 +61,7 @@ class Parameter(NamedTuple):
     sources: tuple[str, ...]  # names of those that it concerns
     axis: int  # 0, 1, 2 of a lever arm or a mounting
     unit: str
-    status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE, NOT_CONFIRMED or IMPLAUSIBLE
+    status: str  # FOUND, CONSISTENT, NOT_OBSERVABLE or one of UNSURE
     # as the recording has it; of a clock and of a mounting 0, of a scale 1
     given: float
     change: float  # to be added to it; NaN where nothing can be said
@@ -60,6 +69,8 @@ class Parameter(NamedTuple):
     by_states: float  # the other estimate of the change
     states_sd: float  # and its standard deviation
     motion: str  # what would show it, or show it better
+    # change and sd by the first and by the second half of the time
+    halves: tuple[tuple[float, float], ...] = ((np.nan, np.nan),) * 2
 
     @property
     def value(self) -> float:
@@ -76,6 +87,11 @@ class Parameter(NamedTuple):
         """The other estimate of the change, the same way."""
         return _interval(self.by_states, self.states_sd, self.unit)
 
+    @property
+    def by_halves(self) -> list[str]:
+        """The change by the first and by the second half of the time, the same way."""
+        return [_interval(change, sd, self.unit) for change, sd in self.halves]
+
     def __str__(self) -> str:
         if self.status == NOT_OBSERVABLE:
             return f"{self.name}: not observable; to show it, {self.motion}"
@@ -83,6 +99,12 @@ class Parameter(NamedTuple):
             return (
                 f"{self.name}: not confirmed, so not written: {self.seen} by the innovations, {self.second} as a "
                 f"state; to show it better, {self.motion}"
+            )
+        if self.status == NOT_CONSTANT:
+            first, second = self.by_halves
+            return (
+                f"{self.name}: not constant, so not written: {first} by the first half of the time, "
+                f"{second} by the second"
             )
         if self.status == IMPLAUSIBLE:
             most = ESTIMABLE[self.cause].most * UNITS[self.cause][1]
@@ -96,6 +118,10 @@ class Parameter(NamedTuple):
                 return f"{self.name}: consistent with what was given ({self.seen})"
             return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
         return f"{self.name}: found to be off by {self.seen} (as a state: {self.second})"
+
+
+def _listed(parameters: Iterable[Parameter]) -> str:
+    return " and ".join(each.name for each in parameters)
 
 
 def _interval(value: float, sd: float, unit: str) -> str:
@@ -115,8 +141,8 @@ class Installation:
     notes: tuple[str, ...]  # one line each
     imu_clock: bool  # whether a shared offset is written to the IMU
     asking: Asking = field(repr=False)  # how the filter was run
-    # files that have it: offsets and factors are on top of what they said
-    written: set[Path] = field(default_factory=set, init=False, repr=False, compare=False)
+    # {file that has it: copy of the old one}: offsets and factors are on top of what that said
+    written: dict[Path, Path] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def found(self) -> tuple[Parameter, ...]:
@@ -124,14 +150,14 @@ class Installation:
         return tuple(each for each in self.parameters if each.status == FOUND)
 
     @property
-    def implausible(self) -> tuple[Parameter, ...]:
-        """Those so far off that nothing is written: all others were estimated beside them."""
-        return tuple(each for each in self.parameters if each.status == IMPLAUSIBLE)
+    def unsure(self) -> tuple[Parameter, ...]:
+        """Those that forbid to write anything, since all others were estimated beside them."""
+        return tuple(each for each in self.parameters if each.status in UNSURE)
 
     @property
     def settings(self) -> list[Setting]:
-        """What recording.toml must say."""
-        if self.implausible:
+        """What recording.toml must say; nothing where something is `unsure`."""
+        if self.unsure:
             return []
         names = [a.name or a.kind for a in self.given.aidings]
         made = settings(
@@ -176,13 +202,39 @@ class Installation:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What to write into recording.toml, a line each."""
-        return tuple(line for own in changes(self.given, self.settings).values() for line in own)
+        """What to write into recording.toml, a line each, with the digits of the file."""
+        return tuple(
+            f"{'[imu]' if e.source is None else section(self.given.aidings, e.source)} {told(e)}"
+            for e in self.edits
+        )
 
     @property
     def lines(self) -> list[str]:
         """For people: every parameter, then what must be known beside."""
-        return [*map(str, self.parameters), *self.notes]
+        unsure, found = self.unsure, self.found
+        together = []
+        if unsure and found:
+            together = [
+                f"nothing is written: {_listed(found)} was estimated together with "
+                f"{_listed(unsure)}, and half a correction may be worse than none"
+            ]
+        turned = []
+        if np.any(self.given.meta.get("imu_mounting", 0.0)) and any(
+            each.kind == MOUNTING for each in self.settings
+        ):
+            turned = [
+                "mounting: the change turns what was given, so that all three angles are written anew"
+            ]
+        return [*map(str, self.parameters), *together, *turned, *self.notes, self.used]
+
+    @property
+    def used(self) -> str:
+        """The time that was used, for people."""
+        first, last = self.given.span
+        short = "; use several minutes, to tell a constant from what varies"
+        return f"used: {first:.1f} to {last:.1f} s, {last - first:.0f} s" + (
+            short if last - first < MINUTES else ""
+        )
 
     def __str__(self) -> str:
         return "\n".join([*self.lines, *self.changes])
@@ -192,6 +244,7 @@ class Installation:
         would be. Raises DataError where it is another file, or cannot be changed."""
         if not self.edits:
             return []
+        self._check_same(path)
         new = rewritten(path, self.edits, self._kinds, self._mark).splitlines()
         old = Path(path).read_text(encoding="utf-8").splitlines()
         lines = []
@@ -207,18 +260,19 @@ class Installation:
         comments that have standard deviations and date; the path of the copy of the old one that is
         kept beside it, or None where nothing changes.
 
-        Raises DataError where something is not plausible, where it was written there before, and
+        Raises DataError where something is `unsure`, where it was written there before, and
         where the file is another one or cannot be changed; then nothing is.
         """
-        if self.implausible:
-            raise DataError(f"{path}: left as it is; {self.implausible[0]}")
+        if self.unsure:
+            raise DataError(f"{path}: left as it is; {self.unsure[0]}")
         if not self.edits:
             return None
         target = Path(path).resolve()
         if target in self.written:
             raise DataError(f"{path}: has this already; read it and calibrate anew to change it")
+        self._check_same(path)
         kept = rewrite(path, self.edits, self._kinds, self._mark)
-        self.written.add(target)
+        self.written[target] = kept
         return kept
 
     def page(self) -> "Page":
@@ -226,6 +280,18 @@ class Installation:
         from .page import page
 
         return page(self)
+
+    def _check_same(self, path: File) -> None:
+        """Refuse a file that has other values than those the edits start from. Raises DataError."""
+        check_sections(path, self._kinds)
+        read = self.given.meta.get(INSTALLED)
+        differs = (
+            "the recording was not read as a recording.toml has it"
+            if read is None
+            else difference(installed(load(path)), read)
+        )
+        if differs:
+            raise DataError(f"{path}: {differs}; read that file and calibrate it")
 
     @property
     def _kinds(self) -> list[str]:

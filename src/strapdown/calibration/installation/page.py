@@ -1,5 +1,5 @@
 """The page of an installation: the table, innovations and NIS of each source as given and as found,
-and the likelihood over each parameter that was found."""
+and the misfit over each parameter that was found."""
 
 from html import escape
 from textwrap import wrap
@@ -21,8 +21,8 @@ from .settled import theta_of
 if TYPE_CHECKING:
     from .findings import Installation, Parameter
 
-STEPS = (-6.0, -4.0, -2.0, 0.0, 2.0, 4.0, 6.0)
-"""Standard deviations from what was found, of the runs that draw a likelihood."""
+STEPS = (-6.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+"""Standard deviations from what was found, of the runs that draw a misfit."""
 SMOOTHED = 10.0
 """s over which the NIS is averaged."""
 DRAWN = {"as given": GREY, "as found": COLOURS[0]}
@@ -38,7 +38,7 @@ def page(found: "Installation") -> Page:
     figures = [
         ("Whitened innovations", innovations_figure(solutions)),
         ("NIS", nis_figure(solutions)),
-        *((f"Likelihood: {each.name}", likelihood_figure(found, each)) for each in found.found),
+        *((f"Misfit: {each.name}", misfit_figure(found, each)) for each in found.found),
     ]
     drawn = "".join(
         placed(number, figure, heading) for number, (heading, figure) in enumerate(figures, 1)
@@ -48,7 +48,7 @@ def page(found: "Installation") -> Page:
         "recording": found.given.meta.get("name", ""),
         "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
         "found": f"{len(found.found)} of {len(found.parameters)} parameters",
-        "runs": f"{found.runs} of the filter",
+        "runs of the filter": str(found.runs),
         "software": f"strapdown {__version__}",
     }
     return shell(
@@ -107,13 +107,24 @@ def _table(found: "Installation") -> str:
         for each in found.parameters
     )
     head = "".join(f"<th>{escape(name)}</th>" for name in header)
-    said = "".join(f"<p class=note>{escape(text)}</p>" for text in found.notes)
-    lines = found.changes or ("nothing",)
-    changed = "".join(f"<li>{escape(text)}</li>" for text in lines)
+    said = "".join(
+        f"<p class=note>{escape(text)}</p>" for text in found.lines[len(found.parameters) :]
+    )
     return (
         f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-        f"{said}<p>To change in recording.toml:</p><ul>{changed}</ul>"
+        f"{said}{_changed(found)}"
     )
+
+
+def _changed(found: "Installation") -> str:
+    """HTML of which file was written, or else of what to change."""
+    if found.written:
+        return "".join(
+            f"<p>Written: {escape(str(path))}; the old file is {escape(str(kept))}.</p>"
+            for path, kept in found.written.items()
+        )
+    lines = "".join(f"<li>{escape(text)}</li>" for text in found.changes or ("nothing",))
+    return f"<p>To change in recording.toml:</p><ul>{lines}</ul>"
 
 
 def _sources(solution: Solution) -> list[int]:
@@ -188,7 +199,7 @@ def _time(drawn: go.Figure, zero: float, rows: int) -> None:
     drawn.update_xaxes(title_text=title, row=rows, col=1)
 
 
-def likelihood_figure(found: "Installation", each: "Parameter") -> go.Figure:
+def misfit_figure(found: "Installation", each: "Parameter") -> go.Figure:
     """The sum of min(NIS, 30) of whole runs with one parameter moved, all others as found, over
     the smallest of them."""
     known = constants(found.given.aidings)
@@ -223,10 +234,10 @@ def likelihood_figure(found: "Installation", each: "Parameter") -> go.Figure:
     )
     unit = f" [{each.unit}]" if each.unit else " [-]"
     drawn.update_xaxes(title_text=f"change of what was given{unit}")
-    drawn.update_yaxes(title_text="sum of min(NIS, 30), less the least [-]", rangemode="tozero")
+    drawn.update_yaxes(title_text="sum of min(NIS, 30), less its minimum [-]", rangemode="tozero")
     note(
         drawn,
-        f"{len(STEPS)} runs, all else as found. Dashed: the value found, shaded its 95 % interval. "
+        f"Misfit: sum of min(NIS, 30), less its minimum, of {len(STEPS)} runs, all else as found. Dashed: the value found, shaded its 95 % interval. "
         "What was given is at 0.",
     )
     return drawn

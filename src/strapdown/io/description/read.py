@@ -29,6 +29,7 @@ from ..magnetic_record import sound
 from ..table_file import Table
 from .calibrations import corrected, frames
 from .complaints import load
+from .installed import INSTALLED, installed
 from .magnetic_sources import calibrated, with_field
 from .schema import Description, ImuPart, ReferencePart, Vector, vector_factors
 from .schema_aiding import AidingPart
@@ -71,7 +72,9 @@ def read_description(path: File) -> Recording:
         imu,
         tuple(aidings),
         reference,
-        meta | ({"sensors": sensors} if sensors else {}) | {"notes": notes},
+        meta
+        | ({"sensors": sensors} if sensors else {})
+        | {INSTALLED: installed(description), "notes": notes},
     )
 
 

@@ -41,12 +41,7 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     Raises DataError where the file is another one, or cannot be changed and stay what it is.
     """
     text = _text(path)
-    try:
-        old = tomllib.loads(text)
-        content = tomlkit.parse(text)
-    except (tomllib.TOMLDecodeError, TOMLKitError) as error:
-        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
-    _check_sections(path, old, kinds)
+    old, content = _check_sections(path, text, kinds)
     edits = list(edits)
     try:
         for edit in edits:
@@ -63,6 +58,24 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     return new
 
 
+def told(edit: Edit) -> str:
+    """What an edit changes, in words, with the digits of the file."""
+    size, least = DEG if edit.key == MOUNTING else 1.0, min(sd for sd in edit.sd if sd)
+    own = edit.sd if edit.key == LEVER_ARM else [least] * len(edit.value)
+    numbers = [
+        _number(x / size, (sd or least) / size, edit.key).as_string()
+        for x, sd in zip(edit.value, own)
+    ]
+    if edit.key == TIME:
+        return f"time: add {'' if edit.value[0] < 0 else '+'}{numbers[0]} s to offset"
+    if edit.key == LEVER_ARM:
+        return f"lever_arm = [{', '.join(numbers)}]"
+    if edit.key == MOUNTING:
+        angles = ", ".join(f"{name} = {number}" for name, number in zip(ANGLES, numbers))
+        return f'mounting = {{ {angles}, unit = "deg" }}'
+    return f"scale: multiply by {numbers[0]}"
+
+
 def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) -> Path:
     """Change a description on disk (see `rewritten`); the path of the copy of the old one beside
     it, NAME.before or NAME.before-2, ... Raises DataError, and then nothing is changed."""
@@ -77,6 +90,10 @@ def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) 
 
 
 def _text(path: File) -> str:
+    if Path(path).suffix.lower() != ".toml":
+        raise DataError(
+            f"{path}: only a recording.toml can be changed; change what it was made from"
+        )
     try:
         return Path(path).read_bytes().decode("utf-8")
     except OSError as error:
@@ -99,7 +116,17 @@ def _copied(target: Path) -> Path:
             number += 1
 
 
-def _check_sections(path: File, old: dict[str, Any], kinds: Sequence[str]) -> None:
+def check_sections(path: File, kinds: Sequence[str]) -> None:
+    """Refuse what is no description with sources of these kinds. Raises DataError."""
+    _check_sections(path, _text(path), kinds)
+
+
+def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[str, Any], Any]:
+    """(content, the same as it can be changed) of a description. Raises DataError."""
+    try:
+        old, content = tomllib.loads(text), tomlkit.parse(text)
+    except (tomllib.TOMLDecodeError, TOMLKitError) as error:
+        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
     sources = old.get("aiding", [])
     found = [each.get("kind") for each in sources if isinstance(each, dict)]
     if "imu" not in old or found != list(kinds):
@@ -108,6 +135,7 @@ def _check_sections(path: File, old: dict[str, Any], kinds: Sequence[str]) -> No
             f"{path}: has {there} ({', '.join(map(str, found))}), where the recording has "
             f"{', '.join(kinds)}; name the file from which it was read"
         )
+    return old, content
 
 
 def _unable(path: File) -> DataError:
