@@ -19,7 +19,7 @@ from strapdown.calibration.installation.findings import (
 )
 from strapdown.calibration.installation.settled import Settled, theta_of
 from strapdown.checks import DataError
-from strapdown.diagnosis.findings import CONSISTENT, FOUND
+from strapdown.diagnosis.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.diagnosis.installation import applied, constants
 
 DEG = np.pi / 180
