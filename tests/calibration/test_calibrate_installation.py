@@ -142,7 +142,7 @@ def test_a_change_that_harms_half_of_the_recording_is_not_constant():
     assert any(f"not constant: {first:+.3f} +- " in line for line in made.lines)
     unsure = clock._replace(status=NOT_CONSTANT)
     assert f"not constant, so not written: {first:+.3f} +- " in str(unsure)
-    assert not module._helps_both(0.1, clock.halves) and module._helps_both(0.1, [(0.1, 1)] * 2)
+    assert not module._helps_both(0.21, clock.halves) and module._helps_both(0.1, [(0.1, 1)] * 2)
     assert made.used == "used: 0.0 to 200.0 s, 200 s"
 
 
