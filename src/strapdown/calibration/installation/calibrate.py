@@ -1,6 +1,7 @@
 """`calibrate_installation`: clocks, lever arms, mounting and scale from a log, estimated until they
 settle, confirmed by a second estimate, and ready to be written into recording.toml."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -101,6 +102,7 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
     unit, factor = UNITS[each.cause]
     j = settled.of(each)
     change = settled.before[j] * factor + each.change
+    halves = tuple((settled.before[j] * factor + half, own) for half, own in each.halves)
     by_states = settled.theta[j] * factor + seen.left
     sd = max(each.sd, seen.sd)
     least = max(LEAST[each.cause] * factor, LEAST_Z * sd)
@@ -109,7 +111,7 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         status = NOT_OBSERVABLE
     elif not settled.theta[j] or abs(change) <= least:
         status = CONSISTENT
-    elif not _constant(each):
+    elif not _constant(each) and not _helps_both(change, halves):
         status = NOT_CONSTANT
     elif not agree or not settled.sure:
         status = NOT_CONFIRMED
@@ -130,7 +132,7 @@ def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
         float(by_states),
         seen.sd,
         each.motion,
-        tuple((settled.before[j] * factor + half, own) for half, own in each.halves),
+        halves,
     )
 
 
@@ -140,6 +142,11 @@ def _constant(each: Estimate | Parameter) -> bool:
     (first, first_sd), (second, second_sd) = each.halves
     least = max(LEAST[each.cause] * UNITS[each.cause][1], VARIES * np.hypot(first_sd, second_sd))
     return not abs(first - second) > least
+
+
+def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
+    """Whether the change leaves each half of the time with less than it has as given."""
+    return all(abs(half - change) < abs(half) for half, _ in halves)
 
 
 def _unseen(each: Estimate) -> Parameter:
@@ -187,7 +194,7 @@ def _notes(
         f"{each.name} is not constant: {' by the first half of the time, '.join(each.by_halves)} by "
         f"the second; what is said of it is a mean"
         for each in parameters
-        if each.status == CONSISTENT and not _constant(each)
+        if each.status in (CONSISTENT, FOUND) and not _constant(each)
     ]
     unseen = [each for each in clocks if each.status == NOT_OBSERVABLE]
     if len(unseen) > 1:
