@@ -17,7 +17,7 @@ EXACT = NOISE._replace(gyro=0.0, accel=0.0)
 NAMES = {
     "gyro-scale": [(0, 0), (1, 1), (2, 2)],
     "accel-scale": [(3, 3), (4, 4), (5, 5)],
-    "gyro-misalignment": [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)],
+    "gyro-misalignment": [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)],
     "accel-misalignment": [(3, 4), (3, 5), (4, 5)],
 }
 

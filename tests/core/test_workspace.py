@@ -83,7 +83,7 @@ def test_a_part_of_open_size_is_the_last_and_gets_its_size():
 
 def test_a_workspace_that_is_too_small_is_refused_before_a_kernel_sees_it():
     too_small = MEKF._replace(start=CLOSED_LOOP.start)  # which knows nothing of mekf's own slots
-    with pytest.raises(RuntimeError, match="'mekf': its start made a workspace of 12.. numbers"):
+    with pytest.raises(RuntimeError, match="'mekf': its start made a workspace of 15.. numbers"):
         too_small.begin(AT, NOISE)
     assert isinstance(MEKF.begin(AT, NOISE), Belief)
     with pytest.raises(RuntimeError, match="its slots take 1233"):

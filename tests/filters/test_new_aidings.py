@@ -296,7 +296,7 @@ def test_fifteen_states_beyond_are_the_most(flight):
     )
     with pytest.raises(
         DataError,
-        match="the sources bring 16 states along, the last is 'baro 15 bias .m.'; at most 15",
+        match="there are 16 states beside the filter's own, the last is 'baro 15 bias .m.'; at most 15",
     ) as error:
         several(16)
     assert "\n" not in str(error.value)
