@@ -86,7 +86,7 @@ def test_a_workspace_that_is_too_small_is_refused_before_a_kernel_sees_it():
     with pytest.raises(RuntimeError, match="'mekf': its start made a workspace of 15.. numbers"):
         too_small.begin(AT, NOISE)
     assert isinstance(MEKF.begin(AT, NOISE), Belief)
-    with pytest.raises(RuntimeError, match="its slots take 1233"):
+    with pytest.raises(RuntimeError, match="its slots take 15.."):
         strapdown.fuse(
             strapdown.simulate("straight", seed=1, duration=2.0), too_small, start=AT, noise=NOISE
         )
