@@ -10,7 +10,9 @@ where r is gravity less the Coriolis term. All is written into the parameters of
 brackets FORCE and LAG, and the mean force MEAN about s, in body axes now, so that they turn with
 its errors; REST, r in n; RATE, the angular rate about s less the present one; TURN (3, 3), which
 takes vectors from body axes at s to body axes now. BIAS_AT is the accelerometer bias that the forces
-are without; SPIN the angular acceleration about s.
+are without; SPIN the angular acceleration about s. MEAN, RATE and SPIN are differences over one
+standard deviation of the clock to both sides, and BEND is what they leave out: statistical
+linearisation, Gelb (1974), section 6.3.
 """
 
 import math
