@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core.contract import (
     AGE,
+    BEND,
     BIAS_AT,
     CLOCK_AT,
     CLOCK_STATE,
@@ -175,3 +176,18 @@ def test_a_clock_that_ran_away_stays_at_the_limit(age):
     assert np.isfinite(found).all()
     limit, _ = looked_back(cursor, belief, found[AGE])
     assert limit
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.1])
+def test_what_an_uncertain_clock_bends_is_the_second_difference(sigma):
+    """Of position and velocity over its standard deviation, without a lever arm."""
+    motion, age = Swinging(), 0.3
+    cursor, belief = moved_through(motion, EVEN)
+    belief.P[15, 15] = sigma**2
+    _, found = looked_back(cursor, belief, age)
+    s = EVEN[-1] - age
+    for first, path in ((BEND, motion.p), (BEND + 3, motion.v)):
+        second = path(s + sigma) - 2 * path(s) + path(s - sigma)
+        np.testing.assert_allclose(
+            found[first : first + 3], np.sqrt(0.75) * np.abs(second), atol=2e-4, rtol=0.03
+        )
