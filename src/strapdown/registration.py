@@ -51,8 +51,8 @@ def brought() -> list[tuple[str, str, str, str]]:
 def _homes() -> dict[type, Registry[Any]]:
     """{type: registry of its values}."""
     from . import aiding, filters, quantities
-    from .io import readers
+    from .io import registry
     from .reports import figure_list
 
-    homes = (quantities, aiding, filters, readers, figure_list)
+    homes = (quantities, aiding, filters, registry, figure_list)
     return {home.REGISTRY.kind: home.REGISTRY for home in homes}

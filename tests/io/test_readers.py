@@ -12,7 +12,7 @@ import pytest
 import strapdown as sd
 from strapdown import plugins
 from strapdown.checks import DataError
-from strapdown.io import readers
+from strapdown.io import readers as room, registry as readers
 from strapdown.io.contract import Reader
 from strapdown.io.inspection import inspect
 
@@ -49,7 +49,7 @@ def log(tmp_path):
 
 
 def test_a_file_is_a_reader():
-    folder = Path(readers.__file__).parent
+    folder = Path(room.__file__).parent
     assert len(readers.readers()) == len(list(folder.glob("*.py"))) - 1
     for name, reader in readers.readers().items():
         assert isinstance(reader, Reader) and reader.name == name
@@ -217,7 +217,7 @@ def test_the_kind_of_a_packed_file_is_named(tmp_path):
 
 def test_other_formats_do_without_what_descriptions_need():
     code = (
-        "import sys, strapdown as sd\nfrom strapdown.io import readers\nreaders.readers()\n"
+        "import sys, strapdown as sd\nfrom strapdown.io import readers as room, registry as readers\nreaders.readers()\n"
         "print({'pydantic', 'xarray', 'plotly', 'h5netcdf', 'pandas'} & set(sys.modules))"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -24,6 +24,7 @@ from .console import (
     NOT_TRUSTED,
     OPTION,
     STRICT,
+    TAKE,
     TO,
     VEHICLE,
     Progress,
@@ -31,10 +32,12 @@ from .console import (
     end,
     estimates,
     grade_of,
+    instances,
     option_values,
     print_errors,
     print_outages,
     print_verdicts,
+    read_given,
     recording_argument,
     results_folder,
     save_page,
@@ -174,11 +177,12 @@ def demo(
 
 @app.command(cls=Reads)
 def fuse(
-    recording: Annotated[Path, recording_argument()],
+    recording: Annotated[list[Path], recording_argument()],
     filter: Annotated[
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
     imu: IMU = None,
+    take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
     stop: TO = None,
@@ -229,8 +233,8 @@ def fuse(
     windows = _windows(hide)
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
-    whole = sd.read(recording)
-    grade = imu or grade_of(whole)
+    whole, grade = read_given(recording, imu, take)
+    named = grade or grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
     withheld = sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)
@@ -238,14 +242,14 @@ def fuse(
         (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
     )
     with results_folder(
-        out or Path(f"{part.meta.get('name') or recording.stem}-{filter}{ending}")
+        out or Path(f"{part.meta.get('name') or recording[0].stem}-{filter}{ending}")
     ) as folder:
-        begin = _start(seen, grade, heading, filter)
+        begin = _start(seen, named, heading, filter)
         with Progress() as progress:
             solution = run(
                 seen,
                 filter,
-                imu=grade,
+                imu=named,
                 vehicle=vehicle,
                 start=begin,
                 every=every,
@@ -274,7 +278,7 @@ def fuse(
     )
     if diagnosed:
         try:
-            diagnose.show(seen, filter, grade, vehicle, begin, options)
+            diagnose.show(seen, filter, named, vehicle, begin, options)
         except sd.DataError as error:  # the results are written
             print(f"diagnose: {error}")
     end(strict, [solution.verdict])
@@ -307,32 +311,35 @@ def _start(
 
 @app.command(cls=Reads)
 def inspect(
-    path: Annotated[Path, typer.Argument(metavar="PATH", help=FORMATS_AND_TABLES)],
+    path: Annotated[list[Path], typer.Argument(metavar="PATH...", help=FORMATS_AND_TABLES)],
     write: Annotated[
         Path | None,
-        typer.Option(help="From a bare table: draft the recording.toml that describes it."),
+        typer.Option(
+            help="From tables and logs: draft the recording.toml that says what is taken from them."
+        ),
     ] = None,
+    imu: Annotated[
+        int | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
+    ] = None,
+    take: TAKE = None,
 ) -> None:
     """Say what a recording or a table holds, what is probably wrong with it (rates, gaps, clocks,
     units, axes, mounting) and what could not be checked. Ends with 3 where something is wrong."""
-    from ..io.inspection import inspect, taker
-    from ..io.readers import ask
+    from ..io.inspection import check_drafted, draft, inspect
 
-    reader = taker(path)
-    if write is not None and reader.draft is None:
-        raise sd.DataError(
-            f"--write drafts the description of a bare table; {path} is a recording already"
-        )
+    if write is not None:
+        check_drafted(path)
     if write is not None and write.exists():
         raise sd.DataError(
             f"--write {write}: there is such a file already; name another, or remove it"
         )
-    found = inspect(path)
+    asked = instances(imu, take)
+    found = inspect(*path, **asked)
     print(found)
     if write is not None:
         from ..files import replacing
 
-        text = ask(reader, "draft", path, write.resolve().parent)
+        text = draft(path, asked, write.resolve().parent)
         with replacing(write) as part:
             part.write_text(text)
         print(f"wrote {write}: read it through, then `strapdown inspect {write}`")

@@ -16,12 +16,14 @@ from .console import (
     IMU,
     OPTION,
     OUT,
+    TAKE,
     TO,
     VEHICLE,
     Progress,
     Reads,
     grade_of,
     option_values,
+    read_given,
     recording_argument,
     results_folder,
     save_page,
@@ -85,7 +87,9 @@ SENSOR = Annotated[
 
 @group.command(SENSORS, cls=Unnamed, hidden=True)
 def calibrate(
-    recording: Annotated[Path, recording_argument("; docs/calibrate.md tells how to record it.")],
+    recording: Annotated[
+        list[Path], recording_argument("; docs/calibrate.md tells how to record it.")
+    ],
     sensor: SENSOR = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second to use.")
@@ -97,7 +101,7 @@ def calibrate(
 ) -> None:
     """Calibrate accelerometer or magnetometer from a record: the file that recording.toml names
     as calibration, residuals, coverage."""
-    found = sd.calibrate(sd.read(recording), sensor, start, stop)
+    found = sd.calibrate(read_given(recording)[0], sensor, start, stop)
     for note in found.notes:
         print(f"note: {note}")
     table(found.header, found.rows)
@@ -115,7 +119,7 @@ def calibrate(
 
 @group.command(INSTALLATION, cls=Reads)
 def installation(
-    recording: Annotated[Path, recording_argument()],
+    recording: Annotated[list[Path], recording_argument()],
     write: Annotated[
         bool,
         typer.Option(
@@ -134,6 +138,7 @@ def installation(
         str, typer.Option(help="The closed loop or one of its relatives.")
     ] = "closed-loop",
     imu: IMU = None,
+    take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
     stop: TO = None,
@@ -145,13 +150,13 @@ def installation(
     """Find clock offsets, lever arms, mounting and odometer scale from a log, and write them into
     its recording.toml."""
     options: dict[str, Any] = option_values(option)
-    whole = sd.read(recording)
+    whole, grade = read_given(recording, imu, take)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     with results_folder(out) if out else nullcontext(), Progress() as progress:
         found = sd.calibrate_installation(
             part,
             filter,
-            imu=imu or grade_of(whole),
+            imu=grade or grade_of(whole),
             vehicle=vehicle,
             imu_clock=imu_clock,
             say=progress.say,
@@ -161,7 +166,7 @@ def installation(
         for line in found.lines:
             print(line)
         try:
-            _change(found, recording, write)
+            _change(found, recording[0], write)
         finally:  # the page says what was written
             if out:
                 save_page(found.page(), out / "installation.html")

@@ -14,6 +14,7 @@ from .console import (
     FROM,
     IMU,
     STRICT,
+    TAKE,
     TO,
     VEHICLE,
     Progress,
@@ -21,6 +22,7 @@ from .console import (
     estimates,
     number,
     print_verdicts,
+    read_given,
     recording_argument,
     results_folder,
     table,
@@ -54,10 +56,11 @@ KINDS = Annotated[
 
 
 def compare(
-    recording: Annotated[Path, recording_argument("; with a reference.")],
+    recording: Annotated[list[Path], recording_argument("; with a reference.")],
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,
+    take: TAKE = None,
     vehicle: VEHICLE = None,
     kinds: KINDS = None,
     start: FROM = None,
@@ -78,18 +81,20 @@ def compare(
 ) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
-    whole = sd.read(recording)
+    whole, grade = read_given(recording, imu, take)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (
-        results_folder(out or Path(f"{part.meta.get('name') or recording.stem}-compare")) as folder,
+        results_folder(
+            out or Path(f"{part.meta.get('name') or recording[0].stem}-compare")
+        ) as folder,
         Progress() as progress,
     ):
         found = sd.compare(
             part,
             labels(filters),
             outages,
-            imu=imu,
+            imu=grade,
             vehicle=vehicle,
             ahrs=ahrs,
             estimate=estimates(estimate),

@@ -29,7 +29,15 @@ IMU = Annotated[
     str | None,
     typer.Option(
         help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
-        "recording names."
+        "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical."
+    ),
+]
+TAKE = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=N",
+        help="Which of several alike in a log to take: gnss=1, magnetometer=0, reference=1; "
+        "gnss=none for none. May be repeated.",
     ),
 ]
 VEHICLE = Annotated[
@@ -102,7 +110,7 @@ class Reads(TyperCommand):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """As click asks."""
-        from ..io.readers import formats
+        from ..io.registry import formats
 
         for parameter in self.params:
             text = getattr(parameter, "help", None) or ""
@@ -113,8 +121,40 @@ class Reads(TyperCommand):
 
 
 def recording_argument(note: str = "") -> Any:
-    """The argument of a command of the class `Reads`: a file in one of the formats, and a note."""
-    return typer.Argument(metavar="RECORDING", help=FORMATS + note)
+    """The argument of a command of the class `Reads`: files in one of the formats, and a note."""
+    several = " Several files of logs or tables make one recording."
+    return typer.Argument(metavar="RECORDING...", help=FORMATS + note + several)
+
+
+def read_given(
+    paths: Sequence[Path], imu: str | None = None, take: Sequence[str] | None = None
+) -> "tuple[sd.Recording, str | None]":
+    """The Recording of what a command was given, and the grade that --imu names. Prints what was
+    taken from logs, assumed and left."""
+    number, grade = asked_imu(imu)
+    recording = sd.read(*paths, **instances(number, take))
+    for line in recording.meta.get("read", []):
+        print(line)
+    return recording, grade
+
+
+def asked_imu(text: str | None) -> tuple[int | None, str | None]:
+    """(number, grade) of --imu, either of which may be missing."""
+    number, _, grade = (text or "").partition(",")
+    if not number.strip().isdecimal():
+        return None, text
+    return int(number), grade.strip() or None
+
+
+def instances(imu: int | None, take: Sequence[str] | None) -> dict[str, int | None]:
+    """What `read` takes as instances, of --imu and --take. Raises DataError."""
+    found: dict[str, int | None] = {} if imu is None else {"imu": imu}
+    for item in take or ():
+        name, _, number = (part.strip() for part in item.partition("="))
+        if not (number.isdecimal() or number == "none"):
+            raise DataError(f"--take {item!r}: write NAME=N, as gnss=1, or NAME=none")
+        found[name] = None if number == "none" else int(number)
+    return found
 
 
 def summarise(solution: "sd.Solution") -> None:

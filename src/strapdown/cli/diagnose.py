@@ -12,11 +12,13 @@ from .console import (
     FROM,
     IMU,
     OPTION,
+    TAKE,
     TO,
     VEHICLE,
     Progress,
     grade_of,
     option_values,
+    read_given,
     recording_argument,
 )
 
@@ -25,11 +27,12 @@ if TYPE_CHECKING:
 
 
 def diagnose(
-    recording: Annotated[Path, recording_argument()],
+    recording: Annotated[list[Path], recording_argument()],
     filter: Annotated[
         str, typer.Option(help="The closed loop or one of its relatives.")
     ] = "closed-loop",
     imu: IMU = None,
+    take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
     stop: TO = None,
@@ -37,9 +40,9 @@ def diagnose(
 ) -> None:
     """Say what of the installation is wrong: clock offset and lever arm of the GNSS, mounting of
     the IMU, scale of the odometer; what is right; and what the motion does not show."""
-    whole = sd.read(recording)
+    whole, grade = read_given(recording, imu, take)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
-    show(part, filter, imu or grade_of(whole), vehicle, None, option_values(option))
+    show(part, filter, grade or grade_of(whole), vehicle, None, option_values(option))
 
 
 def show(

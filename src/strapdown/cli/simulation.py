@@ -16,6 +16,7 @@ from .console import (
     SEED,
     WORKERS,
     Progress,
+    read_given,
     recording_argument,
     results_folder,
     standard_deviations,
@@ -331,7 +332,10 @@ def reproduce(
 
 
 def allan(
-    recording: Annotated[Path, recording_argument("; at rest.")],
+    recording: Annotated[list[Path], recording_argument("; at rest.")],
+    imu: Annotated[
+        str | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
+    ] = None,
     start: Annotated[
         float | None, typer.Option("--from", metavar="T", help="First second of the rest.")
     ] = None,
@@ -344,7 +348,7 @@ def allan(
     suggest."""
     from ..allan.page import analyse
 
-    analysis = analyse(sd.read(recording), start, stop)
+    analysis = analyse(read_given(recording, imu)[0], start, stop)
     for note in analysis.notes:
         print(f"note: {note}")
     table(analysis.header, analysis.rows)

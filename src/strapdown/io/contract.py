@@ -1,12 +1,13 @@
 """What a reader of a file format offers, and what an inspection finds."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from ..checks import DataError
 from ..recording import Recording
 from ..verdict import Reason
+from .table_file import Table
 
 Made = TypeVar("Made")
 
@@ -53,19 +54,76 @@ class Findings(NamedTuple):
             return None
 
 
+ROLES = {
+    "imu": "IMU",
+    "gnss": "GNSS receiver",
+    "magnetometer": "magnetometer",
+    "barometer": "barometer",
+    "speed": "speed sensor",
+    "heading": "source of headings",
+    "attitude": "source of attitudes",
+    "reference": "reference",
+}
+"""What the sections of a log are of. Of each role one instance is taken, and a user may name
+another."""
+
+
+class Section(NamedTuple):
+    """A section of a `recording.toml` as a file's own format gives it, or as it was guessed.
+
+    `keys` are those of docs/recording-format.md with their values, without `file`; `table` names the
+    table of the log. An [imu] with `gyro` or `accel` alone is joined with the other one, of
+    another table.
+    """
+
+    of: str  # "imu", "aiding" or "reference"
+    role: str  # one of ROLES; sections of one role and instance are taken together
+    keys: Mapping[str, Any]
+    instance: int = 0  # which of several alike, as the format counts them
+    title: str = ""  # what it is in the words of the format, as "vehicle_imu 1, 198 Hz"
+    # {key: why it has this value}: what the file does not say
+    assumed: Mapping[str, str] = {}
+    # why it is only taken where a user asks for it, as "made of the same IMU"; "": it may be taken
+    left: str = ""
+    remarks: tuple[str, ...] = ()  # lines for the drafted text, such as keys that one may want
+
+
+class Log(NamedTuple):
+    """What a file holds that is no whole recording: tables, and what of a recording they are.
+
+    A complaint names a row of a table by the name of that table.
+    """
+
+    tables: Mapping[str, Table]  # by the names that `table` has in the sections
+    sections: tuple[Section, ...]
+    facts: tuple[str, ...] = ()  # lines on what the file holds
+    left: tuple[str, ...] = ()  # lines on what is not taken, and why
+    # lines on what is wrong, or must be known and nothing tells, with the remedy: reading refuses
+    asked: tuple[str, ...] = ()
+    # keys at the top of a description, such as "epoch", UTC of t = 0 of a clock of its own
+    head: Mapping[str, Any] = {}
+
+
 class Reader(NamedTuple):
-    """One file format. What its functions find wrong they raise as DataError of one line."""
+    """One file format. What its functions find wrong they raise as DataError of one line.
+
+    A format of whole recordings has `read`. One whose file may be a part of a recording, or holds
+    several IMUs, has `open`: several such files make one recording together, and everything
+    that a user can do with a description can be done with them.
+    """
 
     name: str
     suffixes: tuple[
         str, ...
     ]  # how names of such files end, in small letters, as (".imu", ".imu.xz")
     summary: str  # what such a file is, a few words for help and complaints
-    read: Callable[[Path], Recording]
+    read: Callable[[Path], Recording] | None = None
     # Findings, or (facts, problems) alone, also of a file that `read` refuses; None: of what `read`
     # gives
     inspect: Callable[[Path], Findings | tuple[list[str], list[str]]] | None = None
-    # whether the file is one, by its content, where other formats have its suffix or it has none
+    # whether the file (or folder) is one, by its content, where other formats have its suffix or it
+    # has none
     sniff: Callable[[Path], bool] | None = None
+    open: Callable[[Path], Log] | None = None
     # of a format that is not read alone: text of a recording.toml that stands in the folder
     draft: Callable[[Path, Path | None], str] | None = None

@@ -1,6 +1,7 @@
 """What a file holds, what is probably wrong with it and what could not be checked, in lines for
 people; works where reading would refuse."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,7 +10,8 @@ from ..typing import File
 from ..verdict import Reason
 from .contract import Reader
 from .facts import recording_facts
-from .readers import ask, find, read, readers
+from .recordings import read
+from .registry import ask, find, readers
 
 
 class Inspection(NamedTuple):
@@ -34,24 +36,55 @@ class Inspection(NamedTuple):
         return "\n".join(self.lines)
 
 
-def taker(path: Path) -> Reader:
+def looker(path: Path) -> Reader:
     """The Reader that looks at a file: that of tables, where the format is not known."""
     return find(path) or readers()["table"]
 
 
-def inspect(path: File) -> Inspection:
-    """The Inspection of a recording in any format, or of a bare table, as which every file is taken
-    whose format is not known.
+def inspect(path: File, /, *more: File, **instances: int | None) -> Inspection:
+    """The Inspection of a recording in any format, of files that make one together, as `read` takes
+    them, or of a bare table, as which every file is taken whose format is not known.
 
     Raises DataError only where the file itself cannot be read.
     """
-    path = Path(path)
-    reader = taker(path)
+    paths = [Path(each) for each in (path, *more)]
+    reader = looker(paths[0])
+    if reader.open is not None or more:
+        from .description.inspection import inspect_logs  # loads pydantic: 0.2 s
+
+        of_logs = inspect_logs(paths, instances)
+        label = ", ".join(map(str, paths))
+        return Inspection(label, *map(tuple, of_logs))  # type: ignore[arg-type]
+    path = paths[0]
     found = recording_facts(read(path)) if reader.inspect is None else ask(reader, "inspect", path)
     try:
-        facts, problems, *more = map(tuple, found)
+        facts, problems, *rest = map(tuple, found)
     except (TypeError, ValueError):
         raise DataError(
             f"{path}: the reader {reader.name!r} gives no facts and problems but a {type(found).__name__}"
         ) from None
-    return Inspection(str(path), facts, tuple(dict.fromkeys(problems)), *more[:2])
+    return Inspection(str(path), facts, tuple(dict.fromkeys(problems)), *rest[:2])
+
+
+def check_drafted(paths: Sequence[Path]) -> None:
+    """Refuse files for which there is nothing to draft. Raises DataError."""
+    for path in paths:
+        reader = looker(path)
+        if reader.open is None and reader.draft is None:
+            raise DataError(
+                f"--write drafts the description of tables and logs; {path} is a recording already"
+            )
+
+
+def draft(paths: Sequence[Path], take: Mapping[str, int | None], folder: Path) -> str:
+    """Text of the `recording.toml` in `folder` that says what `read` takes from the files.
+
+    Raises DataError, also where a file is a recording already.
+    """
+    check_drafted(paths)
+    reader = looker(paths[0])
+    if len(paths) == 1 and reader.draft is not None:
+        return str(ask(reader, "draft", paths[0], folder))
+    from .description.logs import join, opened
+
+    return join(opened(paths), take).text(folder)

@@ -8,7 +8,7 @@ import lzma
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
@@ -17,7 +17,7 @@ import numpy as np
 
 from ..checks import DataError, did_you_mean
 from ..preprocessing.origin import Origin
-from ..typing import Array, File, Ints
+from ..typing import Array, ArrayLike, File, Ints
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,17 +53,40 @@ def reading(path: File) -> Iterator[None]:
 
 
 class Table(NamedTuple):
-    """A CSV file: pandas DataFrame of raw cells, and the line of the file that each row stands
-    in."""
+    """A table of a file: pandas DataFrame of raw cells, and the line (or record) of the file that
+    each row stands in."""
 
     name: str
     frame: "pd.DataFrame"
     lines: Ints
+    word: str = "line"  # what a row is called in the file
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        columns: Mapping[str, ArrayLike],
+        rows: Ints | None = None,
+        word: str = "record",
+    ) -> "Table":
+        """A table of columns (n,) by name; `rows` (n,) are their numbers in the file, counted from
+        0 where they are not given."""
+        import pandas as pd
+
+        frame = pd.DataFrame(dict(columns), copy=False)
+        return cls(name, frame, np.arange(len(frame)) if rows is None else rows, word)
 
     @property
     def origin(self) -> Origin:
         """Origin that names lines of this file."""
-        return Origin(self.name, self.lines, "line")
+        return Origin(self.name, self.lines, self.word)
+
+    def cells(self, column: str | int) -> np.ndarray[Any, Any]:
+        """The column as it is read (n,): whole numbers stay such. Raises DataError for a missing
+        one."""
+        if column not in self.frame.columns:
+            raise DataError(f"{self.name}: {self._missing(column)}")
+        return self.frame[column].to_numpy()
 
     def numbers(self, column: str | int) -> Array:
         """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column

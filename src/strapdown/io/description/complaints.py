@@ -14,19 +14,19 @@ from .schema import Description
 from .schema_base import Part
 
 
-def load(path: File) -> Description:
-    """The Description in a TOML file. Raises DataError with the first complaint and the number
-    of others."""
-    lines = complaints(path)
+def load(path: File, content: dict[str, Any] | None = None) -> Description:
+    """The Description in a TOML file, or of `content`. Raises DataError with the first complaint
+    and the number of others."""
+    lines = complaints(path, content)
     if isinstance(lines, Description):
         return lines
     raise DataError(lines[0] + (f" (and {len(lines) - 1} more)" if len(lines) > 1 else ""))
 
 
-def complaints(path: File) -> Description | list[str]:
-    """The Description in a TOML file, or the list of what is wrong with it, a line each. Raises
-    DataError where it is no TOML."""
-    content = parse(path)
+def complaints(path: File, content: dict[str, Any] | None = None) -> Description | list[str]:
+    """The Description in a TOML file, or the list of what is wrong with it, a line each; of
+    `content` where that is given, whose lines name `path`. Raises DataError where it is no TOML."""
+    content = parse(path) if content is None else content
     try:
         return Description.model_validate(content)
     except ValidationError as error:

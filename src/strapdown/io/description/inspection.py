@@ -2,7 +2,7 @@
 read, the others still are."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from ..locate import locate
 from ..magnetic_record import facts_and_problems
 from .complaints import complaints, parse
 from .draft import inspect_table
+from .logs import Take, join, opened
 from .read import level_notes, read_aiding, read_field, read_imu, read_meta, read_reference
 from .schema import Description
 from .schema_aiding import AidingPart
@@ -29,7 +30,7 @@ def inspect_description(path: Path) -> Findings:
     """Findings on a description and all that it names. Raises DataError where it is no TOML."""
     found, description = Findings.of(), complaints(path)
     if isinstance(description, Description):
-        notes = _parts(path, description, found)
+        notes = _parts(path, description, found, Files(path, description.epoch))
         found.add(f"note: {note}" for note in notes if note not in found.problems)
         return found
     found.add(problems=description)
@@ -41,9 +42,27 @@ def inspect_description(path: Path) -> Findings:
     return found
 
 
-def _parts(path: Path, description: Description, found: Findings) -> list[str]:
+def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
+    """Findings on the files of devices that make one recording together, also where they do not
+    make one. Raises DataError where one of them cannot be read."""
+    joined = join(opened(paths), take)
+    found = Findings.of(fact for path in paths for fact in joined.logs[path].facts)
+    found.add(joined.told, joined.asked)
+    if not any(each.section.of == "imu" for each in joined.taken):
+        return found
+    label = Path(", ".join(map(str, paths)))
+    description = complaints(label, joined.content("."))
+    if isinstance(description, Description):
+        files = Files(label, description.epoch, ".", dict(joined.logs))
+        notes = _parts(label, description, found, files)
+        found.add(f"note: {note}" for note in notes if note not in found.problems)
+    else:
+        found.add(problems=description)
+    return found
+
+
+def _parts(path: Path, description: Description, found: Findings, files: Files) -> list[str]:
     """The notes; all else goes into `found`."""
-    files = Files(path)
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
         return notes

@@ -16,13 +16,14 @@ from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
-from ...preprocessing.imu_samples import increments
+from ...preprocessing.imu_samples import GAP_MEDIANS, increments
 from ...preprocessing.origin import Origin
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
 from ...quantities import dimension, innovation_dimension
 from ...recording import Recording
+from ...time_scales import iso
 from ...typing import Array, File
 from ...units import DEG, factor
 from ..magnetic_record import sound
@@ -33,6 +34,7 @@ from .installed import INSTALLED, installed
 from .magnetic_sources import calibrated, with_field
 from .schema import Description, ImuPart, ReferencePart, Vector, vector_factors
 from .schema_aiding import AidingPart
+from .schema_base import Signal
 from .source_files import Files
 
 MOST_PER_SAMPLE = 10
@@ -44,7 +46,13 @@ note."""
 
 def read_description(path: File) -> Recording:
     """The Recording that a `recording.toml` describes. Raises DataError of one line."""
-    description, files = load(Path(path)), Files(path)
+    description = load(Path(path))
+    return recording_of(description, Files(path, description.epoch))
+
+
+def recording_of(description: Description, files: Files) -> Recording:
+    """The Recording of a description and the files that it names. Raises DataError of one line."""
+    path = files.path
     imu, notes = read_imu(description.imu, files)
     for field, text in mistakes(imu, description.imu.kind):
         raise DataError(f"{path}: [imu] {field}: {text}")
@@ -92,6 +100,7 @@ def read_meta(description: Description, files: Files) -> dict[str, Any]:
     place = description.place and description.place.lla
     found = {
         "name": files.path.stem,
+        "epoch": None if files.epoch is None else iso(files.epoch),
         "date": description.date,
         "place": place,
         "grade": grade,
@@ -124,19 +133,52 @@ def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:
 
 def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
-    table, t, columns = files.columns(part.file, part.time, part.gyro.columns + part.accel.columns)
-    gyro, accel = (
-        np.stack(three, axis=1) * (signal.scale * factor(signal.unit, dimension))
-        for three, signal, dimension in zip(
-            (columns[:3], columns[3:]), (part.gyro, part.accel), part.dimensions
-        )
+    (origin, t, gyro), (_, t_accel, accel) = (
+        _signal(part, signal, dimension, files)
+        for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
     )
-    imu, notes = increments(t, gyro, accel, part.kind, table.origin)
+    notes: list[str] = []
+    if not np.array_equal(t, t_accel, equal_nan=True):
+        accel, notes = _at_times(t, t_accel, accel)
+    imu, more = increments(t, gyro, accel, part.kind, origin)
+    notes += more
     gyro, accel, more = corrected(part, files, imu)
     C = part.matrix
     return Imu(
         imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))
     ), notes + more
+
+
+def _signal(
+    part: ImuPart, signal: Signal, dimension: str, files: Files
+) -> tuple[Origin, Array, Array]:
+    """(origin, t in s, (n, 3) in SI) of gyro or accel, in the axes of the columns."""
+    own = signal.file is not None or signal.table is not None
+    table, t, columns = files.columns(
+        signal.file or part.file,
+        signal.time or part.time,
+        signal.columns,
+        signal.table if own else part.table,
+    )
+    return (
+        table.origin,
+        t,
+        np.stack(columns, axis=1) * (signal.scale * factor(signal.unit, dimension)),
+    )
+
+
+def _at_times(t: Array, t_accel: Array, accel: Array) -> tuple[Array, list[str]]:
+    """(accel (n, 3) at the times t of the gyro, between whose samples it is interpolated, NaN
+    beyond its gaps; notes)."""
+    order = np.argsort(t_accel, kind="stable")
+    order = order[np.isfinite(t_accel[order]) & np.isfinite(accel[order]).all(axis=1)]
+    if len(order) < 2:
+        raise DataError("[imu] accel: its own table has fewer than 2 rows; check file and columns")
+    there = t_accel[order]
+    at = np.stack([np.interp(t, there, each, np.nan, np.nan) for each in accel[order].T], axis=1)
+    after = np.clip(np.searchsorted(there, t), 1, len(there) - 1)
+    at[there[after] - there[after - 1] > GAP_MEDIANS * 2 * np.median(np.diff(there))] = np.nan
+    return at, ["imu: accelerometer and gyro have times of their own; interpolated to the gyro's"]
 
 
 def read_aiding(
@@ -174,7 +216,10 @@ def read_aiding(
     assert part.file is not None and part.time is not None and part.columns is not None
     names = [_deviation_column(sd) for sd in part.deviations]
     table, t, columns = files.columns(
-        part.file, part.time, part.columns + [name for name in names if name is not None]
+        part.file,
+        part.time,
+        part.columns + [name for name in names if name is not None],
+        part.table,
     )
     many, read = len(part.columns), iter(columns[len(part.columns) :])
     y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
@@ -325,7 +370,7 @@ def _gyro_means(part: AidingPart, t: Array, sd: Array, imu: Imu) -> tuple[Array,
 def read_reference(part: ReferencePart, imu: Imu, files: Files) -> tuple[Trajectory, list[str]]:
     """(Trajectory, notes) of the section [reference]. Raises DataError."""
     found = (
-        _own_table(files.table(part.file), files)
+        _own_table(files.table(part.file, table=part.table), files)
         if part.position is None
         else _given_columns(part, part.position, files)
     )
@@ -343,7 +388,10 @@ def _given_columns(
     assert part.time is not None  # the schema asks for it beside a position
     wanted = [vector for vector in (position, part.velocity, part.attitude) if vector is not None]
     table, t, columns = files.columns(
-        part.file, part.time, [column for vector in wanted for column in vector.columns]
+        part.file,
+        part.time,
+        [column for vector in wanted for column in vector.columns],
+        part.table,
     )
     read = iter(columns)
 

@@ -13,6 +13,7 @@ from ...core.earth import LATITUDE_LIMIT
 from ...estimable import ASKED_OF_IMU, asked
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
+from ...time_scales import gps_of
 from ...typing import Array
 from ...units import factor
 from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
@@ -50,6 +51,11 @@ def _date(value: Any) -> str:
     return value
 
 
+def _epoch(value: Any) -> float:
+    """Of t = 0, in seconds of GPS time since its zero."""
+    return gps_of(value)
+
+
 class Mounting(Part):
     """Sensor to body: C_bs = Rz(heading) Ry(pitch) Rx(roll)."""
 
@@ -82,6 +88,7 @@ class ImuPart(Part):
     """[imu]"""
 
     file: str
+    table: str | None = None
     time: Time
     kind: Literal["rate", "increment"] = "rate"
     axes: Annotated[str, AfterValidator(_body_axes)] = "FRD"
@@ -195,6 +202,7 @@ class ReferencePart(Part):
     the library's own tables."""
 
     file: str
+    table: str | None = None
     time: Time | None = None
     position: Vector | None = None
     velocity: Vector | None = None
@@ -223,6 +231,7 @@ class ReferencePart(Part):
 class Description(Part):
     """A whole `recording.toml`."""
 
+    epoch: Annotated[Any, AfterValidator(_epoch)] = None
     date: Annotated[Any, AfterValidator(_date)] = None
     point: Literal["imu", "reference"] = "imu"
     place: Place | None = None

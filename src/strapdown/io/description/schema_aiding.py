@@ -81,6 +81,7 @@ class AidingPart(Part):
 
     kind: str
     file: str | None = None
+    table: str | None = None
     time: Time | None = None
     columns: list[Column] | None = None
     unit: Any = None
@@ -175,7 +176,7 @@ class AidingPart(Part):
     @model_validator(mode="after")
     def _agrees_with_kind(self) -> Self:
         sensor = named("kind", lambda: self.sensor)
-        of_file = ("file", "time", "columns", "unit", "scale")
+        of_file = ("file", "table", "time", "columns", "unit", "scale")
         refuse(
             *(
                 (

@@ -3,9 +3,16 @@ times and signals."""
 
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
 from ...units import factor
 
@@ -44,20 +51,40 @@ class Part(BaseModel):
 
 
 class Time(Part):
-    """t = column * scale * unit + offset, s."""
+    """t = column * scale * unit + offset, s, from the epoch of the recording where `clock` names
+    an absolute clock: "gps", seconds from the zero of GPS time or of the week that the column or
+    the number `week` says, or "unix", POSIX seconds."""
 
     column: Column
     unit: TimeUnit = MISSING
     scale: Finite = 1.0
     offset: Finite = 0.0
+    clock: Literal["gps", "unix"] | None = None
+    week: Any = None
+
+    @model_validator(mode="after")
+    def _week(self) -> Self:
+        refuse(
+            (
+                self.week is not None and self.clock != "gps",
+                'week: it belongs to clock = "gps", whose column then counts from that week',
+            )
+        )
+        if self.week is not None:
+            named("week", column, self.week)
+        return self
 
 
 class Signal(Part):
-    """Three columns with one unit; `scale` is what a count is worth in that unit."""
+    """Three columns with one unit; `scale` is what a count is worth in that unit. The table and
+    time are those of the section, or its own."""
 
     columns: Columns
     unit: str | None = None
     scale: Finite = 1.0
+    file: str | None = None
+    table: str | None = None
+    time: Time | None = None
 
 
 def named(key: str, function: Callable[..., Found], *arguments: Any) -> Found:

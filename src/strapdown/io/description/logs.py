@@ -1,0 +1,248 @@
+"""From the files of devices to one description: which of their sections a recording takes, and that
+description as a Recording or as the text of a `recording.toml`."""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import tomlkit
+
+from ...checks import DataError, check_choice
+from ...recording import Recording
+from ...typing import File
+from ..contract import ROLES, Log, Section
+from ..registry import ask, find, readers
+from .complaints import load
+from .read import recording_of
+from .source_files import Files
+
+HEAD = """# Drafted from {names}. Check every line marked "check".
+"""
+OPTIONAL = {
+    "date": '# date = "2024-01-31"            # of the first sample, UTC; only the magnetic field needs it',
+    "vehicle": '# vehicle = "car"               # any, pedestrian, car, ship, multicopter or aircraft; nothing beyond its speed and heights is believed',
+}
+"""Keys at the top of a draft that a user may want, where the files say nothing."""
+COMMENT = 33
+"""Column at which comments of a draft begin, where there is room."""
+Take = Mapping[str, int | None]
+"""{role: instance} that a user asks for; None leaves the role out."""
+
+
+class Taken(NamedTuple):
+    """A section and the file that it is of."""
+
+    path: Path
+    section: Section
+
+    @property
+    def name(self) -> str:
+        """`imu 1 of flight.ulg`."""
+        return f"{self.section.role} {self.section.instance} of {self.path.name}"
+
+
+class Joined(NamedTuple):
+    """What one recording takes from several files, and what is said of it."""
+
+    paths: tuple[Path, ...]
+    logs: Mapping[Path, Log]
+    head: Mapping[str, Any]
+    taken: tuple[Taken, ...]
+    # sections that are not taken, with the reason
+    left: tuple[tuple[Taken, str], ...]
+
+    @property
+    def asked(self) -> list[str]:
+        """What must be known before the files can be read."""
+        lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
+        if not any(each.section.of == "imu" for each in self.taken):
+            names = ", ".join(map(str, self.paths))
+            lines.append(
+                f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file beside, "
+                f"as in strapdown fuse imu.csv {self.paths[0].name}"
+            )
+        return lines
+
+    @property
+    def told(self) -> list[str]:
+        """Lines on what is taken, assumed and left."""
+        taken = [
+            f"taken: {each.name}{each.section.title and f': {each.section.title}'}"
+            for each in self.taken
+        ]
+        assumed = [
+            f"assumed: {each.section.role} {key} = {_value(each.section.keys[key])}: {why}"
+            for each in self.taken
+            for key, why in each.section.assumed.items()
+        ]
+        left = [f"left: {each.name}: {why}" for each, why in self.left]
+        left += [
+            f"left: {path.name}: {line}" for path in self.paths for line in self.logs[path].left
+        ]
+        return list(dict.fromkeys([*taken, *assumed, *left]))
+
+    def content(self, folder: File) -> dict[str, Any]:
+        """The description as a `recording.toml` in `folder` has it."""
+        content: dict[str, Any] = dict(self.head)
+        for each in _whole(self.taken, folder):
+            keys = _keys(each, folder)
+            if each.section.of == "aiding":
+                content.setdefault("aiding", []).append(keys)
+            else:
+                content[each.section.of] = keys
+        return content
+
+    def text(self, folder: File) -> str:
+        """The same as the text of that file, with what was assumed as comments."""
+        parts = [HEAD.format(names=", ".join(path.name for path in self.paths))]
+        parts[0] += "".join(f"{key} = {_value(value)}\n" for key, value in self.head.items())
+        parts[0] += "".join(f"{line}\n" for key, line in OPTIONAL.items() if key not in self.head)
+        parts += [_text(each, folder) for each in _whole(self.taken, folder)]
+        for each, why in self.left:
+            if each.section.left and each.section.of == "aiding":
+                lines = [f"left out: {why}", *_text(each, folder).splitlines()]
+                parts.append("".join(f"# {line}".rstrip() + "\n" for line in lines))
+        return "\n".join(parts)
+
+    @property
+    def name(self) -> str:
+        """Of the recording: the first file's, without endings."""
+        return self.paths[0].name.partition(".")[0] or self.paths[0].name
+
+
+def opened(paths: Iterable[File]) -> dict[Path, Log]:
+    """{path: Log} of files that may make one recording together. Raises DataError."""
+    logs: dict[Path, Log] = {}
+    for path in map(Path, paths):
+        reader = find(path) or readers()["table"]
+        if reader.open is None:
+            raise DataError(
+                f"{path}: is a recording of its own and is read alone; leave the other files out"
+            )
+        if path in logs:
+            raise DataError(f"{path}: is named twice; name it once")
+        logs[path] = ask(reader, "open", path)
+    return logs
+
+
+def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
+    """What one recording takes from these files: of each role what the last of the files has of
+    it, and of that the first instance, or the one that `take` names. Raises DataError."""
+    take = dict(take or {})
+    for role in take:
+        check_choice(role, "instance of", ROLES)
+    every = [Taken(path, section) for path, log in logs.items() for section in log.sections]
+    taken: list[Taken] = []
+    left: list[tuple[Taken, str]] = []
+    for role in ROLES:
+        of_role = [each for each in every if each.section.role == role]
+        chosen = _chosen(role, of_role, take)
+        taken += [each for each in of_role if each in chosen]
+        left += [
+            (each, each.section.left or _why(each, role, take))
+            for each in of_role
+            if each not in chosen
+        ]
+    head: dict[str, Any] = {}
+    for log in logs.values():
+        head |= {key: value for key, value in log.head.items() if key not in head}
+    return Joined(tuple(logs), logs, head, tuple(taken), tuple(left))
+
+
+def _chosen(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:
+    """Those of one role that are taken."""
+    wanted = take.get(role)
+    if role in take and wanted is None:
+        return []
+    if wanted is not None:
+        found = [each for each in of_role if each.section.instance == wanted]
+        if not found:
+            there = sorted({each.section.instance for each in of_role})
+            raise DataError(
+                f"there is no {ROLES[role]} {wanted}; "
+                + (f"there are {', '.join(map(str, there))}" if there else "there is none at all")
+            )
+    else:
+        found = [each for each in of_role if not each.section.left]
+    pieces = {_piece(each.section) for each in found}
+    chosen = []
+    for piece in sorted(pieces):  # gyro and accel of an IMU may come from files of their own
+        of_piece = [each for each in found if _piece(each.section) == piece]
+        last = [each for each in of_piece if each.path == of_piece[-1].path]
+        first = min(each.section.instance for each in last)
+        chosen += [each for each in last if each.section.instance == first]
+    return chosen
+
+
+def _piece(section: Section) -> str:
+    """What of a role a section brings alone: of an IMU gyro or accel; else all."""
+    alone = [key for key in ("gyro", "accel") if key in section.keys]
+    return alone[0] if section.of == "imu" and len(alone) == 1 else ""
+
+
+def _why(each: Taken, role: str, take: Take) -> str:
+    if role in take and take[role] is None:
+        return "not wanted"
+    number = each.section.instance
+    how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
+    return f"one {ROLES[role]} is taken; {how} takes it"
+
+
+def _whole(taken: Iterable[Taken], folder: File) -> list[Taken]:
+    """The same in the order of a description, an IMU of two pieces as one section."""
+    found = sorted(taken, key=lambda each: ["imu", "aiding", "reference"].index(each.section.of))
+    pieces = {_piece(each.section): each for each in found if each.section.of == "imu"}
+    if set(pieces) < {"gyro", "accel"} or "" in pieces:
+        return found
+    gyro, accel = pieces["gyro"], pieces["accel"]
+    own = {
+        key: value
+        for key, value in _keys(accel, folder).items()
+        if key in ("file", "table", "time")
+    }
+    signal = {**accel.section.keys["accel"], **own}
+    keys = {**accel.section.keys, **gyro.section.keys, "accel": signal}
+    assumed = {**accel.section.assumed, **gyro.section.assumed}
+    whole = Taken(gyro.path, gyro.section._replace(keys=keys, assumed=assumed))
+    return [whole, *(each for each in found if each.section.of != "imu")]
+
+
+def _keys(each: Taken, folder: File) -> dict[str, Any]:
+    file = Path(os.path.relpath(each.path, folder)).as_posix()
+    of_file = (
+        {} if each.section.keys.get("rate") and "time" not in each.section.keys else {"file": file}
+    )
+    kind = {"kind": each.section.keys["kind"]} if "kind" in each.section.keys else {}
+    return {**kind, **of_file, **each.section.keys}
+
+
+def _text(each: Taken, folder: File) -> str:
+    """A section as text."""
+    of, keys = each.section.of, _keys(each, folder)
+    lines = ["[[aiding]]" if of == "aiding" else f"[{of}]"]
+    for key, value in keys.items():
+        line, why = f"{key} = {_value(value)}", each.section.assumed.get(key, "")
+        lines.append(f"{line:{COMMENT - 1}} # check: {why}" if why else line)
+    return "\n".join([*lines, *each.section.remarks]) + "\n"
+
+
+def _value(value: Any) -> str:
+    """A value as TOML on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_value(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return tomlkit.item(value).as_string()
+
+
+def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
+    """The Recording that files of devices make together. Raises DataError of one line."""
+    joined = join(opened(paths), take)
+    if joined.asked:
+        raise DataError(joined.asked[0])
+    label = Path(", ".join(map(str, paths)))
+    description = load(label, joined.content("."))
+    recording = recording_of(description, Files(label, description.epoch, ".", dict(joined.logs)))
+    return replace(recording, meta={**recording.meta, "name": joined.name, "read": joined.told})

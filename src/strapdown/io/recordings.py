@@ -1,0 +1,32 @@
+"""From files to a Recording, whatever their formats."""
+
+from pathlib import Path
+
+from ..checks import DataError
+from ..recording import Recording
+from ..typing import File
+from .registry import ask, taker
+
+
+def read(path: File, /, *more: File, **instances: int | None) -> Recording:
+    """A Recording from a file of any format that `readers` lists, or from several that belong
+    together, such as an IMU's and a receiver's; docs/recording-format.md tells of them.
+
+    `instances` says which of several alike is taken from the logs of devices, `imu=1`, and None that
+    none is, `magnetometer=None`. Raises DataError of one line.
+    """
+    paths = [Path(each) for each in (path, *more)]
+    reader = [taker(each) for each in paths][0]
+    if len(paths) == 1 and reader.read is not None:
+        if instances:
+            raise DataError(f"{path}: is a whole recording; there are no instances to choose from")
+        found = ask(reader, "read", paths[0])
+        if not isinstance(found, Recording):
+            raise DataError(
+                f"{path}: the reader {reader.name!r} gives no Recording but a "
+                f"{type(found).__name__}"
+            )
+        return found
+    from .description.logs import read_logs  # loads pydantic: 0.2 s
+
+    return read_logs(paths, instances)

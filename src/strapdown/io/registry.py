@@ -1,0 +1,154 @@
+"""Readers of recordings: the files of the room `readers`, one per format, each of which ends in
+`READER = Reader(...)`. Nothing else lists them. Plugins bring more.
+
+A file goes to the reader whose suffix its name has, to the one of the longest where several have
+one. Where a format's suffix is also another's, its `sniff` is asked first; a file with a suffix that
+nobody has goes to the first whose `sniff` says yes.
+"""
+
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from .. import plugins
+from ..checks import DataError
+from .contract import Reader
+from .table_file import PACKED
+
+
+@cache
+def _own() -> dict[str, Reader]:
+    folder = f"{__package__}.readers"
+    path = importlib.import_module(folder).__path__
+    modules = [
+        importlib.import_module(f"{folder}.{module.name}") for module in pkgutil.iter_modules(path)
+    ]
+    return {module.READER.name: module.READER for module in modules}
+
+
+def readers() -> dict[str, Reader]:
+    """{name: Reader} of all formats, those of plugins last."""
+    return _own() | {name: reader for name, (reader, _) in REGISTRY.brought().items()}
+
+
+def check(reader: Reader) -> None:
+    """Refuse a Reader that cannot be used, or whose suffix is that of one of the library's without
+    a `sniff` that tells the two apart. Raises DataError."""
+    _check_fields(reader)
+    for other in _own().values():
+        shared = set(reader.suffixes) & set(other.suffixes)
+        if shared and reader.sniff is None and other.sniff is None:
+            raise DataError(
+                f"reader {reader.name!r}: files that end in {min(shared)} are read by "
+                f"{other.name!r}; give it a sniff that tells them apart, or another suffix"
+            )
+
+
+def _check_fields(reader: Reader) -> None:
+    def is_text(value: object) -> bool:
+        return isinstance(value, str) and value.strip() != "" and len(value.splitlines()) == 1
+
+    suffixes, has_sniff = reader.suffixes, reader.sniff is not None
+    fits = {
+        "name": (is_text(reader.name), "text"),
+        "suffixes": (
+            isinstance(suffixes, tuple)
+            and all(is_text(each) and each[0] == "." and each == each.lower() for each in suffixes)
+            and (len(suffixes) > 0 or has_sniff),
+            'a tuple of endings in small letters as (".log", ".log.xz"), empty only beside a sniff',
+        ),
+        "summary": (is_text(reader.summary), "one line of text"),
+        "read": (
+            callable(reader.read) or (reader.read is None and callable(reader.open)),
+            "a function of a path, or None beside an open",
+        ),
+    }
+    for name in ("inspect", "sniff", "open", "draft"):
+        value = getattr(reader, name)
+        fits[name] = value is None or callable(value), "a function of a path, or None"
+    for name, (fitting, wanted) in fits.items():
+        if not fitting:
+            raise DataError(
+                f"reader {reader.name!r}: {name} is {getattr(reader, name)!r:.60}; it must be {wanted}"
+            )
+
+
+REGISTRY = plugins.Registry(
+    Reader, "no reader is called", lambda name: _own().get(name), lambda: _own(), check
+)
+
+
+def find(path: Path) -> Reader | None:
+    """The Reader of a file, or None. Raises DataError where a `sniff` fails, or where two readers
+    claim the file alike."""
+    lower, claims = path.name.lower(), []
+    for reader in readers().values():
+        length = max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
+        if length or reader.sniff:
+            claims.append(((-length, reader.sniff is None), reader))
+    for claim, reader in sorted(claims, key=lambda each: each[0]):
+        if not reader.sniff or ask(reader, "sniff", path):
+            for other_claim, other in claims:
+                if (
+                    other is not reader
+                    and other_claim == claim
+                    and (not other.sniff or ask(other, "sniff", path))
+                ):
+                    raise DataError(
+                        f"{path}: the readers {reader.name!r} and {other.name!r} both take it for "
+                        f"theirs; leave one of them out"
+                    )
+            return reader
+    return None
+
+
+def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
+    """What a function of the reader returns. Whatever it raises is a DataError of one line."""
+    try:
+        return getattr(reader, function)(path, *arguments)
+    except DataError as error:
+        if str(path) in str(error) or str(path.name) in str(error):
+            raise
+        raise DataError(f"{path}: {error}") from error
+    except (Exception, SystemExit) as error:
+        reason = (str(error).splitlines() or [""])[0]
+        said = (
+            f"needs a package that is not installed ({reason}); install it"
+            if isinstance(error, ImportError)
+            else f"fails at it in `{function}` ({type(error).__name__}: {reason}); its author should "
+            f"know"
+        )
+        raise DataError(f"{path}: the reader {reader.name!r} {said}") from error
+
+
+def taker(path: Path) -> Reader:
+    """The Reader of a file. Raises DataError where there is none."""
+    reader = find(path)
+    if reader is not None:
+        return reader
+    known = [
+        each.name
+        for each in readers().values()
+        if path.name.lower().endswith(each.suffixes or ("\0",))
+    ]
+    if known:
+        raise DataError(
+            f"{path}: its name ends as files of {' and '.join(known)} do, and its content is none"
+        )
+    ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
+    raise DataError(
+        f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are: {formats()}"
+    )
+
+
+def formats(drafted: bool = False) -> str:
+    """What is read, a few words and the suffixes of each format; with `drafted` also what is only
+    inspected, to draft a description."""
+    return "; ".join(
+        f"{reader.summary} ({', '.join(plain)})" if plain else reader.summary
+        for reader in readers().values()
+        if drafted or reader.draft is None
+        for plain in [[each for each in reader.suffixes if not each.endswith(PACKED)]]
+    )

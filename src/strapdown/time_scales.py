@@ -1,0 +1,105 @@
+"""Absolute clocks: GPS time, which runs on through leap seconds, and UTC with its POSIX seconds.
+
+Leap seconds come from the table of the time zone database (the package tzdata), so that an update
+of that package brings a new one.
+"""
+
+import re
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from .checks import DataError
+from .typing import Array, ArrayLike
+
+GPS_ZERO = 315964800
+"""POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
+WEEK = 604800
+"""s"""
+CLOCKS = ("gps", "unix")
+"""Absolute clocks that a description can name: seconds of GPS time since its zero, POSIX seconds."""
+
+
+@cache
+def leap_seconds() -> tuple[Array, Array]:
+    """(POSIX seconds from which it holds (n,), GPS time less UTC in s (n,)), from 1980 on."""
+    text = files("tzdata").joinpath("zoneinfo", "leapseconds").read_text(encoding="utf-8")
+    days = re.findall(r"^Leap\s+(\d{4}\s+\w{3}\s+\d+)\s+23:59:60\s+\+", text, re.MULTILINE)
+    starts = [
+        (datetime.strptime(" ".join(day.split()), "%Y %b %d") + timedelta(days=1))
+        .replace(tzinfo=UTC)
+        .timestamp()
+        for day in days
+    ]
+    since = np.array([GPS_ZERO, *(each for each in starts if each > GPS_ZERO)], float)
+    return since, np.arange(len(since), dtype=float)
+
+
+def gps_from_unix(t: ArrayLike) -> Array:
+    """Seconds of GPS time since its zero, of POSIX seconds. Before 1980 there were no leap
+    seconds to it."""
+    since, ahead = leap_seconds()
+    t = np.asarray(t, float)
+    return t - GPS_ZERO + ahead[np.maximum(np.searchsorted(since, t, side="right") - 1, 0)]
+
+
+def unix_from_gps(t: ArrayLike) -> Array:
+    """POSIX seconds of seconds of GPS time since its zero."""
+    since, ahead = leap_seconds()
+    t = np.asarray(t, float)
+    return (
+        t
+        + GPS_ZERO
+        - ahead[np.maximum(np.searchsorted(since - GPS_ZERO + ahead, t, side="right") - 1, 0)]
+    )
+
+
+def gps_of(epoch: str | datetime) -> float:
+    """Seconds of GPS time since its zero at an epoch, as ISO 8601 text or datetime; UTC where it
+    names no zone. Raises DataError."""
+    if not isinstance(epoch, datetime):
+        try:
+            epoch = datetime.fromisoformat(epoch)
+        except (TypeError, ValueError):
+            raise DataError(
+                f'{epoch!r:.40} is no time; write it as "2024-05-01T12:30:00Z"'
+            ) from None
+    if epoch.tzinfo is None:
+        epoch = epoch.replace(tzinfo=UTC)
+    return float(gps_from_unix(epoch.timestamp()))
+
+
+def iso(gps: float) -> str:
+    """ISO 8601 text in UTC of seconds of GPS time since its zero, to the microsecond."""
+    moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(float(unix_from_gps(gps)), 6))
+    return moment.isoformat().replace("+00:00", "Z")
+
+
+def midnight(gps: float) -> float:
+    """The last midnight, UTC, before a moment, both in seconds of GPS time since its zero."""
+    return float(gps_from_unix(np.floor(unix_from_gps(gps) / 86400) * 86400))
+
+
+def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = None) -> Array:
+    """t (n,) in units of `unit` s on an absolute clock, as seconds since `epoch` (seconds of GPS
+    time since its zero).
+
+    Of clock "gps", t counts from the week `week` where that is given. Whole numbers are subtracted
+    as such, because POSIX nanoseconds do not fit a float.
+    """
+    t = np.asarray(t)
+    offset: Any
+    if clock == "unix":
+        whole = t.astype(float) * unit
+        ahead = gps_from_unix(whole) - whole
+        steady = np.where(np.isfinite(ahead), np.round(ahead), 0.0)
+        offset = steady - epoch
+    else:
+        offset = (0.0 if week is None else np.asarray(week, float) * WEEK) - epoch
+    if t.dtype.kind in "iu" and len(t):
+        first = int(t[0])
+        return (t - t.dtype.type(first)).astype(float) * unit + (first * unit + offset)
+    return t.astype(float) * unit + offset

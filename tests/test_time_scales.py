@@ -1,0 +1,56 @@
+"""Absolute clocks: against the calendar and known leap seconds."""
+
+import numpy as np
+import pytest
+
+from strapdown.checks import DataError
+from strapdown.time_scales import (
+    gps_from_unix,
+    gps_of,
+    iso,
+    leap_seconds,
+    midnight,
+    seconds_since,
+    unix_from_gps,
+)
+
+pytestmark = pytest.mark.short
+
+
+def test_known_leap_seconds():
+    since, ahead = leap_seconds()
+    assert ahead[0] == 0 and np.all(np.diff(since) > 0)
+    for date, seconds in [("1999-01-01", 13), ("2006-01-01", 14), ("2017-01-01", 18)]:
+        row = since.tolist().index(np.datetime64(date, "s").astype(float))
+        assert ahead[row] == seconds and ahead[row - 1] == seconds - 1
+
+
+def test_gps_time_runs_on_through_a_leap_second():
+    assert gps_of("2017-01-01T00:00:00Z") - gps_of("2016-12-31T23:59:59Z") == 2
+    # GPS week 1930 began at 2017-01-01 00:00:00 of GPS time, 18 s before that of UTC
+    assert gps_of("2017-01-01T00:00:00Z") == 1930 * 604800 + 18
+
+
+def test_there_and_back():
+    t = np.linspace(3.2e8, 2e9, 1001)
+    np.testing.assert_allclose(unix_from_gps(gps_from_unix(t)), t, rtol=0, atol=1e-6)
+    assert iso(gps_of("2024-05-01T12:30:00.25Z")) == "2024-05-01T12:30:00.250000Z"
+    assert iso(gps_of("2024-05-01T12:30:00+02:00")) == "2024-05-01T10:30:00Z"
+    assert iso(midnight(gps_of("2024-05-01T12:30:00Z"))) == "2024-05-01T00:00:00Z"
+
+
+def test_posix_nanoseconds_keep_their_steps():
+    t = 1714521600_000000000 + 5_000_001 * np.arange(1000)
+    found = seconds_since(gps_of("2024-05-01T00:00:00Z"), t, "unix", 1e-9)
+    np.testing.assert_allclose(np.diff(found), 5.000001e-3, rtol=0, atol=1e-15)
+    assert abs(found[0]) < 1e-6
+
+
+def test_time_of_week():
+    found = seconds_since(gps_of("2024-05-01T00:00:00Z"), [259218.0, 259219.5], "gps", 1.0, 2312)
+    np.testing.assert_allclose(found, [0.0, 1.5])
+
+
+def test_what_is_no_time():
+    with pytest.raises(DataError, match="write it as"):
+        gps_of("yesterday")
