@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO, cast
 
 import numpy as np
 
@@ -160,9 +160,9 @@ def read_table(path: Path, header: bool = True) -> Table:
     return Table(str(path), frame if filled.all() else frame[filled], lines[filled])
 
 
-def open_text(path: Path) -> TextIO:
-    """A text file, plain or compressed, open to read. Raises OSError, and those of BROKEN where
-    it is read."""
+def open_bytes(path: Path) -> BinaryIO:
+    """A file, plain or compressed (of an archive the first file), open to read. Raises OSError, and
+    those of BROKEN where it is read."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
@@ -170,12 +170,19 @@ def open_text(path: Path) -> TextIO:
         files = [name for name in archive.namelist() if not name.endswith("/")]
         if not files:
             raise zipfile.BadZipFile("it holds no file")
-        return io.TextIOWrapper(
-            archive.open(files[0]), encoding="utf-8-sig", errors="replace", newline=""
-        )
-    return OPENERS.get(path.suffix.lower(), open)(
-        path, "rt", encoding="utf-8-sig", errors="replace", newline=""
-    )
+        return cast(BinaryIO, archive.open(files[0]))
+    return cast(BinaryIO, OPENERS.get(path.suffix.lower(), open)(path, "rb"))
+
+
+def open_text(path: Path) -> TextIO:
+    """A text file, plain or compressed, open to read. Raises as `open_bytes`."""
+    return io.TextIOWrapper(open_bytes(path), encoding="utf-8-sig", errors="replace", newline="")
+
+
+def read_bytes(path: Path, most: int = -1) -> bytes:
+    """The content of a file, plain or compressed, or its first `most` bytes. Raises DataError."""
+    with reading(path), open_bytes(path) as file:
+        return file.read(most)
 
 
 def _first_line(path: Path) -> tuple[int, str]:
