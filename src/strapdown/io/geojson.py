@@ -19,7 +19,9 @@ def geojson(solution: Solution, path: Path) -> bytes:
     Raises DataError where there is no position.
     """
     track = track_of(solution, path)
-    place = np.c_[track.longitude, np.round(track.latitude, 9), np.round(track.height, 3)].tolist()
+    place = np.c_[
+        np.round(np.c_[track.longitude, track.latitude], 9), np.round(track.height, 3)
+    ].tolist()
     times = np.round(track.t, 6).tolist()
     pieces = track.pieces
 

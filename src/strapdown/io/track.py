@@ -24,7 +24,7 @@ class Track(NamedTuple):
     said: str  # sentences on verdict and time
     rows: Ints  # their numbers
     t: Array  # s
-    longitude: Array  # deg, -180 to 180
+    longitude: Array  # deg, -180 and below 180
     latitude: Array  # deg
     height: Array  # m, above the ellipsoid
     stamps: list[str]  # ISO 8601, UTC, to the millisecond; empty without an absolute clock
@@ -66,13 +66,14 @@ def track_of(solution: Solution, path: Path) -> Track:
         )
     else:
         said += f"Solution of strapdown, {span(utc[rows])}. "
-    longitude = np.round(np.degrees(lla[rows, 1]), 9)
+    longitude = np.degrees(lla[rows, 1])
     return Track(
         (" ".join(words) or "strapdown solution") + doubt,
         said,
         rows,
         solution.t[rows],
-        (longitude + 180) % 360 - 180,
+        # GPX knows no 180, to which nine digits may round
+        np.where(longitude > 180 - 5e-10, longitude - 360, longitude),
         np.degrees(lla[rows, 0]),
         lla[rows, 2],
         [] if utc is None else [each.decode() for each in iso_text(utc[rows], 3).tolist()],
