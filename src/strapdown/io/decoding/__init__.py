@@ -1,0 +1,2 @@
+"""Binary formats of devices as tables: what several readers share, and formats too long for one
+file."""
