@@ -16,7 +16,8 @@ from ..calendar_text import Moments, Pattern, read_moments
 from ..contract import Log
 from ..locate import locate
 from ..registry import ask, find
-from ..table_file import Table, read_table
+from ..table_file import Table
+from ..table_text import read_table
 from .schema_base import Time
 
 
@@ -25,7 +26,7 @@ class Files:
 
     `epoch` is the moment of t = 0, in seconds of GPS time since its zero: that of the description,
     else midnight, UTC, before the first time that is asked for, which is the IMU's; None where that
-    has no absolute clock.
+    has no absolute clock. `notes` say what of the tables was left out.
     """
 
     def __init__(
@@ -38,6 +39,7 @@ class Files:
         self.path = Path(description_path)
         self.folder = self.path.parent if folder is None else Path(folder)
         self.table = cache(self._table)
+        self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
         self._start: float | None = None  # of times of day without a date
@@ -47,7 +49,9 @@ class Files:
         path = self.locate(file)
         reader = find(path)
         if reader is None or reader.open is None or (reader.name == "table" and table is None):
-            return read_table(path, header)
+            found = read_table(path, header)
+            self.notes += found.notes
+            return found
         if path not in self._logs:
             self._logs[path] = ask(reader, "open", path)
         tables = self._logs[path].tables
