@@ -1,2 +1,1 @@
-"""What several readers share: pieces of formats, and the structure of those that need more than one
-file."""
+"""Formats of devices as tables: what several readers share, and formats too long for one file."""
