@@ -57,7 +57,7 @@ class Joined(NamedTuple):
     def asked(self) -> list[str]:
         """What must be known before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
-        if not any(each.section.of == "imu" for each in self.taken):
+        if not lines and not any(each.section.of == "imu" for each in self.taken):
             names = ", ".join(map(str, self.paths))
             lines.append(
                 f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file beside, "

@@ -1,0 +1,1 @@
+"""Parts that several readers of devices' files share."""
