@@ -30,6 +30,11 @@ class Export(NamedTuple):
     path: Path
     files: Mapping[str, Callable[[], BinaryIO]]
 
+    @property
+    def alone(self) -> bool:
+        """Whether it is one CSV file."""
+        return self.path.is_file() and self.path.suffix.lower() != ".zip"
+
     def head(self, name: str) -> str:
         """The header line of a file, "" where it has none. Raises DataError."""
         with self._reading(), self.files[name]() as file:
@@ -40,8 +45,7 @@ class Export(NamedTuple):
         """A file as a Table, without rows where it has none. Raises DataError."""
         import pandas as pd
 
-        label = str(self.path) if self.path.is_file() and len(self.files) == 1 else ""
-        label = label or f"{self.path} [{name}.csv]"
+        label = str(self.path) if self.alone else f"{self.path} [{name}.csv]"
         head = self.head(name)
         separator = max(",;\t", key=head.count)
         with self._reading(), self.files[name]() as file:
@@ -98,12 +102,14 @@ def export(path: Path) -> Export:
 
 
 def heads(path: Path) -> dict[str, str]:
-    """{name: header line} of the files of an export; {} where it is none or cannot be read, so that
-    a `sniff` may ask."""
+    """{name: header line} of the files of an export, for a `sniff`; {} where it is none. Raises
+    DataError for a damaged archive."""
     try:
         found = export(path)
         return {name: found.head(name) for name in found.files}
     except DataError:
+        if path.suffix.lower() == ".zip":
+            raise
         return {}
 
 

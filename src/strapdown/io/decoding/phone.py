@@ -22,9 +22,7 @@ VERTICAL = 1.5
 GRAVITY = (5.0, 15.0)
 """m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
 out has almost none."""
-DISTURBED = (
-    "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
-)
+DISTURBED = "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
 ADDED = ("north sd (m)", "up sd (m)", "north (m/s)", "east (m/s)", "down (m/s)", "speed sd (m/s)")
 """Columns that `fixes` adds."""
 
@@ -129,6 +127,39 @@ def fix_sections(
         more = more | {"title": "speed and course", "assumed": {"sd": why}}
         found.append(Section("aiding", "gnss", velocity, **more))
     return found
+
+
+def inertial(
+    gyro: Piece | None,
+    accel: Piece | None,
+    tables: Mapping[str, Table],
+    record: str,
+    alone: bool = False,
+    **assumed: str,
+) -> tuple[list[Section], list[str]]:
+    """(sections, facts): [imu] of a gyro and an accelerometer, or of one of them where it stands
+    `alone` in its file. What is unusable is a section that is left, with why and what to `record`.
+    """
+    facts = []
+    if accel:
+        norm, force = median_force(tables[accel.table], accel.columns)
+        norm, force = norm * abs(accel.scale), force * accel.scale
+        if not GRAVITY[0] <= norm <= GRAVITY[1]:
+            why = f"{accel.table}: its median is {norm:.3g} m/s^2, where gravity is 9.8; {record}"
+            return [no_imu(why)], []
+        facts.append(held(force))
+    there = gyro or accel
+    if there is None:
+        return [], []
+    if not alone and (gyro is None or accel is None):
+        missing = "gyroscope" if gyro is None else "accelerometer"
+        return [no_imu(f"there is no {missing} beside {there.table}; {record}")], facts
+    return [imu_section(gyro, accel, **assumed)], facts
+
+
+def no_imu(why: str) -> Section:
+    """An [imu] that cannot be taken, and why."""
+    return Section("imu", "imu", {}, left=why)
 
 
 def imu_section(gyro: Piece | None, accel: Piece | None, **assumed: str) -> Section:

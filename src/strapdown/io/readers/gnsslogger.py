@@ -3,7 +3,7 @@
 Columns by LOGGING_FORMAT.md (github.com/google/gps-measurement-tools) and by the header of each
 file. All times are taken from `elapsedRealtimeNanos`, the phone's clock since it started: the
 `utcTimeMillis` of the sensors is the phone's idea of UTC, which was half a second off in the log
-that this was tried on. What UTC the clock's zero is, the fixes of the satellite receiver say.
+that this was tried on. The fixes of the satellite receiver say what UTC the clock's zero is.
 """
 
 import io
@@ -15,22 +15,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
+from ...typing import Array
 from ..contract import Log, Reader, Section
 from ..decoding.phone import (
-    GRAVITY,
     FixColumns,
     Piece,
     fix_sections,
     fixes,
-    held,
-    imu_section,
+    inertial,
     magnetometer_section,
-    median_force,
+    no_imu,
 )
 from ..table_file import Table, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
-TIME = {"column": CLOCK, "unit": "ns"}
+UNIX = "POSIX ns"
+"""Column that is added: the phone's clock, on UTC."""
 SENSORS = {
     "gyro": ("UncalGyro", "Gyro"),
     "accel": ("UncalAccel", "Accel"),
@@ -56,6 +56,7 @@ LEFT = {
 }
 OFF = 0.1
 """s between the phone's UTC and that of the satellites that are worth a line."""
+RECORD = "switch Sensors on in GnssLogger when you record"
 LEAST_RATE = 5.0
 """Hz of an IMU that is worth being read."""
 
@@ -89,20 +90,22 @@ def open_log(path: Path) -> Log:
     tables = {kind: table for kind, table in tables.items() if len(table.lines)}
     facts = [f"{kind}: {len(table.lines)} rows" for kind, table in tables.items()]
     zero, said = _zero(tables)
+    time: dict[str, Any] = {"column": CLOCK, "unit": "ns"}
     head: dict[str, Any] = {}
     if zero is not None:
-        epoch = f"{np.datetime64(round(zero * 1e6), 'us')}Z"
-        head = {"epoch": epoch, "date": str(np.datetime64(round(_first(tables, zero)), "s"))[:10]}
-    sections: list[Section] = []
-    asked = _inertial(tables, sections, facts)
-    left += _fixes(tables, zero, sections)
+        time = {"column": UNIX, "unit": "ns", "clock": "unix"}
+        tables = {kind: _on_utc(table, zero) for kind, table in tables.items()}
+        head = {"date": str(np.datetime64(round(_first(tables)), "s"))[:10]}
+    sections, more = _inertial(tables, time)
+    facts += more
+    left += _fixes(tables, time, sections)
     magnetometer = next((kind for kind in SENSORS["magnetometer"] if kind in tables), None)
     if magnetometer:
         columns = _triple(tables[magnetometer])
         if columns:
-            sections.append(magnetometer_section(magnetometer, TIME, columns, head))
+            sections.append(magnetometer_section(magnetometer, time, columns, head))
     left += [f"{kind}: {why}" for kind, why in LEFT.items() if rows.lines.get(kind)]
-    return Log(tables, tuple(sections), tuple(facts + said), tuple(left), tuple(asked), head)
+    return Log(tables, tuple(sections), tuple(facts + said), tuple(left), head=head)
 
 
 def _rows(content: bytes) -> Rows:
@@ -163,7 +166,8 @@ def _triple(table: Table) -> list[str]:
 def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
     """(POSIX seconds at the zero of the phone's clock or None, lines on it): the median over fixes
     of the satellite receiver, else the phone's own UTC."""
-    by_fix, by_phone = [], []
+    by_fix: list[Array] = []
+    by_phone: list[Array] = []
     for kind, table in tables.items():
         if CLOCK not in table.frame.columns:
             continue
@@ -180,7 +184,9 @@ def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
         for all_ in (np.concatenate([*each, np.empty(0)]) for each in (by_fix, by_phone))
     )
     if fix is None:
-        return phone, [] if phone is None else ["UTC: the phone's own, no fix of satellites says it"]
+        return phone, [] if phone is None else [
+            "UTC: the phone's own, no fix of satellites says it"
+        ]
     if phone is not None and abs(phone - fix) > OFF:
         return fix, [
             f"UTC: that of the satellite fixes; the phone's own is {phone - fix:+.3f} s off"
@@ -188,47 +194,45 @@ def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
     return fix, ["UTC: that of the satellite fixes"]
 
 
-def _first(tables: dict[str, Table], zero: float) -> float:
+def _on_utc(table: Table, zero: float) -> Table:
+    """The table with the column UNIX, of whole numbers where its clock has such."""
+    frame, utc = table.frame, _matching(table, UTC)
+    if CLOCK in frame.columns:
+        clock = table.cells(CLOCK)
+        whole = clock.dtype.kind == "i"
+        unix = clock + round(zero * 1e9) if whole else table.numbers(CLOCK) + zero * 1e9
+    elif utc:
+        unix = table.numbers(utc) * 1e6
+    else:
+        return table
+    return table._replace(frame=frame.assign(**{UNIX: unix}))
+
+
+def _first(tables: dict[str, Table]) -> float:
     """POSIX seconds of the earliest row."""
-    firsts = [
-        np.nanmin(t)
-        for table in tables.values()
-        if CLOCK in table.frame.columns
-        for t in [table.numbers(CLOCK)]
-        if np.isfinite(t).any()
-    ]
-    return zero + min(firsts, default=0.0) * 1e-9
+    every = [table.numbers(UNIX) for table in tables.values() if UNIX in table.frame.columns]
+    return min((float(np.nanmin(t)) for t in every if np.isfinite(t).any()), default=0.0) * 1e-9
 
 
-def _inertial(tables: dict[str, Table], sections: list[Section], facts: list[str]) -> list[str]:
-    """Lines on what must be known of the IMU, whose section is appended."""
+def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:
+    """(sections of the IMU, facts)."""
     pieces: dict[str, Piece] = {}
     for role, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
-        kind = next((each for each in SENSORS[role] if each in tables and _triple(tables[each])), "")
-        if not kind:
-            return [
-                f"no rows of a {'gyroscope' if role == 'gyro' else 'accelerometer'}; switch Sensors on "
-                f"in GnssLogger when you record"
-            ]
+        kinds = (each for each in SENSORS[role] if each in tables and _triple(tables[each]))
+        kind = next(kinds, None)
+        if kind is None:
+            return [no_imu(f"there are no rows of {' or '.join(SENSORS[role])}; {RECORD}")], []
         t = tables[kind].numbers(CLOCK) * 1e-9
-        span = np.ptp(t[np.isfinite(t)]) if np.isfinite(t).any() else 0.0
-        rate = (len(t) - 1) / span if span > 0 else 0.0
-        if rate < LEAST_RATE:
-            return [
-                f"{kind}: {len(t)} rows in {span:.0f} s ({rate:.2g} Hz); an IMU needs at least "
-                f"{LEAST_RATE:g} Hz, better 100: take the log as the app wrote it, not thinned out"
-            ]
-        pieces[role] = Piece(kind, TIME, _triple(tables[kind]), unit)
-    accel = pieces["accel"]
-    norm, force = median_force(tables[accel.table], accel.columns)
-    if not GRAVITY[0] <= norm <= GRAVITY[1]:
-        return [f"{accel.table}: its median is {norm:.3g} m/s^2 and gravity is 9.8"]
-    facts.append(held(force))
-    sections.append(imu_section(pieces["gyro"], accel))
-    return []
+        t = t[np.isfinite(t)]
+        span = np.ptp(t) if len(t) else 0.0
+        if not len(t) > LEAST_RATE * span > 0:
+            why = f"{kind}: {len(t)} rows in {span:.0f} s; an IMU needs at least {LEAST_RATE:g} Hz"
+            return [no_imu(f"{why}, better 100: take the log as the app wrote it")], []
+        pieces[role] = Piece(kind, time, _triple(tables[kind]), unit)
+    return inertial(pieces["gyro"], pieces["accel"], tables, RECORD)
 
 
-def _fixes(tables: dict[str, Table], zero: float | None, sections: list[Section]) -> list[str]:
+def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Section]) -> list[str]:
     """Lines on what is left of the fixes, whose sections are appended."""
     if "Fix" not in tables:
         return []
@@ -241,19 +245,14 @@ def _fixes(tables: dict[str, Table], zero: float | None, sections: list[Section]
     if provider is not None:
         use = (provider.str.lower() == "gps").to_numpy()
         left += [
-            f"Fix: {count} of the provider {name[:20]}, which mixes other sources in"
+            f"Fix: {count} of the provider {str(name)[:20]}, which mixes other sources in"
             for name, count in provider[~use].value_counts().items()
         ]
         table = table._replace(frame=table.frame[use], lines=table.lines[use])
-    if CLOCK not in table.frame.columns:
-        utc = _matching(table, UTC)
-        if zero is None or not utc:
-            return [*left, "Fix: its times have no relation to those of the sensors"]
-        t = (table.numbers(utc) * 1e-3 - zero) * 1e9
-        table = table._replace(frame=table.frame.assign(**{CLOCK: t}))
-        left.append("nothing of Fix; its times are UTC, on the phone's clock by its own UTC")
+    if time["column"] not in table.frame.columns:
+        return [*left, f"Fix: lacks {CLOCK} and any UTC"]
     tables["Fix"], lines = fixes(table, names)
-    sections += fix_sections("Fix", tables["Fix"], names, TIME)
+    sections += fix_sections("Fix", tables["Fix"], names, time)
     return left + [f"Fix: {line}" for line in lines]
 
 

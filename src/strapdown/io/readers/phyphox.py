@@ -8,7 +8,7 @@ of the experiment, without its pauses; `meta/time.csv` says when it was started 
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,21 +16,20 @@ from ...typing import Array
 from ..contract import Log, Reader, Section
 from ..decoding.csv_export import CSV, Export, export, heads
 from ..decoding.phone import (
-    GRAVITY,
     FixColumns,
     Piece,
     barometer_section,
     fix_sections,
     fixes,
-    held,
-    imu_section,
+    inertial,
     magnetometer_section,
-    median_force,
+    no_imu,
 )
 from ..table_file import Table
 
 TIME_COLUMN = "Time (s)"
-TIME = {"column": TIME_COLUMN, "unit": "s"}
+UNIX = "POSIX time (ns)"
+"""Column that is added where the start is known."""
 TIMES = "meta/time"
 VECTOR = r"(?P<of>.*?)\b{axis} \((?P<unit>m/s\^2|rad/s|[µμ]T)\)"
 """Names of the columns of a vector, as "X (m/s^2)" or "Linear Acceleration x (m/s^2)"."""
@@ -43,7 +42,14 @@ FIX = FixColumns(
     r"(velocity|speed) \(m/s\)",
     r"direction .*",
 )
-RECORD = 'record "Acceleration with g", which phyphox also calls Accelerometer'
+RECORD = 'record Gyroscope and "Acceleration with g", which phyphox also calls Accelerometer'
+
+
+class Starts(NamedTuple):
+    """When the experiment was started, (n,) each: its own time and POSIX time, s."""
+
+    elapsed: Array
+    system: Array
 
 
 def sniff(path: Path) -> bool:
@@ -95,7 +101,12 @@ def fix_columns(columns: list[str]) -> FixColumns:
 def open_export(path: Path) -> Log:
     """The Log of an export. Raises DataError."""
     found = export(path)
-    head, starts, facts = _clock(found)
+    starts, facts = _clock(found)
+    time: dict[str, Any] = {"column": TIME_COLUMN, "unit": "s"}
+    head: dict[str, Any] = {}
+    if starts is not None:
+        time = {"column": UNIX, "unit": "ns", "clock": "unix"}
+        head = {"date": facts[0].split()[2][:10]}
     tables: dict[str, Table] = {}
     kinds: dict[str, list[str]] = {}
     left: list[str] = []
@@ -115,76 +126,60 @@ def open_export(path: Path) -> Log:
             kinds.setdefault(of, []).append(name)
         else:
             left.append(f"{name}: has no rows")
-    sections: list[Section] = []
-    asked = _inertial(found, tables, kinds, sections, facts)
-    left += _aidings(tables, kinds, sections, head)
-    return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked), head)
+    sections, more = _inertial(found, tables, kinds, time)
+    facts += more
+    left += _aidings(tables, kinds, sections, head, time)
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
 
 
-def _clock(found: Export) -> tuple[dict[str, Any], tuple[Array, Array] | None, list[str]]:
-    """(keys at the top, (times of the experiment, seconds since the first start) of each start,
-    facts) of `meta/time.csv`."""
+def _clock(found: Export) -> tuple[Starts | None, list[str]]:
+    """(Starts, facts) of `meta/time.csv`, None where it is not there or not in order."""
     if TIMES not in found.files:
-        return {}, None, []
+        return None, []
     table = found.table(TIMES)
     if not {"event", "experiment time", "system time"} <= set(table.frame.columns):
-        return {}, None, [f"{TIMES}.csv: its columns are not those of phyphox; no date"]
+        return None, [f"{TIMES}.csv: its columns are not those of phyphox; no date"]
     event = table.frame["event"].astype(str).to_numpy()
     elapsed, system = table.numbers("experiment time"), table.numbers("system time")
     use = (event == "START") & np.isfinite(elapsed) & (np.abs(system) < 4e9)
-    if not use.any() or np.any(np.diff(elapsed[use]) < 0) or np.any(np.diff(system[use]) < 0):
-        return {}, None, [f"{TIMES}.csv: has no start in order of time; no date"]
-    elapsed, system = elapsed[use], system[use]
-    zero = np.datetime64(0, "us") + np.timedelta64(round((system[0] - elapsed[0]) * 1e6), "us")
-    epoch = f"{zero}Z"
-    facts = [f"started at {epoch}, as {TIMES}.csv says"]
-    if len(elapsed) > 1:
-        facts.append(f"{len(elapsed) - 1} pauses, which the times of the tables now have")
-    return (
-        {"epoch": epoch, "date": epoch[:10]},
-        (elapsed, system - system[0] + elapsed[0]),
-        facts,
-    )
+    starts = Starts(elapsed[use], system[use])
+    if not use.any() or any(np.any(np.diff(times) < 0) for times in starts):
+        return None, [f"{TIMES}.csv: has no start in order of time; no date"]
+    facts = [f"started at {np.datetime64(round(starts.system[0] * 1e3), 'ms')}Z ({TIMES}.csv)"]
+    if use.sum() > 1:
+        facts.append(f"{use.sum() - 1} pauses, over which the clock runs on")
+    return starts, facts
 
 
-def _on_clock(table: Table, starts: tuple[Array, Array] | None) -> Table:
-    """The table on a clock that runs on through pauses."""
-    if starts is None or len(starts[0]) < 2:
+def _on_clock(table: Table, starts: Starts | None) -> Table:
+    """The table with the column UNIX, whose clock runs on through pauses."""
+    if starts is None:
         return table
-    elapsed, system = starts
     t = table.numbers(TIME_COLUMN)
-    run = np.clip(np.searchsorted(elapsed, t, side="right") - 1, 0, len(elapsed) - 1)
-    return table._replace(
-        frame=table.frame.assign(**{TIME_COLUMN: t + system[run] - elapsed[run]})
-    )
+    use = np.abs(t) < 1e8  # s, what no experiment lasts
+    t, frame = t[use], table.frame[use]
+    run = np.clip(np.searchsorted(starts.elapsed, t, side="right") - 1, 0, None)
+    # whole numbers: POSIX seconds as floats would shake the intervals
+    unix = np.round((t - starts.elapsed[run]) * 1e9).astype(np.int64)
+    unix += np.round(starts.system * 1e9).astype(np.int64)[run]
+    return table._replace(frame=frame.assign(**{UNIX: unix}), lines=table.lines[use])
 
 
 def _inertial(
     found: Export,
     tables: dict[str, Table],
     kinds: dict[str, list[str]],
-    sections: list[Section],
-    facts: list[str],
-) -> list[str]:
-    """Lines on what must be known of the IMU, whose section is appended."""
+    time: dict[str, Any],
+) -> tuple[list[Section], list[str]]:
+    """(sections of the IMU, facts)."""
     pieces: dict[str, Piece] = {}
     for of, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2")):
         for name in kinds.get(of, [])[:1]:
             columns = vector([str(column) for column in tables[name].frame.columns])
-            pieces[of] = Piece(name, TIME, columns, unit)
-    gyro, accel = pieces.get("gyro"), pieces.get("accelerometer")
-    if accel:
-        norm, force = median_force(tables[accel.table], accel.columns)
-        if not GRAVITY[0] <= norm <= GRAVITY[1]:
-            return [f"{accel.table}: its median is {norm:.3g} m/s^2 and gravity is 9.8; {RECORD}"]
-        facts.append(held(force))
-    elif "linear accelerometer" in kinds:
-        return [f"{kinds['linear accelerometer'][0]}: is without gravity; {RECORD}"]
-    if gyro or accel:
-        sections.append(imu_section(gyro, accel))
-    if found.path.is_file() and len(found.files) == 1 or bool(gyro) == bool(accel):
-        return []
-    return [f"there is no {'accelerometer' if gyro else 'gyroscope'}; record it too"]
+            pieces[of] = Piece(name, time, columns, unit)
+    if "accelerometer" not in pieces and "linear accelerometer" in kinds:
+        return [no_imu(f"{kinds['linear accelerometer'][0]}: is without gravity; {RECORD}")], []
+    return inertial(pieces.get("gyro"), pieces.get("accelerometer"), tables, RECORD, found.alone)
 
 
 def _aidings(
@@ -192,6 +187,7 @@ def _aidings(
     kinds: dict[str, list[str]],
     sections: list[Section],
     head: dict[str, Any],
+    time: dict[str, Any],
 ) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
     left = []
@@ -202,13 +198,13 @@ def _aidings(
             continue
         tables[name], lines = fixes(tables[name], names)
         left += [f"{name}: {line}" for line in lines]
-        sections += fix_sections(name, tables[name], names, TIME)
+        sections += fix_sections(name, tables[name], names, time)
     for name in kinds.get("magnetometer", [])[:1]:
         columns = vector([str(column) for column in tables[name].frame.columns])
-        sections.append(magnetometer_section(name, TIME, columns, head))
+        sections.append(magnetometer_section(name, time, columns, head))
     for name in kinds.get("barometer", [])[:1]:
         column = next(each for each in tables[name].frame.columns if each.endswith("(hPa)"))
-        sections.append(barometer_section(name, TIME, column))
+        sections.append(barometer_section(name, time, column))
     return left
 
 

@@ -20,10 +20,10 @@ from ..decoding.phone import (
     barometer_section,
     fix_sections,
     fixes,
-    held,
-    imu_section,
+    inertial,
     magnetometer_section,
     median_force,
+    no_imu,
 )
 from ..table_file import Table
 
@@ -79,15 +79,13 @@ def open_recording(path: Path) -> Log:
     tables = {name: found.table(name) for name in names if name in wanted}
     left = [f"{name}: has no rows" for name, table in tables.items() if not len(table.lines)]
     tables = {name: table for name, table in tables.items() if len(table.lines)}
-    sections: list[Section] = []
-    facts: list[str] = []
     head = _head(tables)
-    asked = _inertial(found, tables, sections, facts)
+    sections, facts = _inertial(found, tables)
     left += _aidings(tables, sections, head)
     for name in names:
         if name not in wanted:
             left.append(f"{name}: {UNUSED.get(name, 'not a sensor that is read')}")
-    return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked), head)
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
 
 
 def _head(tables: dict[str, Table]) -> dict[str, Any]:
@@ -100,34 +98,23 @@ def _head(tables: dict[str, Table]) -> dict[str, Any]:
     return {}
 
 
-def _inertial(
-    found: Export, tables: dict[str, Table], sections: list[Section], facts: list[str]
-) -> list[str]:
-    """Lines on what must be known of the IMU, whose section is appended."""
+def _inertial(found: Export, tables: dict[str, Table]) -> tuple[list[Section], list[str]]:
+    """(sections of the IMU, facts)."""
     gyro = next((each for each in ("Gyroscope", "GyroscopeUncalibrated") if each in tables), None)
     name = _force_table(tables)
     if name is None and "Accelerometer" in tables:
         norm = median_force(tables["Accelerometer"], XYZ)[0]
-        return [
-            f"Accelerometer.csv is without gravity (its median is {norm:.2g} m/s^2), as the app "
-            f"writes it; {RECORD}"
-        ]
-    accel, assumed = None, {}
+        why = f"Accelerometer.csv is without gravity (its median is {norm:.2g} m/s^2), as the app writes it; {RECORD}"
+        return [no_imu(why)], []
+    accel, facts, assumed = None, [], {}
     if name:
-        norm, force = median_force(tables[name], XYZ)
-        signs = _signs(found, tables, name, norm)
-        norm, force = norm * abs(signs.scale), force * signs.scale
-        if not GRAVITY[0] <= norm <= GRAVITY[1]:
-            return [f"{name}: its median is {norm:.3g} m/s^2 and gravity is 9.8; {RECORD}"]
+        signs = _signs(found, tables, name, median_force(tables[name], XYZ)[0])
         accel = Piece(name, TIME, XYZ, "m/s^2", signs.scale)
-        facts += [f"specific force: {name}, {signs.why}", held(force)]
+        facts = [f"specific force: {name}, {signs.why}"]
         assumed = {} if signs.sure else {"accel": signs.why}
-    if gyro or accel:
-        turned = Piece(gyro, TIME, XYZ, "rad/s") if gyro else None
-        sections.append(imu_section(turned, accel, **assumed))
-    if found.path.is_file() and len(found.files) == 1 or bool(gyro) == bool(accel):
-        return []
-    return [f"there is no {'accelerometer' if gyro else 'Gyroscope.csv'}; record it too"]
+    turned = Piece(gyro, TIME, XYZ, "rad/s") if gyro else None
+    sections, more = inertial(turned, accel, tables, RECORD, found.alone, **assumed)
+    return sections, facts + more
 
 
 def _force_table(tables: dict[str, Table]) -> str | None:
@@ -179,9 +166,7 @@ def _signs(found: Export, tables: dict[str, Table], name: str, norm: float) -> S
     )
 
 
-def _aidings(
-    tables: dict[str, Table], sections: list[Section], head: dict[str, Any]
-) -> list[str]:
+def _aidings(tables: dict[str, Table], sections: list[Section], head: dict[str, Any]) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
     left = []
     locations = [name for name in LOCATIONS if name in tables]
