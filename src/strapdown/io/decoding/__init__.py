@@ -1,1 +1,1 @@
-"""Parts that several readers of devices' files share."""
+"""Formats of devices as tables: what several readers share, and formats too long for one file."""
