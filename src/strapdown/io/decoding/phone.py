@@ -2,6 +2,7 @@
 was held."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,9 @@ out has almost none."""
 DISTURBED = "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
 ADDED = ("north sd (m)", "up sd (m)", "north (m/s)", "east (m/s)", "down (m/s)", "speed sd (m/s)")
 """Columns that `fixes` adds."""
+
+
+NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
 class FixColumns(NamedTuple):
@@ -135,7 +139,7 @@ def inertial(
     tables: Mapping[str, Table],
     record: str,
     alone: bool = False,
-    **assumed: str,
+    assumed: Mapping[str, str] = NOTHING,
 ) -> tuple[list[Section], list[str]]:
     """(sections, facts): [imu] of a gyro and an accelerometer, or of one of them where it stands
     `alone` in its file. What is unusable is a section that is left, with why and what to `record`.
@@ -154,7 +158,7 @@ def inertial(
     if not alone and (gyro is None or accel is None):
         missing = "gyroscope" if gyro is None else "accelerometer"
         return [no_imu(f"there is no {missing} beside {there.table}; {record}")], facts
-    return [imu_section(gyro, accel, **assumed)], facts
+    return [imu_section(gyro, accel, assumed)], facts
 
 
 def no_imu(why: str) -> Section:
@@ -162,7 +166,9 @@ def no_imu(why: str) -> Section:
     return Section("imu", "imu", {}, left=why)
 
 
-def imu_section(gyro: Piece | None, accel: Piece | None, **assumed: str) -> Section:
+def imu_section(
+    gyro: Piece | None, accel: Piece | None, assumed: Mapping[str, str] = NOTHING
+) -> Section:
     """[imu] of a gyro and an accelerometer, or of the one of them that there is."""
     pieces = {"gyro": gyro, "accel": accel}
     there = {key: piece for key, piece in pieces.items() if piece is not None}
@@ -175,8 +181,13 @@ def imu_section(gyro: Piece | None, accel: Piece | None, **assumed: str) -> Sect
         if piece is not first:
             keys[key] |= {"table": piece.table, "time": dict(piece.time)}
     title = " and ".join(piece.table for piece in there.values())
-    assumed = {"grade": GRADE, **assumed}
-    return Section("imu", "imu", keys | {"grade": "consumer"}, title=title, assumed=assumed)
+    return Section(
+        "imu",
+        "imu",
+        keys | {"grade": "consumer"},
+        title=title,
+        assumed={"grade": GRADE, **assumed},
+    )
 
 
 def magnetometer_section(

@@ -113,7 +113,7 @@ def _inertial(found: Export, tables: dict[str, Table]) -> tuple[list[Section], l
         facts = [f"specific force: {name}, {signs.why}"]
         assumed = {} if signs.sure else {"accel": signs.why}
     turned = Piece(gyro, TIME, XYZ, "rad/s") if gyro else None
-    sections, more = inertial(turned, accel, tables, RECORD, found.alone, **assumed)
+    sections, more = inertial(turned, accel, tables, RECORD, found.alone, assumed)
     return sections, facts + more
 
 
