@@ -95,7 +95,8 @@ def _position(records: NDArray[Any]) -> Columns:
         found = {name: records[name] / 1e7 for name in ("lat", "lon")}
         return found | {name: records[name] / 1e3 for name in ("height", "hAcc", "vAcc")}
     found = {
-        name: (records[name] * np.int64(100) + records[f"{name}Hp"]) / 1e9 for name in ("lat", "lon")
+        name: (records[name] * np.int64(100) + records[f"{name}Hp"]) / 1e9
+        for name in ("lat", "lon")
     }
     found["height"] = (records["height"] * np.int64(10) + records["heightHp"]) / 1e4
     invalid = records["invalid"] & 1 == 1

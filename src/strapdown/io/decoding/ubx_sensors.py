@@ -112,9 +112,7 @@ def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Sample
         tags, first = np.unique(tag[rows], return_index=True)
         each[kind] = (tags, found.value[rows[first]])
     common = reduce(np.intersect1d, (tags for tags, _ in each.values()))
-    values = {
-        kind: value[np.searchsorted(tags, common)] for kind, (tags, value) in each.items()
-    }
+    values = {kind: value[np.searchsorted(tags, common)] for kind, (tags, value) in each.items()}
     return Samples(common, values)
 
 

@@ -52,6 +52,7 @@ class Files:
         self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
+        self._read: dict[tuple[str, Time], Moments] = {}
         self._start: float | None = None  # of times of day without a date
         self._logs = {} if logs is None else logs
 
@@ -143,7 +144,14 @@ class Files:
         return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
 
     def _moments(self, table: Table, time: Time) -> Moments:
-        """What the calendar text of a table says, with the day of its `date`."""
+        """What the calendar text of a table says, with the day of its `date`; read once, for gyro
+        and accelerometer ask for the same."""
+        key = (table.name, time)
+        if key not in self._read:
+            self._read[key] = self._read_moments(table, time)
+        return self._read[key]
+
+    def _read_moments(self, table: Table, time: Time) -> Moments:
         of_days, pattern = time.patterns
 
         def read(column: str | int, pattern: Pattern) -> Moments:

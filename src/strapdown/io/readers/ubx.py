@@ -114,9 +114,7 @@ def _time(time: Clock) -> dict[str, Any]:
 
 
 def _table(path: Path, name: str, columns: Columns, time: Clock) -> Table:
-    values = {
-        key: each for key, each in columns.items() if key not in ("t", "row", "place", "ok")
-    }
+    values = {key: each for key, each in columns.items() if key not in ("t", "row", "place", "ok")}
     first = {"gps_ms" if time.absolute else "tow_ms": columns["t"]}
     return Table.of(f"{path} [{name}]", first | values, columns["row"], "message")
 
@@ -142,7 +140,9 @@ def _fixes(
         title = f"{name}, {many} fixes" + (f", {flat} of them without height" if flat else "")
         sections += _pair(table, "velN" in columns, time, instance, title, why)
         if late or twice:
-            left.append(f"{table}: {late} messages out of order, which are sorted, {twice} repeated")
+            left.append(
+                f"{table}: {late} messages out of order, which are sorted, {twice} repeated"
+            )
     none = len(found["t"]) - sum(len(tables[each].lines) for each in tables)
     if none > 0:
         left.append(f"{none} epochs of {name} without a fix that the receiver stands by")
@@ -216,9 +216,7 @@ def _imus(
     left: list[str],
 ) -> list[Section]:
     """Sections of the IMU, those of the fastest message first."""
-    read = {
-        key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)
-    }
+    read = {key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)}
     for key, each in read.items():
         if each is None:
             left.append(
