@@ -149,7 +149,8 @@ def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = Non
     else:
         offset = (0.0 if week is None else np.asarray(week, float) * WEEK) - epoch
     if t.dtype.kind in "iu" and len(t):
-        first = int(t[0])
+        per_second = max(round(1 / unit), 1)
+        first = int(t[0]) // per_second * per_second
         return (t - t.dtype.type(first)).astype(float) * unit + (first * unit + offset)
     return t.astype(float) * unit + offset
 

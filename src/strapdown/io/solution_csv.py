@@ -22,7 +22,8 @@ from ..verdict import NOT_JUDGED
 from .number_text import lines
 from .solution_netcdf import checked
 from .solution_table import state_of, table_of
-from .table_file import Table, open_text, read_table, reading
+from .table_file import Table, open_text, reading
+from .table_text import read_table
 
 VERDICT_LINE = "# verdict: "
 """Begins the first line of a file whose solution was judged; the word follows, then all as JSON."""
