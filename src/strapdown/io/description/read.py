@@ -139,15 +139,14 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
         for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
     )
     notes: list[str] = []
-    if not np.array_equal(t, t_accel, equal_nan=True):
+    if t is not t_accel and not np.array_equal(t, t_accel, equal_nan=True):
         accel, notes = _at_times(t, t_accel, accel)
     imu, more = increments(t, gyro, accel, part.kind, origin)
     notes += more
     gyro, accel, more = corrected(part, files, imu)
     C = part.matrix
-    return Imu(
-        imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))
-    ), notes + more
+    turn = _turned if part.mounting is None else _rotated
+    return Imu(imu.t, imu.dt, turn(gyro, C), turn(accel, C)), notes + more
 
 
 def _signal(
@@ -161,11 +160,10 @@ def _signal(
         signal.columns,
         signal.table if own else part.table,
     )
-    return (
-        table.origin,
-        t,
-        np.stack(columns, axis=1) * (signal.scale * factor(signal.unit, dimension)),
-    )
+    values, scale = np.empty((len(t), 3)), signal.scale * factor(signal.unit, dimension)
+    for k, cells in enumerate(columns):
+        np.multiply(cells, scale, out=values[:, k])
+    return table.origin, t, values
 
 
 def _at_times(t: Array, t_accel: Array, accel: Array) -> tuple[Array, list[str]]:
@@ -296,8 +294,15 @@ def read_field(
 def _turned(vectors: Array, matrix: Array) -> Array:
     """Signed permutation of the columns, which keeps a NaN where it is (a matrix product would
     spread it)."""
-    source = np.abs(matrix).argmax(axis=1)
-    return vectors[:, source] * matrix[np.arange(3), source]
+    turned = np.empty(vectors.shape)
+    for k, source in enumerate(np.abs(matrix).argmax(axis=1)):
+        np.multiply(vectors[:, source], matrix[k, source], out=turned[:, k])
+    turned += 0.0  # no zero has a sign, as in a matrix product
+    return turned
+
+
+def _rotated(vectors: Array, matrix: Array) -> Array:
+    return np.require(vectors @ matrix.T, float, ["C", "W"])
 
 
 def _deviation_column(entry: Any) -> str | int | None:

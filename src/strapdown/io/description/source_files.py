@@ -40,6 +40,7 @@ class Files:
         self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
+        self._times: dict[tuple[str, Time], Array] = {}
         self._logs = {} if logs is None else logs
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
@@ -78,8 +79,14 @@ class Files:
         return found, self.times(found, time), [found.numbers(column) for column in columns]
 
     def times(self, table: Table, time: Time) -> Array:
-        """Times of the rows of a table (n,), s. Raises DataError where one part of a recording
-        has an absolute clock and another has none."""
+        """Times of the rows of a table (n,), s, made once. Raises DataError where one part of a
+        recording has an absolute clock and another has none."""
+        key = table.name, time
+        if key not in self._times:
+            self._times[key] = self._made_times(table, time)
+        return self._times[key]
+
+    def _made_times(self, table: Table, time: Time) -> Array:
         if self._first is None:
             self._first = time
             if time.clock is not None and self.epoch is None:
