@@ -53,14 +53,16 @@ def read_description(path: File) -> Recording:
 def recording_of(description: Description, files: Files) -> Recording:
     """The Recording of a description and the files that it names. Raises DataError of one line."""
     path = files.path
+    parts = [*description.aiding, description.reference]
+    files.later = {part.file for part in parts if part is not None and part.file is not None}
     imu, notes = read_imu(description.imu, files)
     for field, text in mistakes(imu, description.imu.kind):
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings: list[Aiding] = []
     found: dict[int, Aiding] = {}
-    parts, arm = list(enumerate(description.aiding, 1)), description.imu.lever_arm
+    numbered, arm = list(enumerate(description.aiding, 1)), description.imu.lever_arm
     # constraints at rest ask the sensors whether it is one
-    for number, part in sorted(parts, key=lambda each: not each[1].sensor.recorded):
+    for number, part in sorted(numbered, key=lambda each: not each[1].sensor.recorded):
         found[number], more = read_aiding(part, number, arm, imu, files, found.values())
         notes += more
     for number, aiding in sorted(found.items()):
@@ -138,6 +140,8 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
         _signal(part, signal, dimension, files)
         for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
     )
+    if part.temperature is None:
+        files.forget(part.file)
     notes: list[str] = []
     if t is not t_accel and not np.array_equal(t, t_accel, equal_nan=True):
         accel, notes = _at_times(t, t_accel, accel)
