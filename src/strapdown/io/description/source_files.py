@@ -1,7 +1,7 @@
 """The tables that a description names, where they are, and their times on the clock of the
 recording."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -36,7 +36,8 @@ class Files:
 
     `epoch` is the moment of t = 0, in seconds of GPS time since its zero: that of the description,
     else midnight, UTC, before the first time that is asked for, which is the IMU's; None where that
-    has no absolute clock. `notes` say what of the tables was left out.
+    has no absolute clock. `notes` say what of the tables was left out. `later` are the files that
+    are needed after [imu] is read; None: all of them.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Files:
         self.path = Path(description_path)
         self.folder = self.path.parent if folder is None else Path(folder)
         self.table = cache(self._table)
+        self.later: Set[str] | None = None
         self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
@@ -73,6 +75,12 @@ class Files:
             hint = did_you_mean(table, tables) if table is not None else ""
             raise DataError(f"{path}: table: {wrong}{hint}; it has {', '.join(tables) or 'none'}")
         return tables[table]
+
+    def forget(self, file: str) -> None:
+        """Let go of what was read, where nothing later needs the tables of the file."""
+        self._read.clear()
+        if self.later is not None and file not in self.later:
+            self.table.cache_clear()
 
     def locate(self, file: str) -> Path:
         """The path that the description means by `file`."""
@@ -146,8 +154,8 @@ class Files:
     def _moments(self, table: Table, time: Time) -> Moments:
         """What the calendar text of a table says, with the day of its `date`; read once, for gyro
         and accelerometer ask for the same."""
-        key = id(table.frame), time
-        if key not in self._read:  # the frame is kept, so that no other one gets its id
+        key = (id(table.frame), time)  # of the rows that count
+        if key not in self._read:
             self._read[key] = table, self._read_moments(table, time)
         return self._read[key][1]
 
