@@ -240,7 +240,7 @@ def test_rows_that_do_not_count(fixes, where, left):
 
 
 def test_where_that_leaves_nothing_is_refused(fixes):
-    with pytest.raises(DataError, match=r"gnss.csv: where: none of its 20 rows has sd at least 9"):
+    with pytest.raises(DataError, match=r"gnss.csv: where: none of its 20 rows has sd >= 9"):
         fixes(POSITION + 'where = { column = "sd", least = 9 }\n')
 
 
