@@ -11,13 +11,14 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .checks import DataError
 from .typing import Array, ArrayLike
 
 GPS_ZERO = 315964800
 """POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
-WEEK = 604800
+DAY, WEEK = 86400, 604800
 """s"""
 CLOCKS = ("gps", "unix")
 """Absolute clocks that a description can name: seconds of GPS time since its zero, POSIX seconds."""
@@ -78,9 +79,57 @@ def iso(gps: float) -> str:
     return moment.isoformat().replace("+00:00", "Z")
 
 
+def utc(epoch: str, t: ArrayLike) -> NDArray[np.datetime64]:
+    """UTC as datetime64[ns] (n,) of times t (n,), s since an `epoch` as ISO 8601 text; NaT where t is
+    not finite. Leap seconds between the two are counted; within one, that second is shown twice.
+
+    Raises DataError where the epoch is no time.
+    """
+    zero, t = gps_of(epoch), np.asarray(t, float)
+    known = np.isfinite(t)
+    t = np.where(known, t, 0.0)
+    unix = unix_from_gps(zero)
+    # leap seconds and the epoch apart, so that nanoseconds of t stay
+    leaps = np.round(t + zero - unix_from_gps(zero + t) - (zero - unix))
+    start = np.datetime64("1970-01-01", "ns") + np.timedelta64(
+        round(float(unix) * 1e6) * 1000, "ns"
+    )
+    found = start + np.round((t - leaps) * 1e9).astype("m8[ns]")
+    return np.where(known, found, np.datetime64("NaT", "ns"))
+
+
+def iso_text(moments: NDArray[np.datetime64], decimals: int) -> NDArray[np.bytes_]:
+    """ISO 8601 text in UTC of datetime64 (n,), as `2024-05-01T12:30:00.250Z` with that many digits,
+    3, 6 or 9; empty where there is none."""
+    unit: Any = {3: "ms", 6: "us", 9: "ns"}[decimals]
+    half = np.timedelta64(10 ** (9 - decimals) // 2, "ns")
+    text = np.datetime_as_string((moments + half).astype(f"M8[{unit}]"), unit=unit).astype("S")
+    return np.where(np.isnat(moments), b"", np.char.add(text, b"Z"))
+
+
+def span(moments: NDArray[np.datetime64]) -> str:
+    """First and last of datetime64 (n,) for people, `2024-05-01 12:30:00.0 to 12:40:00.0 UTC`."""
+    known = moments[~np.isnat(moments)]
+    if not len(known):
+        return "no time"
+    tenth = np.timedelta64(50, "ms")
+    first, last = (
+        str((each + tenth).astype("M8[ms]")).replace("T", " ")[:-2] for each in known[[0, -1]]
+    )
+    return f"{first} to {last[11:] if first[:10] == last[:10] else last} UTC"
+
+
 def midnight(gps: float) -> float:
     """The last midnight, UTC, before a moment, both in seconds of GPS time since its zero."""
-    return float(gps_from_unix(np.floor(unix_from_gps(gps) / 86400) * 86400))
+    return float(gps_from_unix(np.floor(unix_from_gps(gps) / DAY) * DAY))
+
+
+def calendar_seconds(epoch: float, minute: Array, second: Array, clock: str) -> Array:
+    """Seconds since `epoch` (seconds of GPS time since its zero) of times by the calendar: begins
+    of minutes, s since 1970-01-01 without leap seconds, and seconds, a leap second being the
+    60th. The calendar is that of UTC, or of GPS time with the clock "gps"."""
+    start = minute - GPS_ZERO if clock == "gps" else gps_from_unix(minute)
+    return start - epoch + second
 
 
 def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = None) -> Array:
@@ -100,6 +149,21 @@ def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = Non
     else:
         offset = (0.0 if week is None else np.asarray(week, float) * WEEK) - epoch
     if t.dtype.kind in "iu" and len(t):
-        first = int(t[0])
+        per_second = max(round(1 / unit), 1)
+        first = int(t[0]) // per_second * per_second
         return (t - t.dtype.type(first)).astype(float) * unit + (first * unit + offset)
     return t.astype(float) * unit + offset
+
+
+def rolled(t: Array, period: float) -> Array:
+    """Whole periods (n,) that a clock has counted which begins anew after `period`, such as a time
+    of day or of the week; NaN are passed over.
+
+    A step back by more than half a period is a new one. Rows out of order at its begin step
+    forward by nearly all of it, and belong to the one before; a shorter step forward is a pause.
+    """
+    count = np.zeros(len(t))
+    known = np.flatnonzero(np.isfinite(t))
+    step = np.diff(t[known])
+    count[known[1:]] = np.cumsum(1.0 * (step < -0.5 * period) - 1.0 * (step > 0.99 * period))
+    return count

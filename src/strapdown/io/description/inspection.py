@@ -11,7 +11,7 @@ from ...data import Aiding
 from ...preprocessing.plausible import doubts, mistakes
 from ...verdict import Reason
 from ..contract import Findings
-from ..facts import aiding_facts, gyro_bias_sd, imu_facts
+from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
 from .complaints import complaints, parse
@@ -74,10 +74,11 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     """The notes; all else goes into `found`."""
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
-        return notes
+        return [*files.notes, *notes]
     wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
-    meta = found.attempt(read_meta, description, files) or {}
+    meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
     wrong += doubts(imu, gyro_bias_sd(meta))
+    found.add(clock_facts(imu, meta.get("epoch")))
     found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
     aidings: list[Aiding] = []
     parts: list[tuple[AidingPart, int]] = []
@@ -100,7 +101,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
     found.add(*aiding_facts(imu, aidings, meta))
-    return notes
+    return [*files.notes, *notes]
 
 
 def _above_sea_level(part: AidingPart, name: str) -> Iterator[Reason]:

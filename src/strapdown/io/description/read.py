@@ -24,7 +24,7 @@ from ...preprocessing.plausible import mistakes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
 from ...recording import Recording
-from ...time_scales import iso
+from ...time_scales import iso, utc
 from ...typing import Array, File
 from ...units import DEG, factor
 from ..magnetic_record import sound
@@ -69,7 +69,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     for number, aiding in sorted(found.items()):
         others = [other.name for other in aidings]
         aidings.append(aiding if aiding.name not in others else _renamed(aiding, number))
-    meta = read_meta(description, files)
+    meta = read_meta(description, files, float(imu.t[0]))
     notes += level_notes(aidings, meta)
     for k, part in enumerate(description.aiding):
         aidings[k], more = read_field(part, k + 1, aidings[k], aidings, imu, meta, path)
@@ -79,6 +79,7 @@ def recording_of(description: Description, files: Files) -> Recording:
         whereabouts = Whereabouts(aidings, place)
         reference, more = read_reference(description.reference, imu, files, whereabouts)
         notes += more
+    notes = [*files.notes, *notes]
     sensors = frames(description, files, aidings)
     return Recording(
         imu,
@@ -101,17 +102,19 @@ def _renamed(aiding: Aiding, number: int) -> Aiding:
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
-def read_meta(description: Description, files: Files) -> dict[str, Any]:
-    """The meta of a Recording that its description gives: name, date, place, grade, vehicle,
+def read_meta(description: Description, files: Files, first: float) -> dict[str, Any]:
+    """The meta of a Recording that its description gives: name, epoch, date (of the sample at `first`
+    s, where only an absolute clock tells), place, grade, vehicle,
     point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and what of it is
     estimated. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
+    epoch = None if files.epoch is None else iso(files.epoch)
     found = {
         "name": files.path.stem,
-        "epoch": None if files.epoch is None else iso(files.epoch),
-        "date": description.date,
+        "epoch": epoch,
+        "date": description.date or (None if epoch is None else str(utc(epoch, first))[:10]),
         "place": description.lla,
         "grade": grade,
         "vehicle": description.vehicle,

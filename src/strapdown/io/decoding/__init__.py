@@ -1,0 +1,1 @@
+"""Formats of devices as tables: what several readers share, and formats too long for one file."""
