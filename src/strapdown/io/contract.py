@@ -68,6 +68,10 @@ ROLES = {
 another."""
 
 
+LEAST_RATE = 20.0
+"""Hz of an IMU below which a device's log is refused."""
+
+
 class Section(NamedTuple):
     """A section of a `recording.toml` as a file's own format gives it, or as it was guessed.
 
@@ -86,6 +90,7 @@ class Section(NamedTuple):
     # why it is only taken where a user asks for it, as "made of the same IMU"; "": it may be taken
     left: str = ""
     remarks: tuple[str, ...] = ()  # lines for the drafted text, such as keys that one may want
+    faster: str = ""  # of an IMU: the setting of the device that logs it at a higher rate
 
 
 class Log(NamedTuple):
