@@ -17,7 +17,7 @@ from .typing import Array, ArrayLike
 
 GPS_ZERO = 315964800
 """POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
-WEEK = 604800
+DAY, WEEK = 86400, 604800
 """s"""
 CLOCKS = ("gps", "unix")
 """Absolute clocks that a description can name: seconds of GPS time since its zero, POSIX seconds."""
@@ -80,7 +80,15 @@ def iso(gps: float) -> str:
 
 def midnight(gps: float) -> float:
     """The last midnight, UTC, before a moment, both in seconds of GPS time since its zero."""
-    return float(gps_from_unix(np.floor(unix_from_gps(gps) / 86400) * 86400))
+    return float(gps_from_unix(np.floor(unix_from_gps(gps) / DAY) * DAY))
+
+
+def calendar_seconds(epoch: float, minute: Array, second: Array, clock: str) -> Array:
+    """Seconds since `epoch` (seconds of GPS time since its zero) of times by the calendar: begins
+    of minutes, s since 1970-01-01 without leap seconds, and seconds, a leap second being the
+    60th. The calendar is that of UTC, or of GPS time with the clock "gps"."""
+    start = minute - GPS_ZERO if clock == "gps" else gps_from_unix(minute)
+    return start - epoch + second
 
 
 def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = None) -> Array:
@@ -104,3 +112,17 @@ def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = Non
         first = int(t[0]) // per_second * per_second
         return (t - t.dtype.type(first)).astype(float) * unit + (first * unit + offset)
     return t.astype(float) * unit + offset
+
+
+def rolled(t: Array, period: float) -> Array:
+    """Whole periods (n,) that a clock has counted which begins anew after `period`, such as a time
+    of day or of the week; NaN are passed over.
+
+    A step back by more than half a period is a new one. Rows out of order at its begin step
+    forward by nearly all of it, and belong to the one before; a shorter step forward is a pause.
+    """
+    count = np.zeros(len(t))
+    known = np.flatnonzero(np.isfinite(t))
+    step = np.diff(t[known])
+    count[known[1:]] = np.cumsum(1.0 * (step < -0.5 * period) - 1.0 * (step > 0.99 * period))
+    return count

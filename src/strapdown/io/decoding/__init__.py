@@ -1,2 +1,1 @@
-"""Binary formats of devices as tables: what several readers share, and formats too long for one
-file."""
+"""Formats of devices as tables: what several readers share, and formats too long for one file."""

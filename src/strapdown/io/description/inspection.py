@@ -65,7 +65,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     """The notes; all else goes into `found`."""
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
-        return notes
+        return [*files.notes, *notes]
     wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
     meta = found.attempt(read_meta, description, files) or {}
     wrong += doubts(imu, gyro_bias_sd(meta))
@@ -90,7 +90,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
     found.add(*aiding_facts(imu, aidings, meta))
-    return notes
+    return [*files.notes, *notes]
 
 
 def _above_sea_level(part: AidingPart, name: str) -> Iterator[Reason]:

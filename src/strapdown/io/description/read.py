@@ -75,6 +75,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     if description.reference is not None:
         reference, more = read_reference(description.reference, imu, files)
         notes += more
+    notes = [*files.notes, *notes]
     sensors = frames(description, files, aidings)
     return Recording(
         imu,

@@ -1,6 +1,7 @@
 """What the sections of `recording.toml` are made of: parts that refuse unknown keys, columns, units,
 times and signals."""
 
+import datetime
 from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -11,10 +12,13 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    ValidationInfo,
+    field_validator,
     model_validator,
 )
 
 from ...units import factor
+from ..calendar_text import Pattern, patterns
 
 Found = TypeVar("Found")
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -39,7 +43,6 @@ Columns = Annotated[list[Column], Field(min_length=3, max_length=3)]
 MISSING: Any = None
 """The unit of a description that gives none."""
 Unit = Field(validate_default=True)  # a missing unit is refused too
-TimeUnit = Annotated[float, Unit, BeforeValidator(partial(factor, of="time"))]
 AngleUnit = Annotated[float, Unit, BeforeValidator(partial(factor, of="angle"))]
 """Fields whose value is the factor of the unit that the description names."""
 
@@ -50,25 +53,82 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
+def _day(value: Any) -> Any:
+    """A column, or the one day that a `date` gives, as datetime.date."""
+    if isinstance(value, datetime.date) and not isinstance(value, datetime.datetime):
+        return value
+    try:
+        return datetime.date.fromisoformat(value)
+    except (TypeError, ValueError):
+        return value if value is None else column(value)
+
+
 class Time(Part):
-    """t = column * scale * unit + offset, s, from the epoch of the recording where `clock` names
-    an absolute clock: "gps", seconds from the zero of GPS time or of the week that the column or
-    the number `week` says, or "unix", POSIX seconds."""
+    """Numbers: t = column * scale * unit + offset, s, from the epoch of the recording where `clock`
+    names an absolute clock: "gps", seconds from the zero of GPS time or of the week that the column
+    or the number `week` says, or "unix", POSIX seconds.
+
+    Times of the calendar, where `format` says how they are written: "iso", or a pattern of strptime.
+    With `date`, a column or one day (that of the first row), the column is the time of day, and
+    `format` that of both with a blank between. They are UTC, or GPS time by `clock`.
+    """
 
     column: Column
-    unit: TimeUnit = MISSING
+    format: str | None = None
+    date: Annotated[Any, AfterValidator(_day)] = None
+    unit: Annotated[float, Unit] = MISSING
     scale: Finite = 1.0
     offset: Finite = 0.0
     clock: Literal["gps", "unix"] | None = None
     week: Any = None
 
+    @property
+    def patterns(self) -> tuple[Pattern | None, Pattern]:
+        """(Pattern of `date`, where that is a column, Pattern of `column`), where there is a format."""
+        assert self.format is not None
+        is_day = isinstance(self.date, datetime.date)
+        return patterns(self.format, "day" if is_day else "" if self.date is None else "column")
+
+    @property
+    def absolute(self) -> str | None:
+        """The absolute clock that the times are on, one of `time_scales.CLOCKS`; None of others."""
+        if self.format is None:
+            return self.clock
+        return self.clock or "unix" if self.date is not None or self.patterns[1].dated else None
+
+    @field_validator("unit", mode="before")
+    @classmethod
+    def _factor(cls, unit: Any, info: ValidationInfo) -> float:
+        if info.data.get("format") is None:
+            return factor(unit, "time")
+        refuse((unit is not MISSING, "what is written by the calendar has no unit; leave it out"))
+        return 1.0
+
     @model_validator(mode="after")
-    def _week(self) -> Self:
+    def _complete(self) -> Self:
+        if self.format is not None:
+            named("format", lambda: self.patterns)
         refuse(
             (
-                self.week is not None and self.clock != "gps",
+                self.week is not None and (self.clock != "gps" or self.format is not None),
                 'week: it belongs to clock = "gps", whose column then counts from that week',
-            )
+            ),
+            (
+                self.format is not None and self.scale != 1.0,
+                "scale: what is written by the calendar has none; leave it out",
+            ),
+            (
+                self.date is not None and self.format is None,
+                'date: it stands beside a time of day; say how both are written, as format = "iso"',
+            ),
+            (
+                self.date is not None and self.format is not None and self.patterns[1].dated,
+                "date: the column has a date of its own; leave one of them out",
+            ),
+            (
+                self.format is not None and self.clock is not None and self.absolute is None,
+                "clock: a time of day is on one only with its `date`",
+            ),
         )
         if self.week is not None:
             named("week", column, self.week)

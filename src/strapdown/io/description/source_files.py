@@ -2,6 +2,7 @@
 recording."""
 
 from collections.abc import Sequence
+from datetime import date
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError, did_you_mean
-from ...time_scales import midnight, seconds_since
+from ...time_scales import DAY, WEEK, calendar_seconds, midnight, rolled, seconds_since
 from ...typing import Array, File
+from ..calendar_text import Moments, Pattern, read_moments
 from ..contract import Log
 from ..locate import locate
 from ..registry import ask, find
-from ..table_file import Table, read_table
+from ..table_file import Table
+from ..table_text import read_table
 from .schema_base import Time
 
 
@@ -23,7 +26,7 @@ class Files:
 
     `epoch` is the moment of t = 0, in seconds of GPS time since its zero: that of the description,
     else midnight, UTC, before the first time that is asked for, which is the IMU's; None where that
-    has no absolute clock.
+    has no absolute clock. `notes` say what of the tables was left out.
     """
 
     def __init__(
@@ -36,15 +39,19 @@ class Files:
         self.path = Path(description_path)
         self.folder = self.path.parent if folder is None else Path(folder)
         self.table = cache(self._table)
+        self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
+        self._start: float | None = None  # of times of day without a date
         self._logs = {} if logs is None else logs
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
         path = self.locate(file)
         reader = find(path)
         if reader is None or reader.open is None or (reader.name == "table" and table is None):
-            return read_table(path, header)
+            found = read_table(path, header)
+            self.notes += found.notes
+            return found
         if path not in self._logs:
             self._logs[path] = ask(reader, "open", path)
         tables = self._logs[path].tables
@@ -78,31 +85,63 @@ class Files:
         has an absolute clock and another has none."""
         if self._first is None:
             self._first = time
-            if time.clock is not None and self.epoch is None:
+            if time.absolute is not None and self.epoch is None:
                 t = self._since(0.0, table, time)
                 some = t[np.isfinite(t)]
                 self.epoch = midnight(some[0]) if len(some) else 0.0
-        if time.clock is None:
-            if self._first.clock is not None:
+        if time.absolute is None:
+            if self._first.absolute is not None:
                 raise DataError(
                     f"{table.name}: its time {time.column!r} has no absolute clock and that of "
-                    f"[imu] is {self._first.clock!r}; say its clock too, or bring both to one"
+                    f"[imu] is {self._first.absolute!r}; say its clock too, or bring both to one"
                 )
+            if time.format is not None:
+                return self._of_day(table, time) + time.offset
             return table.numbers(time.column) * (time.scale * time.unit) + time.offset
         if self.epoch is None:
             raise DataError(
-                f"{table.name}: its time {time.column!r} is on the clock {time.clock!r} and that of "
-                f"[imu] counts from an unknown moment; say its clock too, or its zero at the top, "
+                f"{table.name}: its time {time.column!r} is on the clock {time.absolute!r} and that "
+                f"of [imu] counts from an unknown moment; say its clock too, or its zero at the top, "
                 f'as epoch = "2024-05-01T12:30:00Z"'
             )
         return self._since(self.epoch, table, time)
 
     def _since(self, epoch: float, table: Table, time: Time) -> Array:
-        assert time.clock is not None
+        """Times on an absolute clock, s since `epoch` in seconds of GPS time since its zero."""
+        assert time.absolute is not None
+        if time.format is not None:
+            minute, second = self._moments(table, time)
+            return calendar_seconds(epoch, minute, second, time.absolute) + time.offset
         cells: Any = table.cells(time.column)
         if cells.dtype.kind not in "iu":
             cells = table.numbers(time.column)
-        week = time.week
-        if week is not None and not isinstance(week, int):
+        week, unit = time.week, time.scale * time.unit
+        if isinstance(week, int):  # that of the first row
+            week = week + rolled(cells * unit, WEEK)
+        elif week is not None:
             week = table.numbers(week)
-        return seconds_since(epoch, cells, time.clock, time.scale * time.unit, week) + time.offset
+        return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
+
+    def _moments(self, table: Table, time: Time) -> Moments:
+        """What the calendar text of a table says, with the day of its `date`."""
+        of_days, pattern = time.patterns
+
+        def read(column: str | int, pattern: Pattern) -> Moments:
+            return read_moments(column, table.cells(column), pattern, table.origin)
+
+        found = read(time.column, pattern)
+        if of_days is not None:
+            return found._replace(minute=found.minute + read(time.date, of_days).minute)
+        if time.date is None:
+            return found
+        first = float(DAY) * (time.date - date(1970, 1, 1)).days
+        return found._replace(minute=found.minute + first + DAY * rolled(np.add(*found), DAY))
+
+    def _of_day(self, table: Table, time: Time) -> Array:
+        """Times of day without a date, s since midnight before the first sample of the IMU."""
+        t = np.add(*self._moments(table, time))
+        t += DAY * rolled(t, DAY)
+        some = t[np.isfinite(t)]
+        if self._start is None:
+            self._start = some[0] if len(some) else 0.0
+        return t + DAY * np.round((self._start - some[0]) / DAY) if len(some) else t

@@ -1,0 +1,154 @@
+"""Bags of ROS 2: SQLite databases, alone or, as MCAP files too, in the folder of a bag. Source of
+the tables: rosbag2_storage_sqlite3 of https://github.com/ros2/rosbag2."""
+
+import re
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...checks import DataError
+from ..contract import Log, Reader
+from ..table_file import PACKED, packed, read_bytes
+
+if TYPE_CHECKING:
+    from ..decoding.ros_messages import Messages
+
+SUFFIXES = (*packed(".db3"), ".db3.zstd")
+METADATA = "metadata.yaml"
+MOST_TOPICS = 10_000
+AT_ONCE = 5000
+"""Messages."""
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""How a frame of zstd begins; of a bag whose messages are packed each for itself."""
+MOST_RATIO = 1000
+"""By which a database may have been packed."""
+MOST_UNPACKED = 1 << 24
+"""Bytes of a packed message that is of use here."""
+STEPS_PER_BYTE = 10
+"""Of SQLite's machine, per byte of a file: a damaged file is left where it needs more."""
+
+
+def sniff(path: Path) -> bool:
+    """A database, or the folder of a bag."""
+    return path.name.lower().endswith(SUFFIXES) or (path / METADATA).is_file()
+
+
+def _parts(path: Path) -> list[Path]:
+    """The files of a bag in the order of their numbers."""
+    if not path.is_dir():
+        return [path]
+    endings = (*SUFFIXES, *packed(".mcap"))
+    found = [each for each in path.iterdir() if each.name.lower().endswith(endings)]
+    if not found:
+        raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
+    return sorted(
+        found, key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)] + [each.name]  # type: ignore[list-item]
+    )
+
+
+def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
+    """A database, and its size in bytes."""
+    if path.name.lower().endswith((*PACKED, ".zstd")):
+        from ..decoding.unpacking import unpack_frame
+
+        content = read_bytes(path)
+        if path.suffix.lower() == ".zstd":
+            content = unpack_frame(content, MOST_RATIO * len(content))
+        database = sqlite3.connect(":memory:")
+        database.deserialize(content)
+        return database, len(content)
+    size = path.stat().st_size
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True), size
+
+
+def read_database(path: Path, messages: "Messages") -> None:
+    """Take in the messages of a database. Raises DataError."""
+    from ..decoding.ros_messages import TRANSFORMS, Topic
+
+    try:
+        database, size = _connect(path)
+        database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1000))
+        steps = max(size, 1_000_000) * STEPS_PER_BYTE
+        budget = iter(range(steps // 1_000_000))
+        database.set_progress_handler(lambda: int(next(budget, None) is None), 1_000_000)
+        rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
+        numbers = {}
+        for number, name, kind, encoding in rows.fetchmany(MOST_TOPICS):
+            topic, mine = Topic.of(str(name), str(kind), str(encoding)), messages.next_number
+            messages.topics[mine] = topic
+            if not topic.why_left or topic.type in TRANSFORMS:
+                numbers[int(number)] = mine
+    except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
+        raise DataError(f"{path}: is no database of ROS 2 that can be read ({error})") from error
+    try:
+        _read_messages(database, numbers, messages)
+    except (sqlite3.Error, OverflowError) as error:
+        messages.left.append(f"the database is damaged ({error}); what is before that is used")
+    finally:
+        database.close()
+    if path.with_name(path.name + "-wal").is_file():
+        messages.left.append(
+            f"{path.name}-wal holds messages that were not yet taken into the database; open it once "
+            f"with `ros2 bag info`"
+        )
+
+
+def _read_messages(
+    database: sqlite3.Connection, numbers: dict[int, int], messages: "Messages"
+) -> None:
+    wanted = ", ".join(map(str, numbers))
+    rows = database.execute(
+        f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({wanted})"
+    )
+    damaged = 0
+    while some := rows.fetchmany(AT_ONCE):
+        good = [row for row in some if type(row[1]) is int and type(row[2]) is bytes]
+        if any(row[2].startswith(ZSTD) for row in good):
+            good = list(_unpacked(good))
+        damaged += len(some) - len(good)
+        if not good:
+            continue
+        ids, times, data = zip(*good)
+        lengths = np.array([len(each) for each in data])
+        messages.add(
+            np.frombuffer(b"".join(data), np.uint8),
+            np.array([numbers[each] for each in ids]),
+            np.cumsum(lengths) - lengths,
+            lengths,
+            np.array(times, np.int64),
+        )
+    if damaged:
+        messages.left.append(f"{damaged} rows of the database are no messages; not used")
+
+
+def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[tuple[int, int, bytes]]:
+    """The same with each message unpacked, without those that are damaged."""
+    from ..decoding.unpacking import unpack_frame
+
+    for number, time, packed_message in rows:
+        try:
+            yield number, time, unpack_frame(packed_message, MOST_UNPACKED)
+        except DataError:
+            continue
+
+
+def open_rosbag2(path: Path) -> Log:
+    """The Log of a database or of the folder of a bag. Raises DataError."""
+    from ..decoding.mapped import mapped
+    from ..decoding.mcap_records import read_mcap
+    from ..decoding.robot_sections import log_of
+    from ..decoding.ros_messages import Messages
+
+    messages = Messages()
+    for part in _parts(path):
+        if part.name.lower().endswith(SUFFIXES):
+            read_database(part, messages)
+        else:
+            read_mcap(mapped(part), messages)
+    return log_of(path, "bag of ROS 2", messages)
+
+
+READER = Reader("rosbag2", SUFFIXES, "bag of ROS 2, database or folder", sniff=sniff, open=open_rosbag2)
