@@ -58,19 +58,17 @@ def changes(
     ]
 
 
-def at_times(t: Array, there: Array, values: Array) -> Array:
+def at_times(t: Any, there: Array, values: Array) -> Array:
     """Vectors `values` (m, k) at the times `there`, between which they are interpolated, at the
     times t; NaN beyond them. Of quaternions the signs are made to agree first."""
     order = np.argsort(there, kind="stable")
     there, values = np.asarray(there, float)[order], np.asarray(values, float)[order]
     if not len(there):
         return np.full((len(t), values.shape[1]), np.nan)
-    return np.stack(
-        [np.interp(t, there, each, np.nan, np.nan) for each in values.T], axis=1
-    )
+    return np.stack([np.interp(t, there, each, np.nan, np.nan) for each in values.T], axis=1)
 
 
-def quaternions_at(t: Array, there: Array, q: Array) -> Array:
+def quaternions_at(t: Any, there: Array, q: Array) -> Array:
     """The same of quaternions (m, 4), along the chord, which between samples of 10 Hz and more is
     right to a ten-thousandth of the turn between them."""
     q = np.asarray(q, float)
