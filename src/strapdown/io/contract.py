@@ -68,10 +68,6 @@ ROLES = {
 another."""
 
 
-LEAST_RATE = 20.0
-"""Hz of an IMU below which a device's log is refused."""
-
-
 class Section(NamedTuple):
     """A section of a `recording.toml` as a file's own format gives it, or as it was guessed.
 

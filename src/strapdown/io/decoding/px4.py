@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contract import LEAST_RATE, Section
+from ..contract import Section
 from . import autopilot
 from .ulog import ULog
 
@@ -23,6 +23,7 @@ ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
 FIX_3D = 3  # fix_type from which a fix has a height
 SINCE_2001 = 10**15
 """us: a clock that starts later counts from 1970, as that of a simulator does, not from power on."""
+SLOW = 20.0  # Hz of samples that have been averaged, below which raw ones are looked at
 NEARLY = 0.8
 """Of the rate of another topic with the same samples, from which a topic is taken before it."""
 FASTER = (
@@ -96,13 +97,13 @@ def imus(log: ULog) -> tuple[list[Section], list[str]]:
     rates = {name: max(found.values(), default=0.0) for name, found in every.items()}
     best = max(rates["vehicle_imu"], rates["sensor_combined"])
     name = "vehicle_imu" if rates["vehicle_imu"] >= NEARLY * best else "sensor_combined"
-    if best < LEAST_RATE and rates["sensor_gyro"] > best:
+    if best < SLOW and rates["sensor_gyro"] > best:
         name = "sensor_gyro"
     make = _raw_imu if name == "sensor_gyro" else _imu
     sections = [make(log, name, each, hz) for each, hz in sorted(every[name].items())]
     left = [
         f"{topic} {', '.join(map(str, sorted(found)))}, {rates[topic]:.3g} Hz: "
-        + ("of the same sensors as" if rates[topic] > LEAST_RATE else "too slow beside")
+        + ("of the same sensors as" if rates[topic] > SLOW else "too slow beside")
         + f" {name}"
         for topic, found in every.items()
         if found and topic != name
