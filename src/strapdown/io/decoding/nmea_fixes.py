@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...typing import Array, Ints
+from ...typing import Ints
 from ..contract import Log, Section
 from ..table_file import Table
 from .cyclic_times import DAY, in_order, moments, undated
@@ -101,7 +101,9 @@ def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
 
 def nmea_log(path: Path, sentences: Sentences) -> Log:
     """The Log of the sentences of a file."""
-    clock, tables, left = clock_of(sentences), {}, []
+    clock = clock_of(sentences)
+    tables: dict[str, Table] = {}
+    left: list[str] = []
     sections = _positions(path, sentences, clock, tables, left)
     sections += _velocities(path, sentences, clock, tables, left)
     sections += _headings(path, sentences, clock, tables, left)
@@ -164,7 +166,9 @@ def _quality(name: str, kind: Kind) -> Ints:
     """Of each fix as GGA counts it; 0 where it is not used."""
     if name == "GGA":
         return np.nan_to_num(kind.numbers(6)).astype(int)
-    states = kind.text({"RMC": 2, "GLL": 6}.get(name, 0)) if name != "GNS" else [b"A"] * len(kind.place)
+    states = (
+        kind.text({"RMC": 2, "GLL": 6}.get(name, 0)) if name != "GNS" else [b"A"] * len(kind.place)
+    )
     modes = kind.text({"RMC": 12, "GLL": 7, "GNS": 6}[name])
     best = [
         # GNS has a letter for each system; the systems without a fix say N

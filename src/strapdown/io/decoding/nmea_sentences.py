@@ -43,7 +43,10 @@ class Kind(NamedTuple):
         value = self.numbers(field)
         whole = np.floor(value / 100)
         minutes = value - 100 * whole
-        signs = [{b"N": 1.0, b"E": 1.0, b"S": -1.0, b"W": -1.0}.get(each) for each in self.text(field + 1)]
+        signs = [
+            {b"N": 1.0, b"E": 1.0, b"S": -1.0, b"W": -1.0}.get(each)
+            for each in self.text(field + 1)
+        ]
         sign = np.array([np.nan if each is None else each for each in signs])
         return np.where(minutes < 60, sign * (whole + minutes / 60), np.nan)
 

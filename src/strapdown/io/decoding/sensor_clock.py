@@ -27,7 +27,7 @@ class Line(NamedTuple):
 
     def gps(self, tag: Ints) -> Array:
         """s"""
-        return self.tick * (tag - self.tag0) + self.gps0
+        return np.asarray(self.tick * (tag - self.tag0) + self.gps0, float)
 
 
 def unwrapped(tag: Ints) -> tuple[Ints, Ints]:

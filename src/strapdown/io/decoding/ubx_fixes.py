@@ -68,7 +68,7 @@ def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Co
     }
     names = ("height", "hAcc", "vAcc", "velN", "velE", "velD", "sAcc")
     found |= {name: records[name] / 1e3 for name in names}
-    if "flags3" in records.dtype.names:
+    if records.dtype == LAYOUTS[NAV_PVT]:
         found["ok"] &= records["flags3"] & 1 == 0
     return found
 
@@ -91,11 +91,12 @@ def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) 
 
 
 def _position(records: NDArray[Any]) -> Columns:
-    if "latHp" not in records.dtype.names:
+    if records.dtype != LAYOUTS[NAV_HPPOSLLH]:
         found = {name: records[name] / 1e7 for name in ("lat", "lon")}
         return found | {name: records[name] / 1e3 for name in ("height", "hAcc", "vAcc")}
     found = {
-        name: (records[name] * np.int64(100) + records[f"{name}Hp"]) / 1e9 for name in ("lat", "lon")
+        name: (records[name] * np.int64(100) + records[f"{name}Hp"]) / 1e9
+        for name in ("lat", "lon")
     }
     found["height"] = (records["height"] * np.int64(10) + records["heightHp"]) / 1e4
     invalid = records["invalid"] & 1 == 1

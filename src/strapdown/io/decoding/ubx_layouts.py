@@ -35,9 +35,7 @@ def _solution(at: int) -> dict[str, tuple[int, str]]:
     """Of NAV-PVT and NAV-PVAT, from the longitude on: what both have alike."""
     names = ("lon", "lat", "height", "hMSL", "hAcc", "vAcc", "velN", "velE", "velD")
     unsigned = {"hAcc", "vAcc"}
-    return {
-        name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)
-    }
+    return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
 
 
 LAYOUTS: dict[int, np.dtype[Any]] = {
