@@ -85,7 +85,7 @@ def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) 
     # a receiver that says no state of its fixes says their accuracy
     known_or_none = known | (frames.count(state) == 0)
     found["fixType"] = np.where(known, np.nan_to_num(told["fixType"]), 3).astype(int)
-    right = np.nan_to_num(told["flags"]).astype(int) & 0x0D == 0x0D  # fix, week and time
+    right = np.nan_to_num(told["flags"]).astype(int) & 0x09 == 0x09  # fix and time of week
     found["ok"] = np.where(known, right, known_or_none & (found["hAcc"] < 100))
     return found
 

@@ -23,14 +23,42 @@ START = 1 << 16
 """Bytes in which the line of column names must stand."""
 NAMES = re.compile(r"^%\s*(GPST|UTC|JST)[\s,;]+(.*(?:latitude|x-ecef|e-baseline).*)$", re.MULTILINE)
 REFERENCE = re.compile(r"^%\s*ref pos\s*:\s*(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
-LEAST_SD = 1e-3
-"""m and m/s: a smaller standard deviation is rounded to 0 in some versions."""
+LEAST_SD = 1e-4
+"""m and m/s, the last digit that RTKLIB writes: a smaller standard deviation reads 0."""
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "DGPS", 5: "single", 6: "PPP"}
-UP = np.array([[1.0], [1.0], [-1.0]])
-"""Turns rows north, east, down to north, east, up."""
 DEGREES = np.array([np.pi / 180, np.pi / 180, 1.0])
 JST_AHEAD = 9 * 3600
 """s"""
+
+
+class Form(NamedTuple):
+    """Names of the columns of a position and a velocity with their standard deviations, and the
+    axes of both as a description has them."""
+
+    position: tuple[str, ...]
+    sd: tuple[str, ...]
+    velocity: tuple[str, ...]
+    velocity_sd: tuple[str, ...]
+    axes: dict[str, str]
+    velocity_axes: str
+
+
+GEODETIC = Form(
+    ("latitude", "longitude", "height"),
+    ("sdn", "sde", "sdu"),
+    ("vn", "ve", "vu"),
+    ("sdvn", "sdve", "sdvu"),
+    {},
+    "+x +y -z",
+)
+ECEF = Form(
+    ("x-ecef", "y-ecef", "z-ecef"),
+    ("sdx", "sdy", "sdz", "sdxy", "sdyz", "sdzx"),
+    ("vx", "vy", "vz"),
+    ("sdvx", "sdvy", "sdvz", "sdvxy", "sdvyz", "sdvzx"),
+    {"axes": "ECEF"},
+    "ECEF",
+)
 
 
 class Solution(NamedTuple):
@@ -53,34 +81,27 @@ def open_pos(path: Path) -> Log:
             f"solution with the header switched on (out-outhead = on)"
         )
     found = _rows(path, text, names)
-    above_sea = "=wgs84/geodetic" in text.lower()
-    place, left = _place(path, found, text), []
-    quality = found.columns.get("Q", np.full(len(found.ms), 5.0))
-    used = np.isin(quality, list(QUALITIES)) & np.isfinite(place["lat"])
+    columns, form = _formed(path, found.columns, text)
+    quality = columns.get("Q", np.full(len(found.ms), 5.0))
+    used = np.isin(quality, list(QUALITIES)) & np.isfinite(columns[form.position[0]])
     rows = np.flatnonzero(used)
     order, late, twice = in_order(found.ms[rows])
     rows = rows[order]
-    if above_sea:
-        place["height"] = np.full(len(found.ms), np.nan)
-        left.append("heights: above the geoid (out-height = geodetic), not above the ellipsoid")
     counts = (
         (found.broken, "lines that are no row"),
         (int(np.sum(~used)), "rows without a fix"),
         (late, "rows out of order, which are sorted"),
         (twice, "rows that repeat a time"),
     )
-    left += [f"{many} {what}" for many, what in counts if many]
+    left = [f"{many} {what}" for many, what in counts if many]
     time, moment = _time(found)
-    table = Table.of(
-        f"{path}",
-        {time["column"]: moment[rows], "Q": quality[rows].astype(int)}
-        | {name: values[rows] for name, values in place.items()},
-        found.rows[rows],
-        "line",
-    )
-    many = [f"{name} {n}" for q, name in QUALITIES.items() if (n := np.sum(quality[rows] == q))]
-    title = f"RTKLIB, {len(rows)} fixes: {', '.join(many)}"
-    sections = _sections(time, title, "v_n" in place) if len(rows) else []
+    values = {time["column"]: moment[rows]} | {key: each[rows] for key, each in columns.items()}
+    table = Table.of(str(path), values, found.rows[rows], "line")
+    kinds = [f"{name} {n}" for q, name in QUALITIES.items() if (n := np.sum(quality[rows] == q))]
+    title = f"RTKLIB, {len(rows)} fixes: {', '.join(kinds)}"
+    above_sea = "=wgs84/geodetic" in text.lower() and "latitude" in form.position
+    geoid = {"geoid": "EGM96"} if above_sea else {}
+    sections = _sections(time, title, form, set(columns), geoid) if len(rows) else []
     return Log({"solution": table}, tuple(sections), (f"{path}: {title}",), tuple(left))
 
 
@@ -162,46 +183,23 @@ def _time(found: Solution) -> tuple[dict[str, Any], Ints]:
     return {"column": "unix_ms", "unit": "ms", "clock": "unix"}, found.ms - 1000 * ahead
 
 
-def _place(path: Path, found: Solution, text: str) -> dict[str, Array]:
-    """Latitude and longitude in deg, ellipsoidal height, velocity where there is one, in m and
-    m/s north, east, up, with standard deviations. Raises DataError."""
-    columns = found.columns
-    n = len(found.ms)
-    if "latitude" in columns:
-        names = dict(zip(("lat", "lon", "height"), ("latitude", "longitude", "height")))
-        names |= {f"sd_{axis}": f"sd{axis}" for axis in "neu"}
-        names |= {f"v_{axis}": f"v{axis}" for axis in "neu"}
-        names |= {f"sd_v{axis}": f"sdv{axis}" for axis in "neu"}
-        place = {name: columns[own] for name, own in names.items() if own in columns}
-    elif "x-ecef" in columns:
-        xyz = np.stack([columns[f"{axis}-ecef"] for axis in "xyz"], axis=1)
-        lla = from_ecef(xyz)
-        place, north_east_up = _degrees_of(lla), ned_axes(lla) * UP
-        sd = _turned_deviations(columns, "sd", "xyz", north_east_up)
-        place |= {f"sd_{axis}": sd[:, i] for i, axis in enumerate("neu")}
-        if "vx" in columns:
-            v = np.einsum("nij,nj->ni", north_east_up, _three(columns, "v", "xyz"))
-            sd = _turned_deviations(columns, "sdv", "xyz", north_east_up)
-            place |= {f"v_{axis}": v[:, i] for i, axis in enumerate("neu")}
-            place |= {f"sd_v{axis}": sd[:, i] for i, axis in enumerate("neu")}
-    else:
-        place = _from_baseline(path, columns, text)
-    for name in [each for each in place if each.startswith("sd_")]:
-        place[name] = np.maximum(np.abs(place[name]), LEAST_SD)
-    missing = [f"sd{axis}" for axis in "neu" if f"sd_{axis}" not in place]
-    if missing or n == 0:
+def _formed(path: Path, columns: dict[str, Array], text: str) -> tuple[dict[str, Array], Form]:
+    """(columns, which of them are position and velocity): a baseline becomes latitude, longitude
+    and height. Standard deviations of 0 become the last digit. Raises DataError."""
+    form = ECEF if "x-ecef" in columns else GEODETIC
+    if "e-baseline" in columns:
+        columns = _from_baseline(path, columns, text)
+    missing = [name for name in (*form.position, *form.sd[:3]) if name not in columns]
+    if missing:
         raise DataError(f"{path}: lacks the columns {', '.join(missing)}; write all of RTKLIB's")
-    if not {f"{name}{axis}" for name in ("v_", "sd_v") for axis in "neu"} <= set(place):
-        place = {key: each for key, each in place.items() if not re.match("v_|sd_v", key)}
-    return place
-
-
-def _three(columns: dict[str, Array], prefix: str, axes: str) -> Array:
-    return np.stack([columns[f"{prefix}{axis}"] for axis in axes], axis=1)
+    for name in (*form.sd[:3], *form.velocity_sd[:3]):
+        if name in columns:
+            columns[name] = np.maximum(columns[name], LEAST_SD)
+    return columns, form
 
 
 def _from_baseline(path: Path, columns: dict[str, Array], text: str) -> dict[str, Array]:
-    """East, north, up from the base that the header names."""
+    """The columns with positions of the baseline from the base that the header names."""
     base = REFERENCE.search(text)
     numbers = np.array([_number(each) for each in base.groups()] if base else [np.nan])
     if not np.isfinite(numbers).all():
@@ -211,59 +209,41 @@ def _from_baseline(path: Path, columns: dict[str, Array], text: str) -> dict[str
         )
     # the base may be in ECEF, as solutions are
     lla = from_ecef(numbers) if np.abs(numbers).max() > 1e5 else numbers * DEGREES
-    neu = np.stack([columns[f"{axis}-baseline"] for axis in "neu"], axis=1)
-    place = _degrees_of(from_ecef(to_ecef(lla) + neu @ (ned_axes(lla) * UP)))
-    return place | {f"sd_{axis}": columns[f"sd{axis}"] for axis in "neu"}
+    ned = np.stack([columns[f"{axis}-baseline"] for axis in "neu"], axis=1) * [1, 1, -1]
+    place = from_ecef(to_ecef(lla) + ned @ ned_axes(lla)) / DEGREES
+    return columns | dict(zip(GEODETIC.position, place.T))
 
 
-def _degrees_of(lla: Array) -> dict[str, Array]:
-    """Columns in deg and m of positions (n, 3) in rad and m."""
-    lat, lon, height = lla.T
-    return {"lat": np.degrees(lat), "lon": np.degrees(lon), "height": height}
-
-
-def _turned_deviations(columns: dict[str, Array], prefix: str, axes: str, C: Array) -> Array:
-    """(n, 3) standard deviations along the rows of C, of signed square roots of a covariance."""
-    P = np.zeros((len(C), 3, 3))
-    for i, a in enumerate(axes):
-        for j, b in enumerate(axes):
-            name = prefix + (a if i == j else a + b)
-            other = prefix + b + a
-            root = columns.get(name, columns.get(other, np.zeros(len(C))))
-            P[:, i, j] = root * np.abs(root)
-    turned = np.einsum("nij,njk,nik->ni", C, P, C)
-    return np.sqrt(np.maximum(turned, 0.0))
-
-
-def _sections(time: dict[str, Any], title: str, moving: bool) -> list[Section]:
+def _sections(
+    time: dict[str, Any], title: str, form: Form, there: set[str], geoid: dict[str, str]
+) -> list[Section]:
     common = {"table": "solution", "time": time}
-    position = {
-        "kind": "position",
-        **common,
-        "columns": ["lat", "lon", "height"],
-        "unit": ["deg", "deg", "m"],
-        "sd": ["sd_n", "sd_e", "sd_u"],
+    where = {
+        "columns": list(form.position),
+        "unit": "m" if form.axes else ["deg", "deg", "m"],
+        **form.axes,
+        **geoid,
     }
-    velocity = {
-        "kind": "velocity",
-        **common,
-        "columns": ["v_n", "v_e", "v_u"],
-        "unit": "m/s",
-        "axes": "+x +y -z",
-        "sd": ["sd_vn", "sd_ve", "sd_vu"],
-    }
-    reference = {
-        **common,
-        "position": {"columns": ["lat", "lon", "height"], "unit": ["deg", "deg", "m"]},
-    }
-    if moving:
-        reference["velocity"] = {key: velocity[key] for key in ("columns", "unit", "axes")}
-    every = [position, velocity] if moving else [position]
+    moved = {"columns": list(form.velocity), "unit": "m/s", "axes": form.velocity_axes}
+    every = [{"kind": "position", **common, **where, "sd": _all_or_three(form.sd, there)}]
+    reference = {**common, "position": where}
+    if {*form.velocity, *form.velocity_sd[:3]} <= there:
+        sd = _all_or_three(form.velocity_sd, there)
+        every.append({"kind": "velocity", **common, **moved, "sd": sd})
+        reference["velocity"] = moved
     why = "the same fixes again; --take reference=0 scores outages against them"
+    assumed = {"geoid": "heights are above the geoid (out-height = geodetic)"} if geoid else {}
     return [
-        *(Section("aiding", "gnss", keys, 0, title) for keys in every),
+        *(
+            Section("aiding", "gnss", keys, 0, title, assumed if "geoid" in keys else {})
+            for keys in every
+        ),
         Section("reference", "reference", reference, 0, title, left=why),
     ]
+
+
+def _all_or_three(names: tuple[str, ...], there: set[str]) -> list[str]:
+    return list(names if set(names) <= there else names[:3])
 
 
 def sniff(path: Path) -> bool:
