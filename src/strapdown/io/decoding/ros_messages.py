@@ -51,8 +51,8 @@ class Decoded(NamedTuple):
 
 def take(content: np.ndarray[Any, Any], offsets: Ints, length: int) -> np.ndarray[Any, Any]:
     """Pieces of `length` bytes (n,) of an array of bytes at these offsets, which must fit in."""
-    every = np.ndarray(len(content) - length + 1, f"V{length}", content, strides=(1,))  # type: ignore[call-overload]
-    return every[offsets]  # type: ignore[no-any-return]
+    every = np.ndarray(len(content) - length + 1, f"V{length}", content, strides=(1,))
+    return every[offsets]
 
 
 class Messages:
@@ -72,7 +72,12 @@ class Messages:
         return max(self.topics, default=-1) + 1
 
     def add(
-        self, content: np.ndarray[Any, Any], numbers: Ints, offsets: Ints, lengths: Ints, record: Ints
+        self,
+        content: np.ndarray[Any, Any],
+        numbers: Ints,
+        offsets: Ints,
+        lengths: Ints,
+        record: Ints,
     ) -> None:
         """Take in messages (n,) that lie in `content`: the numbers of their topics, where they
         begin, their lengths and times."""
@@ -115,6 +120,7 @@ class Messages:
                 for length, found in self._found.pop(number).items():
                     payload = np.concatenate([each for each, _ in found])
                     record = np.concatenate([each for _, each in found])
+                    found.clear()
                     good = list(_decode(payload, length, fields, topic.encoding))
                     pieces += [(record[rows], columns) for rows, columns in good]
                     wrong += len(payload) - sum(len(rows) for rows, _ in good)
@@ -124,10 +130,10 @@ class Messages:
 def _joined(pieces: list[tuple[Ints, Columns]], wrong: int) -> Decoded:
     if not pieces:
         return Decoded(np.zeros(0, int), {}, wrong)
-    record = np.concatenate([each for each, _ in pieces])
-    columns = {
-        name: np.concatenate([each[name] for _, each in pieces]) for name in pieces[0][1]
-    }
+    record, columns = pieces[0]
+    if len(pieces) > 1:
+        record = np.concatenate([each for each, _ in pieces])
+        columns = {name: np.concatenate([each[name] for _, each in pieces]) for name in columns}
     if np.any(np.diff(record) < 0):
         order = np.argsort(record, kind="stable")
         record, columns = record[order], {name: each[order] for name, each in columns.items()}
@@ -195,6 +201,4 @@ def _view(payload: np.ndarray[Any, Any], layout: Mapping[str, tuple[str, int]]) 
         }
     )
     seen = payload.view(whole)
-    return {
-        name: seen[name] if name in filled else np.zeros(len(payload), "S1") for name in layout
-    }
+    return {name: seen[name] if name in filled else np.zeros(len(payload), "S1") for name in layout}
