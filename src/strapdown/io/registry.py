@@ -81,27 +81,39 @@ REGISTRY = plugins.Registry(
 
 
 def find(path: Path) -> Reader | None:
-    """The Reader of a file, or None. Raises DataError where a `sniff` fails, or where two readers
-    claim the file alike."""
+    """The Reader of a file or a folder, or None of a file that none knows. Raises DataError where a
+    `sniff` fails, where two readers claim the file alike, and for a folder that none knows."""
     lower, claims = path.name.lower(), []
     for reader in readers().values():
         length = max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
         if length or reader.sniff:
             claims.append(((-length, reader.sniff is None), reader))
     for claim, reader in sorted(claims, key=lambda each: each[0]):
-        if not reader.sniff or ask(reader, "sniff", path):
+        if _takes(reader, path):
             for other_claim, other in claims:
-                if (
-                    other is not reader
-                    and other_claim == claim
-                    and (not other.sniff or ask(other, "sniff", path))
-                ):
+                if other is not reader and other_claim == claim and _takes(other, path):
                     raise DataError(
                         f"{path}: the readers {reader.name!r} and {other.name!r} both take it for "
                         f"theirs; leave one of them out"
                     )
             return reader
+    if path.is_dir():
+        raise DataError(
+            f"{path}: is a folder in which no reader finds what it knows; name the files themselves, "
+            f"or one of: {formats()}"
+        )
     return None
+
+
+def _takes(reader: Reader, path: Path) -> bool:
+    """Whether a reader with a claim to a name takes the file; of folders only one that looks into
+    it."""
+    if not path.is_dir():
+        return not reader.sniff or bool(ask(reader, "sniff", path))
+    try:
+        return reader.sniff is not None and bool(ask(reader, "sniff", path))
+    except DataError:  # of a sniff that expects a file
+        return False
 
 
 def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
@@ -128,6 +140,8 @@ def taker(path: Path) -> Reader:
     reader = find(path)
     if reader is not None:
         return reader
+    if not path.suffix and not path.exists():
+        raise DataError(f"{path}: cannot be read (no such file or folder); check the path")
     known = [
         each.name
         for each in readers().values()

@@ -32,7 +32,8 @@ from ..files import netcdf, replacing
 from ..typing import Array, File
 from ..verdict import NOT_JUDGED, Verdict
 from .kml import kml
-from .table_file import open_text, read_table, reading
+from .table_file import open_text, reading
+from .table_text import read_table
 
 if TYPE_CHECKING:
     import pandas as pd

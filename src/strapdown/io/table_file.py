@@ -1,11 +1,10 @@
-"""CSV files as tables of numbers: plain or compressed, with or without a header; every complaint
-names the file, the line and the column."""
+"""Tables of files, whose complaints name the file, the line and the column; and files, plain or
+packed, open to read."""
 
 import bz2
 import gzip
 import io
 import lzma
-import warnings
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -44,11 +43,11 @@ def reading(path: File) -> Iterator[None]:
         yield
     except BROKEN as error:
         raise DataError(
-            f"{path}: the compressed file is truncated or damaged ({_line(error)}); copy it again"
+            f"{path}: the compressed file is truncated or damaged ({first_line_of(error)}); copy it again"
         ) from error
     except OSError as error:
         raise DataError(
-            f"{path}: cannot be read ({error.strerror or _line(error)}); check the path"
+            f"{path}: cannot be read ({error.strerror or first_line_of(error)}); check the path"
         ) from error
 
 
@@ -60,6 +59,8 @@ class Table(NamedTuple):
     frame: "pd.DataFrame"
     lines: Ints
     word: str = "line"  # what a row is called in the file
+    units: Mapping[str, str] = {}  # of columns, where a line of the file names them
+    notes: tuple[str, ...] = ()  # on what of the file was left out
 
     @classmethod
     def of(
@@ -96,6 +97,8 @@ class Table(NamedTuple):
         if column not in self.frame.columns:
             raise DataError(f"{self.name}: {self._missing(column)}")
         cells = self.frame[column]
+        if cells.dtype.kind in "iuf":
+            return cells.to_numpy(float, na_value=np.nan)
         values = pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
         wrong = np.isnan(values) & cells.notna().to_numpy()
         if wrong.any():
@@ -115,49 +118,6 @@ class Table(NamedTuple):
             return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
         hint = did_you_mean(column, names)
         return f"column {column!r} is missing{hint}; it has {', '.join(names[:20])}"
-
-
-def read_table(path: Path, header: bool = True) -> Table:
-    """The Table of a CSV file; lines before the header that start with # or % are left out. Raises
-    DataError.
-
-    Without header the columns are numbered from 1. The separator (comma, semicolon, tab or blanks)
-    is what the first line holds.
-    """
-    import pandas as pd
-
-    with reading(path):
-        try:
-            skipped, first = _first_line(path)
-            with open_text(path) as file, warnings.catch_warnings():
-                # rows with more cells than the header has names
-                warnings.simplefilter("error", pd.errors.ParserWarning)
-                frame = pd.read_csv(
-                    file,
-                    sep=_separator(first),
-                    header=0 if header else None,
-                    skiprows=skipped,
-                    skip_blank_lines=False,
-                    skipinitialspace=True,
-                    low_memory=False,
-                    index_col=False,
-                )
-        except pd.errors.EmptyDataError as error:
-            raise DataError(
-                f"{path}: is empty; it must hold a header and rows of numbers"
-            ) from error
-        except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
-            raise DataError(
-                f"{path}: is not a table of comma-separated values ({_line(error)})"
-            ) from error
-    frame.columns = pd.Index(
-        [str(name).strip() for name in frame.columns] if header else range(1, frame.shape[1] + 1)
-    )
-    lines = np.arange(len(frame)) + skipped + 1 + header
-    filled = frame.notna().any(axis=1).to_numpy()
-    if not filled.any():
-        raise DataError(f"{path}: has a header but no rows")
-    return Table(str(path), frame if filled.all() else frame[filled], lines[filled])
 
 
 def open_bytes(path: Path) -> BinaryIO:
@@ -185,21 +145,6 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         return file.read(most)
 
 
-def _first_line(path: Path) -> tuple[int, str]:
-    """Number of comment lines at the top, and the line after them."""
-    with open_text(path) as file:
-        for number, line in enumerate(file):
-            if not line.startswith(("#", "%")):
-                return number, line
-    return 0, ""
-
-
-def _separator(line: str) -> str:
-    counts = {mark: line.count(mark) for mark in ",;\t"}
-    best = max(counts, key=lambda mark: counts[mark])
-    return best if counts[best] else r"\s+" if len(line.split()) > 1 else ","
-
-
 def is_number(text: str) -> bool:
     """Whether a header cell reads as a number, so that the line is probably no header."""
     try:
@@ -209,5 +154,6 @@ def is_number(text: str) -> bool:
     return True
 
 
-def _line(error: BaseException) -> str:
+def first_line_of(error: BaseException) -> str:
+    """What an exception says, its first line, or its name."""
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

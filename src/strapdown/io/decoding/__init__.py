@@ -1,1 +1,1 @@
-"""Parts of formats that several readers share."""
+"""Formats of devices as tables: what several readers share, and formats too long for one file."""

@@ -19,7 +19,8 @@ from ...typing import Array, File
 from ...units import UNITS
 from ..contract import Findings
 from ..facts import imu_facts
-from ..table_file import Table, is_number, read_table
+from ..table_file import Table, is_number
+from ..table_text import read_table
 from .magnetic_sources import EARTH_FIELD
 from .schema_aiding import HEADING
 

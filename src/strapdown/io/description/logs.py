@@ -57,11 +57,14 @@ class Joined(NamedTuple):
     def asked(self) -> list[str]:
         """What must be known before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
-        if not any(each.section.of == "imu" for each in self.taken):
+        if not lines and not any(each.section.of == "imu" for each in self.taken):
             names = ", ".join(map(str, self.paths))
+            unusable = [why for each, why in self.left if each.section.of == "imu"]
             lines.append(
-                f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file beside, "
-                f"as in strapdown fuse imu.csv {self.paths[0].name}"
+                f"{names}: {unusable[0]}"
+                if unusable
+                else f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
+                f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
             )
         return lines
 

@@ -1,0 +1,64 @@
+"""Records of a binary log, one after another: those of one kind side by side, and where to go on
+after damage."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..table_file import Table
+
+Bytes = NDArray[np.uint8]
+Follow = Callable[[NDArray[np.int64]], NDArray[np.int64]]
+"""Where the record ends that begins at each of these places; -1 where none does."""
+IN_A_ROW = 4
+"""Records that must follow each other for a place to be the beginning of one."""
+MOST_DAMAGES = 1000
+"""Places at which a walk finds its way again; what follows the last is left out."""
+
+
+def side_by_side(data: Bytes, starts: NDArray[np.int64], size: int) -> Bytes:
+    """(n, size) copies of the bytes from each start, all of which must lie in the data."""
+    if not len(starts):
+        return np.empty((0, size), np.uint8)
+    return np.lib.stride_tricks.sliding_window_view(data, size)[starts]
+
+
+def structured(data: Bytes, starts: NDArray[np.int64], kind: np.dtype[Any]) -> NDArray[Any]:
+    """(n,) records of a structured type that begin at each start."""
+    return side_by_side(data, starts, kind.itemsize).view(kind)[:, 0]
+
+
+def next_record(follow: Follow, begin: int, end: int) -> int:
+    """The first place from `begin` at which records follow each other, or `end`."""
+    size = 256
+    while begin < end:
+        at = np.arange(begin, min(begin + size, end))
+        last = at
+        for _ in range(IN_A_ROW):
+            inside = (last >= 0) & (last < end)
+            last = np.where(inside, follow(np.where(inside, last, begin)), last)
+        if (last >= 0).any():
+            return int(at[np.argmax(last >= 0)])
+        begin, size = begin + size, size * 2
+    return end
+
+
+class Tables(Mapping[str, Table]):
+    """Tables by name, each made when it is asked for."""
+
+    def __init__(self, makers: Mapping[str, Callable[[], Table]]) -> None:
+        self._makers = makers
+        self._made: dict[str, Table] = {}
+
+    def __getitem__(self, name: str) -> Table:
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)

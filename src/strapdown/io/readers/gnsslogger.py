@@ -1,0 +1,265 @@
+"""Logs of Google's app GnssLogger on Android: a text file whose rows begin with their kind.
+
+Columns by LOGGING_FORMAT.md (github.com/google/gps-measurement-tools) and by the header of each
+file. All times are taken from `elapsedRealtimeNanos`, the phone's clock since it started: the
+`utcTimeMillis` of the sensors is the phone's idea of UTC, which was half a second off in the log
+that this was tried on. The fixes of the satellite receiver say what UTC the clock's zero is.
+"""
+
+import io
+import re
+from collections import defaultdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...typing import Array
+from ..contract import Log, Reader, Section
+from ..decoding.phone import (
+    FixColumns,
+    Piece,
+    fix_sections,
+    fixes,
+    inertial,
+    magnetometer_section,
+    no_imu,
+)
+from ..table_file import Table, packed, read_bytes
+
+CLOCK = "elapsedRealtimeNanos"
+UNIX = "POSIX ns"
+"""Column that is added: the phone's clock, on UTC."""
+SENSORS = {
+    "gyro": ("UncalGyro", "Gyro"),
+    "accel": ("UncalAccel", "Accel"),
+    "magnetometer": ("UncalMag", "Mag"),
+}
+"""Kinds of rows, the one that is taken first: the filter estimates biases itself."""
+FIX = FixColumns(
+    r"Latitude(Degrees)?",
+    r"Longitude(Degrees)?",
+    r"Altitude(Meters)?",
+    r"Accuracy(Meters)?",
+    r"VerticalAccuracyMeters",
+    r"Speed(Mps)?",
+    r"Bearing(Degrees)?",
+    r"SpeedAccuracyMps",
+    r"BearingAccuracyDegrees",
+)
+UTC = r"UnixTimeMillis|\(UTC\)TimeInMs"
+WANTED = ("Fix", *(kind for kinds in SENSORS.values() for kind in kinds))
+LEFT = {
+    "OrientationDeg": "fused with inertial data by the phone",
+    "Raw": "raw measurements of the satellites; its fixes are taken",
+}
+OFF = 0.1
+"""s between the phone's UTC and that of the satellites that are worth a line."""
+RECORD = "switch Sensors on in GnssLogger when you record"
+LEAST_RATE = 5.0
+"""Hz of an IMU that is worth being read."""
+
+
+class Rows(NamedTuple):
+    """Rows of one kind: {kind: lines}, their numbers in the file, counted from 1, and names of
+    columns by kind."""
+
+    lines: dict[str, list[bytes]]
+    numbers: dict[str, list[int]]
+    names: dict[str, list[str]]
+
+
+def sniff(path: Path) -> bool:
+    """Whether the header lines of the app stand at the top."""
+    try:
+        return bool(re.search(rb"^# ?(Fix|Raw|UncalAccel),", read_bytes(path, 8192), re.MULTILINE))
+    except DataError:
+        return False
+
+
+def open_log(path: Path) -> Log:
+    """The Log of a file. Raises DataError."""
+    rows = _rows(read_bytes(path))
+    left: list[str] = []
+    tables = {
+        kind: _table(path, kind, rows, left)
+        for kind in WANTED
+        if kind in rows.names and rows.lines.get(kind)
+    }
+    tables = {kind: table for kind, table in tables.items() if len(table.lines)}
+    facts = [f"{kind}: {len(table.lines)} rows" for kind, table in tables.items()]
+    zero, said = _zero(tables)
+    time: dict[str, Any] = {"column": CLOCK, "unit": "ns"}
+    head: dict[str, Any] = {}
+    if zero is not None:
+        time = {"column": UNIX, "unit": "ns", "clock": "unix"}
+        tables = {kind: _on_utc(table, zero) for kind, table in tables.items()}
+        head = {"date": str(np.datetime64(round(_first(tables)), "s"))[:10]}
+    sections, more = _inertial(tables, time)
+    facts += more
+    left += _fixes(tables, time, sections)
+    magnetometer = next((kind for kind in SENSORS["magnetometer"] if kind in tables), None)
+    if magnetometer:
+        columns = _triple(tables[magnetometer])
+        if columns:
+            sections.append(magnetometer_section(magnetometer, time, columns, head))
+    left += [f"{kind}: {why}" for kind, why in LEFT.items() if rows.lines.get(kind)]
+    return Log(tables, tuple(sections), tuple(facts + said), tuple(left), head=head)
+
+
+def _rows(content: bytes) -> Rows:
+    """The rows of a file by kind."""
+    found = Rows(defaultdict(list), defaultdict(list), {})
+    for number, line in enumerate(content.split(b"\n"), 1):
+        if line[:1] == b"#":
+            names = line.decode("utf-8", "replace").strip("# \r").split(",")
+            if names[0] in WANTED:
+                found.names[names[0]] = [name.strip() for name in names]
+            continue
+        kind = line[: line.find(b",")].decode("ascii", "replace")
+        found.lines[kind].append(line)
+        found.numbers[kind].append(number)
+    return found
+
+
+def _table(path: Path, kind: str, rows: Rows, left: list[str]) -> Table:
+    """The Table of one kind; rows with other cells than its header line names are left out."""
+    import pandas as pd
+
+    names, lines = rows.names[kind], rows.lines[kind]
+    whole = np.array([line.count(b",") == len(names) - 1 for line in lines])
+    if not whole.all():
+        left.append(f"{kind}: {int((~whole).sum())} rows with other cells than the header names")
+    text = b"\n".join(line for line, use in zip(lines, whole) if use)
+    numbers = np.array(rows.numbers[kind])[whole]
+    label = f"{path} [{kind}]"
+    try:
+        frame = pd.read_csv(
+            io.BytesIO(text),
+            header=None,
+            names=names,
+            quoting=3,
+            encoding_errors="replace",
+            low_memory=False,
+        )
+    except pd.errors.EmptyDataError:
+        frame = pd.DataFrame(columns=names)
+    except (pd.errors.ParserError, ValueError, OverflowError) as error:
+        said = (str(error).splitlines() or ["?"])[0]
+        raise DataError(f"{label}: cannot be read ({said})") from None
+    return Table(label, frame, numbers[: len(frame)])
+
+
+def _matching(table: Table, pattern: str) -> str:
+    """The column whose name is of the pattern, "" where there is none."""
+    names = [str(name) for name in table.frame.columns]
+    return next((name for name in names if pattern and re.fullmatch(pattern, name)), "")
+
+
+def _triple(table: Table) -> list[str]:
+    """Names of the columns of x, y and z, as UncalGyroXRadPerSec; [] where one is missing."""
+    found = [_matching(table, rf"(Uncal)?(Gyro|Accel|Mag){axis}.*") for axis in "XYZ"]
+    return found if all(found) and CLOCK in table.frame.columns else []
+
+
+def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
+    """(POSIX seconds at the zero of the phone's clock or None, lines on it): the median over fixes
+    of the satellite receiver, else the phone's own UTC."""
+    by_fix: list[Array] = []
+    by_phone: list[Array] = []
+    for kind, table in tables.items():
+        if CLOCK not in table.frame.columns:
+            continue
+        is_fix = kind == "Fix"
+        utc = _matching(table, UTC if is_fix else "utcTimeMillis")
+        if not utc or is_fix and "Provider" not in table.frame.columns:
+            continue
+        zero = table.numbers(utc) * 1e-3 - table.numbers(CLOCK) * 1e-9
+        if is_fix:
+            zero = zero[(table.frame["Provider"].astype(str) == "GPS").to_numpy()]
+        (by_fix if is_fix else by_phone).append(zero[np.isfinite(zero) & (np.abs(zero) < 4e9)])
+    fix, phone = (
+        float(np.median(all_)) if len(all_) else None
+        for all_ in (np.concatenate([*each, np.empty(0)]) for each in (by_fix, by_phone))
+    )
+    if fix is None:
+        return phone, [] if phone is None else [
+            "UTC: the phone's own, no fix of satellites says it"
+        ]
+    if phone is not None and abs(phone - fix) > OFF:
+        return fix, [
+            f"UTC: that of the satellite fixes; the phone's own is {phone - fix:+.3f} s off"
+        ]
+    return fix, ["UTC: that of the satellite fixes"]
+
+
+def _on_utc(table: Table, zero: float) -> Table:
+    """The table with the column UNIX, of whole numbers where its clock has such."""
+    frame, utc = table.frame, _matching(table, UTC)
+    if CLOCK in frame.columns:
+        clock = table.cells(CLOCK)
+        whole = clock.dtype.kind == "i"
+        unix = clock + round(zero * 1e9) if whole else table.numbers(CLOCK) + zero * 1e9
+    elif utc:
+        unix = table.numbers(utc) * 1e6
+    else:
+        return table
+    return table._replace(frame=frame.assign(**{UNIX: unix}))
+
+
+def _first(tables: dict[str, Table]) -> float:
+    """POSIX seconds of the earliest row."""
+    every = [table.numbers(UNIX) for table in tables.values() if UNIX in table.frame.columns]
+    return min((float(np.nanmin(t)) for t in every if np.isfinite(t).any()), default=0.0) * 1e-9
+
+
+def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:
+    """(sections of the IMU, facts)."""
+    pieces: dict[str, Piece] = {}
+    for role, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
+        kinds = (each for each in SENSORS[role] if each in tables and _triple(tables[each]))
+        kind = next(kinds, None)
+        if kind is None:
+            return [no_imu(f"there are no rows of {' or '.join(SENSORS[role])}; {RECORD}")], []
+        t = tables[kind].numbers(CLOCK) * 1e-9
+        t = t[np.isfinite(t)]
+        span = np.ptp(t) if len(t) else 0.0
+        if not len(t) > LEAST_RATE * span > 0:
+            why = f"{kind}: {len(t)} rows in {span:.0f} s; an IMU needs at least {LEAST_RATE:g} Hz"
+            return [no_imu(f"{why}, better 100: take the log as the app wrote it")], []
+        pieces[role] = Piece(kind, time, _triple(tables[kind]), unit)
+    return inertial(pieces["gyro"], pieces["accel"], tables, RECORD)
+
+
+def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Section]) -> list[str]:
+    """Lines on what is left of the fixes, whose sections are appended."""
+    if "Fix" not in tables:
+        return []
+    table = tables["Fix"]
+    names = FixColumns(*(_matching(table, pattern) for pattern in FIX))
+    if not (names.latitude and names.longitude and names.height and names.accuracy):
+        return ["Fix: lacks latitude, longitude, altitude or accuracy"]
+    provider = table.frame["Provider"].astype(str) if "Provider" in table.frame else None
+    left = []
+    if provider is not None:
+        use = (provider.str.lower() == "gps").to_numpy()
+        left += [
+            f"Fix: {count} of the provider {str(name)[:20]}, which mixes other sources in"
+            for name, count in provider[~use].value_counts().items()
+        ]
+        table = table._replace(frame=table.frame[use], lines=table.lines[use])
+    if time["column"] not in table.frame.columns:
+        return [*left, f"Fix: lacks {CLOCK} and any UTC"]
+    tables["Fix"], lines = fixes(table, names)
+    sections += fix_sections("Fix", tables["Fix"], names, time)
+    return left + [f"Fix: {line}" for line in lines]
+
+
+READER = Reader(
+    "gnsslogger",
+    packed(".txt"),
+    "log of Android's GnssLogger",
+    sniff=sniff,
+    open=open_log,
+)

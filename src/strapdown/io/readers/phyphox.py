@@ -1,0 +1,217 @@
+"""Exports of the app phyphox: a zip or folder of CSV files.
+
+Columns by the app's sources (github.com/phyphox/phyphox-android, phyphox-ios), which give both
+platforms the same axes: x right, y to the top, z out of the screen. "Time (s)" counts from the start
+of the experiment, without its pauses; `meta/time.csv` says when it was started and paused.
+"Height (m)" is the phone's less the geoid of EGM84; "Vertical Accuracy (°)" is in m.
+"""
+
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...typing import Array
+from ..contract import Log, Reader, Section
+from ..decoding.csv_export import CSV, Export, export, heads
+from ..decoding.phone import (
+    FixColumns,
+    Piece,
+    barometer_section,
+    fix_sections,
+    fixes,
+    inertial,
+    magnetometer_section,
+    no_imu,
+)
+from ..table_file import Table
+
+TIME_COLUMN = "Time (s)"
+UNIX = "POSIX time (ns)"
+"""Column that is added where the start is known."""
+TIMES = "meta/time"
+VECTOR = r"(?P<of>.*?)\b{axis} \((?P<unit>m/s\^2|rad/s|[µμ]T)\)"
+"""Names of the columns of a vector, as "X (m/s^2)" or "Linear Acceleration x (m/s^2)"."""
+FIX = FixColumns(
+    r"latitude .*",
+    r"longitude .*",
+    r"(height|altitude) \(m\)",
+    r"horizontal accuracy \(m\)",
+    r"vertical accuracy .*",
+    r"(velocity|speed) \(m/s\)",
+    r"direction .*",
+)
+RECORD = 'record Gyroscope and "Acceleration with g", which phyphox also calls Accelerometer'
+
+
+class Starts(NamedTuple):
+    """When the experiment was started, (n,) each: its own time and POSIX time, s."""
+
+    elapsed: Array
+    system: Array
+
+
+def sniff(path: Path) -> bool:
+    """Whether one of the files has the columns of a sensor of the app."""
+    return any(kind(columns_of(head)) for head in heads(path).values())
+
+
+def columns_of(head: str) -> list[str]:
+    """Names in a header line, [] where it is none of the app's."""
+    names = [name.strip().strip('"') for name in re.split(r"[,;\t]", head)]
+    return names if names[0] == TIME_COLUMN else []
+
+
+def vector(columns: list[str]) -> list[str]:
+    """Names of the columns of x, y and z, [] where there are none."""
+    found = [
+        next((name for name in columns if re.fullmatch(VECTOR.format(axis=axis), name, re.I)), "")
+        for axis in "xyz"
+    ]
+    return found if all(found) else []
+
+
+def kind(columns: list[str]) -> str:
+    """What a file is: accelerometer, linear accelerometer, gyro, magnetometer, barometer, location;
+    "" where it is none of these."""
+    if not columns:
+        return ""
+    if three := vector(columns):
+        unit = three[0].rpartition("(")[2]
+        linear = re.match(r"linear|.*without", three[0], re.I)
+        return {"rad/s)": "gyro", "m/s^2)": f"{'linear ' if linear else ''}accelerometer"}.get(
+            unit, "magnetometer"
+        )
+    if any(name.endswith("(hPa)") for name in columns):
+        return "barometer"
+    return "location" if fix_columns(columns).latitude else ""
+
+
+def fix_columns(columns: list[str]) -> FixColumns:
+    """The names of the columns of a fix."""
+    return FixColumns(
+        *(
+            next((name for name in columns if pattern and re.fullmatch(pattern, name, re.I)), "")
+            for pattern in FIX
+        )
+    )
+
+
+def open_export(path: Path) -> Log:
+    """The Log of an export. Raises DataError."""
+    found = export(path)
+    starts, facts = _clock(found)
+    time: dict[str, Any] = {"column": TIME_COLUMN, "unit": "s"}
+    head: dict[str, Any] = {}
+    if starts is not None:
+        time = {"column": UNIX, "unit": "ns", "clock": "unix"}
+        head = {"date": facts[0].split()[2][:10]}
+    tables: dict[str, Table] = {}
+    kinds: dict[str, list[str]] = {}
+    left: list[str] = []
+    for name in found.files:
+        columns = columns_of(found.head(name))
+        of = kind(columns)
+        if not of:
+            left += [] if name.startswith("meta/") else [f"{name}: not a sensor that is read"]
+            continue
+        if of == "accelerometer" and re.search(r"linear|without", name, re.I):
+            of = "linear accelerometer"
+        if of == "linear accelerometer":
+            left.append(f"{name}: acceleration without gravity")
+        table = found.table(name)
+        if len(table.lines) and len(columns) <= table.frame.shape[1]:
+            tables[name] = _on_clock(table, starts)
+            kinds.setdefault(of, []).append(name)
+        else:
+            left.append(f"{name}: has no rows")
+    sections, more = _inertial(found, tables, kinds, time)
+    facts += more
+    left += _aidings(tables, kinds, sections, head, time)
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
+
+
+def _clock(found: Export) -> tuple[Starts | None, list[str]]:
+    """(Starts, facts) of `meta/time.csv`, None where it is not there or not in order."""
+    if TIMES not in found.files:
+        return None, []
+    table = found.table(TIMES)
+    if not {"event", "experiment time", "system time"} <= set(table.frame.columns):
+        return None, [f"{TIMES}.csv: its columns are not those of phyphox; no date"]
+    event = table.frame["event"].astype(str).to_numpy()
+    elapsed, system = table.numbers("experiment time"), table.numbers("system time")
+    use = (event == "START") & np.isfinite(elapsed) & (np.abs(system) < 4e9)
+    starts = Starts(elapsed[use], system[use])
+    if not use.any() or any(np.any(np.diff(times) < 0) for times in starts):
+        return None, [f"{TIMES}.csv: has no start in order of time; no date"]
+    facts = [f"started at {np.datetime64(round(starts.system[0] * 1e3), 'ms')}Z ({TIMES}.csv)"]
+    if use.sum() > 1:
+        facts.append(f"{use.sum() - 1} pauses, over which the clock runs on")
+    return starts, facts
+
+
+def _on_clock(table: Table, starts: Starts | None) -> Table:
+    """The table with the column UNIX, whose clock runs on through pauses."""
+    if starts is None:
+        return table
+    t = table.numbers(TIME_COLUMN)
+    use = np.abs(t) < 1e8  # s, what no experiment lasts
+    t, frame = t[use], table.frame[use]
+    run = np.clip(np.searchsorted(starts.elapsed, t, side="right") - 1, 0, None)
+    # whole numbers: POSIX seconds as floats would shake the intervals
+    unix = np.round((t - starts.elapsed[run]) * 1e9).astype(np.int64)
+    unix += np.round(starts.system * 1e9).astype(np.int64)[run]
+    return table._replace(frame=frame.assign(**{UNIX: unix}), lines=table.lines[use])
+
+
+def _inertial(
+    found: Export,
+    tables: dict[str, Table],
+    kinds: dict[str, list[str]],
+    time: dict[str, Any],
+) -> tuple[list[Section], list[str]]:
+    """(sections of the IMU, facts)."""
+    pieces: dict[str, Piece] = {}
+    for of, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2")):
+        for name in kinds.get(of, [])[:1]:
+            columns = vector([str(column) for column in tables[name].frame.columns])
+            pieces[of] = Piece(name, time, columns, unit)
+    if "accelerometer" not in pieces and "linear accelerometer" in kinds:
+        return [no_imu(f"{kinds['linear accelerometer'][0]}: is without gravity; {RECORD}")], []
+    return inertial(pieces.get("gyro"), pieces.get("accelerometer"), tables, RECORD, found.alone)
+
+
+def _aidings(
+    tables: dict[str, Table],
+    kinds: dict[str, list[str]],
+    sections: list[Section],
+    head: dict[str, Any],
+    time: dict[str, Any],
+) -> list[str]:
+    """Lines on what is left; the sections of other sensors are appended."""
+    left = []
+    for name in kinds.get("location", [])[:1]:
+        names = fix_columns([str(column) for column in tables[name].frame.columns])
+        if not (names.longitude and names.height and names.accuracy):
+            left.append(f"{name}: lacks longitude, height or horizontal accuracy")
+            continue
+        tables[name], lines = fixes(tables[name], names)
+        left += [f"{name}: {line}" for line in lines]
+        sections += fix_sections(name, tables[name], names, time)
+    for name in kinds.get("magnetometer", [])[:1]:
+        columns = vector([str(column) for column in tables[name].frame.columns])
+        sections.append(magnetometer_section(name, time, columns, head))
+    for name in kinds.get("barometer", [])[:1]:
+        column = next(each for each in tables[name].frame.columns if each.endswith("(hPa)"))
+        sections.append(barometer_section(name, time, column))
+    return left
+
+
+READER = Reader(
+    "phyphox",
+    (".zip", *CSV),
+    "export of the app phyphox, a zip or folder",
+    sniff=sniff,
+    open=open_export,
+)

@@ -1,0 +1,195 @@
+"""Recordings of the app Sensor Logger on Android and iOS: a zip or folder of CSV files.
+
+Columns and units by the app's own pages UNITS.md, COORDINATES.md and CROSSPLATFORM.md
+(github.com/tszheichoi/awesome-sensor-logger): times are POSIX nanoseconds, x points right, y to the
+top and z out of the screen, an iPhone's accelerations have the opposite sign unless "Standardise
+Units & Frames" is on, altitudes are above the ellipsoid.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..contract import Log, Reader, Section
+from ..decoding.csv_export import CSV, Export, export, heads
+from ..decoding.phone import (
+    GRAVITY,
+    FixColumns,
+    Piece,
+    barometer_section,
+    fix_sections,
+    fixes,
+    inertial,
+    magnetometer_section,
+    median_force,
+    no_imu,
+)
+from ..table_file import Table
+
+TIME = {"column": "time", "unit": "ns", "clock": "unix"}
+XYZ = ["x", "y", "z"]
+FIX = FixColumns(
+    "latitude",
+    "longitude",
+    "altitude",
+    "horizontalAccuracy",
+    "verticalAccuracy",
+    "speed",
+    "bearing",
+    "speedAccuracy",
+    "bearingAccuracy",
+)
+LOCATIONS = ("LocationGps", "Location")
+"""Tables of fixes, those of satellites alone first."""
+SUM = "Accelerometer and Gravity"
+UNUSED = {
+    "Orientation": "fused with inertial data by the phone",
+    "LocationNetwork": "from cell towers and wireless networks",
+    "GyroscopeUncalibrated": "the calibrated gyro is taken",
+    "MagnetometerUncalibrated": "the calibrated magnetometer is offered",
+}
+RECORD = (
+    "record Gravity or Total Acceleration too (Sensor Logger has a switch for each), or Accelerometer "
+    "Uncalibrated"
+)
+
+
+class Signs(NamedTuple):
+    """What makes specific force in m/s^2 of accelerations: a factor, and how it is known."""
+
+    scale: float
+    why: str
+    sure: bool
+
+
+def sniff(path: Path) -> bool:
+    """Whether one of the files has the columns that all sensors of the app have first."""
+    return any(head.startswith("time,seconds_elapsed,") for head in heads(path).values())
+
+
+def open_recording(path: Path) -> Log:
+    """The Log of a recording. Raises DataError."""
+    found = export(path)
+    names = [name for name in found.files if found.head(name).startswith("time,")]
+    wanted = {"Accelerometer", "Gravity", "TotalAcceleration", "AccelerometerUncalibrated"}
+    wanted |= {"Gyroscope", "Magnetometer", "Barometer", *LOCATIONS}
+    if "Gyroscope" not in names:
+        wanted.add("GyroscopeUncalibrated")
+    tables = {name: found.table(name) for name in names if name in wanted}
+    left = [f"{name}: has no rows" for name, table in tables.items() if not len(table.lines)]
+    tables = {name: table for name, table in tables.items() if len(table.lines)}
+    head = _head(tables)
+    sections, facts = _inertial(found, tables)
+    left += _aidings(tables, sections, head)
+    for name in names:
+        if name not in wanted:
+            left.append(f"{name}: {UNUSED.get(name, 'not a sensor that is read')}")
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
+
+
+def _head(tables: dict[str, Table]) -> dict[str, Any]:
+    """The date of the first sample."""
+    for table in tables.values():
+        t = table.numbers("time")
+        t = t[np.isfinite(t)]
+        if len(t) and 0 < t[0] < 4e18:
+            return {"date": str(np.datetime64(int(t[0]), "ns").astype("datetime64[D]"))}
+    return {}
+
+
+def _inertial(found: Export, tables: dict[str, Table]) -> tuple[list[Section], list[str]]:
+    """(sections of the IMU, facts)."""
+    gyro = next((each for each in ("Gyroscope", "GyroscopeUncalibrated") if each in tables), None)
+    name = _force_table(tables)
+    if name is None and "Accelerometer" in tables:
+        norm = median_force(tables["Accelerometer"], XYZ)[0]
+        why = f"Accelerometer.csv is without gravity (its median is {norm:.2g} m/s^2), as the app writes it; {RECORD}"
+        return [no_imu(why)], []
+    accel, facts, assumed = None, [], {}
+    if name:
+        signs = _signs(found, tables, name, median_force(tables[name], XYZ)[0])
+        accel = Piece(name, TIME, XYZ, "m/s^2", signs.scale)
+        facts = [f"specific force: {name}, {signs.why}"]
+        assumed = {} if signs.sure else {"accel": signs.why}
+    turned = Piece(gyro, TIME, XYZ, "rad/s") if gyro else None
+    sections, more = inertial(turned, accel, tables, RECORD, found.alone, assumed)
+    return sections, facts + more
+
+
+def _force_table(tables: dict[str, Table]) -> str | None:
+    """The table of specific force, made of the acceleration and gravity where none has both; None
+    where gravity is in none."""
+    if "TotalAcceleration" in tables:
+        return "TotalAcceleration"
+    if {"Accelerometer", "Gravity"} <= set(tables):
+        accel, gravity = tables["Accelerometer"], tables["Gravity"]
+        t, there = accel.numbers("time"), gravity.numbers("time")
+        order = np.argsort(there, kind="stable")
+        columns = {
+            axis: accel.numbers(axis)
+            + np.interp(t, there[order], gravity.numbers(axis)[order], np.nan, np.nan)
+            for axis in XYZ
+        }
+        rows = {"time": accel.cells("time"), **columns}
+        tables[SUM] = Table.of(accel.name, rows, accel.lines, accel.word)
+        return SUM
+    if "AccelerometerUncalibrated" in tables:
+        return "AccelerometerUncalibrated"
+    return None
+
+
+def _signs(found: Export, tables: dict[str, Table], name: str, norm: float) -> Signs:
+    """What makes specific force of a table: by the file of metadata, else by what only one of the
+    platforms writes."""
+    g = 9.80665
+    in_g = name == "AccelerometerUncalibrated" and norm < 0.5 * GRAVITY[0]
+    if in_g:
+        return Signs(-g, "in g, as an iPhone writes it, so of the opposite sign", True)
+    if name == "TotalAcceleration":
+        return Signs(1.0, "as Android writes it", True)
+    metadata = next((each for each in found.files if each.lower() == "metadata"), None)
+    if metadata:
+        table = found.table(metadata).frame
+        said = {column: str(table[column].iloc[0]).lower() for column in table if len(table)}
+        if "platform" in said:
+            bare = "ios" in said["platform"] and said.get("standardisation", "false") != "true"
+            kind = "an iPhone's opposite" if bare else "Android's"
+            return Signs(-1.0 if bare else 1.0, f"{kind} signs, as Metadata.csv says", True)
+    location = tables.get("Location")
+    if location is not None and "altitudeAboveMeanSeaLevel" in location.frame.columns:
+        return Signs(
+            -1.0, "an iPhone's opposite signs, as only it writes heights above the sea", True
+        )
+    return Signs(
+        1.0, "Android's signs; an iPhone's are opposite, which Metadata.csv would tell", False
+    )
+
+
+def _aidings(tables: dict[str, Table], sections: list[Section], head: dict[str, Any]) -> list[str]:
+    """Lines on what is left; the sections of other sensors are appended."""
+    left = []
+    locations = [name for name in LOCATIONS if name in tables]
+    for instance, name in enumerate(locations):
+        present = tables[name].frame.columns
+        names = FixColumns(*(each if each in present else "" for each in FIX))
+        if not (names.latitude and names.longitude and names.height and names.accuracy):
+            left.append(f"{name}: lacks latitude, longitude, altitude or horizontalAccuracy")
+            continue
+        tables[name], lines = fixes(tables[name], names)
+        left += [f"{name}: {line}" for line in lines]
+        sections += fix_sections(name, tables[name], names, TIME, instance=instance)
+    if "Magnetometer" in tables:
+        sections.append(magnetometer_section("Magnetometer", TIME, XYZ, head))
+    if "Barometer" in tables and "pressure" in tables["Barometer"].frame.columns:
+        sections.append(barometer_section("Barometer", TIME, "pressure"))
+    return left
+
+
+READER = Reader(
+    "sensor-logger",
+    (".zip", *CSV),
+    "recording of the app Sensor Logger, a zip or folder",
+    sniff=sniff,
+    open=open_recording,
+)
