@@ -129,8 +129,9 @@ def transform(encoding, parent, child, translation, q, stamp=START):
 
 def merged(topics):
     """(number of the topic, time, payload) of all messages by time."""
-    times = np.concatenate([topic.times for topic in topics])
-    numbers = np.repeat(np.arange(len(topics)), [len(topic.payloads) for topic in topics])
+    times = np.concatenate([np.zeros(0, int), *(topic.times for topic in topics)])
+    counts = np.array([len(topic.payloads) for topic in topics], int)
+    numbers = np.repeat(np.arange(len(topics)), counts)
     payloads = [payload for topic in topics for payload in topic.payloads]
     order = np.argsort(times, kind="stable")
     return [(int(numbers[k]), int(times[k]), payloads[k]) for k in order]
@@ -145,11 +146,17 @@ def types(encoding):
 
 
 def definition(encoding, name):
-    from rosbags.interfaces import MessageDefinitionFormat  # noqa: F401
-
     return types(encoding).generate_msgdef(
         name, **({} if encoding == "ros1" else {"ros_version": 2})
     )[0]
+
+
+def _defined(kind):
+    """rosbags knows no transforms of ROS 1."""
+    if "TFMessage" in kind:
+        text = "geometry_msgs/TransformStamped[] transforms\n"
+        return {"msgdef": text, "md5sum": "94810edda583a504dfda3829e70d7eec"}
+    return {"typestore": types("ros1")}
 
 
 def write_bag(path, topics, compression=None):
@@ -161,7 +168,7 @@ def write_bag(path, topics, compression=None):
         writer.set_compression(Writer.CompressionFormat[compression.upper()])
     with writer:
         open_ = [
-            writer.add_connection(topic.name, topic.type, typestore=types("ros1"))
+            writer.add_connection(topic.name, topic.type, **_defined(topic.type))
             for topic in topics
         ]
         for number, time, payload in merged(topics):
@@ -207,8 +214,6 @@ def write_mcap(path, topics, compression="zstd", encoding="cdr", **options):
 
 def drive(encoding, recording, frame="imu_link"):
     """Topics of a simulated recording: IMU, fixes, velocities of the receiver."""
-    from scipy.spatial.transform import Rotation  # noqa: F401
-
     stamps = START + np.round(recording.imu.t * 1e9).astype(np.int64)
     gyro = recording.imu.dtheta / recording.imu.dt[:, None] * FLU
     accel = recording.imu.dv / recording.imu.dt[:, None] * FLU
@@ -228,8 +233,7 @@ def drive(encoding, recording, frame="imu_link"):
             topics.append(Written("/gps/fix", kind, rows, at + 60_000_000))
         if aiding.kind == "velocity":
             kind = "geometry_msgs/msg/TwistWithCovarianceStamped"
-            rows = twist(
-                encoding, at, aiding.y[:, [1, 0, 2]] * [1, 1, -1], variance=aiding.sd[0, 0] ** 2
-            )
+            variance = np.r_[aiding.sd[0, [1, 0, 2]] ** 2, 0.0, 0.0, 0.0]
+            rows = twist(encoding, at, aiding.y[:, [1, 0, 2]] * [1, 1, -1], variance=variance)
             topics.append(Written("/gps/vel", kind, rows, at + 60_000_000))
     return topics

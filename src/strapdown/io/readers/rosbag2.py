@@ -137,11 +137,10 @@ def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[tuple[int, int, by
             continue
 
 
-def open_rosbag2(path: Path) -> Log:
-    """The Log of a database or of the folder of a bag. Raises DataError."""
+def messages_of(path: Path) -> "Messages":
+    """The messages of a database or of the folder of a bag. Raises DataError."""
     from ..decoding.mapped import mapped
     from ..decoding.mcap_records import read_mcap
-    from ..decoding.robot_sections import log_of
     from ..decoding.ros_messages import Messages
 
     messages = Messages()
@@ -150,7 +149,14 @@ def open_rosbag2(path: Path) -> Log:
             read_database(part, messages)
         else:
             read_mcap(mapped(part), messages)
-    return log_of(path, "bag of ROS 2", messages)
+    return messages
+
+
+def open_rosbag2(path: Path) -> Log:
+    """The Log of a database or of the folder of a bag. Raises DataError."""
+    from ..decoding.robot_sections import log_of
+
+    return log_of(path, "bag of ROS 2", messages_of(path))
 
 
 READER = Reader(
