@@ -43,7 +43,8 @@ class Files:
         self.epoch = epoch
         self._first: Time | None = None
         self._start: float | None = None  # of times of day without a date
-        self._logs = {} if logs is None else logs
+        # a description may name the same file another way
+        self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
         path = self.locate(file)
@@ -52,9 +53,10 @@ class Files:
             found = read_table(path, header)
             self.notes += found.notes
             return found
-        if path not in self._logs:
-            self._logs[path] = ask(reader, "open", path)
-        tables = self._logs[path].tables
+        key = path.resolve()
+        if key not in self._logs:
+            self._logs[key] = ask(reader, "open", path)
+        tables = self._logs[key].tables
         if table is None and len(tables) == 1:
             return next(iter(tables.values()))
         if table is None or table not in tables:

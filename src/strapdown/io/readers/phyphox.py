@@ -59,7 +59,7 @@ def sniff(path: Path) -> bool:
 
 def columns_of(head: str) -> list[str]:
     """Names in a header line, [] where it is none of the app's."""
-    names = [name.strip().strip('"') for name in re.split(r"[,;\t]", head)]
+    names = [name.strip() for name in re.split(r"[,;\t]", head)]
     return names if names[0] == TIME_COLUMN else []
 
 
