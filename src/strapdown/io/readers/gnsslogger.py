@@ -67,7 +67,6 @@ class Lines(NamedTuple):
     content: Bytes  # (size,)
     starts: Ints  # (n,)
     ends: Ints  # (n,) where their line ends are
-    commas: Ints  # where there are commas
     names: dict[str, list[str]]  # names of columns by kind, of the header lines
 
     @classmethod
@@ -75,7 +74,7 @@ class Lines(NamedTuple):
         """Lines of a file."""
         data = np.frombuffer(content + b"\n", np.uint8)
         ends = np.flatnonzero(data == ord("\n"))
-        found = cls(data, np.r_[0, ends[:-1] + 1], ends, np.flatnonzero(data == ord(",")), {})
+        found = cls(data, np.r_[0, ends[:-1] + 1], ends, {})
         for line in found.beginning(b"#"):
             text = content[found.starts[line] : found.ends[line]].decode("utf-8", "replace")
             names = [name.strip() for name in text.strip("# \r").split(",")]
@@ -92,8 +91,9 @@ class Lines(NamedTuple):
 
     def cells(self, lines: Ints) -> Ints:
         """How many cells each of these lines has."""
-        until = np.searchsorted(self.commas, self.ends[lines])
-        return until - np.searchsorted(self.commas, self.starts[lines]) + 1
+        commas = np.flatnonzero(self.content == ord(","))
+        until = np.searchsorted(commas, self.ends[lines])
+        return until - np.searchsorted(commas, self.starts[lines]) + 1
 
     def text(self, lines: Ints) -> bytes:
         """These lines one after another."""
@@ -141,14 +141,16 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
     import pandas as pd
 
     names, lines = file.names[kind], file.beginning(kind.encode() + b",")
-    whole = file.cells(lines) == len(names)
-    if not whole.all():
+    text = file.text(lines)
+    if text.count(b",") != (len(names) - 1) * len(lines):
+        whole = file.cells(lines) == len(names)
         left.append(f"{kind}: {int((~whole).sum())} rows with other cells than the header names")
-    lines = lines[whole]
+        lines = lines[whole]
+        text = file.text(lines)
     label = f"{path} [{kind}]"
     try:
         frame = pd.read_csv(
-            io.BytesIO(file.text(lines)),
+            io.BytesIO(text),
             header=None,
             names=names,
             quoting=3,
