@@ -20,6 +20,7 @@ from . import geodesy
 from .checks import DataError as DataError
 from .core.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
+from .time_scales import utc
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
 
@@ -232,6 +233,13 @@ class Solution:
     def t(self) -> Array:
         """Times of the rows (n,), s."""
         return self.trajectory.t
+
+    @property
+    def utc(self) -> NDArray[np.datetime64] | None:
+        """UTC of the rows as datetime64[ns] (n,); None where the recording had no absolute clock.
+        Within a leap second its time is shown twice."""
+        epoch = self.meta.get("epoch")
+        return None if epoch is None else utc(epoch, self.t)
 
     @property
     def has_position(self) -> bool:

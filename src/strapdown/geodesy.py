@@ -103,3 +103,44 @@ def gravity_ned(lat: ArrayLike, h: ArrayLike = 0.0) -> Array:
         np.abs(h) > FAR_HEIGHT, 0.0, -GRAVITY_NORTH_GRADIENT * np.sin(lat) * np.cos(lat) * h
     )
     return np.stack([north, np.zeros(lat.shape), gravity(lat, h)], axis=-1)
+
+
+def to_ecef(lla: ArrayLike) -> Array:
+    """(..., 3) x, y, z in ECEF, m, of geodetic positions (rad, rad, m)."""
+    lat, lon, h = np.moveaxis(np.asarray(lla, float), -1, 0)
+    R_N = radii(lat)[1]
+    across = (R_N + h) * np.cos(lat)
+    return np.stack(
+        [across * np.cos(lon), across * np.sin(lon), (R_N * (1 - E2) + h) * np.sin(lat)], axis=-1
+    )
+
+
+def from_ecef(xyz: ArrayLike) -> Array:
+    """(..., 3) latitude, longitude (rad) and ellipsoidal height (m) of positions in ECEF, m, exact
+    from 50 km off the centre of the Earth on; Vermeille (2002), J. Geodesy 76:451-454."""
+    x, y, z = np.moveaxis(np.asarray(xyz, float), -1, 0)
+    across = np.hypot(x, y)
+    p, q = (across / A) ** 2, (1 - E2) * (z / A) ** 2
+    r = (p + q - E2 * E2) / 6
+    s = E2 * E2 * p * q / (4 * r**3)
+    t = np.cbrt(1 + s + np.sqrt(s * (2 + s)))
+    u = r * (1 + t + 1 / t)
+    v = np.sqrt(u * u + E2 * E2 * q)
+    w = E2 * (u + v - q) / (2 * v)
+    k = np.sqrt(u + v + w * w) - w
+    d = k * across / (k + E2)
+    foot = np.hypot(d, z)
+    return np.stack(
+        [2 * np.arctan2(z, d + foot), np.arctan2(y, x), (k + E2 - 1) / k * foot], axis=-1
+    )
+
+
+def ned_axes(lla: ArrayLike) -> Array:
+    """(..., 3, 3) C_ne: its rows are north, east and down at geodetic positions in ECEF; Groves
+    (2013) eq. 2.150."""
+    lat, lon, _ = np.moveaxis(np.asarray(lla, float), -1, 0)
+    sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    north = np.stack([-sl * co, -sl * so, cl], axis=-1)
+    east = np.stack([-so, co, np.zeros(np.shape(so))], axis=-1)
+    down = np.stack([-cl * co, -cl * so, -sl], axis=-1)
+    return np.stack([north, east, down], axis=-2)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .aiding import find
 from .checks import DataError, brief
@@ -15,6 +16,7 @@ from .core.contract import Imu
 from .data import Aiding, Trajectory
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays
+from .time_scales import utc
 from .typing import ArrayLike
 
 if TYPE_CHECKING:
@@ -28,7 +30,8 @@ class Recording:
     imu: Imu
     aidings: tuple[Aiding, ...] = ()
     reference: Trajectory | None = None
-    # name, date, grade, notes (list of what was handled while reading)
+    # name, epoch (UTC of t = 0, ISO text, where the clock is absolute), date, grade, notes (list of
+    # what was handled while reading)
     meta: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -87,6 +90,12 @@ class Recording:
     def span(self) -> tuple[float, float]:
         """First and last time covered by IMU samples, s."""
         return float(self.imu.t[0] - self.imu.dt[0]), float(self.imu.t[-1])
+
+    @property
+    def utc(self) -> NDArray[np.datetime64] | None:
+        """UTC of the IMU samples as datetime64[ns] (n,); None where the clock is not absolute."""
+        epoch = self.meta.get("epoch")
+        return None if epoch is None else utc(epoch, self.imu.t)
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> Recording:
         """The part within [start, stop], s."""

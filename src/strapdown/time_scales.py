@@ -11,6 +11,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .checks import DataError
 from .typing import Array, ArrayLike
@@ -76,6 +77,46 @@ def iso(gps: float) -> str:
     """ISO 8601 text in UTC of seconds of GPS time since its zero, to the microsecond."""
     moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(float(unix_from_gps(gps)), 6))
     return moment.isoformat().replace("+00:00", "Z")
+
+
+def utc(epoch: str, t: ArrayLike) -> NDArray[np.datetime64]:
+    """UTC as datetime64[ns] (n,) of times t (n,), s since an `epoch` as ISO 8601 text; NaT where t is
+    not finite. Leap seconds between the two are counted; within one, that second is shown twice.
+
+    Raises DataError where the epoch is no time.
+    """
+    zero, t = gps_of(epoch), np.asarray(t, float)
+    known = np.isfinite(t)
+    t = np.where(known, t, 0.0)
+    unix = unix_from_gps(zero)
+    # leap seconds and the epoch apart, so that nanoseconds of t stay
+    leaps = np.round(t + zero - unix_from_gps(zero + t) - (zero - unix))
+    start = np.datetime64("1970-01-01", "ns") + np.timedelta64(
+        round(float(unix) * 1e6) * 1000, "ns"
+    )
+    found = start + np.round((t - leaps) * 1e9).astype("m8[ns]")
+    return np.where(known, found, np.datetime64("NaT", "ns"))
+
+
+def iso_text(moments: NDArray[np.datetime64], decimals: int) -> NDArray[np.bytes_]:
+    """ISO 8601 text in UTC of datetime64 (n,), as `2024-05-01T12:30:00.250Z` with that many digits,
+    3, 6 or 9; empty where there is none."""
+    unit: Any = {3: "ms", 6: "us", 9: "ns"}[decimals]
+    half = np.timedelta64(10 ** (9 - decimals) // 2, "ns")
+    text = np.datetime_as_string((moments + half).astype(f"M8[{unit}]"), unit=unit).astype("S")
+    return np.where(np.isnat(moments), b"", np.char.add(text, b"Z"))
+
+
+def span(moments: NDArray[np.datetime64]) -> str:
+    """First and last of datetime64 (n,) for people, `2024-05-01 12:30:00.0 to 12:40:00.0 UTC`."""
+    known = moments[~np.isnat(moments)]
+    if not len(known):
+        return "no time"
+    tenth = np.timedelta64(50, "ms")
+    first, last = (
+        str((each + tenth).astype("M8[ms]")).replace("T", " ")[:-2] for each in known[[0, -1]]
+    )
+    return f"{first} to {last[11:] if first[:10] == last[:10] else last} UTC"
 
 
 def midnight(gps: float) -> float:

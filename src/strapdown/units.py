@@ -185,6 +185,17 @@ def factor(unit: object, of: str, where: str = "") -> float:
     raise DataError(f"{where}unknown unit {unit!r}{meant}; {accepted}")
 
 
+def spread_factor(unit: object, of: str) -> tuple[float, bool]:
+    """(what makes SI of a standard deviation in `unit`, False), or, of a unit such as "m^2" or
+    "(m/s)^2", (the same of its root, True): the values are variances. Raises DataError."""
+    squares = {
+        f"({name})^2" if "/" in name else f"{name}^2": size
+        for name, size in UNITS[DIMENSIONS.get(of, of)].items()
+    }
+    text = str(unit)
+    return (squares[text], True) if text in squares else (factor(unit, of), False)
+
+
 def in_units(value: Values, si: str, unit: str | None = None) -> Values:
     """An SI value in `unit`, by default the one of datasheets."""
     return value / factor(unit or SHEET[si], si)

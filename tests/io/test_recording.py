@@ -355,8 +355,14 @@ attitude = { columns = ["r", "p", "y"], unit = "deg" }
                 toml=lambda s: s + section.replace('unit = "s" }', 'unit = "s", offset = 900.0 }')
             )
         )
+    attitude_alone = section.replace("position", "#").replace("velocity", "#")
+    reference = read(build(toml=lambda s: s + attitude_alone)).reference
+    assert len(reference) == 5 and reference.v_n is None and np.isnan(reference.lla).all()
+    np.testing.assert_allclose(np.degrees(reference.rph)[:, 0], 10)
     with pytest.raises(DataError, match=r"\[reference\] position: is missing"):
-        read(build(toml=lambda s: s + section.replace("position", "#")))
+        read(build(toml=lambda s: s + attitude_alone.replace("attitude", "#")))
+    with pytest.raises(DataError, match=r"\[reference\] time: is missing"):
+        read(build(toml=lambda s: s + section.replace("time =", "#")))
 
 
 def test_reference_written_by_this_library(build, tmp_path):

@@ -67,8 +67,8 @@ def _compared(one: str, other: str, off: Array, claimed: float) -> Checked:
     reason = Reason(
         "height",
         f"{what} is {middle:+.1f} m (scatter {scatter:.1f} m, claimed {claimed:.1f}): {likely}",
-        "give both above the WGS-84 ellipsoid: add the undulation of the geoid to heights above "
-        "mean sea level before they are read",
+        'give both above the WGS-84 ellipsoid: say of heights above mean sea level geoid = "EGM96" in '
+        "recording.toml, or name the column of the undulation",
         other if "height" not in one else one,
         abs(middle) / least,
     )

@@ -34,6 +34,8 @@ def solution(run: Run) -> Solution:
         "date": recording.meta.get("date"),
         "point": recording.meta.get("point", "imu"),
     } | told(recording, belief.P)
+    # the absolute clock, and what was taken from the files
+    meta |= {key: recording.meta[key] for key in ("epoch", "read") if recording.meta.get(key)}
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
         meta["stopped"] = stopped(t)

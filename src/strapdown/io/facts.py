@@ -18,6 +18,7 @@ from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..recording import Recording
 from ..sensor_models.imu import grade
+from ..time_scales import span, utc
 from ..typing import Array, Ints, Mask
 from .contract import Findings
 from .magnetic_record import facts_and_problems as of_field
@@ -28,7 +29,8 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     notes."""
     imu, reference = recording.imu, recording.reference
     unusual = doubts(imu, gyro_bias_sd(recording.meta))
-    found = Findings.of(imu_facts(imu), [f"imu: {text}" for text in unusual])
+    found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
+    found.add(imu_facts(imu), [f"imu: {text}" for text in unusual])
     found.add(*aiding_facts(imu, recording.aidings, recording.meta))
     for aiding in recording.aidings:
         if find(aiding.kind).parameters == "field":
@@ -42,6 +44,11 @@ def gyro_bias_sd(meta: Mapping[str, Any]) -> float:
     """What the description of the IMU in the meta of a recording allows, rad/s; 0 without one."""
     named = meta.get("grade")
     return 0.0 if named is None else grade(named).bias_sd()[1]
+
+
+def clock_facts(imu: Imu, epoch: str | None) -> list[str]:
+    """A line on when it was, where the clock is absolute."""
+    return [] if epoch is None else [f"clock: {span(utc(epoch, imu.t))}; t = 0 is {epoch}"]
 
 
 def imu_facts(imu: Imu) -> list[str]:

@@ -22,7 +22,7 @@ MOST_PITCH, MOST_TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
 
 def axes_of(text: str) -> tuple[Array, Array]:
     """(body, navigation) matrices (3, 3) of axes such as "FLU to ENU": from the record's axes to
-    FRD and to NED. Raises DataError."""
+    FRD and to NED; of "FLU to ECEF" to FRD and, as they are, to ECEF. Raises DataError."""
     body, to, navigation = text.partition(" to ")
     if not to:
         raise DataError(
@@ -30,6 +30,8 @@ def axes_of(text: str) -> tuple[Array, Array]:
             f'"FLU to ENU"; '
             "FRD to NED are the library's"
         )
+    if navigation.strip() == "ECEF":
+        return axes_matrix(body.strip(), BODY_AXES), np.eye(3)
     matrices = (
         axes_matrix(body.strip(), BODY_AXES),
         axes_matrix(navigation.strip(), NAVIGATION_AXES),

@@ -67,3 +67,10 @@ def named_permutation(matrix: Array) -> str:
     """Its text as `axes_matrix` reads it, such as "+y +x -z"."""
     source = np.abs(matrix).argmax(axis=1)
     return " ".join(("+" if matrix[i, j] > 0 else "-") + "xyz"[j] for i, j in enumerate(source))
+
+
+def turned(vectors: Array, matrix: Array) -> Array:
+    """The vectors (n, 3) in the axes of a signed permutation (3, 3), which keeps a NaN where it is
+    (a matrix product would spread it)."""
+    source = np.abs(matrix).argmax(axis=1)
+    return vectors[:, source] * matrix[np.arange(3), source]

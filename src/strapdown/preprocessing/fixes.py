@@ -242,12 +242,18 @@ def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
 def clean_reference(
     t: Array, lla: Array, v_n: Array | None, q_nb: Array | None, origin: Origin
 ) -> tuple[Trajectory, list[str]]:
-    """(Trajectory, notes) of a reference: rows without time or position dropped, in order, each
-    time once; arguments as the fields of a Trajectory. Raises DataError."""
-    keep = np.isfinite(t) & np.isfinite(lla).all(axis=1)
+    """(Trajectory, notes) of a reference: rows without time or position, or where it has no position
+    at all without a velocity or an attitude, are dropped; in order, each time once. Arguments
+    as the fields of a Trajectory. Raises DataError."""
+    placed = np.isfinite(lla).all(axis=1)
+    needed = "position"
+    if not placed.any():
+        others = [np.isfinite(each).any(axis=1) for each in (v_n, q_nb) if each is not None]
+        placed, needed = np.any([placed, *others], axis=0), "position, velocity or attitude"
     rows = Rows(origin, (t, np.arange(len(t))), []).without(
-        ~keep, "row", "of the reference without time or position dropped"
+        ~(np.isfinite(t) & placed), "row", f"of the reference without time or {needed} dropped"
     )
+    keep = np.isfinite(t) & placed
     if keep.sum() < 2:
         raise DataError(
             f"{origin.name}: the reference has {keep.sum()} usable rows; at least 2 are needed"

@@ -62,9 +62,7 @@ def at_times(t: Array, there: Array, values: Array) -> Array:
     there, values = np.asarray(there, float)[order], np.asarray(values, float)[order]
     if not len(there):
         return np.full((len(t), values.shape[1]), np.nan)
-    return np.stack(
-        [np.interp(t, there, each, np.nan, np.nan) for each in values.T], axis=1
-    )
+    return np.stack([np.interp(t, there, each, np.nan, np.nan) for each in values.T], axis=1)
 
 
 def quaternions_at(t: Array, there: Array, q: Array) -> Array:

@@ -112,7 +112,9 @@ class DataFlash:
                 found = structured(self.data, self._rows[number] + 3, kind)
                 scaled = zip(message.columns, message.letters)
                 return {
-                    column: found[column] / DIVISORS[letter] if letter in DIVISORS else found[column]
+                    column: found[column] / DIVISORS[letter]
+                    if letter in DIVISORS
+                    else found[column]
                     for column, letter in scaled
                 }
         return {}

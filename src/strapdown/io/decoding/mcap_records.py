@@ -78,7 +78,9 @@ class _File:
                     encoding, _ = _text(content, at, end)
                     self.encodings.add(encoding)
                     name, text = self.schemas.get(schema, ("", ""))
-                    self.messages.topics[self.first + number] = Topic.of(topic, name, encoding, text)
+                    self.messages.topics[self.first + number] = Topic.of(
+                        topic, name, encoding, text
+                    )
             except struct.error:
                 self.damaged.append("a schema or channel that does not fit its record")
         self._add_messages(content, records.messages)

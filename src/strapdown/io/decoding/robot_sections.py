@@ -89,7 +89,9 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
             sections.append(
                 section._replace(keys=keys, instance=number, title=title, assumed=assumed)
             )
-    facts = [f"{what}, {'UTC' if streams[0].absolute else 'a clock without date, such as a simulator has'}"]
+    facts = [
+        f"{what}, {'UTC' if streams[0].absolute else 'a clock without date, such as a simulator has'}"
+    ]
     return Log(
         tables,
         tuple(_with_receivers(sections, streams)),
@@ -102,7 +104,9 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
 def _counted(lines: list[str]) -> list[str]:
     """Each line once, with how often."""
     unique = dict.fromkeys(lines)
-    return [f"{line} ({lines.count(line)} times)" if lines.count(line) > 1 else line for line in unique]
+    return [
+        f"{line} ({lines.count(line)} times)" if lines.count(line) > 1 else line for line in unique
+    ]
 
 
 def _asked(sections: list[Section]) -> list[str]:
@@ -118,7 +122,9 @@ def _base(streams: list[Stream], frames: Frames) -> str:
     imus = [each.frame for each in streams if each.type == "sensor_msgs/Imu"]
     if not imus:
         return "base_link"
-    children = [each.text("child_frame_id").lstrip("/") for each in streams if "Odometry" in each.type]
+    children = [
+        each.text("child_frame_id").lstrip("/") for each in streams if "Odometry" in each.type
+    ]
     usual = [each for each in [*frames.known(), *children] if BASE.search(each)]
     for candidate in [*usual, *children]:
         if frames.pose(imus[0], candidate) is not None:
@@ -238,7 +244,10 @@ def _doubt(stream: Stream, force: Array) -> tuple[str, str]:
 
 def _attitude(stream: Stream, place: Pose | None) -> Made:
     """What an IMU's message has of its attitude."""
-    q, covariance = stream.columns["orientation"].astype(float), stream.columns["orientation_covariance"]
+    q, covariance = (
+        stream.columns["orientation"].astype(float),
+        stream.columns["orientation_covariance"],
+    )
     norm = np.linalg.norm(q, axis=1)
     there = (norm > 0.5) & (covariance[:, 0] != -1) & np.isfinite(norm)
     if not there.any() or (q == q[0]).all():
@@ -395,7 +404,9 @@ def _barometer(stream: Stream, robot: Robot) -> Made:
     if unit != "Pa":
         assumed["unit"] = f"its median is {median:.4g}, which is no pressure of air in Pa"
     left = _not_measured(stream)
-    return [Section("aiding", "barometer", keys, assumed=assumed, left=left)], {"pressure": pressure}
+    return [Section("aiding", "barometer", keys, assumed=assumed, left=left)], {
+        "pressure": pressure
+    }
 
 
 MAKERS: Mapping[str, Callable[[Stream, Robot], Made]] = {

@@ -75,9 +75,7 @@ def streams_of(messages: Messages) -> tuple[list[Stream], list[str]]:
         elif absolute and _is_absolute(each.record):
             behind = int(np.median(each.record - each.stamp))
             remark = "its stamps are of a clock of their own, set by the median time of recording"
-            on_clock.append(
-                each._replace(stamp=each.stamp + behind, absolute=True, remark=remark)
-            )
+            on_clock.append(each._replace(stamp=each.stamp + behind, absolute=True, remark=remark))
         else:
             left.append(f"{each.topic}: its clock is another than that of the other topics")
     if not on_clock:
@@ -94,7 +92,9 @@ def _stream(topic: Topic, decoded: Decoded) -> tuple[Stream | None, list[str]]:
     columns, record, left = decoded.columns, decoded.record, []
     many = len(record) + decoded.wrong
     if decoded.wrong:
-        left.append(f"{decoded.wrong} of {many} messages of {topic.name} do not fit their definition")
+        left.append(
+            f"{decoded.wrong} of {many} messages of {topic.name} do not fit their definition"
+        )
     if not len(record):
         return None, left
     frame, remark, stamp = "", "", record

@@ -72,7 +72,12 @@ class Messages:
         return max(self.topics, default=-1) + 1
 
     def add(
-        self, content: np.ndarray[Any, Any], numbers: Ints, offsets: Ints, lengths: Ints, record: Ints
+        self,
+        content: np.ndarray[Any, Any],
+        numbers: Ints,
+        offsets: Ints,
+        lengths: Ints,
+        record: Ints,
     ) -> None:
         """Take in messages (n,) that lie in `content`: the numbers of their topics, where they
         begin, their lengths and times."""
@@ -125,9 +130,7 @@ def _joined(pieces: list[tuple[Ints, Columns]], wrong: int) -> Decoded:
     if not pieces:
         return Decoded(np.zeros(0, int), {}, wrong)
     record = np.concatenate([each for each, _ in pieces])
-    columns = {
-        name: np.concatenate([each[name] for _, each in pieces]) for name in pieces[0][1]
-    }
+    columns = {name: np.concatenate([each[name] for _, each in pieces]) for name in pieces[0][1]}
     if np.any(np.diff(record) < 0):
         order = np.argsort(record, kind="stable")
         record, columns = record[order], {name: each[order] for name, each in columns.items()}
@@ -195,6 +198,4 @@ def _view(payload: np.ndarray[Any, Any], layout: Mapping[str, tuple[str, int]]) 
         }
     )
     seen = payload.view(whole)
-    return {
-        name: seen[name] if name in filled else np.zeros(len(payload), "S1") for name in layout
-    }
+    return {name: seen[name] if name in filled else np.zeros(len(payload), "S1") for name in layout}

@@ -103,7 +103,9 @@ class Frames:
 
     def known(self) -> list[str]:
         """Names of all frames."""
-        return list(dict.fromkeys(each for child, (up, _) in self._parents.items() for each in (up, child)))
+        return list(
+            dict.fromkeys(each for child, (up, _) in self._parents.items() for each in (up, child))
+        )
 
 
 def _pose(numbers: tuple[float, ...]) -> Pose | None:

@@ -57,7 +57,9 @@ class ULog:
 
     def __init__(self, content: bytes) -> None:
         if content[: len(MAGIC)] != MAGIC or len(content) < HEADER:
-            raise DataError("is no ULog: it does not begin as one; is it the file of the autopilot?")
+            raise DataError(
+                "is no ULog: it does not begin as one; is it the file of the autopilot?"
+            )
         self.data: Bytes = np.frombuffer(content, np.uint8)
         self.content = content
         self.start = int.from_bytes(content[8:HEADER], "little")  # us
@@ -84,14 +86,12 @@ class ULog:
         for begin, end in zip(edges, edges[1:]):
             self._walk(begin, end)
         self.starts = np.frombuffer(self._places, np.int64)
-        ids = self.data[self.starts + 3].astype(np.int64) + 256 * self.data[
-            self.starts + 4
-        ].astype(np.int64)
+        ids = self.data[self.starts + 3].astype(np.int64) + 256 * self.data[self.starts + 4].astype(
+            np.int64
+        )
         order = np.argsort(ids, kind="stable")
         cuts = np.searchsorted(ids[order], sorted(self._topics))
-        self._rows = dict(
-            zip(sorted(self._topics), np.split(self.starts[order], cuts)[1:])
-        )
+        self._rows = dict(zip(sorted(self._topics), np.split(self.starts[order], cuts)[1:]))
 
     @property
     def topics(self) -> dict[tuple[str, int], int]:
@@ -124,9 +124,7 @@ class ULog:
             return {}
         names, kinds, offsets = zip(*fields)
         size = offsets[-1] + np.dtype(kinds[-1]).itemsize
-        kind = np.dtype(
-            {"names": names, "formats": kinds, "offsets": offsets, "itemsize": size}
-        )
+        kind = np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": size})
         found = structured(self.data, self._rows[number] + 5, kind)
         return {each: found[each] for each in names}
 
@@ -162,7 +160,12 @@ class ULog:
 
     def _whole(self, at: int, end: int) -> int:
         """Take in whole records from `at`; where the first stands that is none."""
-        content, sizes, place, handlers = self.content, self._sizes, self._places.append, self._handlers
+        content, sizes, place, handlers = (
+            self.content,
+            self._sizes,
+            self._places.append,
+            self._handlers,
+        )
         while at + 3 <= end:
             size = content[at] + 256 * content[at + 1]
             after = at + 3 + size

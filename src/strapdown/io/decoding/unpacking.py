@@ -21,7 +21,7 @@ def _opened(packed: bytes, way: str) -> IO[bytes]:
         import zstandard
 
         opened = zstandard.ZstdDecompressor().stream_reader(packed)
-    return opened  # type: ignore[no-any-return]
+    return opened
 
 
 def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:

@@ -75,7 +75,9 @@ def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list
 
 def _temperatures(part: ImuPart, column: Temperature, files: Files, imu: Imu) -> Array:
     """(n,) degC at the samples of the IMU; linear across cells that are empty."""
-    table, t, (values,) = files.columns(part.file, part.time, [column.column], part.table)
+    table, t, (values,), _ = files.columns(
+        part.file, part.time, [column.column], part.table, part.where
+    )
     known = np.isfinite(t) & np.isfinite(values)
     if not known.any():
         raise DataError(

@@ -79,7 +79,7 @@ def _place(location: Sequence[int | str], content: dict[str, Any]) -> str:
     else:
         head, rest = (
             ("", location)
-            if location[0] in ("date", "point", "vehicle")
+            if location[0] in ("epoch", "date", "point", "vehicle")
             else (f"[{location[0]}]", location[1:])
         )
     return " ".join(part for part in (head, ".".join(map(str, rest))) if part)

@@ -11,13 +11,22 @@ from ...data import Aiding
 from ...preprocessing.plausible import doubts, mistakes
 from ...verdict import Reason
 from ..contract import Findings
-from ..facts import aiding_facts, gyro_bias_sd, imu_facts
+from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
 from .complaints import complaints, parse
 from .draft import inspect_table
+from .fix_columns import Whereabouts
 from .logs import Take, join, opened
-from .read import level_notes, read_aiding, read_field, read_imu, read_meta, read_reference
+from .read import (
+    in_order,
+    level_notes,
+    read_aiding,
+    read_field,
+    read_imu,
+    read_meta,
+    read_reference,
+)
 from .schema import Description
 from .schema_aiding import AidingPart
 from .source_files import Files
@@ -67,14 +76,16 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     if imu is None:
         return [*files.notes, *notes]
     wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
-    meta = found.attempt(read_meta, description, files) or {}
+    meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
     wrong += doubts(imu, gyro_bias_sd(meta))
+    found.add(clock_facts(imu, meta.get("epoch")))
     found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
     aidings: list[Aiding] = []
     parts: list[tuple[AidingPart, int]] = []
-    for number, part in enumerate(description.aiding, 1):
+    place = description.lla
+    for number, part in in_order(description):
         arm = description.imu.lever_arm
-        read = found.attempt(read_aiding, part, number, arm, imu, files, aidings)
+        read = found.attempt(read_aiding, part, number, arm, imu, files, aidings, place)
         if read is not None:
             aidings.append(read[0])
             parts.append((part, number))
@@ -83,10 +94,10 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     notes += level_notes(aidings, meta)
     notes += _magnetometers(path, parts, aidings, imu, meta, found)
     if description.reference is not None:
-        reference, more = found.attempt(read_reference, description.reference, imu, files) or (
-            None,
-            [],
-        )
+        whereabouts = Whereabouts(aidings, place)
+        reference, more = found.attempt(
+            read_reference, description.reference, imu, files, whereabouts
+        ) or (None, [])
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
     found.add(*aiding_facts(imu, aidings, meta))
@@ -95,13 +106,15 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
 
 def _above_sea_level(part: AidingPart, name: str) -> Iterator[Reason]:
     """A Reason where the column of an ellipsoidal height is named as one above mean sea level."""
-    column = (part.columns or [""])[-1] if part.sensor.name in ("position", "altitude") else ""
+    told = part.geoid is not None or part.sensor.name not in ("position", "altitude")
+    column = "" if told else (part.columns or [""])[-1]
     if isinstance(column, str) and SEA_LEVEL.search(column):
         yield Reason(
             "height",
             f"its column {column!r} reads like a height above mean sea level; heights are above the "
             f"WGS-84 ellipsoid, which is up to 110 m off",
-            "take the ellipsoidal height, or add the undulation of the geoid to the column",
+            'say so with geoid = "EGM96", or with the column of the undulation, geoid = { column, unit }; '
+            "or take the ellipsoidal height",
             name,
         )
 

@@ -1,7 +1,7 @@
 """From a description to a Recording: columns to signals, units to SI, sensor axes to the body,
 fixes checked against the IMU."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,30 +9,32 @@ from typing import Any
 import numpy as np
 
 from ...alignment.location import place_of
-from ...checks import DataError
+from ...checks import DataError, located
 from ...core.contract import Imu
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
-from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix
+from ...preprocessing.axes import turned
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
 from ...preprocessing.imu_samples import GAP_MEDIANS, increments
 from ...preprocessing.origin import Origin
+from ...preprocessing.other_forms import attitudes
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
-from ...quantities import dimension, innovation_dimension
 from ...recording import Recording
-from ...time_scales import iso
+from ...time_scales import iso, utc
 from ...typing import Array, File
 from ...units import DEG, factor
 from ..magnetic_record import sound
 from ..table_file import Table
 from .calibrations import corrected, frames
 from .complaints import load
+from .fix_columns import Whereabouts, read_fixes
 from .installed import INSTALLED, installed
 from .magnetic_sources import calibrated, with_field
-from .schema import Description, ImuPart, ReferencePart, Vector, vector_factors
+from .reference_columns import read_columns
+from .schema import Description, ImuPart, ReferencePart
 from .schema_aiding import AidingPart
 from .schema_base import Signal
 from .source_files import Files
@@ -58,22 +60,23 @@ def recording_of(description: Description, files: Files) -> Recording:
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings: list[Aiding] = []
     found: dict[int, Aiding] = {}
-    parts, arm = list(enumerate(description.aiding, 1)), description.imu.lever_arm
-    # constraints at rest ask the sensors whether it is one
-    for number, part in sorted(parts, key=lambda each: not each[1].sensor.recorded):
-        found[number], more = read_aiding(part, number, arm, imu, files, found.values())
+    arm, place = description.imu.lever_arm, description.lla
+    for number, part in in_order(description):
+        before = list(found.values())
+        found[number], more = read_aiding(part, number, arm, imu, files, before, place)
         notes += more
     for number, aiding in sorted(found.items()):
         others = [other.name for other in aidings]
         aidings.append(aiding if aiding.name not in others else _renamed(aiding, number))
-    meta = read_meta(description, files)
+    meta = read_meta(description, files, float(imu.t[0]))
     notes += level_notes(aidings, meta)
     for k, part in enumerate(description.aiding):
         aidings[k], more = read_field(part, k + 1, aidings[k], aidings, imu, meta, path)
         notes += more
     reference = None
     if description.reference is not None:
-        reference, more = read_reference(description.reference, imu, files)
+        whereabouts = Whereabouts(aidings, place)
+        reference, more = read_reference(description.reference, imu, files, whereabouts)
         notes += more
     notes = [*files.notes, *notes]
     sensors = frames(description, files, aidings)
@@ -87,23 +90,31 @@ def recording_of(description: Description, files: Files) -> Recording:
     )
 
 
+def in_order(description: Description) -> list[tuple[int, AidingPart]]:
+    """(number, section) of every [[aiding]] in the order of reading: what is told in ECEF asks the
+    positions where it is, and constraints at rest ask the sensors whether it is one."""
+    parts = enumerate(description.aiding, 1)
+    return sorted(parts, key=lambda each: (not each[1].sensor.recorded, each[1].needs_place))
+
+
 def _renamed(aiding: Aiding, number: int) -> Aiding:
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
-def read_meta(description: Description, files: Files) -> dict[str, Any]:
-    """The meta of a Recording that its description gives: name, date, place, grade, vehicle,
+def read_meta(description: Description, files: Files, first: float) -> dict[str, Any]:
+    """The meta of a Recording that its description gives: name, epoch, date (of the sample at `first`
+    s, where only an absolute clock tells), place, grade, vehicle,
     point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and what of it is
     estimated. Raises DataError."""
     grade = description.imu.grade
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
-    place = description.place and description.place.lla
+    epoch = None if files.epoch is None else iso(files.epoch)
     found = {
         "name": files.path.stem,
-        "epoch": None if files.epoch is None else iso(files.epoch),
-        "date": description.date,
-        "place": place,
+        "epoch": epoch,
+        "date": description.date or (None if epoch is None else str(utc(epoch, first))[:10]),
+        "place": description.lla,
         "grade": grade,
         "vehicle": description.vehicle,
         "estimate": description.imu.estimate or None,
@@ -134,13 +145,13 @@ def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:
 
 def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
-    (origin, t, gyro), (_, t_accel, accel) = (
+    (origin, t, gyro, notes), (_, t_accel, accel, _) = (
         _signal(part, signal, dimension, files)
         for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
     )
-    notes: list[str] = []
     if not np.array_equal(t, t_accel, equal_nan=True):
-        accel, notes = _at_times(t, t_accel, accel)
+        accel, more = _at_times(t, t_accel, accel)
+        notes += more
     imu, more = increments(t, gyro, accel, part.kind, origin)
     notes += more
     gyro, accel, more = corrected(part, files, imu)
@@ -152,20 +163,18 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
 
 def _signal(
     part: ImuPart, signal: Signal, dimension: str, files: Files
-) -> tuple[Origin, Array, Array]:
-    """(origin, t in s, (n, 3) in SI) of gyro or accel, in the axes of the columns."""
+) -> tuple[Origin, Array, Array, list[str]]:
+    """(origin, t in s, (n, 3) in SI, notes) of gyro or accel, in the axes of the columns."""
     own = signal.file is not None or signal.table is not None
-    table, t, columns = files.columns(
+    table, t, columns, notes = files.columns(
         signal.file or part.file,
         signal.time or part.time,
         signal.columns,
         signal.table if own else part.table,
+        () if own else part.where,
     )
-    return (
-        table.origin,
-        t,
-        np.stack(columns, axis=1) * (signal.scale * factor(signal.unit, dimension)),
-    )
+    size = signal.scale * factor(signal.unit, dimension)
+    return table.origin, t, np.stack(columns, axis=1) * size, notes
 
 
 def _at_times(t: Array, t_accel: Array, accel: Array) -> tuple[Array, list[str]]:
@@ -188,10 +197,12 @@ def read_aiding(
     imu_lever_arm: list[float],
     imu: Imu,
     files: Files,
-    others: Iterable[Aiding] = (),
+    others: Collection[Aiding] = (),
+    place: Sequence[float] | None = None,
 ) -> tuple[Aiding, list[str]]:
-    """(Aiding, notes) of one section [[aiding]]; the speeds of `others` say when there is no rest.
-    Raises DataError."""
+    """(Aiding, notes) of one section [[aiding]]; the speeds of `others` say when there is no rest,
+    their positions, or else the `place` of the recording, where the vehicle is. Raises
+    DataError."""
     sensor = part.sensor
     arm: Iterable[float] = (
         np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
@@ -208,40 +219,16 @@ def read_aiding(
         t, notes = _constraint_times(part, imu, others, where)
         shape = (len(t), len(sensor.quantities))
         y = np.full(shape, part.level or 0.0)
-        sd = np.broadcast_to(np.array(part.deviations, float), shape).copy()
+        sd = np.broadcast_to(np.array(part.sd, float), shape).copy()
         if sensor.mean_of == "gyro":
             y, sd, scatter = _gyro_means(part, t, sd, imu)
             notes += scatter
         return make(t, y, sd), notes
-    # the schema asks every kind that is recorded for these
-    assert part.file is not None and part.time is not None and part.columns is not None
-    names = [_deviation_column(sd) for sd in part.deviations]
-    table, t, columns = files.columns(
-        part.file,
-        part.time,
-        part.columns + [name for name in names if name is not None],
-        part.table,
-    )
-    many, read = len(part.columns), iter(columns[len(part.columns) :])
-    y = np.stack([column * size for column, size in zip(columns[:many], part.factors)], axis=1)
-    sd = np.stack(
-        [
-            _deviation(
-                entry,
-                quantity,
-                factor(unit, dimension(quantity)),
-                next(read) if name is not None else np.ones(len(t)),
-            )
-            for entry, quantity, unit, name in zip(
-                part.deviations, sensor.quantities, part.units, names
-            )
-        ],
-        axis=1,
-    )
-    origin = table.origin
+    whereabouts = Whereabouts(others, place)
+    t, y, sd, origin, notes = read_fixes(part, files, whereabouts, where)
     more: list[str] = []
     if sensor.name == "attitude":
-        t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where)
+        t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where, whereabouts)
     if sensor.parameters == "field":
         keep, more = sound(t, y, imu, part.name or part.kind, origin, part.vector_matrix)
         origin, t, y, sd = (
@@ -250,12 +237,13 @@ def read_aiding(
             calibrated(part, files, y[keep]),
             sd[keep],
         )
+    notes += more
     matrix = part.matrix
     if matrix is not None:
-        y, sd = _turned(y, matrix), _turned(sd, np.abs(matrix))
-    aiding, notes = clean(make(t, y, sd), sensor, origin)
+        y, sd = turned(y, matrix), turned(sd, np.abs(matrix))
+    aiding, more = clean(make(t, y, sd), sensor, origin)
     overlap(imu, aiding.t, where)
-    notes = more + notes + overlap_notes(imu, aiding)
+    notes += more + overlap_notes(imu, aiding)
     if part.slip_test and part.kind == "speed":
         aiding, slipped = without_slip(aiding, imu)
         notes += slipped
@@ -263,11 +251,24 @@ def read_aiding(
 
 
 def _attitude(
-    part: AidingPart, t: Array, y: Array, sd: Array, imu: Imu, origin: Origin, where: str
+    part: AidingPart,
+    t: Array,
+    y: Array,
+    sd: Array,
+    imu: Imu,
+    origin: Origin,
+    where: str,
+    whereabouts: Whereabouts,
 ) -> tuple[Array, Array, Array, Origin, list[str]]:
     """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of
     what the columns hold, without stuck fixes."""
-    y = angles(y, part.quaternion, part.axes, origin)
+    if part.ecef:
+        q = quaternions(y, part.quaternion, part.axes, origin)
+        with located(where):
+            q = attitudes(q, whereabouts.at(t))
+        y = Trajectory(t, np.empty((0, 3)), q_nb=q).rph
+    else:
+        y = angles(y, part.quaternion, part.axes, origin)
     sd = np.c_[sd, np.full((len(sd), 3 - sd.shape[1]), np.nan)]
     keep, notes = sound_attitude(t, y, imu, part.name or part.kind, where)
     return t[keep], y[keep], sd[keep], origin.kept(keep, len(t)), notes
@@ -291,28 +292,6 @@ def read_field(
         return with_field(part, aiding, imu, meta.get("date"), place and place.lla)
     except DataError as error:
         raise DataError(f"{path}: [[aiding]] {number} ({part.kind}) {error}") from None
-
-
-def _turned(vectors: Array, matrix: Array) -> Array:
-    """Signed permutation of the columns, which keeps a NaN where it is (a matrix product would
-    spread it)."""
-    source = np.abs(matrix).argmax(axis=1)
-    return vectors[:, source] * matrix[np.arange(3), source]
-
-
-def _deviation_column(entry: Any) -> str | int | None:
-    return entry["column"] if isinstance(entry, dict) else entry if isinstance(entry, str) else None
-
-
-def _deviation(entry: Any, quantity: str, unit: float, values: Array) -> Array:
-    """Standard deviations in SI: numbers and plain columns are in the unit of the component
-    (latitude and longitude: m)."""
-    if isinstance(entry, dict):
-        return values * (
-            factor(entry["unit"], innovation_dimension(quantity)) * entry.get("scale", 1.0)
-        )
-    own = 1.0 if innovation_dimension(quantity) != dimension(quantity) else unit
-    return values * own * (entry if _deviation_column(entry) is None else 1.0)
 
 
 def _constraint_times(
@@ -368,51 +347,19 @@ def _gyro_means(part: AidingPart, t: Array, sd: Array, imu: Imu) -> tuple[Array,
     )
 
 
-def read_reference(part: ReferencePart, imu: Imu, files: Files) -> tuple[Trajectory, list[str]]:
+def read_reference(
+    part: ReferencePart, imu: Imu, files: Files, whereabouts: Whereabouts
+) -> tuple[Trajectory, list[str]]:
     """(Trajectory, notes) of the section [reference]. Raises DataError."""
-    found = (
-        _own_table(files.table(part.file, table=part.table), files)
-        if part.position is None
-        else _given_columns(part, part.position, files)
-    )
-    t, lla, v_n, q_nb, origin = found
-    reference, notes = clean_reference(t, lla, v_n, q_nb, origin)
+    notes: list[str] = []
+    if part.parts:
+        t, lla, v_n, q_nb, origin, notes = read_columns(part, files, whereabouts)
+    else:
+        table = files.table(part.file, table=part.table)
+        t, lla, v_n, q_nb, origin = _own_table(table, files)
+    reference, more = clean_reference(t, lla, v_n, q_nb, origin)
     overlap(imu, reference.t, f"{files.path}: [reference]")
-    return reference, notes
-
-
-def _given_columns(
-    part: ReferencePart, position: Vector, files: Files
-) -> tuple[Array, Array, Array | None, Array | None, Origin]:
-    """(t, lla, v_n, q_nb, origin) of the columns that [reference] names, as a Trajectory has
-    them."""
-    assert part.time is not None  # the schema asks for it beside a position
-    wanted = [vector for vector in (position, part.velocity, part.attitude) if vector is not None]
-    table, t, columns = files.columns(
-        part.file,
-        part.time,
-        [column for vector in wanted for column in vector.columns],
-        part.table,
-    )
-    read = iter(columns)
-
-    def si(vector: Vector, dimensions: list[str]) -> Array:
-        return np.stack([next(read) * unit for unit in vector_factors(vector, dimensions)], axis=1)
-
-    lla, v_n, q_nb = si(position, ["angle", "angle", "length"]), None, None
-    if part.velocity is not None:
-        v_n = _turned(
-            si(part.velocity, ["speed"] * 3),
-            axes_matrix(part.velocity.axes or "NED", NAVIGATION_AXES, False),
-        )
-    if part.attitude is not None:
-        q_nb = quaternions(
-            si(part.attitude, ["angle"] * 3),
-            part.attitude.quaternion,
-            part.attitude.axes,
-            table.origin,
-        )
-    return t, lla, v_n, q_nb, table.origin
+    return reference, notes + more
 
 
 def _own_table(

@@ -17,7 +17,15 @@ from ...time_scales import gps_of
 from ...typing import Array
 from ...units import factor
 from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
-from .schema_aiding import AidingPart, check_attitude_columns
+from .schema_aiding import (
+    ECEF,
+    FORMS,
+    AidingPart,
+    Form,
+    Geoid,
+    check_attitude_columns,
+    is_ecef,
+)
 from .schema_base import (
     MISSING,
     AngleUnit,
@@ -27,6 +35,7 @@ from .schema_base import (
     Signal,
     Time,
     Triple,
+    Where,
     named,
     refuse,
 )
@@ -90,6 +99,7 @@ class ImuPart(Part):
     file: str
     table: str | None = None
     time: Time
+    where: Where = []
     kind: Literal["rate", "increment"] = "rate"
     axes: Annotated[str, AfterValidator(_body_axes)] = "FRD"
     gyro: Signal
@@ -189,12 +199,26 @@ def _vehicle(value: Any) -> GivenVehicle:
 
 class Vector(Part):
     """Columns of a reference with their unit, or a unit for each; a velocity and an attitude
-    take axes, an attitude may be a quaternion."""
+    take axes, an attitude may be a quaternion, a velocity speed and course, a position may be in
+    ECEF or have its height above the geoid."""
 
     columns: list[Column]
     unit: Any = None
+    form: Form | None = None
     axes: str | None = None
     quaternion: QuaternionOrder | None = None
+    geoid: Geoid = None
+
+    @property
+    def ecef(self) -> bool:
+        """Whether it is told in ECEF."""
+        return is_ecef(self.axes)
+
+    def quantities(self, key: str) -> tuple[str, ...]:
+        """Of its columns, as the part `key` of a reference."""
+        if self.form is not None:
+            return FORMS[self.form]
+        return ("length",) * 3 if self.ecef and key == "position" else VECTORS[key]
 
 
 class ReferencePart(Part):
@@ -204,27 +228,27 @@ class ReferencePart(Part):
     file: str
     table: str | None = None
     time: Time | None = None
+    where: Where = []
     position: Vector | None = None
     velocity: Vector | None = None
     attitude: Vector | None = None
 
+    @property
+    def parts(self) -> dict[str, Vector]:
+        """{"position", "velocity", "attitude": its columns} of what is given."""
+        found = {key: getattr(self, key) for key in VECTORS}
+        return {key: part for key, part in found.items() if part is not None}
+
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        parts = {
-            "time": self.time,
-            "position": self.position,
-            "velocity": self.velocity,
-            "attitude": self.attitude,
-        }
-        missing = [key for key in ("time", "position") if parts[key] is None]
-        if missing and any(part is not None for part in parts.values()):
+        missing = "time" if self.time is None else "" if self.parts else "position"
+        if missing and (self.parts or self.time is not None or self.where):
             raise ValueError(
-                f"{missing[0]}: is missing; a reference needs time and position, or, written by this "
-                f"library, the file alone"
+                f"{missing}: is missing; a reference needs time and a position, velocity or attitude, "
+                f"or, written by this library, the file alone"
             )
-        for key, part in parts.items():
-            if isinstance(part, Vector):
-                _check_vector(key, part)
+        for key, part in self.parts.items():
+            _check_vector(key, part)
         return self
 
 
@@ -240,11 +264,16 @@ class Description(Part):
     aiding: list[AidingPart] = []
     reference: ReferencePart | None = None
 
+    @property
+    def lla(self) -> list[float] | None:
+        """The place: latitude and longitude in rad, ellipsoidal height in m."""
+        return None if self.place is None else self.place.lla
+
 
 VECTORS = {
-    "position": ["angle", "angle", "length"],
-    "velocity": ["speed"] * 3,
-    "attitude": ["angle"] * 3,
+    "position": ("angle", "angle", "length"),
+    "velocity": ("speed",) * 3,
+    "attitude": ("angle",) * 3,
 }
 """Dimensions of the parts of a reference."""
 
@@ -253,10 +282,23 @@ def _check_vector(key: str, part: Vector) -> None:
     is_attitude, axes = key == "attitude", part.axes
     if is_attitude:
         named(key, check_attitude_columns, part.columns, part.quaternion)
+    needed = 4 if part.quaternion else len(part.quantities(key))
     refuse(
         (
-            len(part.columns) != (4 if part.quaternion else 3),
-            f"{key}.columns: {len(part.columns)} given, 3 needed",
+            part.form is not None and key != "velocity",
+            f"{key}.form: only a velocity takes it, as speed and course",
+        ),
+        (
+            part.form is not None and axes is not None,
+            f"{key}.axes: a course is told from north, so that speed and course take no axes",
+        ),
+        (
+            part.geoid is not None and (key != "position" or part.ecef),
+            f"{key}.geoid: only a position with latitude and longitude takes it",
+        ),
+        (
+            len(part.columns) != needed,
+            f"{key}.columns: {len(part.columns)} given, {needed} needed",
         ),
         (
             part.quaternion and not is_attitude,
@@ -264,11 +306,14 @@ def _check_vector(key: str, part: Vector) -> None:
         ),
         (part.quaternion and part.unit is not None, f"{key}.unit: a quaternion has none"),
         (
-            axes is not None and key == "position",
-            "position.axes: only a velocity and an attitude take axes",
+            axes is not None and key == "position" and not part.ecef,
+            f"position.axes: {axes!r}; a position is latitude, longitude and height without axes, or "
+            f'x, y, z with axes = "ECEF"',
         ),
     )
-    named(f"{key}.unit", vector_factors, part, VECTORS[key])
+    named(f"{key}.unit", vector_factors, part, part.quantities(key))
+    if axes == ECEF and not is_attitude:
+        return
     if axes is not None and is_attitude:
         named(f"{key}.axes", axes_of, axes)
     elif axes is not None:
@@ -279,7 +324,8 @@ def vector_factors(part: Vector, dimensions: Sequence[str]) -> list[float]:
     """Factor to SI of each of the columns; 1 of a quaternion's."""
     if part.quaternion:
         return [1.0] * 4
-    units = part.unit if isinstance(part.unit, list) else [part.unit] * 3
-    if len(units) != 3:
-        raise DataError(f"{len(units)} units given, 3 needed")
+    many = len(dimensions)
+    units = part.unit if isinstance(part.unit, list) else [part.unit] * many
+    if len(units) != many:
+        raise DataError(f"{len(units)} units given, {many} needed")
     return [factor(unit, dimension) for unit, dimension in zip(units, dimensions)]

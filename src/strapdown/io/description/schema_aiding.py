@@ -3,19 +3,19 @@ keys it takes."""
 
 import math
 import re
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
 from ...aiding import find
-from ...checks import check_number, is_number
+from ...checks import check_keys, check_number, is_number
 from ...core.contract import Measurement
 from ...estimable import asked, asked_at
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...quantities import dimension, innovation_dimension
 from ...typing import Array
-from ...units import factor
+from ...units import factor, quantity as si_quantity, spread_factor
 from .schema_base import (
     MISSING,
     AngleUnit,
@@ -24,11 +24,24 @@ from .schema_base import (
     Part,
     Time,
     Triple,
+    Where,
     column,
     named,
     refuse,
 )
 
+ECEF = "ECEF"
+"""Axes of what is told about the centre of the Earth: x through latitude 0, longitude 0, z through
+the north pole."""
+FORMS = {
+    "speed, course": ("speed", "angle"),
+    "speed, course, down": ("speed", "angle", "speed"),
+    "speed, course, up": ("speed", "angle", "speed"),
+}
+"""Forms of a velocity over ground, with the quantities of their columns."""
+Form = Literal["speed, course", "speed, course, down", "speed, course, up"]
+COVARIANCE = 6
+"""Entries of `sd` in ECEF that are x, y, z, then xy, yz and zx of a covariance."""
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 """How columns of a heading are named."""
 
@@ -76,6 +89,38 @@ class Declination(Part):
         return self.value * self.unit
 
 
+class Separation(NamedTuple):
+    """geoid: the height of the geoid above the ellipsoid, in m = column * size, or value."""
+
+    value: float = 0.0
+    column: str | int | None = None
+    size: float = 1.0
+
+
+def _geoid(value: Any) -> Literal["EGM96"] | Separation:
+    """ "EGM96", or the separation in a column or as one number."""
+    if value == "EGM96":
+        return "EGM96"
+    if not isinstance(value, dict) or not ({"column"} <= set(value) or {"value"} <= set(value)):
+        raise ValueError(
+            f'{value!r} is no geoid; give "EGM96", its height above the ellipsoid as '
+            '{ value = 46.3, unit = "m" }, or the column that has it, { column = "sep", unit = "m" }'
+        )
+    if "value" in value:
+        return Separation(si_quantity(value, "m", "its height", "m", -math.inf))
+    check_keys(value, ["column", "unit", "scale"])
+    scale = check_number(value.get("scale", 1.0), "scale", least=-math.inf)
+    return Separation(0.0, column(value["column"]), scale * factor(value.get("unit"), "length"))
+
+
+Geoid = Annotated[Any, AfterValidator(_geoid)]
+
+
+def is_ecef(axes: str | None) -> bool:
+    """Whether axes are "ECEF", or those of an attitude "... to ECEF"."""
+    return axes is not None and axes.split()[-1:] == [ECEF]
+
+
 class AidingPart(Part):
     """[[aiding]]: what its kind measures decides which keys it takes."""
 
@@ -83,12 +128,15 @@ class AidingPart(Part):
     file: str | None = None
     table: str | None = None
     time: Time | None = None
+    where: Where = []
     columns: list[Column] | None = None
+    form: Form | None = None
     unit: Any = None
     scale: Any = 1.0
     axes: str | None = None
     quaternion: QuaternionOrder | None = None
     sd: Any = None
+    geoid: Geoid = None
     lever_arm: Triple | None = None
     calibration: str | None = None
     field: Annotated[Any, AfterValidator(_field)] = None
@@ -107,12 +155,32 @@ class AidingPart(Part):
         return find(self.kind)
 
     @property
-    def many(self) -> int:
-        """Components that are measured: those of the kind, of an attitude without a column of
-        the heading two."""
+    def quantities(self) -> tuple[str, ...]:
+        """Of the components in the columns: those of the kind, but for other forms of it; of an
+        attitude without a column of the heading two."""
         sensor = self.sensor
+        if self.form is not None:
+            return FORMS[self.form]
+        if self.ecef and sensor.name == "position":
+            return ("length",) * 3
         tilt = sensor.name == "attitude" and self.columns is not None and len(self.columns) == 2
-        return 2 if tilt else len(sensor.quantities)
+        return sensor.quantities[: 2 if tilt else None]
+
+    @property
+    def many(self) -> int:
+        """Components that the columns have."""
+        return len(self.quantities)
+
+    @property
+    def ecef(self) -> bool:
+        """Whether it is told in ECEF."""
+        return is_ecef(self.axes)
+
+    @property
+    def needs_place(self) -> bool:
+        """Whether its rows can only be read where the place of the vehicle is known."""
+        turned = self.ecef and self.kind != "position"
+        return turned or (self.kind == "altitude" and self.geoid == "EGM96")
 
     @property
     def units(self) -> list[Any]:
@@ -136,15 +204,20 @@ class AidingPart(Part):
             if self.quaternion
             else [
                 factor(unit, dimension(quantity))
-                for unit, quantity in zip(self.units, self.sensor.quantities)
+                for unit, quantity in zip(self.units, self.quantities)
             ]
         )
         return [unit * scale for unit, scale in zip(units, self.scales)]
 
     @property
-    def deviations(self) -> list[Any]:
-        """A number, a column or a table of column, unit and scale per component."""
-        return self.sd if isinstance(self.sd, list) else [self.sd] * self.many
+    def deviations(self) -> list[tuple[Any, str, Any]]:
+        """(a number, a column or a table of column, unit and scale; quantity; unit), one per
+        component. Of a speed with course the speed's may stand alone; in ECEF there may be
+        the six of a covariance."""
+        entries = self.sd if isinstance(self.sd, list) else [self.sd] * self.many
+        if self.form is not None and not isinstance(self.sd, list):
+            entries = entries[:1]
+        return list(zip(entries, self.quantities * 2, self.units * 2))
 
     @property
     def estimated(self) -> dict[str, tuple[float, ...]]:
@@ -154,8 +227,10 @@ class AidingPart(Part):
 
     @property
     def matrix(self) -> Array | None:
-        """(3, 3) that turns the columns into NED or FRD, or None where the kind is no vector."""
+        """(3, 3) that turns the columns into NED or FRD, or None where they are no such vector."""
         named = {"n": NAVIGATION_AXES, "b": BODY_AXES}.get(self.sensor.vector)
+        if self.ecef or self.form is not None:
+            return None
         return (
             axes_matrix(
                 self.axes or next(iter(named)),
@@ -176,7 +251,7 @@ class AidingPart(Part):
     @model_validator(mode="after")
     def _agrees_with_kind(self) -> Self:
         sensor = named("kind", lambda: self.sensor)
-        of_file = ("file", "table", "time", "columns", "unit", "scale")
+        of_file = ("file", "table", "time", "where", "columns", "unit", "scale")
         refuse(
             *(
                 (
@@ -207,8 +282,33 @@ class AidingPart(Part):
         is_attitude, is_field = sensor.name == "attitude", sensor.parameters == "field"
         refuse(
             (
-                self.axes is not None and not sensor.vector and not is_attitude,
+                self.axes is not None and sensor.name == "position" and not self.ecef,
+                f"axes: {self.axes!r} of a position; it is latitude, longitude and height without "
+                f'axes, or x, y, z with axes = "ECEF"',
+            ),
+            (
+                self.axes is not None
+                and not sensor.vector
+                and sensor.name not in ("attitude", "position"),
                 f"axes: {sensor.name} is no vector and takes no axes",
+            ),
+            (
+                self.form is not None and sensor.name != "velocity",
+                f"form: {sensor.name} takes none; only a velocity does, as speed and course",
+            ),
+            (
+                self.form is not None and self.axes is not None,
+                "axes: a course is told from north, so that speed and course take no axes",
+            ),
+            (
+                self.geoid is not None
+                and (sensor.name not in ("position", "altitude") or self.ecef),
+                "geoid: only heights take it, of a position with latitude and longitude or of an "
+                "altitude",
+            ),
+            (
+                self.ecef and is_attitude and self.many == 2,
+                "axes: roll and pitch alone say nothing in ECEF; give all three or a quaternion",
             ),
             (
                 "slip_test" in self.model_fields_set and sensor.name != "speed",
@@ -245,12 +345,12 @@ class AidingPart(Part):
             ),
         )
         named("estimate", lambda: self.estimated)
-        if self.axes is not None:
+        if self.axes is not None and self.axes != ECEF:
             named("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
 
     def _components(self, sensor: Measurement) -> None:
         many, columns = self.many, self.columns or []
-        wanted = f"{sensor.name} has {many}: {', '.join(sensor.quantities[:many])}"
+        wanted = f"{sensor.name} has {many}: {self.form or ', '.join(self.quantities)}"
         if sensor.recorded:
             if sensor.name == "attitude":
                 check_attitude_columns(columns, self.quaternion)
@@ -273,10 +373,12 @@ class AidingPart(Part):
                     for scale in self.scales
                 ),
             )
-            for quantity, unit in zip(sensor.quantities, self.units):
+            for quantity, unit in zip(self.quantities, self.units):
                 named("unit", factor, unit, dimension(quantity))
-        refuse((len(self.deviations) != many, f"sd: {len(self.deviations)} given, {wanted}"))
-        for quantity, sd in zip(sensor.quantities, self.deviations):
+        given = len(self.sd) if isinstance(self.sd, list) else many
+        whole = self.ecef and sensor.name != "attitude" and given == COVARIANCE
+        refuse((given != many and not whole, f"sd: {given} given, {wanted}"))
+        for sd, quantity, _ in self.deviations:
             self._deviation(sd, quantity, sensor.recorded)
 
     def _deviation(self, sd: Any, quantity: str, recorded: bool) -> None:
@@ -292,7 +394,7 @@ class AidingPart(Part):
                     "at least and scale above zero",
                 )
             )
-            named("sd", factor, sd.get("unit"), innovation_dimension(quantity))
+            named("sd", spread_factor, sd.get("unit"), innovation_dimension(quantity))
         else:
             named("sd", column, sd)
 

@@ -17,6 +17,7 @@ from pydantic import (
     model_validator,
 )
 
+from ...checks import is_number
 from ...units import factor
 from ..calendar_text import Pattern, patterns
 
@@ -61,6 +62,52 @@ def _day(value: Any) -> Any:
         return datetime.date.fromisoformat(value)
     except (TypeError, ValueError):
         return value if value is None else column(value)
+
+
+class Condition(Part):
+    """where: only rows count whose `column` is at least `least`, at most `most` or one of
+    `equals`, numbers or texts."""
+
+    column: Column
+    least: Finite | None = None
+    most: Finite | None = None
+    equals: Any = None
+
+    @property
+    def values(self) -> list[Any]:
+        """What the column may be equal to."""
+        return self.equals if isinstance(self.equals, list) else [self.equals]
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        refuse(
+            (
+                self.least is None and self.most is None and self.equals is None,
+                "least, most or equals is missing: say which rows count, as "
+                '{ column = "fix", least = 3 } or { column = "status", equals = ["A", "D"] }',
+            ),
+            (
+                self.equals is not None
+                and not all(is_number(each) or isinstance(each, str) for each in self.values),
+                f"equals: {self.equals!r} is no number, text or list of these",
+            ),
+        )
+        return self
+
+    def __str__(self) -> str:
+        words = {"least": "at least", "most": "at most", "equals": "one of"}
+        given = {"least": self.least, "most": self.most, "equals": self.equals and self.values}
+        said = [f"{words[key]} {value}" for key, value in given.items() if value is not None]
+        return f"{self.column} {' and '.join(said)}"
+
+
+def _conditions(value: Any) -> Any:
+    """One condition is a list of one."""
+    return [value] if isinstance(value, dict) else value
+
+
+Where = Annotated[list[Condition], BeforeValidator(_conditions)]
+"""Conditions of which each must hold for a row to count."""
 
 
 class Time(Part):

@@ -5,20 +5,30 @@ from collections.abc import Sequence
 from datetime import date
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...checks import DataError, did_you_mean
+from ...preprocessing.origin import Rows
 from ...time_scales import DAY, WEEK, calendar_seconds, midnight, rolled, seconds_since
-from ...typing import Array, File
+from ...typing import Array, File, Mask
 from ..calendar_text import Moments, Pattern, read_moments
 from ..contract import Log
 from ..locate import locate
 from ..registry import ask, find
 from ..table_file import Table
 from ..table_text import read_table
-from .schema_base import Time
+from .schema_base import Condition, Time
+
+
+class Columns(NamedTuple):
+    """Columns of a table, and notes on the rows that were left out."""
+
+    table: Table
+    t: Array  # (n,) s
+    values: list[Array]  # (n,) each
+    notes: list[str]
 
 
 class Files:
@@ -42,6 +52,7 @@ class Files:
         self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
+        self._read: dict[tuple[str, Time], Moments] = {}
         self._start: float | None = None  # of times of day without a date
         # a description may name the same file another way
         self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
@@ -73,14 +84,24 @@ class Files:
             raise DataError(f"{self.path}: {error}") from None
 
     def columns(
-        self, file: str, time: Time, columns: Sequence[str | int], table: str | None = None
-    ) -> tuple[Table, Array, list[Array]]:
-        """(Table, t in s, list of arrays) of one table; columns given by number say that it has
+        self,
+        file: str,
+        time: Time,
+        columns: Sequence[str | int],
+        table: str | None = None,
+        where: Sequence[Condition] = (),
+    ) -> "Columns":
+        """Columns of one table, of the rows that count; columns given by number say that it has
         no header."""
-        found = self.table(
-            file, not any(isinstance(column, int) for column in (time.column, *columns)), table
+        named = [time.column, *columns, *(each.column for each in where)]
+        found = self.table(file, not any(isinstance(column, int) for column in named), table)
+        notes: list[str] = []
+        for condition in where:
+            found, more = _counting(found, condition)
+            notes += more
+        return Columns(
+            found, self.times(found, time), [found.numbers(column) for column in columns], notes
         )
-        return found, self.times(found, time), [found.numbers(column) for column in columns]
 
     def times(self, table: Table, time: Time) -> Array:
         """Times of the rows of a table (n,), s. Raises DataError where one part of a recording
@@ -125,7 +146,14 @@ class Files:
         return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
 
     def _moments(self, table: Table, time: Time) -> Moments:
-        """What the calendar text of a table says, with the day of its `date`."""
+        """What the calendar text of a table says, with the day of its `date`; read once, for gyro
+        and accelerometer ask for the same."""
+        key = (table.name, time)
+        if key not in self._read:
+            self._read[key] = self._read_moments(table, time)
+        return self._read[key]
+
+    def _read_moments(self, table: Table, time: Time) -> Moments:
         of_days, pattern = time.patterns
 
         def read(column: str | int, pattern: Pattern) -> Moments:
@@ -147,3 +175,46 @@ class Files:
         if self._start is None:
             self._start = some[0] if len(some) else 0.0
         return t + DAY * np.round((self._start - some[0]) / DAY) if len(some) else t
+
+
+def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:
+    """(Table of the rows of which the condition holds, notes on the others). Raises DataError where
+    there is none."""
+    left_out = ~_holds(table, condition)
+    if not left_out.any():
+        return table, []
+    if left_out.all():
+        cells = table.cells(condition.column)
+        raise DataError(
+            f"{table.name}: where: none of its {len(cells)} rows has {condition}; the first has "
+            f"{str(cells[0])[:40]!r}: check the key where"
+        )
+    rows = Rows(table.origin, (np.arange(len(left_out)),), []).without(
+        left_out, "row", f"of {len(left_out)} left out, which do not have {condition}"
+    )
+    return table._replace(frame=table.frame[~left_out], lines=table.lines[~left_out]), rows.notes
+
+
+def _holds(table: Table, condition: Condition) -> Mask:
+    """(n,) the rows of which it holds; it holds of no empty cell."""
+    holds = np.ones(len(table.frame), bool)
+    if condition.least is not None or condition.most is not None:
+        numbers = table.numbers(condition.column)
+        holds &= numbers >= (-np.inf if condition.least is None else condition.least)
+        holds &= numbers <= (np.inf if condition.most is None else condition.most)
+    if condition.equals is not None:
+        cells = table.cells(condition.column)
+        wanted = [each for each in condition.values if not isinstance(each, str)]
+        same = np.isin(_as_numbers(cells), np.array(wanted, float))
+        if cells.dtype.kind not in "iufb":
+            texts = [each for each in condition.values if isinstance(each, str)]
+            same |= np.isin([str(each).strip() for each in cells], texts)
+        holds &= same
+    return holds
+
+
+def _as_numbers(cells: Any) -> Array:
+    """(n,) cells as numbers, NaN where they are none."""
+    import pandas as pd
+
+    return np.asarray(pd.to_numeric(pd.Series(cells), errors="coerce"), float)

@@ -106,7 +106,10 @@ def add(messages: "Messages", content: bytes | memoryview, begin: int, depth: in
         try:
             found = {name: bytes(header[a:b]) for name, (a, b) in fields(header).items()}
             if found.get(b"op") == bytes([CONNECTION]):
-                info = {name: bytes(data[a:b]).decode("utf-8", "replace") for name, (a, b) in fields(data).items()}
+                info = {
+                    name: bytes(data[a:b]).decode("utf-8", "replace")
+                    for name, (a, b) in fields(data).items()
+                }
                 number = int.from_bytes(found[b"conn"], "little")
                 messages.topics[number] = Topic.of(
                     found[b"topic"].decode("utf-8", "replace"),

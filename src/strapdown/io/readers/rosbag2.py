@@ -45,7 +45,8 @@ def _parts(path: Path) -> list[Path]:
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
     return sorted(
-        found, key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)] + [each.name]  # type: ignore[list-item]
+        found,
+        key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)] + [each.name],  # type: ignore[list-item]
     )
 
 
@@ -151,4 +152,6 @@ def open_rosbag2(path: Path) -> Log:
     return log_of(path, "bag of ROS 2", messages)
 
 
-READER = Reader("rosbag2", SUFFIXES, "bag of ROS 2, database or folder", sniff=sniff, open=open_rosbag2)
+READER = Reader(
+    "rosbag2", SUFFIXES, "bag of ROS 2, database or folder", sniff=sniff, open=open_rosbag2
+)

@@ -1,0 +1,311 @@
+"""Positions, velocities and headings of NMEA 0183 as tables and sections of a description.
+
+What the sentences do not say is assumed: standard deviations where there is no GST, those of speed
+and heading always.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...typing import Ints
+from ..contract import Log, Section
+from ..table_file import Table
+from .cyclic_times import DAY, in_order, moments, undated
+from .nmea_sentences import TIME_FIELD, Kind, Sentences, dates
+
+ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
+"""m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
+float), to be multiplied by HDOP, of which less than 1 counts as 1. 4 m and 0.02 m are those of ROS'
+nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one axis; 0.5 m is
+between."""
+VERTICAL = 2.0
+"""Of the vertical standard deviation to the horizontal one."""
+SPEED_SD = 0.3
+"""m/s, of each component of a velocity. Receivers claim 0.05 m/s; this leaves room for filtering."""
+HEADING_SD = 2.0
+"""deg"""
+KNOT = 1852 / 3600
+"""m/s"""
+LEAST_SD = 1e-3
+"""m: a smaller standard deviation reads 0 in GST."""
+QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
+"""Of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
+GNSS = (b"GP", b"GN", b"GL", b"GA", b"GB", b"BD", b"GQ", b"QZ", b"GI")
+"""Talkers of one receiver of several systems."""
+UNTOLD = (
+    "NMEA does not tell whether a receiver used inertial sensors of its own (as u-blox F9K, F9R, M8U "
+    "and others do); fixes of such a receiver are no independent aiding"
+)
+
+
+class Clock(NamedTuple):
+    """The moments that dates of a file say; without any, days count from the first."""
+
+    place: Ints
+    moment: Ints
+    absolute: bool
+
+    @property
+    def column(self) -> str:
+        """Of a table: the name of the times."""
+        return "unix_ms" if self.absolute else "day_ms"
+
+    @property
+    def time(self) -> dict[str, Any]:
+        """As a description has it."""
+        clock = {"clock": "unix"} if self.absolute else {}
+        return {"column": self.column, "unit": "ms", **clock}
+
+    def ms(self, place: Ints, t: Ints) -> Ints:
+        """Moments (n,) of times of day."""
+        return moments(place, t, self.place, self.moment, DAY)
+
+
+def clock_of(sentences: Sentences) -> Clock:
+    """The clock of a file."""
+    place, moment = dates(sentences.kinds)
+    if len(place):
+        order = np.argsort(place, kind="stable")
+        return Clock(place[order], moment[order], True)
+    timed = [
+        (each.place, each.time_of_day(TIME_FIELD[name]))
+        for name, each in sentences.kinds.items()
+        if name in TIME_FIELD
+    ]
+    if timed:
+        place, t = (np.concatenate(each) for each in zip(*timed))
+        place, moment = undated(place[t >= 0], t[t >= 0], DAY)
+    if not len(place):
+        place = moment = np.zeros(1, int)
+    return Clock(place, moment, False)
+
+
+def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
+    """(place in the file, ms, whether these are POSIX) of all sentences with a time of day."""
+    clock, found = clock_of(sentences), []
+    for name, kind in sentences.kinds.items():
+        if name in TIME_FIELD:
+            t = kind.time_of_day(TIME_FIELD[name])
+            found.append((kind.place[t >= 0], clock.ms(kind.place[t >= 0], t[t >= 0])))
+    if not found:
+        return np.zeros(0, int), np.zeros(0, int), False
+    place, ms = (np.concatenate(each) for each in zip(*found))
+    order = np.argsort(place)
+    place, ms = place[order], ms[order]
+    first = np.diff(ms, prepend=-1) != 0
+    return place[first], ms[first], clock.absolute
+
+
+def nmea_log(path: Path, sentences: Sentences) -> Log:
+    """The Log of the sentences of a file."""
+    clock, tables, left = clock_of(sentences), {}, []
+    sections = _positions(path, sentences, clock, tables, left)
+    sections += _velocities(path, sentences, clock, tables, left)
+    sections += _headings(path, sentences, clock, tables, left)
+    kinds = sentences.kinds
+    if sections and not clock.absolute:
+        left.append(
+            "dates: no RMC or ZDA says one, so times are of the day, in s, UTC; they go with files whose "
+            "times are too"
+        )
+    if sentences.rejected:
+        left.append(f"{sentences.rejected} NMEA sentences fail their checksum")
+    if sentences.bare:
+        left.append(f"{sentences.bare} NMEA sentences without a checksum, or cut short")
+    shown = ", ".join(f"{name} {len(kind.place)}" for name, kind in kinds.items())
+    facts = [f"{path}: NMEA sentences {shown}"] if shown else []
+    return Log(tables, tuple(sections), (*facts, *([UNTOLD] if sections else [])), tuple(left))
+
+
+def _positions(
+    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
+) -> list[Section]:
+    """Sections of the positions, of the first of GGA, GNS, RMC and GLL that has a fix."""
+    for name in ("GGA", "GNS", "RMC", "GLL"):
+        if name not in sentences.kinds:
+            continue
+        kind = sentences.kinds[name]
+        quality, t = _quality(name, kind), kind.time_of_day(TIME_FIELD[name])
+        columns = _place_columns(name, kind)
+        good = np.isin(quality, list(ERRORS)) & (t >= 0) & np.isfinite(columns["lat"])
+        good &= np.isfinite(columns["lon"])
+        columns |= {"quality": quality}
+        table = _table(path, name, kind, t, good, columns, clock, left)
+        if (bad := int(np.count_nonzero(~good))) > 0:
+            left.append(
+                f"{bad} {name} without a fix, or with an estimated, manual or simulated one"
+            )
+        if not len(table.lines):
+            continue
+        tables[name], why = _with_deviations(table, sentences, clock)
+        heights = np.isfinite(table.numbers("height"))
+        if name in ("GGA", "GNS") and not heights.all():
+            left.append(
+                f"{np.count_nonzero(~heights)} heights of {name} without the separation of the geoid, "
+                f"which are above the sea and not above the ellipsoid"
+            )
+        keys = {
+            "kind": "position",
+            "table": name,
+            "time": clock.time,
+            "columns": ["lat", "lon", "height"],
+            "unit": ["deg", "deg", "m"],
+            "sd": ["sd_n", "sd_e", "sd_d"],
+        }
+        title = f"{name}, {len(table.lines)} fixes" + ("" if heights.any() else ", no heights")
+        return [Section("aiding", "gnss", keys, 0, title, {"sd": why} if why else {})]
+    return []
+
+
+def _quality(name: str, kind: Kind) -> Ints:
+    """Of each fix as GGA counts it; 0 where it is not used."""
+    if name == "GGA":
+        return np.nan_to_num(kind.numbers(6)).astype(int)
+    states = (
+        kind.text({"RMC": 2, "GLL": 6}.get(name, 0)) if name != "GNS" else [b"A"] * len(kind.place)
+    )
+    modes = kind.text({"RMC": 12, "GLL": 7, "GNS": 6}[name])
+    best = [
+        # GNS has a letter for each system; the systems without a fix say N
+        max((QUALITY_OF_MODE.get(mode[i : i + 1], 0) for i in range(max(len(mode), 1))), default=0)
+        for mode in modes
+    ]
+    return np.array([each if state == b"A" else 0 for each, state in zip(best, states)], int)
+
+
+def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
+    at = {"GGA": 2, "GNS": 2, "RMC": 3, "GLL": 1}[name]
+    found = {"lat": kind.degrees(at), "lon": kind.degrees(at + 2)}
+    nothing = np.full(len(kind.place), np.nan)
+    if name in ("GGA", "GNS"):
+        hdop, altitude = kind.numbers(8), kind.numbers(9)
+        separation = kind.numbers(11 if name == "GGA" else 10)
+        # millimetres are what sentences have: the sum of two decimal numbers is not exact
+        return found | {"height": np.round(altitude + separation, 4), "hdop": hdop}
+    return found | {"height": nothing, "hdop": nothing}
+
+
+def _table(
+    path: Path,
+    name: str,
+    kind: Kind,
+    t: Ints,
+    good: NDArray[np.bool_],
+    columns: dict[str, NDArray[Any]],
+    clock: Clock,
+    left: list[str],
+) -> Table:
+    """The good rows in the order of time, each time once."""
+    rows = np.flatnonzero(good)
+    moment = clock.ms(kind.place[rows], t[rows])
+    order, late, twice = in_order(moment)
+    rows = rows[order]
+    if late:
+        left.append(f"{late} {name} out of order, which are sorted")
+    if twice:
+        left.append(f"{twice} {name} that repeat a time")
+    values = {clock.column: moment[order]}
+    values |= {key: each[rows] for key, each in columns.items()}
+    return Table.of(f"{path} [{name}]", values, rows, "sentence")
+
+
+def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[Table, str]:
+    """(the table with standard deviations of GST, or assumed ones; why)."""
+    quality, hdop = table.cells("quality"), table.numbers("hdop")
+    assumed = np.array([ERRORS[each] for each in quality.tolist()]) * np.fmax(hdop, 1.0)
+    assumed = np.where(np.isfinite(assumed), assumed, 10.0)
+    sd = np.stack([assumed, assumed, VERTICAL * assumed], axis=1)
+    told = np.zeros(len(sd), bool)
+    if "GST" in sentences.kinds:
+        gst = sentences.kinds["GST"]
+        t = gst.time_of_day(1)
+        rows = np.flatnonzero(t >= 0)
+        moment = clock.ms(gst.place[rows], t[rows])
+        values = np.stack([gst.numbers(field)[rows] for field in (6, 7, 8)], axis=1)
+        order, _, _ = in_order(moment)
+        if len(order):
+            there = moment[order]
+            at = np.minimum(np.searchsorted(there, table.cells(clock.column)), len(there) - 1)
+            own = values[order][at]
+            told = (there[at] == table.cells(clock.column)) & np.isfinite(own).all(axis=1)
+            sd = np.where(told[:, None], np.maximum(own, LEAST_SD), sd)
+    frame = table.frame.assign(sd_n=sd[:, 0], sd_e=sd[:, 1], sd_d=sd[:, 2])
+    if told.all():
+        return table._replace(frame=frame), ""
+    used = ", ".join(
+        f"{ERRORS[each]:g} m for quality {each}" for each in np.unique(quality[~told]).tolist()
+    )
+    return table._replace(frame=frame), f"{used}, times HDOP where above 1; height twice as much"
+
+
+def _velocities(
+    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
+) -> list[Section]:
+    """Section of the velocity over ground, of RMC, else VTG; it has no vertical component."""
+    for name in ("RMC", "VTG"):
+        if name not in sentences.kinds:
+            continue
+        kind = sentences.kinds[name]
+        if name == "RMC":
+            speed, course, t = KNOT * kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
+            used = _quality(name, kind) > 0
+        else:
+            speed, course, t = kind.numbers(7) / 3.6, kind.numbers(1), sentences.time_beside(kind)
+            speed = np.where(np.isfinite(speed), speed, KNOT * kind.numbers(5))
+            used = np.array([each in QUALITY_OF_MODE for each in kind.text(9)], bool)
+        # at rest a receiver says no course: then the components are as small as the speed
+        angle = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, np.radians(course))
+        speed_n = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, speed * np.cos(angle))
+        speed_e = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, speed * np.sin(angle))
+        columns = {"speed": speed, "course": course, "v_n": speed_n, "v_e": speed_e}
+        columns["v_d"] = np.full(len(speed), np.nan)
+        good = used & (t >= 0) & np.isfinite(speed_n) & np.isfinite(speed_e)
+        if not good.any():
+            continue
+        lines = [] if name in tables else left
+        table = f"{name} velocity" if name in tables else name
+        tables[table] = _table(path, table, kind, t, good, columns, clock, lines)
+        keys = {
+            "kind": "velocity",
+            "table": table,
+            "time": clock.time,
+            "columns": ["v_n", "v_e", "v_d"],
+            "unit": "m/s",
+            "sd": SPEED_SD,
+        }
+        why = "speed and course state none; receivers claim 0.05 m/s and filter"
+        title = f"{name}, speed and course, {len(tables[table].lines)} fixes"
+        return [Section("aiding", "gnss", keys, 0, title, {"sd": why})]
+    return []
+
+
+def _headings(
+    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
+) -> list[Section]:
+    """Section of the true heading, of THS, else HDT."""
+    for name in ("THS", "HDT"):
+        if name not in sentences.kinds:
+            continue
+        kind = sentences.kinds[name]
+        heading, t = kind.numbers(1), sentences.time_beside(kind)
+        good = np.isfinite(heading) & (t >= 0)
+        if name == "THS":
+            good &= np.array([each == b"A" for each in kind.text(2)], bool)
+        if not good.any():
+            left.append(f"{len(heading)} {name} without a heading")
+            continue
+        tables[name] = _table(path, name, kind, t, good, {"heading": heading}, clock, left)
+        keys = {
+            "kind": "heading",
+            "table": name,
+            "time": clock.time,
+            "columns": ["heading"],
+            "unit": "deg",
+            "sd": HEADING_SD,
+        }
+        title = f"{name}, {len(tables[name].lines)} headings"
+        return [Section("aiding", "heading", keys, 0, title, {"sd": f"{name} states none"})]
+    return []

@@ -1,0 +1,311 @@
+"""Logs of u-blox receivers: UBX messages, alone or mixed with NMEA, RTCM and text.
+
+Positions and velocities are those of NAV-PVT, with the digits of NAV-HPPOSLLH where it is there, or
+of the NAV-POSLLH, NAV-VELNED and NAV-SOL of older receivers; where there is none of them, those of
+the NMEA in the same file. The IMU is that of ESF-RAW or ESF-MEAS. Fixes that the receiver fused with
+inertial sensors (types 1 and 4) are no independent aiding. Sources: the interface descriptions of
+u-blox 6, M8 and F9.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...time_scales import gps_from_unix
+from ...typing import Array, Ints
+from ..contract import Log, Reader, Section
+from ..decoding.nmea_fixes import epochs, nmea_log
+from ..decoding.nmea_sentences import Sentences, find_sentences
+from ..decoding.ubx_fixes import Columns, solutions, usable, vehicle
+from ..decoding.ubx_frames import Frames, find_frames
+from ..decoding.ubx_layouts import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAV_PVAT
+from ..decoding.ubx_sensors import (
+    ACCEL,
+    ACCEL_SCALE,
+    GYRO,
+    GYRO_SCALE,
+    NAMES,
+    Samples,
+    Sensors,
+    sensors,
+)
+from ..decoding.ubx_times import Clock, clock
+from ..table_file import Table, packed, read_bytes
+
+START = 1 << 18
+"""Bytes in which a log must show a frame to be known by its content."""
+FUSED = (
+    "fix types 1 and 4 are made with the receiver's own inertial sensors and no independent aiding"
+)
+LEFT_OUT = {
+    0x1015: "ESF-INS: free of gravity, so no accelerometer",
+    0x2802: "HNR-INS: compensated by the receiver's own fusion",
+    0x2800: "HNR-PVT: made by the receiver's own fusion",
+    0x0105: "NAV-ATT: made by the receiver's own fusion",
+    0x013C: "NAV-RELPOSNED: how its baseline lies in the vehicle is not in the file",
+}
+
+
+def open_ubx(path: Path) -> Log:
+    """The Log of a file. Raises DataError where it holds no UBX message."""
+    data = read_bytes(path)
+    frames = find_frames(data)
+    if not len(frames.start):
+        raise DataError(f"{path}: holds no whole UBX message; is it the log of a u-blox receiver?")
+    time = clock(frames)
+    tables: dict[str, Table] = {}
+    name, found = solutions(frames, time)
+    said, sections = _fixes(path, name, found, time, tables)
+    left, asked = list(said), []
+    sentences = find_sentences(b"" if name else data)
+    if not name:
+        nmea = nmea_log(path, sentences)
+        tables |= nmea.tables
+        sections += nmea.sections
+        left += nmea.left
+        asked += nmea.asked
+    elif b"GGA," in data or b"RMC," in data:
+        left.append("NMEA of the same receiver: the UBX messages say the same with more digits")
+    sections += _vehicle(path, frames, time, tables)
+    sections += _imus(path, frames, _epochs(found, time, sentences), tables, left)
+    left += [f"{why} ({many})" for key, why in LEFT_OUT.items() if (many := frames.count(key))]
+    left += _damage(frames)
+    facts = [f"{path}: {len(frames.start)} UBX messages{_kinds(frames)}"]
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked))
+
+
+def _kinds(frames: Frames) -> str:
+    keys, many = np.unique(frames.key, return_counts=True)
+    known = {**{key: key for key in LAYOUTS}, ESF_RAW: ESF_RAW, ESF_MEAS: ESF_MEAS}
+    shown = [f"{KIND_NAMES[key]} {n}" for key, n in zip(keys.tolist(), many) if key in known]
+    return f": {', '.join(shown)}" if shown else ""
+
+
+KIND_NAMES = {
+    0x0102: "NAV-POSLLH",
+    0x0103: "NAV-STATUS",
+    0x0106: "NAV-SOL",
+    0x0107: "NAV-PVT",
+    0x0112: "NAV-VELNED",
+    0x0114: "NAV-HPPOSLLH",
+    0x0117: "NAV-PVAT",
+    0x0120: "NAV-TIMEGPS",
+    **NAMES,
+    ESF_ALG: "ESF-ALG",
+}
+
+
+def _damage(frames: Frames) -> list[str]:
+    lines = []
+    if frames.rejected:
+        lines.append(f"{frames.rejected} UBX frames fail their checksum")
+    if frames.cut:
+        lines.append(f"{frames.cut} UBX frames are cut short")
+    return lines
+
+
+def _time(time: Clock) -> dict[str, Any]:
+    if time.absolute:
+        return {"column": "gps_ms", "unit": "ms", "clock": "gps"}
+    return {"column": "tow_ms", "unit": "ms"}
+
+
+def _table(path: Path, name: str, columns: Columns, time: Clock) -> Table:
+    values = {key: each for key, each in columns.items() if key not in ("t", "row", "place", "ok")}
+    first = {"gps_ms" if time.absolute else "tow_ms": columns["t"]}
+    return Table.of(f"{path} [{name}]", first | values, columns["row"], "message")
+
+
+def _fixes(
+    path: Path, name: str, found: Columns, time: Clock, tables: dict[str, Table]
+) -> tuple[list[str], list[Section]]:
+    """(lines on what is left, sections) of positions and velocities."""
+    left: list[str] = []
+    sections: list[Section] = []
+    if not name:
+        return left, sections
+    if not time.absolute:
+        left.append("dates: no message says a valid one, so times count from an unknown week")
+    for instance, kinds, why in ((0, (2, 3), ""), (1, (1, 4), FUSED)):
+        columns, late, twice = usable(found, kinds)
+        many = len(columns["t"])
+        if not many:
+            continue
+        table = name if not instance else f"{name} fused"
+        tables[table] = _table(path, table, columns, time)
+        flat = int(np.count_nonzero(columns["fixType"] == 2))
+        title = f"{name}, {many} fixes" + (f", {flat} of them without height" if flat else "")
+        sections += _pair(table, "velN" in columns, time, instance, title, why)
+        if late or twice:
+            left.append(
+                f"{table}: {late} messages out of order, which are sorted, {twice} repeated"
+            )
+    none = len(found["t"]) - sum(len(tables[each].lines) for each in tables)
+    if none > 0:
+        left.append(f"{none} epochs of {name} without a fix that the receiver stands by")
+    return left, sections
+
+
+def _pair(
+    table: str, moving: bool, time: Clock, instance: int, title: str, why: str
+) -> list[Section]:
+    """Sections of position and velocity of one table."""
+    common = {"table": table, "time": _time(time)}
+    position = {
+        "kind": "position",
+        **common,
+        "columns": ["lat", "lon", "height"],
+        "unit": ["deg", "deg", "m"],
+        "sd": ["hAcc", "hAcc", "vAcc"],
+    }
+    velocity = {
+        "kind": "velocity",
+        **common,
+        "columns": ["velN", "velE", "velD"],
+        "unit": "m/s",
+        "sd": "sAcc",
+    }
+    every = [position, velocity] if moving else [position]
+    return [Section("aiding", "gnss", keys, instance, title, left=why) for keys in every]
+
+
+def _vehicle(path: Path, frames: Frames, time: Clock, tables: dict[str, Table]) -> list[Section]:
+    """The receiver's own fusion as a reference, left until it is asked for."""
+    if not frames.count(NAV_PVAT):
+        return []
+    columns, _, _ = usable(vehicle(frames, time), (2, 3, 4))
+    if not len(columns["t"]):
+        return []
+    tables["NAV-PVAT"] = _table(path, "NAV-PVAT", columns, time)
+    keys = {
+        "table": "NAV-PVAT",
+        "time": _time(time),
+        "position": {"columns": ["lat", "lon", "height"], "unit": ["deg", "deg", "m"]},
+        "velocity": {"columns": ["velN", "velE", "velD"], "unit": "m/s", "axes": "NED"},
+        "attitude": {"columns": ["vehRoll", "vehPitch", "vehHeading"], "unit": "deg"},
+    }
+    title = f"NAV-PVAT, {len(columns['t'])} rows"
+    why = "made by the receiver's own fusion; --take reference=0 scores against it"
+    return [Section("reference", "reference", keys, 0, title, left=why)]
+
+
+class Epochs(NamedTuple):
+    """What sets the clock of the sensors."""
+
+    place: Ints  # in the file (n,)
+    gps: Array  # s (n,)
+    absolute: bool
+
+
+def _epochs(found: Columns, time: Clock, sentences: Sentences) -> Epochs:
+    """Of the UBX messages, else of the NMEA in the file."""
+    if found:
+        return Epochs(found["place"], found["t"] / 1e3, time.absolute)
+    place, ms, absolute = epochs(sentences)
+    return Epochs(place, gps_from_unix(ms / 1e3) if absolute else ms / 1e3, absolute)
+
+
+def _imus(
+    path: Path,
+    frames: Frames,
+    by: Epochs,
+    tables: dict[str, Table],
+    left: list[str],
+) -> list[Section]:
+    """Sections of the IMU, those of the fastest message first."""
+    read = {key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)}
+    for key, each in read.items():
+        if each is None:
+            left.append(
+                f"{NAMES[key]}: no gyro with an accelerometer, or no NAV message between its own that "
+                f"sets its clock"
+            )
+    every = sorted(filter(None, read.values()), key=lambda each: -_rate(each.gyro.t))
+    sections: list[Section] = []
+    for instance, each in enumerate(every):
+        if len(each.gyro.t) and len(each.accel.t):
+            sections += _imu(path, each, instance, _mounting(frames), by.absolute, tables)
+            if each.lost:
+                left.append(f"{each.name}: {each.lost} samples at times that nothing tells")
+    return sections
+
+
+def _rate(t: Ints) -> float:
+    """Hz"""
+    return 1e6 / max(float(np.median(np.diff(t))), 1.0) if len(t) > 1 else 0.0
+
+
+def _imu(
+    path: Path,
+    each: Sensors,
+    instance: int,
+    mounting: Mapping[str, float],
+    gps: bool,
+    tables: dict[str, Table],
+) -> list[Section]:
+    """Sections of gyro and accelerometer, which have times of their own."""
+    absolute = each.absolute and gps
+    column = "gps_us" if absolute else "us"
+    time = {"column": column, "unit": "us", **({"clock": "gps"} if absolute else {})}
+    assumed = {
+        "axes": "the module lies flat with its x axis forward",
+        "grade": "the MEMS IMU of the receiver",
+    }
+    if each.absolute:
+        assumed["time"] = (
+            f"the sensor's clock is set to GPS time by the order of the messages, within "
+            f"{1e3 * each.scatter:.0f} ms beside the receiver's latency, which the file does not say"
+        )
+    if mounting:
+        assumed["mounting"] = "as the receiver found it (ESF-ALG)"
+    sections = []
+    parts = (("gyro", GYRO, each.gyro, "deg/s", GYRO_SCALE),)
+    parts += (("accel", ACCEL, each.accel, "m/s^2", ACCEL_SCALE),)
+    for sensor, types, samples, unit, scale in parts:
+        columns = [f"{sensor}_{axis}" for axis in "xyz"]
+        name = f"{each.name} {sensor}"
+        tables[name] = _sensor_table(path, name, column, samples, types, columns)
+        signal = {"columns": columns, "unit": unit, "scale": scale}
+        common = {"table": name, "time": time, "axes": "FLU"}
+        keys = {**common, sensor: signal, **({"mounting": mounting} if mounting else {})}
+        title = f"{name}, {_rate(samples.t):.0f} Hz"
+        sections.append(
+            Section("imu", "imu", keys | {"grade": "consumer"}, instance, title, assumed)
+        )
+    return sections
+
+
+def _sensor_table(
+    path: Path, name: str, column: str, samples: Samples, types: tuple[int, ...], names: list[str]
+) -> Table:
+    values = {name: samples.values[kind] for name, kind in zip(names, types)}
+    return Table.of(f"{path} [{name}]", {column: samples.t, **values}, word="sample")
+
+
+def _mounting(frames: Frames) -> dict[str, Any]:
+    """How the receiver says that its IMU is mounted (ESF-ALG), where it has found it: the angles
+    turn the installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right,
+    down yaw and pitch change their signs. Empty where it has not."""
+    _, records = frames.records(ESF_ALG, LAYOUTS[ESF_ALG])
+    ready = (records["flags"] >> 1 & 7 >= 3) & (records["error"] == 0)
+    if not ready.any():
+        return {}
+    last = records[ready][-1]
+    yaw, pitch, roll = (float(last[name]) / 100 for name in ("yaw", "pitch", "roll"))
+    return {"roll": roll, "pitch": -pitch, "heading": -yaw, "unit": "deg"}
+
+
+def sniff(path: Path) -> bool:
+    """Whether the file holds UBX frames near its beginning."""
+    try:
+        return len(find_frames(read_bytes(path, START)).start) > 0
+    except DataError:
+        return False
+
+
+READER = Reader(
+    "ubx", packed(".ubx", ".log", ".txt"), "log of a u-blox receiver", sniff=sniff, open=open_ubx
+)

@@ -1,0 +1,114 @@
+"""Fixes that are told in another form than the library's: velocities as speed and course, and
+positions, velocities and attitudes in ECEF."""
+
+import numpy as np
+
+from .. import geodesy
+from ..typing import Array
+from .origin import Origin, counted
+
+STANDSTILL = 0.5
+"""m/s: up to this speed, or its standard deviation where that is more, a vehicle without a course
+stands still."""
+RADIUS = (6.33e6, 6.87e6)
+"""Least and greatest distance of a position from the centre of the Earth, m: from 12 km below the
+ellipsoid to 500 km above it."""
+
+
+def over_ground(values: Array, sd: Array, origin: Origin) -> tuple[Array, Array, list[str]]:
+    """(v_n (m, 3) m/s NED, its standard deviations (m, 3), notes) of a speed over ground and a
+    course, and, where there is a third column, the velocity down.
+
+    values: (m, 2 or 3) m/s, rad, m/s; sd (m, k) of these, or of the speed alone (m, 1), which then
+    is also that across and down. Across the track it is that of the course times the speed,
+    and not below the speed's, because a slow vehicle's course says little. The two are
+    independent; what turning them to north and east correlates is left out. Without a
+    course the velocity is missing, but at a standstill, where it is zero and the speed
+    counts as standard deviation. Without a third column the velocity down is missing.
+    """
+    speed, course = values[:, 0], values[:, 1]
+    notes = []
+    negative = speed < 0
+    if negative.any():
+        row = origin.line(int(np.argmax(negative)))
+        notes.append(
+            f"{origin.name}: {counted(int(negative.sum()), 'row')} with a speed below zero left out, "
+            f"the first in {row}"
+        )
+    along = sd[:, 0]
+    across = np.maximum(along, speed * sd[:, 1]) if sd.shape[1] > 1 else along
+    lost = np.isnan(course)
+    resting = lost & (speed <= np.maximum(STANDSTILL, along))
+    if lost.any():
+        notes.append(
+            f"{origin.name}: {counted(int(lost.sum()), 'row')} without a course, of which "
+            f"{int(resting.sum())} at a standstill count as velocity zero; the others say nothing "
+            f"horizontally"
+        )
+    north, east = np.cos(course), np.sin(course)
+    rest_sd = np.hypot(along, speed)
+    v_n = np.full((len(values), 3), np.nan)
+    turned = np.empty((len(values), 3))
+    for axis, (one, other) in enumerate(((north, east), (east, north))):
+        v_n[:, axis] = np.where(resting, 0.0, speed * one)
+        turned[:, axis] = np.where(resting, rest_sd, np.hypot(along * one, across * other))
+    v_n[negative, :2] = np.nan
+    if values.shape[1] == 3:
+        v_n[:, 2] = values[:, 2]
+    turned[:, 2] = sd[:, 2] if sd.shape[1] == 3 else along
+    return v_n, turned, notes
+
+
+def positions(xyz: Array, origin: Origin) -> Array:
+    """(m, 3) geodetic positions of x, y, z in ECEF, m; NaN where one of them is. Raises DataError
+    naming the row of one that no vehicle has."""
+    radius = np.linalg.norm(xyz, axis=1)
+    origin.refuse(
+        (radius < RADIUS[0]) | (radius > RADIUS[1]),
+        lambda row: (
+            f"x, y, z are {radius[row] / 1e3:.6g} km from the centre of the Earth, where a vehicle has "
+            f"{RADIUS[0] / 1e3:.0f} to {RADIUS[1] / 1e3:.0f}; check columns and unit, and leave out "
+            f"rows without a fix with the key where"
+        ),
+    )
+    return geodesy.from_ecef(np.where(np.isfinite(radius)[:, None], xyz, np.nan))
+
+
+def vectors(values: Array, lla: Array) -> Array:
+    """(m, 3) NED of vectors in ECEF at geodetic positions (m, 3); NaN where a component is."""
+    return np.einsum("nij,nj->ni", geodesy.ned_axes(lla), values)
+
+
+def deviations(sd: Array, lla: Array) -> Array:
+    """(m, 3) standard deviations north, east, down of those in ECEF at geodetic positions: x, y, z
+    (m, 3), or these with the signed roots of the covariances xy, yz, zx (m, 6)."""
+    P = np.zeros((len(sd), 3, 3))
+    P[:, range(3), range(3)] = sd[:, :3] ** 2
+    if sd.shape[1] == 6:
+        for entry, (i, j) in zip(sd[:, 3:].T, ((0, 1), (1, 2), (2, 0))):
+            P[:, i, j] = P[:, j, i] = entry * np.abs(entry)
+    R = geodesy.ned_axes(lla)
+    return np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", R, P, R), 0.0))
+
+
+def attitudes(q: Array, lla: Array) -> Array:
+    """(m, 4) attitude of the body in NED, scalar first, of that in ECEF at geodetic positions; NaN
+    where one of them is."""
+    from scipy.spatial.transform import Rotation
+
+    known = np.isfinite(q).all(axis=1) & np.isfinite(lla[:, :2]).all(axis=1)
+    found = np.full(q.shape, np.nan)
+    if known.any():
+        turn = Rotation.from_matrix(geodesy.ned_axes(lla[known]))
+        body = Rotation.from_quat(q[known][:, [1, 2, 3, 0]])
+        found[known] = (turn * body).as_quat()[:, [3, 0, 1, 2]]
+    return found
+
+
+def places(t: Array, known: Array, lla: Array) -> Array:
+    """(m, 3) geodetic positions at the times t (m,), s, on straight lines between the positions lla
+    (k, 3) at the times known (k,), in order; beyond these the nearest one. A missing height is
+    taken for 0."""
+    lla = np.where(np.isfinite(lla), lla, 0.0)
+    xyz = np.stack([np.interp(t, known, each) for each in geodesy.to_ecef(lla).T], axis=1)
+    return geodesy.from_ecef(xyz)
