@@ -19,6 +19,7 @@ from ..contract import Log, Reader, Section
 from ..decoding.phone import (
     FixColumns,
     Piece,
+    day,
     fix_sections,
     fixes,
     inertial,
@@ -28,6 +29,8 @@ from ..decoding.phone import (
 from ..table_file import Table, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
+MOST_NS = 4e18
+"""ns that whole numbers can count from 1970, or a phone since it started."""
 UNIX = "POSIX ns"
 """Column that is added: the phone's clock, on UTC."""
 SENSORS = {
@@ -123,7 +126,7 @@ def open_log(path: Path) -> Log:
     if zero is not None:
         time = {"column": UNIX, "unit": "ns", "clock": "unix"}
         tables = {kind: _on_utc(table, zero) for kind, table in tables.items()}
-        head = {"date": str(np.datetime64(round(_first(tables)), "s"))[:10]}
+        head = _date(tables)
     sections, more = _inertial(tables, time)
     facts += more
     left += _fixes(tables, time, sections)
@@ -213,7 +216,7 @@ def _on_utc(table: Table, zero: float) -> Table:
     frame, utc = table.frame, _matching(table, UTC)
     if CLOCK in frame.columns:
         clock = table.cells(CLOCK)
-        whole = clock.dtype.kind == "i"
+        whole = clock.dtype.kind == "i" and np.all(np.abs(clock) < MOST_NS)
         unix = clock + round(zero * 1e9) if whole else table.numbers(CLOCK) + zero * 1e9
     elif utc:
         unix = table.numbers(utc) * 1e6
@@ -222,10 +225,11 @@ def _on_utc(table: Table, zero: float) -> Table:
     return table._replace(frame=frame.assign(**{UNIX: unix}))
 
 
-def _first(tables: dict[str, Table]) -> float:
-    """POSIX seconds of the earliest row."""
+def _date(tables: dict[str, Table]) -> dict[str, str]:
+    """The key date, of the earliest row of most tables."""
     every = [table.numbers(UNIX) for table in tables.values() if UNIX in table.frame.columns]
-    return min((float(np.nanmin(t)) for t in every if np.isfinite(t).any()), default=0.0) * 1e-9
+    firsts = [float(np.median(t[:9])) * 1e-9 for t in every if len(t)]
+    return day(float(np.median(firsts))) if firsts else {}
 
 
 def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:

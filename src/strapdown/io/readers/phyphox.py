@@ -19,6 +19,7 @@ from ..decoding.phone import (
     FixColumns,
     Piece,
     barometer_section,
+    day,
     fix_sections,
     fixes,
     inertial,
@@ -106,7 +107,7 @@ def open_export(path: Path) -> Log:
     head: dict[str, Any] = {}
     if starts is not None:
         time = {"column": UNIX, "unit": "ns", "clock": "unix"}
-        head = {"date": facts[0].split()[2][:10]}
+        head = day(float(starts.system[0]))
     tables: dict[str, Table] = {}
     kinds: dict[str, list[str]] = {}
     left: list[str] = []
