@@ -56,6 +56,7 @@ class Files:
         self._first: Time | None = None
         self._read: dict[tuple[int, Time], tuple[Table, Moments]] = {}
         self._start: float | None = None  # of times of day without a date
+        # a description may name the same file another way
         self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
