@@ -56,6 +56,8 @@ def read_description(path: File) -> Recording:
 def recording_of(description: Description, files: Files) -> Recording:
     """The Recording of a description and the files that it names. Raises DataError of one line."""
     path = files.path
+    parts = [*description.aiding, description.reference]
+    files.later = {part.file for part in parts if part is not None and part.file is not None}
     imu, notes = read_imu(description.imu, files)
     for field, text in mistakes(imu, description.imu.kind):
         raise DataError(f"{path}: [imu] {field}: {text}")
@@ -150,6 +152,8 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
         _signal(part, signal, dimension, files)
         for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
     )
+    if part.temperature is None:
+        files.forget(part.file)
     if np.array_equal(t, t_accel, equal_nan=True):
         imu, more = increments(t, gyro, accel, part.kind, origin)
     else:
@@ -161,9 +165,8 @@ def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     notes += [note for note in left_out if note not in notes] + more
     gyro, accel, more = corrected(part, files, imu)
     C = part.matrix
-    return Imu(
-        imu.t, imu.dt, *(np.require(values @ C.T, float, ["C", "W"]) for values in (gyro, accel))
-    ), notes + more
+    turn = turned if part.mounting is None else _rotated
+    return Imu(imu.t, imu.dt, turn(gyro, C), turn(accel, C)), notes + more
 
 
 def _signal(
@@ -178,8 +181,10 @@ def _signal(
         signal.table if own else part.table,
         () if own else part.where,
     )
-    size = signal.scale * factor(signal.unit, dimension)
-    return table.origin, t, np.stack(columns, axis=1) * size, notes
+    values, scale = np.empty((len(t), 3)), signal.scale * factor(signal.unit, dimension)
+    for k, cells in enumerate(columns):
+        np.multiply(cells, scale, out=values[:, k])
+    return table.origin, t, values, notes
 
 
 def read_aiding(
@@ -283,6 +288,10 @@ def read_field(
         return with_field(part, aiding, imu, meta.get("date"), place and place.lla)
     except DataError as error:
         raise DataError(f"{path}: [[aiding]] {number} ({part.kind}) {error}") from None
+
+
+def _rotated(vectors: Array, matrix: Array) -> Array:
+    return np.require(vectors @ matrix.T, float, ["C", "W"])
 
 
 def _constraint_times(
