@@ -25,8 +25,9 @@ Columns = Mapping[str, Any]
 
 def rate(t_us: Any) -> float:
     """Hz of times in us: 1 / their median interval; 0 of fewer than two."""
-    t = np.unique(np.asarray(t_us).astype(np.int64))
-    return 1e6 / float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    steps = np.diff(np.sort(np.asarray(t_us).astype(np.int64)))
+    steps = steps[steps > 0]
+    return 1e6 / float(np.median(steps)) if len(steps) else 0.0
 
 
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:

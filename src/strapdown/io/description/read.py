@@ -56,7 +56,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     """The Recording of a description and the files that it names. Raises DataError of one line."""
     path = files.path
     imu, notes = read_imu(description.imu, files)
-    for field, text in mistakes(imu, description.imu.kind):
+    for field, text in mistakes(imu, description.imu.kind, description.vehicle):
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings: list[Aiding] = []
     found: dict[int, Aiding] = {}

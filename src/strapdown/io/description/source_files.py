@@ -54,7 +54,7 @@ class Files:
         self._first: Time | None = None
         self._read: dict[tuple[str, Time], Moments] = {}
         self._start: float | None = None  # of times of day without a date
-        self._logs = {} if logs is None else logs
+        self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
         path = self.locate(file)
@@ -63,9 +63,10 @@ class Files:
             found = read_table(path, header)
             self.notes += found.notes
             return found
-        if path not in self._logs:
-            self._logs[path] = ask(reader, "open", path)
-        tables = self._logs[path].tables
+        same = path.resolve()
+        if same not in self._logs:
+            self._logs[same] = ask(reader, "open", path)
+        tables = self._logs[same].tables
         if table is None and len(tables) == 1:
             return next(iter(tables.values()))
         if table is None or table not in tables:
