@@ -100,15 +100,24 @@ def trajectory(
 
 
 def reference(
-    columns: dict[str, Any], table: str, instance: int, title: str, left: str, **time: Any
+    columns: dict[str, Any],
+    table: str,
+    instance: int,
+    title: str,
+    left: str,
+    geoid: bool,
+    **time: Any,
 ) -> tuple[dict[str, Any], Section]:
-    """(columns, section) of a trajectory; `time` are further keys of its time."""
+    """(columns, section) of a trajectory, whose heights are above the geoid or the ellipsoid;
+    `time` are further keys of its time."""
     keys: dict[str, Any] = {
         "table": table,
         "time": {"column": "t", "unit": "us", **time},
         "position": {"columns": ["lat", "lon", "alt"], "unit": ["deg", "deg", "m"]},
         "attitude": {"columns": [f"q{k}" for k in range(4)], "quaternion": "wxyz"},
     }
+    if geoid:
+        keys["position"]["geoid"] = "EGM96"
     if "vn" in columns:
         keys["velocity"] = {"columns": ["vn", "ve", "vd"], "unit": "m/s"}
     return columns, Section("reference", "reference", keys, instance, title, left=left)
