@@ -66,6 +66,8 @@ def data_records(number, topic):
 
 def interleaved(blocks, times):
     """The bytes of blocks (n, size) of records in the order of their times."""
+    if not blocks:
+        return b""
     sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks])
     order = np.argsort(np.concatenate(times), kind="stable")
     starts = np.empty(len(sizes), np.int64)

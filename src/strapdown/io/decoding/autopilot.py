@@ -12,7 +12,7 @@ from ...time_scales import iso
 from ...typing import Array
 from ..contract import Section
 
-VEHICLES = {
+VEHICLES: dict[float, str] = {
     **dict.fromkeys((1, *range(19, 26)), "aircraft"),
     **dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), "multicopter"),
     10: "car",
