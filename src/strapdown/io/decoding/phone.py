@@ -133,6 +133,13 @@ def fix_sections(
     return found
 
 
+def day(unix: float) -> dict[str, str]:
+    """The key date of a moment in POSIX seconds; {} where it is none of this century."""
+    if not 946684800 <= unix < 4102444800:
+        return {}
+    return {"date": str(np.datetime64(int(unix), "s").astype("datetime64[D]"))}
+
+
 def inertial(
     gyro: Piece | None,
     accel: Piece | None,

@@ -19,6 +19,7 @@ from ..decoding.phone import (
     FixColumns,
     Piece,
     barometer_section,
+    day,
     fix_sections,
     fixes,
     inertial,
@@ -59,7 +60,7 @@ def sniff(path: Path) -> bool:
 
 def columns_of(head: str) -> list[str]:
     """Names in a header line, [] where it is none of the app's."""
-    names = [name.strip().strip('"') for name in re.split(r"[,;\t]", head)]
+    names = [name.strip() for name in re.split(r"[,;\t]", head)]
     return names if names[0] == TIME_COLUMN else []
 
 
@@ -106,7 +107,7 @@ def open_export(path: Path) -> Log:
     head: dict[str, Any] = {}
     if starts is not None:
         time = {"column": UNIX, "unit": "ns", "clock": "unix"}
-        head = {"date": facts[0].split()[2][:10]}
+        head = day(float(starts.system[0]))
     tables: dict[str, Table] = {}
     kinds: dict[str, list[str]] = {}
     left: list[str] = []
