@@ -56,7 +56,8 @@ def _add(
             found = _values(header)
             if found.get(b"op") == CONNECTION:
                 number = int.from_bytes(found[b"conn"], "little")
-                messages.topics[number] = _topic(found[b"topic"], _values(data))
+                topic = _topic(found[b"topic"], _values(data))
+                messages.topics.setdefault(number, topic)  # it stands at the end once more
             elif found.get(b"op") == CHUNK and not in_chunk:
                 size = int.from_bytes(found[b"size"], "little")
                 inner = unpack(data, _text(found[b"compression"]), size)

@@ -17,9 +17,11 @@ from .robot_aiding import barometer, fix, magnetometer, odometry, twist
 from .robot_imu import imu
 from .robot_parts import Made, Robot
 from .robot_streams import Stream, streams_of, unread
-from .ros_messages import Messages
+from .ros_messages import Columns, Messages
 from .ros_transforms import Frames
 
+MOST = 1e12
+"""Above every number that is measured, in whatever unit."""
 BASE = re.compile(r"(^|/)base_(link|footprint)$")
 MAKERS: Mapping[str, Callable[[Stream, Robot], Made]] = {
     "sensor_msgs/Imu": imu,
@@ -44,6 +46,7 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
     for stream in streams:
         with np.errstate(over="ignore", invalid="ignore"):  # numbers of damaged messages
             made, columns = MAKERS[stream.type](stream, robot)
+            left += _without_nonsense(stream.topic, columns)
         name = f"{path} [{stream.topic}]"
         tables[stream.topic] = Table.of(name, {"stamp": stream.stamp, **columns}, word="message")
         for section in made:
@@ -56,6 +59,19 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
         (f"{what}, {clock}", *(each.fact for each in streams)),
         (*left, *_counted(messages.left), *unread(messages.topics.values())),
         tuple(_asked(sections)),
+    )
+
+
+def _without_nonsense(topic: str, columns: Columns) -> list[str]:
+    """Make numbers that nothing measures missing; a line on them."""
+    wrong = 0
+    for name, values in columns.items():
+        beyond = np.abs(values) > MOST
+        if beyond.any():
+            wrong += int(beyond.sum())
+            columns[name] = np.where(beyond, np.nan, values)
+    return (
+        [f"{wrong} numbers beyond {MOST:g} of {topic}: damaged, taken as missing"] if wrong else []
     )
 
 
