@@ -24,6 +24,11 @@ class Vehicle:
     def __str__(self) -> str:
         return f"vehicle {self.name!r}"
 
+    @property
+    def points_ahead(self) -> bool:
+        """Whether its heading is near its course: a multicopter flies to any side."""
+        return self.name != "multicopter"
+
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):
             raise DataError(f"vehicle name is {self.name!r}; it must be text, such as 'rover'")

@@ -20,8 +20,10 @@ from .table_file import PACKED, Table, first_line_of, open_bytes, reading
 if TYPE_CHECKING:
     import pandas as pd
 
-HEAD, SAMPLE = 65536, 200
+HEAD, SAMPLE = 65536, 50
 """Bytes of a file that its layout is found from, and lines of them."""
+CHUNK = 65536
+"""Rows that are parsed at a time: pandas keeps the text of as many."""
 BLANKS = r"\s+"
 SEPARATORS = (";", "\t", "|", ",", BLANKS)
 """In the order in which they are believed where several fit: cells of a table with semicolons may
@@ -177,7 +179,7 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
     with warnings.catch_warnings():
         # rows with more cells than the header has names
         warnings.simplefilter("error", pd.errors.ParserWarning)
-        return pd.read_csv(
+        chunks = pd.read_csv(
             source,
             sep=found.separator,
             decimal=found.decimal,
@@ -190,7 +192,11 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
             index_col=False,
             encoding=found.encoding,
             encoding_errors="replace",
+            chunksize=CHUNK,
         )
+        with chunks:
+            frames = list(chunks)
+    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
 
 
 def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
@@ -221,18 +227,17 @@ def layout(path: Path) -> Layout:
         del lines[-1]
     used = [(k, line) for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
     separator, many = _separator([line for _, line in used])
-    rows = [(k, _cells(line, separator, many)) for k, line in used]
-    first = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, many)), None)
-    if first is None:  # a header alone, or text: the first line is the header
-        first = min(1, len(rows))
-    above = rows[:first] or [
-        (k, _cells(COMMENT.sub("", line).strip(), separator, many))
-        for k, line in enumerate(lines[: rows[0][0] if rows else 0])
-        if COMMENT.match(line)
+    first = next(
+        (i for i, (_, line) in enumerate(used) if _is_row(_cells(line, separator), many)),
+        min(1, len(used)),  # a header alone, or text: the first line is the header
+    )
+    skipped = used[first][0] if first < len(used) else len(lines)
+    titles = [line for _, line in used[:first]] or [
+        COMMENT.sub("", line).strip() for line in lines[:skipped] if COMMENT.match(line)
     ]
-    names, units = _header(above, [cells for _, cells in rows[first:]], many)
-    decimal = _decimal(cells for _, cells in rows[first:])
-    skipped = rows[first][0] if first < len(rows) else len(lines)
+    rows = [_cells(line, separator) for _, line in used[first : first + SAMPLE]]
+    names, units = _header([_cells(line, separator, many) for line in titles], rows, many)
+    decimal = _decimal(rows)
     return Layout(encoding, separator, decimal, skipped, names, units)
 
 
@@ -297,13 +302,13 @@ def _decimal(rows: Iterable[Sequence[str]]) -> str:
 
 
 def _header(
-    above: Sequence[tuple[int, list[str]]], rows: Sequence[list[str]], many: int
+    above: Sequence[list[str]], rows: Sequence[list[str]], many: int
 ) -> tuple[list[str], dict[str, str]]:
     """(names, {name: unit}) of the lines above the first row; no names where none fits."""
     trailing = bool(rows) and all(len(cells) == many and not cells[-1] for cells in rows)
     fitting = [
         cells
-        for _, cells in above
+        for cells in above
         if any(char.isalpha() for cell in cells for char in cell)
         and (len(cells) > 1 or many == 1)
         and (not rows or len(cells) >= many - trailing)

@@ -72,5 +72,8 @@ def named_permutation(matrix: Array) -> str:
 def turned(vectors: Array, matrix: Array) -> Array:
     """The vectors (n, 3) in the axes of a signed permutation (3, 3), which keeps a NaN where it is
     (a matrix product would spread it)."""
-    source = np.abs(matrix).argmax(axis=1)
-    return vectors[:, source] * matrix[np.arange(3), source]
+    found = np.empty(vectors.shape)
+    for k, source in enumerate(np.abs(matrix).argmax(axis=1)):
+        np.multiply(vectors[:, source], matrix[k, source], out=found[:, k])
+    found += 0.0  # no zero has a sign, as in a matrix product
+    return found

@@ -85,6 +85,8 @@ def _columns(
 
 
 def _finite(rows: Rows) -> Rows:
+    if all(np.isfinite(column).all() for column in rows.columns):
+        return rows
     t, gyro, accel = rows.columns
     keep = np.isfinite(t) & np.isfinite(gyro).all(axis=1) & np.isfinite(accel).all(axis=1)
     return rows.without(~keep, "sample", "with NaN or infinite values dropped")
@@ -137,6 +139,8 @@ def _longest_rising(t: Array) -> Ints:
 def _distinct(rows: Rows) -> Rows:
     t, gyro, accel = rows.columns
     same = np.r_[False, np.diff(t) == 0]
+    if not same.any():
+        return rows
     before = np.flatnonzero(same) - 1
     other = (gyro[same] != gyro[before]) | (accel[same] != accel[before])
     different = other.any(axis=1).sum()

@@ -18,7 +18,7 @@ from ..data import Solution, Trajectory
 from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from ..io.solution import plain
+from ..io.solution_netcdf import plain
 from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page

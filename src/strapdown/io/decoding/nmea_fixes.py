@@ -23,12 +23,10 @@ nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one
 between."""
 VERTICAL = 2.0
 """Of the vertical standard deviation to the horizontal one."""
-SPEED_SD = 0.3
-"""m/s, of each component of a velocity. Receivers claim 0.05 m/s; this leaves room for filtering."""
+SPEED_SD = 0.6
+"""knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
 HEADING_SD = 2.0
 """deg"""
-KNOT = 1852 / 3600
-"""m/s"""
 LEAST_SD = 1e-3
 """m: a smaller standard deviation reads 0 in GST."""
 QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
@@ -101,7 +99,10 @@ def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
 
 def nmea_log(path: Path, sentences: Sentences) -> Log:
     """The Log of the sentences of a file."""
-    clock, tables, left = clock_of(sentences), {}, []
+    clock = clock_of(sentences)
+    tables: dict[str, Table] = {}
+    left: list[str] = []
+    sentences = _of_one_source(sentences, left)
     sections = _positions(path, sentences, clock, tables, left)
     sections += _velocities(path, sentences, clock, tables, left)
     sections += _headings(path, sentences, clock, tables, left)
@@ -118,6 +119,20 @@ def nmea_log(path: Path, sentences: Sentences) -> Log:
     shown = ", ".join(f"{name} {len(kind.place)}" for name, kind in kinds.items())
     facts = [f"{path}: NMEA sentences {shown}"] if shown else []
     return Log(tables, tuple(sections), (*facts, *([UNTOLD] if sections else [])), tuple(left))
+
+
+def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
+    """Of each type the sentences of one source, where GNSS receivers and other devices, such as
+    those of a ship, send the same: those of which there are most."""
+    kinds = {}
+    for name, kind in sentences.kinds.items():
+        gnss = np.array([talker in GNSS for talker in kind.talkers])
+        most = gnss if 2 * np.count_nonzero(gnss) >= len(gnss) else ~gnss
+        kinds[name] = kind if most.all() else kind.rows(np.flatnonzero(most))
+        if not most.all():
+            others = sorted({talker.decode() for talker, its in zip(kind.talkers, most) if not its})
+            left.append(f"{np.count_nonzero(~most)} {name} of other devices ({', '.join(others)})")
+    return sentences._replace(kinds=kinds)
 
 
 def _positions(
@@ -141,23 +156,35 @@ def _positions(
         if not len(table.lines):
             continue
         tables[name], why = _with_deviations(table, sentences, clock)
-        heights = np.isfinite(table.numbers("height"))
-        if name in ("GGA", "GNS") and not heights.all():
-            left.append(
-                f"{np.count_nonzero(~heights)} heights of {name} without the separation of the geoid, "
-                f"which are above the sea and not above the ellipsoid"
-            )
+        heights, geoid = _heights(tables[name], left)
         keys = {
             "kind": "position",
             "table": name,
             "time": clock.time,
-            "columns": ["lat", "lon", "height"],
+            "columns": ["lat", "lon", "altitude"],
             "unit": ["deg", "deg", "m"],
+            **geoid,
             "sd": ["sd_n", "sd_e", "sd_d"],
         }
-        title = f"{name}, {len(table.lines)} fixes" + ("" if heights.any() else ", no heights")
-        return [Section("aiding", "gnss", keys, 0, title, {"sd": why} if why else {})]
+        assumed = {"sd": why} if why else {}
+        if geoid.get("geoid") == "EGM96":
+            assumed["geoid"] = "the sentences do not say its separation"
+        title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
+        return [Section("aiding", "gnss", keys, 0, title, assumed)]
     return []
+
+
+def _heights(table: Table, left: list[str]) -> tuple[bool, dict[str, Any]]:
+    """(whether there are heights, the key that says how far the geoid is from the ellipsoid)."""
+    known = np.isfinite(table.numbers("altitude"))
+    if not known.any():
+        return False, {}
+    told = np.isfinite(table.numbers("separation"))
+    if not (told & known).any():
+        return True, {"geoid": "EGM96"}
+    if many := int(np.count_nonzero(known & ~told)):
+        left.append(f"{many} heights without the separation of the geoid, which others say")
+    return True, {"geoid": {"column": "separation", "unit": "m"}}
 
 
 def _quality(name: str, kind: Kind) -> Ints:
@@ -181,11 +208,13 @@ def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
     found = {"lat": kind.degrees(at), "lon": kind.degrees(at + 2)}
     nothing = np.full(len(kind.place), np.nan)
     if name in ("GGA", "GNS"):
-        hdop, altitude = kind.numbers(8), kind.numbers(9)
         separation = kind.numbers(11 if name == "GGA" else 10)
-        # millimetres are what sentences have: the sum of two decimal numbers is not exact
-        return found | {"height": np.round(altitude + separation, 4), "hdop": hdop}
-    return found | {"height": nothing, "hdop": nothing}
+        return found | {
+            "altitude": kind.numbers(9),
+            "separation": separation,
+            "hdop": kind.numbers(8),
+        }
+    return found | {"altitude": nothing, "separation": nothing, "hdop": nothing}
 
 
 def _table(
@@ -250,19 +279,14 @@ def _velocities(
             continue
         kind = sentences.kinds[name]
         if name == "RMC":
-            speed, course, t = KNOT * kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
+            speed, course, t = kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
             used = _quality(name, kind) > 0
         else:
-            speed, course, t = kind.numbers(7) / 3.6, kind.numbers(1), sentences.time_beside(kind)
-            speed = np.where(np.isfinite(speed), speed, KNOT * kind.numbers(5))
+            speed, course, t = kind.numbers(5), kind.numbers(1), sentences.time_beside(kind)
+            speed = np.where(np.isfinite(speed), speed, kind.numbers(7) / 1.852)
             used = np.array([each in QUALITY_OF_MODE for each in kind.text(9)], bool)
-        # at rest a receiver says no course: then the components are as small as the speed
-        angle = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, np.radians(course))
-        speed_n = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, speed * np.cos(angle))
-        speed_e = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, speed * np.sin(angle))
-        columns = {"speed": speed, "course": course, "v_n": speed_n, "v_e": speed_e}
-        columns["v_d"] = np.full(len(speed), np.nan)
-        good = used & (t >= 0) & np.isfinite(speed_n) & np.isfinite(speed_e)
+        columns = {"speed": speed, "course": course}
+        good = used & (t >= 0) & np.isfinite(speed)
         if not good.any():
             continue
         lines = [] if name in tables else left
@@ -272,11 +296,12 @@ def _velocities(
             "kind": "velocity",
             "table": table,
             "time": clock.time,
-            "columns": ["v_n", "v_e", "v_d"],
-            "unit": "m/s",
+            "form": "speed, course",
+            "columns": ["speed", "course"],
+            "unit": ["knot", "deg"],
             "sd": SPEED_SD,
         }
-        why = "speed and course state none; receivers claim 0.05 m/s and filter"
+        why = "the sentences state none; receivers claim 0.05 m/s and filter"
         title = f"{name}, speed and course, {len(tables[table].lines)} fixes"
         return [Section("aiding", "gnss", keys, 0, title, {"sd": why})]
     return []

@@ -133,21 +133,25 @@ def _base(streams: list[Stream], frames: Frames) -> str:
 
 
 def _with_receivers(sections: list[Section], streams: list[Stream]) -> list[Section]:
-    """The same with velocities of a receiver numbered as its positions."""
+    """The same with velocities of a receiver numbered as its positions: those that may be taken, of
+    the topic whose name begins alike, or of the same frame."""
     frames = {each.topic: each.frame for each in streams}
-    number = 0
-    fixes: dict[str, int] = {}
-    for each in sections:
-        if each.keys.get("kind") == "position":
-            fixes[each.keys["table"]] = number
-            number += 1
+    fixes = [each for each in sections if each.keys.get("kind") == "position"]
+    fixes = [each._replace(instance=number) for number, each in enumerate(fixes)]
+    numbers = {each.keys["table"]: each.instance for each in fixes}
 
     def instance(topic: str) -> int:
-        if topic in fixes:
-            return fixes[topic]
-        of_frame = [n for fix, n in fixes.items() if frames[fix] == frames[topic]]
-        near = {_alike(topic, fix): n for fix, n in reversed(fixes.items())}
-        return of_frame[0] if len(of_frame) == 1 else near[max(near)] if near else 0
+        if topic in numbers or not fixes:
+            return numbers.get(topic, 0)
+        return max(
+            fixes,
+            key=lambda fix: (
+                not fix.left,
+                _alike(topic, fix.keys["table"]),
+                frames[fix.keys["table"]] == frames[topic],
+                -fix.instance,
+            ),
+        ).instance
 
     return [
         each._replace(instance=instance(each.keys["table"])) if each.role == "gnss" else each

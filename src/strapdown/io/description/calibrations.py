@@ -68,7 +68,11 @@ def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list
                     f"outside the temperature table ({low:g} to {high:g} degC); the bias of its end "
                     f"is used there"
                 )
-        results.append((increments - bias * imu.dt[:, None]) @ correction.matrix.T)
+        if np.any(bias):
+            increments = increments - bias * imu.dt[:, None]
+        if not np.array_equal(correction.matrix, np.eye(3)):
+            increments = increments @ correction.matrix.T
+        results.append(increments)
     gyro, accel = results
     return gyro, accel, notes
 

@@ -12,7 +12,7 @@ from ...preprocessing.other_forms import attitudes, over_ground, positions, vect
 from ...typing import Array
 from .fix_columns import Whereabouts, separation, upright
 from .schema import ReferencePart, Vector, vector_factors
-from .schema_aiding import Separation
+from .schema_values import Separation
 from .source_files import Files
 
 

@@ -1,7 +1,7 @@
 """The tables that a description names, where they are, and their times on the clock of the
 recording."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -36,7 +36,8 @@ class Files:
 
     `epoch` is the moment of t = 0, in seconds of GPS time since its zero: that of the description,
     else midnight, UTC, before the first time that is asked for, which is the IMU's; None where that
-    has no absolute clock. `notes` say what of the tables was left out.
+    has no absolute clock. `notes` say what of the tables was left out. `later` are the files that
+    are needed after [imu] is read; None: all of them.
     """
 
     def __init__(
@@ -49,10 +50,11 @@ class Files:
         self.path = Path(description_path)
         self.folder = self.path.parent if folder is None else Path(folder)
         self.table = cache(self._table)
+        self.later: Set[str] | None = None
         self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
-        self._read: dict[tuple[str, Time], Moments] = {}
+        self._read: dict[tuple[int, Time], tuple[Table, Moments]] = {}
         self._start: float | None = None  # of times of day without a date
         # a description may name the same file another way
         self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
@@ -64,10 +66,10 @@ class Files:
             found = read_table(path, header)
             self.notes += found.notes
             return found
-        key = path.resolve()
-        if key not in self._logs:
-            self._logs[key] = ask(reader, "open", path)
-        tables = self._logs[key].tables
+        same = path.resolve()
+        if same not in self._logs:
+            self._logs[same] = ask(reader, "open", path)
+        tables = self._logs[same].tables
         if table is None and len(tables) == 1:
             return next(iter(tables.values()))
         if table is None or table not in tables:
@@ -75,6 +77,12 @@ class Files:
             hint = did_you_mean(table, tables) if table is not None else ""
             raise DataError(f"{path}: table: {wrong}{hint}; it has {', '.join(tables) or 'none'}")
         return tables[table]
+
+    def forget(self, file: str) -> None:
+        """Let go of what was read, where nothing later needs the tables of the file."""
+        self._read.clear()
+        if self.later is not None and file not in self.later:
+            self.table.cache_clear()
 
     def locate(self, file: str) -> Path:
         """The path that the description means by `file`."""
@@ -148,10 +156,10 @@ class Files:
     def _moments(self, table: Table, time: Time) -> Moments:
         """What the calendar text of a table says, with the day of its `date`; read once, for gyro
         and accelerometer ask for the same."""
-        key = (table.name, time)
+        key = (id(table.frame), time)  # of the rows that count
         if key not in self._read:
-            self._read[key] = self._read_moments(table, time)
-        return self._read[key]
+            self._read[key] = table, self._read_moments(table, time)
+        return self._read[key][1]
 
     def _read_moments(self, table: Table, time: Time) -> Moments:
         of_days, pattern = time.patterns

@@ -45,8 +45,7 @@ def _parts(path: Path) -> list[Path]:
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
     return sorted(
-        found,
-        key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)] + [each.name],  # type: ignore[list-item]
+        found, key=lambda each: [int(n) for n in re.findall(r"\d+", each.name)] + [each.name]
     )
 
 
@@ -74,6 +73,7 @@ def read_database(path: Path, messages: "Messages") -> None:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1000))
         steps = max(size, 1_000_000) * STEPS_PER_BYTE
         budget = iter(range(steps // 1_000_000))
+        database.execute("PRAGMA mmap_size = 1099511627776")
         database.set_progress_handler(lambda: int(next(budget, None) is None), 1_000_000)
         rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
         numbers = {}
@@ -100,29 +100,30 @@ def read_database(path: Path, messages: "Messages") -> None:
 def _read_messages(
     database: sqlite3.Connection, numbers: dict[int, int], messages: "Messages"
 ) -> None:
-    wanted = ", ".join(map(str, numbers))
     rows = database.execute(
-        f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({wanted})"
+        f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN "
+        f"({', '.join(map(str, numbers))}) AND typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
     )
     damaged = 0
     while some := rows.fetchmany(AT_ONCE):
-        good = [row for row in some if type(row[1]) is int and type(row[2]) is bytes]
-        if any(row[2].startswith(ZSTD) for row in good):
-            good = list(_unpacked(good))
-        damaged += len(some) - len(good)
-        if not good:
+        if some[0][2].startswith(ZSTD):
+            good = list(_unpacked(some))
+            damaged += len(some) - len(good)
+            some = good
+        if not some:
             continue
-        ids, times, data = zip(*good)
-        lengths = np.array([len(each) for each in data])
+        ids, times, data = zip(*some)
+        known, which = np.unique(ids, return_inverse=True)
+        lengths = np.fromiter(map(len, data), np.int64, len(data))
         messages.add(
             np.frombuffer(b"".join(data), np.uint8),
-            np.array([numbers[each] for each in ids]),
+            np.array([numbers[int(each)] for each in known])[which],
             np.cumsum(lengths) - lengths,
             lengths,
             np.array(times, np.int64),
         )
     if damaged:
-        messages.left.append(f"{damaged} rows of the database are no messages; not used")
+        messages.left.append(f"{damaged} packed messages are damaged; not used")
 
 
 def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[tuple[int, int, bytes]]:
@@ -136,11 +137,10 @@ def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[tuple[int, int, by
             continue
 
 
-def open_rosbag2(path: Path) -> Log:
-    """The Log of a database or of the folder of a bag. Raises DataError."""
+def messages_of(path: Path) -> "Messages":
+    """The messages of a database or of the folder of a bag. Raises DataError."""
     from ..decoding.mapped import mapped
     from ..decoding.mcap_records import read_mcap
-    from ..decoding.robot_sections import log_of
     from ..decoding.ros_messages import Messages
 
     messages = Messages()
@@ -149,7 +149,14 @@ def open_rosbag2(path: Path) -> Log:
             read_database(part, messages)
         else:
             read_mcap(mapped(part), messages)
-    return log_of(path, "bag of ROS 2", messages)
+    return messages
+
+
+def open_rosbag2(path: Path) -> Log:
+    """The Log of a database or of the folder of a bag. Raises DataError."""
+    from ..decoding.robot_sections import log_of
+
+    return log_of(path, "bag of ROS 2", messages_of(path))
 
 
 READER = Reader(

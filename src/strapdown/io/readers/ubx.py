@@ -28,7 +28,6 @@ from ..decoding.ubx_sensors import (
     GYRO,
     GYRO_SCALE,
     NAMES,
-    Samples,
     Sensors,
     sensors,
 )
@@ -59,14 +58,13 @@ def open_ubx(path: Path) -> Log:
     tables: dict[str, Table] = {}
     name, found = solutions(frames, time)
     said, sections = _fixes(path, name, found, time, tables)
-    left, asked = list(said), []
+    left = list(said)
     sentences = find_sentences(b"" if name else data)
     if not name:
         nmea = nmea_log(path, sentences)
         tables |= nmea.tables
         sections += nmea.sections
         left += nmea.left
-        asked += nmea.asked
     elif b"GGA," in data or b"RMC," in data:
         left.append("NMEA of the same receiver: the UBX messages say the same with more digits")
     sections += _vehicle(path, frames, time, tables)
@@ -74,7 +72,7 @@ def open_ubx(path: Path) -> Log:
     left += [f"{why} ({many})" for key, why in LEFT_OUT.items() if (many := frames.count(key))]
     left += _damage(frames)
     facts = [f"{path}: {len(frames.start)} UBX messages{_kinds(frames)}"]
-    return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked))
+    return Log(tables, tuple(sections), tuple(facts), tuple(left))
 
 
 def _kinds(frames: Frames) -> str:
@@ -246,7 +244,7 @@ def _imu(
     gps: bool,
     tables: dict[str, Table],
 ) -> list[Section]:
-    """Sections of gyro and accelerometer, which have times of their own."""
+    """Sections of gyro and accelerometer, one where both were measured at the same times."""
     absolute = each.absolute and gps
     column = "gps_us" if absolute else "us"
     time = {"column": column, "unit": "us", **({"clock": "gps"} if absolute else {})}
@@ -261,28 +259,26 @@ def _imu(
         )
     if mounting:
         assumed["mounting"] = "as the receiver found it (ESF-ALG)"
+    parts = {
+        "gyro": (each.gyro, GYRO, {"unit": "deg/s", "scale": GYRO_SCALE}),
+        "accel": (each.accel, ACCEL, {"unit": "m/s^2", "scale": ACCEL_SCALE}),
+    }
+    together = np.array_equal(each.gyro.t, each.accel.t)
     sections = []
-    parts = (("gyro", GYRO, each.gyro, "deg/s", GYRO_SCALE),)
-    parts += (("accel", ACCEL, each.accel, "m/s^2", ACCEL_SCALE),)
-    for sensor, types, samples, unit, scale in parts:
-        columns = [f"{sensor}_{axis}" for axis in "xyz"]
-        name = f"{each.name} {sensor}"
-        tables[name] = _sensor_table(path, name, column, samples, types, columns)
-        signal = {"columns": columns, "unit": unit, "scale": scale}
-        common = {"table": name, "time": time, "axes": "FLU"}
-        keys = {**common, sensor: signal, **({"mounting": mounting} if mounting else {})}
-        title = f"{name}, {_rate(samples.t):.0f} Hz"
-        sections.append(
-            Section("imu", "imu", keys | {"grade": "consumer"}, instance, title, assumed)
-        )
+    for sensor_names in [("gyro", "accel")] if together else [("gyro",), ("accel",)]:
+        name = each.name if together else f"{each.name} {sensor_names[0]}"
+        keys: dict[str, Any] = {"table": name, "time": time, "axes": "FLU"}
+        columns: dict[str, Any] = {column: parts[sensor_names[0]][0].t}
+        for sensor in sensor_names:
+            samples, types, unit = parts[sensor]
+            names = [f"{sensor}_{axis}" for axis in "xyz"]
+            columns |= {name: samples.values[kind] for name, kind in zip(names, types)}
+            keys[sensor] = {"columns": names, **unit}
+        tables[name] = Table.of(f"{path} [{name}]", columns, word="sample")
+        keys |= ({"mounting": mounting} if mounting else {}) | {"grade": "consumer"}
+        title = f"{name}, {_rate(columns[column]):.0f} Hz"
+        sections.append(Section("imu", "imu", keys, instance, title, assumed))
     return sections
-
-
-def _sensor_table(
-    path: Path, name: str, column: str, samples: Samples, types: tuple[int, ...], names: list[str]
-) -> Table:
-    values = {name: samples.values[kind] for name, kind in zip(names, types)}
-    return Table.of(f"{path} [{name}]", {column: samples.t, **values}, word="sample")
 
 
 def _mounting(frames: Frames) -> dict[str, Any]:
