@@ -132,14 +132,13 @@ def ubx_case(_: Path) -> Case:
 
 
 def ubx_imu_case(_: Path) -> Case:
-    """A receiver with an IMU: at rest, counts of 2^-12 deg/s and 2^-10 m/s^2."""
-    rng = np.random.default_rng(1)
-    tag = np.arange(0, int(SECONDS * 1000), 20)
-    counts = rng.integers(-40, 40, (2, len(tag), 3)) + [[[0, 0, 0]], [[0, 0, 10046]]]
-    imu = written_ubx.esf_raw(tag, counts[0], counts[1])
-    fixes = written_ubx.pvt(1_398_556_818_000 + np.arange(0, int(SECONDS * 1000), 500))
-    blocks = [imu[:25], fixes[:2], imu[25:100], fixes[2:5], imu[100:], fixes[5:]]
-    return alone("ubx with IMU", "car.ubx", b"".join(block.tobytes() for block in blocks))
+    """A receiver with an IMU at rest: 100 Hz, a fix after each ten samples."""
+    rng, n, per_fix = np.random.default_rng(1), 300, 10
+    gyro, accel = rng.integers(-40, 40, (n, 3)), rng.integers(-40, 40, (n, 3)) + [0, 0, 10042]
+    raw = written_ubx.esf_raw(5_000_000 + 10 * np.arange(n), gyro, accel)
+    fixes = written_ubx.pvt(1_399_999_982_000 + 10 * per_fix * np.arange(n // per_fix))
+    both = np.concatenate([fixes, raw.reshape(n // per_fix, -1)], axis=1)
+    return alone("ubx with IMU", "car.ubx", both.tobytes())
 
 
 PSINS = """% PSINS-format SIMU log file.
