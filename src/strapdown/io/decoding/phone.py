@@ -20,6 +20,8 @@ SPEED_SD = 0.5
 """m/s, of a velocity whose accuracy the phone does not say."""
 VERTICAL = 1.5
 """Of the vertical accuracy over the horizontal one, where the phone does not say it."""
+MAGNETIC_SD = 20.0
+"""uT: not the noise, which is far less, but errors of some uT that last over many samples."""
 GRAVITY = (5.0, 15.0)
 """m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
 out has almost none."""
@@ -204,10 +206,10 @@ def magnetometer_section(
         "columns": columns,
         "unit": "uT",
         "axes": AXES,
-        "sd": 2.0,
+        "sd": MAGNETIC_SD,
         **({} if "date" in head else {"field": "record"}),
     }
-    assumed = {"sd": "uT, what is near a phone moves it more than its noise"}
+    assumed = {"sd": "uT, because what is near a phone bends the field for seconds"}
     return Section("aiding", "magnetometer", keys, title=name, assumed=assumed, left=DISTURBED)
 
 
