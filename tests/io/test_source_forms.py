@@ -207,11 +207,19 @@ def test_heights_above_the_geoid(fixes):
 
 
 def test_inspection_names_the_key(build):
-    msl = TOML.replace('"alt"', '"alt_msl"')
+    reference = """
+[reference]
+file = "gnss.csv"
+time = { column = "t", unit = "s" }
+position = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }
+"""
+    msl = (TOML + reference).replace('"alt"', '"alt_msl"')
     path = build(gnss=lambda gnss: gnss.rename(columns={"alt": "alt_msl"}), toml=lambda _: msl)
     wrong = [line for line in inspect_description(path).problems if "mean sea level" in line]
-    assert len(wrong) == 1 and 'geoid = "EGM96"' in wrong[0]
-    path.write_text(msl.replace('sd = ["sd"', 'geoid = "EGM96"\nsd = ["sd"'), encoding="utf-8")
+    assert len(wrong) == 2 and all('geoid = "EGM96"' in line for line in wrong)
+    told = msl.replace('sd = ["sd"', 'geoid = "EGM96"\nsd = ["sd"')
+    told = told.replace('"deg", "m"] }', '"deg", "m"], geoid = "EGM96" }')
+    path.write_text(told, encoding="utf-8")
     assert not any("mean sea level" in line for line in inspect_description(path).problems)
 
 
