@@ -86,6 +86,26 @@ def test_a_speed_without_course(fixes):
     assert "1 row with a speed below zero" in said and "line 7" in said
 
 
+def test_a_reference_of_speed_and_course(fixes):
+    reference = """
+[reference]
+file = "gnss.csv"
+time = { column = "t", unit = "s" }
+velocity = { columns = ["s", "c"], unit = ["knot", "deg"], form = "speed, course" }
+"""
+    unknown = lambda gnss: courses(gnss).assign(s=lambda frame: frame.s.where(frame.t != 12.5, -1))
+    found = fixes(POSITION, reference, gnss=unknown)
+    k = np.array([0, 1, *range(3, 20)])
+    speed, course = 2.0 + k, np.radians(10 + 17 * k)
+    np.testing.assert_allclose(found.reference.t, 10.5 + k)
+    np.testing.assert_allclose(
+        found.reference.v_n[:, :2],
+        np.c_[speed * np.cos(course), speed * np.sin(course)],
+        atol=1e-12,
+    )
+    assert any("1 row with a speed below zero" in note for note in found.meta["notes"])
+
+
 def geocentric(gnss):
     lla = gnss[["lat", "lon", "alt"]].to_numpy().T
     x, y, z = pymap3d.geodetic2ecef(*lla)
