@@ -149,7 +149,7 @@ def test_the_draft_says_the_same(files):
 
 def test_gyro_and_accelerometer_of_tables_of_their_own():
     recording = sd.read("a.parts")
-    assert any("interpolated to the gyro's" in note for note in recording.meta["notes"])
+    assert any("joined at those of the gyro" in note for note in recording.meta["notes"])
     table = imu_table("accel", 3_000_000)
     there = (table.cells("stamp") - START) * 1e-9
     force = np.interp(recording.imu.t[1:], there, table.numbers("az"))
