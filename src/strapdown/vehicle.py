@@ -24,6 +24,12 @@ class Vehicle:
     def __str__(self) -> str:
         return f"vehicle {self.name!r}"
 
+    @property
+    def by_thrust(self) -> bool:
+        """Whether thrust along an axis of its own is all that holds it up: it flies to any side, so
+        that its course is no heading, and its accelerometer does not feel a tilt."""
+        return self.name == "multicopter"
+
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):
             raise DataError(f"vehicle name is {self.name!r}; it must be text, such as 'rover'")

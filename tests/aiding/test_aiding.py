@@ -67,6 +67,7 @@ SENSORS = {
     "position": (ARM, lambda b: antenna(b, ARM)),
     "velocity": (ARM, lambda b: velocity(b, ARM)),
     "heading": ((), lambda b: heading(b)),
+    "course": (ARM, lambda b: math.atan2(velocity(b, ARM)[1], velocity(b, ARM)[0])),
     "altitude": (ARM, lambda b: antenna(b, ARM)[2]),
     "speed": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[0]),
     "zero-lateral-velocity": (ARM, lambda b: (b.C.T @ velocity(b, ARM))[1]),

@@ -531,7 +531,9 @@ def test_a_draft_has_the_attitude_commented_out(tmp_path):
         for fact in inspect(tmp_path / "log.csv").facts
     )
     frame.rename(columns={"Yaw_deg": "Azimuth_deg"}).to_csv(tmp_path / "azimuth.csv", index=False)
-    assert '# columns = ["Roll_deg", "Pitch_deg", "Azimuth_deg"]' in draft([tmp_path / "azimuth.csv"], {}, tmp_path)
+    assert '# columns = ["Roll_deg", "Pitch_deg", "Azimuth_deg"]' in draft(
+        [tmp_path / "azimuth.csv"], {}, tmp_path
+    )
     path = tmp_path / "recording.toml"
     path.write_text(text)
     assert read(path).aidings == ()

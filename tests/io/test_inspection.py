@@ -219,7 +219,10 @@ def test_a_draft_reads(tmp_path, table, expected):
         (
             ["mx", "my", "mz"],
             1.0,
-            ['columns = ["mx", "my", "mz"]\nunit = "uT"                      # check', "sd = 1.0  "],
+            [
+                'columns = ["mx", "my", "mz"]\nunit = "uT"                      # check',
+                "sd = 1.0  ",
+            ],
         ),
         (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "sd = 0.01"]),
         (["MagnX", "MagnY", "MagnZ"], 10.0, ['unit = "mgauss"']),

@@ -236,3 +236,18 @@ def test_an_edit_is_told_with_the_digits_of_the_file():
         (Edit(2, SCALE, (1.01234,), (0.001,)), "scale: multiply by 1.0123"),
     ):
         assert told(edit) == text
+
+
+def test_a_clock_of_two_tables_is_left_to_the_user(path):
+    own = 'accel = { columns = ["x", "y", "z"], time = { column = "t", unit = "s" } }\n'
+    path.write_text(TEXT.replace("# the receiver", own))
+    edit = Edit(None, TIME, (0.25,), (0.01,))
+    with pytest.raises(DataError, match=r"\[imu\] accel has a time of its own; add \+0.25 s"):
+        rewritten(path, [edit], KINDS, MARK)
+
+
+def test_keys_beside_stay(path):
+    keys = 'geoid = "EGM96"\nwhere = { column = "fix", least = 3 }  # 3D\n'
+    path.write_text(TEXT.replace("lever_arm", keys + "lever_arm"))
+    gone, new = changed(path, Edit(0, TIME, (0.125,), (0.01,)))
+    assert len(gone) == len(new) == 1 and "offset = -0.075" in new[0]

@@ -21,6 +21,7 @@ from strapdown.io.solution import read_solution, write_solution
 from strapdown.verdict import NOT_JUDGED
 
 pytestmark = pytest.mark.short
+DATED = {"epoch": "2012-10-10T12:00:00Z"}
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
@@ -86,7 +87,7 @@ def test_netcdf_says_its_units_to_any_reader(made, tmp_path):
             "units" in file[name].attrs or "long_name" in file[name].attrs
             for name in file.variables
         )
-        assert file["lat"].attrs["units"] == "deg" and file["lat"][0] == pytest.approx(
+        assert file["lat"].attrs["units"] == "degrees_north" and file["lat"][0] == pytest.approx(
             np.degrees(made.trajectory.lla[0, 0]), abs=1e-12
         )
 
@@ -141,7 +142,7 @@ def test_large_times_keep_their_fractions(made, tmp_path):
 
 
 def test_kml_is_well_formed_and_says_which_height_it_means(made, tmp_path):
-    named = replace(made, meta={**made.meta, "recording": "a <b> & \x00c", "date": "2012-10-10"})
+    named = replace(made, meta={**made.meta, "recording": "a <b> & \x00c", **DATED})
     write_solution(named, tmp_path / "a.kml")
     document = ElementTree.parse(tmp_path / "a.kml").getroot().find(f"{KML}Document")
     assert document.find(f"{KML}name").text == "a <b> & ?c closed-loop"
@@ -164,8 +165,8 @@ def test_kml_is_well_formed_and_says_which_height_it_means(made, tmp_path):
     )
     stamps = [element.text for element in document.iter(f"{KML}when")]
     assert (
-        stamps[0] == "2012-10-10T00:00:00.000Z"
-        and stamps[-1] == "2012-10-10T00:00:29.800Z"
+        stamps[0] == "2012-10-10T12:00:00.000Z"
+        and stamps[-1] == "2012-10-10T12:00:29.800Z"
         and len(stamps) == 150
     )
 
@@ -179,7 +180,14 @@ def test_kml_of_a_long_run_is_thinned_and_cut_at_the_antimeridian(tmp_path):
         for element in root.iter(f"{KML}coordinates")
     ][:-500]
     assert len(lines) > 2 and all(np.abs(np.diff(line)).max(initial=0) < 1 for line in lines)
-    assert sum(map(len, lines)) <= 10000 and len(list(root.iter(f"{KML}when"))) <= 500
+    assert sum(map(len, lines)) <= 10000 and len(list(root.iter(f"{KML}Point"))) <= 500
+
+
+def test_kml_without_an_absolute_clock_has_no_stamps_and_says_so(made, tmp_path):
+    write_solution(replace(made, meta={**made.meta, "date": "2012-10-10"}), tmp_path / "a.kml")
+    root = ElementTree.parse(tmp_path / "a.kml").getroot()
+    assert not list(root.iter(f"{KML}when"))
+    assert "no time stamps" in root.find(f"{KML}Document/{KML}description").text
 
 
 REFUSED = {

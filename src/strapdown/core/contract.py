@@ -297,10 +297,11 @@ NUMBERED = (
     "attitude",
     "pressure",
     "pressure-altitude",
+    "course",
 )
 """Kinds that are more than rows of H to someone: a position makes a solution valid again after a
 long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
-level, filters fed with an attitude take it as known, gains belong to what they act on, the loop of
+level, filters fed with an attitude take it as known, points wrap angles, gains belong to what they act on, the loop of
 an aircraft makes pressures itself. Kernels know them by their number, which is their place here;
 `aiding.number` gives out those of all others."""
 (
@@ -314,6 +315,7 @@ an aircraft makes pressures itself. Kernels know them by their number, which is 
     ATTITUDE_KIND,
     PRESSURE_KIND,
     PRESSURE_ALTITUDE_KIND,
+    COURSE_KIND,
 ) = range(len(NUMBERED))
 
 OBSERVE: Any

@@ -15,6 +15,7 @@ from ..core.loop import BRIDGE
 from ..core.rotation import quaternion_to_euler
 from ..data import Solution
 from ..typing import Array, Mask
+from ..vehicle import VEHICLES
 from ..verdict import GRAVE, Reason
 
 MEDIAN_CHI2 = {1: 0.4549, 2: 1.3863, 3: 2.3660}
@@ -266,7 +267,8 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
     """The course over ground, at the times `t` (s) of fixes, against the heading, where one
     follows the other."""
     made = solution.trajectory
-    if made.v_n is None or made.q_nb is None:
+    vehicle = VEHICLES.get(solution.meta.get("vehicle", ""), VEHICLES["any"])
+    if made.v_n is None or made.q_nb is None or vehicle.by_thrust:
         return
     later = t[(t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])) & (t < first_gap(solution)[0])]
     later = later[:: max(1, len(later) // ENOUGH)]

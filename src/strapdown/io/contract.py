@@ -86,6 +86,7 @@ class Section(NamedTuple):
     # why it is only taken where a user asks for it, as "made of the same IMU"; "": it may be taken
     left: str = ""
     remarks: tuple[str, ...] = ()  # lines for the drafted text, such as keys that one may want
+    faster: str = ""  # of an IMU: the setting of the device that logs it at a higher rate
 
 
 class Log(NamedTuple):

@@ -48,7 +48,10 @@ def moving(aidings: Iterable[Aiding], t: Array) -> Mask:
     for a in aidings:
         if a.kind not in ("speed", "velocity") or not len(a.t):
             continue
-        speed, sd = np.linalg.norm(a.y, axis=1), np.linalg.norm(a.sd, axis=1)
+        y, sd = (
+            np.where(np.isnan(a.y), 0.0, part) for part in (a.y, a.sd)
+        )  # what is missing counts 0
+        speed, sd = np.linalg.norm(y, axis=1), np.linalg.norm(sd, axis=1)
         fast = speed > FASTEST + SURELY * sd
         after = np.searchsorted(a.t, t)
         for near in (np.maximum(after - 1, 0), np.minimum(after, len(a.t) - 1)):

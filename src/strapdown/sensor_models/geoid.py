@@ -61,11 +61,11 @@ def undulation(lat: Array, lon: Array) -> Array:
     """
     from scipy.ndimage import map_coordinates
 
-    row = (90.0 - np.degrees(np.clip(lat, -np.pi / 2, np.pi / 2))) * STEPS + MARGIN
-    column = np.degrees(lon) % 360.0 * STEPS + MARGIN
-    known = np.isfinite(row) & np.isfinite(column)
+    known = np.isfinite(lat) & np.isfinite(lon)
+    row = (90.0 - np.degrees(np.clip(lat[known], -np.pi / 2, np.pi / 2))) * STEPS + MARGIN
+    column = np.degrees(lon[known]) % 360.0 * STEPS + MARGIN
     found = np.full(np.shape(known), np.nan)
     found[known] = map_coordinates(
-        _spline(), [row[known], column[known]], order=3, prefilter=False, mode="nearest"
+        _spline(), [row, column], order=3, prefilter=False, mode="nearest"
     )
     return found

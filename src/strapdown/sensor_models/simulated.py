@@ -27,7 +27,7 @@ from ..core.contract import (
     entry_point,
 )
 from ..data import Aiding, Trajectory
-from ..typing import Array
+from ..typing import Array, Mask
 from .gnss import interpolated, sample_times
 from .magnetometer import rotation_at
 
@@ -89,8 +89,11 @@ class Simulated:
         IMU without errors on it; `gate`: that of the aiding. Raises DataError."""
         t = sample_times(truth, self.rate)
         y, gain = _solved(self, _beliefs(truth, ideal, t, len(self.measurement.states)))
+        reads: Mask = np.asarray(np.isfinite(y).any(axis=1))
+        t, y, gain = t[reads], y[reads], gain[reads]
         sd = np.tile(self.sd, (len(t), 1))
-        return SimulatedPlan(Aiding(self.kind, t, y, sd, self.parameters, gate, self.name), gain)
+        aiding = Aiding(self.kind, t, y, sd, self.parameters, gate, self.name)
+        return SimulatedPlan(aiding, gain, int((~reads).sum()))
 
 
 class SimulatedPlan(NamedTuple):
@@ -98,6 +101,7 @@ class SimulatedPlan(NamedTuple):
 
     aiding: Aiding  # its y without noise
     gain: Array  # (n, components, components) what of y a unit of the innovation is
+    silent: int  # fixes in which it reads nothing, such as a course at a standstill
 
     def fixes(self, rng: np.random.Generator) -> Aiding:
         """The aiding of one run, with noise from `rng`."""
@@ -109,12 +113,11 @@ class SimulatedPlan(NamedTuple):
         return replace(self.aiding, y=self.aiding.y.copy())
 
     def notes(self, aiding: Aiding) -> list[str]:
-        """Sentences for the notes of a recording: no fix at all."""
-        return (
-            []
-            if len(aiding.t)
-            else [f"{aiding.name}: not one fix falls into the recording; its rate is too low"]
-        )
+        """Sentences for the notes of a recording: no fix at all, or some in which it reads nothing."""
+        if not len(aiding.t):
+            return [f"{aiding.name}: not one fix falls into the recording; its rate is too low"]
+        said = f"{aiding.name}: reads nothing {self.silent} times, as a course at a standstill"
+        return [said] if self.silent else []
 
 
 def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belief]:
@@ -136,7 +139,7 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belie
 
 def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]:
     """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
-    method. Raises DataError."""
+    method; NaN where the kind measures nothing. Raises DataError, also where it never does."""
     kind = sensor.measurement
     observe, size = entry_point(compiled(kind.name)), len(kind.quantities)
     parameters, innovation = np.zeros(PARAMETERS), np.zeros(3)
@@ -154,20 +157,22 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
     steps = np.diag([STEP.get(quantity, 1.0) for quantity in kind.quantities])
     # no sensor reads a pressure of 0
     y = np.tile(steps.sum(axis=0), (len(beliefs), 1))
-    for _ in range(MOST_ATTEMPTS):
-        error = innovations(y)
+    silent: Mask = np.asarray(np.isnan(innovations(y)).all(axis=1))
+    for _ in range(0 if silent.all() and len(y) else MOST_ATTEMPTS):
+        error = np.where(silent[:, None], 0.0, innovations(y))
         if not np.isfinite(error).all():
             break
         derivative = np.stack(
             [(innovations(y + step) - error) / step.sum() for step in steps], axis=2
         )
+        derivative[silent] = np.eye(size)
         try:
             gain = np.linalg.inv(derivative)
         except np.linalg.LinAlgError:
             break
         y = y - np.einsum("nij,nj->ni", gain, error)
         if np.all(np.abs(error) <= CLOSE * np.array(sensor.sd)):
-            return y, gain
+            return np.where(silent[:, None], np.nan, y), gain
     raise DataError(
         f"{sensor.name}: no reading of kind {sensor.kind} was found that belongs to the true motion; "
         f"its observation must tell one reading from another in each of its {size} innovations"

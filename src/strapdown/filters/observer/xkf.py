@@ -17,6 +17,7 @@ from ...core.contract import (
     BA,
     BG,
     CORRECT,
+    COURSE_KIND,
     HEADING_KIND,
     MAGNETIC_KIND,
     POSITION_KIND,
@@ -221,7 +222,7 @@ def correct_around(
         for i in range(rows):
             for j in range(STATES):
                 innovation[i] -= H[i, j] * x[j]
-            if kind == HEADING_KIND or kind == ATTITUDE_KIND:
+            if kind == HEADING_KIND or kind == COURSE_KIND or kind == ATTITUDE_KIND:
                 innovation[i] = wrap(innovation[i])
     nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
     if nis <= gate:

@@ -8,7 +8,7 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
-from ...core.contract import HEADING_KIND, MOST_STATES, STATES, Belief, Observe, Slots
+from ...core.contract import COURSE_KIND, HEADING_KIND, MOST_STATES, STATES, Belief, Observe, Slots
 from ...core.earth import place
 from ...core.embedded import NAVIGATION, navigation, take_over
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
@@ -229,7 +229,7 @@ def foresee(
             observed(own, y, observe, parameters, mine, H)
             if same_rows(innovation, mine):
                 total += w
-                if kind == HEADING_KIND:
+                if kind == HEADING_KIND or kind == COURSE_KIND:
                     mine[0] = innovation[0] + wrap(mine[0] - innovation[0])
                 _foresee_one(own.P, H, w, innovation, mine, s, x)
     return _surprise(s, total, sd, innovation)

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from ...core.contract import (
     ATTITUDE_KIND,
     CORRECT,
+    COURSE_KIND,
     HEADING_KIND,
     MOST_STATES,
     PREDICT,
@@ -429,7 +430,7 @@ def _unwrapped(
     attitude on the branch that the Jacobian expects there."""
     for a in range(rows):
         E[row, a] = E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
-    if kind == HEADING_KIND:
+    if kind == HEADING_KIND or kind == COURSE_KIND:
         innovation[0] = E[row, 0] + wrap(innovation[0] - E[row, 0])
     elif kind == ATTITUDE_KIND and innovation[2] == innovation[2]:
         innovation[0], innovation[1], innovation[2] = nearest_turn(

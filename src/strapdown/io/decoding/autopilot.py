@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from ...time_scales import GPS_ZERO, iso
+from ...preprocessing.attitude_record import quaternions
+from ...preprocessing.imu_samples import ARRAYS
+from ...time_scales import iso
 from ...typing import Array
+from ..contract import Section
 
-VEHICLES = {
+VEHICLES: dict[float, str] = {
     **dict.fromkeys((1, *range(19, 26)), "aircraft"),
     **dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), "multicopter"),
     10: "car",
@@ -22,8 +25,9 @@ Columns = Mapping[str, Any]
 
 def rate(t_us: Any) -> float:
     """Hz of times in us: 1 / their median interval; 0 of fewer than two."""
-    t = np.unique(np.asarray(t_us).astype(np.int64))
-    return 1e6 / float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    steps = np.diff(np.sort(np.asarray(t_us).astype(np.int64)))
+    steps = steps[steps > 0]
+    return 1e6 / float(np.median(steps)) if len(steps) else 0.0
 
 
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
@@ -55,7 +59,7 @@ def changes(
     ]
 
 
-def at_times(t: Array, there: Array, values: Array) -> Array:
+def at_times(t: Any, there: Array, values: Array) -> Array:
     """Vectors `values` (m, k) at the times `there`, between which they are interpolated, at the
     times t; NaN beyond them. Of quaternions the signs are made to agree first."""
     order = np.argsort(there, kind="stable")
@@ -65,7 +69,7 @@ def at_times(t: Array, there: Array, values: Array) -> Array:
     return np.stack([np.interp(t, there, each, np.nan, np.nan) for each in values.T], axis=1)
 
 
-def quaternions_at(t: Array, there: Array, q: Array) -> Array:
+def quaternions_at(t: Any, there: Array, q: Array) -> Array:
     """The same of quaternions (m, 4), along the chord, which between samples of 10 Hz and more is
     right to a ten-thousandth of the turn between them."""
     q = np.asarray(q, float)
@@ -75,14 +79,45 @@ def quaternions_at(t: Array, there: Array, q: Array) -> Array:
         return found / np.linalg.norm(found, axis=1)[:, None]
 
 
-__all__ = [
-    "GPS_ZERO",
-    "GRADE_OF_MEMS",
-    "VEHICLES",
-    "arm",
-    "at_times",
-    "changes",
-    "quaternions_at",
-    "rate",
-    "zero_of_clock",
-]
+def quaternions_of(roll: Array, pitch: Array, yaw: Array) -> Array:
+    """(n, 4) quaternions, scalar first, of angles in deg."""
+    return quaternions(np.radians(np.c_[roll, pitch, yaw]), None, None, ARRAYS)
+
+
+def trajectory(
+    position: tuple[Any, ...], attitude: tuple[Any, Any], velocity: tuple[Any, Any] | None
+) -> dict[str, Any]:
+    """Columns t (us), lat, lon (deg), alt (m), q0 to q3 and, where there is a velocity, vn, ve, vd
+    (m/s), of (t, lat, lon, alt), (t, q) and (t, v), at the times of the positions."""
+    t = np.asarray(position[0]).astype(np.int64)
+    found = dict(zip(("t", "lat", "lon", "alt"), (t, *position[1:])))
+    turned = quaternions_at(t, np.asarray(attitude[0]).astype(np.int64), attitude[1])
+    found |= {f"q{k}": turned[:, k] for k in range(4)}
+    if velocity is not None:
+        v = at_times(t, np.asarray(velocity[0]).astype(np.int64), velocity[1])
+        found |= {f"v{axis}": v[:, k] for k, axis in enumerate("ned")}
+    return found
+
+
+def reference(
+    columns: dict[str, Any],
+    table: str,
+    instance: int,
+    title: str,
+    left: str,
+    geoid: bool,
+    **time: Any,
+) -> tuple[dict[str, Any], Section]:
+    """(columns, section) of a trajectory, whose heights are above the geoid or the ellipsoid;
+    `time` are further keys of its time."""
+    keys: dict[str, Any] = {
+        "table": table,
+        "time": {"column": "t", "unit": "us", **time},
+        "position": {"columns": ["lat", "lon", "alt"], "unit": ["deg", "deg", "m"]},
+        "attitude": {"columns": [f"q{k}" for k in range(4)], "quaternion": "wxyz"},
+    }
+    if geoid:
+        keys["position"]["geoid"] = "EGM96"
+    if "vn" in columns:
+        keys["velocity"] = {"columns": ["vn", "ve", "vd"], "unit": "m/s"}
+    return columns, Section("reference", "reference", keys, instance, title, left=left)

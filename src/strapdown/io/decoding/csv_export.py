@@ -36,10 +36,10 @@ class Export(NamedTuple):
         return self.path.is_file() and self.path.suffix.lower() != ".zip"
 
     def head(self, name: str) -> str:
-        """The header line of a file, "" where it has none. Raises DataError."""
+        """The header line of a file without quotes, "" where it has none. Raises DataError."""
         with self._reading(), self.files[name]() as file:
             text = file.read(HEAD).decode("utf-8-sig", "replace")
-        return text.splitlines()[0] if text.strip() else ""
+        return text.splitlines()[0].replace('"', "") if text.strip() else ""
 
     def table(self, name: str) -> Table:
         """A file as a Table, without rows where it has none. Raises DataError."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...time_scales import rolled
 from ...typing import Ints
 
 DAY, WEEK = 86_400_000, 604_800_000
@@ -21,11 +22,10 @@ def moments(place: Ints, t: Ints, dated: Ints, moment: Ints, period: int) -> Int
 
 
 def undated(place: Ints, t: Ints, period: int) -> tuple[Ints, Ints]:
-    """(place, moment) of records that say no date, counted from the first day or week: a fall by
-    more than half a period is the next one."""
+    """(place, moment) of records that say no date, in the order of the file, counted from the first
+    day or week."""
     order = np.argsort(place, kind="stable")
-    steps = np.diff(t[order], prepend=t[order][:1])
-    turns = np.cumsum((steps < -period // 2).astype(int) - (steps > period // 2))
+    turns = rolled(t[order].astype(float), period).astype(int)
     return place[order], t[order] + period * turns
 
 

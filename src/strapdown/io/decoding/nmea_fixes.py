@@ -5,7 +5,7 @@ and heading always.
 """
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ...typing import Ints
 from ..contract import Log, Section
 from ..table_file import Table
-from .cyclic_times import DAY, in_order, moments, undated
-from .nmea_sentences import TIME_FIELD, Kind, Sentences, dates
+from .cyclic_times import in_order
+from .nmea_clock import Clock, clock_of
+from .nmea_sentences import TIME_FIELD, Kind, Sentences
 
 ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
 """m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
@@ -23,12 +24,10 @@ nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one
 between."""
 VERTICAL = 2.0
 """Of the vertical standard deviation to the horizontal one."""
-SPEED_SD = 0.3
-"""m/s, of each component of a velocity. Receivers claim 0.05 m/s; this leaves room for filtering."""
+SPEED_SD = 0.6
+"""knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
 HEADING_SD = 2.0
 """deg"""
-KNOT = 1852 / 3600
-"""m/s"""
 LEAST_SD = 1e-3
 """m: a smaller standard deviation reads 0 in GST."""
 QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
@@ -41,67 +40,12 @@ UNTOLD = (
 )
 
 
-class Clock(NamedTuple):
-    """The moments that dates of a file say; without any, days count from the first."""
-
-    place: Ints
-    moment: Ints
-    absolute: bool
-
-    @property
-    def column(self) -> str:
-        """Of a table: the name of the times."""
-        return "unix_ms" if self.absolute else "day_ms"
-
-    @property
-    def time(self) -> dict[str, Any]:
-        """As a description has it."""
-        clock = {"clock": "unix"} if self.absolute else {}
-        return {"column": self.column, "unit": "ms", **clock}
-
-    def ms(self, place: Ints, t: Ints) -> Ints:
-        """Moments (n,) of times of day."""
-        return moments(place, t, self.place, self.moment, DAY)
-
-
-def clock_of(sentences: Sentences) -> Clock:
-    """The clock of a file."""
-    place, moment = dates(sentences.kinds)
-    if len(place):
-        order = np.argsort(place, kind="stable")
-        return Clock(place[order], moment[order], True)
-    timed = [
-        (each.place, each.time_of_day(TIME_FIELD[name]))
-        for name, each in sentences.kinds.items()
-        if name in TIME_FIELD
-    ]
-    if timed:
-        place, t = (np.concatenate(each) for each in zip(*timed))
-        place, moment = undated(place[t >= 0], t[t >= 0], DAY)
-    if not len(place):
-        place = moment = np.zeros(1, int)
-    return Clock(place, moment, False)
-
-
-def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
-    """(place in the file, ms, whether these are POSIX) of all sentences with a time of day."""
-    clock, found = clock_of(sentences), []
-    for name, kind in sentences.kinds.items():
-        if name in TIME_FIELD:
-            t = kind.time_of_day(TIME_FIELD[name])
-            found.append((kind.place[t >= 0], clock.ms(kind.place[t >= 0], t[t >= 0])))
-    if not found:
-        return np.zeros(0, int), np.zeros(0, int), False
-    place, ms = (np.concatenate(each) for each in zip(*found))
-    order = np.argsort(place)
-    place, ms = place[order], ms[order]
-    first = np.diff(ms, prepend=-1) != 0
-    return place[first], ms[first], clock.absolute
-
-
 def nmea_log(path: Path, sentences: Sentences) -> Log:
     """The Log of the sentences of a file."""
-    clock, tables, left = clock_of(sentences), {}, []
+    clock = clock_of(sentences)
+    tables: dict[str, Table] = {}
+    left: list[str] = []
+    sentences = _of_one_source(sentences, left)
     sections = _positions(path, sentences, clock, tables, left)
     sections += _velocities(path, sentences, clock, tables, left)
     sections += _headings(path, sentences, clock, tables, left)
@@ -118,6 +62,20 @@ def nmea_log(path: Path, sentences: Sentences) -> Log:
     shown = ", ".join(f"{name} {len(kind.place)}" for name, kind in kinds.items())
     facts = [f"{path}: NMEA sentences {shown}"] if shown else []
     return Log(tables, tuple(sections), (*facts, *([UNTOLD] if sections else [])), tuple(left))
+
+
+def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
+    """Of each type the sentences of one source, where GNSS receivers and other devices, such as
+    those of a ship, send the same: those of which there are most."""
+    kinds = {}
+    for name, kind in sentences.kinds.items():
+        gnss = np.array([talker in GNSS for talker in kind.talkers])
+        most = gnss if 2 * np.count_nonzero(gnss) >= len(gnss) else ~gnss
+        kinds[name] = kind if most.all() else kind.rows(np.flatnonzero(most))
+        if not most.all():
+            others = sorted({talker.decode() for talker, its in zip(kind.talkers, most) if not its})
+            left.append(f"{np.count_nonzero(~most)} {name} of other devices ({', '.join(others)})")
+    return sentences._replace(kinds=kinds)
 
 
 def _positions(
@@ -141,23 +99,35 @@ def _positions(
         if not len(table.lines):
             continue
         tables[name], why = _with_deviations(table, sentences, clock)
-        heights = np.isfinite(table.numbers("height"))
-        if name in ("GGA", "GNS") and not heights.all():
-            left.append(
-                f"{np.count_nonzero(~heights)} heights of {name} without the separation of the geoid, "
-                f"which are above the sea and not above the ellipsoid"
-            )
+        heights, geoid = _heights(tables[name], left)
         keys = {
             "kind": "position",
             "table": name,
             "time": clock.time,
-            "columns": ["lat", "lon", "height"],
+            "columns": ["lat", "lon", "altitude"],
             "unit": ["deg", "deg", "m"],
+            **geoid,
             "sd": ["sd_n", "sd_e", "sd_d"],
         }
-        title = f"{name}, {len(table.lines)} fixes" + ("" if heights.any() else ", no heights")
-        return [Section("aiding", "gnss", keys, 0, title, {"sd": why} if why else {})]
+        assumed = {"sd": why} if why else {}
+        if geoid.get("geoid") == "EGM96":
+            assumed["geoid"] = "the sentences do not say its separation"
+        title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
+        return [Section("aiding", "gnss", keys, 0, title, assumed)]
     return []
+
+
+def _heights(table: Table, left: list[str]) -> tuple[bool, dict[str, Any]]:
+    """(whether there are heights, the key that says how far the geoid is from the ellipsoid)."""
+    known = np.isfinite(table.numbers("altitude"))
+    if not known.any():
+        return False, {}
+    told = np.isfinite(table.numbers("separation"))
+    if not (told & known).any():
+        return True, {"geoid": "EGM96"}
+    if many := int(np.count_nonzero(known & ~told)):
+        left.append(f"{many} heights without the separation of the geoid, which others say")
+    return True, {"geoid": {"column": "separation", "unit": "m"}}
 
 
 def _quality(name: str, kind: Kind) -> Ints:
@@ -181,11 +151,13 @@ def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
     found = {"lat": kind.degrees(at), "lon": kind.degrees(at + 2)}
     nothing = np.full(len(kind.place), np.nan)
     if name in ("GGA", "GNS"):
-        hdop, altitude = kind.numbers(8), kind.numbers(9)
         separation = kind.numbers(11 if name == "GGA" else 10)
-        # millimetres are what sentences have: the sum of two decimal numbers is not exact
-        return found | {"height": np.round(altitude + separation, 4), "hdop": hdop}
-    return found | {"height": nothing, "hdop": nothing}
+        return found | {
+            "altitude": kind.numbers(9),
+            "separation": separation,
+            "hdop": kind.numbers(8),
+        }
+    return found | {"altitude": nothing, "separation": nothing, "hdop": nothing}
 
 
 def _table(
@@ -250,19 +222,14 @@ def _velocities(
             continue
         kind = sentences.kinds[name]
         if name == "RMC":
-            speed, course, t = KNOT * kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
+            speed, course, t = kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
             used = _quality(name, kind) > 0
         else:
-            speed, course, t = kind.numbers(7) / 3.6, kind.numbers(1), sentences.time_beside(kind)
-            speed = np.where(np.isfinite(speed), speed, KNOT * kind.numbers(5))
+            speed, course, t = kind.numbers(5), kind.numbers(1), sentences.time_beside(kind)
+            speed = np.where(np.isfinite(speed), speed, kind.numbers(7) / 1.852)
             used = np.array([each in QUALITY_OF_MODE for each in kind.text(9)], bool)
-        # at rest a receiver says no course: then the components are as small as the speed
-        angle = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, np.radians(course))
-        speed_n = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, speed * np.cos(angle))
-        speed_e = np.where(np.isnan(course) & (speed <= SPEED_SD), 0.0, speed * np.sin(angle))
-        columns = {"speed": speed, "course": course, "v_n": speed_n, "v_e": speed_e}
-        columns["v_d"] = np.full(len(speed), np.nan)
-        good = used & (t >= 0) & np.isfinite(speed_n) & np.isfinite(speed_e)
+        columns = {"speed": speed, "course": course}
+        good = used & (t >= 0) & np.isfinite(speed)
         if not good.any():
             continue
         lines = [] if name in tables else left
@@ -272,11 +239,12 @@ def _velocities(
             "kind": "velocity",
             "table": table,
             "time": clock.time,
-            "columns": ["v_n", "v_e", "v_d"],
-            "unit": "m/s",
+            "form": "speed, course",
+            "columns": ["speed", "course"],
+            "unit": ["knot", "deg"],
             "sd": SPEED_SD,
         }
-        why = "speed and course state none; receivers claim 0.05 m/s and filter"
+        why = "the sentences state none; receivers claim 0.05 m/s and filter"
         title = f"{name}, speed and course, {len(tables[table].lines)} fixes"
         return [Section("aiding", "gnss", keys, 0, title, {"sd": why})]
     return []

@@ -51,8 +51,8 @@ class Decoded(NamedTuple):
 
 def take(content: np.ndarray[Any, Any], offsets: Ints, length: int) -> np.ndarray[Any, Any]:
     """Pieces of `length` bytes (n,) of an array of bytes at these offsets, which must fit in."""
-    every = np.ndarray(len(content) - length + 1, f"V{length}", content, strides=(1,))  # type: ignore[call-overload]
-    return every[offsets]  # type: ignore[no-any-return]
+    every = np.ndarray(len(content) - length + 1, f"V{length}", content, strides=(1,))
+    return every[offsets]
 
 
 class Messages:
@@ -120,6 +120,7 @@ class Messages:
                 for length, found in self._found.pop(number).items():
                     payload = np.concatenate([each for each, _ in found])
                     record = np.concatenate([each for _, each in found])
+                    found.clear()
                     good = list(_decode(payload, length, fields, topic.encoding))
                     pieces += [(record[rows], columns) for rows, columns in good]
                     wrong += len(payload) - sum(len(rows) for rows, _ in good)
@@ -129,8 +130,10 @@ class Messages:
 def _joined(pieces: list[tuple[Ints, Columns]], wrong: int) -> Decoded:
     if not pieces:
         return Decoded(np.zeros(0, int), {}, wrong)
-    record = np.concatenate([each for each, _ in pieces])
-    columns = {name: np.concatenate([each[name] for _, each in pieces]) for name in pieces[0][1]}
+    record, columns = pieces[0]
+    if len(pieces) > 1:
+        record = np.concatenate([each for each, _ in pieces])
+        columns = {name: np.concatenate([each[name] for _, each in pieces]) for name in columns}
     if np.any(np.diff(record) < 0):
         order = np.argsort(record, kind="stable")
         record, columns = record[order], {name: each[order] for name, each in columns.items()}

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...typing import Array, Ints
 
-RESTART = 10.0
-"""s: a tag that goes back by more, or 32 bits that begin anew, is a new beginning of the clock."""
+RESTART = 10_000
+"""Ticks: a tag that goes back by more is a new beginning of the clock."""
 LONG = 60.0
 """s: over a shorter file the rate of the sensor's clock is taken as stated."""
 TICKS = (1e-3, 1 / 25600)
@@ -27,7 +27,7 @@ class Line(NamedTuple):
 
     def gps(self, tag: Ints) -> Array:
         """s"""
-        return self.tick * (tag - self.tag0) + self.gps0
+        return np.asarray(self.tick * (tag - self.tag0) + self.gps0, float)
 
 
 def unwrapped(tag: Ints) -> tuple[Ints, Ints]:
@@ -35,7 +35,7 @@ def unwrapped(tag: Ints) -> tuple[Ints, Ints]:
     begins anew begins a piece."""
     step = np.diff(tag, prepend=tag[:1])
     step = (step + 2**31) % 2**32 - 2**31
-    anew = np.abs(step) > RESTART / TICKS[1]
+    anew = (step < -RESTART) | (step > 2**30)
     return tag[0] + np.cumsum(np.where(anew, 0, step)), np.cumsum(anew)
 
 

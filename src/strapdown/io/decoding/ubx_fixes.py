@@ -68,7 +68,7 @@ def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Co
     }
     names = ("height", "hAcc", "vAcc", "velN", "velE", "velD", "sAcc")
     found |= {name: records[name] / 1e3 for name in names}
-    if "flags3" in records.dtype.names:
+    if records.dtype == LAYOUTS[NAV_PVT]:
         found["ok"] &= records["flags3"] & 1 == 0
     return found
 
@@ -85,13 +85,13 @@ def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) 
     # a receiver that says no state of its fixes says their accuracy
     known_or_none = known | (frames.count(state) == 0)
     found["fixType"] = np.where(known, np.nan_to_num(told["fixType"]), 3).astype(int)
-    right = np.nan_to_num(told["flags"]).astype(int) & 0x0D == 0x0D  # fix, week and time
+    right = np.nan_to_num(told["flags"]).astype(int) & 0x09 == 0x09  # fix and time of week
     found["ok"] = np.where(known, right, known_or_none & (found["hAcc"] < 100))
     return found
 
 
 def _position(records: NDArray[Any]) -> Columns:
-    if "latHp" not in records.dtype.names:
+    if records.dtype != LAYOUTS[NAV_HPPOSLLH]:
         found = {name: records[name] / 1e7 for name in ("lat", "lon")}
         return found | {name: records[name] / 1e3 for name in ("height", "hAcc", "vAcc")}
     found = {

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...typing import Ints
-
-Bytes = NDArray[np.uint8]
+from .records import Bytes, structured
 
 
 class Frames(NamedTuple):
@@ -32,14 +31,7 @@ class Frames(NamedTuple):
     def records(self, key: int, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:
         """(start (n,), records (n,)) of the frames of one kind that are long enough."""
         start = self.start[(self.key == key) & (self.length >= layout.itemsize)]
-        return start, gathered(self.content, start, layout.itemsize).view(layout)[:, 0]
-
-
-def gathered(content: Bytes, start: Ints, size: int) -> Bytes:
-    """(n, size) bytes from each start on, all of which lie in the content."""
-    if not len(start):
-        return np.empty((0, size), np.uint8)
-    return np.lib.stride_tricks.sliding_window_view(content, size)[start]
+        return start, structured(self.content, start, layout)
 
 
 def find_frames(data: bytes) -> Frames:

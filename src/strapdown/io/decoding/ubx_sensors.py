@@ -5,15 +5,17 @@ accelerometers 2^-10 m/s^2 (u-blox M8 interface description, "ESF measurement da
 sample is a tag of the sensor's own clock.
 """
 
-from functools import reduce
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...typing import Array, Ints
+from .cyclic_times import in_order
+from .records import side_by_side
 from .sensor_clock import TICKS, Line, fit, unwrapped
-from .ubx_frames import Frames, gathered
+from .ubx_frames import Frames
 from .ubx_layouts import ESF_MEAS, ESF_RAW
 
 GYRO, ACCEL = (14, 13, 5), (16, 17, 18)
@@ -56,7 +58,7 @@ def sensors(frames: Frames, key: int, place: Ints, gps: Array) -> Sensors | None
     found = _measurements(frames, key)
     ours = np.isin(found.kind, (*GYRO, *ACCEL))
     found = _Measurements(*(each[ours] for each in found))
-    if not {*GYRO, *ACCEL} <= set(np.unique(found.kind).tolist()):
+    if not all((found.kind == kind).any() for kind in (*GYRO, *ACCEL)):
         return None
     tag, piece = unwrapped(found.tag)
     tag = tag + piece * 2**40  # tags of different pieces are never the same
@@ -83,7 +85,7 @@ def _measurements(frames: Frames, key: int) -> _Measurements:
         size = int(length) // 4 * 4
         if size < 8:
             continue
-        words = gathered(frames.content, start, size).view("<u4").astype(np.int64)
+        words = side_by_side(frames.content, start, size).view("<u4").astype(np.int64)
         if key == ESF_RAW:
             data, tag = words[:, 1:-1:2], words[:, 2::2]
             some = np.ones(data.shape, bool)
@@ -98,10 +100,11 @@ def _measurements(frames: Frames, key: int) -> _Measurements:
     if not parts:
         return _Measurements(*(np.zeros(0, np.int64) for _ in range(4)))
     place, tag, kind, value = (np.concatenate(each) for each in zip(*parts))
-    order = np.argsort(place, kind="stable")
-    return _Measurements(
-        place[order], tag[order], kind[order], ((value ^ 0x800000) - 0x800000)[order]
-    )
+    value = (value ^ 0x800000) - 0x800000
+    if len(parts) > 1:  # frames of one length are in the order of the file
+        order = np.argsort(place, kind="stable")
+        place, tag, kind, value = (each[order] for each in (place, tag, kind, value))
+    return _Measurements(place, tag, kind, value)
 
 
 def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Samples:
@@ -109,9 +112,12 @@ def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Sample
     each = {}
     for kind in types:
         rows = np.flatnonzero(found.kind == kind)
-        tags, first = np.unique(tag[rows], return_index=True)
-        each[kind] = (tags, found.value[rows[first]])
-    common = reduce(np.intersect1d, (tags for tags, _ in each.values()))
+        rows = rows[in_order(tag[rows])[0]]
+        each[kind] = (tag[rows], found.value[rows])
+    every = [tags for tags, _ in each.values()]
+    if all(np.array_equal(every[0], tags) for tags in every):
+        return Samples(every[0], {kind: value for kind, (_, value) in each.items()})
+    common = reduce(partial(np.intersect1d, assume_unique=True), every)
     values = {kind: value[np.searchsorted(tags, common)] for kind, (tags, value) in each.items()}
     return Samples(common, values)
 

@@ -38,7 +38,7 @@ def clock(frames: Frames) -> Clock:
         valid = records["flags" if key == NAV_SOL else "valid"] & VALID[key] == VALID[key]
         tow = records["iTOW"].astype(int)
         weekless.append((place, tow))
-        if "year" in records.dtype.names:
+        if key in (NAV_PVT, NAV_PVAT):
             moment = np.round(1e3 * gps_from_unix(_unix(records))).astype(int)
             moment = moments(place, tow, place, moment, WEEK)
         else:

@@ -2,7 +2,7 @@
 
 import bz2
 import io
-from typing import IO, Any
+from typing import IO, cast
 
 from ...checks import DataError
 
@@ -16,12 +16,10 @@ def _opened(packed: bytes, way: str) -> IO[bytes]:
     if way == "lz4":
         import lz4.frame
 
-        opened: Any = lz4.frame.open(io.BytesIO(packed))
-    else:
-        import zstandard
+        return cast(IO[bytes], lz4.frame.open(io.BytesIO(packed)))
+    import zstandard
 
-        opened = zstandard.ZstdDecompressor().stream_reader(packed)
-    return opened
+    return cast(IO[bytes], zstandard.ZstdDecompressor().stream_reader(packed))
 
 
 def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
@@ -44,19 +42,22 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
             raise DataError(f"is damaged ({type(error).__name__})") from error
         unpacked = b"".join(pieces)
     if len(unpacked) != size:
-        raise DataError(f"unpacks to another size than the {size} bytes that it states")
+        raise DataError("unpacks to another size than it states")
     return unpacked
 
 
 def unpack_frame(packed: bytes, most: int) -> bytes:
-    """A zstd frame of unknown size, at most `most` bytes long. Raises DataError."""
+    """A zstd frame, at most `most` bytes long when it is unpacked. Raises DataError."""
     import zstandard
 
     try:
+        size = zstandard.frame_content_size(packed)  # -1: it does not state it
+        if size > most:
+            raise DataError(f"unpacks to {size} bytes, more than {most}")
+        if size >= 0:
+            return zstandard.ZstdDecompressor().decompress(packed)
         with zstandard.ZstdDecompressor().stream_reader(packed) as file:
-            unpacked = file.read(most + 1)
+            unpacked = file.read(most)
     except zstandard.ZstdError as error:
         raise DataError(f"is damaged ({str(error):.60})") from error
-    if len(unpacked) > most:
-        raise DataError(f"unpacks to more than {most} bytes")
     return unpacked

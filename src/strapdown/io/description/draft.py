@@ -1,7 +1,6 @@
 """A bare table as a Log: guesses at what its columns are, by names, units, magnitudes and content,
 with a reason wherever the user must check."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -121,7 +120,7 @@ def _without_header(table: Table) -> Log:
     ]
     asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
     for name, each in values:
-        texts: Sequence[str] = table.frame[name].dropna().unique() if np.isnan(each).all() else []
+        texts: list[str] = list(table.frame[name].dropna().unique()) if np.isnan(each).all() else []
         if 1 < len(texts) <= MOST_KINDS:
             asked = (
                 f"column {name} holds {', '.join(map(repr, texts))}: each row is of another kind; "

@@ -15,7 +15,8 @@ from ...quantities import dimension, innovation_dimension
 from ...sensor_models.geoid import undulation
 from ...typing import Array
 from ...units import factor, spread_factor
-from .schema_aiding import AidingPart, Separation
+from .schema_aiding import AidingPart
+from .schema_values import Separation
 from .source_files import Files
 
 

@@ -2,7 +2,7 @@
 description as a Recording or as the text of a `recording.toml`."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from ..contract import ROLES, Log, Section
 from ..registry import ask, looker
 from .clocks import one_clock
 from .complaints import load
+from .imu_rate import slow
 from .read import recording_of
 from .source_files import Files
 
@@ -70,7 +71,15 @@ class Joined(NamedTuple):
                 else f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
                 f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
             )
-        return lines
+        return lines + [line for line, refused in self._slow() if refused]
+
+    def _slow(self) -> Iterator[tuple[str, bool]]:
+        """(line on an IMU that is slow, whether it is refused) of the devices; a bare table may be
+        of anything."""
+        for each in self.taken:
+            found = slow(each.section, self.logs[each.path].tables)
+            if found and looker(each.path).name != "table":
+                yield f"{each.name}: {found[0]}", found[1]
 
     @property
     def told(self) -> list[str]:
@@ -88,7 +97,8 @@ class Joined(NamedTuple):
         left += [
             f"left: {path.name}: {line}" for path in self.paths for line in self.logs[path].left
         ]
-        return list(dict.fromkeys([*taken, *assumed, *left]))
+        notes = [f"note: {line}" for line, refused in self._slow() if not refused]
+        return list(dict.fromkeys([*taken, *assumed, *notes, *left]))
 
     def content(self, folder: File) -> dict[str, Any]:
         """The description as a `recording.toml` in `folder` has it."""

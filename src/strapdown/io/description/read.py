@@ -16,7 +16,8 @@ from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import turned
 from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
-from ...preprocessing.imu_samples import GAP_MEDIANS, increments
+from ...preprocessing.imu_samples import increments
+from ...preprocessing.joined_imu import joined
 from ...preprocessing.origin import Origin
 from ...preprocessing.other_forms import attitudes
 from ...preprocessing.plausible import mistakes
@@ -58,7 +59,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     parts = [*description.aiding, description.reference]
     files.later = {part.file for part in parts if part is not None and part.file is not None}
     imu, notes = read_imu(description.imu, files)
-    for field, text in mistakes(imu, description.imu.kind):
+    for field, text in mistakes(imu, description.imu.kind, description.vehicle):
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings: list[Aiding] = []
     found: dict[int, Aiding] = {}
@@ -147,17 +148,21 @@ def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:
 
 def read_imu(part: ImuPart, files: Files) -> tuple[Imu, list[str]]:
     """(Imu in body FRD, notes) of the section [imu], not yet looked at for mistaken units."""
-    (origin, t, gyro, notes), (_, t_accel, accel, _) = (
+    (origin, t, gyro, notes), (own, t_accel, accel, left_out) = (
         _signal(part, signal, dimension, files)
         for signal, dimension in zip((part.gyro, part.accel), part.dimensions)
     )
     if part.temperature is None:
         files.forget(part.file)
-    if not np.array_equal(t, t_accel, equal_nan=True):
-        accel, more = _at_times(t, t_accel, accel)
-        notes += more
-    imu, more = increments(t, gyro, accel, part.kind, origin)
-    notes += more
+    if np.array_equal(t, t_accel, equal_nan=True):
+        imu, more = increments(t, gyro, accel, part.kind, origin)
+    else:
+        of_gyro, more = increments(t, gyro, gyro, part.kind, origin)
+        of_accel, of_its_own = increments(t_accel, accel, accel, part.kind, own)
+        with located(f"{files.path}: [imu]"):
+            imu, joining = joined(of_gyro, of_accel)
+        more += of_its_own + [f"imu: {note}" for note in joining]
+    notes += [note for note in left_out if note not in notes] + more
     gyro, accel, more = corrected(part, files, imu)
     C = part.matrix
     turn = turned if part.mounting is None else _rotated
@@ -180,20 +185,6 @@ def _signal(
     for k, cells in enumerate(columns):
         np.multiply(cells, scale, out=values[:, k])
     return table.origin, t, values, notes
-
-
-def _at_times(t: Array, t_accel: Array, accel: Array) -> tuple[Array, list[str]]:
-    """(accel (n, 3) at the times t of the gyro, between whose samples it is interpolated, NaN
-    beyond its gaps; notes)."""
-    order = np.argsort(t_accel, kind="stable")
-    order = order[np.isfinite(t_accel[order]) & np.isfinite(accel[order]).all(axis=1)]
-    if len(order) < 2:
-        raise DataError("[imu] accel: its own table has fewer than 2 rows; check file and columns")
-    there = t_accel[order]
-    at = np.stack([np.interp(t, there, each, np.nan, np.nan) for each in accel[order].T], axis=1)
-    after = np.clip(np.searchsorted(there, t), 1, len(there) - 1)
-    at[there[after] - there[after - 1] > GAP_MEDIANS * 2 * np.median(np.diff(there))] = np.nan
-    return at, ["imu: accelerometer and gyro have times of their own; interpolated to the gyro's"]
 
 
 def read_aiding(

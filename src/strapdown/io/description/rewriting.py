@@ -43,6 +43,13 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     text = _text(path)
     old, content = _check_sections(path, text, kinds)
     edits = list(edits)
+    for edit in edits:
+        own = [name for name in ("gyro", "accel") if TIME in old["imu"].get(name, {})]
+        if own and edit.source is None and edit.key == TIME:
+            raise DataError(
+                f"{path}: [imu] {own[0]} has a time of its own; add {edit.value[0]:+.4g} s to the "
+                f"offset of each time of [imu] by hand"
+            )
     try:
         for edit in edits:
             section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]

@@ -22,7 +22,6 @@ from .schema_aiding import (
     FORMS,
     AidingPart,
     Form,
-    Geoid,
     check_attitude_columns,
     is_ecef,
 )
@@ -39,6 +38,7 @@ from .schema_base import (
     named,
     refuse,
 )
+from .schema_values import Geoid
 
 
 def _body_axes(text: str) -> str:

@@ -1,24 +1,21 @@
 """The schema of `[[aiding]]` in `recording.toml`: a source of fixes, whose kind decides which
 keys it takes."""
 
-import math
 import re
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from ...aiding import find
-from ...checks import check_keys, check_number, is_number
+from ...checks import check_number, is_number
 from ...core.contract import Measurement
 from ...estimable import asked, asked_at
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...quantities import dimension, innovation_dimension
 from ...typing import Array
-from ...units import factor, quantity as si_quantity, spread_factor
+from ...units import factor, spread_factor
 from .schema_base import (
-    MISSING,
-    AngleUnit,
     Column,
     Finite,
     Part,
@@ -29,6 +26,7 @@ from .schema_base import (
     named,
     refuse,
 )
+from .schema_values import Declination, EarthField, Geoid
 
 ECEF = "ECEF"
 """Axes of what is told about the centre of the Earth: x through latitude 0, longitude 0, z through
@@ -44,76 +42,6 @@ COVARIANCE = 6
 """Entries of `sd` in ECEF that are x, y, z, then xy, yz and zx of a covariance."""
 HEADING = r"(yaw|heading|hdg|psi|azimuth)"
 """How columns of a heading are named."""
-
-
-def _field(value: Any) -> str | tuple[float, ...]:
-    """ "record", or north, east, down in T."""
-    if value == "record":
-        return "record"
-    example = '{ north = 17.6, east = 0.1, down = 52.8, unit = "uT" }'
-    axes = ("north", "east", "down")
-    if (
-        not isinstance(value, dict)
-        or set(value) != {*axes, "unit"}
-        or not all(is_number(value[key]) for key in axes)
-    ):
-        raise ValueError(
-            f'write {example}, or "record" for the strengths in the record, or leave it out for the '
-            f"geomagnetic model"
-        )
-    north, east, down = (value[key] * factor(value["unit"], "magnetic field") for key in axes)
-    strength = math.hypot(north, east, down)
-    refuse(
-        (
-            not 1e-6 <= strength <= 100e-6,
-            f"its strength is {strength * 1e6:.4g} uT, where the Earth's is 22 to 67; check the unit",
-        ),
-        (
-            math.hypot(north, east) < 1e-3 * strength,
-            "it has nothing horizontal and so gives no heading; give north and east, or leave it "
-            "out for the geomagnetic model",
-        ),
-    )
-    return north, east, down
-
-
-class Declination(Part):
-    """declination of a field taken from the record: of magnetic from true north, positive east."""
-
-    value: Finite
-    unit: AngleUnit = MISSING
-
-    @property
-    def angle(self) -> float:
-        """rad."""
-        return self.value * self.unit
-
-
-class Separation(NamedTuple):
-    """geoid: the height of the geoid above the ellipsoid, in m = column * size, or value."""
-
-    value: float = 0.0
-    column: str | int | None = None
-    size: float = 1.0
-
-
-def _geoid(value: Any) -> Literal["EGM96"] | Separation:
-    """ "EGM96", or the separation in a column or as one number."""
-    if value == "EGM96":
-        return "EGM96"
-    if not isinstance(value, dict) or not ({"column"} <= set(value) or {"value"} <= set(value)):
-        raise ValueError(
-            f'{value!r} is no geoid; give "EGM96", its height above the ellipsoid as '
-            '{ value = 46.3, unit = "m" }, or the column that has it, { column = "sep", unit = "m" }'
-        )
-    if "value" in value:
-        return Separation(si_quantity(value, "m", "its height", "m", -math.inf))
-    check_keys(value, ["column", "unit", "scale"])
-    scale = check_number(value.get("scale", 1.0), "scale", least=-math.inf)
-    return Separation(0.0, column(value["column"]), scale * factor(value.get("unit"), "length"))
-
-
-Geoid = Annotated[Any, AfterValidator(_geoid)]
 
 
 def is_ecef(axes: str | None) -> bool:
@@ -139,7 +67,7 @@ class AidingPart(Part):
     geoid: Geoid = None
     lever_arm: Triple | None = None
     calibration: str | None = None
-    field: Annotated[Any, AfterValidator(_field)] = None
+    field: EarthField = None
     declination: Declination | None = None
     rate: Annotated[Finite, Field(gt=0)] | None = None
     level: Annotated[Finite, Field(ge=-12e3, le=12e3)] | None = None

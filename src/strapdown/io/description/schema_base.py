@@ -95,10 +95,12 @@ class Condition(Part):
         return self
 
     def __str__(self) -> str:
-        words = {"least": "at least", "most": "at most", "equals": "one of"}
-        given = {"least": self.least, "most": self.most, "equals": self.equals and self.values}
-        said = [f"{words[key]} {value}" for key, value in given.items() if value is not None]
-        return f"{self.column} {' and '.join(said)}"
+        rules = (
+            "" if self.least is None else f">= {self.least:g}",
+            "" if self.most is None else f"<= {self.most:g}",
+            "" if self.equals is None else f"in {', '.join(map(str, self.values))}",
+        )
+        return f"{self.column} {' and '.join(filter(None, rules))}"
 
 
 def _conditions(value: Any) -> Any:

@@ -56,19 +56,20 @@ class Files:
         self._first: Time | None = None
         self._read: dict[tuple[int, Time], tuple[Table, Moments]] = {}
         self._start: float | None = None  # of times of day without a date
-        self._logs = {} if logs is None else logs
+        # a description may name the same file another way
+        self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
         path = self.locate(file)
-        reader = looker(path)
+        same, reader = path.resolve(), looker(path)
         is_bare = reader.open is None or reader.name == "table"
-        if path in self._logs and header:
-            tables = self._logs[path].tables
+        if same in self._logs and header:
+            tables = self._logs[same].tables
         elif is_bare and (table is None or path.suffix.lower() == MATLAB):
             tables = tables_of(path, header)
         else:
-            self._logs[path] = ask(reader, "open", path)
-            tables = self._logs[path].tables
+            self._logs[same] = ask(reader, "open", path)
+            tables = self._logs[same].tables
         for found in tables.values():
             self.notes += [note for note in found.notes if note not in self.notes]
         if table is None and len(tables) == 1:

@@ -8,18 +8,18 @@ that this was tried on. The fixes of the satellite receiver say what UTC the clo
 
 import io
 import re
-from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...checks import DataError
-from ...typing import Array
+from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
 from ..decoding.phone import (
     FixColumns,
     Piece,
+    day,
     fix_sections,
     fixes,
     inertial,
@@ -29,6 +29,8 @@ from ..decoding.phone import (
 from ..table_file import Table, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
+MOST_NS = 4e18
+"""ns that whole numbers can count from 1970, or a phone since it started."""
 UNIX = "POSIX ns"
 """Column that is added: the phone's clock, on UTC."""
 SENSORS = {
@@ -49,6 +51,7 @@ FIX = FixColumns(
     r"BearingAccuracyDegrees",
 )
 UTC = r"UnixTimeMillis|\(UTC\)TimeInMs"
+Bytes = np.ndarray[tuple[int], np.dtype[np.uint8]]
 WANTED = ("Fix", *(kind for kinds in SENSORS.values() for kind in kinds))
 LEFT = {
     "OrientationDeg": "fused with inertial data by the phone",
@@ -61,13 +64,45 @@ LEAST_RATE = 5.0
 """Hz of an IMU that is worth being read."""
 
 
-class Rows(NamedTuple):
-    """Rows of one kind: {kind: lines}, their numbers in the file, counted from 1, and names of
-    columns by kind."""
+class Lines(NamedTuple):
+    """The lines of a file, none of which costs Python: there are two million in an hour."""
 
-    lines: dict[str, list[bytes]]
-    numbers: dict[str, list[int]]
-    names: dict[str, list[str]]
+    content: Bytes  # (size,)
+    starts: Ints  # (n,)
+    ends: Ints  # (n,) where their line ends are
+    names: dict[str, list[str]]  # names of columns by kind, of the header lines
+
+    @classmethod
+    def of(cls, content: bytes) -> "Lines":
+        """Lines of a file."""
+        data = np.frombuffer(content + b"\n", np.uint8)
+        ends = np.flatnonzero(data == ord("\n"))
+        found = cls(data, np.r_[0, ends[:-1] + 1], ends, {})
+        for line in found.beginning(b"#"):
+            text = content[found.starts[line] : found.ends[line]].decode("utf-8", "replace")
+            names = [name.strip() for name in text.strip("# \r").split(",")]
+            if names[0] in WANTED:
+                found.names[names[0]] = names
+        return found
+
+    def beginning(self, prefix: bytes) -> Ints:
+        """Indices of the lines that begin so."""
+        lines = np.flatnonzero(self.ends - self.starts >= len(prefix))
+        for k, byte in enumerate(prefix):
+            lines = lines[self.content[self.starts[lines] + k] == byte]
+        return lines
+
+    def cells(self, lines: Ints) -> Ints:
+        """How many cells each of these lines has."""
+        commas = np.flatnonzero(self.content == ord(","))
+        until = np.searchsorted(commas, self.ends[lines])
+        return until - np.searchsorted(commas, self.starts[lines]) + 1
+
+    def text(self, lines: Ints) -> bytes:
+        """These lines one after another."""
+        use = np.zeros(len(self.starts), bool)
+        use[lines] = True
+        return self.content[np.repeat(use, self.ends + 1 - self.starts)].tobytes()
 
 
 def sniff(path: Path) -> bool:
@@ -80,13 +115,9 @@ def sniff(path: Path) -> bool:
 
 def open_log(path: Path) -> Log:
     """The Log of a file. Raises DataError."""
-    rows = _rows(read_bytes(path))
+    file = Lines.of(read_bytes(path))
     left: list[str] = []
-    tables = {
-        kind: _table(path, kind, rows, left)
-        for kind in WANTED
-        if kind in rows.names and rows.lines.get(kind)
-    }
+    tables = {kind: _table(path, kind, file, left) for kind in WANTED if kind in file.names}
     tables = {kind: table for kind, table in tables.items() if len(table.lines)}
     facts = [f"{kind}: {len(table.lines)} rows" for kind, table in tables.items()]
     zero, said = _zero(tables)
@@ -95,7 +126,7 @@ def open_log(path: Path) -> Log:
     if zero is not None:
         time = {"column": UNIX, "unit": "ns", "clock": "unix"}
         tables = {kind: _on_utc(table, zero) for kind, table in tables.items()}
-        head = {"date": str(np.datetime64(round(_first(tables)), "s"))[:10]}
+        head = _date(tables)
     sections, more = _inertial(tables, time)
     facts += more
     left += _fixes(tables, time, sections)
@@ -104,35 +135,21 @@ def open_log(path: Path) -> Log:
         columns = _triple(tables[magnetometer])
         if columns:
             sections.append(magnetometer_section(magnetometer, time, columns, head))
-    left += [f"{kind}: {why}" for kind, why in LEFT.items() if rows.lines.get(kind)]
+    left += [f"{kind}: {why}" for kind, why in LEFT.items() if len(file.beginning(kind.encode()))]
     return Log(tables, tuple(sections), tuple(facts + said), tuple(left), head=head)
 
 
-def _rows(content: bytes) -> Rows:
-    """The rows of a file by kind."""
-    found = Rows(defaultdict(list), defaultdict(list), {})
-    for number, line in enumerate(content.split(b"\n"), 1):
-        if line[:1] == b"#":
-            names = line.decode("utf-8", "replace").strip("# \r").split(",")
-            if names[0] in WANTED:
-                found.names[names[0]] = [name.strip() for name in names]
-            continue
-        kind = line[: line.find(b",")].decode("ascii", "replace")
-        found.lines[kind].append(line)
-        found.numbers[kind].append(number)
-    return found
-
-
-def _table(path: Path, kind: str, rows: Rows, left: list[str]) -> Table:
+def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
     """The Table of one kind; rows with other cells than its header line names are left out."""
     import pandas as pd
 
-    names, lines = rows.names[kind], rows.lines[kind]
-    whole = np.array([line.count(b",") == len(names) - 1 for line in lines])
-    if not whole.all():
+    names, lines = file.names[kind], file.beginning(kind.encode() + b",")
+    text = file.text(lines)
+    if text.count(b",") != (len(names) - 1) * len(lines):
+        whole = file.cells(lines) == len(names)
         left.append(f"{kind}: {int((~whole).sum())} rows with other cells than the header names")
-    text = b"\n".join(line for line, use in zip(lines, whole) if use)
-    numbers = np.array(rows.numbers[kind])[whole]
+        lines = lines[whole]
+        text = file.text(lines)
     label = f"{path} [{kind}]"
     try:
         frame = pd.read_csv(
@@ -148,7 +165,7 @@ def _table(path: Path, kind: str, rows: Rows, left: list[str]) -> Table:
     except (pd.errors.ParserError, ValueError, OverflowError) as error:
         said = (str(error).splitlines() or ["?"])[0]
         raise DataError(f"{label}: cannot be read ({said})") from None
-    return Table(label, frame, numbers[: len(frame)])
+    return Table(label, frame, lines[: len(frame)] + 1)
 
 
 def _matching(table: Table, pattern: str) -> str:
@@ -199,7 +216,7 @@ def _on_utc(table: Table, zero: float) -> Table:
     frame, utc = table.frame, _matching(table, UTC)
     if CLOCK in frame.columns:
         clock = table.cells(CLOCK)
-        whole = clock.dtype.kind == "i"
+        whole = clock.dtype.kind == "i" and np.all(np.abs(clock) < MOST_NS)
         unix = clock + round(zero * 1e9) if whole else table.numbers(CLOCK) + zero * 1e9
     elif utc:
         unix = table.numbers(utc) * 1e6
@@ -208,10 +225,11 @@ def _on_utc(table: Table, zero: float) -> Table:
     return table._replace(frame=frame.assign(**{UNIX: unix}))
 
 
-def _first(tables: dict[str, Table]) -> float:
-    """POSIX seconds of the earliest row."""
+def _date(tables: dict[str, Table]) -> dict[str, str]:
+    """The key date, of the earliest row of most tables."""
     every = [table.numbers(UNIX) for table in tables.values() if UNIX in table.frame.columns]
-    return min((float(np.nanmin(t)) for t in every if np.isfinite(t).any()), default=0.0) * 1e-9
+    firsts = [float(np.median(t[:9])) * 1e-9 for t in every if len(t)]
+    return day(float(np.median(firsts))) if firsts else {}
 
 
 def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:

@@ -3,7 +3,7 @@
 Columns by the app's sources (github.com/phyphox/phyphox-android, phyphox-ios), which give both
 platforms the same axes: x right, y to the top, z out of the screen. "Time (s)" counts from the start
 of the experiment, without its pauses; `meta/time.csv` says when it was started and paused.
-"Height (m)" is the phone's less the geoid of EGM84; "Vertical Accuracy (°)" is in m.
+"Height (m)" is above the geoid of EGM84, by the app's own grid; "Vertical Accuracy (°)" is in m.
 """
 
 import re
@@ -19,6 +19,7 @@ from ..decoding.phone import (
     FixColumns,
     Piece,
     barometer_section,
+    day,
     fix_sections,
     fixes,
     inertial,
@@ -36,12 +37,13 @@ VECTOR = r"(?P<of>.*?)\b{axis} \((?P<unit>m/s\^2|rad/s|[µμ]T)\)"
 FIX = FixColumns(
     r"latitude .*",
     r"longitude .*",
-    r"(height|altitude) \(m\)",
+    r"(height|altitude)( wgs84)? \(m\)",
     r"horizontal accuracy \(m\)",
     r"vertical accuracy .*",
     r"(velocity|speed) \(m/s\)",
     r"direction .*",
 )
+GEOID = "phyphox takes a grid of EGM84 off, which is within a metre or two of EGM96"
 RECORD = 'record Gyroscope and "Acceleration with g", which phyphox also calls Accelerometer'
 
 
@@ -59,7 +61,7 @@ def sniff(path: Path) -> bool:
 
 def columns_of(head: str) -> list[str]:
     """Names in a header line, [] where it is none of the app's."""
-    names = [name.strip().strip('"') for name in re.split(r"[,;\t]", head)]
+    names = [name.strip() for name in re.split(r"[,;\t]", head)]
     return names if names[0] == TIME_COLUMN else []
 
 
@@ -92,7 +94,12 @@ def fix_columns(columns: list[str]) -> FixColumns:
     """The names of the columns of a fix."""
     return FixColumns(
         *(
-            next((name for name in columns if pattern and re.fullmatch(pattern, name, re.I)), "")
+            # of two heights the one above the ellipsoid
+            max(
+                (each for each in columns if pattern and re.fullmatch(pattern, each, re.I)),
+                key=len,
+                default="",
+            )
             for pattern in FIX
         )
     )
@@ -106,7 +113,7 @@ def open_export(path: Path) -> Log:
     head: dict[str, Any] = {}
     if starts is not None:
         time = {"column": UNIX, "unit": "ns", "clock": "unix"}
-        head = {"date": facts[0].split()[2][:10]}
+        head = day(float(starts.system[0]))
     tables: dict[str, Table] = {}
     kinds: dict[str, list[str]] = {}
     left: list[str] = []
@@ -198,7 +205,8 @@ def _aidings(
             continue
         tables[name], lines = fixes(tables[name], names)
         left += [f"{name}: {line}" for line in lines]
-        sections += fix_sections(name, tables[name], names, time)
+        geoid = "" if "wgs84" in names.height.lower() else GEOID
+        sections += fix_sections(name, tables[name], names, time, geoid)
     for name in kinds.get("magnetometer", [])[:1]:
         columns = vector([str(column) for column in tables[name].frame.columns])
         sections.append(magnetometer_section(name, time, columns, head))

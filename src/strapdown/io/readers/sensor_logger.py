@@ -18,6 +18,7 @@ from ..decoding.phone import (
     FixColumns,
     Piece,
     barometer_section,
+    day,
     fix_sections,
     fixes,
     inertial,
@@ -88,14 +89,10 @@ def open_recording(path: Path) -> Log:
     return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
 
 
-def _head(tables: dict[str, Table]) -> dict[str, Any]:
+def _head(tables: dict[str, Table]) -> dict[str, str]:
     """The date of the first sample."""
-    for table in tables.values():
-        t = table.numbers("time")
-        t = t[np.isfinite(t)]
-        if len(t) and 0 < t[0] < 4e18:
-            return {"date": str(np.datetime64(int(t[0]), "ns").astype("datetime64[D]"))}
-    return {}
+    firsts = [table.numbers("time")[:1] * 1e-9 for table in tables.values()]
+    return day(float(np.median(np.concatenate(firsts)))) if firsts else {}
 
 
 def _inertial(found: Export, tables: dict[str, Table]) -> tuple[list[Section], list[str]]:

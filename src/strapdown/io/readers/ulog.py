@@ -1,0 +1,69 @@
+"""PX4's ULog: `decoding/px4.py` says which of its topics make a recording, and why."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...time_scales import gps_from_unix, iso
+from ..contract import Log, Reader, Section
+from ..decoding import autopilot
+from ..decoding.px4 import SINCE_2001, imus, others, prepared, trajectories
+from ..decoding.px4_receivers import receivers
+from ..decoding.records import Tables
+from ..decoding.ulog import MAGIC, ULog
+from ..table_file import Table, packed, read_bytes
+
+
+def _table(path: Path, log: ULog, name: str, instance: int) -> Table:
+    columns, rows = prepared(log, name, instance)
+    return Table.of(f"{path} [{name} {instance}]", columns, rows)
+
+
+def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
+    """Epoch, date and vehicle, as far as the log says them."""
+    head: dict[str, Any] = {}
+    fixes = [each for each in sections if each.role == "gnss"]
+    if log.start > SINCE_2001:
+        head["date"] = iso(float(gps_from_unix(log.start * 1e-6)))[:10]
+    elif fixes:
+        name, _, instance = fixes[0].keys["table"].rpartition(" ")
+        columns, _ = prepared(log, name, int(instance))
+        utc = columns["time_utc_usec"].astype(np.int64)
+        gps = np.where(utc > SINCE_2001, gps_from_unix(utc * 1e-6), np.nan)
+        offset = fixes[0].keys["time"].get("offset", 0.0)
+        head = autopilot.zero_of_clock(gps, columns["timestamp"] * 1e-6 + offset)
+    vehicle = autopilot.VEHICLES.get(log.parameters.get("MAV_TYPE", 0))
+    return head | ({"vehicle": vehicle} if vehicle else {})
+
+
+def open_ulog(path: Path) -> Log:
+    """Raises DataError."""
+    log = ULog(read_bytes(path))
+    makers: dict[str, Callable[[], Table]] = {
+        f"{name} {instance}": partial(_table, path, log, name, instance)
+        for name, instance in log.topics
+    }
+    sections, left = imus(log)
+    of_receivers, more = receivers(log)
+    left += more
+    head = _head(log, of_receivers)
+    sections += of_receivers + others(log, "date" in head)
+    for columns, section in trajectories(log):
+        table = section.keys["table"]
+        makers[table] = partial(Table.of, f"{path} [{table}]", columns)
+        sections.append(section)
+    left += log.remarks
+    left += autopilot.changes(log.parameters, log.changed, ["EKF2_GPS_DELAY"])
+    version = " ".join(log.info.get(key, "") for key in ("sys_name", "ver_hw")).strip()
+    facts = (f"PX4 ULog{version and f' of {version}'}, {len(log.topics)} topics",)
+    return Log(Tables(makers), tuple(sections), facts, tuple(left), (), head)
+
+
+def _is_ulog(path: Path) -> bool:
+    return read_bytes(path, len(MAGIC)) == MAGIC
+
+
+READER = Reader("ulog", packed(".ulg"), "PX4 log", open=open_ulog)

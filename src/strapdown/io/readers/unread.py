@@ -1,0 +1,259 @@
+"""Formats of other devices that are known by their content and not read: a file of one is refused
+with the name of its format, what is in the way and which tool makes tables of it."""
+
+import re
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ..contract import Log, Reader
+from ..decoding.nmea_sentences import PATTERN
+from ..decoding.ubx_frames import find_frames
+from ..table_file import packed, read_bytes
+
+START = 1 << 16
+"""Bytes by which a file is known."""
+CAN_LINE = re.compile(
+    rb"^(?:\(\d+\.\d+\) \S+ [0-9A-F]{8}#[0-9A-F]*"  # candump -L
+    rb"|\d{4}-\d\d-\d\d[T-][\d:.]+Z?,\d,\d{4,6},\d{1,3},\d{1,3},\d{1,3}(?:,[0-9a-fA-F]{2})+)\s*$",  # canboat
+    re.MULTILINE,
+)
+MIP_SETS = [number in range(1, 16) or number in range(0x7F, 0xB0) for number in range(256)]
+"""Descriptor sets of MIP, by their numbers: commands, system and data."""
+TABLES = "`strapdown inspect FILE.csv --write recording.toml` drafts the description of its tables"
+
+
+class Format(NamedTuple):
+    """A format that is not read."""
+
+    name: str
+    is_it: Callable[[bytes], bool]  # by the first START bytes
+    why: str  # it is not read
+    remedy: str
+
+
+def has_mip(data: bytes) -> bool:
+    """Whether a MIP packet stands in it: 75 65, descriptor set, length, payload, Fletcher's
+    checksum of all (MicroStrain MIP protocol)."""
+    for at in _places(data, b"ue"):
+        end = at + 4 + data[at + 3] if at + 4 <= len(data) else len(data)
+        if end + 2 <= len(data) and MIP_SETS[data[at + 2]]:
+            a = b = 0
+            for byte in data[at:end]:
+                a = (a + byte) & 255
+                b = (b + a) & 255
+            if data[end : end + 2] == bytes((a, b)):
+                return True
+    return False
+
+
+def has_openimu(data: bytes) -> bool:
+    """Whether an OpenIMU packet stands in it: 55 55, two letters or digits, length, payload, CRC 16
+    (Aceinna OpenIMU serial protocol)."""
+    for at in _places(data, b"UU"):
+        body = data[at + 2 : at + 5]
+        if len(body) == 3 and body[:2].isalnum():
+            end = at + 5 + body[2]
+            if end + 2 <= len(data):
+                if (
+                    struct.pack(">H", _crc(data[at + 2 : end], 16, 0x1021, 0x1D0F))
+                    == data[end : end + 2]
+                ):
+                    return True
+    return False
+
+
+def has_novatel(data: bytes) -> bool:
+    """Whether a NovAtel OEM message stands in it: AA 44 12 or the short AA 44 13, CRC 32 at the end
+    (OEM7 commands and logs reference)."""
+    for at in _places(data, b"\xaaD"):
+        head = data[at : at + 12]
+        if len(head) < 12 or head[2] not in (0x12, 0x13):
+            continue
+        size = head[3] + struct.unpack_from("<H", head, 8)[0] if head[2] == 0x12 else 12 + head[3]
+        crc = data[at + size : at + size + 4]
+        told = zlib.crc32(data[at : at + size], 0xFFFFFFFF) ^ 0xFFFFFFFF
+        if len(crc) == 4 and struct.unpack("<I", crc)[0] == told:
+            return True
+    return False
+
+
+def has_rtcm(data: bytes) -> bool:
+    """Whether an RTCM 3 frame stands in it: D3, six zero bits, length, payload, CRC 24Q."""
+    for at in _places(data, b"\xd3"):
+        if at + 6 <= len(data) and data[at + 1] < 4:
+            end = at + 3 + struct.unpack_from(">H", data, at + 1)[0]
+            told = data[end : end + 3]
+            if len(told) == 3 and end > at + 5:
+                if _crc(data[at:end], 24, 0x864CFB, 0).to_bytes(3, "big") == told:
+                    return True
+    return False
+
+
+def has_mavlink(data: bytes) -> bool:
+    """Whether it begins with five MAVLink packets in a row, each after a time of 8 bytes as in a
+    telemetry log, or not."""
+    for gap in (8, 0):
+        at = 0
+        for _ in range(5):
+            at += gap
+            if at + 3 > len(data) or data[at] not in (0xFD, 0xFE):
+                break
+            signed = 13 * (data[at] == 0xFD and data[at + 2] & 1)
+            at += data[at + 1] + (12 if data[at] == 0xFD else 8) + signed
+        else:
+            return True
+    return False
+
+
+def is_sbet(data: bytes) -> bool:
+    """Whether it is records of 17 floats as an SBET has them: time of the week, latitude, longitude
+    in rad, height, ..."""
+    count = len(data) // 136
+    if count < 1 or (len(data) < START and len(data) % 136):
+        return False
+    records = np.frombuffer(data[: 136 * count], "<f8").reshape(count, 17)
+    with np.errstate(invalid="ignore"):
+        bounds = np.array([6048e2, np.pi / 2, np.pi, 2e4, 1e3, 1e3, 1e3, 4, 4, 7, 7])
+        fits = (np.abs(records[:, :11]) <= bounds).all()
+        moving = np.all(np.diff(records[:, 0]) > 0) and records[0, 0] > 0
+    return bool(fits and moving and np.abs(records[:, 1:3]).min() > 1e-6)
+
+
+def _places(data: bytes, mark: bytes, most: int = 200) -> list[int]:
+    """The first places of a mark."""
+    found: list[int] = []
+    at = data.find(mark)
+    while at >= 0 and len(found) < most:
+        found.append(at)
+        at = data.find(mark, at + 1)
+    return found
+
+
+def _crc(data: bytes, bits: int, polynomial: int, start: int) -> int:
+    """Cyclic redundancy check, highest bit first."""
+    crc, top, mask = start, 1 << (bits - 1), (1 << bits) - 1
+    for byte in data:
+        crc ^= byte << (bits - 8)
+        for _ in range(8):
+            crc = ((crc << 1) ^ polynomial if crc & top else crc << 1) & mask
+    return crc
+
+
+FORMATS = (
+    Format(
+        "an MP4 or MOV video",
+        lambda data: data[4:8] == b"ftyp",
+        "a GoPro's has telemetry (GPMF) in it, without a time per sample",
+        f"gopro-telemetry or exiftool write tables of it; {TABLES}",
+    ),
+    Format(
+        "GoPro telemetry (GPMF)",
+        lambda data: data[:4] == b"DEVC",
+        "it has no time per sample and its axes depend on the camera",
+        f"gopro-telemetry writes tables of it; {TABLES}",
+    ),
+    Format(
+        "a log of NMEA 2000 (CAN bus)",
+        lambda data: len(CAN_LINE.findall(data)) >= 2,
+        "several devices send the same quantity, and somebody must choose by their addresses",
+        f"canboat's `analyzer -json` decodes it; write tables of the devices you choose; {TABLES}",
+    ),
+    Format(
+        "a capture of network packets (pcap)",
+        lambda data: (
+            data[:4] in (b"\n\r\r\n", b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1")
+        ),
+        "it holds a device's bytes inside packets",
+        "save them with Wireshark (Follow TCP Stream, as Raw) and name that file",
+    ),
+    Format(
+        "a MicroStrain log (MIP)",
+        has_mip,
+        "its messages are not decoded here",
+        f"SensorConnect or MSCL export tables of it (accelerations in g); {TABLES}",
+    ),
+    Format(
+        "a NovAtel OEM log",
+        has_novatel,
+        "its corrected IMU messages (CORRIMU) hold increments without gravity, which no filter here "
+        "takes",
+        f"NovAtel Convert or novatel_edie write tables of BESTPOS, BESTVEL and RAWIMU; {TABLES}",
+    ),
+    Format(
+        "MAVLink telemetry (.tlog)",
+        has_mavlink,
+        "a radio link passes on too few samples of the IMU",
+        "take the log of the vehicle itself, .ulg of PX4 or .BIN of ArduPilot, which is read",
+    ),
+    Format(
+        "a Betaflight blackbox log",
+        lambda data: b"H Product:Blackbox flight data recorder" in data[:4096],
+        "its frames are not decoded here",
+        f"blackbox_decode of blackbox-tools writes tables of it; {TABLES}",
+    ),
+    Format(
+        "a log of an Aceinna OpenIMU",
+        has_openimu,
+        "its packets are not decoded here",
+        f"Aceinna's python-openimu writes tables of it (gyro in deg/s, time in us); {TABLES}",
+    ),
+    Format(
+        "RINEX",
+        lambda data: b"RINEX VERSION / TYPE" in data[:200] or b"CRINEX VERS" in data[:200],
+        "it holds observations of satellites and no positions",
+        "RTKLIB's rnx2rtkp makes a .pos of them, which is read",
+    ),
+    Format(
+        "RTCM 3",
+        has_rtcm,
+        "it holds observations of satellites and no positions",
+        "RTKLIB's convbin and rnx2rtkp make a .pos of them, which is read",
+    ),
+    Format(
+        "a solution of Applanix POSPac (SBET)",
+        is_sbet,
+        "it is a solution already, 17 floats a record, angles in rad",
+        f"PDAL (readers.sbet) writes tables of it, as a reference to score against; {TABLES}",
+    ),
+)
+
+
+def known(path: Path) -> Format | None:
+    """The format of a file, by its first bytes; None where it is none of these, or one that is
+    read and merely carries pieces of these."""
+    try:
+        data = read_bytes(path, START)
+    except DataError:
+        return None
+    found = next((each for each in FORMATS if each.is_it(data)), None)
+    if found is None or len(find_frames(data).start) or PATTERN.search(data):
+        return None
+    return found
+
+
+def open_unread(path: Path) -> Log:
+    """Raises DataError that says which format it is, what is in the way and what to do."""
+    found = known(path)
+    if found is None:
+        raise DataError(f"{path}: its format is not known")
+    raise DataError(f"{path}: is {found.name}, which is not read: {found.why}; {found.remedy}")
+
+
+def sniff(path: Path) -> bool:
+    """Whether it is one of these formats."""
+    return known(path) is not None
+
+
+READER = Reader(
+    "unread",
+    packed(".tlog", ".bbl", ".sbet", ".pcapng", ".mp4", ".rtcm3", ".rnx"),
+    "formats of other devices, which are named and refused",
+    sniff=sniff,
+    open=open_unread,
+)

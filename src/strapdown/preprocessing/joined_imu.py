@@ -1,0 +1,60 @@
+"""A gyro and an accelerometer that were logged apart, with rates and times of their own, as one
+IMU."""
+
+import numpy as np
+
+from ..checks import DataError
+from ..core.contract import Imu
+from ..typing import Array
+from .imu_samples import GAP_MEDIANS
+from .origin import counted
+
+LEAST_COVERED = 0.99
+"""Share of an interval of the gyro over which the accelerometer must have measured: all of it, but for
+rounding of the times."""
+
+
+def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
+    """(Imu with the samples of the gyro, notes): dtheta of `gyro` and dv of `accel`, each as
+    `increments` makes it.
+
+    What the accelerometer integrates to over each interval of the gyro is taken, so that a faster
+    one is averaged, a slower one shared out, and none is shifted. A single lost sample of it
+    is bridged. Samples in longer gaps of it are dropped. Raises DataError where there is no
+    other.
+    """
+    apart = np.diff(accel.t, prepend=accel.t[0] - accel.dt[0])
+    held = np.where(apart <= 2 * GAP_MEDIANS * np.median(accel.dt), apart, accel.dt)
+    gaps = np.flatnonzero(held < apart)  # before these samples nothing is summed up
+    steps = np.c_[accel.dv * (held / accel.dt)[:, None], held]
+    sums = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
+    knots = np.insert(accel.t, np.r_[0, gaps], np.r_[accel.t[0] - held[0], (accel.t - held)[gaps]])
+    sums = np.insert(sums, gaps + 1, sums[gaps], axis=0)
+    over = _between(knots, sums, gyro.t) - _between(knots, sums, gyro.t - gyro.dt)
+    covered = over[:, 3] / gyro.dt
+    keep = covered >= LEAST_COVERED
+    if keep.sum() < 2:
+        raise DataError(
+            f"gyro and accelerometer have no time in common: gyro {gyro.t[0]:.3f} to "
+            f"{gyro.t[-1]:.3f} s, accelerometer {accel.t[0]:.3f} to {accel.t[-1]:.3f} s; add "
+            f"`offset` to the `time` of one, or check the units of time"
+        )
+    notes = [
+        f"gyro and accelerometer have times of their own ({1 / np.median(gyro.dt):.4g} and "
+        f"{1 / np.median(accel.dt):.4g} Hz); joined at those of the gyro"
+    ]
+    if not keep.all():
+        notes.append(
+            f"{counted(int((~keep).sum()), 'sample')} of the gyro dropped, for which the "
+            f"accelerometer has none"
+        )
+    dv = over[keep, :3] / covered[keep, None]
+    return Imu(gyro.t[keep], gyro.dt[keep], gyro.dtheta[keep], dv), notes
+
+
+def _between(knots: Array, sums: Array, t: Array) -> Array:
+    """(n, 4) the sums (m, 4) at the times t (n,), on straight lines between knots (m,), constant
+    beyond."""
+    before = np.clip(np.searchsorted(knots, t, "right") - 1, 0, len(knots) - 2)
+    share = (t - knots[before]) / (knots[before + 1] - knots[before])
+    return sums[before] + np.clip(share, 0.0, 1.0)[:, None] * (sums[before + 1] - sums[before])
