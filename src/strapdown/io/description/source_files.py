@@ -25,9 +25,9 @@ from ...typing import Array, File, Mask
 from ..calendar_text import Moments, Pattern, read_moments
 from ..contract import Log
 from ..locate import locate
-from ..registry import ask, find
+from ..registry import ask, looker
+from ..table_arrays import MATLAB, tables_of
 from ..table_file import Table
-from ..table_text import read_table
 from .schema_base import Condition, Time
 
 
@@ -70,15 +70,17 @@ class Files:
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
         path = self.locate(file)
-        reader = find(path)
-        if reader is None or reader.open is None or (reader.name == "table" and table is None):
-            found = read_table(path, header)
-            self.notes += found.notes
-            return found
-        same = path.resolve()
-        if same not in self._logs:
+        same, reader = path.resolve(), looker(path)
+        is_bare = reader.open is None or reader.name == "table"
+        if same in self._logs and header:
+            tables = self._logs[same].tables
+        elif is_bare and (table is None or path.suffix.lower() == MATLAB):
+            tables = tables_of(path, header)
+        else:
             self._logs[same] = ask(reader, "open", path)
-        tables = self._logs[same].tables
+            tables = self._logs[same].tables
+        for found in tables.values():
+            self.notes += [note for note in found.notes if note not in self.notes]
         if table is None and len(tables) == 1:
             return next(iter(tables.values()))
         if table is None or table not in tables:
