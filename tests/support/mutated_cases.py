@@ -3,6 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import written_dataflash
+import written_ulog
+from multicopter import motion
 from mutations import Case
 from written_phones import folder, gnsslogger, phyphox, sensor_logger, signals, zipped
 
@@ -60,10 +63,26 @@ def beside(name: str, file: str, content: bytes) -> Case:
     return Case(name, files, tuple(files), (file,))
 
 
+def flight():
+    """A recording of a multicopter, brief."""
+    return sd.simulate(motion(), duration=4, imu="consumer", rate=50.0)
+
+
+def ulog_case(_: Path) -> Case:
+    return alone("ulog", "a.ulg", written_ulog.ulog(written_ulog.topics_of(flight())))
+
+
+def dataflash_case(_: Path) -> Case:
+    messages = written_dataflash.messages_of(flight())
+    return alone("dataflash", "a.bin", written_dataflash.dataflash(messages))
+
+
 CASES: dict[str, Callable[[Path], Case]] = {
     "sensor-logger": sensor_logger_case,
     "phyphox": phyphox_case,
     "zip": zip_case,
     "gnsslogger": gnsslogger_case,
     "netcdf": netcdf_case,
+    "ulog": ulog_case,
+    "dataflash": dataflash_case,
 }
