@@ -11,7 +11,7 @@ from support.written_rtklib import pos
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.geodesy import displacement, to_ecef
+from strapdown.geodesy import displacement, ned_axes, to_ecef
 from strapdown.io.description.logs import join
 from strapdown.io.readers.rtklib import open_pos
 
@@ -92,6 +92,8 @@ def test_ecef_and_its_covariance(written, tmp_path):
     assert log.sections[0].keys["axes"] == "ECEF" and len(log.sections[0].keys["sd"]) == 6
     position = read(tmp_path, log).aidings[0]
     assert np.abs(displacement(position.y, lla[: len(position.y)])).max() < 2e-4
+    axes = ned_axes(lla[0])
+    assert np.allclose(position.sd, np.sqrt(np.diag(axes @ P @ axes.T)), atol=2e-4)
 
 
 def test_a_baseline_needs_its_base(written, tmp_path):

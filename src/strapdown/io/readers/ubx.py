@@ -29,7 +29,8 @@ from ..table_file import Table, packed, read_bytes
 START = 1 << 18
 """Bytes in which a log must show a frame to be known by its content."""
 FUSED = (
-    "fix types 1 and 4 are made with the receiver's own inertial sensors and no independent aiding"
+    "fix types 1 and 4 are made with the receiver's own inertial sensors and no independent aiding; "
+    "--take gnss=1 takes them all the same"
 )
 LEFT_OUT = {
     0x1015: "ESF-INS: free of gravity, so no accelerometer",
