@@ -2,6 +2,7 @@
 the oracles."""
 
 import lzma
+import sqlite3
 import struct
 
 import numpy as np
@@ -277,7 +278,7 @@ def asked(path):
     "accel, said",
     [
         (UP * [1, 1, -1], "perhaps forward, right, down"),
-        (UP[:, [2, 1, 0]], r"+9.8 m/s^2 on forward"),
+        (UP[:, [2, 1, 0]], "9.8 m/s^2 its median specific force points forward"),
         (UP * 0.02, "free of gravity"),
         (UP / 9.8, "in g perhaps"),
         (UP * 0.0, "no accelerometer"),
@@ -458,3 +459,18 @@ def test_damaged_bytes_end_in_one_line_at_most(tmp_path, suffix):
             sd.read(other)
         except DataError as error:
             assert len(str(error).splitlines()) == 1 and "its author should know" not in str(error)
+
+
+@pytest.mark.parametrize("data, said", [("zeroblob(300)", "longer than the file"), ("1", "interrupted")])  # fmt: skip
+def test_a_database_without_end_is_left(tmp_path, data, said):
+    path = tmp_path / "endless.db3"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE topics (id INTEGER, name, type, serialization_format)")
+        database.execute("INSERT INTO topics VALUES (1, '/imu', 'sensor_msgs/msg/Imu', 'cdr')")
+        database.execute(
+            f"CREATE VIEW messages AS WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c) "
+            f"SELECT 1 AS topic_id, n AS timestamp, {data} AS data FROM c"
+        )
+    database.close()
+    messages = messages_of(path)
+    assert any(said in line for line in messages.left)
