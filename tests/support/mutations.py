@@ -49,6 +49,7 @@ class Job(NamedTuple):
     case: Case
     seeds: range
     folder: Path
+    cpu: float = CPU  # s that one mutation may take of the processor
 
 
 class Red(NamedTuple):
@@ -260,7 +261,7 @@ def _child(job: Job, seeds: range, out: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         paths = lay(job.case, bent(job.case, seed), folder)
         os.write(out, f"{seed} begins\n".encode())
-        signal.setitimer(signal.ITIMER_PROF, CPU)
+        signal.setitimer(signal.ITIMER_PROF, job.cpu)
         signal.setitimer(signal.ITIMER_REAL, WALL)
         try:
             said = look(paths, seed % INSPECTED == 0)
@@ -297,7 +298,7 @@ def reds(job: Job) -> list[Red]:
                 found.append(_kept(job, last, rest[5:]))
         if status:
             number = status & 127
-            ways = {signal.SIGPROF: f"takes more than {CPU:g} s of the processor"}
+            ways = {signal.SIGPROF: f"takes more than {job.cpu:g} s of the processor"}
             ways[signal.SIGALRM] = f"takes more than {WALL:g} s"
             found.append(_kept(job, last, ways.get(number, f"the process ends with {status}")))
         else:

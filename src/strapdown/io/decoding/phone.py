@@ -20,14 +20,14 @@ SPEED_SD = 0.5
 """m/s, of a velocity whose accuracy the phone does not say."""
 VERTICAL = 1.5
 """Of the vertical accuracy over the horizontal one, where the phone does not say it."""
+MAGNETIC_SD = 20.0
+"""uT: not the noise, which is far less, but errors of some uT that last over many samples."""
 GRAVITY = (5.0, 15.0)
 """m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
 out has almost none."""
 DISTURBED = "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
-ADDED = ("north sd (m)", "up sd (m)", "north (m/s)", "east (m/s)", "down (m/s)", "speed sd (m/s)")
+ADDED = ("north sd (m)", "up sd (m)", "speed (m/s)", "course (deg)", "speed sd (m/s)")
 """Columns that `fixes` adds."""
-
-
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
@@ -70,25 +70,14 @@ def fixes(table: Table, names: FixColumns) -> tuple[Table, list[str]]:
         return np.where(values > 0, values, np.nan)
 
     accuracy, vertical = known(names.accuracy), known(names.vertical_accuracy)
-    speed, course = column(names.speed), np.radians(column(names.course))
-    speed = np.where(speed >= 0, speed, np.nan)
-    sd = known(names.speed_accuracy)
+    vertical = np.where(np.isfinite(vertical), vertical, VERTICAL * accuracy)
+    speed, course, sd = column(names.speed), column(names.course), known(names.speed_accuracy)
+    course = np.where(course >= 0, course, np.nan)
+    speed = np.where((speed >= 0) & (np.isfinite(course) | (speed == 0)), speed, np.nan)
     sd = np.where(np.isfinite(sd), sd, SPEED_SD)
-    course = np.where(course >= 0, course, np.where(speed == 0, 0.0, np.nan))
-    across = speed * np.radians(np.nan_to_num(known(names.course_accuracy)))
-    added = dict(
-        zip(
-            ADDED,
-            (
-                accuracy,
-                np.where(np.isfinite(vertical), vertical, VERTICAL * accuracy),
-                speed * np.cos(course),
-                speed * np.sin(course),
-                np.full(len(speed), np.nan),
-                np.maximum(sd, across),
-            ),
-        )
-    )
+    across = np.nan_to_num(speed * np.radians(known(names.course_accuracy)))
+    columns = (accuracy, vertical, speed, course, np.maximum(sd, across))
+    added = dict(zip(ADDED, columns))
     use = accuracy <= FAR
     frame = table.frame.assign(**added)[use]
     left = []
@@ -100,10 +89,15 @@ def fixes(table: Table, names: FixColumns) -> tuple[Table, list[str]]:
 
 
 def fix_sections(
-    name: str, table: Table, names: FixColumns, time: Mapping[str, Any], **more: Any
+    name: str,
+    table: Table,
+    names: FixColumns,
+    time: Mapping[str, Any],
+    geoid: str = "",
+    **more: Any,
 ) -> list[Section]:
-    """Sections of the position and, where there is one, the velocity of fixes that `fixes`
-    gave."""
+    """Sections of the position, whose height is above a `geoid` where one is named, and, where
+    there is one, the velocity of fixes that `fixes` gave."""
     if not len(table.lines):
         return []
     title = f"{name}, {len(table.lines)} fixes"
@@ -116,15 +110,19 @@ def fix_sections(
         "unit": ["deg", "deg", "m"],
         "sd": ["north sd (m)", "north sd (m)", "up sd (m)"],
     }
+    if geoid:
+        position["geoid"] = "EGM96"
+        assumed = assumed | {"geoid": geoid}
     found = [Section("aiding", "gnss", position, title=title, assumed=assumed, **more)]
-    if np.isfinite(table.numbers("north (m/s)")).any():
+    if np.isfinite(table.numbers("speed (m/s)")).any():
         said = names.speed_accuracy or ""
         velocity = {
             "kind": "velocity",
             "table": name,
             "time": dict(time),
-            "columns": ["north (m/s)", "east (m/s)", "down (m/s)"],
-            "unit": "m/s",
+            "form": "speed, course",
+            "columns": ["speed (m/s)", "course (deg)"],
+            "unit": ["m/s", "deg"],
             "sd": "speed sd (m/s)",
         }
         why = "speed and course, " + (f"sd of {said}" if said else f"sd of {SPEED_SD:g} m/s")
@@ -208,10 +206,10 @@ def magnetometer_section(
         "columns": columns,
         "unit": "uT",
         "axes": AXES,
-        "sd": 2.0,
+        "sd": MAGNETIC_SD,
         **({} if "date" in head else {"field": "record"}),
     }
-    assumed = {"sd": "uT, what is near a phone moves it more than its noise"}
+    assumed = {"sd": "uT, because what is near a phone bends the field for seconds"}
     return Section("aiding", "magnetometer", keys, title=name, assumed=assumed, left=DISTURBED)
 
 

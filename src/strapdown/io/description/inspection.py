@@ -75,7 +75,10 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
         return [*files.notes, *notes]
-    wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
+    wrong = [
+        f"{field}: {text}"
+        for field, text in mistakes(imu, description.imu.kind, description.vehicle)
+    ]
     meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
     wrong += doubts(imu, gyro_bias_sd(meta))
     found.add(clock_facts(imu, meta.get("epoch")))

@@ -3,7 +3,7 @@
 Columns by the app's sources (github.com/phyphox/phyphox-android, phyphox-ios), which give both
 platforms the same axes: x right, y to the top, z out of the screen. "Time (s)" counts from the start
 of the experiment, without its pauses; `meta/time.csv` says when it was started and paused.
-"Height (m)" is the phone's less the geoid of EGM84; "Vertical Accuracy (°)" is in m.
+"Height (m)" is above the geoid of EGM84, by the app's own grid; "Vertical Accuracy (°)" is in m.
 """
 
 import re
@@ -37,12 +37,13 @@ VECTOR = r"(?P<of>.*?)\b{axis} \((?P<unit>m/s\^2|rad/s|[µμ]T)\)"
 FIX = FixColumns(
     r"latitude .*",
     r"longitude .*",
-    r"(height|altitude) \(m\)",
+    r"(height|altitude)( wgs84)? \(m\)",
     r"horizontal accuracy \(m\)",
     r"vertical accuracy .*",
     r"(velocity|speed) \(m/s\)",
     r"direction .*",
 )
+GEOID = "phyphox takes a grid of EGM84 off, which is within a metre or two of EGM96"
 RECORD = 'record Gyroscope and "Acceleration with g", which phyphox also calls Accelerometer'
 
 
@@ -93,7 +94,12 @@ def fix_columns(columns: list[str]) -> FixColumns:
     """The names of the columns of a fix."""
     return FixColumns(
         *(
-            next((name for name in columns if pattern and re.fullmatch(pattern, name, re.I)), "")
+            # of two heights the one above the ellipsoid
+            max(
+                (each for each in columns if pattern and re.fullmatch(pattern, each, re.I)),
+                key=len,
+                default="",
+            )
             for pattern in FIX
         )
     )
@@ -199,7 +205,8 @@ def _aidings(
             continue
         tables[name], lines = fixes(tables[name], names)
         left += [f"{name}: {line}" for line in lines]
-        sections += fix_sections(name, tables[name], names, time)
+        geoid = "" if "wgs84" in names.height.lower() else GEOID
+        sections += fix_sections(name, tables[name], names, time, geoid)
     for name in kinds.get("magnetometer", [])[:1]:
         columns = vector([str(column) for column in tables[name].frame.columns])
         sections.append(magnetometer_section(name, time, columns, head))
