@@ -461,7 +461,7 @@ def test_damaged_bytes_end_in_one_line_at_most(tmp_path, suffix):
             assert len(str(error).splitlines()) == 1 and "its author should know" not in str(error)
 
 
-@pytest.mark.parametrize("data, said", [("zeroblob(300)", "longer than the file"), ("1", "interrupted")])  # fmt: skip
+@pytest.mark.parametrize("data, said", [("zeroblob(300)", "longer than the file"), ("n", "interrupted")])  # fmt: skip
 def test_a_database_without_end_is_left(tmp_path, data, said):
     path = tmp_path / "endless.db3"
     with sqlite3.connect(path) as database:
