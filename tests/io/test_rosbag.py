@@ -206,6 +206,9 @@ def test_a_drive_comes_back_from_every_bag(tmp_path, driven):
     check_drive(folder / "two.db3", driven)
     check_drive(write_bag2(tmp_path / "b", drive("cdr", driven), compression="file"), driven)
     check_drive(write_bag2(tmp_path / "c", drive("cdr", driven), "mcap"), driven)
+    packed = write_bag2(tmp_path / "d", drive("cdr", driven), "mcap", compression="file")
+    check_drive(packed, driven)
+    check_drive(packed / "d.mcap.zstd", driven)
 
 
 def test_the_parts_of_a_folder_are_one_log(tmp_path, driven):
