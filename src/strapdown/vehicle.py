@@ -25,9 +25,10 @@ class Vehicle:
         return f"vehicle {self.name!r}"
 
     @property
-    def points_ahead(self) -> bool:
-        """Whether its heading is near its course: a multicopter flies to any side."""
-        return self.name != "multicopter"
+    def by_thrust(self) -> bool:
+        """Whether thrust along an axis of its own is all that holds it up: it flies to any side, so
+        that its course is no heading, and its accelerometer does not feel a tilt."""
+        return self.name == "multicopter"
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):

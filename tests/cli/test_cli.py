@@ -217,6 +217,25 @@ def test_fuse_writes_what_python_gets(good, flight):
     assert f"{first:.3g}" in out
 
 
+def test_fuse_writes_further_files_with_utc(good, command, flight):
+    text = flight.read_text()
+    flight.write_text('epoch = "2024-05-01T12:00:00Z"\n' + text)
+    good("fuse", flight, "--also", "gpx, tum,.geojson,csv.gz", "--utc", "--out", "a")
+    further = {"track.gpx", "track.tum", "track.geojson", "solution.csv.gz"}
+    assert {path.name for path in Path("a").iterdir()} == RESULTS | further
+    assert sd.read_solution("a/solution.csv").meta["epoch"] == "2024-05-01T12:00:00Z"
+    assert "2024-05-01 12:00:" in Path("a/report.html").read_text(encoding="utf-8")
+    flight.write_text(text)
+    for words, said in (
+        (["--utc"], "--utc: the recording has no absolute clock"),
+        (["--also", "gpz"], "did you mean 'gpx'?"),
+        (["--write", "b.toml"], "is a recording already"),
+    ):
+        code, _, err = command("fuse", flight, *words, "--out", "b")
+        assert code == 2 and len(err) == 1 and said in err[0], err
+    assert not Path("b").exists() and not Path("b.toml").exists()
+
+
 def test_fuse_names_its_folder_and_reads_netcdf(good, flight):
     sd.write_recording(sd.read(flight), "flight.nc")
     out = good("fuse", "flight.nc", "--filter", "open-loop")

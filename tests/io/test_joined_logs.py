@@ -149,7 +149,7 @@ def test_the_draft_says_the_same(files):
 
 def test_gyro_and_accelerometer_of_tables_of_their_own():
     recording = sd.read("a.parts")
-    assert any("interpolated to the gyro's" in note for note in recording.meta["notes"])
+    assert any("joined at those of the gyro" in note for note in recording.meta["notes"])
     table = imu_table("accel", 3_000_000)
     there = (table.cells("stamp") - START) * 1e-9
     force = np.interp(recording.imu.t[1:], there, table.numbers("az"))
@@ -172,3 +172,19 @@ def test_the_command_takes_several_files_and_instances(command):
     assert code == 0 and "taken: imu 1 of a.two" in out
     code, _, err = command("fuse", "a.two", "--take", "gnss")
     assert code == 2 and "write NAME=N" in err[0]
+
+
+def test_fuse_keeps_the_clock_and_leaves_the_description(command):
+    words = "fuse", "a.two", "--imu", 1, "--filter", "mahony"
+    code, out, err = command(*words, "--write", "b.toml", "--out", "b")
+    assert (code, err) == (0, []) and "wrote b.toml" in out
+    recording, same = sd.read("a.two", imu=1), sd.read("b.toml")
+    np.testing.assert_array_equal(same.imu.dv, recording.imu.dv)
+    found = sd.read_solution("b/solution.nc")
+    assert found.meta["epoch"] == "2024-05-01T00:00:00Z" == same.meta["epoch"]
+    assert found.meta["read"] == recording.meta["read"] and found.meta["date"] == "2024-05-01"
+    assert found.utc[-1] == recording.utc[-1]
+    sd.write_recording(recording, "c.nc")
+    np.testing.assert_array_equal(sd.read("c.nc").utc, recording.utc)
+    part = recording.between(5.0, 6.0).hidden([(5.2, 5.4)])
+    assert part.utc[0] == np.datetime64("2024-05-01T00:00:05.02")

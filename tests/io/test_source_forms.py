@@ -86,6 +86,26 @@ def test_a_speed_without_course(fixes):
     assert "1 row with a speed below zero" in said and "line 7" in said
 
 
+def test_a_reference_of_speed_and_course(fixes):
+    reference = """
+[reference]
+file = "gnss.csv"
+time = { column = "t", unit = "s" }
+velocity = { columns = ["s", "c"], unit = ["knot", "deg"], form = "speed, course" }
+"""
+    unknown = lambda gnss: courses(gnss).assign(s=lambda frame: frame.s.where(frame.t != 12.5, -1))
+    found = fixes(POSITION, reference, gnss=unknown)
+    k = np.array([0, 1, *range(3, 20)])
+    speed, course = 2.0 + k, np.radians(10 + 17 * k)
+    np.testing.assert_allclose(found.reference.t, 10.5 + k)
+    np.testing.assert_allclose(
+        found.reference.v_n[:, :2],
+        np.c_[speed * np.cos(course), speed * np.sin(course)],
+        atol=1e-12,
+    )
+    assert any("1 row with a speed below zero" in note for note in found.meta["notes"])
+
+
 def geocentric(gnss):
     lla = gnss[["lat", "lon", "alt"]].to_numpy().T
     x, y, z = pymap3d.geodetic2ecef(*lla)
@@ -207,11 +227,19 @@ def test_heights_above_the_geoid(fixes):
 
 
 def test_inspection_names_the_key(build):
-    msl = TOML.replace('"alt"', '"alt_msl"')
+    reference = """
+[reference]
+file = "gnss.csv"
+time = { column = "t", unit = "s" }
+position = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }
+"""
+    msl = (TOML + reference).replace('"alt"', '"alt_msl"')
     path = build(gnss=lambda gnss: gnss.rename(columns={"alt": "alt_msl"}), toml=lambda _: msl)
     wrong = [line for line in inspect_description(path).problems if "mean sea level" in line]
-    assert len(wrong) == 1 and 'geoid = "EGM96"' in wrong[0]
-    path.write_text(msl.replace('sd = ["sd"', 'geoid = "EGM96"\nsd = ["sd"'), encoding="utf-8")
+    assert len(wrong) == 2 and all('geoid = "EGM96"' in line for line in wrong)
+    told = msl.replace('sd = ["sd"', 'geoid = "EGM96"\nsd = ["sd"')
+    told = told.replace('"deg", "m"] }', '"deg", "m"], geoid = "EGM96" }')
+    path.write_text(told, encoding="utf-8")
     assert not any("mean sea level" in line for line in inspect_description(path).problems)
 
 

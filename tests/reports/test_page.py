@@ -111,6 +111,17 @@ def test_figures_are_json_with_unique_names(page):
     assert all(json.loads(text)["data"] for _, text in blocks)
 
 
+def test_an_absolute_clock_and_what_was_read_are_shown():
+    dated = {"epoch": "2024-05-01T12:00:00Z", "read": ["left: imu 1 of <a>.ulg"]}
+    html = own(report(replace(SOLUTION, meta=SOLUTION.meta | dated)))
+    assert "2024-05-01 12:00:00.0 to 12:09:59.5 UTC" in html
+    assert "<li>left: imu 1 of &lt;a&gt;.ulg</li>" in html
+    assert "from 2024-05-01 12:00:00 UTC on" in html and '"clock":1714564800000' in html
+    assert "<li>200.00 s (12:03:20.0 UTC): gap of" in html
+    plain = own(report(SOLUTION))
+    assert "Read from the files" not in plain and '"clock":' not in plain
+
+
 def test_without_reference_the_estimates_are_shown():
     html = report(SOLUTION).html
     assert (

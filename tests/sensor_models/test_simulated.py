@@ -12,7 +12,7 @@ from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.scenario_file import read
 from strapdown.sim.synthesis import Simulator, simulate
-from strapdown.sim.trajectory import demo_flight, normal_gravity, rates
+from strapdown.sim.trajectory import demo_flight, normal_gravity, ramp, rates
 
 ARM = (0.5, -1.0, 2.0)
 FIELD = (21e-6, 1.5e-6, 43e-6)
@@ -41,6 +41,24 @@ def test_altitude_speed_and_heading_are_those_of_the_truth():
     np.testing.assert_allclose(y["speed"][:, 0], moved[:, 0], atol=5e-4)
     apart = y["heading"][:, 0] - truth.rph[rows, 2]
     np.testing.assert_allclose(np.sin(apart / 2), 0, atol=1e-9)
+
+
+def test_a_course_is_that_of_the_antenna_and_none_at_a_standstill():
+    course, velocity = (Simulated(kind, 0.1, parameters=ARM) for kind in ("course", "velocity"))
+    y, _, _ = exact(course, velocity)
+    v = y["velocity"]
+    apart = y["course"][:, 0] - np.arctan2(v[:, 1], v[:, 0])
+    np.testing.assert_allclose(np.sin(apart / 2), 0, atol=1e-9)
+    still = FLIGHT.motion._replace(attitude=lambda t: (0 * t, 0 * t, 0 * t))
+    starts = still._replace(velocity=lambda t: (-8 * ramp(t, 20.0, 1.0), 0 * t, 0 * t))
+    made = simulate(FLIGHT.replace(motion=starts), sensors=[course])
+    aiding = made.aidings[-1]
+    assert 19 < aiding.t[0] < 23 and len(aiding.t) < 22
+    assert np.abs(np.sin((aiding.y[5:, 0] - np.pi) / 2)).max() < 0.3
+    assert any("course: reads nothing" in note for note in made.meta["notes"])
+    stands = still._replace(velocity=lambda t: (0 * t, 0 * t, 0 * t))
+    with pytest.raises(DataError, match="course: no reading of kind course was found"):
+        simulate(FLIGHT.replace(motion=stands), sensors=[course])
 
 
 def test_the_kinds_with_equations_of_their_own_agree_with_these():

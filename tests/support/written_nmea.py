@@ -15,7 +15,7 @@ def angle(degrees, width, marks):
     """ddmm.mmmmmmm,H"""
     whole, size = int(abs(degrees)), abs(degrees)
     minutes = f"{60 * (size - whole):010.7f}"
-    return f"{whole:0{width}d}{minutes},{marks[degrees < 0]}"
+    return f"{whole:0{width}d}{minutes},{marks[int(degrees < 0)]}"
 
 
 def time_of(moment):

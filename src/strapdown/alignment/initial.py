@@ -401,13 +401,13 @@ def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) ->
     """When to start where the heading can only come from the course: where that is best, else
     with the first fix."""
     found = courses(recording.imu, position, velocity)
-    best = best_instant(found, recording.imu) if _points_ahead(recording) else None
+    best = best_instant(found, recording.imu) if not _by_thrust(recording) else None
     return max(float(found.t[best or 0]), recording.span[0])
 
 
-def _points_ahead(recording: Recording) -> bool:
-    """Whether the course of the vehicle can be its heading."""
-    return find_vehicle(recording.meta.get("vehicle")).points_ahead
+def _by_thrust(recording: Recording) -> bool:
+    """Whether the course of the vehicle is no heading."""
+    return find_vehicle(recording.meta.get("vehicle")).by_thrust
 
 
 def _velocity(position: Aiding, velocity: Aiding | None, at: float) -> tuple[Array, Array]:
@@ -464,7 +464,7 @@ def _or_course(
     if found.known:
         return found
     why = found.note and f" ({found.note})"
-    if not _points_ahead(recording):
+    if _by_thrust(recording):
         return Found(0.0, UNKNOWN_SD, f"heading unknown{why or ' (a multicopter has no course)'}")
     if position is not None:
         course = heading_of(courses(recording.imu, position, velocity), recording.imu, t)

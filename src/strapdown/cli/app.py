@@ -27,8 +27,11 @@ from .console import (
     TAKE,
     TO,
     VEHICLE,
+    WRITE,
     Progress,
     Reads,
+    asked_imu,
+    check_draft,
     end,
     estimates,
     grade_of,
@@ -40,6 +43,7 @@ from .console import (
     read_given,
     recording_argument,
     results_folder,
+    save_draft,
     save_page,
     summarise,
     table,
@@ -226,14 +230,35 @@ def fuse(
         Path | None,
         typer.Option(help="Folder for the results.  [default: NAME-FILTER, or NAME-FILTER-smooth]"),
     ] = None,
+    also: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ENDING,...",
+            help="Further files: gpx, geojson, tum (poses, for evo), csv.gz, csv.xz.",
+        ),
+    ] = None,
+    utc: Annotated[
+        bool,
+        typer.Option(
+            "--utc", help="A column of ISO 8601 times in solution.csv, of an absolute clock."
+        ),
+    ] = False,
+    write: WRITE = None,
     strict: STRICT = False,
 ) -> None:
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
     position, track.kml."""
-    windows = _windows(hide)
+    windows, endings = _windows(hide), _endings(also)
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
+    check_draft(write, recording)
     whole, grade = read_given(recording, imu, take)
+    if utc and whole.utc is None:
+        raise sd.DataError(
+            "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
+            "recording.toml (docs/time.md), or leave --utc out"
+        )
+    save_draft(write, recording, instances(asked_imu(imu)[0], take))
     named = grade or grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
@@ -269,12 +294,15 @@ def fuse(
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
         names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
+        names += [f"solution.{ending}" for ending in endings if "csv" in ending]
+        if solution.has_position:
+            names += [f"track.{ending}" for ending in endings if "csv" not in ending]
         for name in names:
-            sd.write_solution(solution, folder / name)
+            sd.write_solution(solution, folder / name, utc)
         save_page(sd.report(solution, whole.reference), folder / "report.html")
     print(
         f"wrote {folder}/{', '.join(names)}, "
-        f"report.html{'' if solution.has_position else '; no track.kml, because there is no position'}"
+        f"report.html{'' if solution.has_position else '; no track, because there is no position'}"
     )
     if diagnosed:
         try:
@@ -312,12 +340,7 @@ def _start(
 @app.command(cls=Reads)
 def inspect(
     path: Annotated[list[Path], typer.Argument(metavar="PATH...", help=FORMATS_AND_TABLES)],
-    write: Annotated[
-        Path | None,
-        typer.Option(
-            help="From tables and logs: draft the recording.toml that says what is taken from them."
-        ),
-    ] = None,
+    write: WRITE = None,
     imu: Annotated[
         int | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
     ] = None,
@@ -325,24 +348,13 @@ def inspect(
 ) -> None:
     """Say what a recording or a table holds, what is probably wrong with it (rates, gaps, clocks,
     units, axes, mounting) and what could not be checked. Ends with 3 where something is wrong."""
-    from ..io.inspection import check_drafted, draft, inspect
+    from ..io.inspection import inspect
 
-    if write is not None:
-        check_drafted(path)
-    if write is not None and write.exists():
-        raise sd.DataError(
-            f"--write {write}: there is such a file already; name another, or remove it"
-        )
+    check_draft(write, path)
     asked = instances(imu, take)
     found = inspect(*path, **asked)
     print(found)
-    if write is not None:
-        from ..files import replacing
-
-        text = draft(path, asked, write.resolve().parent)
-        with replacing(write) as part:
-            part.write_text(text)
-        print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
+    save_draft(write, path, asked)
     if found.problems:
         raise typer.Exit(NOT_TRUSTED)
 
@@ -394,6 +406,19 @@ def plugins() -> None:
         wrapped_table(("plugin", "from", "brings", "cannot be used"), rows)
     else:
         print("no plugins: nothing is installed, in STRAPDOWN_PLUGINS or given by --plugin")
+
+
+def _endings(text: str | None) -> list[str]:
+    """Those of --also, which are written beside the usual files."""
+    from ..checks import check_choice
+    from ..io.solution import ENDINGS
+
+    usual = ("nc", "csv", "kml")
+    asked = [each.strip().removeprefix(".") for each in (text or "").split(",")]
+    found = [each for each in dict.fromkeys(asked) if each and each not in usual]
+    for each in found:
+        check_choice(each, "--also", [ending for ending in ENDINGS if ending not in usual])
+    return found
 
 
 def _windows(text: str | None) -> list[tuple[float, float]]:

@@ -40,6 +40,13 @@ TAKE = Annotated[
         "gnss=none for none. May be repeated.",
     ),
 ]
+WRITE = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="From tables and logs: draft the recording.toml that says what is taken from them.",
+    ),
+]
 VEHICLE = Annotated[
     str | None,
     typer.Option(
@@ -155,6 +162,32 @@ def instances(imu: int | None, take: Sequence[str] | None) -> dict[str, int | No
             raise DataError(f"--take {item!r}: write NAME=N, as gnss=1, or NAME=none")
         found[name] = None if number == "none" else int(number)
     return found
+
+
+def check_draft(write: Path | None, paths: Sequence[Path]) -> None:
+    """Refuse a --write before anything is done. Raises DataError."""
+    from ..io.inspection import check_drafted
+
+    if write is None:
+        return
+    check_drafted(paths)
+    if write.exists():
+        raise DataError(
+            f"--write {write}: there is such a file already; name another, or remove it"
+        )
+
+
+def save_draft(write: Path | None, paths: Sequence[Path], asked: Mapping[str, int | None]) -> None:
+    """Write the draft that --write asks for, where it does. Raises DataError."""
+    from ..files import replacing
+    from ..io.inspection import draft
+
+    if write is None:
+        return
+    text = draft(paths, asked, write.resolve().parent)
+    with replacing(write) as part:
+        part.write_text(text)
+    print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
 
 
 def summarise(solution: "sd.Solution") -> None:

@@ -53,7 +53,7 @@ def check(subject: Subject) -> Checked:
     source = next(iter(subject.sources("velocity")), None)
     what = "mounting of the IMU about the vertical"
     fixes = moved(source) if source is not None else None
-    if source is None or not find_vehicle(subject.recording.meta.get("vehicle")).points_ahead:
+    if source is None or find_vehicle(subject.recording.meta.get("vehicle")).by_thrust:
         return Checked.nothing()
     fit = in_plane(fixes, subject.felt) if fixes is not None else None
     if fixes is None or fit is None:

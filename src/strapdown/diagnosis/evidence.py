@@ -268,7 +268,7 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
     follows the other."""
     made = solution.trajectory
     vehicle = VEHICLES.get(solution.meta.get("vehicle", ""), VEHICLES["any"])
-    if made.v_n is None or made.q_nb is None or not vehicle.points_ahead:
+    if made.v_n is None or made.q_nb is None or vehicle.by_thrust:
         return
     later = t[(t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])) & (t < first_gap(solution)[0])]
     later = later[:: max(1, len(later) // ENOUGH)]

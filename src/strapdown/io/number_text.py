@@ -141,8 +141,10 @@ def _exponents(values: Array) -> Bytes:
 def _texts(column: np.ndarray[Any, Any]) -> Bytes:
     """The characters (n, w) of a column that is text already, or has large numbers."""
     if column.dtype.kind == "f":
-        rounded = np.round(column, DECIMALS).tolist()
-        column = np.array(["" if each != each else repr(each) for each in rounded], "S")
+        whole = ~(np.abs(column) < 2.0**53)  # these have no digits behind the point
+        rounded = np.where(whole, column, np.round(np.where(whole, 0.0, column), DECIMALS))
+        texts = ["" if each != each else repr(each) for each in rounded.tolist()]
+        column = np.array(texts, "S")
     elif column.dtype.kind != "S":
         column = np.char.encode(column.astype(str), "utf-8")
     text = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), -1)

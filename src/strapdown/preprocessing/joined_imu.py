@@ -5,11 +5,13 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.contract import Imu
+from ..typing import Array
 from .imu_samples import GAP_MEDIANS
 from .origin import counted
 
-LEAST_COVERED = 0.5
-"""Share of an interval of the gyro over which the accelerometer must have measured."""
+LEAST_COVERED = 0.99
+"""Share of an interval of the gyro over which the accelerometer must have measured: all of it, but for
+rounding of the times."""
 
 
 def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
@@ -23,14 +25,12 @@ def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
     """
     apart = np.diff(accel.t, prepend=accel.t[0] - accel.dt[0])
     held = np.where(apart <= 2 * GAP_MEDIANS * np.median(accel.dt), apart, accel.dt)
-    step = np.c_[accel.dv * (held / accel.dt)[:, None], held]
-    after = np.cumsum(step, axis=0)
-    knots = np.c_[accel.t - held, accel.t].ravel()
-    sums = np.stack([after - step, after], axis=1).reshape(-1, 4)
-    over = np.stack(
-        [np.interp(gyro.t, knots, s) - np.interp(gyro.t - gyro.dt, knots, s) for s in sums.T],
-        axis=1,
-    )
+    gaps = np.flatnonzero(held < apart)  # before these samples nothing is summed up
+    steps = np.c_[accel.dv * (held / accel.dt)[:, None], held]
+    sums = np.vstack([np.zeros(4), np.cumsum(steps, axis=0)])
+    knots = np.insert(accel.t, np.r_[0, gaps], np.r_[accel.t[0] - held[0], (accel.t - held)[gaps]])
+    sums = np.insert(sums, gaps + 1, sums[gaps], axis=0)
+    over = _between(knots, sums, gyro.t) - _between(knots, sums, gyro.t - gyro.dt)
     covered = over[:, 3] / gyro.dt
     keep = covered >= LEAST_COVERED
     if keep.sum() < 2:
@@ -50,3 +50,11 @@ def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
         )
     dv = over[keep, :3] / covered[keep, None]
     return Imu(gyro.t[keep], gyro.dt[keep], gyro.dtheta[keep], dv), notes
+
+
+def _between(knots: Array, sums: Array, t: Array) -> Array:
+    """(n, 4) the sums (m, 4) at the times t (n,), on straight lines between knots (m,), constant
+    beyond."""
+    before = np.clip(np.searchsorted(knots, t, "right") - 1, 0, len(knots) - 2)
+    share = (t - knots[before]) / (knots[before + 1] - knots[before])
+    return sums[before] + np.clip(share, 0.0, 1.0)[:, None] * (sums[before + 1] - sums[before])

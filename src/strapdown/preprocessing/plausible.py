@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.contract import Imu
 from ..typing import Array
+from ..vehicle import GivenVehicle, find
 from .stationary import rate_at_rest
 
 G = 9.80665
@@ -32,13 +33,16 @@ ACCEL_SLIPS = (
 """What a mistaken unit makes of gravity, and what to say then."""
 
 
-def mistakes(imu: Imu, kind: str | None = None) -> list[tuple[str, str]]:
+def mistakes(
+    imu: Imu, kind: str | None = None, vehicle: GivenVehicle | None = None
+) -> list[tuple[str, str]]:
     """[(field, text)] of what cannot be true; the field is the key of [imu] that is probably
-    wrong, `kind` what the samples were given as."""
+    wrong, `kind` what the samples were given as, `vehicle` what carries the IMU."""
     rate, force = half_seconds(imu)
     found = _unit_of_accel(force, float(np.median(imu.dt)), kind)
     if not found:
-        found = _unit_of_gyro(imu, rate, force) + _gravity_sign(force)
+        feels_tilt = not find(vehicle).by_thrust
+        found = _unit_of_gyro(imu, rate, force, feels_tilt) + _gravity_sign(force)
     return found
 
 
@@ -73,7 +77,7 @@ def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tupl
     ]
 
 
-def _unit_of_gyro(imu: Imu, rate: Array, force: Array) -> list[tuple[str, str]]:
+def _unit_of_gyro(imu: Imu, rate: Array, force: Array, feels_tilt: bool) -> list[tuple[str, str]]:
     remedy = "check the unit: deg/s read as rad/s?"
     rms = float(
         np.sqrt(np.einsum("ij,ij->", imu.dtheta, imu.dtheta) / len(imu.t)) / np.median(imu.dt)
@@ -86,7 +90,7 @@ def _unit_of_gyro(imu: Imu, rate: Array, force: Array) -> list[tuple[str, str]]:
             )
         ]
     tilt = steady_tilt_rate(rate, force)
-    if (tilt > TILT_RATE).sum() >= max(3, 0.01 * len(tilt)):
+    if feels_tilt and (tilt > TILT_RATE).sum() >= max(3, 0.01 * len(tilt)):
         return [
             (
                 "gyro.unit",

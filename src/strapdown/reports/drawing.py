@@ -15,6 +15,7 @@ from plotly.subplots import make_subplots
 from ..core.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution
 from ..geodesy import displacement
+from ..time_scales import utc
 from ..typing import Array, ArrayLike, Ints
 
 MOST_POINTS = 2000
@@ -170,7 +171,8 @@ def ticks_125(low: float, high: float) -> list[float]:
 
 
 def finish(figure: go.Figure, height: int) -> go.Figure:
-    """Layout of every figure; `layout.meta["notes"]` takes sentences that belong below it."""
+    """Layout of every figure; `layout.meta["notes"]` takes sentences that belong below it,
+    `layout.meta["clock"]` UTC at 0 of a time axis, ms since 1970."""
     figure.update_layout(
         template=go.layout.Template(),
         height=height,
@@ -322,6 +324,12 @@ def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Fi
     """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a
     solution, numbered as the page lists them."""
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
+    if "epoch" in solution.meta:
+        start = utc(solution.meta["epoch"], [zero])[0]
+        label += f", from {str(start)[:19].replace('T', ' ')} UTC on"
+        # page.js writes UTC below the numbers
+        figure.layout.meta["clock"] = int(start.astype("M8[ms]").astype(np.int64))
+        figure.update_layout(margin_b=62)
     rows = max(
         (int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1
     )

@@ -25,11 +25,28 @@ function themed(layout) {
   return layout;
 }
 
+// Of an absolute clock: ticks of the time axes at round steps, with UTC below the seconds.
+const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 21600, 43200, 86400];
+
+function clocked(plot) {
+  const clock = plot.layout.meta.clock, [low, high] = plot.layout.xaxis.range, ticks = {};
+  const most = plot.clientWidth / 100, step = steps.find(each => (high - low) / each <= most) || 86400 * Math.ceil((high - low) / 86400 / most);
+  const values = [], digits = step < 1 ? 1 : 0;
+  for (let k = Math.ceil(low / step); k * step <= high; k++) values.push(k * step);
+  const texts = values.map(value => `${value.toFixed(digits)}<br>${new Date(clock + 1000 * value).toISOString().slice(11, digits ? 21 : 19)}`);
+  for (const axis of Object.keys(plot.layout).filter(key => /^xaxis/.test(key))) { ticks[axis + ".tickvals"] = values; ticks[axis + ".ticktext"] = texts; }
+  return Plotly.relayout(plot, ticks);
+}
+
 async function draw(index) {
   if (index === plots.length) { document.body.dataset.drawn = index; return; }
   const figure = JSON.parse(document.getElementById("data-" + plots[index].id).textContent);
   await Plotly.newPlot(plots[index], figure.data, themed(figure.layout), {responsive: true, displayModeBar: window.innerWidth < 700 ? false : "hover", displaylogo: false, showSendToCloud: false,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]});
+  if (figure.layout.meta && figure.layout.meta.clock !== undefined) {
+    await clocked(plots[index]);
+    plots[index].on("plotly_relayout", change => { if (Object.keys(change).some(key => /^xaxis\d*\.(range|autorange)/.test(key))) clocked(plots[index]); });
+  }
   setTimeout(() => draw(index + 1), 0);
 }
 

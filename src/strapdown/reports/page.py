@@ -19,6 +19,7 @@ from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..io.solution_netcdf import plain
+from ..time_scales import span
 from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
@@ -148,6 +149,7 @@ def _facts(
         "recording": _said(metas, "recording"),
         "date": _said(metas, "date"),
         "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
+        "clock": "" if first.utc is None else span(first.utc),
         "filter": ", ".join(solutions),
         "IMU": _imu(metas),
         "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
@@ -200,7 +202,7 @@ def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str
 
 def _details(solution: Solution) -> str:
     return json.dumps(
-        plain({key: value for key, value in solution.meta.items() if key != "notes"}),
+        plain({key: value for key, value in solution.meta.items() if key not in ("notes", "read")}),
         indent=2,
         ensure_ascii=False,
     )
@@ -231,9 +233,15 @@ def _summary(
         )
     )
     parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
+    read = list(
+        dict.fromkeys(
+            line for solution in solutions.values() for line in solution.meta.get("read", ())
+        )
+    )
+    parts += ["<h3>Read from the files</h3>", summary.listing(read)] if read else []
     same: dict[tuple[str, ...], list[str]] = {}
     for name, solution in solutions.items():
-        same.setdefault(tuple(f"{t:.2f} s: {text}" for t, text in solution.events), []).append(name)
+        same.setdefault(tuple(summary.event_lines(solution)), []).append(name)
     for events, names in same.items():
         if events:
             whose = f" of {escape(', '.join(names))}" if len(names) < len(solutions) else ""

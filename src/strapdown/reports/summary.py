@@ -14,6 +14,7 @@ from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..filters import find
+from ..time_scales import utc
 from ..typing import Array
 
 LISTED = 500
@@ -291,6 +292,15 @@ def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors
     if all(row[1:] == NOTHING for row in rows):
         head, rows = head[:1], [row[:1] for row in rows]
     return table(head, rows) if rows else ""
+
+
+def event_lines(solution: Solution) -> list[str]:
+    """Time and text of the events, with UTC where the clock is absolute."""
+    t, epoch = np.array([t for t, _ in solution.events]), solution.meta.get("epoch")
+    clocks = [""] * len(t)
+    if epoch is not None:
+        clocks = [f" ({str(each)[11:21]} UTC)" for each in utc(epoch, t)]
+    return [f"{t:.2f} s{clock}: {text}" for (t, text), clock in zip(solution.events, clocks)]
 
 
 def listing(items: Sequence[object], ordered: bool = False) -> str:

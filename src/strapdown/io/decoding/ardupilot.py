@@ -34,6 +34,13 @@ MESSAGES = {
     "barometer": ("BARO", "BAR2", "BAR3"),
 }
 """Messages of old logs by instance; in newer ones the first has a column for it."""
+NEEDED = {
+    "imu": {f"{sensor}{axis}" for sensor in ("Gyr", "Acc") for axis in "XYZ"},
+    "gnss": {"Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"},
+    "magnetometer": {"MagX", "MagY", "MagZ"},
+    "barometer": {"Press"},
+}
+"""Columns without which a message is left."""
 
 
 def _of(log: DataFlash, name: str, instance: int) -> Columns:
@@ -56,7 +63,8 @@ def _instances(log: DataFlash, role: str) -> dict[int, Columns]:
     numbered = log.columns(first).get("I")
     several = range(len(MESSAGES[role])) if numbered is None else np.unique(numbered).tolist()
     found = {instance: _of(log, first, instance) for instance in several}
-    return {instance: columns for instance, columns in found.items() if columns}
+    needed = NEEDED[role]
+    return {instance: columns for instance, columns in found.items() if needed <= set(columns)}
 
 
 def imus(log: DataFlash) -> dict[str, tuple[Columns, Section]]:
@@ -96,6 +104,7 @@ def _fixes(log: DataFlash, instance: int, columns: Columns) -> tuple[Columns, An
     rows = np.flatnonzero(columns["Status"] >= FIX_3D)
     found = {key: values[rows] for key, values in columns.items()}
     of = _of(log, "GPA", instance)
+    of = of if {"HAcc", "VAcc", "SAcc"} <= set(of) else {}
     found["SampleUS"] = found["TimeUS"]
     if of and len(rows):
         at = np.minimum(np.searchsorted(of["TimeUS"], found["TimeUS"]), len(of["TimeUS"]) - 1)
@@ -162,19 +171,19 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
     position = {"columns": ["Lat", "Lng", height], "unit": ["deg", "deg", "m"]}
     velocity = {"columns": ["VN", "VE", "VZ"], "unit": "m/s"}
     sections = []
-    for kind, keys, names, setting, remark in (
-        ("position", position, ["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE", height == "Alt"),
-        ("velocity", velocity, ["SAcc"], "VELNE_M_NSE", False),
+    above_geoid = height == "Alt"
+    for kind, keys, names, setting in (
+        ("position", position, ["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"),
+        ("velocity", velocity, ["SAcc"], "VELNE_M_NSE"),
     ):
         known = all(name in fixes and np.isfinite(fixes[name]).any() for name in names)
         sd, origin = _setting(log, setting)
         said = names[0] if len(names) == 1 else names
         whole = {"kind": kind, **common, **keys, "sd": said if known else sd}
+        if above_geoid and kind == "position":
+            whole["geoid"] = "EGM96"
         reasons = assumed | ({} if known else {"sd": f"the receiver says none; {origin}"})
-        remarks = ("# its heights are above mean sea level",) if remark else ()
-        sections.append(
-            Section("aiding", "gnss", whole, instance, f"{title}, {kind}", reasons, "", remarks)
-        )
+        sections.append(Section("aiding", "gnss", whole, instance, f"{title}, {kind}", reasons))
     return sections
 
 
@@ -216,12 +225,13 @@ def trajectories(log: DataFlash) -> list[tuple[Columns, Section]]:
     """The simulator's truth, and the estimate of the autopilot's own filter."""
     true, own, attitude = (_of(log, name, 0) for name in ("SIM", "POS", "ATT"))
     found = []
-    if {"Lat", "Q1"} <= set(true):
+    if {"Lat", "Lng", "Alt", "Q1", "Q2", "Q3", "Q4"} <= set(true):
         q = np.stack([true[f"Q{k}"] for k in (1, 2, 3, 4)], axis=1)
         velocity = _of(log, "SIM2", 0)
         columns = autopilot.trajectory(_place(true), (true["TimeUS"], q), _velocity(velocity))
-        found.append(autopilot.reference(columns, "truth", 0, "SIM, the simulator's truth", ""))
-    if "Lat" in own and attitude:
+        title = "SIM, the simulator's truth"
+        found.append(autopilot.reference(columns, "truth", 0, title, "", geoid=True))
+    if {"Lat", "Lng", "Alt"} <= set(own) and {"Roll", "Pitch", "Yaw"} <= set(attitude):
         q = autopilot.quaternions_of(
             *(attitude[angle].astype(float) for angle in ("Roll", "Pitch", "Yaw"))
         )
@@ -231,7 +241,7 @@ def trajectories(log: DataFlash) -> list[tuple[Columns, Section]]:
             velocity = {key: each[velocity["C"] == 0] for key, each in velocity.items()}
         columns = autopilot.trajectory(_place(own), (attitude["TimeUS"], q), _velocity(velocity))
         title = f"POS, ATT and {name}"
-        found.append(autopilot.reference(columns, "estimate", 1, title, ESTIMATE))
+        found.append(autopilot.reference(columns, "estimate", 1, title, ESTIMATE, geoid=True))
     return [each for each in found if len(each[0]["t"]) > 1]
 
 

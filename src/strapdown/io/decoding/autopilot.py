@@ -12,7 +12,7 @@ from ...time_scales import iso
 from ...typing import Array
 from ..contract import Section
 
-VEHICLES = {
+VEHICLES: dict[float, str] = {
     **dict.fromkeys((1, *range(19, 26)), "aircraft"),
     **dict.fromkeys((2, 3, 4, 13, 14, 15, 29, 35), "multicopter"),
     10: "car",
@@ -25,8 +25,9 @@ Columns = Mapping[str, Any]
 
 def rate(t_us: Any) -> float:
     """Hz of times in us: 1 / their median interval; 0 of fewer than two."""
-    t = np.unique(np.asarray(t_us).astype(np.int64))
-    return 1e6 / float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    steps = np.diff(np.sort(np.asarray(t_us).astype(np.int64)))
+    steps = steps[steps > 0]
+    return 1e6 / float(np.median(steps)) if len(steps) else 0.0
 
 
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
@@ -99,15 +100,24 @@ def trajectory(
 
 
 def reference(
-    columns: dict[str, Any], table: str, instance: int, title: str, left: str, **time: Any
+    columns: dict[str, Any],
+    table: str,
+    instance: int,
+    title: str,
+    left: str,
+    geoid: bool,
+    **time: Any,
 ) -> tuple[dict[str, Any], Section]:
-    """(columns, section) of a trajectory; `time` are further keys of its time."""
+    """(columns, section) of a trajectory, whose heights are above the geoid or the ellipsoid;
+    `time` are further keys of its time."""
     keys: dict[str, Any] = {
         "table": table,
         "time": {"column": "t", "unit": "us", **time},
         "position": {"columns": ["lat", "lon", "alt"], "unit": ["deg", "deg", "m"]},
         "attitude": {"columns": [f"q{k}" for k in range(4)], "quaternion": "wxyz"},
     }
+    if geoid:
+        keys["position"]["geoid"] = "EGM96"
     if "vn" in columns:
         keys["velocity"] = {"columns": ["vn", "ve", "vd"], "unit": "m/s"}
     return columns, Section("reference", "reference", keys, instance, title, left=left)

@@ -56,7 +56,8 @@ def _text(content: bytes | memoryview, begin: int, end: int) -> tuple[str, int]:
 class _File:
     """What was met of a file so far."""
 
-    def __init__(self, messages: Messages) -> None:
+    def __init__(self, content: bytes | memoryview, messages: Messages) -> None:
+        self.content = content
         self.messages = messages
         self.first = messages.next_number
         self.schemas: dict[int, tuple[str, str]] = {}  # {number: (name, definition)}
@@ -64,26 +65,36 @@ class _File:
         self.damaged: list[str] = []
 
     def add(self, content: bytes | memoryview, records: Records) -> None:
-        """Take in schemas, channels and messages, of the file or of a chunk."""
+        """Take in schemas, channels, chunks and messages, of the file or of a chunk."""
         for opcode, begin, end in records.others:
             try:
                 if opcode == SCHEMA:
-                    name, at = _text(content, begin + 2, end)
-                    kind, at = _text(content, at, end)
-                    text = _text(content, at, end)[0] if kind in ("ros1msg", "ros2msg") else ""
-                    self.schemas[struct.unpack_from("<H", content, begin)[0]] = name, text
+                    self._add_schema(content, begin, end)
                 elif opcode == CHANNEL:
-                    number, schema = struct.unpack_from("<HH", content, begin)
-                    topic, at = _text(content, begin + 4, end)
-                    encoding, _ = _text(content, at, end)
-                    self.encodings.add(encoding)
-                    name, text = self.schemas.get(schema, ("", ""))
-                    self.messages.topics[self.first + number] = Topic.of(
-                        topic, name, encoding, text
-                    )
+                    self._add_channel(content, begin, end)
+                elif opcode == CHUNK and content is self.content:
+                    self._add_chunk(content, begin, end)
+            except DataError as error:
+                self.damaged.append(f"a chunk {error}")
             except struct.error:
                 self.damaged.append("a schema or channel that does not fit its record")
         self._add_messages(content, records.messages)
+
+    def _add_schema(self, content: bytes | memoryview, begin: int, end: int) -> None:
+        name, at = _text(content, begin + 2, end)
+        kind, at = _text(content, at, end)
+        text = _text(content, at, end)[0] if kind in ("ros1msg", "ros2msg") else ""
+        self.schemas[struct.unpack_from("<H", content, begin)[0]] = name, text
+
+    def _add_channel(self, content: bytes | memoryview, begin: int, end: int) -> None:
+        number, schema = struct.unpack_from("<HH", content, begin)
+        topic, at = _text(content, begin + 4, end)
+        encoding, _ = _text(content, at, end)
+        self.encodings.add(encoding)
+        name, text = self.schemas.get(schema, ("", ""))
+        known = Topic.of(topic, name, encoding, text)
+        # it stands in every chunk, and at the end
+        self.messages.topics.setdefault(self.first + number, known)
 
     def _add_messages(self, content: bytes | memoryview, places: Ints) -> None:
         begin, end = places[np.diff(places, axis=1)[:, 0] >= MESSAGE_HEAD].T
@@ -94,9 +105,10 @@ class _File:
             np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("log", "<i8"), ("publish", "<i8")])
         )
         first = begin + MESSAGE_HEAD
-        self.messages.add(raw, head["channel"] + self.first, first, end - first, head["log"])
+        numbers = head["channel"].astype(np.int64) + self.first
+        self.messages.add(raw, numbers, first, end - first, head["log"])
 
-    def add_chunk(self, content: bytes | memoryview, begin: int, end: int) -> None:
+    def _add_chunk(self, content: bytes | memoryview, begin: int, end: int) -> None:
         """Take in a chunk. Raises DataError where it is damaged."""
         try:
             size, crc = struct.unpack_from("<QI", content, begin + 16)
@@ -116,19 +128,13 @@ def read_mcap(content: bytes | memoryview, messages: Messages) -> Messages:
     """Take in the messages of a whole file. Raises DataError of one line where it has none of ROS."""
     if bytes(content[: len(MAGIC)]) != MAGIC:
         raise DataError("is no MCAP file of version 0: it begins otherwise")
-    records, file = walk(content, len(MAGIC)), _File(messages)
+    records, file = walk(content, len(MAGIC)), _File(content, messages)
     for opcode, begin, end in records.others:
         if opcode == DATA_END and len(records.messages) and end - begin >= 4:
             crc = struct.unpack_from("<I", content, begin)[0]
             if crc and zlib.crc32(content[: begin - 9]) != crc:
                 raise DataError("its messages fail the checksum at its end; copy it again")
     file.add(content, records)
-    for opcode, begin, end in records.others:
-        if opcode == CHUNK:
-            try:
-                file.add_chunk(content, begin, end)
-            except DataError as error:
-                file.damaged.append(f"a chunk {error}")
     if file.encodings and not file.encodings & {"cdr", "ros1"}:
         raise DataError(
             f"its messages are {', '.join(sorted(file.encodings))}, not of ROS (cdr, ros1), and say "

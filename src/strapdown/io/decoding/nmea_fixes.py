@@ -5,7 +5,7 @@ and heading always.
 """
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from ...typing import Ints
 from ..contract import Log, Section
 from ..table_file import Table
-from .cyclic_times import DAY, in_order, moments, undated
-from .nmea_sentences import TIME_FIELD, Kind, Sentences, dates
+from .cyclic_times import in_order
+from .nmea_clock import Clock, clock_of
+from .nmea_sentences import TIME_FIELD, Kind, Sentences
 
 ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
 """m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
@@ -37,64 +38,6 @@ UNTOLD = (
     "NMEA does not tell whether a receiver used inertial sensors of its own (as u-blox F9K, F9R, M8U "
     "and others do); fixes of such a receiver are no independent aiding"
 )
-
-
-class Clock(NamedTuple):
-    """The moments that dates of a file say; without any, days count from the first."""
-
-    place: Ints
-    moment: Ints
-    absolute: bool
-
-    @property
-    def column(self) -> str:
-        """Of a table: the name of the times."""
-        return "unix_ms" if self.absolute else "day_ms"
-
-    @property
-    def time(self) -> dict[str, Any]:
-        """As a description has it."""
-        clock = {"clock": "unix"} if self.absolute else {}
-        return {"column": self.column, "unit": "ms", **clock}
-
-    def ms(self, place: Ints, t: Ints) -> Ints:
-        """Moments (n,) of times of day."""
-        return moments(place, t, self.place, self.moment, DAY)
-
-
-def clock_of(sentences: Sentences) -> Clock:
-    """The clock of a file."""
-    place, moment = dates(sentences.kinds)
-    if len(place):
-        order = np.argsort(place, kind="stable")
-        return Clock(place[order], moment[order], True)
-    timed = [
-        (each.place, each.time_of_day(TIME_FIELD[name]))
-        for name, each in sentences.kinds.items()
-        if name in TIME_FIELD
-    ]
-    if timed:
-        place, t = (np.concatenate(each) for each in zip(*timed))
-        place, moment = undated(place[t >= 0], t[t >= 0], DAY)
-    if not len(place):
-        place = moment = np.zeros(1, int)
-    return Clock(place, moment, False)
-
-
-def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
-    """(place in the file, ms, whether these are POSIX) of all sentences with a time of day."""
-    clock, found = clock_of(sentences), []
-    for name, kind in sentences.kinds.items():
-        if name in TIME_FIELD:
-            t = kind.time_of_day(TIME_FIELD[name])
-            found.append((kind.place[t >= 0], clock.ms(kind.place[t >= 0], t[t >= 0])))
-    if not found:
-        return np.zeros(0, int), np.zeros(0, int), False
-    place, ms = (np.concatenate(each) for each in zip(*found))
-    order = np.argsort(place)
-    place, ms = place[order], ms[order]
-    first = np.diff(ms, prepend=-1) != 0
-    return place[first], ms[first], clock.absolute
 
 
 def nmea_log(path: Path, sentences: Sentences) -> Log:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ...typing import Array, Ints
-from .cyclic_times import DAY
 
 TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS")
 """Sentences that are read; all others, such as GSV, are passed over."""
@@ -136,32 +135,3 @@ def _number(text: bytes) -> float:
         return float(text)
     except ValueError:
         return np.nan
-
-
-def dates(kinds: dict[str, Kind]) -> tuple[Ints, Ints]:
-    """(place (m,), POSIX ms (m,)) of the sentences that say a date: RMC of a fix, else ZDA, else any
-    RMC."""
-    empty = np.zeros(0, int)
-    every = []
-    if "RMC" in kinds:
-        rmc = kinds["RMC"]
-        date = rmc.numbers(9)
-        day, month, year = date // 10000, date // 100 % 100, date % 100
-        year = np.where(year < 80, 2000 + year, 1900 + year)
-        place, moment = _moments(rmc, rmc.time_of_day(1), year, month, day)
-        fixed = np.isin(place, [p for p, state in zip(rmc.place, rmc.text(2)) if state == b"A"])
-        every += [(place[fixed], moment[fixed]), (place, moment)]
-    if "ZDA" in kinds:
-        zda = kinds["ZDA"]
-        parts = (zda.numbers(4), zda.numbers(3), zda.numbers(2))
-        every.insert(1, _moments(zda, zda.time_of_day(1), *parts))
-    return next((each for each in every if len(each[0])), (empty, empty))
-
-
-def _moments(kind: Kind, t: Ints, year: Array, month: Array, day: Array) -> tuple[Ints, Ints]:
-    with np.errstate(invalid="ignore"):
-        fits = (t >= 0) & (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12)
-        fits &= (day >= 1) & (day <= 31)
-    months = (12 * (year[fits] - 1970) + month[fits] - 1).astype(int)
-    days = months.astype("datetime64[M]").astype("datetime64[D]").astype(int) + day[fits] - 1
-    return kind.place[fits], days.astype(int) * DAY + t[fits]

@@ -20,6 +20,7 @@ from .ulog import ULog
 Columns = dict[str, NDArray[Any]]
 GYRO = [f"gyro_rad[{k}]" for k in range(3)]
 ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
+Q = [f"q[{k}]" for k in range(4)]
 FIX_3D = 3  # fix_type from which a fix has a height
 SINCE_2001 = 10**15
 """us: a clock that starts later counts from 1970, as that of a simulator does, not from power on."""
@@ -37,6 +38,23 @@ SD = {
 }
 """PX4's own standard deviations where neither the receiver nor a parameter of the log says one:
 m, m/s, gauss, m."""
+TRIPLE = ("[0]", "[1]", "[2]")
+FIX = {"fix_type", "time_utc_usec", "eph", "epv", "s_variance_m_s", "vel_ned_valid"}
+FIX |= {f"vel_{axis}_m_s" for axis in "ned"}
+OLD = FIX | {"lat", "lon", "alt", "alt_ellipsoid"}
+NEW = FIX | {"latitude_deg", "longitude_deg", "altitude_msl_m", "altitude_ellipsoid_m"}
+INTEGRALS = {f"delta_{of}{k}" for of in ("angle", "velocity") for k in TRIPLE}
+NEEDED: dict[str, list[set[str]]] = {
+    "vehicle_imu": [INTEGRALS | {"delta_angle_dt", "delta_velocity_dt"}],
+    "sensor_combined": [{*GYRO, *ACCEL}],
+    "sensor_gyro": [{"x", "y", "z"}],
+    "sensor_accel": [{"x", "y", "z"}],
+    "sensor_gps": [OLD, NEW],
+    "vehicle_gps_position": [OLD, NEW],
+    "vehicle_magnetometer": [{f"magnetometer_ga{k}" for k in TRIPLE}],
+    "vehicle_air_data": [{"baro_pressure_pa"}],
+}
+"""Fields that a topic must have, in the ways in which it may have them."""
 ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 
 
@@ -72,7 +90,7 @@ def _usable(fixes: Columns) -> None:
             fixes[key] = np.where(valid, fixes[key], np.nan)
 
 
-def _time(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[str, Any]:
+def time_of(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[str, Any]:
     """The key `time` of a section: of the samples where the topic says when they were taken."""
     sampled = columns.get("timestamp_sample")
     column = "timestamp" if sampled is None or not np.all(sampled > 0) else "timestamp_sample"
@@ -83,16 +101,20 @@ def _time(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[st
     )
 
 
-def _instances(log: ULog, name: str) -> dict[int, float]:
-    """{instance: rate in Hz} of a topic."""
-    found = (instance for topic, instance in log.topics if topic == name)
-    return {each: autopilot.rate(log.columns(name, each)["timestamp"]) for each in found}
+def instances(log: ULog, name: str) -> dict[int, float]:
+    """{instance: rate in Hz} of a topic, of those with the fields that are needed."""
+    rates = {}
+    for topic, instance in log.topics:
+        columns = log.columns(name, instance) if topic == name else {}
+        if any(needed <= set(columns) for needed in NEEDED[name]):
+            rates[instance] = autopilot.rate(columns["timestamp"])
+    return rates
 
 
 def imus(log: ULog) -> tuple[list[Section], list[str]]:
     """(sections, lines on what is left) of the IMUs."""
-    every = {name: _instances(log, name) for name in ("vehicle_imu", "sensor_combined")}
-    gyros, accels = (_instances(log, name) for name in ("sensor_gyro", "sensor_accel"))
+    every = {name: instances(log, name) for name in ("vehicle_imu", "sensor_combined")}
+    gyros, accels = (instances(log, name) for name in ("sensor_gyro", "sensor_accel"))
     every["sensor_gyro"] = {each: gyros[each] for each in gyros if each in accels}
     rates = {name: max(found.values(), default=0.0) for name, found in every.items()}
     best = max(rates["vehicle_imu"], rates["sensor_combined"])
@@ -114,7 +136,7 @@ def imus(log: ULog) -> tuple[list[Section], list[str]]:
 def _imu(log: ULog, name: str, instance: int, hz: float) -> Section:
     keys: dict[str, Any] = {
         "table": f"{name} {instance}",
-        "time": _time(log, log.columns(name, instance)),
+        "time": time_of(log, log.columns(name, instance)),
         "gyro": {"columns": GYRO, "unit": "rad/s"},
         "accel": {"columns": ACCEL, "unit": "m/s^2"},
     }
@@ -125,14 +147,14 @@ def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
     accel = log.columns("sensor_accel", instance)
     keys: dict[str, Any] = {
         "table": f"{name} {instance}",
-        "time": _time(log, log.columns(name, instance)),
+        "time": time_of(log, log.columns(name, instance)),
         "axes": "FRD",
         "gyro": {"columns": ["x", "y", "z"], "unit": "rad/s"},
         "accel": {
             "columns": ["x", "y", "z"],
             "unit": "m/s^2",
             "table": f"sensor_accel {instance}",
-            "time": _time(log, accel),
+            "time": time_of(log, accel),
         },
     }
     why = "raw sensors: neither their calibration nor SENS_BOARD_ROT is applied"
@@ -151,88 +173,7 @@ def _of_imu(
     return Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
 
 
-def receivers(log: ULog) -> tuple[list[Section], list[str]]:
-    """(sections, lines on what is left) of the receivers. `vehicle_gps_position` of a newer log
-    repeats what one of `sensor_gps` says, or a mixture of several."""
-    own, chosen = (_instances(log, name) for name in ("sensor_gps", "vehicle_gps_position"))
-    fast, slow = (max(each.values(), default=0.0) for each in (own, chosen))
-    name, other = "vehicle_gps_position", "sensor_gps"
-    if fast and fast >= NEARLY * slow:
-        name, other, own, chosen, fast, slow = other, name, chosen, own, slow, fast
-    sections, left = [], [f"{other}, {fast:.3g} Hz: of the same receiver as {name}"] if own else []
-    for instance in sorted(chosen):
-        fixes, rows = prepared(log, name, instance)
-        lost = len(log.columns(name, instance)["timestamp"]) - len(rows)
-        if lost:
-            left.append(f"{name} {instance}: {lost} of {lost + len(rows)} rows without a 3D fix")
-        if len(rows):
-            sections += _gnss(log, name, instance, fixes)
-    return sections, left
-
-
-def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
-    """The sections of one receiver."""
-    parameters = log.parameters
-    delay, antenna = parameters.get("EKF2_GPS_DELAY"), autopilot.arm(parameters, "EKF2_GPS_POS_")
-    common: dict[str, Any] = {
-        "table": f"{name} {instance}",
-        "time": _time(log, {}, -1e-3 * delay if delay else 0.0),
-    }
-    assumed = {"time": f"EKF2_GPS_DELAY of the log is {delay:g} ms"} if delay else {}
-    if any(antenna):
-        common["lever_arm"], assumed["lever_arm"] = antenna, "EKF2_GPS_POS of the log"
-    title = f"{name} {instance}, {autopilot.rate(fixes['timestamp']):.3g} Hz"
-    position, of_position, remarks = _position(log, fixes)
-    velocity, of_velocity = _deviation(log, fixes, ["s_variance_m_s"], "EKF2_GPS_V_NOISE")
-    velocity |= {"columns": [f"vel_{axis}_m_s" for axis in "ned"], "unit": "m/s"}
-    left = "" if fixes["vel_ned_valid"].any() else "the log says vel_ned_valid = 0 of all of them"
-    where = ("aiding", "gnss")
-    return [
-        Section(
-            *where,
-            {"kind": "position", **common, **position},
-            instance,
-            f"{title}, position",
-            assumed | of_position,
-            "",
-            remarks,
-        ),
-        Section(
-            *where,
-            {"kind": "velocity", **common, **velocity},
-            instance,
-            f"{title}, velocity",
-            assumed | of_velocity,
-            left,
-        ),
-    ]
-
-
-def _position(log: ULog, fixes: Columns) -> tuple[dict[str, Any], dict[str, str], tuple[str, ...]]:
-    """(keys, those of them that are assumed, remarks) of the positions of a receiver."""
-    new = "latitude_deg" in fixes
-    heights = ["altitude_ellipsoid_m", "altitude_msl_m"] if new else ["alt_ellipsoid", "alt"]
-    height = heights[0] if np.any(fixes[heights[0]] != 0) else heights[1]
-    sd, assumed = _deviation(log, fixes, ["eph", "eph", "epv"], "EKF2_GPS_P_NOISE")
-    columns = ["latitude_deg", "longitude_deg", height] if new else ["lat", "lon", height]
-    keys: dict[str, Any] = {"columns": columns, "unit": ["deg", "deg", "m"]}
-    if not new:
-        keys["scale"] = [1e-7, 1e-7, 1e-3]
-    remarks = ("# its heights are above mean sea level",) if height == heights[1] else ()
-    return keys | sd, assumed, remarks
-
-
-def _deviation(
-    log: ULog, fixes: Columns, names: list[str], parameter: str
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """(the key sd, why where it is assumed): what the receiver says, else PX4's own setting."""
-    if all(name in fixes and np.any(fixes[name] > 0) for name in names):
-        return {"sd": names[0] if len(names) == 1 else names}, {}
-    sd, why = _setting(log, parameter)
-    return {"sd": sd}, {"sd": f"the receiver says none; {why}"}
-
-
-def _setting(log: ULog, parameter: str) -> tuple[float, str]:
+def setting(log: ULog, parameter: str) -> tuple[float, str]:
     """(a standard deviation, where it comes from)."""
     found = log.parameters.get(parameter, 0.0)
     if found > 0:
@@ -261,15 +202,13 @@ def others(log: ULog, dated: bool) -> list[Section]:
             "EKF2_BARO_NOISE",
         ),
     ):
-        sd, why = _setting(log, parameter)
-        for instance, hz in sorted(_instances(log, topic).items()):
+        sd, why = setting(log, parameter)
+        for instance, hz in sorted(instances(log, topic).items()):
             values = log.columns(topic, instance)
-            if not set(columns) <= set(values):
-                continue
             keys = {
                 "kind": kind,
                 "table": f"{topic} {instance}",
-                "time": _time(log, values),
+                "time": time_of(log, values),
                 "columns": columns,
                 "unit": unit,
                 "sd": sd,
@@ -293,19 +232,22 @@ def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
         position = log.columns(f"vehicle_global_position{suffix}")
         attitude = log.columns(f"vehicle_attitude{suffix}")
         local = log.columns(f"vehicle_local_position{suffix}")
-        if len(position.get("timestamp", ())) < 2 or len(attitude.get("timestamp", ())) < 2:
+        if not {"lat", "lon", "alt"} <= set(position) or not set(Q) <= set(attitude):
             continue
-        heights = [position[key] for key in ("alt_ellipsoid", "alt") if key in position]
-        height = next((each for each in heights if np.any(each != 0)), heights[-1])
-        left = left or ("" if np.any(height) else "all its heights are 0")
+        heights = [key for key in ("alt_ellipsoid", "alt") if np.any(position.get(key, 0.0))]
+        if not heights:
+            left = left or "all its heights are 0"
+        height = position[(heights or ["alt"])[0]]
         place = position["timestamp"], position["lat"], position["lon"], height
-        q = np.stack([attitude[f"q[{k}]"] for k in range(4)], axis=1)
-        v = np.stack([local[f"v{axis}"] for axis in "xyz"], axis=1) if local else None
+        q = np.stack([attitude[key] for key in Q], axis=1)
+        has_velocity = {"vx", "vy", "vz"} <= set(local)
+        v = np.stack([local[f"v{axis}"] for axis in "xyz"], axis=1) if has_velocity else None
         columns = autopilot.trajectory(
             place,
             (attitude["timestamp"], q),
             None if v is None else (local["timestamp"], v),
         )
         clock = {"clock": "unix"} if log.start > SINCE_2001 else {}
-        found.append(autopilot.reference(columns, table, instance, named, left, **clock))
+        geoid = heights[:1] == ["alt"]
+        found.append(autopilot.reference(columns, table, instance, named, left, geoid, **clock))
     return found

@@ -42,7 +42,7 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
             raise DataError(f"is damaged ({type(error).__name__})") from error
         unpacked = b"".join(pieces)
     if len(unpacked) != size:
-        raise DataError(f"unpacks to another size than the {size} bytes that it states")
+        raise DataError("unpacks to another size than it states")
     return unpacked
 
 

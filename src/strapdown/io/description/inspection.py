@@ -27,7 +27,7 @@ from .read import (
     read_meta,
     read_reference,
 )
-from .schema import Description
+from .schema import Description, Vector
 from .schema_aiding import AidingPart
 from .source_files import Files
 
@@ -75,7 +75,10 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
         return [*files.notes, *notes]
-    wrong = [f"{field}: {text}" for field, text in mistakes(imu, description.imu.kind)]
+    wrong = [
+        f"{field}: {text}"
+        for field, text in mistakes(imu, description.imu.kind, description.vehicle)
+    ]
     meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
     wrong += doubts(imu, gyro_bias_sd(meta))
     found.add(clock_facts(imu, meta.get("epoch")))
@@ -90,10 +93,13 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
             aidings.append(read[0])
             parts.append((part, number))
             notes += read[1]
-            found.take([], _above_sea_level(part, read[0].name), [])
+            if part.sensor.name in ("position", "altitude"):
+                found.take([], _above_sea_level(part, read[0].name), [])
     notes += level_notes(aidings, meta)
     notes += _magnetometers(path, parts, aidings, imu, meta, found)
     if description.reference is not None:
+        if description.reference.position is not None:
+            found.take([], _above_sea_level(description.reference.position, "reference"), [])
         whereabouts = Whereabouts(aidings, place)
         reference, more = found.attempt(
             read_reference, description.reference, imu, files, whereabouts
@@ -104,10 +110,9 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     return [*files.notes, *notes]
 
 
-def _above_sea_level(part: AidingPart, name: str) -> Iterator[Reason]:
+def _above_sea_level(part: AidingPart | Vector, name: str) -> Iterator[Reason]:
     """A Reason where the column of an ellipsoidal height is named as one above mean sea level."""
-    told = part.geoid is not None or part.sensor.name not in ("position", "altitude")
-    column = "" if told else (part.columns or [""])[-1]
+    column = (part.columns or [""])[-1] if part.geoid is None else ""
     if isinstance(column, str) and SEA_LEVEL.search(column):
         yield Reason(
             "height",

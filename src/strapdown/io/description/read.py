@@ -59,7 +59,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     parts = [*description.aiding, description.reference]
     files.later = {part.file for part in parts if part is not None and part.file is not None}
     imu, notes = read_imu(description.imu, files)
-    for field, text in mistakes(imu, description.imu.kind):
+    for field, text in mistakes(imu, description.imu.kind, description.vehicle):
         raise DataError(f"{path}: [imu] {field}: {text}")
     aidings: list[Aiding] = []
     found: dict[int, Aiding] = {}

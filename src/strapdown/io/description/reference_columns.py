@@ -57,7 +57,8 @@ def read_columns(part: ReferencePart, files: Files, whereabouts: Whereabouts) ->
             here = whereabouts.at(t)
     v_n = q_nb = None
     if part.velocity is not None:
-        v_n = _velocity(part.velocity, values["velocity"], here, table.origin)
+        v_n, more = _velocity(part.velocity, values["velocity"], here, table.origin)
+        notes = notes + more
     if part.attitude is not None:
         attitude = part.attitude
         q_nb = quaternions(values["attitude"], attitude.quaternion, attitude.axes, table.origin)
@@ -65,10 +66,11 @@ def read_columns(part: ReferencePart, files: Files, whereabouts: Whereabouts) ->
     return Reference(t, lla, v_n, q_nb, table.origin, notes)
 
 
-def _velocity(part: Vector, values: Array, here: Array, origin: Origin) -> Array:
-    """(n, 3) m/s NED of the columns of a velocity, SI, at the positions `here`."""
+def _velocity(part: Vector, values: Array, here: Array, origin: Origin) -> tuple[Array, list[str]]:
+    """((n, 3) m/s NED, notes) of the columns of a velocity, SI, at the positions `here`."""
     if part.form is not None:
-        return over_ground(upright(values, part.form), np.zeros((len(values), 1)), origin)[0]
+        v_n, _, notes = over_ground(upright(values, part.form), np.zeros((len(values), 1)), origin)
+        return v_n, notes
     if part.ecef:
-        return vectors(values, here)
-    return turned(values, axes_matrix(part.axes or "NED", NAVIGATION_AXES, False))
+        return vectors(values, here), []
+    return turned(values, axes_matrix(part.axes or "NED", NAVIGATION_AXES, False)), []

@@ -3,7 +3,7 @@ the tables: rosbag2_storage_sqlite3 of https://github.com/ros2/rosbag2."""
 
 import re
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,10 +25,14 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 """How a frame of zstd begins; of a bag whose messages are packed each for itself."""
 MOST_RATIO = 1000
 """By which a database may have been packed."""
-MOST_UNPACKED = 1 << 24
+MOST_UNPACKED = 1 << 16
 """Bytes of a packed message that is of use here."""
-STEPS_PER_BYTE = 10
-"""Of SQLite's machine, per byte of a file: a damaged file is left where it needs more."""
+STEPS = 100_000
+"""Of SQLite's machine, between two looks at whether it has done more of them than a file has bytes:
+a whole one needs a tenth of it, a damaged one may go round in circles."""
+
+Row = tuple[int, int, bytes]
+"""Topic, time of recording in ns, message."""
 
 
 def sniff(path: Path) -> bool:
@@ -71,10 +75,9 @@ def read_database(path: Path, messages: "Messages") -> None:
     try:
         database, size = _connect(path)
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1000))
-        steps = max(size, 1_000_000) * STEPS_PER_BYTE
-        budget = iter(range(steps // 1_000_000))
+        budget = iter(range(10 + size // STEPS))
         database.execute("PRAGMA mmap_size = 1099511627776")
-        database.set_progress_handler(lambda: int(next(budget, None) is None), 1_000_000)
+        database.set_progress_handler(lambda: int(next(budget, None) is None), STEPS)
         rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
         numbers = {}
         for number, name, kind, encoding in rows.fetchmany(MOST_TOPICS):
@@ -85,7 +88,7 @@ def read_database(path: Path, messages: "Messages") -> None:
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
         raise DataError(f"{path}: is no database of ROS 2 that can be read ({error})") from error
     try:
-        _read_messages(database, numbers, messages)
+        _read_messages(database, size, numbers, messages)
     except (sqlite3.Error, OverflowError) as error:
         messages.left.append(f"the database is damaged ({error}); what is before that is used")
     finally:
@@ -98,15 +101,15 @@ def read_database(path: Path, messages: "Messages") -> None:
 
 
 def _read_messages(
-    database: sqlite3.Connection, numbers: dict[int, int], messages: "Messages"
+    database: sqlite3.Connection, size: int, numbers: dict[int, int], messages: "Messages"
 ) -> None:
     rows = database.execute(
         f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN "
         f"({', '.join(map(str, numbers))}) AND typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
     )
     damaged = 0
-    while some := rows.fetchmany(AT_ONCE):
-        if some[0][2].startswith(ZSTD):
+    for some in _batches(rows, size):
+        if some and some[0][2].startswith(ZSTD):
             good = list(_unpacked(some))
             damaged += len(some) - len(good)
             some = good
@@ -126,7 +129,23 @@ def _read_messages(
         messages.left.append(f"{damaged} packed messages are damaged; not used")
 
 
-def _unpacked(rows: list[tuple[int, int, bytes]]) -> Iterator[tuple[int, int, bytes]]:
+def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
+    """The rows, some at a time. Raises sqlite3.Error where they are longer together than their
+    file, `size`."""
+    batch: list[Row] = []
+    for row in rows:
+        size -= len(row[2])
+        if size < 0:
+            yield batch
+            raise sqlite3.DatabaseError("its messages are longer than the file")
+        batch.append(row)
+        if len(batch) == AT_ONCE:
+            yield batch
+            batch = []
+    yield batch
+
+
+def _unpacked(rows: list[Row]) -> Iterator[Row]:
     """The same with each message unpacked, without those that are damaged."""
     from ..decoding.unpacking import unpack_frame
 

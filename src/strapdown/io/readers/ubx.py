@@ -7,30 +7,22 @@ inertial sensors (types 1 and 4) are no independent aiding. Sources: the interfa
 u-blox 6, M8 and F9.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...checks import DataError
 from ...time_scales import gps_from_unix
-from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
-from ..decoding.nmea_fixes import epochs, nmea_log
+from ..decoding.nmea_clock import epochs
+from ..decoding.nmea_fixes import nmea_log
 from ..decoding.nmea_sentences import Sentences, find_sentences
 from ..decoding.ubx_fixes import Columns, solutions, usable, vehicle
 from ..decoding.ubx_frames import Frames, find_frames
+from ..decoding.ubx_imu import Epochs, imu_sections
 from ..decoding.ubx_layouts import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAV_PVAT
-from ..decoding.ubx_sensors import (
-    ACCEL,
-    ACCEL_SCALE,
-    GYRO,
-    GYRO_SCALE,
-    NAMES,
-    Sensors,
-    sensors,
-)
+from ..decoding.ubx_sensors import NAMES
 from ..decoding.ubx_times import Clock, clock
 from ..table_file import Table, packed, read_bytes
 
@@ -68,7 +60,7 @@ def open_ubx(path: Path) -> Log:
     elif b"GGA," in data or b"RMC," in data:
         left.append("NMEA of the same receiver: the UBX messages say the same with more digits")
     sections += _vehicle(path, frames, time, tables)
-    sections += _imus(path, frames, _epochs(found, time, sentences), tables, left)
+    sections += imu_sections(path, frames, _epochs(found, time, sentences), tables, left)
     left += [f"{why} ({many})" for key, why in LEFT_OUT.items() if (many := frames.count(key))]
     left += _damage(frames)
     facts = [f"{path}: {len(frames.start)} UBX messages{_kinds(frames)}"]
@@ -190,108 +182,12 @@ def _vehicle(path: Path, frames: Frames, time: Clock, tables: dict[str, Table]) 
     return [Section("reference", "reference", keys, 0, title, left=why)]
 
 
-class Epochs(NamedTuple):
-    """What sets the clock of the sensors."""
-
-    place: Ints  # in the file (n,)
-    gps: Array  # s (n,)
-    absolute: bool
-
-
 def _epochs(found: Columns, time: Clock, sentences: Sentences) -> Epochs:
     """Of the UBX messages, else of the NMEA in the file."""
     if found:
         return Epochs(found["place"], found["t"] / 1e3, time.absolute)
     place, ms, absolute = epochs(sentences)
     return Epochs(place, gps_from_unix(ms / 1e3) if absolute else ms / 1e3, absolute)
-
-
-def _imus(
-    path: Path,
-    frames: Frames,
-    by: Epochs,
-    tables: dict[str, Table],
-    left: list[str],
-) -> list[Section]:
-    """Sections of the IMU, those of the fastest message first."""
-    read = {key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)}
-    for key, each in read.items():
-        if each is None:
-            left.append(
-                f"{NAMES[key]}: no gyro with an accelerometer, or no NAV message between its own that "
-                f"sets its clock"
-            )
-    every = sorted(filter(None, read.values()), key=lambda each: -_rate(each.gyro.t))
-    sections: list[Section] = []
-    for instance, each in enumerate(every):
-        if len(each.gyro.t) and len(each.accel.t):
-            sections += _imu(path, each, instance, _mounting(frames), by.absolute, tables)
-            if each.lost:
-                left.append(f"{each.name}: {each.lost} samples at times that nothing tells")
-    return sections
-
-
-def _rate(t: Ints) -> float:
-    """Hz"""
-    return 1e6 / max(float(np.median(np.diff(t))), 1.0) if len(t) > 1 else 0.0
-
-
-def _imu(
-    path: Path,
-    each: Sensors,
-    instance: int,
-    mounting: Mapping[str, float],
-    gps: bool,
-    tables: dict[str, Table],
-) -> list[Section]:
-    """Sections of gyro and accelerometer, one where both were measured at the same times."""
-    absolute = each.absolute and gps
-    column = "gps_us" if absolute else "us"
-    time = {"column": column, "unit": "us", **({"clock": "gps"} if absolute else {})}
-    assumed = {
-        "axes": "the module lies flat with its x axis forward",
-        "grade": "the MEMS IMU of the receiver",
-    }
-    if each.absolute:
-        assumed["time"] = (
-            f"the sensor's clock is set to GPS time by the order of the messages, within "
-            f"{1e3 * each.scatter:.0f} ms beside the receiver's latency, which the file does not say"
-        )
-    if mounting:
-        assumed["mounting"] = "as the receiver found it (ESF-ALG)"
-    parts = {
-        "gyro": (each.gyro, GYRO, {"unit": "deg/s", "scale": GYRO_SCALE}),
-        "accel": (each.accel, ACCEL, {"unit": "m/s^2", "scale": ACCEL_SCALE}),
-    }
-    together = np.array_equal(each.gyro.t, each.accel.t)
-    sections = []
-    for sensor_names in [("gyro", "accel")] if together else [("gyro",), ("accel",)]:
-        name = each.name if together else f"{each.name} {sensor_names[0]}"
-        keys: dict[str, Any] = {"table": name, "time": time, "axes": "FLU"}
-        columns: dict[str, Any] = {column: parts[sensor_names[0]][0].t}
-        for sensor in sensor_names:
-            samples, types, unit = parts[sensor]
-            names = [f"{sensor}_{axis}" for axis in "xyz"]
-            columns |= {name: samples.values[kind] for name, kind in zip(names, types)}
-            keys[sensor] = {"columns": names, **unit}
-        tables[name] = Table.of(f"{path} [{name}]", columns, word="sample")
-        keys |= ({"mounting": mounting} if mounting else {}) | {"grade": "consumer"}
-        title = f"{name}, {_rate(columns[column]):.0f} Hz"
-        sections.append(Section("imu", "imu", keys, instance, title, assumed))
-    return sections
-
-
-def _mounting(frames: Frames) -> dict[str, Any]:
-    """How the receiver says that its IMU is mounted (ESF-ALG), where it has found it: the angles
-    turn the installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right,
-    down yaw and pitch change their signs. Empty where it has not."""
-    _, records = frames.records(ESF_ALG, LAYOUTS[ESF_ALG])
-    ready = (records["flags"] >> 1 & 7 >= 3) & (records["error"] == 0)
-    if not ready.any():
-        return {}
-    last = records[ready][-1]
-    yaw, pitch, roll = (float(last[name]) / 100 for name in ("yaw", "pitch", "roll"))
-    return {"roll": roll, "pitch": -pitch, "heading": -yaw, "unit": "deg"}
 
 
 def sniff(path: Path) -> bool:

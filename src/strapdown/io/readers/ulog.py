@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ...time_scales import gps_from_unix
+from ...time_scales import gps_from_unix, iso
 from ..contract import Log, Reader, Section
 from ..decoding import autopilot
-from ..decoding.px4 import SINCE_2001, imus, others, prepared, receivers, trajectories
+from ..decoding.px4 import SINCE_2001, imus, others, prepared, trajectories
+from ..decoding.px4_receivers import receivers
 from ..decoding.records import Tables
 from ..decoding.ulog import MAGIC, ULog
 from ..table_file import Table, packed, read_bytes
@@ -25,16 +26,16 @@ def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
     """Epoch, date and vehicle, as far as the log says them."""
     head: dict[str, Any] = {}
     fixes = [each for each in sections if each.role == "gnss"]
-    if fixes:
+    if log.start > SINCE_2001:
+        head["date"] = iso(float(gps_from_unix(log.start * 1e-6)))[:10]
+    elif fixes:
         name, _, instance = fixes[0].keys["table"].rpartition(" ")
         columns, _ = prepared(log, name, int(instance))
         utc = columns["time_utc_usec"].astype(np.int64)
         gps = np.where(utc > SINCE_2001, gps_from_unix(utc * 1e-6), np.nan)
         offset = fixes[0].keys["time"].get("offset", 0.0)
         head = autopilot.zero_of_clock(gps, columns["timestamp"] * 1e-6 + offset)
-        if log.start > SINCE_2001:
-            head.pop("epoch", None)
-    vehicle = autopilot.VEHICLES.get(int(log.parameters.get("MAV_TYPE", 0)))
+    vehicle = autopilot.VEHICLES.get(log.parameters.get("MAV_TYPE", 0))
     return head | ({"vehicle": vehicle} if vehicle else {})
 
 

@@ -1,0 +1,397 @@
+"""PX4's ULog: every field of the sample files against pyulog, logs written by the specification
+against what they were written from, and what is wrong with such files."""
+
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import written_ulog as written
+from support.multicopter import motion
+
+import strapdown as sd
+from strapdown.io.decoding.ulog import ULog
+from strapdown.io.description.logs import join, opened
+from strapdown.io.table_file import read_bytes
+from strapdown.time_scales import gps_from_unix, iso
+
+SAMPLES = (
+    "px4_small.ulg.xz",
+    "px4_sitl_events.ulg.xz",
+    "px4_sitl_groundtruth.ulg.xz",
+    "ulog/fmuv6c_2gps_topics_6s.ulg*",
+    "ulog/sitl_quad_groundtruth_38s.ulg*",
+)
+EKF2 = {"MAV_TYPE": 2, "EKF2_GPS_DELAY": 110.0}
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return sd.simulate(motion(), duration=20, imu="consumer", seed=3, rate=200.0)
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Function that writes topics and gives the path."""
+
+    def write(topics, parameters=None, **more):
+        path = tmp_path / "flight.ulg"
+        path.write_bytes(written.ulog(topics, EKF2 if parameters is None else parameters, **more))
+        return path
+
+    return write
+
+
+def sample(data_folder, pattern):
+    (path,) = (data_folder / "native").glob(pattern)
+    return path
+
+
+@pytest.mark.parametrize("pattern", SAMPLES)
+def test_every_field_is_that_of_pyulog(data_folder, tmp_path, pattern):
+    pyulog = pytest.importorskip("pyulog")
+    content = read_bytes(sample(data_folder, pattern))
+    (tmp_path / "plain.ulg").write_bytes(content)
+    ours, theirs = ULog(content), pyulog.ULog(str(tmp_path / "plain.ulg"))
+    found = {(each.name, each.multi_id): len(each.data["timestamp"]) for each in theirs.data_list}
+    assert ours.topics == found
+    for topic in theirs.data_list:
+        columns = ours.columns(topic.name, topic.multi_id)
+        expected = {key: value for key, value in topic.data.items() if "_padding" not in key}
+        assert set(columns) == set(expected)
+        for key, value in expected.items():
+            np.testing.assert_array_equal(columns[key], value, err_msg=f"{topic.name} {key}")
+    parameters = {**theirs.initial_parameters}
+    parameters |= {name: value for _, name, value in theirs.changed_parameters}
+    assert {k: np.float32(v) for k, v in ours.parameters.items()} == {
+        k: np.float32(v) for k, v in parameters.items()
+    }
+    assert sum(ours.dropouts) == sum(each.duration for each in theirs.dropouts)
+
+
+def test_a_written_flight_comes_back(flown, tmp_path):
+    path = tmp_path / "flight.ulg"
+    arm = {f"EKF2_GPS_POS_{axis}": value for axis, value in zip("XYZ", (0.1, 0.0, -0.2))}
+    arm |= {f"EKF2_IMU_POS_{axis}": value for axis, value in zip("XYZ", (0.03, 0.0, 0.0))}
+    written.write(path, flown, {**EKF2, **arm}, later=0.11)
+    found = sd.read(path)
+    np.testing.assert_allclose(found.imu.t, flown.imu.t, atol=1e-6)
+    np.testing.assert_allclose(found.imu.dtheta[1:], flown.imu.dtheta[1:], rtol=1e-3, atol=1e-8)
+    np.testing.assert_allclose(found.imu.dv[1:], flown.imu.dv[1:], rtol=1e-3, atol=1e-7)
+    for ours, theirs in zip(found.aidings, flown.aidings, strict=True):
+        np.testing.assert_allclose(ours.t, theirs.t, atol=1e-6)  # the delay is taken off
+        np.testing.assert_allclose(ours.y, theirs.y, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(ours.sd[:, 0], theirs.sd[:, 0], rtol=1e-6)
+        np.testing.assert_allclose(ours.parameters, [0.07, 0.0, -0.2], atol=1e-7)
+    assert found.meta["vehicle"] == "multicopter"
+    zero = iso(float(gps_from_unix(written.EPOCH * 1e-6)))
+    assert found.meta["epoch"] == zero
+    assert "EKF2_GPS_DELAY of the log is 110 ms" in " ".join(found.meta["read"])
+
+
+def increments_of(imu, every=1):
+    """The topic vehicle_imu of samples, of which only every so-many-th is logged."""
+    return {
+        "timestamp": ("uint64_t", written.microseconds(imu.t)[::every] + 300),
+        "timestamp_sample": ("uint64_t", written.microseconds(imu.t)[::every]),
+        "delta_angle": ("float", imu.dtheta[::every]),
+        "delta_velocity": ("float", imu.dv[::every]),
+        "delta_angle_dt": ("uint16_t", written.microseconds(imu.dt)[::every]),
+        "delta_velocity_dt": ("uint16_t", written.microseconds(imu.dt)[::every]),
+    }
+
+
+def test_each_vehicle_imu_at_full_rate_can_be_taken(flown, log):
+    topics = written.topics_of(flown)
+    other = flown.imu._replace(dtheta=flown.imu.dtheta * 1.25)
+    topics["vehicle_imu", 0], topics["vehicle_imu", 1] = map(increments_of, (flown.imu, other))
+    path = log(topics)
+    first, second = sd.read(path), sd.read(path, imu=1)
+    np.testing.assert_allclose(first.imu.dtheta[1:], flown.imu.dtheta[1:], atol=1e-8)
+    np.testing.assert_allclose(second.imu.dtheta[1:], other.dtheta[1:], atol=1e-8)
+    np.testing.assert_allclose(first.imu.t, flown.imu.t, atol=1e-6)  # the sample's time
+    assert any("sensor_combined" in line and "same sensors" in line for line in first.meta["read"])
+
+
+def test_increments_of_which_few_are_logged_are_mean_rates(flown, log):
+    """Of 200 Hz every fourth is logged: 5 ms of each 20 ms."""
+    topics = {("vehicle_imu", 0): increments_of(flown.imu, 4)}
+    found = sd.read(log(topics)).imu
+    assert np.isclose(np.median(found.dt), 0.02)
+    expected = flown.imu.dtheta[::4] / flown.imu.dt[::4, None]
+    np.testing.assert_allclose(found.dtheta / found.dt[:, None], expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_slow_copy_of_the_increments_is_left(flown, log):
+    topics = written.topics_of(flown)
+    topics["vehicle_imu", 0] = increments_of(flown.imu, 100)
+    found = sd.read(log(topics))
+    assert np.isclose(np.median(found.imu.dt), 0.005)
+    assert any("vehicle_imu 0, 2 Hz: too slow" in line for line in found.meta["read"])
+
+
+def test_raw_sensors_where_there_is_nothing_better(flown, log):
+    imu, topics = flown.imu, written.topics_of(flown)
+    topics["sensor_combined", 0] = {
+        key: (kind, values[::25]) for key, (kind, values) in topics["sensor_combined", 0].items()
+    }
+    for name, values in (("sensor_gyro", imu.dtheta), ("sensor_accel", imu.dv)):
+        rates = values / imu.dt[:, None]
+        late = 0 if name == "sensor_gyro" else 1000
+        topics[name, 0] = {
+            "timestamp": ("uint64_t", written.microseconds(imu.t) + late),
+            **{axis: ("float", rates[:, k]) for k, axis in enumerate("xyz")},
+        }
+    found = sd.read(log(topics))
+    np.testing.assert_allclose(found.imu.dtheta[1:], imu.dtheta[1:], atol=1e-8)
+    read = " ".join(found.meta["read"])
+    assert "raw sensors" in read and "sensor_combined 0, 8 Hz: too slow" in read
+
+
+@pytest.mark.parametrize("every, said", [(25, "8 Hz is slow"), (8, "25 Hz is slow"), (1, None)])
+def test_the_rate_of_the_imu(flown, log, every, said):
+    topics = written.topics_of(flown)
+    topics["sensor_combined", 0] = {
+        key: (kind, values[::every]) for key, (kind, values) in topics["sensor_combined", 0].items()
+    }
+    path = log(topics)
+    if every == 25:
+        with pytest.raises(sd.DataError, match=said) as refused:
+            sd.read(path)
+        assert "SDLOG_PROFILE" in str(refused.value) and "20 Hz are needed" in str(refused.value)
+    else:
+        notes = [line for line in sd.read(path).meta["read"] if line.startswith("note")]
+        assert bool(notes) == bool(said) and all(said in line for line in notes)
+
+
+def old_fixes(topic, **changes):
+    """A topic of fixes as older versions write it: whole numbers of 1e-7 deg and mm."""
+    named = {key: each for key, each in topic.items() if "itude" not in key}
+    degrees = [topic[f"{key}_deg"][1] for key in ("latitude", "longitude")]
+    heights = topic["altitude_msl_m"][1], topic["altitude_ellipsoid_m"][1]
+    old = {
+        "lat": ("int32_t", np.round(degrees[0] * 1e7)),
+        "lon": ("int32_t", np.round(degrees[1] * 1e7)),
+        "alt": ("int32_t", np.round(heights[0] * 1e3)),
+        "alt_ellipsoid": ("int32_t", np.round(heights[1] * 1e3)),
+    }
+    return {**named, **old, **changes}
+
+
+def test_older_fixes_are_whole_numbers(flown, log):
+    topics = written.topics_of(flown)
+    topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))
+    found, expected = sd.read(log(topics)).aidings[0], flown.aidings[0]
+    np.testing.assert_allclose(found.y[:, :2], expected.y[:, :2], atol=1e-9)
+    np.testing.assert_allclose(found.y[:, 2], expected.y[:, 2], atol=1e-3)
+
+
+def test_one_receiver_in_two_topics_is_taken_once(flown, log):
+    topics = written.topics_of(flown)
+    fixes = topics["sensor_gps", 0]
+    slow = {key: (kind, np.asarray(values)[::5]) for key, (kind, values) in fixes.items()}
+    topics["vehicle_gps_position", 0], topics["sensor_gps", 0] = fixes, slow
+    found = sd.read(log(topics))
+    assert len(found.aidings) == 2 and len(found.aidings[0].t) == len(fixes["timestamp"][1])
+    assert any("sensor_gps" in line and "same receiver" in line for line in found.meta["read"])
+
+
+def test_rows_without_a_3d_fix_are_not_used(flown, log):
+    topics = written.topics_of(flown)
+    many = len(topics["sensor_gps", 0]["timestamp"][1])
+    types = np.full(many, 3)
+    types[:4] = 0, 1, 2, 2
+    topics["sensor_gps", 0]["fix_type"] = "uint8_t", types
+    found = sd.read(log(topics))
+    assert [len(each.t) for each in found.aidings] == [many - 4] * 2
+    assert any("4 of" in line and "3D" in line for line in found.meta["read"])
+    topics["sensor_gps", 0]["fix_type"] = "uint8_t", 0 * types
+    assert sd.read(log(topics)).aidings == ()
+
+
+def test_what_the_receiver_does_not_say_is_assumed(flown, log):
+    topics = written.topics_of(flown)
+    fixes = topics["sensor_gps", 0]
+    zero = np.zeros(len(fixes["timestamp"][1]))
+    fixes |= {"eph": ("float", zero), "altitude_ellipsoid_m": ("double", zero)}
+    fixes |= {"vel_ned_valid": ("bool", zero), "time_utc_usec": ("uint64_t", zero)}
+    found = sd.read(log(topics, {**EKF2, "EKF2_GPS_P_NOISE": 0.7}))
+    (position,) = found.aidings
+    assert np.all(position.sd == 0.7)
+    # EGM96 at 47.4 N 8.5 E is 47.3 m, and the file was written with 47 m
+    np.testing.assert_allclose(position.y[:, 2] - flown.aidings[0].y[:, 2], 0.3, atol=0.3)
+    assert "epoch" not in found.meta
+    read = " ".join(found.meta["read"])
+    assert "EKF2_GPS_P_NOISE of the log" in read and "vel_ned_valid = 0" in read
+    assert len(sd.read(log(topics), gnss=0).aidings) == 2
+
+
+def test_magnetometer_and_barometer(flown, log):
+    t = written.microseconds(flown.imu.t[::10])
+    topics = written.topics_of(flown)
+    field = np.tile([0.21, 0.02, 0.43], (len(t), 1)) + 1e-4 * np.sin(np.arange(len(t)))[:, None]
+    topics["vehicle_magnetometer", 0] = {
+        "timestamp": ("uint64_t", t + 5000),
+        "timestamp_sample": ("uint64_t", t),
+        "magnetometer_ga": ("float", field),
+    }
+    pressure = 95000 + np.arange(len(t))
+    topics["vehicle_air_data", 0] = {
+        "timestamp": ("uint64_t", t),
+        "baro_pressure_pa": ("float", pressure),
+    }
+    path = log(topics, {**EKF2, "EKF2_BARO_NOISE": 2.5})
+    found = {each.kind: each for each in sd.read(path).aidings}
+    np.testing.assert_allclose(found["magnetic-field"].y, 1e-4 * field, rtol=1e-6)
+    np.testing.assert_allclose(found["magnetic-field"].sd, 5e-6)
+    np.testing.assert_allclose(found["magnetic-field"].t, flown.imu.t[::10], atol=1e-6)
+    np.testing.assert_allclose(found["pressure"].y[:, 0], pressure)
+    assert np.all(found["pressure"].sd == 2.5)
+    assert "magnetic-field" not in {
+        each.kind for each in sd.read(path, magnetometer=None, barometer=None).aidings
+    }
+
+
+def test_the_truth_is_the_reference_and_the_estimate_is_left(data_folder):
+    path = sample(data_folder, SAMPLES[4])
+    joined = join(opened([path]))
+    taken = {(each.section.role, each.section.instance) for each in joined.taken}
+    assert ("reference", 0) in taken
+    recording = sd.read(path)
+    rows = ULog(read_bytes(path)).columns("vehicle_global_position_groundtruth")
+    np.testing.assert_allclose(np.degrees(recording.reference.lla[:, 0]), rows["lat"], atol=1e-12)
+    solution = sd.fuse(recording)
+    error = sd.rms(sd.errors(solution, recording.reference))
+    assert max(error.position[:2]) < 0.4  # the file's true heights are those of a mirrored flight
+    assert np.degrees(max(error.rph[:2])) < 1.5 and np.degrees(error.rph[2]) < 5
+
+
+def test_the_clock_of_a_simulator_that_counts_from_1970(data_folder):
+    recording = sd.read(sample(data_folder, SAMPLES[1]))
+    assert recording.meta["epoch"].startswith("2024-03-18T00:00:00")
+    assert 0 < recording.imu.t[0] < 86400
+    assert np.isclose(np.median(recording.imu.dt), 0.004, atol=1e-9)
+
+
+def test_a_parameter_that_is_changed_on_the_way_is_said(flown, log):
+    later = written.parameter("EKF2_GPS_DELAY", 150.0)
+    found = sd.read(log(written.topics_of(flown), between=later))
+    assert any("was changed on the way, from 110 to 150" in line for line in found.meta["read"])
+
+
+def test_nested_types_arrays_and_padding():
+    """A type within a type, an array of them, and padding that is not logged at the end."""
+    bytes_of = written.message
+    head = written.ulog({})
+    head += bytes_of("F", b"point:float x;uint8_t[2] flags;uint8_t[2] _padding0;")
+    head += bytes_of("F", b"both:uint64_t timestamp;point[2] at;uint8_t last;uint8_t[7] _padding1;")
+    head += bytes_of("A", struct.pack("<BH", 3, 7) + b"both")
+    body = struct.pack("<HQ", 7, 99)
+    body += struct.pack("<fBB2x", 1.5, 4, 5) + struct.pack("<fBB2x", 2.5, 6, 7) + b"\x09"
+    found = ULog(head + bytes_of("D", body)).columns("both", 3)
+    assert {key: value[0] for key, value in found.items()} == {
+        "timestamp": 99,
+        "at[0].x": 1.5,
+        "at[0].flags[0]": 4,
+        "at[0].flags[1]": 5,
+        "at[1].x": 2.5,
+        "at[1].flags[0]": 6,
+        "at[1].flags[1]": 7,
+        "last": 9,
+    }
+
+
+def test_a_format_that_contains_itself_is_left():
+    bytes_of = written.message
+    head = written.ulog({}) + bytes_of("F", b"knot:uint64_t timestamp;knot[65535] inside;")
+    head += bytes_of("A", struct.pack("<BH", 0, 1) + b"knot")
+    log = ULog(head + bytes_of("D", struct.pack("<HQ", 1, 5)))
+    assert log.topics == {}
+
+
+def test_dropouts_and_unknown_messages_are_passed(flown, log):
+    between = written.message("O", struct.pack("<H", 30))
+    between += written.message("S", bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12]))
+    between += written.message("Q", b"\x01\x0cfloat ABSENT" + struct.pack("<f", 1.0))
+    between += written.message("L", b"6" + struct.pack("<Q", 5) + b"armed")
+    found = sd.read(log(written.topics_of(flown), between=between))
+    assert len(found.imu.t) == len(flown.imu.t)
+    assert any("1 dropout of the logger, 30 ms" in line for line in found.meta["read"])
+
+
+def test_appended_data_are_read(flown):
+    """Data that are appended after a crash: their place is in the flags, and the record before it
+    may be cut short."""
+    content = bytearray(written.ulog(written.topics_of(flown), EKF2))
+    cut = len(content) - 40
+    record = written.data_records(0, written.topics_of(flown)["sensor_combined", 0])[-1].tobytes()
+    content = content[:cut] + record
+    content[16 + 11] = 1
+    content[16 + 19 : 16 + 27] = struct.pack("<Q", cut)
+    log = ULog(bytes(content))
+    assert log.columns("sensor_combined")["timestamp"][-1] == written.microseconds(flown.imu.t)[-1]
+    assert log.unread == 0 and log.cut > 0
+
+
+def test_a_damaged_place_is_passed_over(flown):
+    whole = written.ulog(written.topics_of(flown), EKF2)
+    clean = ULog(whole)
+    content = bytearray(whole)
+    middle = len(content) // 2
+    content[middle : middle + 200] = np.random.default_rng(4).bytes(200)
+    log = ULog(bytes(content))
+    lost = sum(clean.topics.values()) - sum(log.topics.values())
+    assert 1 <= lost <= 10 and log.damages >= 1 and log.unread < 500
+    assert any("damaged place" in line for line in log.remarks)
+
+
+def test_a_log_that_is_cut_anywhere_gives_its_beginning(flown):
+    brief = replace(flown, imu=type(flown.imu)(*(each[:60] for each in flown.imu)), aidings=())
+    content = written.ulog(written.topics_of(brief), EKF2)
+    whole = ULog(content).columns("sensor_combined")
+    for end in range(16, len(content), 7):
+        log = ULog(content[:end])
+        rows = log.columns("sensor_combined").get("timestamp", np.array([]))
+        np.testing.assert_array_equal(rows, whole["timestamp"][: len(rows)])
+        assert log.unread == 0
+
+
+@pytest.mark.parametrize("end", [0, 5, 100, 300])
+def test_a_log_without_samples_is_one_line(flown, tmp_path, end):
+    path = tmp_path / "short.ulg"
+    path.write_bytes(written.ulog(written.topics_of(flown), EKF2)[:end])
+    with pytest.raises(sd.DataError) as refused:
+        sd.read(path)
+    assert "short.ulg" in str(refused.value) and len(str(refused.value).splitlines()) == 1
+
+
+def test_what_is_no_ulog_and_what_is_too_new(flown, tmp_path):
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(b"ULug" + bytes(100))
+    with pytest.raises(sd.DataError, match="is no ULog"):
+        sd.read(path)
+    content = bytearray(written.ulog(written.topics_of(flown)))
+    content[16 + 11] = 4
+    path.write_bytes(bytes(content))
+    with pytest.raises(sd.DataError, match="incompatible flags"):
+        sd.read(path)
+
+
+def test_late_and_stray_samples(flown, log):
+    topics = written.topics_of(flown)
+    order = np.arange(len(flown.imu.t))
+    order[100:103] = 102, 100, 101
+    topics["sensor_combined", 0] = {
+        key: (kind, values[order]) for key, (kind, values) in topics["sensor_combined", 0].items()
+    }
+    content = [written.data_records(0, topics["sensor_combined", 0])]
+    path = log({("sensor_combined", 0): topics["sensor_combined", 0]})
+    head = path.read_bytes()[: -content[0].size]
+    path.write_bytes(head + content[0].tobytes())
+    np.testing.assert_allclose(sd.read(path).imu.t, flown.imu.t, atol=1e-6)
+    t = topics["sensor_combined", 0]["timestamp"][1]
+    topics["sensor_combined", 0]["timestamp"] = "uint64_t", np.where(order > 2000, t - 9_000_000, t)
+    content = written.data_records(0, topics["sensor_combined", 0])
+    path.write_bytes(head + content.tobytes())
+    with pytest.raises(sd.DataError, match="time goes back"):
+        sd.read(path)

@@ -1,0 +1,134 @@
+"""Binary DataFlash logs by `AP_Logger/LogStructure.h` of ArduPilot, written without the reader."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+from support.written_ulog import interleaved, microseconds
+
+NUMPY = {
+    "b": ("i1", 1),
+    "B": ("u1", 1),
+    "h": ("<i2", 1),
+    "H": ("<u2", 1),
+    "c": ("<i2", 100),
+    "C": ("<u2", 100),
+    "i": ("<i4", 1),
+    "I": ("<u4", 1),
+    "E": ("<u4", 100),
+    "e": ("<i4", 100),
+    "L": ("<i4", 1e7),
+    "Q": ("<u8", 1),
+    "f": ("<f4", 1),
+    "d": ("<f8", 1),
+    "N": ("S16", None),
+    "Z": ("S64", None),
+    "n": ("S4", None),
+}
+"""numpy type and counts per unit of each letter."""
+FORMAT = "BBnNZ"
+WEEK, DAY = 2300, 172800.0  # GPS week and seconds of it where the clock of the log is 0
+
+
+def declaration(number, name, letters, columns):
+    """The FMT record of a message."""
+    size = 3 + sum(np.dtype(NUMPY[letter][0]).itemsize for letter in letters)
+    texts = struct.pack("<4s16s64s", name.encode(), letters.encode(), ",".join(columns).encode())
+    return b"\xa3\x95\x80" + bytes([number, size]) + texts
+
+
+def records(number, letters, values):
+    """(n, size) bytes of the records of a message."""
+    parts = []
+    for letter, column in zip(letters, values, strict=True):
+        kind, counts = NUMPY[letter]
+        column = np.asarray(column)
+        if counts not in (None, 1):
+            column = np.round(column * counts)
+        column = np.ascontiguousarray(column.astype(kind))
+        parts.append(column.view(np.uint8).reshape(len(column), -1))
+    head = np.tile(np.frombuffer(b"\xa3\x95" + bytes([number]), np.uint8), (len(parts[0]), 1))
+    return np.hstack([head, *parts])
+
+
+def dataflash(messages, parameters=None, texts=("ArduCopter V4.5.0",)):
+    """The bytes of a log of {name: (letters, {column: values})}, whose first column is TimeUS."""
+    written = declaration(128, "FMT", FORMAT, ["Type", "Length", "Name", "Format", "Columns"])
+    parameters = parameters or {}
+    messages = {
+        "PARM": (
+            "QNf",
+            {
+                "TimeUS": np.zeros(len(parameters), np.int64),
+                "Name": np.array(list(parameters), "S16"),
+                "Value": np.array(list(parameters.values()), float),
+            },
+        ),
+        "MSG": (
+            "QZ",
+            {"TimeUS": np.zeros(len(texts), np.int64), "Message": np.array(texts, "S64")},
+        ),
+        **messages,
+    }
+    blocks, times = [], []
+    for number, (name, (letters, columns)) in enumerate(messages.items(), 1):
+        written += declaration(number, name, letters, list(columns))
+        if len(columns["TimeUS"]):
+            blocks.append(records(number, letters, columns.values()))
+            times.append(columns["TimeUS"])
+    return written + interleaved(blocks, times)
+
+
+def messages_of(recording, later=0.0, instances=1):
+    """The messages of a recording: IMU, of so many instances one after the other, and where it has
+    fixes GPS and GPA, stamped `later` s after they were measured."""
+    imu = recording.imu
+    rates = np.hstack([imu.dtheta, imu.dv]) / imu.dt[:, None]
+    t = np.repeat(microseconds(imu.t), instances)
+    which = np.tile(np.arange(instances), len(imu.t))
+    rates = np.repeat(rates, instances, axis=0) * (1 + 0.1 * which)[:, None]
+    names = ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"]
+    messages = {
+        "IMU": ("QBffffff", {"TimeUS": t, "I": which, **dict(zip(names, rates.T, strict=True))})
+    }
+    found = {each.kind: each for each in recording.aidings}
+    if {"position", "velocity"} <= set(found):
+        messages |= fixes(found["position"], found["velocity"], later)
+    return messages
+
+
+def fixes(position, velocity, later):
+    """GPS and GPA."""
+    t = microseconds(position.t)
+    north, east, down = velocity.y.T
+    degrees, one = np.degrees(position.y[:, :2]), np.ones(len(t))
+    stamps = t + round(later * 1e6)
+    gps = {
+        "TimeUS": stamps,
+        "I": 0 * one,
+        "Status": 3 * one,
+        "GMS": np.round((DAY + position.t) * 1e3),
+        "GWk": WEEK * one,
+        "Lat": degrees[:, 0],
+        "Lng": degrees[:, 1],
+        "Alt": position.y[:, 2],
+        "Spd": np.hypot(north, east),
+        "GCrs": np.degrees(np.arctan2(east, north)) % 360,
+        "VZ": down,
+    }
+    gpa = {
+        "TimeUS": stamps,
+        "I": 0 * one,
+        "HAcc": position.sd[:, 0],
+        "VAcc": position.sd[:, 2],
+        "SAcc": velocity.sd[:, 0],
+        "VV": one,
+        "SMS": stamps // 1000,
+        "Delta": 100 * one,
+    }
+    return {"GPS": ("QBBIHLLefff", gps), "GPA": ("QBCCCBIH", gpa)}
+
+
+def write(path, recording, parameters=None, later=0.0):
+    """An ArduPilot log of a recording at `path`."""
+    Path(path).write_bytes(dataflash(messages_of(recording, later), parameters))
