@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import recordings
+import written_dataflash
 import written_nmea
 import written_ros
 import written_rtklib
 import written_ubx
+import written_ulog
 from mutations import Case
 from written_phones import START, folder, gnsslogger, phyphox, sensor_logger, signals, zipped
 
@@ -96,6 +98,18 @@ def packed_mcap_case(tmp_path: Path) -> Case:
     path = tmp_path / "drive.mcap"
     written_ros.write_mcap(path, written_ros.drive("cdr", flight()), "zstd", chunk_size=4000)
     return alone("packed mcap", "drive.mcap", path.read_bytes())
+
+
+def ulog_case(tmp_path: Path) -> Case:
+    path = tmp_path / "flight.ulg"
+    written_ulog.write(path, flight())
+    return alone("ulog", "flight.ulg", path.read_bytes())
+
+
+def dataflash_case(tmp_path: Path) -> Case:
+    path = tmp_path / "flight.bin"
+    written_dataflash.write(path, flight())
+    return alone("dataflash", "flight.bin", path.read_bytes())
 
 
 def receiver():
@@ -230,6 +244,8 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "rosbag2": bag2_case,
     "mcap": mcap_case,
     "packed mcap": packed_mcap_case,
+    "ulog": ulog_case,
+    "dataflash": dataflash_case,
     "nmea": nmea_case,
     "rtklib": rtklib_case,
     "ubx": ubx_case,
@@ -238,4 +254,5 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "broad": broad_case,
     "recording.toml": description_case,
     "packed table": packed_case,
+    "table": tables_case,
 }

@@ -21,6 +21,8 @@ VEHICLES: dict[float, str] = {
 """Kinds of MAV_TYPE (https://mavlink.io/en/messages/common.html#MAV_TYPE) with bounds of their own."""
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
 Columns = Mapping[str, Any]
+CENTURY = 3.2e9
+"""s; a moment of GPS time beyond it is a damaged number."""
 
 
 def rate(t_us: Any) -> float:
@@ -36,8 +38,10 @@ def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
     good = np.isfinite(gps) & np.isfinite(t)
     if not good.any():
         return {}
-    zero = float(np.median(gps[good] - t[good]))
-    return {"epoch": iso(zero), "date": iso(zero + float(t[good][0]))[:10]} if zero > 0 else {}
+    zero, first = float(np.median(gps[good] - t[good])), float(t[good][0])
+    if not 0 < zero <= zero + abs(first) < CENTURY:
+        return {}
+    return {"epoch": iso(zero), "date": iso(zero + first)[:10]}
 
 
 def arm(parameters: Mapping[str, float], name: str) -> list[float]:

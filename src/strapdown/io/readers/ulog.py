@@ -22,11 +22,15 @@ def _table(path: Path, log: ULog, name: str, instance: int) -> Table:
     return Table.of(f"{path} [{name} {instance}]", columns, rows)
 
 
+UNTIL_2100 = 4.1e15
+"""us of POSIX time; a start beyond it is a damaged number."""
+
+
 def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
     """Epoch, date and vehicle, as far as the log says them."""
     head: dict[str, Any] = {}
     fixes = [each for each in sections if each.role == "gnss"]
-    if log.start > SINCE_2001:
+    if SINCE_2001 < log.start < UNTIL_2100:
         head["date"] = iso(float(gps_from_unix(log.start * 1e-6)))[:10]
     elif fixes:
         name, _, instance = fixes[0].keys["table"].rpartition(" ")
