@@ -84,8 +84,15 @@ def year_of(gps: float) -> float:
 
 
 def iso(gps: float) -> str:
-    """ISO 8601 text in UTC of seconds of GPS time since its zero, to the microsecond."""
-    moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(float(unix_from_gps(gps)), 6))
+    """ISO 8601 text in UTC of seconds of GPS time since its zero, to the microsecond. Raises
+    DataError where the calendar has no such moment."""
+    try:
+        seconds = timedelta(seconds=round(float(unix_from_gps(gps)), 6))
+        moment = datetime.fromtimestamp(0, UTC) + seconds
+    except (OverflowError, ValueError):
+        raise DataError(
+            f"a time {gps:.3g} s after 1980 is in no calendar; check unit and clock of the time"
+        ) from None
     return moment.isoformat().replace("+00:00", "Z")
 
 
