@@ -87,7 +87,7 @@ def test_a_file_finds_its_reader(name, expected):
 
 
 def test_a_reader_from_outside_is_known_everywhere(log, command):
-    with pytest.raises(DataError, match=r"type '\.mine' are not read; supported are: .*\(\.imu\)"):
+    with pytest.raises(DataError, match=r"type '\.mine' are not read; supported are .*\.imu, "):
         sd.read(log)
     add(MINE)
     add(MINE)
