@@ -257,4 +257,5 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "broad": broad_case,
     "recording.toml": description_case,
     "packed table": packed_case,
+    "table": tables_case,
 }
