@@ -377,15 +377,9 @@ def test_the_antimeridian_is_read_as_it_is(build):
 @pytest.mark.parametrize(
     "name, words",
     [
-<<<<<<< HEAD
-        ("flight.csv", "strapdown inspect"),
-        ("flight.csv.gz", "strapdown inspect"),
-        ("flight.xyz", "recording.toml that names tables"),
-=======
         ("flight.csv", "cannot be read"),
         ("flight.csv.gz", "cannot be read"),
         ("flight.ulg", "recording.toml that names tables"),
->>>>>>> main
         ("flight", "not read"),
     ],
 )
