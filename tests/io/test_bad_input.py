@@ -379,7 +379,7 @@ def test_the_antimeridian_is_read_as_it_is(build):
     [
         ("flight.csv", "cannot be read"),
         ("flight.csv.gz", "cannot be read"),
-        ("flight.ulg", "recording.toml that names tables"),
+        ("flight.xyz", "recording.toml that names tables"),
         ("flight", "not read"),
     ],
 )
