@@ -213,8 +213,8 @@ def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
 
 
 def test_the_kind_of_a_packed_file_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"files of type '\.ulg\.xz' are not read"):
-        sd.read(tmp_path / "a.b.ulg.xz")
+    with pytest.raises(DataError, match=r"files of type '\.xyz\.xz' are not read"):
+        sd.read(tmp_path / "a.b.xyz.xz")
 
 
 def test_other_formats_do_without_what_descriptions_need():
