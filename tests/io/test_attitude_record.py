@@ -12,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.checks import DataError
 from strapdown.data import Aiding
 from strapdown.io import read, write_recording
-from strapdown.io.description.draft import draft
-from strapdown.io.inspection import inspect
+from strapdown.io.inspection import draft, inspect
 from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
@@ -525,14 +524,16 @@ def test_a_draft_has_the_attitude_commented_out(tmp_path):
         axis=1,
     ).assign(yaw_rate=0.1)
     frame.to_csv(tmp_path / "log.csv", index=False)
-    text = draft(tmp_path / "log.csv")
+    text = draft([tmp_path / "log.csv"], {}, tmp_path)
     assert '# columns = ["Roll_deg", "Pitch_deg", "Yaw_deg"]' in text and '# unit = "deg"' in text
     assert any(
         "attitude: Roll_deg, Pitch_deg, Yaw_deg in deg" in fact
         for fact in inspect(tmp_path / "log.csv").facts
     )
     frame.rename(columns={"Yaw_deg": "Azimuth_deg"}).to_csv(tmp_path / "azimuth.csv", index=False)
-    assert '# columns = ["Roll_deg", "Pitch_deg", "Azimuth_deg"]' in draft(tmp_path / "azimuth.csv")
+    assert '# columns = ["Roll_deg", "Pitch_deg", "Azimuth_deg"]' in draft(
+        [tmp_path / "azimuth.csv"], {}, tmp_path
+    )
     path = tmp_path / "recording.toml"
     path.write_text(text)
     assert read(path).aidings == ()

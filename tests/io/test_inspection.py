@@ -9,11 +9,15 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.io import read, write_recording
-from strapdown.io.description.draft import draft
-from strapdown.io.inspection import inspect
+from strapdown.io.inspection import draft as drafted, inspect
 from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
+
+
+def draft(path, folder=None):
+    """Text of the recording.toml for one table."""
+    return drafted([path], {}, folder or path.parent)
 
 
 def car(n=12000, dt=0.01):
@@ -182,7 +186,7 @@ def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
             frame(
                 -1000 / 9.80665, ["GyrX", "GyrY", "GyrZ"], ["AccX", "AccY", "AccZ"], rate=57.2958
             ),
-            ['axes = "FLU"', 'unit = "mg"', 'unit = "deg/s" }      # check'],
+            ['axes = "FLU"', 'unit = "mg"', 'unit = "deg/s" } # check'],
         ),
         (
             frame(4096 / 9.80665, ["imu_gx", "imu_gy", "imu_gz"], ["imu_ax", "imu_ay", "imu_az"]),
@@ -215,7 +219,10 @@ def test_a_draft_reads(tmp_path, table, expected):
         (
             ["mx", "my", "mz"],
             1.0,
-            ['columns = ["mx", "my", "mz"]\nunit = "uT"      # check', "sd = 1  "],
+            [
+                'columns = ["mx", "my", "mz"]\nunit = "uT"                      # check',
+                "sd = 1.0  ",
+            ],
         ),
         (["mag_x_gauss", "mag_y_gauss", "mag_z_gauss"], 0.01, ['unit = "gauss"\n', "sd = 0.01"]),
         (["MagnX", "MagnY", "MagnZ"], 10.0, ['unit = "mgauss"']),

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import written_ulog as written
-from support.multicopter import motion
+import written_ulog as written
+from multicopter import motion
 
 import strapdown as sd
 from strapdown.io.decoding.ulog import ULog

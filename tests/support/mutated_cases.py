@@ -13,6 +13,7 @@ import written_ros
 import written_rtklib
 import written_ubx
 import written_ulog
+from multicopter import motion
 from mutations import Case
 from written_phones import START, folder, gnsslogger, phyphox, sensor_logger, signals, zipped
 
@@ -98,18 +99,6 @@ def packed_mcap_case(tmp_path: Path) -> Case:
     path = tmp_path / "drive.mcap"
     written_ros.write_mcap(path, written_ros.drive("cdr", flight()), "zstd", chunk_size=4000)
     return alone("packed mcap", "drive.mcap", path.read_bytes())
-
-
-def ulog_case(tmp_path: Path) -> Case:
-    path = tmp_path / "flight.ulg"
-    written_ulog.write(path, flight())
-    return alone("ulog", "flight.ulg", path.read_bytes())
-
-
-def dataflash_case(tmp_path: Path) -> Case:
-    path = tmp_path / "flight.bin"
-    written_dataflash.write(path, flight())
-    return alone("dataflash", "flight.bin", path.read_bytes())
 
 
 def receiver():
@@ -234,18 +223,32 @@ def tables_case(_: Path) -> Case:
     return Case("table", files, tuple(files), tuple(files))
 
 
+def copter():
+    """A recording of a multicopter, brief."""
+    return sd.simulate(motion(), duration=4, imu="consumer", rate=50.0)
+
+
+def ulog_case(_: Path) -> Case:
+    return alone("ulog", "a.ulg", written_ulog.ulog(written_ulog.topics_of(copter())))
+
+
+def dataflash_case(_: Path) -> Case:
+    messages = written_dataflash.messages_of(copter())
+    return alone("dataflash", "a.bin", written_dataflash.dataflash(messages))
+
+
 CASES: dict[str, Callable[[Path], Case]] = {
     "sensor-logger": sensor_logger_case,
     "phyphox": phyphox_case,
     "zip": zip_case,
     "gnsslogger": gnsslogger_case,
     "netcdf": netcdf_case,
+    "ulog": ulog_case,
+    "dataflash": dataflash_case,
     "rosbag1": bag_case,
     "rosbag2": bag2_case,
     "mcap": mcap_case,
     "packed mcap": packed_mcap_case,
-    "ulog": ulog_case,
-    "dataflash": dataflash_case,
     "nmea": nmea_case,
     "rtklib": rtklib_case,
     "ubx": ubx_case,

@@ -18,7 +18,7 @@ import strapdown as sd
 from . import calibrate, compare, diagnose, fly, simulation
 from .console import (
     ESTIMATE,
-    FORMATS_AND_TABLES,
+    FORMATS,
     FROM,
     IMU,
     NOT_TRUSTED,
@@ -339,7 +339,7 @@ def _start(
 
 @app.command(cls=Reads)
 def inspect(
-    path: Annotated[list[Path], typer.Argument(metavar="PATH...", help=FORMATS_AND_TABLES)],
+    path: Annotated[list[Path], typer.Argument(metavar="PATH...", help=FORMATS)],
     write: WRITE = None,
     imu: Annotated[
         int | None, typer.Option(metavar="N", help="Which IMU of a log to take.")

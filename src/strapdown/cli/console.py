@@ -102,8 +102,8 @@ SCHEDULER = Annotated[
     ),
 ]
 
-FORMATS, FORMATS_AND_TABLES = "<formats>", "<formats and tables>"
-"""What `Reads` puts the formats in place of; with tables, those that are only inspected too."""
+FORMATS = "<formats>"
+"""What `Reads` puts the formats in place of."""
 NOT_TRUSTED = 3
 """Exit code of a command with --strict whose result is not trusted, and of `inspect` where it finds
 something wrong; docs/conventions.md lists all."""
@@ -121,9 +121,8 @@ class Reads(TyperCommand):
 
         for parameter in self.params:
             text = getattr(parameter, "help", None) or ""
-            for place, drafted in ((FORMATS, False), (FORMATS_AND_TABLES, True)):
-                if place in text:
-                    parameter.help = text.replace(place, formats(drafted))  # type: ignore[attr-defined]
+            if FORMATS in text:
+                parameter.help = text.replace(FORMATS, formats())  # type: ignore[attr-defined]
         super().format_help(ctx, formatter)
 
 

@@ -126,5 +126,3 @@ class Reader(NamedTuple):
     # has none
     sniff: Callable[[Path], bool] | None = None
     open: Callable[[Path], Log] | None = None
-    # of a format that is not read alone: text of a recording.toml that stands in the folder
-    draft: Callable[[Path, Path | None], str] | None = None

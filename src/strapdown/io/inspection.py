@@ -8,10 +8,9 @@ from typing import NamedTuple
 from ..checks import DataError
 from ..typing import File
 from ..verdict import Reason
-from .contract import Reader
 from .facts import recording_facts
 from .recordings import read
-from .registry import ask, find, readers
+from .registry import ask, looker
 
 
 class Inspection(NamedTuple):
@@ -34,11 +33,6 @@ class Inspection(NamedTuple):
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
-
-
-def looker(path: Path) -> Reader:
-    """The Reader that looks at a file: that of tables, where the format is not known."""
-    return find(path) or readers()["table"]
 
 
 def inspect(path: File, /, *more: File, **instances: int | None) -> Inspection:
@@ -70,7 +64,7 @@ def check_drafted(paths: Sequence[Path]) -> None:
     """Refuse files for which there is nothing to draft. Raises DataError."""
     for path in paths:
         reader = looker(path)
-        if reader.open is None and reader.draft is None:
+        if reader.open is None:
             raise DataError(
                 f"--write drafts the description of tables and logs; {path} is a recording already"
             )
@@ -82,9 +76,9 @@ def draft(paths: Sequence[Path], take: Mapping[str, int | None], folder: Path) -
     Raises DataError, also where a file is a recording already.
     """
     check_drafted(paths)
-    reader = looker(paths[0])
-    if len(paths) == 1 and reader.draft is not None:
-        return str(ask(reader, "draft", paths[0], folder))
     from .description.logs import join, opened
 
-    return join(opened(paths), take).text(folder)
+    joined = join(opened(paths), take)
+    if not joined.taken and not joined.left:
+        raise DataError(joined.asked[0])
+    return joined.text(folder)

@@ -65,7 +65,7 @@ def _check_fields(reader: Reader) -> None:
             "a function of a path, or None beside an open",
         ),
     }
-    for name in ("inspect", "sniff", "open", "draft"):
+    for name in ("inspect", "sniff", "open"):
         value = getattr(reader, name)
         fits[name] = value is None or callable(value), "a function of a path, or None"
     for name, (fitting, wanted) in fits.items():
@@ -118,6 +118,11 @@ def _takes(reader: Reader, path: Path) -> bool:
         return False
 
 
+def looker(path: Path) -> Reader:
+    """The Reader that looks at a file: that of tables, where the format is not known."""
+    return find(path) or readers()["table"]
+
+
 def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
     """What a function of the reader returns. Whatever it raises is a DataError of one line."""
     try:
@@ -159,12 +164,10 @@ def taker(path: Path) -> Reader:
     )
 
 
-def formats(drafted: bool = False) -> str:
-    """What is read, a few words and the suffixes of each format; with `drafted` also what is only
-    inspected, to draft a description."""
+def formats() -> str:
+    """What is read, a few words and the suffixes of each format."""
     return "; ".join(
         f"{reader.summary} ({', '.join(plain)})" if plain else reader.summary
         for reader in readers().values()
-        if drafted or reader.draft is None
         for plain in [[each for each in reader.suffixes if not each.endswith(PACKED)]]
     )

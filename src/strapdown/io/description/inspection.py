@@ -15,7 +15,6 @@ from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
 from .complaints import complaints, parse
-from .draft import inspect_table
 from .fix_columns import Whereabouts
 from .logs import Take, join, opened
 from .read import (
@@ -47,7 +46,7 @@ def inspect_description(path: Path) -> Findings:
     file = part.get("file") if isinstance(part, dict) else None
     table = found.attempt(locate, file, path.parent) if isinstance(file, str) else None
     if table is not None:
-        found.add(*(found.attempt(inspect_table, table) or ()))
+        found.add(*(found.attempt(inspect_logs, [table], {}) or ()))
     return found
 
 

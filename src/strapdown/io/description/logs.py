@@ -13,7 +13,8 @@ from ...checks import DataError, check_choice
 from ...recording import Recording
 from ...typing import File
 from ..contract import ROLES, Log, Section
-from ..registry import ask, find, readers
+from ..registry import ask, looker
+from .clocks import one_clock
 from .complaints import load
 from .imu_rate import slow
 from .read import recording_of
@@ -53,11 +54,14 @@ class Joined(NamedTuple):
     taken: tuple[Taken, ...]
     # sections that are not taken, with the reason
     left: tuple[tuple[Taken, str], ...]
+    # lines on clocks that nothing brings to one
+    unclear: tuple[str, ...] = ()
 
     @property
     def asked(self) -> list[str]:
         """What must be known before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
+        lines += self.unclear
         if not lines and not any(each.section.of == "imu" for each in self.taken):
             names = ", ".join(map(str, self.paths))
             unusable = [why for each, why in self.left if each.section.of == "imu"]
@@ -74,7 +78,7 @@ class Joined(NamedTuple):
         of anything."""
         for each in self.taken:
             found = slow(each.section, self.logs[each.path].tables)
-            if found and getattr(find(each.path), "name", "table") != "table":
+            if found and looker(each.path).name != "table":
                 yield f"{each.name}: {found[0]}", found[1]
 
     @property
@@ -129,7 +133,7 @@ def opened(paths: Iterable[File]) -> dict[Path, Log]:
     """{path: Log} of files that may make one recording together. Raises DataError."""
     logs: dict[Path, Log] = {}
     for path in map(Path, paths):
-        reader = find(path) or readers()["table"]
+        reader = looker(path)
         if reader.open is None:
             raise DataError(
                 f"{path}: is a recording of its own and is read alone; leave the other files out"
@@ -161,7 +165,15 @@ def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
     head: dict[str, Any] = {}
     for log in logs.values():
         head |= {key: value for key, value in log.head.items() if key not in head}
-    return Joined(tuple(logs), logs, head, tuple(taken), tuple(left))
+    complete, unclear = one_clock([(each.path, each.section) for each in taken], logs, head)
+    return Joined(
+        tuple(logs),
+        logs,
+        head,
+        tuple(each._replace(section=complete(each.section)) for each in taken),
+        tuple((each._replace(section=complete(each.section)), why) for each, why in left),
+        tuple(unclear),
+    )
 
 
 def _chosen(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:

@@ -1,0 +1,112 @@
+"""One clock for the tables of several files: the week of a time of week and the day of a time of day
+are those that another file tells; what nothing tells is asked."""
+
+from collections.abc import Callable, Mapping, Sequence
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...time_scales import WEEK, iso
+from ..contract import Log, Section
+from ..table_file import Table
+from .schema_base import Time
+from .source_files import Files
+
+HALF_WEEK = timedelta(days=3, hours=12).total_seconds()
+
+
+class Timed(NamedTuple):
+    """A section with the first and last of its times, s: GPS time since its zero of an absolute
+    clock, else as they count."""
+
+    path: Path
+    section: Section
+    kind: str  # "absolute", "week" without a number, or "own"
+    first: float
+    last: float
+
+
+def table_of(log: Log, section: Section) -> Table | None:
+    """The table that a section names, or the only one."""
+    name = section.keys.get("table")
+    return log.tables.get(name) if name else next(iter(log.tables.values()), None)
+
+
+def timed(path: Path, log: Log, section: Section) -> Timed | None:
+    """The section with its times; None where it has none, or reading refuses them."""
+    keys, table = section.keys.get("time"), table_of(log, section)
+    if keys is None or table is None:
+        return None
+    is_week = "week" in keys and keys["week"] is None
+    own = {key: keys[key] for key in keys if key not in ("clock", "week")} if is_week else keys
+    try:
+        time = Time.model_validate(own)
+        t = Files(path, 0.0).times(table, time)
+    except (DataError, ValueError):
+        return None
+    known = t[np.isfinite(t)]
+    if not len(known):
+        return None
+    kind = "week" if is_week else "own" if time.absolute is None else "absolute"
+    return Timed(path, section, kind, float(known[0]), float(known[-1]))
+
+
+def one_clock(
+    taken: Sequence[tuple[Path, Section]], logs: Mapping[Path, Log], head: Mapping[str, Any]
+) -> tuple[Callable[[Section], Section], list[str]]:
+    """(What completes the times of a section, lines on what is asked) of sections with their
+    files."""
+    found = [
+        each for path, section in taken if (each := timed(path, logs[path], section)) is not None
+    ]
+    absolute = next((each for each in found if each.kind == "absolute"), None)
+    loose = [each for each in found if each.kind == "own"]
+    weeks = [each for each in found if each.kind == "week"]
+    if absolute is None:
+        odd = next((each for each in loose for other in weeks if not _overlap(each, other)), None)
+        asked = [] if odd is None else [_of_two(odd, weeks[0])]
+        return lambda section: _with_week(section, None, ""), asked
+    asked = []
+    if loose and "epoch" not in head:
+        asked = [_of_two(loose[0], absolute)]
+
+    def complete(section: Section) -> Section:
+        keys = section.keys.get("time", {})
+        if "week" not in keys or keys["week"] is not None:
+            return section
+        own = next((each.first for each in weeks if each.section.keys["time"] == keys), 0.0)
+        week = int(np.floor((absolute.first - own + HALF_WEEK) / WEEK))
+        return _with_week(section, week, f"the week of {absolute.path.name}")
+
+    return complete, asked
+
+
+def _with_week(section: Section, week: int | None, why: str) -> Section:
+    """The section with the number of the week, or on no absolute clock where that is None."""
+    time = section.keys.get("time", {})
+    if "week" not in time or time["week"] is not None:
+        return section
+    time = {key: value for key, value in time.items() if key not in ("week", "clock")}
+    if week is not None:
+        time |= {"clock": "gps", "week": week}
+    told = " and ".join(filter(None, [section.assumed.get("time", ""), why]))
+    assumed = {**section.assumed, **({"time": told} if told else {})}
+    return section._replace(keys={**section.keys, "time": time}, assumed=assumed)
+
+
+def _overlap(one: Timed, other: Timed) -> bool:
+    return one.first <= other.last and other.first <= one.last
+
+
+def _of_two(own: Timed, other: Timed) -> str:
+    column, there = (each.section.keys["time"]["column"] for each in (own, other))
+    moment = f", from {iso(other.first)}," if other.kind == "absolute" else ""
+    return (
+        f"{own.path}: its time {column!r} counts from an unknown moment ({own.first:.6g} to "
+        f"{own.last:.6g} s) and {there!r} of {other.path.name}{moment} does not: draft with "
+        f"`strapdown inspect ... --write recording.toml` and say at its top when {column!r} was zero, "
+        f'as epoch = "2024-05-01T12:30:00Z", UTC'
+    )

@@ -1,0 +1,364 @@
+"""Sections of a table's fixes: position, velocity, speed and course, with their accuracy and the rows
+that are none, by the names, magnitudes and content of its columns."""
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...typing import Array
+from ...units import DEG, UNITS
+from ..contract import Section
+from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
+
+POSITION_SD, VELOCITY_SD, COURSE_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3), 2.0
+"""m, m/s and deg of a receiver that tells none."""
+NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
+EARTH_RADIUS = 6378137.0
+ARM = (
+    "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
+    "the antenna",
+)
+BASE = 4.0
+"""s between two positions whose difference tells a speed."""
+WORST_FIT = 0.25
+"""Relative difference of a speed, and rad of a course, from those of the positions, up to which a
+unit fits."""
+NO_FIX = re.compile(r"no(ne|[ _-]?fix|t .*)?|invalid|v|false|0|2d?|time.*", re.IGNORECASE)
+"""What a text says of a row that is no fix in three dimensions."""
+
+
+class Fixes(NamedTuple):
+    """What the table of a receiver has."""
+
+    sections: list[Section]
+    facts: list[str]
+    # columns (n,) of degrees that were made of degrees and minutes, by name
+    made: dict[str, Array]
+
+
+def fix_sections(columns: Names, time: dict[str, Any], t: Array) -> Fixes:
+    """The Fixes of a table whose times are `time`, t (n,) s."""
+    found = Fixes([], [], {})
+    where, why = _where(columns)
+    shared = {"time": time} | ({"where": where} if where else {})
+    assumed = {"where": why} if where and why else {}
+    track = _position(columns, shared, assumed, found)
+    _velocity(columns, shared, assumed, found, t, track)
+    return found
+
+
+def _add(
+    found: Fixes,
+    columns: Names,
+    kind: str,
+    keys: dict[str, Any],
+    assumed: dict[str, str],
+) -> None:
+    section = Section("aiding", "gnss", {"kind": kind, **keys}, assumed=assumed, remarks=ARM)
+    found.sections.append(section)
+    names, units = keys["columns"], keys["unit"]
+    shown = units if isinstance(units, str) else ", ".join(units)
+    extra = {key: keys[key] for key in ("axes", "form") if key in keys}
+    more = "".join(f", {each}" for each in extra.values())
+    found.facts.append(f"{kind}: {', '.join(names)} in {shown}{more}")
+
+
+def _position(
+    columns: Names, shared: dict[str, Any], assumed: dict[str, str], found: Fixes
+) -> Array | None:
+    """Add the position; latitude and longitude (n, 2), rad, or None."""
+    names = {key: columns.find(pattern) for key, pattern in POSITION.items()}
+    lat, lon = names["latitude"], names["longitude"]
+    if not lat or not lon:
+        _ecef(columns, shared, assumed, found)
+        return None
+    keys, why = dict(shared), dict(assumed)
+    angle, scale, track = _degrees(columns, lat, lon, found)
+    if found.made:
+        keys["table"] = columns.table.name
+        lat, lon = found.made
+        why["columns"] = f"degrees, made of the degrees and minutes of {names['latitude']!r}"
+    height = names["ellipsoidal"] or names["sea"] or names["height"]
+    if height is None:
+        found.facts.append("position: there is no height, and a position needs one")
+        return track
+    length, size = _length(columns, height)
+    keys |= {"columns": [lat, lon, height], "unit": [angle, angle, length]}
+    if scale != 1 or size != 1:
+        keys["scale"], why["scale"] = [scale, scale, size], "by the size of the numbers"
+    if height != names["ellipsoidal"]:
+        keys |= _geoid(columns, names, height, why)
+    keys["sd"], told = _position_sd(columns)
+    why |= {"sd": told} if told else {}
+    _add(found, columns, "position", keys, why)
+    return track
+
+
+def _geoid(
+    columns: Names, names: dict[str, str | None], height: str, why: dict[str, str]
+) -> dict[str, Any]:
+    """The key `geoid` of a height that is not named as ellipsoidal."""
+    if names["separation"]:
+        unit, _ = _length(columns, names["separation"])
+        return {"geoid": {"column": names["separation"], "unit": unit}}
+    if height == names["sea"]:
+        why["geoid"] = f"{height!r} reads like a height above mean sea level"
+        return {"geoid": "EGM96"}
+    why["columns"] = "; ".join(
+        filter(
+            None,
+            [
+                why.get("columns"),
+                'heights above the ellipsoid; if above mean sea level, add geoid = "EGM96"',
+            ],
+        )
+    )
+    return {}
+
+
+def _degrees(columns: Names, lat: str, lon: str, found: Fixes) -> tuple[str, float, Array]:
+    """(unit, scale, latitude and longitude in rad (n, 2))."""
+    values = np.stack([columns.numbers(lat), columns.numbers(lon)], axis=1)
+    some = values[np.isfinite(values).all(axis=1) & (values != 0).any(axis=1)]
+    largest = float(np.abs(some).max(initial=0.0))
+    if largest > 18000:
+        return "deg", 1e-7, values * (1e-7 * DEG)
+    north = columns.text(r"(n_?s|ns_?ind(icator)?|lat_?(dir|hem(isphere)?|ns)|north_?south)")
+    if largest > 180 or (north and np.all(np.abs(some) % 100 < 60) and largest > 100):
+        east = columns.text(r"(e_?w|ew_?ind(icator)?|lon_?(dir|hem(isphere)?|ew)|east_?west)")
+        for name, sign, k in ((lat, north, 0), (lon, east, 1)):
+            size = np.abs(values[:, k])
+            degrees = np.floor(size / 100) + size % 100 / 60
+            back = np.signbit(values[:, k])
+            if sign:
+                back = columns.table.frame[sign].astype(str).str.upper().isin(["S", "W"]).to_numpy()
+            found.made[f"{name} in deg"] = np.where(back, -degrees, degrees)
+        return "deg", 1.0, np.stack([*found.made.values()], axis=1) * DEG
+    unit = columns.unit(lat, ("rad", "deg")) or ("rad" if 0 < largest < np.pi / 2 else "deg")
+    return unit, 1.0, values * UNITS["angle"][unit]
+
+
+def _length(columns: Names, name: str) -> tuple[str, float]:
+    """(unit, scale) of a height."""
+    named = columns.unit(name, ("m", "mm", "cm", "km", "ft"))
+    values = columns.numbers(name)
+    typical = float(np.nanmedian(np.abs(values))) if np.isfinite(values).any() else 0.0
+    return ("m", 0.001) if named is None and typical > 2e4 else (named or "m", 1.0)
+
+
+def _position_sd(columns: Names) -> tuple[Any, str]:
+    """(sd, why it is assumed)."""
+    named = {key: columns.find(pattern) for key, pattern in DEVIATIONS.items()}
+    if all(named[key] for key in ("north", "east", "down")):
+        return [_deviation(columns, str(named[key]), "m") for key in ("north", "east", "down")], ""
+    level = named["horizontal"] or named["all"]
+    if not level:
+        return list(POSITION_SD), NO_SD
+    across = _deviation(columns, level, "m")
+    if named["vertical"]:
+        return [across, across, _deviation(columns, named["vertical"], "m")], ""
+    up = dict(across, scale=2.0)
+    return [across, across, up], "of the height twice that of the position"
+
+
+def _deviation(columns: Names, name: str, unit: str) -> dict[str, Any]:
+    known = {"m": ("m", "mm", "cm", "km", "ft"), "deg": ("rad", "deg")}
+    return {
+        "column": name,
+        "unit": columns.unit(name, known.get(unit, tuple(UNITS["speed"]))) or unit,
+    }
+
+
+def _ecef(columns: Names, shared: dict[str, Any], assumed: dict[str, str], found: Fixes) -> None:
+    """Add a position and a velocity in ECEF, which the size of the numbers shows."""
+    names = [name for pattern in ECEF.values() if (name := columns.find(pattern))]
+    if len(names) < 3:
+        return
+    values = np.stack([columns.numbers(name) for name in names], axis=1)
+    radius = np.linalg.norm(values[np.isfinite(values).all(axis=1)], axis=1)
+    unit = next(
+        (
+            each
+            for each, size in (("m", 1.0), ("km", 1e3), ("cm", 0.01), ("mm", 0.001))
+            if len(radius) and abs(np.median(radius) * size / EARTH_RADIUS - 1) < 0.02
+        ),
+        None,
+    )
+    if unit is None:
+        return
+    keys: dict[str, Any] = {**shared, "columns": names, "axes": "ECEF", "unit": unit}
+    why = dict(assumed)
+    keys["sd"] = _covariance(columns, "", "m^2")
+    if keys["sd"] is None:
+        keys["sd"], why["sd"] = 2.0, NO_SD
+    _add(found, columns, "position", keys, why)
+    fast = [name for pattern in ECEF_VELOCITY.values() if (name := columns.find(pattern))]
+    if len(fast) == 3:
+        speed = columns.unit(fast[0], tuple(UNITS["speed"])) or f"{unit}/s"
+        keys = {**shared, "columns": fast, "axes": "ECEF", "unit": speed}
+        keys["sd"] = _covariance(columns, "v", "(m/s)^2")
+        why = {key: text for key, text in why.items() if key != "sd"}
+        if keys["sd"] is None:
+            keys["sd"], why["sd"] = 0.2, NO_SD
+        _add(found, columns, "velocity", keys, why)
+
+
+def _covariance(columns: Names, of: str, unit: str) -> list[dict[str, Any]] | None:
+    """Six columns of variances and covariances of x, y, z, xy, yz, zx; None where one is missing."""
+    sign = r"(σ²|σ\^?2|var(iance)?|cov(ariance)?|p)_?"
+    found = []
+    for pair in ("xx|x", "yy|y", "zz|z", "xy|yx", "yz|zy", "zx|xz"):
+        name = columns.find(rf"{sign}{of}_?({pair})")
+        if name is None:
+            return None
+        found.append({"column": name, "unit": unit})
+    return found
+
+
+def _velocity(
+    columns: Names,
+    shared: dict[str, Any],
+    assumed: dict[str, str],
+    found: Fixes,
+    t: Array,
+    track: Array | None,
+) -> None:
+    """Add a velocity: north, east and vertical, or speed and course."""
+    if any(section.keys["kind"] == "velocity" for section in found.sections):
+        return
+    names = {key: columns.find(pattern) for key, pattern in VELOCITY.items()}
+    sd = {key: columns.find(DEVIATIONS[key]) for key in ("vn", "ve", "vd", "speed", "course")}
+    vertical = names["down"] or names["up"]
+    north, east, speed, course = (names[key] for key in ("north", "east", "speed", "course"))
+    keys, why = dict(shared), dict(assumed)
+    if north and east and vertical:
+        in_order = [north, east, vertical] if names["down"] else [east, north, vertical]
+        unit = columns.unit(north, tuple(UNITS["speed"]))
+        why |= {} if unit else {"unit": "the name says none"}
+        keys |= {
+            "columns": in_order,
+            "unit": unit or "m/s",
+            "axes": "NED" if names["down"] else "ENU",
+        }
+        if all(sd[key] for key in ("vn", "ve", "vd")):
+            own = [str(sd[key]) for key in (("vn", "ve") if names["down"] else ("ve", "vn"))]
+            keys["sd"] = [_deviation(columns, each, "m/s") for each in (*own, str(sd["vd"]))]
+        elif sd["speed"]:
+            keys["sd"] = [_deviation(columns, sd["speed"], "m/s")] * 3
+        else:
+            keys["sd"], why["sd"] = list(VELOCITY_SD), NO_SD
+        _add(found, columns, "velocity", keys, why)
+    elif speed and course:
+        units, told = _units_of_course(columns, speed, course, t, track)
+        in_order, form = [speed, course], "speed, course"
+        if vertical:
+            in_order.append(vertical)
+            form += ", down" if names["down"] else ", up"
+            units.append(columns.unit(vertical, tuple(UNITS["speed"])) or "m/s")
+        why |= {"unit": told} if told else {}
+        keys |= {"form": form, "columns": in_order, "unit": units}
+        angle = COURSE_SD if units[1] == "deg" else float(f"{COURSE_SD * DEG:.3g}")
+        keys["sd"] = [
+            _deviation(columns, sd["speed"], "m/s")
+            if sd["speed"]
+            else _of(VELOCITY_SD[0], units[0]),
+            _deviation(columns, sd["course"], units[1]) if sd["course"] else angle,
+            *([_of(VELOCITY_SD[2], units[2])] if vertical else []),
+        ]
+        why |= {} if sd["speed"] and sd["course"] and not vertical else {"sd": NO_SD}
+        _add(found, columns, "velocity", keys, why)
+
+
+def _of(speed: float, unit: str) -> float:
+    """A speed in m/s in another unit, rounded."""
+    return float(f"{speed / UNITS['speed'][unit]:.2g}")
+
+
+def _units_of_course(
+    columns: Names, speed: str, course: str, t: Array, track: Array | None
+) -> tuple[list[str], str]:
+    """([unit of the speed, of the course], why they are assumed): those of the names, unless the
+    positions show another."""
+    named = [columns.unit(speed, tuple(UNITS["speed"])), columns.unit(course, ("rad", "deg"))]
+    angles = columns.numbers(course)
+    largest = float(np.nanmax(np.abs(angles))) if np.isfinite(angles).any() else 0.0
+    units = [named[0] or "m/s", named[1] or ("rad" if largest < 6.4 else "deg")]
+    told = [f"{name!r} names no unit" for name, unit in zip((speed, course), named) if unit is None]
+    if track is None:
+        return units, "; ".join(told)
+    fast, way = _of_positions(t, track)
+    values = columns.numbers(speed)
+    if named[0] is None and len(moving := np.flatnonzero(fast > 2.0)):
+        with np.errstate(invalid="ignore"):
+            ratio = float(np.nanmedian(values[moving] / fast[moving]))
+        fits = min(
+            UNITS["speed"], key=lambda unit: abs(np.log(max(ratio, 1e-9) * UNITS["speed"][unit]))
+        )
+        if abs(np.log(max(ratio, 1e-9) * UNITS["speed"][fits])) < WORST_FIT:
+            units[0], told = fits, [f"{speed!r} in {fits} fits the positions", *told[1:]]
+    sure = (fast > 2.0) & np.isfinite(angles)
+    if largest < 6.4 and sure.sum() > 10:
+        miss = {
+            unit: float(
+                np.median(np.abs(_wrapped(angles[sure] * UNITS["angle"][unit] - way[sure])))
+            )
+            for unit in ("rad", "deg")
+        }
+        if miss["rad"] < WORST_FIT < miss["deg"] and units[1] != "rad":
+            units[1] = "rad"
+            told.append(f"{course!r} is in rad in spite of its name: only so it fits the positions")
+    return units, "; ".join(told)
+
+
+def _of_positions(t: Array, track: Array) -> tuple[Array, Array]:
+    """Speed (n,), m/s, and course (n,), rad, between the positions half of `BASE` before and after
+    each; NaN where there are none."""
+    fast, way = np.full(len(t), np.nan), np.full(len(t), np.nan)
+    known = np.flatnonzero(np.isfinite(track).all(axis=1) & np.isfinite(t))
+    known = known[(track[known] != 0).any(axis=1)]
+    if len(known) < 3:
+        return fast, way
+    k = max(1, round(0.5 * BASE / max(float(np.median(np.diff(t[known]))), 1e-9)))
+    if len(known) <= 2 * k:
+        return fast, way
+    before, here, after = known[: -2 * k], known[k:-k], known[2 * k :]
+    step = (track[after] - track[before]) * EARTH_RADIUS
+    step[:, 1] *= np.cos(track[here, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fast[here] = np.linalg.norm(step, axis=1) / (t[after] - t[before])
+    way[here] = np.arctan2(step[:, 1], step[:, 0])
+    return fast, way
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _where(columns: Names) -> tuple[dict[str, Any] | None, str]:
+    """(Condition on the rows that are fixes, or None; why)."""
+    name = columns.find(FIX)
+    if name is None:
+        return None, ""
+    cells = columns.table.frame[name].dropna()
+    if cells.dtype.kind in "iuf":
+        values = np.unique(cells.to_numpy(float))
+        if (
+            not len(values)
+            or np.any(values != np.round(values))
+            or values.min() < 0
+            or values.max() > 60
+        ):
+            return None, ""
+        type_of_fix = re.search("type|mode", plain(name)) is not None
+        least = (
+            3 if type_of_fix and values.max() >= 3 else 2 if type_of_fix and values.max() > 1 else 1
+        )
+        unused = int((cells < least).sum())
+        return {"column": name, "least": least}, f"{unused} rows of {len(cells)} are no fix"
+    texts = sorted({str(cell) for cell in cells})
+    good = [text for text in texts if not NO_FIX.fullmatch(text.strip())]
+    if not good or len(texts) > 12:
+        return None, ""
+    unused = int((~cells.astype(str).isin(good)).sum())
+    return {"column": name, "equals": good}, f"{unused} rows of {len(cells)} are no fix"

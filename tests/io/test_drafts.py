@@ -1,0 +1,233 @@
+"""Two awkward tables of a simulated drive are read in one try, and the answer is the truth's."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import strapdown as sd
+from strapdown.io.inspection import draft, inspect
+from strapdown.sensor_models.geoid import undulation
+from strapdown.time_scales import gps_of, unix_from_gps
+
+DEG, G, KNOT = np.pi / 180, 9.80665, 1852 / 3600
+START = "2024-05-01T23:59:30Z"
+WEEK, OF_WEEK = divmod(gps_of(START), 604800)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Two minutes of a simulated car, with the truth."""
+    return sd.simulate("car", duration=120.0, seed=3)
+
+
+def comma(frame, digits):
+    """Rows of text with semicolons and decimal commas."""
+    columns = [frame[name].map(f"{{:.{digits[name]}f}}".format) for name in frame]
+    return [";".join(row).replace(".", ",") for row in zip(*columns)]
+
+
+def imu_csv(recording):
+    """Time of week in ms, deg/s and g, forward-left-up, a line of units, markers between rows."""
+    imu = recording.imu
+    flip = np.array([1, -1, -1])
+    rates, force = imu.dtheta / imu.dt[:, None] / DEG * flip, imu.dv / imu.dt[:, None] / G * flip
+    names = ["TOW", "GyroX", "GyroY", "GyroZ", "AccX", "AccY", "AccZ"]
+    frame = pd.DataFrame(np.c_[(OF_WEEK + imu.t) * 1e3, rates, force], columns=names)
+    rows = comma(frame, dict(zip(names, [1, *[7] * 6])))
+    rows[3000:3000] = ["--- event 1 ---", "# lap; 2"]
+    head = ["Logger 7, firmware 1.2", ";".join(names), "ms;deg/s;deg/s;deg/s;g;g;g"]
+    return "\r\n".join(head + rows) + "\r\n"
+
+
+def gnss_csv(recording):
+    """ISO times, knots and degrees, height above the geoid with its separation, a fix of 0."""
+    position, velocity = (
+        next(each for each in recording.aidings if each.kind == kind)
+        for kind in ("position", "velocity")
+    )
+    t, rows = np.intersect1d(position.t, velocity.t, return_indices=True)[:2]
+    lat, lon, height = position.y[rows].T
+    v = velocity.y[np.searchsorted(velocity.t, t)]
+    n = undulation(lat, lon)
+    moments = pd.to_datetime(unix_from_gps(gps_of(START) + t), unit="s", utc=True)
+    fix = np.where(np.arange(len(t)) % 97 == 50, 0, 1)
+    frame = pd.DataFrame(
+        {
+            "lat": np.where(fix, lat / DEG, 0.0),
+            "lon": np.where(fix, lon / DEG, 0.0),
+            "altitude": np.where(fix, height - n, 0.0),
+            "geoid_sep": n,
+            "sog": np.hypot(v[:, 0], v[:, 1]) / KNOT,
+            "cog": np.degrees(np.arctan2(v[:, 1], v[:, 0])) % 360,
+        }
+    )
+    text = comma(frame, dict.fromkeys(frame, 8))
+    stamps = moments.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    lines = [f"{stamp};{row};{each}" for stamp, row, each in zip(stamps, text, fix)]
+    return "\n".join(["utc;" + ";".join(frame) + ";fix", *lines]) + "\n"
+
+
+@pytest.fixture
+def pair(drive, tmp_path):
+    """Paths of the two tables."""
+    (tmp_path / "imu.csv").write_text(imu_csv(drive))
+    (tmp_path / "gnss.csv").write_text(gnss_csv(drive))
+    return [tmp_path / "imu.csv", tmp_path / "gnss.csv"]
+
+
+def test_the_awkward_pair_is_read_in_one_try(drive, pair, tmp_path):
+    found = inspect(*pair)
+    assert found.problems == (), found.problems
+    path = tmp_path / "recording.toml"
+    path.write_text(draft(pair, {}, tmp_path))
+    for recording in (sd.read(*pair), sd.read(path)):
+        shift = recording.imu.t[0] - drive.imu.t[0]
+        assert shift == pytest.approx(86370.0, abs=1e-4)  # since midnight, UTC
+        np.testing.assert_allclose(recording.imu.t - shift, drive.imu.t, atol=1e-4)
+        np.testing.assert_allclose(recording.imu.dv, drive.imu.dv, atol=2e-4)
+        np.testing.assert_allclose(recording.imu.dtheta, drive.imu.dtheta, atol=1e-6)
+        position, velocity = recording.aidings
+        there = next(each for each in drive.aidings if each.kind == "position")
+        rows = np.searchsorted(there.t, position.t - shift - 1e-3)
+        np.testing.assert_allclose(position.t - shift, there.t[rows], atol=1e-4)
+        np.testing.assert_allclose(position.y[:, :2], there.y[rows, :2], atol=1e-9)
+        np.testing.assert_allclose(position.y[:, 2], there.y[rows, 2], atol=1e-6)
+        assert position.y[:, 0].min() > 0.1  # no row without a fix
+        fast = next(each for each in drive.aidings if each.kind == "velocity")
+        rows = np.searchsorted(fast.t, velocity.t - shift - 1e-3)
+        moving = np.hypot(*fast.y[rows, :2].T) > 0.5
+        np.testing.assert_allclose(velocity.y[moving, :2], fast.y[rows][moving, :2], atol=1e-6)
+        assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
+        assert any("2 lines without data" in note for note in recording.meta["notes"])
+
+
+def test_the_solution_of_the_awkward_pair_is_that_of_the_simulation(drive, pair):
+    solution = sd.fuse(sd.read(*pair), imu="consumer")
+    truth = drive.reference
+    t, lla = solution.t - 86370.0, solution.trajectory.lla
+    scale = 6378137.0 * np.array([1.0, np.cos(truth.lla[0, 0])])
+    there = np.stack([np.interp(t, truth.t, each) for each in truth.lla.T], axis=1)
+    north_east = (lla[:, :2] - there[:, :2]) * scale
+    assert np.sqrt(np.mean(north_east**2, axis=0)).max() < 1.5  # m
+    assert np.sqrt(np.mean((lla[:, 2] - there[:, 2]) ** 2)) < 2.5
+
+
+def test_a_clock_that_nothing_tells_is_asked(pair):
+    frame = pd.read_csv(pair[0], sep=";", decimal=",", skiprows=[0, 2], comment="#")
+    frame = frame[frame["TOW"].str.contains(",")]
+    own = (frame["TOW"].str.replace(",", ".").astype(float) / 1e3 - OF_WEEK).rename("time_s")
+    pd.concat([own, frame.drop(columns="TOW")], axis=1).to_csv(pair[0], index=False)
+    with pytest.raises(sd.DataError, match="'time_s' counts from an unknown moment.*epoch = "):
+        sd.read(*pair)
+
+
+def test_time_of_week_in_both_files_needs_no_week(pair):
+    lines = pair[1].read_text().splitlines()
+    seconds = [OF_WEEK - gps_of(START) + gps_of(line.partition(";")[0]) for line in lines[1:]]
+    rows = [f"{t:.3f};{line.partition(';')[2]}" for t, line in zip(seconds, lines[1:])]
+    pair[1].write_text("\n".join([lines[0].replace("utc", "gps_tow"), *rows]).replace(".", ","))
+    recording = sd.read(*pair)
+    assert recording.imu.t[0] == pytest.approx(OF_WEEK, abs=1.0) and len(recording.aidings) == 2
+
+
+FIX = {
+    "hAcc [mm],vAcc [mm]": (["900", "1500"], [0.9, 0.9, 1.5]),
+    "sdn(m),sde(m),sdu(m)": (["1", "2", "3"], [1, 2, 3]),
+    "accuracy": (["3"], [3, 3, 6]),
+    "nsat": (["9"], [2, 2, 4]),
+}
+
+
+@pytest.mark.parametrize("names", FIX)
+@pytest.mark.short
+def test_accuracies(tmp_path, names):
+    cells, expected = FIX[names]
+    rows = [f"{k},{48 + 1e-6 * k:.7f},9.0,500,{','.join(cells)}" for k in range(20)]
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join([f"t,latitude,longitude,h_ell,{names}", *rows]))
+    assert position(tmp_path, path).sd[0] == pytest.approx(expected)
+
+
+def position(folder, path):
+    """The position that a table of fixes yields beside an IMU at rest."""
+    t = np.arange(0, 30, 0.02)
+    still = np.random.default_rng(1).normal(0, 0.01, (len(t), 6)) + [0, 0, 0, 0, 0, -9.8]
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    pd.DataFrame(np.c_[t, still], columns=names).to_csv(folder / "imu.csv", index=False)
+    return sd.read(folder / "imu.csv", path).aidings[0]
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "header, row, lla",
+    [
+        ("t,lat,ns,lon,ew,alt", "{t},4807.038,N,01131.000,W,545", [48.1173, -11.516667, 545]),
+        ("t,LatDeg,LngDeg,Hgt", "{t},48.1173,-11.5,545", [48.1173, -11.5, 545]),
+        ("t,lat,lon,height", "{t},481173000,-115000000,545000", [48.1173, -11.5, 545]),
+        ("t,lat,lon,alt_msl,geoid_separation", "{t},48,9,500,47.5", [48, 9, 547.5]),
+        ("t,x,y,z", "{t},4156857.99,671388.51,4774562.81", [48.7830, 9.1747, 480]),
+    ],
+)
+def test_positions_of_many_spellings(tmp_path, header, row, lla):
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join([header, *(row.format(t=k) for k in range(20))]))
+    found = position(tmp_path, path)
+    if header == "t,x,y,z":
+        assert np.degrees(found.y[0, :2]) == pytest.approx([48.78, 9.175], abs=0.05)
+        return
+    assert np.degrees(found.y[0, :2]) == pytest.approx(lla[:2], abs=1e-5)
+    assert found.y[0, 2] == pytest.approx(lla[2])
+    description = tmp_path / "recording.toml"
+    description.write_text(draft([tmp_path / "imu.csv", path], {}, tmp_path))
+    np.testing.assert_array_equal(sd.read(description).aidings[0].y, found.y)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "name, cells, kept",
+    [
+        ("fixType", "0 1 2 3 3 4", 3),
+        ("quality", "0 0 1 4 5 2", 4),
+        ("status", "A V A A V A", 4),
+        ("fix", "none 2D 3D 3D RTK NoFix", 3),
+    ],
+)
+def test_rows_without_a_fix_do_not_count(tmp_path, name, cells, kept):
+    rows = [f"{k},48.1,9.0,500,{cell}" for k, cell in enumerate(cells.split())]
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join([f"t,lat,lon,h_ell,{name}", *rows]))
+    assert len(position(tmp_path, path).t) == kept
+
+
+@pytest.mark.short
+def test_gyro_and_accelerometer_in_files_of_their_own(tmp_path):
+    t = np.arange(0, 20, 0.01)
+    random = np.random.default_rng(2)
+    for name, value in (("gyro", [0, 0, 0]), ("acc", [0, 0, 9.8])):
+        frame = pd.DataFrame(
+            random.normal(value, 0.01, (len(t), 3)), columns=[f"{name}_{a}" for a in "xyz"]
+        )
+        frame.insert(0, "timestamp", (1714567890 + t) * 1e3)
+        frame.to_csv(tmp_path / f"{name}.csv", index=False)
+    recording = sd.read(tmp_path / "gyro.csv", tmp_path / "acc.csv")
+    assert recording.imu.dv[:, 2].mean() / recording.imu.dt.mean() == pytest.approx(-9.8, abs=0.01)
+    assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
+
+
+@pytest.mark.short
+def test_an_accelerometer_without_gravity_is_asked_about(tmp_path):
+    path = tmp_path / "imu.csv"
+    values = np.c_[np.arange(500) / 50, np.random.default_rng(3).normal(0, 0.1, (500, 6))]
+    pd.DataFrame(values, columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(
+        path, index=False
+    )
+    with pytest.raises(sd.DataError, match="gravity was taken out"):
+        sd.read(path)
+
+
+@pytest.mark.short
+def test_a_table_of_one_row_per_event_is_refused(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("".join(f"{k},{kind},1.0,2.0\n" for k in range(20) for kind in ("imu", "gps")))
+    with pytest.raises(sd.DataError, match="column 2 holds 'imu', 'gps'"):
+        sd.read(path)
