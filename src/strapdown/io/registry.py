@@ -106,7 +106,9 @@ def find(path: Path) -> Reader | None:
 
 def _takes(reader: Reader, path: Path) -> bool:
     """Whether a reader with a claim to a name takes the file; of folders only one that looks into
-    it."""
+    it, of what is not there only one that goes by names."""
+    if not path.exists():
+        return reader.sniff is None
     if not path.is_dir():
         return not reader.sniff or bool(ask(reader, "sniff", path))
     try:
@@ -144,13 +146,13 @@ def taker(path: Path) -> Reader:
     reader = find(path)
     if reader is not None:
         return reader
-    if not path.suffix and not path.exists():
-        raise DataError(f"{path}: cannot be read (no such file or folder); check the path")
     known = [
         each.name
         for each in readers().values()
         if path.name.lower().endswith(each.suffixes or ("\0",))
     ]
+    if (known or not path.suffix) and not path.exists():
+        raise DataError(f"{path}: cannot be read (no such file or folder); check the path")
     if known:
         raise DataError(
             f"{path}: its name ends as files of {' and '.join(known)} do, and its content is none"

@@ -111,7 +111,10 @@ class Table(NamedTuple):
         return values
 
     def _missing(self, column: str | int) -> str:
-        names = [str(name) for name in self.frame.columns]
+        names = [
+            "".join(each if each.isprintable() else "?" for each in str(name))
+            for name in self.frame.columns
+        ]
         if isinstance(column, int):
             return f"column {column} is missing; it has {len(names)} columns"
         if sum(map(is_number, names)) > len(names) / 2:

@@ -66,7 +66,7 @@ def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.i
         key: values.astype(np.int64) if key.startswith("timestamp") else values
         for key, values in log.columns(name, instance).items()
     }
-    rows = np.arange(len(found["timestamp"]))
+    rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
     if "fix_type" in found:
         rows = np.flatnonzero(found["fix_type"] >= FIX_3D)
         found = {key: values[rows] for key, values in found.items()}

@@ -13,6 +13,7 @@ taken; `BROAD_PLACE` is nominal.
 
 from dataclasses import replace
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -126,10 +127,13 @@ def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
             if not isinstance(file, np.lib.npyio.NpzFile):
                 raise ValueError("it holds one bare array")
             with file:
-                return dict(file)
+                # a member of another name than .npy comes as its bytes
+                return {
+                    name: array for name, array in file.items() if isinstance(array, np.ndarray)
+                }
     except DataError:
         raise
-    except (ValueError, NotImplementedError) as error:
+    except (ValueError, NotImplementedError, SyntaxError, TokenError) as error:
         raise DataError(
             f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD "
             f"trial is expected"
