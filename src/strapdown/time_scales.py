@@ -20,6 +20,9 @@ GPS_ZERO = 315964800
 """POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
 DAY, WEEK = 86400, 604800
 """s"""
+YEARS = (1970, 2200)
+"""Of the times that are believed: others have a wrong unit or clock, and beyond 2262 there is no
+datetime64[ns]."""
 CLOCKS = ("gps", "unix")
 """Absolute clocks that a description can name: seconds of GPS time since its zero, POSIX seconds."""
 
@@ -68,25 +71,40 @@ def gps_of(epoch: str | datetime) -> float:
             raise DataError(
                 f'{epoch!r:.40} is no time; write it as "2024-05-01T12:30:00Z"'
             ) from None
+    if not YEARS[0] <= epoch.year < YEARS[1]:
+        raise DataError(f"{str(epoch)!r:.40} is no time between {YEARS[0]} and {YEARS[1]}")
     if epoch.tzinfo is None:
         epoch = epoch.replace(tzinfo=UTC)
     return float(gps_from_unix(epoch.timestamp()))
 
 
+def year_of(gps: float) -> float:
+    """The year, roughly, of seconds of GPS time since its zero."""
+    return 1980.0 + gps / 31556952
+
+
 def iso(gps: float) -> str:
-    """ISO 8601 text in UTC of seconds of GPS time since its zero, to the microsecond."""
-    moment = datetime.fromtimestamp(0, UTC) + timedelta(seconds=round(float(unix_from_gps(gps)), 6))
+    """ISO 8601 text in UTC of seconds of GPS time since its zero, to the microsecond. Raises
+    DataError where the calendar has no such moment."""
+    try:
+        seconds = timedelta(seconds=round(float(unix_from_gps(gps)), 6))
+        moment = datetime.fromtimestamp(0, UTC) + seconds
+    except (OverflowError, ValueError):
+        raise DataError(
+            f"a time {gps:.3g} s after 1980 is in no calendar; check unit and clock of the time"
+        ) from None
     return moment.isoformat().replace("+00:00", "Z")
 
 
 def utc(epoch: str, t: ArrayLike) -> NDArray[np.datetime64]:
     """UTC as datetime64[ns] (n,) of times t (n,), s since an `epoch` as ISO 8601 text; NaT where t is
-    not finite. Leap seconds between the two are counted; within one, that second is shown twice.
+    not finite or more than 150 years away. Leap seconds between the two are counted; within one, that
+    second is shown twice.
 
     Raises DataError where the epoch is no time.
     """
     zero, t = gps_of(epoch), np.asarray(t, float)
-    known = np.isfinite(t)
+    known = np.abs(t) < 150 * 31556952
     t = np.where(known, t, 0.0)
     unix = unix_from_gps(zero)
     # leap seconds and the epoch apart, so that nanoseconds of t stay

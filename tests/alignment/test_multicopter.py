@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.multicopter import motion
+from multicopter import motion
 
 import strapdown as sd
 from strapdown.cross_checks import plane

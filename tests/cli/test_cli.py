@@ -370,7 +370,7 @@ def change(old, new):
 FUSE = ["fuse", "recording.toml", "--out", "result/deep"]
 BAD = [
     (["fuse", "nothing.toml", "--out", "result"], TOML, "nothing.toml: cannot be read"),
-    (["fuse", ".", "--out", "result"], TOML, "files of type"),
+    (["fuse", ".", "--out", "result"], TOML, "is a folder in which no reader finds"),
     (["fuse", "imu.csv"], TOML, "give --imu, one of"),
     (["fuse"], TOML, "Missing argument 'RECORDING...'. See `strapdown fuse --help`."),
     ([*FUSE, "--filter", "closed-lop"], TOML, "did you mean 'closed-loop'?"),

@@ -379,8 +379,9 @@ def test_the_antimeridian_is_read_as_it_is(build):
     [
         ("flight.csv", "cannot be read"),
         ("flight.csv.gz", "cannot be read"),
-        ("flight.ulg", "recording.toml that names tables"),
-        ("flight", "not read"),
+        ("flight.xyz", "supported are .bag, "),
+        ("flight.ulg", "cannot be read"),
+        ("flight", "cannot be read"),
     ],
 )
 def test_other_files(tmp_path, name, words):

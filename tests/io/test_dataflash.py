@@ -5,8 +5,8 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from support import written_dataflash as written
-from support.multicopter import motion
+import written_dataflash as written
+from multicopter import motion
 
 import strapdown as sd
 from strapdown.io.decoding.dataflash import DataFlash

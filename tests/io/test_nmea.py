@@ -200,6 +200,16 @@ def test_heights_without_separation_get_that_of_the_model(written):
     assert "no heights" in position.title and "geoid" not in position.keys
 
 
+def test_fixes_in_two_dimensions_have_no_height(written):
+    t = moments(6, 1000)
+    lines = [
+        gga(m, 45, 7, 100) + 2 * sentence(f"GNGSA,A,{2 if i < 2 else 3},1,2,3,1.4,0.7,1.2,1") + GSV
+        for i, m in enumerate(t)
+    ]
+    altitude = written("".join(lines)).tables["GGA"].frame["altitude"]
+    assert altitude.isna().tolist() == [True] * 2 + [False] * 4
+
+
 def test_deviations_are_assumed_by_quality_and_hdop(written):
     m = moments(3)
     lines = [

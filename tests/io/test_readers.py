@@ -87,7 +87,7 @@ def test_a_file_finds_its_reader(name, expected):
 
 
 def test_a_reader_from_outside_is_known_everywhere(log, command):
-    with pytest.raises(DataError, match=r"type '\.mine' are not read; supported are: .*\(\.imu\)"):
+    with pytest.raises(DataError, match=r"type '\.mine' are not read; supported are .*\.imu, "):
         sd.read(log)
     add(MINE)
     add(MINE)
@@ -212,8 +212,8 @@ def test_a_reader_that_fails_ends_in_one_line(log, command, changes, words):
 
 
 def test_the_kind_of_a_packed_file_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"files of type '\.ulg\.xz' are not read"):
-        sd.read(tmp_path / "a.b.ulg.xz")
+    with pytest.raises(DataError, match=r"files of type '\.xyz\.xz' are not read"):
+        sd.read(tmp_path / "a.b.xyz.xz")
 
 
 def test_other_formats_do_without_what_descriptions_need():

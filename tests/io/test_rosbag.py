@@ -2,6 +2,7 @@
 the oracles."""
 
 import lzma
+import sqlite3
 import struct
 
 import numpy as np
@@ -30,6 +31,8 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.decoding.bag_records import read_bag
 from strapdown.io.decoding.mapped import mapped
+from strapdown.io.decoding.ros_messages import Topic
+from strapdown.io.decoding.ros_transforms import Frames
 from strapdown.io.description.logs import join, opened
 from strapdown.io.inspection import draft
 from strapdown.io.readers.rosbag2 import messages_of
@@ -203,6 +206,9 @@ def test_a_drive_comes_back_from_every_bag(tmp_path, driven):
     check_drive(folder / "two.db3", driven)
     check_drive(write_bag2(tmp_path / "b", drive("cdr", driven), compression="file"), driven)
     check_drive(write_bag2(tmp_path / "c", drive("cdr", driven), "mcap"), driven)
+    packed = write_bag2(tmp_path / "d", drive("cdr", driven), "mcap", compression="file")
+    check_drive(packed, driven)
+    check_drive(packed / "d.mcap.zstd", driven)
 
 
 def test_the_parts_of_a_folder_are_one_log(tmp_path, driven):
@@ -277,7 +283,7 @@ def asked(path):
     "accel, said",
     [
         (UP * [1, 1, -1], "perhaps forward, right, down"),
-        (UP[:, [2, 1, 0]], r"+9.8 m/s^2 on forward"),
+        (UP[:, [2, 1, 0]], "9.8 m/s^2 its median specific force points forward"),
         (UP * 0.02, "free of gravity"),
         (UP / 9.8, "in g perhaps"),
         (UP * 0.0, "no accelerometer"),
@@ -458,3 +464,36 @@ def test_damaged_bytes_end_in_one_line_at_most(tmp_path, suffix):
             sd.read(other)
         except DataError as error:
             assert len(str(error).splitlines()) == 1 and "its author should know" not in str(error)
+
+
+@pytest.mark.parametrize("data, said", [("zeroblob(300)", "longer than the file"), ("n", "interrupted")])  # fmt: skip
+def test_a_database_without_end_is_left(tmp_path, data, said):
+    path = tmp_path / "endless.db3"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE topics (id INTEGER, name, type, serialization_format)")
+        database.execute("INSERT INTO topics VALUES (1, '/imu', 'sensor_msgs/msg/Imu', 'cdr')")
+        database.execute(
+            f"CREATE VIEW messages AS WITH RECURSIVE c(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM c) "
+            f"SELECT 1 AS topic_id, n AS timestamp, {data} AS data FROM c"
+        )
+    database.close()
+    messages = messages_of(path)
+    assert any(said in line for line in messages.left)
+
+
+def test_frames_that_meet_in_a_third_one():
+    rotations = Rotation.random(3, rng=np.random.default_rng(2))
+    places = np.array([[0.1, 0.2, 0.3], [1.0, -2.0, 0.5], [0.0, 0.4, -0.7]])
+    names = [("chassis", "base_link"), ("chassis", "mast"), ("mast", "gps")]
+    topic, whole = Topic("/tf_static", "tf2_msgs/TFMessage", "cdr"), []
+    for rotation, place in zip(rotations, places):
+        whole.append(np.eye(4))
+        whole[-1][:3, :3], whole[-1][:3, 3] = rotation.as_matrix(), place
+    messages = [
+        (topic, transform("cdr", *name, place, rotation.as_quat()))
+        for name, place, rotation in zip(names, places, rotations)
+    ]
+    pose = Frames(messages).pose("gps", "base_link")
+    expected = np.linalg.inv(whole[0]) @ whole[1] @ whole[2]
+    np.testing.assert_allclose(np.c_[pose.C, pose.t], expected[:3], atol=1e-12)
+    assert Frames(messages).pose("gps", "elsewhere") is None

@@ -11,7 +11,7 @@ from support.written_rtklib import pos
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.geodesy import displacement, to_ecef
+from strapdown.geodesy import displacement, ned_axes, to_ecef
 from strapdown.io.description.logs import join
 from strapdown.io.readers.rtklib import open_pos
 
@@ -23,6 +23,7 @@ LLH = np.stack(
 )
 SD = np.tile([0.01, 0.02, 0.03, 0.005, -0.004, 0.006], (100, 1))
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
+GRADE = EXAMPLES / "drive0708-imu"
 
 
 @pytest.fixture
@@ -92,6 +93,8 @@ def test_ecef_and_its_covariance(written, tmp_path):
     assert log.sections[0].keys["axes"] == "ECEF" and len(log.sections[0].keys["sd"]) == 6
     position = read(tmp_path, log).aidings[0]
     assert np.abs(displacement(position.y, lla[: len(position.y)])).max() < 2e-4
+    axes = ned_axes(lla[0])
+    assert np.allclose(position.sd, np.sqrt(np.diag(axes @ P @ axes.T)), atol=2e-4)
 
 
 def test_a_baseline_needs_its_base(written, tmp_path):
@@ -152,20 +155,18 @@ def test_the_drive_is_the_one_of_its_csv(data_folder, tmp_path):
     own = ["lat_deg", "lon_deg", "h_ell_m", "vn", "ve", "vu"]
     names = ["latitude", "longitude", "height", "vn", "ve", "vu"]
     assert np.abs(frame[names].to_numpy() - table[own].to_numpy()).max() < 1e-9
-    text = (EXAMPLES / "drive0708.toml").read_text()
-    text = 'epoch = "2025-07-08T19:34:00Z"\n' + text.replace(
-        "${STRAPDOWN_DATA}/drive0708/gnss_rtk.csv.xz", str(path)
+    # its [imu] beside the sections of the log
+    imu = (EXAMPLES / "drive0708.toml").read_text().split("[imu]")[1].split("# The receiver")[0]
+    text = join({path: open_pos(path)}).text(tmp_path)
+    text = (
+        'epoch = "2025-07-08T19:34:00Z"\n'
+        + text
+        + "[imu]"
+        + imu.replace("drive0708-imu", str(GRADE))
     )
-    text = text.replace('"drive0708-imu.toml"', '"consumer"')
-    for new, old in (("latitude", "lat_deg"), ("longitude", "lon_deg"), ("height", "h_ell_m")):
-        text = text.replace(old, new)
-    head, tail = text.split("[[aiding]]", 1)
-    tail = tail.replace(
-        'column = "t_s", unit = "s"', 'column = "gps_ms", unit = "ms", clock = "gps"'
-    )
-    (tmp_path / "recording.toml").write_text(head + "[[aiding]]" + tail)
-    found = sd.read(tmp_path / "recording.toml")
-    wanted = sd.read(EXAMPLES / "drive0708.toml")
-    for one, other in zip(found.aidings, wanted.aidings):
-        assert np.allclose(one.t, other.t, atol=2e-6) and len(one.t) == 2197
+    (tmp_path / "recording.toml").write_text(text)
+    found, wanted = sd.read(tmp_path / "recording.toml"), sd.read(EXAMPLES / "drive0708.toml")
+    for one, other, late in zip(found.aidings, wanted.aidings, (0, 0.125)):
+        assert np.allclose(one.t, other.t + late, atol=2e-6) and len(one.t) == 2197
         assert np.allclose(one.y, other.y, atol=1e-12)
+    assert np.allclose(found.imu.t, wanted.imu.t)

@@ -218,3 +218,19 @@ def test_one_clock_for_all(build):
         read(build(change, None, lambda text: text.replace(PLAIN, keys, 1)))
     path = build(change, change, lambda text: text.replace(PLAIN, keys))
     assert pd.read_csv(path.parent / "imu.csv")["p0"][0].endswith("Z")
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e15, -1e3])
+def test_a_clock_of_another_unit_is_told(build, factor):
+    change = as_numbers(lambda unix: {"p0": unix * factor})
+    keys = 'time = { column = "p0", unit = "s", clock = "unix" }'
+    with pytest.raises(DataError, match="is in the year .* check unit, clock and week"):
+        read(build(change, change, lambda text: text.replace(PLAIN, keys)))
+
+
+def test_an_epoch_is_a_time_of_recordings(build):
+    for epoch in ("0001-01-01", "2300-01-01T00:00:00Z"):
+        with pytest.raises(DataError, match="epoch: .* is no time between 1970 and 2200"):
+            read(build(toml=lambda text: f'epoch = "{epoch}"\n{text}'))
+    far = read(build(toml=lambda text: f'epoch = "2100-01-01"\n{text}'))
+    assert str(far.utc[0])[:19] == "2100-01-01T00:00:10"

@@ -247,6 +247,13 @@ def test_nmea_serves_where_there_is_no_ubx_solution(written):
     assert "GGA" not in both.tables and any("more digits" in line for line in both.left)
 
 
+def test_nmea_of_a_receiver_that_fuses_is_left(data_folder, written):
+    data = read_bytes(data_folder / "native" / "ubx" / SAMPLES["fused"])
+    text = nmea.gga(np.datetime64("2026-04-20T13:48:55", "ms"), 51, 0, 80).encode()
+    log = written(data + text)
+    assert log.sections and all(each.left for each in log.sections)
+
+
 def test_a_sensor_clock_that_begins_anew_and_drifts(written):
     """Two pieces of 100 s; in each the sensor's clock is 80 ppm slow, and some epochs came late."""
     rng = np.random.default_rng(2)

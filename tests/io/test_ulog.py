@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import written_ulog as written
-from support.multicopter import motion
+import written_ulog as written
+from multicopter import motion
 
 import strapdown as sd
 from strapdown.io.decoding.ulog import ULog
@@ -143,7 +143,9 @@ def test_raw_sensors_where_there_is_nothing_better(flown, log):
             **{axis: ("float", rates[:, k]) for k, axis in enumerate("xyz")},
         }
     found = sd.read(log(topics))
-    np.testing.assert_allclose(found.imu.dtheta[1:], imu.dtheta[1:], atol=1e-8)
+    same = np.searchsorted(imu.t, found.imu.t - 1e-6)  # the accelerometer begins 1 ms later
+    assert len(imu.t) - len(same) <= 1
+    np.testing.assert_allclose(found.imu.dtheta[1:], imu.dtheta[same][1:], atol=1e-8)
     read = " ".join(found.meta["read"])
     assert "raw sensors" in read and "sensor_combined 0, 8 Hz: too slow" in read
 

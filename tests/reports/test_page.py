@@ -159,7 +159,9 @@ def test_saving_is_whole_or_not_at_all(page, tmp_path):
     CHROMIUM is None,
     reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in a browser",
 )
-def test_a_browser_without_network_draws_every_figure(page, tmp_path):
+def test_a_browser_without_network_draws_every_figure(tmp_path):
+    dated = replace(SOLUTION, meta=SOLUTION.meta | {"epoch": "2024-05-01T12:00:00Z"})
+    page = report([dated, OPEN], TRUTH)
     page.save(tmp_path / "a.html")
     dom = browse(tmp_path, "--dump-dom")
     count = page.html.count("class=plot ")
@@ -167,6 +169,7 @@ def test_a_browser_without_network_draws_every_figure(page, tmp_path):
         f'data-drawn="{count}"' in dom
         and len(re.findall(r'class="main-svg"[^>]*>\s*<defs', dom)) >= count
     )
+    assert ">12:04:00</tspan>" in dom  # below the ticks of an absolute clock
     browse(tmp_path, f"--screenshot={tmp_path / 'a.png'}")
     assert ink((tmp_path / "a.png").read_bytes()) > 20_000
 

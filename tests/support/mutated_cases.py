@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import recordings
+import written_dataflash
 import written_nmea
 import written_ros
 import written_rtklib
 import written_ubx
+import written_ulog
+from multicopter import motion
 from mutations import Case
 from written_phones import START, folder, gnsslogger, phyphox, sensor_logger, signals, zipped
 
@@ -220,12 +223,28 @@ def tables_case(_: Path) -> Case:
     return Case("table", files, tuple(files), tuple(files))
 
 
+def copter():
+    """A recording of a multicopter, brief."""
+    return sd.simulate(motion(), duration=4, imu="consumer", rate=50.0)
+
+
+def ulog_case(_: Path) -> Case:
+    return alone("ulog", "a.ulg", written_ulog.ulog(written_ulog.topics_of(copter())))
+
+
+def dataflash_case(_: Path) -> Case:
+    messages = written_dataflash.messages_of(copter())
+    return alone("dataflash", "a.bin", written_dataflash.dataflash(messages))
+
+
 CASES: dict[str, Callable[[Path], Case]] = {
     "sensor-logger": sensor_logger_case,
     "phyphox": phyphox_case,
     "zip": zip_case,
     "gnsslogger": gnsslogger_case,
     "netcdf": netcdf_case,
+    "ulog": ulog_case,
+    "dataflash": dataflash_case,
     "rosbag1": bag_case,
     "rosbag2": bag2_case,
     "mcap": mcap_case,
@@ -238,4 +257,5 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "broad": broad_case,
     "recording.toml": description_case,
     "packed table": packed_case,
+    "table": tables_case,
 }

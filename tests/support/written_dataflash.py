@@ -4,7 +4,7 @@ import struct
 from pathlib import Path
 
 import numpy as np
-from support.written_ulog import interleaved, microseconds
+from written_ulog import interleaved, microseconds
 
 NUMPY = {
     "b": ("i1", 1),

@@ -117,7 +117,8 @@ class Reader(NamedTuple):
     suffixes: tuple[
         str, ...
     ]  # how names of such files end, in small letters, as (".imu", ".imu.xz")
-    summary: str  # what such a file is, a few words for help and complaints
+    # what such a file is, a few words for help; "" of a reader that only refuses
+    summary: str
     read: Callable[[Path], Recording] | None = None
     # Findings, or (facts, problems) alone, also of a file that `read` refuses; None: of what `read`
     # gives

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..typing import Array
+from ..typing import Ints, Mask
 
 Bytes: TypeAlias = np.ndarray[Any, np.dtype[np.uint8]]
 
@@ -60,13 +60,17 @@ AFTER_POINT = _without("behind", THREE)
 AFTER_POINT[:, 0] = THREE[:, 0]
 TABLES = (
     FIRST.view(np.uint32).ravel(),
-    _words(("", FOUR, ""), ("", _without("before", FOUR), "")),  # more before it, none
-    _words(
-        (".", THREE, ""), (".", AFTER_POINT, ""), ("\0", 0 * THREE, "")
-    ),  # more, none; whole number
-    _words(("", FOUR, ""), ("", _without("behind", FOUR), "")),  # more behind it, none
+    # with digits before it, without
+    _words(("", FOUR, ""), ("", _without("before", FOUR), "")),
+    # with digits behind it, without; of a whole number
+    _words((".", THREE, ""), (".", AFTER_POINT, ""), ("\0", 0 * THREE, "")),
+    # with digits behind it, without
+    _words(("", FOUR, ""), ("", _without("behind", FOUR), "")),
     _words(("", _without("behind", THREE), ",")),
 )
+PAIRS = _words(("", np.pad(_without("behind", _digits(2)), ((0, 0), (0, 2))), ""))
+POWERS = np.frombuffer(b"".join(b"e-%02d" % (11 - k) for k in range(7)), np.uint32)
+"""By the digits of a small number."""
 NAN = np.array([0, 0, 0, ord(",")], np.uint8).view(np.uint32)[0]
 
 
@@ -126,16 +130,26 @@ def _numbers(columns: Sequence[np.ndarray[Any, Any]]) -> Bytes:
     for k, (table, index) in enumerate(zip(TABLES, indices)):
         words[:, :, k] = table.take(index)
     words[unknown] = [0, 0, 0, 0, NAN]
-    text = words.view(np.uint8)
     small = (number > 0) & (number < SMALL)
     if small.any():
-        text[small] = _exponents(np.copysign(number[small] / 10**DECIMALS, values[small]))
-    return text.reshape(len(values), -1)
+        words[small] = _exponents(number[small], np.signbit(values[small]))
+    return words.view(np.uint8).reshape(len(values), -1)
 
 
-def _exponents(values: Array) -> Bytes:
-    """The characters (n, 20) of cells that Python writes as `1.5e-05`."""
-    return _texts(np.array([repr(each) for each in values.tolist()], "S19"))
+def _exponents(number: Ints, below: Mask) -> np.ndarray[Any, np.dtype[np.uint32]]:
+    """The words (n, 5) of cells that Python writes as `-1.23456e-05`, of numbers of units of the
+    last digit, 1 to SMALL: `-1 | .234 | 56 | e-05 | ,`."""
+    length = np.searchsorted(10 ** np.arange(1, 6), number, side="right") + 1
+    first, rest = np.divmod(number * 10 ** (6 - length), 10**5)
+    upper, lower = np.divmod(rest, 100)
+    words = (
+        TABLES[0][first + 10 * below],
+        TABLES[2][np.where(rest == 0, 2000, upper + 1000 * (lower == 0))],
+        PAIRS[lower],
+        POWERS[length],
+        np.full(len(number), NAN),
+    )
+    return np.stack(words, axis=1)
 
 
 def _texts(column: np.ndarray[Any, Any]) -> Bytes:

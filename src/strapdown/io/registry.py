@@ -59,7 +59,7 @@ def _check_fields(reader: Reader) -> None:
             and (len(suffixes) > 0 or has_sniff),
             'a tuple of endings in small letters as (".log", ".log.xz"), empty only beside a sniff',
         ),
-        "summary": (is_text(reader.summary), "one line of text"),
+        "summary": (reader.summary == "" or is_text(reader.summary), "one line of text"),
         "read": (
             callable(reader.read) or (reader.read is None and callable(reader.open)),
             "a function of a path, or None beside an open",
@@ -99,8 +99,7 @@ def find(path: Path) -> Reader | None:
             return reader
     if path.is_dir():
         raise DataError(
-            f"{path}: is a folder in which no reader finds what it knows; name the files themselves, "
-            f"or one of: {formats()}"
+            f"{path}: is a folder in which no reader finds what it knows; name the files themselves"
         )
     return None
 
@@ -158,14 +157,21 @@ def taker(path: Path) -> Reader:
         )
     ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
     raise DataError(
-        f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are: {formats()}"
+        f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are "
+        f"{', '.join(sorted(end for each in readers().values() for end in _plain(each)))}: see "
+        f"`strapdown fuse --help`"
     )
 
 
 def formats() -> str:
     """What is read, a few words and the suffixes of each format."""
     return "; ".join(
-        f"{reader.summary} ({', '.join(plain)})" if plain else reader.summary
+        f"{reader.summary} ({', '.join(_plain(reader))})" if _plain(reader) else reader.summary
         for reader in readers().values()
-        for plain in [[each for each in reader.suffixes if not each.endswith(PACKED)]]
+        if reader.summary
     )
+
+
+def _plain(reader: Reader) -> list[str]:
+    """Its suffixes of files that are not packed; none of a reader that only refuses."""
+    return [each for each in reader.suffixes if reader.summary and not each.endswith(PACKED)]

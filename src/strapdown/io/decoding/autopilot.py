@@ -19,6 +19,7 @@ VEHICLES: dict[float, str] = {
     11: "ship",
 }
 """Kinds of MAV_TYPE (https://mavlink.io/en/messages/common.html#MAV_TYPE) with bounds of their own."""
+LATEST = 5e9  # s of GPS time, in 2138
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
 Columns = Mapping[str, Any]
 
@@ -33,11 +34,11 @@ def rate(t_us: Any) -> float:
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
     """The head of a Log whose clock has its zero where the median of `gps` (s of GPS time) less `t`
     (s of that clock) says; {} where there is no such time."""
-    good = np.isfinite(gps) & np.isfinite(t)
+    good = (gps > 0) & (gps < LATEST) & np.isfinite(t)
     if not good.any():
         return {}
     zero = float(np.median(gps[good] - t[good]))
-    return {"epoch": iso(zero), "date": iso(zero + float(t[good][0]))[:10]} if zero > 0 else {}
+    return {"epoch": iso(zero), "date": iso(float(gps[good][0]))[:10]} if zero > 0 else {}
 
 
 def arm(parameters: Mapping[str, float], name: str) -> list[float]:

@@ -58,6 +58,7 @@ class Message(NamedTuple):
             len(self.letters) != len(self.columns)
             or len(set(self.columns)) != len(self.columns)
             or any(letter not in TYPES for letter in self.letters)
+            or not all(self.columns)
             or not self.letters
         ):
             return None

@@ -91,6 +91,7 @@ def _positions(
         good = np.isin(quality, list(ERRORS)) & (t >= 0) & np.isfinite(columns["lat"])
         good &= np.isfinite(columns["lon"])
         columns |= {"quality": quality}
+        columns["altitude"] = np.where(_flat(sentences, t), np.nan, columns["altitude"])
         table = _table(path, name, kind, t, good, columns, clock, left)
         if (bad := int(np.count_nonzero(~good))) > 0:
             left.append(
@@ -115,6 +116,16 @@ def _positions(
         title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
         return [Section("aiding", "gnss", keys, 0, title, assumed)]
     return []
+
+
+def _flat(sentences: Sentences, t: Ints) -> NDArray[np.bool_]:
+    """Which fixes at times of day t (n,) have two dimensions, by GSA: the receiver kept their
+    heights."""
+    if "GSA" not in sentences.kinds:
+        return np.zeros(len(t), bool)
+    kind = sentences.kinds["GSA"]
+    mode, there = kind.numbers(2), sentences.time_beside(kind)
+    return np.isin(t, there[mode == 2]) & ~np.isin(t, there[mode == 3])
 
 
 def _heights(table: Table, left: list[str]) -> tuple[bool, dict[str, Any]]:

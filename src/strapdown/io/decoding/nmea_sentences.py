@@ -12,13 +12,13 @@ import numpy as np
 
 from ...typing import Array, Ints
 
-TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS")
+TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")
 """Sentences that are read; all others, such as GSV, are passed over."""
 PATTERN = re.compile(
     rb"\$([A-Z]{2})(%s)(,[^$*\r\n]{0,120})(?:\*([0-9A-Fa-f]{2}))?" % "|".join(TYPES).encode()
 )
 TIME_FIELD = {"GGA": 1, "GNS": 1, "GLL": 5, "RMC": 1, "GST": 1, "ZDA": 1}
-"""Where a sentence has the time of day; VTG, HDT and THS have none."""
+"""Where a sentence has the time of day; VTG, HDT, THS and GSA have none."""
 
 
 class Kind(NamedTuple):

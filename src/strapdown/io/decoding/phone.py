@@ -20,8 +20,8 @@ SPEED_SD = 0.5
 """m/s, of a velocity whose accuracy the phone does not say."""
 VERTICAL = 1.5
 """Of the vertical accuracy over the horizontal one, where the phone does not say it."""
-MAGNETIC_SD = 20.0
-"""uT: not the noise, which is far less, but errors of some uT that last over many samples."""
+MAGNETIC_SD = 5.0
+"""uT: not the noise, which is far less, but what is near bends the field by so much indoors."""
 GRAVITY = (5.0, 15.0)
 """m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
 out has almost none."""

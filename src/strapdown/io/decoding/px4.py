@@ -22,8 +22,9 @@ GYRO = [f"gyro_rad[{k}]" for k in range(3)]
 ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
 Q = [f"q[{k}]" for k in range(4)]
 FIX_3D = 3  # fix_type from which a fix has a height
-SINCE_2001 = 10**15
-"""us: a clock that starts later counts from 1970, as that of a simulator does, not from power on."""
+SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
+"""us: a clock that starts between these counts from 1970, as that of a simulator does, not from power
+on."""
 SLOW = 20.0  # Hz of samples that have been averaged, below which raw ones are looked at
 NEARLY = 0.8
 """Of the rate of another topic with the same samples, from which a topic is taken before it."""
@@ -90,6 +91,11 @@ def _usable(fixes: Columns) -> None:
             fixes[key] = np.where(valid, fixes[key], np.nan)
 
 
+def is_unix(log: ULog) -> bool:
+    """Whether the clock of a log counts from 1970."""
+    return SINCE_2001 < log.start < UNTIL_2128
+
+
 def time_of(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[str, Any]:
     """The key `time` of a section: of the samples where the topic says when they were taken."""
     sampled = columns.get("timestamp_sample")
@@ -97,7 +103,7 @@ def time_of(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[
     return (
         {"column": column, "unit": "us"}
         | ({"offset": offset} if offset else {})
-        | ({"clock": "unix"} if log.start > SINCE_2001 else {})
+        | ({"clock": "unix"} if is_unix(log) else {})
     )
 
 
@@ -247,7 +253,7 @@ def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
             (attitude["timestamp"], q),
             None if v is None else (local["timestamp"], v),
         )
-        clock = {"clock": "unix"} if log.start > SINCE_2001 else {}
+        clock = {"clock": "unix"} if is_unix(log) else {}
         geoid = heights[:1] == ["alt"]
         found.append(autopilot.reference(columns, table, instance, named, left, geoid, **clock))
     return found

@@ -12,6 +12,7 @@ from .ros_transforms import Pose
 
 LEAST_FORCE = 3.0
 """m/s^2, least median of the specific force where gravity is in it."""
+DIRECTIONS = ("forward", "backward"), ("left", "right"), ("up", "down")
 ATTITUDE_SD = [0.02, 0.02, 0.1]
 """rad, of roll, pitch and heading where a log states none."""
 
@@ -66,13 +67,13 @@ def _doubt(stream: Stream, force: Array) -> tuple[str, str]:
         return "", "; gravity does not tell, it turns over"
     if force[2] > whole / 2:
         return "", "; gravity agrees"
-    name = ["forward", "left", "up"][int(np.argmax(np.abs(force)))]
-    where = f"{force[int(np.argmax(np.abs(force)))]:+.1f} m/s^2 on {name}"
+    most = int(np.argmax(np.abs(force)))
+    where = DIRECTIONS[most][int(force[most] < 0)]
     hint = "perhaps forward, right, down" if force[2] < -whole / 2 else "it is turned"
     frame = f"{stream.frame} " if stream.frame else ""
     return (
-        f"its frame {frame}is not forward, left, up: its median specific force is {where}, where "
-        f"+9.8 on up is expected ({hint}); set axes or mounting",
+        f"its frame {frame}is not forward, left, up: at {abs(force[most]):.1f} m/s^2 its median "
+        f"specific force points {where}, not up ({hint}); set axes or mounting",
         "",
     )
 

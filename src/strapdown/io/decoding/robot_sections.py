@@ -80,6 +80,7 @@ def _completed(section: Section, stream: Stream, number: int) -> Section:
     return section._replace(
         keys={**section.keys, "table": stream.topic, "time": stream.time},
         instance=number,
+        left=section.left.replace("--imu N", f"--imu {number}"),
         title=f"{stream.topic}, {stream.rate:.4g} Hz{section.title}",
         assumed={**section.assumed, **({"time": stream.remark} if stream.remark else {})},
     )

@@ -71,7 +71,7 @@ def _imu(
     if each.absolute:
         assumed["time"] = (
             f"the sensor's clock is set to GPS time by the order of the messages, within "
-            f"{1e3 * each.scatter:.0f} ms beside the receiver's latency, which the file does not say"
+            f"{1e3 * each.scatter:.1f} ms beside the receiver's latency, which the file does not say"
         )
     if mounting:
         assumed["mounting"] = "as the receiver found it (ESF-ALG)"

@@ -15,6 +15,8 @@ from ..table_file import Table
 
 LEAST_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
 """Hz by the kind of the samples below which a log is refused, and below which it is noted."""
+ROUNDED = 0.98
+"""Of a rate: it may be 99 for 100."""
 
 
 def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | None:
@@ -22,11 +24,11 @@ def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | No
     IMU of a log."""
     hz, kind = _rate(section, tables), section.keys.get("kind", "rate")
     least, safe = LEAST_RATES.get(kind, (0.0, 0.0))
-    if section.of != "imu" or hz >= safe:
+    if section.of != "imu" or hz >= safe * ROUNDED:
         return None
     samples = "increments" if kind == "increment" else "samples"
     line = f"{hz:.3g} Hz is slow for {samples} of an IMU: {least:g} Hz are needed, {safe:g} Hz are safe"
-    return line + (f"; {section.faster}" if section.faster else ""), hz < least
+    return line + (f"; {section.faster}" if section.faster else ""), hz < least * ROUNDED
 
 
 def _rate(section: Section, tables: Mapping[str, Table]) -> float:

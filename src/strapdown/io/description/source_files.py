@@ -11,7 +11,16 @@ import numpy as np
 
 from ...checks import DataError, did_you_mean
 from ...preprocessing.origin import Rows
-from ...time_scales import DAY, WEEK, calendar_seconds, midnight, rolled, seconds_since
+from ...time_scales import (
+    DAY,
+    WEEK,
+    YEARS,
+    calendar_seconds,
+    midnight,
+    rolled,
+    seconds_since,
+    year_of,
+)
 from ...typing import Array, File, Mask
 from ..calendar_text import Moments, Pattern, read_moments
 from ..contract import Log
@@ -121,7 +130,7 @@ class Files:
             if time.absolute is not None and self.epoch is None:
                 t = self._since(0.0, table, time)
                 some = t[np.isfinite(t)]
-                self.epoch = midnight(some[0]) if len(some) else 0.0
+                self.epoch = midnight(_believed(some[0], table, time)) if len(some) else 0.0
         if time.absolute is None:
             if self._first.absolute is not None:
                 raise DataError(
@@ -185,6 +194,17 @@ class Files:
         if self._start is None:
             self._start = some[0] if len(some) else 0.0
         return t + DAY * np.round((self._start - some[0]) / DAY) if len(some) else t
+
+
+def _believed(gps: float, table: Table, time: Time) -> float:
+    """A first time, s of GPS time since its zero. Raises DataError where it is none of a recording."""
+    year = year_of(gps)
+    if not YEARS[0] <= year < YEARS[1]:
+        raise DataError(
+            f"{table.name}: its first time {time.column!r} is in the year {year:.0f} on the clock "
+            f"{time.absolute!r}; check unit, clock and week"
+        )
+    return gps
 
 
 def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import DataError
 from ...time_scales import WEEK
 from ..contract import Log, Reader, Section
 from ..decoding import autopilot
@@ -70,7 +71,10 @@ def open_dataflash(path: Path) -> Log:
 
 
 def _is_dataflash(path: Path) -> bool:
-    return read_bytes(path, 3) == HEAD + b"\x80"
+    try:
+        return read_bytes(path, 3) == HEAD + b"\x80"
+    except DataError:
+        return False
 
 
 READER = Reader(

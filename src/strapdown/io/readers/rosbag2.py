@@ -11,7 +11,7 @@ import numpy as np
 
 from ...checks import DataError
 from ..contract import Log, Reader
-from ..table_file import PACKED, packed, read_bytes
+from ..table_file import PACKED, packed
 
 if TYPE_CHECKING:
     from ..decoding.ros_messages import Messages
@@ -23,8 +23,6 @@ AT_ONCE = 5000
 """Messages."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 """How a frame of zstd begins; of a bag whose messages are packed each for itself."""
-MOST_RATIO = 1000
-"""By which a database may have been packed."""
 MOST_UNPACKED = 1 << 16
 """Bytes of a packed message that is of use here."""
 STEPS = 100_000
@@ -44,7 +42,7 @@ def _parts(path: Path) -> list[Path]:
     """The files of a bag in the order of their numbers."""
     if not path.is_dir():
         return [path]
-    endings = (*SUFFIXES, *packed(".mcap"))
+    endings = (*SUFFIXES, *packed(".mcap"), ".mcap.zstd")
     found = [each for each in path.iterdir() if each.name.lower().endswith(endings)]
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
@@ -56,11 +54,9 @@ def _parts(path: Path) -> list[Path]:
 def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
     """A database, and its size in bytes."""
     if path.name.lower().endswith((*PACKED, ".zstd")):
-        from ..decoding.unpacking import unpack_frame
+        from ..decoding.mapped import mapped
 
-        content = read_bytes(path)
-        if path.suffix.lower() == ".zstd":
-            content = unpack_frame(content, MOST_RATIO * len(content))
+        content = mapped(path)
         database = sqlite3.connect(":memory:")
         database.deserialize(content)
         return database, len(content)

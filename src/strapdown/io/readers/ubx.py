@@ -29,7 +29,8 @@ from ..table_file import Table, packed, read_bytes
 START = 1 << 18
 """Bytes in which a log must show a frame to be known by its content."""
 FUSED = (
-    "fix types 1 and 4 are made with the receiver's own inertial sensors and no independent aiding"
+    "made with the receiver's own inertial sensors (fix types 1 and 4), no independent aiding; --take "
+    "gnss={} takes it all the same"
 )
 LEFT_OUT = {
     0x1015: "ESF-INS: free of gravity, so no accelerometer",
@@ -55,7 +56,10 @@ def open_ubx(path: Path) -> Log:
     if not name:
         nmea = nmea_log(path, sentences)
         tables |= nmea.tables
-        sections += nmea.sections
+        fused = frames.count(NAV_PVAT) > 0
+        sections += [
+            each._replace(left=FUSED.format(0)) if fused else each for each in nmea.sections
+        ]
         left += nmea.left
     elif b"GGA," in data or b"RMC," in data:
         left.append("NMEA of the same receiver: the UBX messages say the same with more digits")
@@ -119,7 +123,7 @@ def _fixes(
         return left, sections
     if not time.absolute:
         left.append("dates: no message says a valid one, so times count from an unknown week")
-    for instance, kinds, why in ((0, (2, 3), ""), (1, (1, 4), FUSED)):
+    for instance, kinds, why in ((0, (2, 3), ""), (1, (1, 4), FUSED.format(1))):
         columns, late, twice = usable(found, kinds)
         many = len(columns["t"])
         if not many:

@@ -10,10 +10,10 @@ import numpy as np
 from ...time_scales import gps_from_unix, iso
 from ..contract import Log, Reader, Section
 from ..decoding import autopilot
-from ..decoding.px4 import SINCE_2001, imus, others, prepared, trajectories
+from ..decoding.px4 import SINCE_2001, imus, is_unix, others, prepared, trajectories
 from ..decoding.px4_receivers import receivers
 from ..decoding.records import Tables
-from ..decoding.ulog import MAGIC, ULog
+from ..decoding.ulog import ULog
 from ..table_file import Table, packed, read_bytes
 
 
@@ -26,7 +26,7 @@ def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
     """Epoch, date and vehicle, as far as the log says them."""
     head: dict[str, Any] = {}
     fixes = [each for each in sections if each.role == "gnss"]
-    if log.start > SINCE_2001:
+    if is_unix(log):
         head["date"] = iso(float(gps_from_unix(log.start * 1e-6)))[:10]
     elif fixes:
         name, _, instance = fixes[0].keys["table"].rpartition(" ")
@@ -60,10 +60,6 @@ def open_ulog(path: Path) -> Log:
     version = " ".join(log.info.get(key, "") for key in ("sys_name", "ver_hw")).strip()
     facts = (f"PX4 ULog{version and f' of {version}'}, {len(log.topics)} topics",)
     return Log(Tables(makers), tuple(sections), facts, tuple(left), (), head)
-
-
-def _is_ulog(path: Path) -> bool:
-    return read_bytes(path, len(MAGIC)) == MAGIC
 
 
 READER = Reader("ulog", packed(".ulg"), "PX4 log", open=open_ulog)

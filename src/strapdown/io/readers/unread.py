@@ -253,7 +253,7 @@ def sniff(path: Path) -> bool:
 READER = Reader(
     "unread",
     packed(".tlog", ".bbl", ".sbet", ".pcapng", ".mp4", ".rtcm3", ".rnx"),
-    "formats of other devices, which are named and refused",
+    "",
     sniff=sniff,
     open=open_unread,
 )
