@@ -10,20 +10,15 @@ from ...typing import Array
 from ...units import DEG, UNITS
 from ..contract import Section
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
+from .track_units import EARTH_RADIUS, units_of_course
 
 POSITION_SD, VELOCITY_SD, COURSE_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3), 2.0
 """m, m/s and deg of a receiver that tells none."""
 NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
-EARTH_RADIUS = 6378137.0
 ARM = (
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
     "the antenna",
 )
-BASE = 4.0
-"""s between two positions whose difference tells a speed."""
-WORST_FIT = 0.25
-"""Relative difference of a speed, and rad of a course, from those of the positions, up to which a
-unit fits."""
 NO_FIX = re.compile(r"no(ne|[ _-]?fix|t .*)?|invalid|v|false|0|2d?|time.*", re.IGNORECASE)
 """What a text says of a row that is no fix in three dimensions."""
 
@@ -250,7 +245,7 @@ def _velocity(
             keys["sd"], why["sd"] = list(VELOCITY_SD), NO_SD
         _add(found, columns, "velocity", keys, why)
     elif speed and course:
-        units, told = _units_of_course(columns, speed, course, t, track)
+        units, told = units_of_course(columns, speed, course, t, track)
         in_order, form = [speed, course], "speed, course"
         if vertical:
             in_order.append(vertical)
@@ -273,66 +268,6 @@ def _velocity(
 def _of(speed: float, unit: str) -> float:
     """A speed in m/s in another unit, rounded."""
     return float(f"{speed / UNITS['speed'][unit]:.2g}")
-
-
-def _units_of_course(
-    columns: Names, speed: str, course: str, t: Array, track: Array | None
-) -> tuple[list[str], str]:
-    """([unit of the speed, of the course], why they are assumed): those of the names, unless the
-    positions show another."""
-    named = [columns.unit(speed, tuple(UNITS["speed"])), columns.unit(course, ("rad", "deg"))]
-    angles = columns.numbers(course)
-    largest = float(np.nanmax(np.abs(angles))) if np.isfinite(angles).any() else 0.0
-    units = [named[0] or "m/s", named[1] or ("rad" if largest < 6.4 else "deg")]
-    told = [f"{name!r} names no unit" for name, unit in zip((speed, course), named) if unit is None]
-    if track is None:
-        return units, "; ".join(told)
-    fast, way = _of_positions(t, track)
-    values = columns.numbers(speed)
-    if named[0] is None and len(moving := np.flatnonzero(fast > 2.0)):
-        with np.errstate(invalid="ignore"):
-            ratio = float(np.nanmedian(values[moving] / fast[moving]))
-        fits = min(
-            UNITS["speed"], key=lambda unit: abs(np.log(max(ratio, 1e-9) * UNITS["speed"][unit]))
-        )
-        if abs(np.log(max(ratio, 1e-9) * UNITS["speed"][fits])) < WORST_FIT:
-            units[0], told = fits, [f"{speed!r} in {fits} fits the positions", *told[1:]]
-    sure = (fast > 2.0) & np.isfinite(angles)
-    if largest < 6.4 and sure.sum() > 10:
-        miss = {
-            unit: float(
-                np.median(np.abs(_wrapped(angles[sure] * UNITS["angle"][unit] - way[sure])))
-            )
-            for unit in ("rad", "deg")
-        }
-        if miss["rad"] < WORST_FIT < miss["deg"] and units[1] != "rad":
-            units[1] = "rad"
-            told.append(f"{course!r} is in rad in spite of its name: only so it fits the positions")
-    return units, "; ".join(told)
-
-
-def _of_positions(t: Array, track: Array) -> tuple[Array, Array]:
-    """Speed (n,), m/s, and course (n,), rad, between the positions half of `BASE` before and after
-    each; NaN where there are none."""
-    fast, way = np.full(len(t), np.nan), np.full(len(t), np.nan)
-    known = np.flatnonzero(np.isfinite(track).all(axis=1) & np.isfinite(t))
-    known = known[(track[known] != 0).any(axis=1)]
-    if len(known) < 3:
-        return fast, way
-    k = max(1, round(0.5 * BASE / max(float(np.median(np.diff(t[known]))), 1e-9)))
-    if len(known) <= 2 * k:
-        return fast, way
-    before, here, after = known[: -2 * k], known[k:-k], known[2 * k :]
-    step = (track[after] - track[before]) * EARTH_RADIUS
-    step[:, 1] *= np.cos(track[here, 0])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fast[here] = np.linalg.norm(step, axis=1) / (t[after] - t[before])
-    way[here] = np.arctan2(step[:, 1], step[:, 0])
-    return fast, way
-
-
-def _wrapped(angle: Array) -> Array:
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def _where(columns: Names) -> tuple[dict[str, Any] | None, str]:

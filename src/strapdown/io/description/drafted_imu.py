@@ -51,14 +51,14 @@ def imu_section(
     if accel:
         unit, scale, why = _accel_unit(columns, accel[0], raw["a"])
         factor = scale * UNITS["acceleration"][unit]
-        force = np.nanmedian(raw["a"], axis=0) * factor
-        size = float(np.nanmedian(np.linalg.norm(raw["a"] * factor, axis=1)))
+        whole = raw["a"][np.isfinite(raw["a"]).all(axis=1)]
+        size = _strength(raw["a"]) * factor
         if size < LEAST_MEDIAN_FORCE:
             asked.append(
                 f"accel: {', '.join(accel)} have a median magnitude of {size:.2g} m/s^2, where gravity "
                 f"alone gives 9.8: gravity was taken out of them; record the raw accelerometer"
             )
-        axes = _axes(force) if np.isfinite(force).all() else AXES
+        axes = _axes(np.median(whole, axis=0) * factor) if len(whole) else AXES
         keys |= {"axes": axes[0], "accel": {"columns": accel, "unit": unit}}
         keys["accel"] |= {"scale": float(f"{scale:.6g}")} if scale != 1 else {}
         assumed |= {"axes": axes[1]} | ({"accel": why} if why else {})
@@ -79,6 +79,12 @@ def imu_section(
 
 def _stack(columns: Names, names: list[str]) -> Array:
     return np.stack([columns.numbers(name) for name in names], axis=1)
+
+
+def _strength(vectors: Array) -> float:
+    """Median magnitude of the rows (n, 3) that are whole; 0 without any."""
+    whole = vectors[np.isfinite(vectors).all(axis=1)]
+    return float(np.median(np.linalg.norm(whole, axis=1))) if len(whole) else 0.0
 
 
 def _gyro_unit(
@@ -108,8 +114,7 @@ def _accel_unit(columns: Names, name: str, raw: Array) -> tuple[str, float, str]
     unit = columns.unit(name, ("m/s^2", "mg", "g"))
     if unit is not None:
         return unit, 1.0, ""
-    with np.errstate(invalid="ignore"):
-        magnitude = float(np.nanmedian(np.linalg.norm(raw, axis=1)))
+    magnitude = _strength(raw)
     for unit, gravity in (("m/s^2", G), ("g", 1.0), ("mg", 1000.0)):
         if 0.6 < magnitude / gravity < 1.7:
             return unit, 1.0, f"median magnitude is {magnitude:.4g}"
@@ -149,8 +154,7 @@ def magnetometer_section(
     names = columns.triple(MAG)
     if not names:
         return None, []
-    with np.errstate(invalid="ignore"):
-        median = float(np.nanmedian(np.linalg.norm(_stack(columns, names), axis=1)))
+    median = _strength(_stack(columns, names))
     known = UNITS["magnetic field"]
     named = columns.unit(names[0], ("uT", "nT", "mgauss", "gauss", "T"))
     tesla = named or next(

@@ -89,7 +89,7 @@ class Joined(NamedTuple):
             for each in self.taken
         ]
         assumed = [
-            f"assumed: {each.section.role} {key} = {_value(each.section.keys[key])}: {why}"
+            f"assumed: {_called(each.section)} {key} = {_value(each.section.keys[key])}: {why}"
             for each in self.taken
             for key, why in each.section.assumed.items()
         ]
@@ -213,6 +213,11 @@ def _why(each: Taken, role: str, take: Take) -> str:
     number = each.section.instance
     how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
     return f"one {ROLES[role]} is taken; {how} takes it"
+
+
+def _called(section: Section) -> str:
+    """The role, of a receiver with the kind of its fixes."""
+    return f"gnss {section.keys['kind']}" if section.role == "gnss" else section.role
 
 
 def _whole(taken: Iterable[Taken], folder: File) -> list[Taken]:

@@ -1,0 +1,74 @@
+"""Units of a speed and a course that a table of fixes does not name, or misnames, by its positions."""
+
+import numpy as np
+
+from ...typing import Array
+from ...units import UNITS
+from .column_names import Names
+
+EARTH_RADIUS = 6378137.0
+BASE = 4.0
+"""s between two positions whose difference tells a speed."""
+WORST_FIT = 0.25
+"""Relative difference of a speed, and rad of a course, from those of the positions, up to which a
+unit fits."""
+
+
+def units_of_course(
+    columns: Names, speed: str, course: str, t: Array, track: Array | None
+) -> tuple[list[str], str]:
+    """([unit of the speed, of the course], why they are assumed): those of the names, unless the
+    positions show another."""
+    named = [columns.unit(speed, tuple(UNITS["speed"])), columns.unit(course, ("rad", "deg"))]
+    angles = columns.numbers(course)
+    largest = float(np.nanmax(np.abs(angles))) if np.isfinite(angles).any() else 0.0
+    units = [named[0] or "m/s", named[1] or ("rad" if largest < 6.4 else "deg")]
+    told = [f"{name!r} names no unit" for name, unit in zip((speed, course), named) if unit is None]
+    if track is None:
+        return units, "; ".join(told)
+    fast, way = _of_positions(t, track)
+    values = columns.numbers(speed)
+    if named[0] is None and len(moving := np.flatnonzero(fast > 2.0)):
+        ratios = (values[moving] / fast[moving])[np.isfinite(values[moving])]
+        ratio = float(np.median(ratios)) if len(ratios) else 0.0
+        fits = min(
+            UNITS["speed"], key=lambda unit: abs(np.log(max(ratio, 1e-9) * UNITS["speed"][unit]))
+        )
+        if abs(np.log(max(ratio, 1e-9) * UNITS["speed"][fits])) < WORST_FIT:
+            units[0], told = fits, [f"{speed!r} in {fits} fits the positions", *told[1:]]
+    sure = (fast > 2.0) & np.isfinite(angles)
+    if largest < 6.4 and sure.sum() > 10:
+        miss = {
+            unit: float(
+                np.median(np.abs(_wrapped(angles[sure] * UNITS["angle"][unit] - way[sure])))
+            )
+            for unit in ("rad", "deg")
+        }
+        if miss["rad"] < WORST_FIT < miss["deg"] and units[1] != "rad":
+            units[1] = "rad"
+            told.append(f"{course!r} is in rad in spite of its name: only so it fits the positions")
+    return units, "; ".join(told)
+
+
+def _of_positions(t: Array, track: Array) -> tuple[Array, Array]:
+    """Speed (n,), m/s, and course (n,), rad, between the positions half of `BASE` before and after
+    each; NaN where there are none."""
+    fast, way = np.full(len(t), np.nan), np.full(len(t), np.nan)
+    known = np.flatnonzero(np.isfinite(track).all(axis=1) & np.isfinite(t))
+    known = known[(track[known] != 0).any(axis=1)]
+    if len(known) < 3:
+        return fast, way
+    k = max(1, round(0.5 * BASE / max(float(np.median(np.diff(t[known]))), 1e-9)))
+    if len(known) <= 2 * k:
+        return fast, way
+    before, here, after = known[: -2 * k], known[k:-k], known[2 * k :]
+    step = (track[after] - track[before]) * EARTH_RADIUS
+    step[:, 1] *= np.cos(track[here, 0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fast[here] = np.linalg.norm(step, axis=1) / (t[after] - t[before])
+    way[here] = np.arctan2(step[:, 1], step[:, 0])
+    return fast, way
+
+
+def _wrapped(angle: Array) -> Array:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
