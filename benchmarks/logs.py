@@ -16,12 +16,20 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "src"), str(HERE.parent / "tests" / "support")]
 
 import processes  # noqa: E402
+import written_dataflash  # noqa: E402
+import written_nmea  # noqa: E402
+import written_phones  # noqa: E402
+import written_ros  # noqa: E402
+import written_rtklib  # noqa: E402
+import written_ubx  # noqa: E402
+import written_ulog  # noqa: E402
 
 import strapdown as sd  # noqa: E402
 
 SECONDS, RATE, FIX_RATE = 3600.0, 200.0, 10.0
 ROWS = 100_000
 """Of the solution that is written."""
+START = np.datetime64("2024-05-01T08:00:00", "ms")
 TABLES = ["tables, reading over pandas", "tables, memory of reading", "tables, writing a row"]
 TOML = """
 epoch = "2024-05-01T00:00:00Z"
@@ -116,6 +124,135 @@ def tables():
     ]
 
 
+def hours(formats=None):
+    """{name of a format: (seconds that its hour takes to read, note)}."""
+    found = {}
+    with tempfile.TemporaryDirectory() as name:
+        recording = as_recording(drive())
+        for each, write in HOURS.items():
+            if formats is None or each in formats:
+                folder = Path(name) / each.replace(" ", "-")
+                folder.mkdir()
+                paths = write(folder, recording)
+                size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+                read = lambda: sd.read(*paths)
+                samples = len(read().imu.t)
+                found[each] = seconds(read), f"{samples} samples, {size / 1e6:.0f} MB"
+    return found
+
+
+def as_recording(arrays):
+    """The arrays of `drive` as a Recording."""
+    t, gyro, accel, at, lla, v_n = arrays
+    lla = lla * [np.pi / 180, np.pi / 180, 1.0]
+    deviations = np.tile([1.0, 1.0, 2.0], (len(at), 1))
+    aidings = (
+        sd.Aiding("position", at, lla, deviations),
+        sd.Aiding("velocity", at, v_n, 0.1 * np.ones(v_n.shape)),
+    )
+    return sd.Recording.from_arrays(t, gyro, accel, aidings)
+
+
+def csv_hour(folder, recording):
+    return [write_tables(folder, drive())]
+
+
+def ulog_hour(folder, recording):
+    written_ulog.write(folder / "hour.ulg", recording)
+    return [folder / "hour.ulg"]
+
+
+def dataflash_hour(folder, recording):
+    written_dataflash.write(folder / "hour.bin", recording)
+    return [folder / "hour.bin"]
+
+
+def ubx_hour(folder, recording):
+    path = folder / "hour.ubx"
+    path.write_bytes(written_ubx.drive(int(SECONDS * RATE), int(RATE / FIX_RATE), 5)[0])
+    return [path]
+
+
+def imu_table(folder, recording):
+    """A table of the IMU in Unix time, beside a receiver's file."""
+    imu = recording.imu
+    moments = START.astype(float) / 1e3 + imu.t
+    values = np.c_[moments, imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]]
+    path = folder / "imu.csv"
+    head = "unix_time_s,gyro_x_rad/s,gyro_y_rad/s,gyro_z_rad/s,acc_x_m/s^2,acc_y_m/s^2,acc_z_m/s^2"
+    np.savetxt(path, values, "%.9f", ",", header=head, comments="")
+    return path
+
+
+def nmea_hour(folder, recording):
+    position, velocity = recording.aidings
+    moments = START + np.round(position.t * 1e3).astype("timedelta64[ms]")
+    lines = []
+    for moment, lla, v in zip(moments, position.y, velocity.y):
+        where = np.degrees(lla[0]), np.degrees(lla[1])
+        knots, course = np.hypot(v[0], v[1]) * 3600 / 1852, np.degrees(np.arctan2(v[1], v[0])) % 360
+        lines.append(written_nmea.gga(moment, *where, lla[2] - 47.2))
+        lines.append(written_nmea.rmc(moment, *where, knots, course) + written_nmea.GSV)
+    (folder / "hour.nmea").write_text("".join(lines))
+    return [imu_table(folder, recording), folder / "hour.nmea"]
+
+
+def pos_hour(folder, recording):
+    position = recording.aidings[0]
+    moments = START + np.round(position.t * 1e3 + 18_000).astype("timedelta64[ms]")
+    place = position.y * [180 / np.pi, 180 / np.pi, 1.0]
+    text = written_rtklib.pos(moments, place, np.full((len(place), 6), 0.02))
+    (folder / "hour.pos").write_text(text)
+    return [imu_table(folder, recording), folder / "hour.pos"]
+
+
+def bag_hour(folder, recording):
+    written_ros.write_bag(folder / "hour.bag", written_ros.drive("ros1", recording), "lz4")
+    return [folder / "hour.bag"]
+
+
+def db3_hour(folder, recording):
+    written_ros.write_bag2(folder / "hour", written_ros.drive("cdr", recording))
+    return [folder / "hour"]
+
+
+def mcap_hour(folder, recording):
+    written_ros.write_mcap(folder / "hour.mcap", written_ros.drive("cdr", recording))
+    return [folder / "hour.mcap"]
+
+
+def phone_hour(write):
+    def hour(folder, recording):
+        files = write(written_phones.signals(SECONDS, RATE, FIX_RATE))
+        written_phones.folder(folder / "hour", files)
+        return [folder / "hour"]
+
+    return hour
+
+
+def gnsslogger_hour(folder, recording):
+    text = written_phones.gnsslogger(written_phones.signals(SECONDS, RATE, FIX_RATE))
+    (folder / "hour.txt").write_bytes(text)
+    return [folder / "hour.txt"]
+
+
+HOURS = {
+    "CSV": csv_hour,
+    "PX4 ULog": ulog_hour,
+    "ArduPilot BIN": dataflash_hour,
+    "UBX": ubx_hour,
+    "NMEA and CSV": nmea_hour,
+    "RTKLIB and CSV": pos_hour,
+    "ROS bag 1": bag_hour,
+    "ROS bag 2": db3_hour,
+    "MCAP": mcap_hour,
+    "Sensor Logger": phone_hour(written_phones.sensor_logger),
+    "phyphox": phone_hour(written_phones.phyphox),
+    "GnssLogger": gnsslogger_hour,
+}
+"""{format: function of (folder, Recording) that writes an hour and gives the paths to read}."""
+
+
 def writing():
     """us a row of a solution as CSV."""
     motion = sd.simulate("car", 10.0, "consumer", seed=1)
@@ -164,3 +301,5 @@ if __name__ == "__main__" and sys.argv[1:2] == ["memory"]:
 elif __name__ == "__main__":
     for figure, (value, note) in zip(TABLES, tables()):
         print(f"{figure}: {value:.3g}  ({note})")
+    for name, (value, note) in hours(sys.argv[1:] or None).items():
+        print(f"an hour of {name}: {value:.2f} s  ({note})", flush=True)

@@ -3,8 +3,6 @@ dates, what is assumed, and damage."""
 
 import io
 import re
-import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -279,17 +277,6 @@ def test_sentences_out_of_order_are_sorted(written):
     assert (log.tables["GGA"].frame["unix_ms"] == t.astype(np.int64)).all()
     assert any("1 GGA out of order" in line for line in log.left)
     assert any("1 GGA that repeat a time" in line for line in log.left)
-
-
-def test_an_hour_with_a_flood_of_satellites_takes_seconds(written):
-    t = moments(36_000, 100)
-    epoch = [gga(m, 45, 7, 100) + rmc(m, 45, 7, 5, 9) for m in t[:600]]
-    text = "".join(line + 3 * GSV for line in epoch)
-    path = written(60 * text).tables["GGA"].name.split(" [")[0]
-    begun = time.process_time()
-    open_nmea(Path(path))
-    taken = time.process_time() - begun
-    assert taken < 8, f"{taken:.1f} s"
 
 
 def test_content_tells_the_format(tmp_path):

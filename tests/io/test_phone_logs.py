@@ -1,7 +1,5 @@
 """Logs of phones, written by the pages of their formats and read back, and the samples."""
 
-import time
-
 import numpy as np
 import pytest
 from written_phones import (
@@ -273,20 +271,3 @@ def test_the_rows_of_the_sample_field_by_field(data_folder):
             expected = [float(row[column] or "nan") for row in rows]
             assert np.array_equal(table.numbers(name), expected, equal_nan=True), (kind, name)
         assert [lines[number - 1].split(",")[0] for number in table.lines] == [kind] * len(rows)
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("kind", ["sensor-logger", "phyphox", "gnsslogger"])
-def test_an_hour_is_read_in_five_seconds(tmp_path, kind):
-    s = signals(3600.0, 200.0, 10.0)
-    path = tmp_path / "hour"
-    if kind == "gnsslogger":
-        path = path.with_suffix(".txt")
-        path.write_bytes(gnsslogger(s))
-    else:
-        write = sensor_logger if kind == "sensor-logger" else phyphox
-        folder(path, write(s))
-    start = time.process_time()  # what other processes take is not counted
-    recording = sd.read(path)
-    taken = time.process_time() - start
-    assert len(recording.imu.t) > 700_000 and taken < 5.0, taken

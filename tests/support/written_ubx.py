@@ -13,6 +13,8 @@ PVT.names = (
 ).split()
 GPS_ZERO = np.datetime64("1980-01-06", "ms")
 WEEK = 604_800_000
+GPS = 1_400_000_000_000
+"""ms of GPS time since its zero, Friday 2024-05-17 16:53:02 UTC."""
 
 
 def frames(kind, payload):
@@ -75,3 +77,21 @@ def esf_meas(tag, kinds, counts):
     words[:, 1] = m << 11 | 1 << 3
     words[:, 2:-1] = counts & 0xFFFFFF | np.array(kinds) << 24
     return frames(0x1002, rows(words))
+
+
+def drive(n=200, per_fix=10, dt=10, rng=None):
+    """(bytes, tags, gyro, accel, moments, fixes) of n samples of ESF-RAW, a NAV-PVT after each
+    `per_fix` of them, `dt` ms apart."""
+    rng = rng or np.random.default_rng(3)
+    tag = 5_000_000 + dt * np.arange(n)
+    gyro = rng.integers(-(2**17), 2**17, (n, 3))
+    accel = rng.integers(-900, 900, (n, 3)) + [0, 0, 10042]
+    raw = esf_raw(tag, gyro, accel)
+    many = n // per_fix
+    moments = GPS + dt * per_fix * np.arange(many)
+    k = np.arange(many)
+    fixes = {"lat": 450000000 + 37 * k, "lon": -73000000 - 11 * k, "height": 200000 + 13 * k}
+    fixes |= {"velN": 400 + k, "velE": -90 - k, "velD": 7 * k % 50}
+    fixes |= {"hAcc": 900 + k, "vAcc": 1500 + k, "sAcc": 80 + k}
+    both = [pvt(moments, **fixes), raw.reshape(many, -1)]
+    return np.concatenate(both, axis=1).tobytes(), tag, gyro, accel, moments, fixes
