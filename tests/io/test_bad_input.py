@@ -197,7 +197,7 @@ TOMLS = {
         line("imu.csv", "imu2.csv"),
         "imu2.csv: cannot be read (No such file or directory); check the path",
     ),
-    "a folder": (line('"imu.csv"', '"."'), "it is a folder"),
+    "a folder": (line('"imu.csv"', '"."'), "is a folder"),
     "column by a wrong number": (line('"gx", "gy", "gz"', '"gx", 0, "gz"'), "0 is no column"),
     "constraint with a file": (
         line('kind = "velocity"', 'kind = "zero-velocity"'),

@@ -93,9 +93,7 @@ def test_a_reader_from_outside_is_known_everywhere(log, command):
     add(MINE)
     assert sd.read(log).meta["name"] == "walk"
     assert any("100 samples" in fact for fact in inspect(log).facts)
-    with pytest.raises(
-        DataError, match=r"log of my logger \(\.mine, \.mine\.xz\)|log of my logger"
-    ):
+    with pytest.raises(DataError, match=r"supported are .*\.mine, "):
         sd.read(log.with_suffix(".other"))
     code, out, err = command("inspect", str(log))
     # its gyro never changes

@@ -160,7 +160,7 @@ def taker(path: Path) -> Reader:
     ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
     raise DataError(
         f"{path}: files of type {ending or '(no suffix)'!r} are not read; supported are "
-        f"{', '.join(sorted(end for each in readers().values() for end in _plain(each)))}: see "
+        f"{', '.join(sorted({end for each in readers().values() for end in _plain(each)}))}: see "
         f"`strapdown fuse --help`"
     )
 
