@@ -9,8 +9,8 @@ import written_dataflash as written
 from multicopter import motion
 
 import strapdown as sd
-from strapdown.io.decoding.dataflash import DataFlash
-from strapdown.io.table_file import read_bytes
+from strapdown.io.decoding.autopilots.dataflash import DataFlash
+from strapdown.io.tables.table_file import read_bytes
 from strapdown.time_scales import WEEK, iso
 
 SAMPLES = (

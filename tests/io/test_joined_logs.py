@@ -12,7 +12,7 @@ from strapdown.checks import DataError
 from strapdown.io import registry
 from strapdown.io.contract import Log, Reader, Section
 from strapdown.io.inspection import draft, inspect
-from strapdown.io.table_file import Table
+from strapdown.io.tables.table_file import Table
 
 pytestmark = pytest.mark.short
 START = 1_714_521_600_000_000_000  # 2024-05-01, POSIX ns

@@ -25,8 +25,8 @@ from written_ros import FLU, Written, drive, imu, write_bag, write_mcap
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.decoding.mapped import mapped
-from strapdown.io.decoding.mcap_records import read_mcap
-from strapdown.io.decoding.ros_messages import Messages
+from strapdown.io.decoding.robots.mcap_records import read_mcap
+from strapdown.io.decoding.robots.ros_messages import Messages
 
 __all__ = ["driven"]  # a fixture
 SAMPLE = "native/rosbag2/jackal_sim_imu_odom_61s.mcap.xz"

@@ -12,7 +12,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io import registry
 from strapdown.io.readers.nmea import open_nmea, sniff
-from strapdown.io.table_file import read_bytes
+from strapdown.io.tables.table_file import read_bytes
 
 pytestmark = pytest.mark.short
 START = np.datetime64("2024-02-28T23:59:58.000", "ms")

@@ -16,7 +16,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.inspection import inspect
 from strapdown.io.registry import find
-from strapdown.io.table_file import read_bytes
+from strapdown.io.tables.table_file import read_bytes
 
 FRD = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 """Body axes of the phone's: forward is its top."""

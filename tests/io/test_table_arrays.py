@@ -8,7 +8,7 @@ from scipy.io import savemat
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.io.table_arrays import tables_of
+from strapdown.io.tables.table_arrays import tables_of
 
 pytestmark = pytest.mark.short
 T = np.arange(0, 20, 0.01)

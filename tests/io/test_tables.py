@@ -6,7 +6,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.io import read
-from strapdown.io.table_text import read_table
+from strapdown.io.tables.table_text import read_table
 
 pytestmark = pytest.mark.short
 T = 1714567890123456789 + 5_000_000 * np.arange(40)

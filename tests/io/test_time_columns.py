@@ -8,7 +8,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.io import read
-from strapdown.io.calendar_text import moments, patterns
+from strapdown.io.tables.calendar_text import moments, patterns
 from strapdown.time_scales import gps_from_unix
 
 pytestmark = pytest.mark.short

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from synthetic import flight, solution
 
 from strapdown.checks import DataError
-from strapdown.io.number_text import lines
 from strapdown.io.solution import read_solution, write_solution
+from strapdown.io.solutions.number_text import lines
 
 pytestmark = pytest.mark.short
 EPOCH = "2024-05-01T00:00:00Z"

@@ -13,7 +13,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.description.logs import join, opened
 from strapdown.io.readers.ubx import open_ubx, sniff
-from strapdown.io.table_file import read_bytes
+from strapdown.io.tables.table_file import read_bytes
 
 pytestmark = pytest.mark.short
 SAMPLES = {

@@ -10,9 +10,9 @@ import written_ulog as written
 from multicopter import motion
 
 import strapdown as sd
-from strapdown.io.decoding.ulog import ULog
+from strapdown.io.decoding.autopilots.ulog import ULog
 from strapdown.io.description.logs import join, opened
-from strapdown.io.table_file import read_bytes
+from strapdown.io.tables.table_file import read_bytes
 from strapdown.time_scales import gps_from_unix, iso
 
 SAMPLES = (

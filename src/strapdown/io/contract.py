@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 from ..checks import DataError
 from ..recording import Recording
 from ..verdict import Reason
-from .table_file import Table
+from .tables.table_file import Table
 
 Made = TypeVar("Made")
 

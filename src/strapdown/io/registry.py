@@ -15,7 +15,7 @@ from typing import Any
 from .. import plugins
 from ..checks import DataError
 from .contract import Reader
-from .table_file import PACKED
+from .tables.table_file import PACKED
 
 
 @cache

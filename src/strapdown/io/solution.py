@@ -12,12 +12,12 @@ from ..checks import DataError
 from ..data import Solution
 from ..files import replacing
 from ..typing import File
-from .geojson import geojson
-from .gpx import gpx
-from .kml import kml
-from .solution_csv import read_csv, write_csv
-from .solution_netcdf import read_netcdf, write_netcdf
-from .tum import tum
+from .solutions.geojson import geojson
+from .solutions.gpx import gpx
+from .solutions.kml import kml
+from .solutions.solution_csv import read_csv, write_csv
+from .solutions.solution_netcdf import read_netcdf, write_netcdf
+from .solutions.tum import tum
 
 TRACKS: dict[str, Callable[[Solution, Path], bytes]] = {
     "kml": kml,

@@ -18,7 +18,7 @@ from ..data import Solution, Trajectory
 from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from ..io.solution_netcdf import plain
+from ..io.solutions.solution_netcdf import plain
 from ..time_scales import span
 from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD

@@ -3,8 +3,8 @@
 import mmap
 from pathlib import Path
 
-from ..table_file import PACKED, read_bytes, reading
-from .unpacking import unpack_frame
+from ..tables.table_file import PACKED, read_bytes, reading
+from .robots.unpacking import unpack_frame
 
 MOST_RATIO = 1000
 """By which zstd may have packed a file."""

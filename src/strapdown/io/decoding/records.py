@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..table_file import Table
+from ..tables.table_file import Table
 
 Bytes = NDArray[np.uint8]
 Follow = Callable[[NDArray[np.int64]], NDArray[np.int64]]

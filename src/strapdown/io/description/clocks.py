@@ -11,7 +11,7 @@ import numpy as np
 from ...checks import DataError
 from ...time_scales import WEEK, iso
 from ..contract import Log, Section
-from ..table_file import Table
+from ..tables.table_file import Table
 from .schema_base import Time
 from .source_files import Files
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...units import factor
 from ..contract import Section
-from ..table_file import Table
+from ..tables.table_file import Table
 
 LEAST_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
 """Hz by the kind of the samples below which a log is refused, and below which it is noted."""

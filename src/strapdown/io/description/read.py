@@ -28,7 +28,7 @@ from ...time_scales import iso, utc
 from ...typing import Array, File
 from ...units import DEG, factor
 from ..magnetic_record import sound
-from ..table_file import Table
+from ..tables.table_file import Table
 from .calibrations import corrected, frames
 from .complaints import load
 from .fix_columns import Whereabouts, read_fixes

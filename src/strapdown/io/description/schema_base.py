@@ -19,7 +19,7 @@ from pydantic import (
 
 from ...checks import is_number
 from ...units import factor
-from ..calendar_text import Pattern, patterns
+from ..tables.calendar_text import Pattern, patterns
 
 Found = TypeVar("Found")
 Finite = Annotated[float, Field(allow_inf_nan=False)]

@@ -22,12 +22,12 @@ from ...time_scales import (
     year_of,
 )
 from ...typing import Array, File, Mask
-from ..calendar_text import Moments, Pattern, read_moments
 from ..contract import Log
 from ..locate import locate
 from ..registry import ask, looker
-from ..table_arrays import MATLAB, tables_of
-from ..table_file import Table
+from ..tables.calendar_text import Moments, Pattern, read_moments
+from ..tables.table_arrays import MATLAB, tables_of
+from ..tables.table_file import Table
 from .schema_base import Condition, Time
 
 

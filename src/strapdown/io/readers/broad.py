@@ -33,7 +33,7 @@ from ...sensor_models.imu import ImuSpec
 from ...typing import Array, ArrayLike, File, Mask
 from ..contract import Findings, Reader
 from ..facts import recording_facts
-from ..table_file import reading
+from ..tables.table_file import reading
 
 ARRAY_COLUMNS = {"gyr": 3, "acc": 3, "mag": 3, "quat_wxyz_enu": 4, "pos_enu": 3, "movement": 0}
 """Arrays of a file and their columns; 0 is an array without columns."""

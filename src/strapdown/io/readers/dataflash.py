@@ -11,11 +11,11 @@ import numpy as np
 from ...checks import DataError
 from ...time_scales import WEEK
 from ..contract import Log, Reader, Section
-from ..decoding import autopilot
-from ..decoding.ardupilot import Columns, imus, others, receivers, trajectories
-from ..decoding.dataflash import HEAD, DataFlash
+from ..decoding.autopilots import autopilot
+from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, trajectories
+from ..decoding.autopilots.dataflash import HEAD, DataFlash
 from ..decoding.records import Tables
-from ..table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, packed, read_bytes
 
 BY_VERSION = {"ArduCopter": "multicopter", "ArduPlane": "aircraft", "ArduRover": "car"}
 """Vehicles by the first word of the version that the autopilot writes."""

@@ -16,7 +16,7 @@ import numpy as np
 from ...checks import DataError
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
-from ..decoding.phone import (
+from ..decoding.phones.phone import (
     FixColumns,
     Piece,
     day,
@@ -26,7 +26,7 @@ from ..decoding.phone import (
     magnetometer_section,
     no_imu,
 )
-from ..table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
 MOST_NS = 4e18

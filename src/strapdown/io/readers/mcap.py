@@ -3,15 +3,15 @@
 from pathlib import Path
 
 from ..contract import Log, Reader
-from ..table_file import packed
+from ..tables.table_file import packed
 
 
 def open_mcap(path: Path) -> Log:
     """The Log of an MCAP file with messages of ROS 2 (CDR) or ROS 1. Raises DataError."""
     from ..decoding.mapped import mapped
-    from ..decoding.mcap_records import read_mcap
-    from ..decoding.robot_sections import log_of
-    from ..decoding.ros_messages import Messages
+    from ..decoding.robots.mcap_records import read_mcap
+    from ..decoding.robots.robot_sections import log_of
+    from ..decoding.robots.ros_messages import Messages
 
     return log_of(path, "MCAP file", read_mcap(mapped(path), Messages()))
 

@@ -20,7 +20,7 @@ from ...recording import Recording
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
-from ..solution_netcdf import Variables, fill, plain
+from ..solutions.solution_netcdf import Variables, fill, plain
 
 Layout: TypeAlias = Mapping[str, tuple[str, str, str]]
 """{name: (dimensions, unit, what it is)} of the columns of a group."""

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from ...checks import DataError
 from ..contract import Log, Reader
-from ..decoding.nmea_fixes import nmea_log
-from ..decoding.nmea_sentences import find_sentences
-from ..decoding.ubx_frames import find_frames
-from ..table_file import packed, read_bytes
+from ..decoding.receivers.nmea_fixes import nmea_log
+from ..decoding.receivers.nmea_sentences import find_sentences
+from ..decoding.receivers.ubx_frames import find_frames
+from ..tables.table_file import packed, read_bytes
 
 START = 1 << 18
 """Bytes in which a log must show a sentence to be known by its content."""

@@ -14,8 +14,8 @@ import numpy as np
 
 from ...typing import Array
 from ..contract import Log, Reader, Section
-from ..decoding.csv_export import CSV, Export, export, heads
-from ..decoding.phone import (
+from ..decoding.phones.csv_export import CSV, Export, export, heads
+from ..decoding.phones.phone import (
     FixColumns,
     Piece,
     barometer_section,
@@ -26,7 +26,7 @@ from ..decoding.phone import (
     magnetometer_section,
     no_imu,
 )
-from ..table_file import Table
+from ..tables.table_file import Table
 
 TIME_COLUMN = "Time (s)"
 UNIX = "POSIX time (ns)"

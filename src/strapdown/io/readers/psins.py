@@ -26,7 +26,7 @@ from ...recording import Recording
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
-from ..table_file import open_text, packed, reading
+from ..tables.table_file import open_text, packed, reading
 
 ARCSEC = np.pi / 180 / 3600
 """rad"""

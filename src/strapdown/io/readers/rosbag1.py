@@ -3,14 +3,14 @@
 from pathlib import Path
 
 from ..contract import Log, Reader
-from ..table_file import packed
+from ..tables.table_file import packed
 
 
 def open_rosbag1(path: Path) -> Log:
     """The Log of a bag. Raises DataError."""
-    from ..decoding.bag_records import read_bag
     from ..decoding.mapped import mapped
-    from ..decoding.robot_sections import log_of
+    from ..decoding.robots.bag_records import read_bag
+    from ..decoding.robots.robot_sections import log_of
 
     return log_of(path, "bag of ROS 1", read_bag(mapped(path)))
 

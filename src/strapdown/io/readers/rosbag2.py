@@ -11,10 +11,10 @@ import numpy as np
 
 from ...checks import DataError
 from ..contract import Log, Reader
-from ..table_file import PACKED, packed
+from ..tables.table_file import PACKED, packed
 
 if TYPE_CHECKING:
-    from ..decoding.ros_messages import Messages
+    from ..decoding.robots.ros_messages import Messages
 
 SUFFIXES = (*packed(".db3"), ".db3.zstd")
 METADATA = "metadata.yaml"
@@ -66,7 +66,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
 
 def read_database(path: Path, messages: "Messages") -> None:
     """Take in the messages of a database. Raises DataError."""
-    from ..decoding.ros_messages import TRANSFORMS, Topic
+    from ..decoding.robots.ros_messages import TRANSFORMS, Topic
 
     try:
         database, size = _connect(path)
@@ -143,7 +143,7 @@ def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
 
 def _unpacked(rows: list[Row]) -> Iterator[Row]:
     """The same with each message unpacked, without those that are damaged."""
-    from ..decoding.unpacking import unpack_frame
+    from ..decoding.robots.unpacking import unpack_frame
 
     for number, time, packed_message in rows:
         try:
@@ -155,8 +155,8 @@ def _unpacked(rows: list[Row]) -> Iterator[Row]:
 def messages_of(path: Path) -> "Messages":
     """The messages of a database or of the folder of a bag. Raises DataError."""
     from ..decoding.mapped import mapped
-    from ..decoding.mcap_records import read_mcap
-    from ..decoding.ros_messages import Messages
+    from ..decoding.robots.mcap_records import read_mcap
+    from ..decoding.robots.ros_messages import Messages
 
     messages = Messages()
     for part in _parts(path):
@@ -169,7 +169,7 @@ def messages_of(path: Path) -> "Messages":
 
 def open_rosbag2(path: Path) -> Log:
     """The Log of a database or of the folder of a bag. Raises DataError."""
-    from ..decoding.robot_sections import log_of
+    from ..decoding.robots.robot_sections import log_of
 
     return log_of(path, "bag of ROS 2", messages_of(path))
 

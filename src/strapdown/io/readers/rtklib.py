@@ -16,8 +16,8 @@ from ...geodesy import from_ecef, ned_axes, to_ecef
 from ...time_scales import GPS_ZERO, WEEK
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
-from ..decoding.cyclic_times import in_order
-from ..table_file import Table, packed, read_bytes
+from ..decoding.receivers.cyclic_times import in_order
+from ..tables.table_file import Table, packed, read_bytes
 
 START = 1 << 16
 """Bytes in which the line of column names must stand."""

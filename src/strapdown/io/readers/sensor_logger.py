@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contract import Log, Reader, Section
-from ..decoding.csv_export import CSV, Export, export, heads
-from ..decoding.phone import (
+from ..decoding.phones.csv_export import CSV, Export, export, heads
+from ..decoding.phones.phone import (
     GRAVITY,
     FixColumns,
     Piece,
@@ -26,7 +26,7 @@ from ..decoding.phone import (
     median_force,
     no_imu,
 )
-from ..table_file import Table
+from ..tables.table_file import Table
 
 TIME = {"column": "time", "unit": "ns", "clock": "unix"}
 XYZ = ["x", "y", "z"]

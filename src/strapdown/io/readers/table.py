@@ -4,12 +4,12 @@ guessed, and what is guessed is said."""
 from pathlib import Path
 
 from ..contract import Log, Reader
-from ..table_arrays import SUFFIXES
+from ..tables.table_arrays import SUFFIXES
 
 
 def open_table(path: Path) -> Log:
     """The Log of a file of tables. Raises DataError."""
-    from ..description.draft import open_table  # loads pydantic: 0.2 s
+    from ..drafting.draft import open_table  # loads pydantic: 0.2 s
 
     return open_table(path)
 

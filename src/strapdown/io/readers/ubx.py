@@ -15,16 +15,16 @@ import numpy as np
 from ...checks import DataError
 from ...time_scales import gps_from_unix
 from ..contract import Log, Reader, Section
-from ..decoding.nmea_clock import epochs
-from ..decoding.nmea_fixes import nmea_log
-from ..decoding.nmea_sentences import Sentences, find_sentences
-from ..decoding.ubx_fixes import Columns, solutions, usable, vehicle
-from ..decoding.ubx_frames import Frames, find_frames
-from ..decoding.ubx_imu import Epochs, imu_sections
-from ..decoding.ubx_layouts import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAV_PVAT
-from ..decoding.ubx_sensors import NAMES
-from ..decoding.ubx_times import Clock, clock
-from ..table_file import Table, packed, read_bytes
+from ..decoding.receivers.nmea_clock import epochs
+from ..decoding.receivers.nmea_fixes import nmea_log
+from ..decoding.receivers.nmea_sentences import Sentences, find_sentences
+from ..decoding.receivers.ubx_fixes import Columns, solutions, usable, vehicle
+from ..decoding.receivers.ubx_frames import Frames, find_frames
+from ..decoding.receivers.ubx_imu import Epochs, imu_sections
+from ..decoding.receivers.ubx_layouts import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAV_PVAT
+from ..decoding.receivers.ubx_sensors import NAMES
+from ..decoding.receivers.ubx_times import Clock, clock
+from ..tables.table_file import Table, packed, read_bytes
 
 START = 1 << 18
 """Bytes in which a log must show a frame to be known by its content."""

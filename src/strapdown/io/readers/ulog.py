@@ -9,12 +9,12 @@ import numpy as np
 
 from ...time_scales import gps_from_unix, iso
 from ..contract import Log, Reader, Section
-from ..decoding import autopilot
-from ..decoding.px4 import SINCE_2001, imus, is_unix, others, prepared, trajectories
-from ..decoding.px4_receivers import receivers
+from ..decoding.autopilots import autopilot
+from ..decoding.autopilots.px4 import SINCE_2001, imus, is_unix, others, prepared, trajectories
+from ..decoding.autopilots.px4_receivers import receivers
+from ..decoding.autopilots.ulog import ULog
 from ..decoding.records import Tables
-from ..decoding.ulog import ULog
-from ..table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, packed, read_bytes
 
 
 def _table(path: Path, log: ULog, name: str, instance: int) -> Table:

@@ -12,9 +12,9 @@ import numpy as np
 
 from ...checks import DataError
 from ..contract import Log, Reader
-from ..decoding.nmea_sentences import PATTERN
-from ..decoding.ubx_frames import find_frames
-from ..table_file import packed, read_bytes
+from ..decoding.receivers.nmea_sentences import PATTERN
+from ..decoding.receivers.ubx_frames import find_frames
+from ..tables.table_file import packed, read_bytes
 
 START = 1 << 16
 """Bytes by which a file is known."""

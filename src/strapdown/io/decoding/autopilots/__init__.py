@@ -1,0 +1,1 @@
+"""Logs of flight controllers, PX4 and ArduPilot, taken apart."""

@@ -1,0 +1,257 @@
+"""Which messages of an ArduPilot log make a recording, as sections of a description.
+
+The IMU is `IMU`, what the autopilot's own filter was given, one point sample per row. The batches
+of raw samples (`ISBD`) have pauses between them, and `ACC` and `GYR` are raw samples in tables of
+their own at rates of their own.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...contract import Section
+from . import autopilot
+from .dataflash import DataFlash
+
+Columns = dict[str, NDArray[Any]]
+FIX_3D = 3  # Status from which a fix has a height
+FASTER = (
+    "set IMU_FAST (of ArduCopter bit 18) in LOG_BITMASK, which logs the IMU at the rate of the "
+    "main loop"
+)
+DELAY = 0.2
+"""s, that ArduPilot takes for a receiver whose delay neither a parameter nor its driver knows
+(AP_GPS_Backend::get_lag); drivers know 0.05 to 0.22 s."""
+SD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
+"""ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
+one: m, m/s, gauss, m."""
+UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
+ESTIMATE = "the autopilot's own estimate, made of the same sensors"
+MESSAGES = {
+    "imu": ("IMU", "IMU2", "IMU3"),
+    "gnss": ("GPS", "GPS2"),
+    "magnetometer": ("MAG", "MAG2", "MAG3"),
+    "barometer": ("BARO", "BAR2", "BAR3"),
+}
+"""Messages of old logs by instance; in newer ones the first has a column for it."""
+NEEDED = {
+    "imu": {f"{sensor}{axis}" for sensor in ("Gyr", "Acc") for axis in "XYZ"},
+    "gnss": {"Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"},
+    "magnetometer": {"MagX", "MagY", "MagZ"},
+    "barometer": {"Press"},
+}
+"""Columns without which a message is left."""
+
+
+def _of(log: DataFlash, name: str, instance: int) -> Columns:
+    """The columns of one instance: of message NAME by its column I, or NAME2 of an old log; with
+    times as signed numbers. {} where there is none."""
+    found = log.columns(name)
+    if "I" in found:
+        here = found["I"] == instance
+        found = {key: values[here] for key, values in found.items()}
+    elif instance:
+        found = log.columns(f"{name[:3]}{instance + 1}")
+    if "TimeUS" not in found or not len(found["TimeUS"]):
+        return {}
+    return found | {"TimeUS": found["TimeUS"].astype(np.int64)}
+
+
+def _instances(log: DataFlash, role: str) -> dict[int, Columns]:
+    """{instance: columns} of the messages of a role."""
+    first = MESSAGES[role][0]
+    numbered = log.columns(first).get("I")
+    several = range(len(MESSAGES[role])) if numbered is None else np.unique(numbered).tolist()
+    found = {instance: _of(log, first, instance) for instance in several}
+    needed = NEEDED[role]
+    return {instance: columns for instance, columns in found.items() if needed <= set(columns)}
+
+
+def imus(log: DataFlash) -> dict[str, tuple[Columns, Section]]:
+    """{table: (its columns, section)} of the IMUs."""
+    made = {}
+    trim = [np.degrees(log.parameters.get(f"AHRS_TRIM_{axis}", 0.0)) for axis in "XY"]
+    for instance, columns in _instances(log, "imu").items():
+        table, hz = f"IMU {instance}", autopilot.rate(columns["TimeUS"])
+        keys: dict[str, Any] = {
+            "table": table,
+            "time": {"column": "TimeUS", "unit": "us"},
+            "gyro": {"columns": ["GyrX", "GyrY", "GyrZ"], "unit": "rad/s"},
+            "accel": {"columns": ["AccX", "AccY", "AccZ"], "unit": "m/s^2"},
+        }
+        assumed = {"grade": autopilot.GRADE_OF_MEMS}
+        if any(trim):
+            keys["mounting"] = {
+                "roll": round(trim[0], 4),
+                "pitch": round(trim[1], 4),
+                "heading": 0.0,
+                "unit": "deg",
+            }
+            assumed["mounting"] = "AHRS_TRIM_X and AHRS_TRIM_Y of the log"
+        arm = autopilot.arm(log.parameters, f"INS_POS{instance + 1}_")
+        if any(arm):
+            keys["lever_arm"], assumed["lever_arm"] = arm, f"INS_POS{instance + 1} of the log"
+        keys["grade"] = "consumer"
+        title = f"{table}, {hz:.3g} Hz, point samples"
+        made[table] = columns, Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
+    return made
+
+
+def _fixes(log: DataFlash, instance: int, columns: Columns) -> tuple[Columns, Any]:
+    """(columns of the fixes with a height, their rows): with the accuracies and times of GPA,
+    velocities north and east, and the height above the ellipsoid where the log tells the
+    undulation."""
+    rows = np.flatnonzero(columns["Status"] >= FIX_3D)
+    found = {key: values[rows] for key, values in columns.items()}
+    of = _of(log, "GPA", instance)
+    of = of if {"HAcc", "VAcc", "SAcc"} <= set(of) else {}
+    found["SampleUS"] = found["TimeUS"]
+    if of and len(rows):
+        at = np.minimum(np.searchsorted(of["TimeUS"], found["TimeUS"]), len(of["TimeUS"]) - 1)
+        same = of["TimeUS"][at] == found["TimeUS"]
+        for key in ("HAcc", "VAcc", "SAcc"):
+            values = of[key][at].astype(float)
+            found[key] = np.where(same & (values > 0), values, np.nan)
+        if "SMS" in of:
+            sampled = of["SMS"][at].astype(np.int64) * 1000
+            found["SampleUS"] = np.where(same & (sampled > 0), sampled, found["TimeUS"])
+        if "Und" in of and np.any(of["Und"] != 0):
+            found["Height"] = found["Alt"] - of["Und"][at]
+        if "VV" in of:
+            found["VZ"] = np.where(same & (of["VV"][at] == 0), np.nan, found["VZ"])
+    course = np.radians(found["GCrs"])
+    return found | {"VN": found["Spd"] * np.cos(course), "VE": found["Spd"] * np.sin(course)}, rows
+
+
+def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
+    """(delay of a receiver in s, where that comes from)."""
+    names = [f"GPS{instance + 1}_DELAY_MS", "GPS_DELAY_MS" + ("" if not instance else "2")]
+    if log.parameters.get("AHRS_EKF_TYPE") == 2:
+        names.append("EK2_GPS_DELAY")
+    for name in names:
+        if log.parameters.get(name, 0.0) > 0:
+            return 1e-3 * log.parameters[name], f"{name} of the log"
+    return DELAY, f"{names[1]} of the log names none, and this is ArduPilot's own default"
+
+
+def _setting(log: DataFlash, name: str) -> tuple[float, str]:
+    """(a standard deviation, where it comes from): what the autopilot's own filter took."""
+    found = log.parameters.get("AHRS_EKF_TYPE", 3.0)
+    parameter = f"EK{2 if found == 2 else 3}_{name}"
+    if log.parameters.get(parameter, 0.0) > 0:
+        return float(f"{log.parameters[parameter]:.6g}"), f"{parameter} of the log"
+    return SD[name], f"the default of {parameter}"
+
+
+def receivers(log: DataFlash) -> tuple[dict[str, tuple[Columns, Any, list[Section]]], list[str]]:
+    """({table: (columns, rows, sections)} of the receivers, lines on what is left)."""
+    made: dict[str, tuple[Columns, Any, list[Section]]] = {}
+    left = []
+    for instance, columns in _instances(log, "gnss").items():
+        fixes, rows = _fixes(log, instance, columns)
+        lost = len(columns["TimeUS"]) - len(rows)
+        if lost:
+            left.append(f"GPS {instance}: {lost} of {lost + len(rows)} rows without a 3D fix")
+        if len(rows):
+            made[f"GPS {instance}"] = fixes, rows, _gnss(log, instance, fixes)
+    return made, left
+
+
+def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
+    delay, why = _delay(log, instance)
+    time = {"column": "SampleUS", "unit": "us", "offset": -delay}
+    common: dict[str, Any] = {"table": f"GPS {instance}", "time": time}
+    assumed = {"time": why}
+    for name in (f"GPS{instance + 1}_POS_", f"GPS_POS{instance + 1}_"):
+        arm = autopilot.arm(log.parameters, name)
+        if any(arm):
+            common["lever_arm"], assumed["lever_arm"] = arm, f"{name[:-1]} of the log"
+    title = f"GPS {instance}, {autopilot.rate(fixes['TimeUS']):.3g} Hz"
+    height = "Height" if "Height" in fixes else "Alt"
+    position = {"columns": ["Lat", "Lng", height], "unit": ["deg", "deg", "m"]}
+    velocity = {"columns": ["VN", "VE", "VZ"], "unit": "m/s"}
+    sections = []
+    above_geoid = height == "Alt"
+    for kind, keys, names, setting in (
+        ("position", position, ["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"),
+        ("velocity", velocity, ["SAcc"], "VELNE_M_NSE"),
+    ):
+        known = all(name in fixes and np.isfinite(fixes[name]).any() for name in names)
+        sd, origin = _setting(log, setting)
+        said = names[0] if len(names) == 1 else names
+        whole = {"kind": kind, **common, **keys, "sd": said if known else sd}
+        if above_geoid and kind == "position":
+            whole["geoid"] = "EGM96"
+        reasons = assumed | ({} if known else {"sd": f"the receiver says none; {origin}"})
+        where = ("aiding", "gnss", whole, instance, f"{title}, {kind}", reasons)
+        sections.append(Section(*where, remarks=() if "log names none" not in why else UNSURE))
+    return sections
+
+
+def others(log: DataFlash, dated: bool) -> dict[str, tuple[Columns, Section]]:
+    """{table: (its columns, section)} of magnetometers and barometers."""
+    made = {}
+    for role, kind, columns, unit, setting in (
+        ("magnetometer", "magnetic-field", ["MagX", "MagY", "MagZ"], "gauss", "MAG_M_NSE"),
+        ("barometer", "pressure", ["Press"], "Pa", "ALT_M_NSE"),
+    ):
+        sd, why = _setting(log, setting)
+        for instance, values in _instances(log, role).items():
+            if "Health" in values:
+                good = values["Health"] != 0
+                values = {key: each[good] for key, each in values.items()}
+            if not len(values["TimeUS"]):
+                continue
+            table = f"{MESSAGES[role][0]} {instance}"
+            keys = {
+                "kind": kind,
+                "table": table,
+                "time": {"column": "TimeUS", "unit": "us"},
+                "columns": columns,
+                "unit": unit,
+                "sd": sd,
+            }
+            if role == "magnetometer":
+                keys["scale"] = 1e-3  # counts of a thousandth
+            left = ""
+            if role == "magnetometer" and not dated:
+                left = "the model of the Earth's field needs a date, and the log has none"
+            title = f"{table}, {autopilot.rate(values['TimeUS']):.3g} Hz"
+            section = Section("aiding", role, keys, instance, title, {"sd": why}, left)
+            made[table] = values, section
+    return made
+
+
+def trajectories(log: DataFlash) -> list[tuple[Columns, Section]]:
+    """The simulator's truth, and the estimate of the autopilot's own filter."""
+    true, own, attitude = (_of(log, name, 0) for name in ("SIM", "POS", "ATT"))
+    found = []
+    if {"Lat", "Lng", "Alt", "Q1", "Q2", "Q3", "Q4"} <= set(true):
+        q = np.stack([true[f"Q{k}"] for k in (1, 2, 3, 4)], axis=1)
+        velocity = _of(log, "SIM2", 0)
+        columns = autopilot.trajectory(_place(true), (true["TimeUS"], q), _velocity(velocity))
+        title = "SIM, the simulator's truth"
+        found.append(autopilot.reference(columns, "truth", 0, title, "", geoid=True))
+    if {"Lat", "Lng", "Alt"} <= set(own) and {"Roll", "Pitch", "Yaw"} <= set(attitude):
+        q = autopilot.quaternions_of(
+            *(attitude[angle].astype(float) for angle in ("Roll", "Pitch", "Yaw"))
+        )
+        name = "NKF1" if log.parameters.get("AHRS_EKF_TYPE") == 2 else "XKF1"
+        velocity = _of(log, name, 0)
+        if "C" in velocity:
+            velocity = {key: each[velocity["C"] == 0] for key, each in velocity.items()}
+        columns = autopilot.trajectory(_place(own), (attitude["TimeUS"], q), _velocity(velocity))
+        title = f"POS, ATT and {name}"
+        found.append(autopilot.reference(columns, "estimate", 1, title, ESTIMATE, geoid=True))
+    return [each for each in found if len(each[0]["t"]) > 1]
+
+
+def _place(columns: Columns) -> tuple[Any, ...]:
+    return tuple(columns[key] for key in ("TimeUS", "Lat", "Lng", "Alt"))
+
+
+def _velocity(columns: Columns) -> tuple[Any, Any] | None:
+    if not {"TimeUS", "VN", "VE", "VD"} <= set(columns):
+        return None
+    return columns["TimeUS"], np.stack([columns[key] for key in ("VN", "VE", "VD")], axis=1)

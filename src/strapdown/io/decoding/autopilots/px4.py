@@ -1,0 +1,259 @@
+"""Which topics of a PX4 log make a recording, as sections of a description.
+
+The IMU is `vehicle_imu` where the log has it at full rate, else `sensor_combined`. Both hold what
+the autopilot integrated from the raw samples of its sensors, over 4 to 5 ms, calibrated and turned
+to the body; divided by the time that they were integrated over these are mean rates, which stay
+right where the logger lost a message. `sensor_gyro` and `sensor_accel`, raw, neither calibrated nor
+turned, are taken only where the log has nothing better.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...contract import Section
+from . import autopilot
+from .ulog import ULog
+
+Columns = dict[str, NDArray[Any]]
+GYRO = [f"gyro_rad[{k}]" for k in range(3)]
+ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
+Q = [f"q[{k}]" for k in range(4)]
+FIX_3D = 3  # fix_type from which a fix has a height
+SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
+"""us: a clock that starts between these counts from 1970, as that of a simulator does, not from power
+on."""
+SLOW = 20.0  # Hz of samples that have been averaged, below which raw ones are looked at
+NEARLY = 0.8
+"""Of the rate of another topic with the same samples, from which a topic is taken before it."""
+FASTER = (
+    "set SDLOG_PROFILE to 3 (default and estimator replay), which logs the IMU at its full rate"
+)
+SD = {
+    "EKF2_GPS_P_NOISE": 0.5,
+    "EKF2_GPS_V_NOISE": 0.3,
+    "EKF2_MAG_NOISE": 0.05,
+    "EKF2_BARO_NOISE": 3.5,
+}
+"""PX4's own standard deviations where neither the receiver nor a parameter of the log says one:
+m, m/s, gauss, m."""
+TRIPLE = ("[0]", "[1]", "[2]")
+FIX = {"fix_type", "time_utc_usec", "eph", "epv", "s_variance_m_s", "vel_ned_valid"}
+FIX |= {f"vel_{axis}_m_s" for axis in "ned"}
+OLD = FIX | {"lat", "lon", "alt", "alt_ellipsoid"}
+NEW = FIX | {"latitude_deg", "longitude_deg", "altitude_msl_m", "altitude_ellipsoid_m"}
+INTEGRALS = {f"delta_{of}{k}" for of in ("angle", "velocity") for k in TRIPLE}
+NEEDED: dict[str, list[set[str]]] = {
+    "vehicle_imu": [INTEGRALS | {"delta_angle_dt", "delta_velocity_dt"}],
+    "sensor_combined": [{*GYRO, *ACCEL}],
+    "sensor_gyro": [{"x", "y", "z"}],
+    "sensor_accel": [{"x", "y", "z"}],
+    "sensor_gps": [OLD, NEW],
+    "vehicle_gps_position": [OLD, NEW],
+    "vehicle_magnetometer": [{f"magnetometer_ga{k}" for k in TRIPLE}],
+    "vehicle_air_data": [{"baro_pressure_pa"}],
+}
+"""Fields that a topic must have, in the ways in which it may have them."""
+ESTIMATE = "the autopilot's own estimate, made of the same sensors"
+
+
+def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
+    """(columns, their rows in the log) of a topic: of a receiver the fixes with a height, of
+    increments also the mean rates; times as signed numbers."""
+    found = {
+        key: values.astype(np.int64) if key.startswith("timestamp") else values
+        for key, values in log.columns(name, instance).items()
+    }
+    rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
+    if "fix_type" in found:
+        rows = np.flatnonzero(found["fix_type"] >= FIX_3D)
+        found = {key: values[rows] for key, values in found.items()}
+        _usable(found)
+    if "delta_angle_dt" in found:
+        for names, of in ((GYRO, "delta_angle"), (ACCEL, "delta_velocity")):
+            seconds = found[f"{of}_dt"] * 1e-6
+            seconds[seconds <= 0] = np.nan
+            found |= {label: found[f"{of}[{k}]"] / seconds for k, label in enumerate(names)}
+    return found, rows
+
+
+def _usable(fixes: Columns) -> None:
+    """Standard deviations and velocities that the receiver does not give become missing."""
+    for sd in ("eph", "epv", "s_variance_m_s"):
+        if sd in fixes and (fixes[sd] > 0).any():
+            fixes[sd] = np.where(fixes[sd] > 0, fixes[sd], np.nan)
+    valid = fixes.get("vel_ned_valid")
+    if valid is not None and valid.any():
+        for axis in "ned":
+            key = f"vel_{axis}_m_s"
+            fixes[key] = np.where(valid, fixes[key], np.nan)
+
+
+def is_unix(log: ULog) -> bool:
+    """Whether the clock of a log counts from 1970."""
+    return SINCE_2001 < log.start < UNTIL_2128
+
+
+def time_of(log: ULog, columns: Mapping[str, Any], offset: float = 0.0) -> dict[str, Any]:
+    """The key `time` of a section: of the samples where the topic says when they were taken."""
+    sampled = columns.get("timestamp_sample")
+    column = "timestamp" if sampled is None or not np.all(sampled > 0) else "timestamp_sample"
+    return (
+        {"column": column, "unit": "us"}
+        | ({"offset": offset} if offset else {})
+        | ({"clock": "unix"} if is_unix(log) else {})
+    )
+
+
+def instances(log: ULog, name: str) -> dict[int, float]:
+    """{instance: rate in Hz} of a topic, of those with the fields that are needed."""
+    rates = {}
+    for topic, instance in log.topics:
+        columns = log.columns(name, instance) if topic == name else {}
+        if any(needed <= set(columns) for needed in NEEDED[name]):
+            rates[instance] = autopilot.rate(columns["timestamp"])
+    return rates
+
+
+def imus(log: ULog) -> tuple[list[Section], list[str]]:
+    """(sections, lines on what is left) of the IMUs."""
+    every = {name: instances(log, name) for name in ("vehicle_imu", "sensor_combined")}
+    gyros, accels = (instances(log, name) for name in ("sensor_gyro", "sensor_accel"))
+    every["sensor_gyro"] = {each: gyros[each] for each in gyros if each in accels}
+    rates = {name: max(found.values(), default=0.0) for name, found in every.items()}
+    best = max(rates["vehicle_imu"], rates["sensor_combined"])
+    name = "vehicle_imu" if rates["vehicle_imu"] >= NEARLY * best else "sensor_combined"
+    if best < SLOW and rates["sensor_gyro"] > best:
+        name = "sensor_gyro"
+    make = _raw_imu if name == "sensor_gyro" else _imu
+    sections = [make(log, name, each, hz) for each, hz in sorted(every[name].items())]
+    left = [
+        f"{topic} {', '.join(map(str, sorted(found)))}, {rates[topic]:.3g} Hz: "
+        + ("of the same sensors as" if rates[topic] > SLOW else "too slow beside")
+        + f" {name}"
+        for topic, found in every.items()
+        if found and topic != name
+    ]
+    return sections, left
+
+
+def _imu(log: ULog, name: str, instance: int, hz: float) -> Section:
+    keys: dict[str, Any] = {
+        "table": f"{name} {instance}",
+        "time": time_of(log, log.columns(name, instance)),
+        "gyro": {"columns": GYRO, "unit": "rad/s"},
+        "accel": {"columns": ACCEL, "unit": "m/s^2"},
+    }
+    return _of_imu(log, instance, f"{name} {instance}, {hz:.3g} Hz, mean rates", keys, {})
+
+
+def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
+    accel = log.columns("sensor_accel", instance)
+    keys: dict[str, Any] = {
+        "table": f"{name} {instance}",
+        "time": time_of(log, log.columns(name, instance)),
+        "axes": "FRD",
+        "gyro": {"columns": ["x", "y", "z"], "unit": "rad/s"},
+        "accel": {
+            "columns": ["x", "y", "z"],
+            "unit": "m/s^2",
+            "table": f"sensor_accel {instance}",
+            "time": time_of(log, accel),
+        },
+    }
+    why = "raw sensors: neither their calibration nor SENS_BOARD_ROT is applied"
+    title = f"sensor_gyro and sensor_accel {instance}, {hz:.3g} Hz, raw"
+    return _of_imu(log, instance, title, keys, {"axes": why})
+
+
+def _of_imu(
+    log: ULog, instance: int, title: str, keys: dict[str, Any], assumed: dict[str, str]
+) -> Section:
+    keys["grade"] = "consumer"
+    assumed["grade"] = autopilot.GRADE_OF_MEMS
+    position = autopilot.arm(log.parameters, "EKF2_IMU_POS_")
+    if any(position):
+        keys["lever_arm"], assumed["lever_arm"] = position, "EKF2_IMU_POS of the log"
+    return Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
+
+
+def setting(log: ULog, parameter: str) -> tuple[float, str]:
+    """(a standard deviation, where it comes from)."""
+    found = log.parameters.get(parameter, 0.0)
+    if found > 0:
+        return float(f"{found:.6g}"), f"{parameter} of the log"
+    return SD[parameter], f"the default of {parameter}"
+
+
+def others(log: ULog, dated: bool) -> list[Section]:
+    """Magnetometers and barometers."""
+    sections = []
+    for topic, role, kind, columns, unit, parameter in (
+        (
+            "vehicle_magnetometer",
+            "magnetometer",
+            "magnetic-field",
+            [f"magnetometer_ga[{k}]" for k in range(3)],
+            "gauss",
+            "EKF2_MAG_NOISE",
+        ),
+        (
+            "vehicle_air_data",
+            "barometer",
+            "pressure",
+            ["baro_pressure_pa"],
+            "Pa",
+            "EKF2_BARO_NOISE",
+        ),
+    ):
+        sd, why = setting(log, parameter)
+        for instance, hz in sorted(instances(log, topic).items()):
+            values = log.columns(topic, instance)
+            keys = {
+                "kind": kind,
+                "table": f"{topic} {instance}",
+                "time": time_of(log, values),
+                "columns": columns,
+                "unit": unit,
+                "sd": sd,
+            }
+            left = ""
+            if role == "magnetometer" and not dated:
+                left = "the model of the Earth's field needs a date, and the log has none"
+            title = f"{topic} {instance}, {hz:.3g} Hz"
+            sections.append(Section("aiding", role, keys, instance, title, {"sd": why}, left))
+    return sections
+
+
+def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
+    """The simulator's truth, and the estimate of the autopilot's own filter."""
+    found = []
+    title = "vehicle_global_position, vehicle_attitude, vehicle_local_position"
+    for instance, suffix, table, named, left in (
+        (0, "_groundtruth", "groundtruth", "the simulator's truth", ""),
+        (1, "", "estimate", title, ESTIMATE),
+    ):
+        position = log.columns(f"vehicle_global_position{suffix}")
+        attitude = log.columns(f"vehicle_attitude{suffix}")
+        local = log.columns(f"vehicle_local_position{suffix}")
+        if not {"lat", "lon", "alt"} <= set(position) or not set(Q) <= set(attitude):
+            continue
+        heights = [key for key in ("alt_ellipsoid", "alt") if np.any(position.get(key, 0.0))]
+        if not heights:
+            left = left or "all its heights are 0"
+        height = position[(heights or ["alt"])[0]]
+        place = position["timestamp"], position["lat"], position["lon"], height
+        q = np.stack([attitude[key] for key in Q], axis=1)
+        has_velocity = {"vx", "vy", "vz"} <= set(local)
+        v = np.stack([local[f"v{axis}"] for axis in "xyz"], axis=1) if has_velocity else None
+        columns = autopilot.trajectory(
+            place,
+            (attitude["timestamp"], q),
+            None if v is None else (local["timestamp"], v),
+        )
+        clock = {"clock": "unix"} if is_unix(log) else {}
+        geoid = heights[:1] == ["alt"]
+        found.append(autopilot.reference(columns, table, instance, named, left, geoid, **clock))
+    return found

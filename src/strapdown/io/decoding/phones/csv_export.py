@@ -1,0 +1,150 @@
+"""Exports of apps that write one CSV file per sensor: a folder of them, a zip, or one alone."""
+
+import io
+import re
+import struct
+import zipfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO, NamedTuple, cast
+
+import numpy as np
+
+from ....checks import DataError
+from ...tables.table_file import Table, open_bytes, packed, reading
+
+CSV = tuple(end for end in packed(".csv") if not end.endswith(".zip"))
+"""How the names of the files end."""
+MOST_FILES = 200
+"""Files of an export: an app has some twenty sensors."""
+HEAD = 4096
+"""Bytes of a file that hold its header line."""
+
+
+class Export(NamedTuple):
+    """The CSV files of an export by their names without endings, as "meta/time", each as a function
+    that opens it."""
+
+    path: Path
+    files: Mapping[str, Callable[[], BinaryIO]]
+
+    @property
+    def alone(self) -> bool:
+        """Whether it is one CSV file."""
+        return self.path.is_file() and self.path.suffix.lower() != ".zip"
+
+    def head(self, name: str) -> str:
+        """The header line of a file without quotes, "" where it has none. Raises DataError."""
+        with self._reading(), self.files[name]() as file:
+            text = file.read(HEAD).decode("utf-8-sig", "replace")
+        return text.splitlines()[0].replace('"', "") if text.strip() else ""
+
+    def table(self, name: str) -> Table:
+        """A file as a Table, without rows where it has none. Raises DataError."""
+        import pandas as pd
+
+        label = str(self.path) if self.alone else f"{self.path} [{name}.csv]"
+        head = self.head(name)
+        separator = max(",;\t", key=head.count)
+        with self._reading(), self.files[name]() as file:
+            content = file.read()
+        # apps set in some languages write 1,5 between semicolons or tabs
+        comma = separator != "," and re.search(rb"\d,\d", content[len(head) :][:HEAD])
+        try:
+            frame = pd.read_csv(
+                io.BytesIO(content),
+                sep=separator,
+                decimal="," if comma else ".",
+                index_col=False,
+                encoding_errors="replace",
+                low_memory=False,
+            )
+        except pd.errors.EmptyDataError:
+            frame = pd.DataFrame()
+        except (pd.errors.ParserError, ValueError, OverflowError) as error:
+            said = (str(error).splitlines() or ["?"])[0]
+            raise DataError(f"{label}: is not a table of comma-separated values ({said})") from None
+        frame.columns = pd.Index([str(column).strip() for column in frame.columns])
+        return Table(label, frame, np.arange(len(frame)) + 2)
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Around what reads: what a damaged archive raises is a DataError of one line."""
+        try:
+            with reading(self.path):
+                yield
+        except (NotImplementedError, RuntimeError, ValueError, KeyError, struct.error) as error:
+            if isinstance(error, DataError):
+                raise
+            said = (str(error).splitlines() or [type(error).__name__])[0]
+            raise DataError(
+                f"{self.path}: cannot be unpacked ({said}); unpack it and name the folder"
+            ) from None
+
+
+def export(path: Path) -> Export:
+    """The Export in a folder, a zip or a CSV file; without files where it is none. Raises
+    DataError."""
+    found = Export(path, {})
+    with found._reading():
+        if path.is_dir():
+            files = _of_folder(path)
+        elif path.suffix.lower() == ".zip":
+            with zipfile.ZipFile(path) as archive:
+                files = _of_zip(path, archive.namelist())
+        elif path.name.lower().endswith(CSV):
+            files = {_name(path.name): partial(open_bytes, path)}
+        else:
+            files = {}
+    return found._replace(files=dict(sorted(files.items())[:MOST_FILES]))
+
+
+def heads(path: Path) -> dict[str, str]:
+    """{name: header line} of the files of an export, for a `sniff`; {} where it is none. Raises
+    DataError for a damaged archive."""
+    try:
+        found = export(path)
+        return {name: found.head(name) for name in found.files}
+    except DataError:
+        if path.suffix.lower() == ".zip":
+            raise
+        return {}
+
+
+def _name(file: str) -> str:
+    """`Accelerometer` of `Accelerometer.csv.xz`."""
+    lower = file.lower()
+    return file[: -max(len(end) for end in CSV if lower.endswith(end))]
+
+
+def _of_folder(path: Path) -> dict[str, Callable[[], BinaryIO]]:
+    files = [*path.glob("*"), *path.glob("meta/*")]
+    return {
+        _name(file.relative_to(path).as_posix()): partial(open_bytes, file)
+        for file in files
+        if file.name.lower().endswith(CSV) and not file.name.startswith(".") and file.is_file()
+    }
+
+
+def _of_zip(path: Path, names: list[str]) -> dict[str, Callable[[], BinaryIO]]:
+    """The same of an archive, whose files may stand in one folder."""
+    found = {
+        PurePosixPath(name).parts: name
+        for name in names
+        if name.lower().endswith(".csv")
+        and not PurePosixPath(name).name.startswith(".")
+        and not name.startswith("__MACOSX")
+    }
+    tops = {parts[0] for parts in found}
+    inside = len(tops) == 1 and all(len(parts) > 1 for parts in found)
+    return {
+        _name("/".join(parts[1:] if inside else parts)): partial(_member, path, name)
+        for parts, name in found.items()
+    }
+
+
+def _member(path: Path, name: str) -> BinaryIO:
+    """A file of an archive, open to read."""
+    return cast(BinaryIO, zipfile.ZipFile(path).open(name))

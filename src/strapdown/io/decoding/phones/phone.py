@@ -1,0 +1,250 @@
+"""What logs of phones have in common: the axes, what a fix of the phone's location says, how it
+was held."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....typing import Array
+from ...contract import Section
+from ...tables.table_file import Table
+
+AXES = "RFU"
+"""x to the right and y to the top of the screen, z out of it: forward is the top of the phone."""
+GRADE = "a phone's MEMS IMU"
+FAR = 100.0
+"""m: a fix whose accuracy is worse comes from cell towers or an old place, not from satellites."""
+SPEED_SD = 0.5
+"""m/s, of a velocity whose accuracy the phone does not say."""
+VERTICAL = 1.5
+"""Of the vertical accuracy over the horizontal one, where the phone does not say it."""
+MAGNETIC_SD = 5.0
+"""uT: not the noise, which is far less, but what is near bends the field by so much indoors."""
+GRAVITY = (5.0, 15.0)
+"""m/s^2: the median specific force of an accelerometer lies between; one whose gravity was taken
+out has almost none."""
+DISTURBED = "a phone's magnetometer is bent by what is near; it is taken where it is calibrated or asked for"
+ADDED = ("north sd (m)", "up sd (m)", "speed (m/s)", "course (deg)", "speed sd (m/s)")
+"""Columns that `fixes` adds."""
+NOTHING: Mapping[str, str] = MappingProxyType({})
+
+
+class FixColumns(NamedTuple):
+    """Names of the columns of a table of fixes; "" where it has none."""
+
+    latitude: str
+    longitude: str
+    height: str
+    accuracy: str  # m, horizontal
+    vertical_accuracy: str = ""  # m
+    speed: str = ""  # m/s
+    course: str = ""  # deg from north
+    speed_accuracy: str = ""  # m/s
+    course_accuracy: str = ""  # deg
+
+
+class Piece(NamedTuple):
+    """A gyro or an accelerometer: where its three columns are and what they are."""
+
+    table: str
+    time: Mapping[str, Any]
+    columns: list[str]
+    unit: str
+    scale: float = 1.0
+
+
+def fixes(table: Table, names: FixColumns) -> tuple[Table, list[str]]:
+    """(Table with the columns ADDED, lines on rows that are left out) of a phone's fixes.
+
+    Phones write -1 or nothing for what they do not know. A speed of zero needs no course. Raises
+    DataError where a cell is no number.
+    """
+
+    def column(name: str) -> Array:
+        return table.numbers(name) if name else np.full(len(table.lines), np.nan)
+
+    def known(name: str) -> Array:
+        values = column(name)
+        return np.where(values > 0, values, np.nan)
+
+    accuracy, vertical = known(names.accuracy), known(names.vertical_accuracy)
+    vertical = np.where(np.isfinite(vertical), vertical, VERTICAL * accuracy)
+    speed, course, sd = column(names.speed), column(names.course), known(names.speed_accuracy)
+    course = np.where(course >= 0, course, np.nan)
+    speed = np.where((speed >= 0) & (np.isfinite(course) | (speed == 0)), speed, np.nan)
+    sd = np.where(np.isfinite(sd), sd, SPEED_SD)
+    across = np.nan_to_num(speed * np.radians(known(names.course_accuracy)))
+    columns = (accuracy, vertical, speed, course, np.maximum(sd, across))
+    added = dict(zip(ADDED, columns))
+    use = accuracy <= FAR
+    frame = table.frame.assign(**added)[use]
+    left = []
+    if far := int((accuracy > FAR).sum()):
+        left.append(f"{far} fixes whose accuracy is worse than {FAR:g} m")
+    if unknown := int(np.isnan(accuracy).sum()):
+        left.append(f"{unknown} fixes without an accuracy")
+    return table._replace(frame=frame, lines=table.lines[use]), left
+
+
+def fix_sections(
+    name: str,
+    table: Table,
+    names: FixColumns,
+    time: Mapping[str, Any],
+    geoid: str = "",
+    **more: Any,
+) -> list[Section]:
+    """Sections of the position, whose height is above a `geoid` where one is named, and, where
+    there is one, the velocity of fixes that `fixes` gave."""
+    if not len(table.lines):
+        return []
+    title = f"{name}, {len(table.lines)} fixes"
+    assumed = {"sd": "the accuracies that the phone says"}
+    position = {
+        "kind": "position",
+        "table": name,
+        "time": dict(time),
+        "columns": [names.latitude, names.longitude, names.height],
+        "unit": ["deg", "deg", "m"],
+        "sd": ["north sd (m)", "north sd (m)", "up sd (m)"],
+    }
+    if geoid:
+        position["geoid"] = "EGM96"
+        assumed = assumed | {"geoid": geoid}
+    found = [Section("aiding", "gnss", position, title=title, assumed=assumed, **more)]
+    if np.isfinite(table.numbers("speed (m/s)")).any():
+        said = names.speed_accuracy or ""
+        velocity = {
+            "kind": "velocity",
+            "table": name,
+            "time": dict(time),
+            "form": "speed, course",
+            "columns": ["speed (m/s)", "course (deg)"],
+            "unit": ["m/s", "deg"],
+            "sd": "speed sd (m/s)",
+        }
+        why = "speed and course, " + (f"sd of {said}" if said else f"sd of {SPEED_SD:g} m/s")
+        more = more | {"title": "speed and course", "assumed": {"sd": why}}
+        found.append(Section("aiding", "gnss", velocity, **more))
+    return found
+
+
+def day(unix: float) -> dict[str, str]:
+    """The key date of a moment in POSIX seconds; {} where it is none of this century."""
+    if not 946684800 <= unix < 4102444800:
+        return {}
+    return {"date": str(np.datetime64(int(unix), "s").astype("datetime64[D]"))}
+
+
+def inertial(
+    gyro: Piece | None,
+    accel: Piece | None,
+    tables: Mapping[str, Table],
+    record: str,
+    alone: bool = False,
+    assumed: Mapping[str, str] = NOTHING,
+) -> tuple[list[Section], list[str]]:
+    """(sections, facts): [imu] of a gyro and an accelerometer, or of one of them where it stands
+    `alone` in its file. What is unusable is a section that is left, with why and what to `record`.
+    """
+    facts = []
+    if accel:
+        norm, force = median_force(tables[accel.table], accel.columns)
+        norm, force = norm * abs(accel.scale), force * accel.scale
+        if not GRAVITY[0] <= norm <= GRAVITY[1]:
+            why = f"{accel.table}: its median is {norm:.3g} m/s^2, where gravity is 9.8; {record}"
+            return [no_imu(why)], []
+        facts.append(held(force))
+    there = gyro or accel
+    if there is None:
+        return [], []
+    if not alone and (gyro is None or accel is None):
+        missing = "gyroscope" if gyro is None else "accelerometer"
+        return [no_imu(f"there is no {missing} beside {there.table}; {record}")], facts
+    return [imu_section(gyro, accel, assumed)], facts
+
+
+def no_imu(why: str) -> Section:
+    """An [imu] that cannot be taken, and why."""
+    return Section("imu", "imu", {}, left=why)
+
+
+def imu_section(
+    gyro: Piece | None, accel: Piece | None, assumed: Mapping[str, str] = NOTHING
+) -> Section:
+    """[imu] of a gyro and an accelerometer, or of the one of them that there is."""
+    pieces = {"gyro": gyro, "accel": accel}
+    there = {key: piece for key, piece in pieces.items() if piece is not None}
+    first = next(iter(there.values()))
+    keys: dict[str, Any] = {"table": first.table, "time": dict(first.time), "axes": AXES}
+    for key, piece in there.items():
+        keys[key] = {"columns": piece.columns, "unit": piece.unit}
+        if piece.scale != 1:
+            keys[key]["scale"] = piece.scale
+        if piece is not first:
+            keys[key] |= {"table": piece.table, "time": dict(piece.time)}
+    title = " and ".join(piece.table for piece in there.values())
+    return Section(
+        "imu",
+        "imu",
+        keys | {"grade": "consumer"},
+        title=title,
+        assumed={"grade": GRADE, **assumed},
+    )
+
+
+def magnetometer_section(
+    name: str, time: Mapping[str, Any], columns: list[str], head: Mapping[str, Any]
+) -> Section:
+    """A magnetometer in uT, left until it is asked for."""
+    keys = {
+        "kind": "magnetic-field",
+        "table": name,
+        "time": dict(time),
+        "columns": columns,
+        "unit": "uT",
+        "axes": AXES,
+        "sd": MAGNETIC_SD,
+        **({} if "date" in head else {"field": "record"}),
+    }
+    assumed = {"sd": "uT, because what is near a phone bends the field for seconds"}
+    return Section("aiding", "magnetometer", keys, title=name, assumed=assumed, left=DISTURBED)
+
+
+def barometer_section(name: str, time: Mapping[str, Any], column: str) -> Section:
+    """A barometer in hPa."""
+    keys = {
+        "kind": "pressure",
+        "table": name,
+        "time": dict(time),
+        "columns": [column],
+        "unit": "hPa",
+        "sd": 1.0,
+    }
+    return Section("aiding", "barometer", keys, title=name, assumed={"sd": "m, as MEMS barometers"})
+
+
+def median_force(table: Table, columns: list[str]) -> tuple[float, Array]:
+    """(median magnitude, median vector (3,)) of three columns; NaN where there is no whole row."""
+    force = np.stack([table.numbers(column) for column in columns], axis=1)
+    force = force[np.isfinite(force).all(axis=1)]
+    if not len(force):
+        return np.nan, np.full(3, np.nan)
+    with np.errstate(over="ignore"):
+        return float(np.median(np.linalg.norm(force, axis=1))), np.median(force, axis=0)
+
+
+def held(force: Array) -> str:
+    """How the phone was held, by the median specific force in its axes (x right, y top, z out of
+    the screen)."""
+    axis = int(np.argmax(np.abs(force)))
+    ways = (("right side up", "left side up"), ("upright", "upside down"))
+    way = (*ways, ("screen up", "screen down"))[axis][int(force[axis] < 0)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        tilt = np.degrees(np.arccos(min(1.0, abs(force[axis]) / np.linalg.norm(force))))
+    return (
+        f"held {way}, {tilt:.0f} deg off, by the median of gravity; the heading is that of the top of "
+        f"the phone, not of what carries it"
+    )

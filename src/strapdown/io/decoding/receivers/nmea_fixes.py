@@ -1,0 +1,290 @@
+"""Positions, velocities and headings of NMEA 0183 as tables and sections of a description.
+
+What the sentences do not say is assumed: standard deviations where there is no GST, those of speed
+and heading always.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....typing import Ints
+from ...contract import Log, Section
+from ...tables.table_file import Table
+from .cyclic_times import in_order
+from .nmea_clock import Clock, clock_of
+from .nmea_sentences import TIME_FIELD, Kind, Sentences
+
+ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
+"""m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
+float), to be multiplied by HDOP, of which less than 1 counts as 1. 4 m and 0.02 m are those of ROS'
+nmea_navsat_driver; 1.5 m is gpsd's 3.75 m (95 %) as a standard deviation of one axis; 0.5 m is
+between."""
+VERTICAL = 2.0
+"""Of the vertical standard deviation to the horizontal one."""
+SPEED_SD = 0.6
+"""knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
+HEADING_SD = 2.0
+"""deg"""
+LEAST_SD = 1e-3
+"""m: a smaller standard deviation reads 0 in GST."""
+QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
+"""Of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
+GNSS = (b"GP", b"GN", b"GL", b"GA", b"GB", b"BD", b"GQ", b"QZ", b"GI")
+"""Talkers of one receiver of several systems."""
+UNTOLD = (
+    "NMEA does not tell whether a receiver used inertial sensors of its own (as u-blox F9K, F9R, M8U "
+    "and others do); fixes of such a receiver are no independent aiding"
+)
+
+
+def nmea_log(path: Path, sentences: Sentences) -> Log:
+    """The Log of the sentences of a file."""
+    clock = clock_of(sentences)
+    tables: dict[str, Table] = {}
+    left: list[str] = []
+    sentences = _of_one_source(sentences, left)
+    sections = _positions(path, sentences, clock, tables, left)
+    sections += _velocities(path, sentences, clock, tables, left)
+    sections += _headings(path, sentences, clock, tables, left)
+    kinds = sentences.kinds
+    if sections and not clock.absolute:
+        left.append(
+            "dates: no RMC or ZDA says one, so times are of the day, in s, UTC; they go with files whose "
+            "times are too"
+        )
+    if sentences.rejected:
+        left.append(f"{sentences.rejected} NMEA sentences fail their checksum")
+    if sentences.bare:
+        left.append(f"{sentences.bare} NMEA sentences without a checksum, or cut short")
+    shown = ", ".join(f"{name} {len(kind.place)}" for name, kind in kinds.items())
+    facts = [f"{path}: NMEA sentences {shown}"] if shown else []
+    return Log(tables, tuple(sections), (*facts, *([UNTOLD] if sections else [])), tuple(left))
+
+
+def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
+    """Of each type the sentences of one source, where GNSS receivers and other devices, such as
+    those of a ship, send the same: those of which there are most."""
+    kinds = {}
+    for name, kind in sentences.kinds.items():
+        gnss = np.array([talker in GNSS for talker in kind.talkers])
+        most = gnss if 2 * np.count_nonzero(gnss) >= len(gnss) else ~gnss
+        kinds[name] = kind if most.all() else kind.rows(np.flatnonzero(most))
+        if not most.all():
+            others = sorted({talker.decode() for talker, its in zip(kind.talkers, most) if not its})
+            left.append(f"{np.count_nonzero(~most)} {name} of other devices ({', '.join(others)})")
+    return sentences._replace(kinds=kinds)
+
+
+def _positions(
+    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
+) -> list[Section]:
+    """Sections of the positions, of the first of GGA, GNS, RMC and GLL that has a fix."""
+    for name in ("GGA", "GNS", "RMC", "GLL"):
+        if name not in sentences.kinds:
+            continue
+        kind = sentences.kinds[name]
+        quality, t = _quality(name, kind), kind.time_of_day(TIME_FIELD[name])
+        columns = _place_columns(name, kind)
+        good = np.isin(quality, list(ERRORS)) & (t >= 0) & np.isfinite(columns["lat"])
+        good &= np.isfinite(columns["lon"])
+        columns |= {"quality": quality}
+        columns["altitude"] = np.where(_flat(sentences, t), np.nan, columns["altitude"])
+        table = _table(path, name, kind, t, good, columns, clock, left)
+        if (bad := int(np.count_nonzero(~good))) > 0:
+            left.append(
+                f"{bad} {name} without a fix, or with an estimated, manual or simulated one"
+            )
+        if not len(table.lines):
+            continue
+        tables[name], why = _with_deviations(table, sentences, clock)
+        heights, geoid = _heights(tables[name], left)
+        keys = {
+            "kind": "position",
+            "table": name,
+            "time": clock.time,
+            "columns": ["lat", "lon", "altitude"],
+            "unit": ["deg", "deg", "m"],
+            **geoid,
+            "sd": ["sd_n", "sd_e", "sd_d"],
+        }
+        assumed = {"sd": why} if why else {}
+        if geoid.get("geoid") == "EGM96":
+            assumed["geoid"] = "the sentences do not say its separation"
+        title = f"{name}, {len(table.lines)} fixes" + ("" if heights else ", no heights")
+        return [Section("aiding", "gnss", keys, 0, title, assumed)]
+    return []
+
+
+def _flat(sentences: Sentences, t: Ints) -> NDArray[np.bool_]:
+    """Which fixes at times of day t (n,) have two dimensions, by GSA: the receiver kept their
+    heights."""
+    if "GSA" not in sentences.kinds:
+        return np.zeros(len(t), bool)
+    kind = sentences.kinds["GSA"]
+    mode, there = kind.numbers(2), sentences.time_beside(kind)
+    return np.isin(t, there[mode == 2]) & ~np.isin(t, there[mode == 3])
+
+
+def _heights(table: Table, left: list[str]) -> tuple[bool, dict[str, Any]]:
+    """(whether there are heights, the key that says how far the geoid is from the ellipsoid)."""
+    known = np.isfinite(table.numbers("altitude"))
+    if not known.any():
+        return False, {}
+    told = np.isfinite(table.numbers("separation"))
+    if not (told & known).any():
+        return True, {"geoid": "EGM96"}
+    if many := int(np.count_nonzero(known & ~told)):
+        left.append(f"{many} heights without the separation of the geoid, which others say")
+    return True, {"geoid": {"column": "separation", "unit": "m"}}
+
+
+def _quality(name: str, kind: Kind) -> Ints:
+    """Of each fix as GGA counts it; 0 where it is not used."""
+    if name == "GGA":
+        return np.nan_to_num(kind.numbers(6)).astype(int)
+    states = (
+        kind.text({"RMC": 2, "GLL": 6}.get(name, 0)) if name != "GNS" else [b"A"] * len(kind.place)
+    )
+    modes = kind.text({"RMC": 12, "GLL": 7, "GNS": 6}[name])
+    best = [
+        # GNS has a letter for each system; the systems without a fix say N
+        max((QUALITY_OF_MODE.get(mode[i : i + 1], 0) for i in range(max(len(mode), 1))), default=0)
+        for mode in modes
+    ]
+    return np.array([each if state == b"A" else 0 for each, state in zip(best, states)], int)
+
+
+def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
+    at = {"GGA": 2, "GNS": 2, "RMC": 3, "GLL": 1}[name]
+    found = {"lat": kind.degrees(at), "lon": kind.degrees(at + 2)}
+    nothing = np.full(len(kind.place), np.nan)
+    if name in ("GGA", "GNS"):
+        separation = kind.numbers(11 if name == "GGA" else 10)
+        return found | {
+            "altitude": kind.numbers(9),
+            "separation": separation,
+            "hdop": kind.numbers(8),
+        }
+    return found | {"altitude": nothing, "separation": nothing, "hdop": nothing}
+
+
+def _table(
+    path: Path,
+    name: str,
+    kind: Kind,
+    t: Ints,
+    good: NDArray[np.bool_],
+    columns: dict[str, NDArray[Any]],
+    clock: Clock,
+    left: list[str],
+) -> Table:
+    """The good rows in the order of time, each time once."""
+    rows = np.flatnonzero(good)
+    moment = clock.ms(kind.place[rows], t[rows])
+    order, late, twice = in_order(moment)
+    rows = rows[order]
+    if late:
+        left.append(f"{late} {name} out of order, which are sorted")
+    if twice:
+        left.append(f"{twice} {name} that repeat a time")
+    values = {clock.column: moment[order]}
+    values |= {key: each[rows] for key, each in columns.items()}
+    return Table.of(f"{path} [{name}]", values, rows, "sentence")
+
+
+def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[Table, str]:
+    """(the table with standard deviations of GST, or assumed ones; why)."""
+    quality, hdop = table.cells("quality"), table.numbers("hdop")
+    assumed = np.array([ERRORS[each] for each in quality.tolist()]) * np.fmax(hdop, 1.0)
+    assumed = np.where(np.isfinite(assumed), assumed, 10.0)
+    sd = np.stack([assumed, assumed, VERTICAL * assumed], axis=1)
+    told = np.zeros(len(sd), bool)
+    if "GST" in sentences.kinds:
+        gst = sentences.kinds["GST"]
+        t = gst.time_of_day(1)
+        rows = np.flatnonzero(t >= 0)
+        moment = clock.ms(gst.place[rows], t[rows])
+        values = np.stack([gst.numbers(field)[rows] for field in (6, 7, 8)], axis=1)
+        order, _, _ = in_order(moment)
+        if len(order):
+            there = moment[order]
+            at = np.minimum(np.searchsorted(there, table.cells(clock.column)), len(there) - 1)
+            own = values[order][at]
+            told = (there[at] == table.cells(clock.column)) & np.isfinite(own).all(axis=1)
+            sd = np.where(told[:, None], np.maximum(own, LEAST_SD), sd)
+    frame = table.frame.assign(sd_n=sd[:, 0], sd_e=sd[:, 1], sd_d=sd[:, 2])
+    if told.all():
+        return table._replace(frame=frame), ""
+    used = ", ".join(
+        f"{ERRORS[each]:g} m for quality {each}" for each in np.unique(quality[~told]).tolist()
+    )
+    return table._replace(frame=frame), f"{used}, times HDOP where above 1; height twice as much"
+
+
+def _velocities(
+    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
+) -> list[Section]:
+    """Section of the velocity over ground, of RMC, else VTG; it has no vertical component."""
+    for name in ("RMC", "VTG"):
+        if name not in sentences.kinds:
+            continue
+        kind = sentences.kinds[name]
+        if name == "RMC":
+            speed, course, t = kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
+            used = _quality(name, kind) > 0
+        else:
+            speed, course, t = kind.numbers(5), kind.numbers(1), sentences.time_beside(kind)
+            speed = np.where(np.isfinite(speed), speed, kind.numbers(7) / 1.852)
+            used = np.array([each in QUALITY_OF_MODE for each in kind.text(9)], bool)
+        columns = {"speed": speed, "course": course}
+        good = used & (t >= 0) & np.isfinite(speed)
+        if not good.any():
+            continue
+        lines = [] if name in tables else left
+        table = f"{name} velocity" if name in tables else name
+        tables[table] = _table(path, table, kind, t, good, columns, clock, lines)
+        keys = {
+            "kind": "velocity",
+            "table": table,
+            "time": clock.time,
+            "form": "speed, course",
+            "columns": ["speed", "course"],
+            "unit": ["knot", "deg"],
+            "sd": SPEED_SD,
+        }
+        why = "the sentences state none; receivers claim 0.05 m/s and filter"
+        title = f"{name}, speed and course, {len(tables[table].lines)} fixes"
+        return [Section("aiding", "gnss", keys, 0, title, {"sd": why})]
+    return []
+
+
+def _headings(
+    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
+) -> list[Section]:
+    """Section of the true heading, of THS, else HDT."""
+    for name in ("THS", "HDT"):
+        if name not in sentences.kinds:
+            continue
+        kind = sentences.kinds[name]
+        heading, t = kind.numbers(1), sentences.time_beside(kind)
+        good = np.isfinite(heading) & (t >= 0)
+        if name == "THS":
+            good &= np.array([each == b"A" for each in kind.text(2)], bool)
+        if not good.any():
+            left.append(f"{len(heading)} {name} without a heading")
+            continue
+        tables[name] = _table(path, name, kind, t, good, {"heading": heading}, clock, left)
+        keys = {
+            "kind": "heading",
+            "table": name,
+            "time": clock.time,
+            "columns": ["heading"],
+            "unit": "deg",
+            "sd": HEADING_SD,
+        }
+        title = f"{name}, {len(tables[name].lines)} headings"
+        return [Section("aiding", "heading", keys, 0, title, {"sd": f"{name} states none"})]
+    return []

@@ -1,0 +1,137 @@
+"""Sentences of NMEA 0183 among whatever else is in a file.
+
+A sentence is $, talker (2 letters), type (3), fields after commas, * and the exclusive or of all
+bytes between $ and * in hexadecimal (NMEA 0183 version 4; gpsd's "NMEA Revealed"). One without
+checksum, or with a wrong one, is not used.
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from ....typing import Array, Ints
+
+TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")
+"""Sentences that are read; all others, such as GSV, are passed over."""
+PATTERN = re.compile(
+    rb"\$([A-Z]{2})(%s)(,[^$*\r\n]{0,120})(?:\*([0-9A-Fa-f]{2}))?" % "|".join(TYPES).encode()
+)
+TIME_FIELD = {"GGA": 1, "GNS": 1, "GLL": 5, "RMC": 1, "GST": 1, "ZDA": 1}
+"""Where a sentence has the time of day; VTG, HDT, THS and GSA have none."""
+
+
+class Kind(NamedTuple):
+    """The sentences of one type, in the order of the file."""
+
+    place: Ints  # of the $ in the file (n,)
+    end: Ints  # of the checksum (n,)
+    talkers: list[bytes]
+    fields: list[list[bytes]]  # the first is empty, so that fields count from 1
+
+    def text(self, field: int) -> list[bytes]:
+        """One field of each; empty where the sentence is shorter."""
+        return [row[field] if field < len(row) else b"" for row in self.fields]
+
+    def numbers(self, field: int) -> Array:
+        """One field of each as numbers (n,); NaN where it is empty or no number."""
+        return numbers(self.text(field))
+
+    def degrees(self, field: int) -> Array:
+        """Latitude or longitude (n,), deg, of a field ddmm.mm and the next with its hemisphere."""
+        value = self.numbers(field)
+        whole = np.floor(value / 100)
+        minutes = value - 100 * whole
+        signs = [
+            {b"N": 1.0, b"E": 1.0, b"S": -1.0, b"W": -1.0}.get(each)
+            for each in self.text(field + 1)
+        ]
+        sign = np.array([np.nan if each is None else each for each in signs])
+        return np.where(minutes < 60, sign * (whole + minutes / 60), np.nan)
+
+    def time_of_day(self, field: int) -> Ints:
+        """ms (n,) of a field hhmmss.ss; -1 where there is none."""
+        value = self.numbers(field)
+        clock = np.floor(np.where(np.isfinite(value), value, -1))
+        hours, minutes, seconds = clock // 10000, clock // 100 % 100, clock % 100
+        fits = (clock >= 0) & (hours < 24) & (minutes < 60) & (seconds < 61)
+        with np.errstate(invalid="ignore"):
+            ms = 1000 * (3600 * hours + 60 * minutes + seconds) + np.round(1000 * (value - clock))
+        return np.where(fits, ms, -1).astype(int)
+
+    def rows(self, keep: Ints) -> "Kind":
+        """These sentences alone."""
+        return Kind(
+            self.place[keep],
+            self.end[keep],
+            [self.talkers[i] for i in keep],
+            [self.fields[i] for i in keep],
+        )
+
+
+class Sentences(NamedTuple):
+    """What a file has of the TYPES."""
+
+    kinds: dict[str, Kind]
+    rejected: int  # sentences of these types that fail their checksum
+    bare: int  # and those without one
+
+    def time_beside(self, kind: Kind) -> Ints:
+        """Time of day (n,), ms, of sentences that have none: that of the sentence nearest in the
+        file, of two the one before; -1 where there is none."""
+        timed = [
+            (each.place, each.end, each.time_of_day(TIME_FIELD[name]))
+            for name, each in self.kinds.items()
+            if name in TIME_FIELD
+        ]
+        if not timed:
+            return np.full(len(kind.place), -1)
+        place, end, t = (np.concatenate(each) for each in zip(*timed))
+        order = np.argsort(place)
+        place, end, t = place[order], end[order], t[order]
+        after = np.searchsorted(place, kind.place)
+        before, after = np.maximum(after - 1, 0), np.minimum(after, len(place) - 1)
+        nearer = np.abs(place[after] - kind.end) < np.abs(kind.place - end[before])
+        return t[np.where(nearer, after, before)]
+
+
+def find_sentences(data: bytes) -> Sentences:
+    """The sentences in these bytes."""
+    found = list(PATTERN.finditer(data))
+    whole = [each for each in found if each.group(4) is not None]
+    bytes_ = np.frombuffer(data, np.uint8)
+    running = np.bitwise_xor.accumulate(bytes_) if whole else bytes_
+    start = np.array([each.start() for each in whole], int)
+    star = np.array([each.end(3) for each in whole], int)
+    told = np.array([int(each.group(4), 16) for each in whole], int)
+    right = running[star - 1] ^ running[start] == told if whole else np.zeros(0, bool)
+    by_type: dict[str, list[int]] = {}
+    for i in np.flatnonzero(right).tolist():
+        by_type.setdefault(whole[i].group(2).decode(), []).append(i)
+    kinds = {
+        name: Kind(
+            start[rows],
+            star[rows] + 3,
+            [whole[i].group(1) for i in rows],
+            [whole[i].group(3).split(b",") for i in rows],
+        )
+        for name, rows in by_type.items()
+    }
+    return Sentences(kinds, int(np.count_nonzero(~right)), len(found) - len(whole))
+
+
+def numbers(texts: list[bytes]) -> Array:
+    """Numbers (n,); NaN where a text is empty or no plain number."""
+    cells = np.array([each or b"nan" for each in texts], "S32") if texts else np.zeros(0, "S32")
+    try:
+        values = cells.astype(float)
+    except ValueError:
+        values = np.array([_number(each) for each in texts])
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _number(text: bytes) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan

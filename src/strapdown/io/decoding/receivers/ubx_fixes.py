@@ -1,0 +1,151 @@
+"""Positions and velocities of a u-blox receiver, in m, m/s and deg, whichever of its messages have
+them."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....typing import Array, Ints
+from .cyclic_times import in_order
+from .ubx_frames import Frames
+from .ubx_layouts import (
+    LAYOUTS,
+    NAV_HPPOSLLH,
+    NAV_POSLLH,
+    NAV_PVAT,
+    NAV_PVT,
+    NAV_SOL,
+    NAV_STATUS,
+    NAV_VELNED,
+)
+from .ubx_times import Clock
+
+Columns = dict[str, NDArray[Any]]
+TIME_VALID = 0x03
+"""Of NAV-PVT: date and time of day are valid."""
+LEAST_SD = 1e-3
+"""m and m/s, the resolution of NAV-PVT: a smaller standard deviation reads 0."""
+NAMES = {NAV_PVT: "NAV-PVT", NAV_HPPOSLLH: "NAV-HPPOSLLH", NAV_POSLLH: "NAV-POSLLH"}
+
+
+def solutions(frames: Frames, clock: Clock) -> tuple[str, Columns]:
+    """(name of the message, its columns) of all epochs with a valid time in the order of the file:
+    `t` in ms, `fixType`, `ok` (the receiver's own limits are kept), positions, velocities and their
+    accuracies. Nothing where there is no position."""
+    for key, read in ((NAV_PVT, _pvt), (NAV_HPPOSLLH, _of_older), (NAV_POSLLH, _of_older)):
+        place, records = frames.records(key, LAYOUTS[key])
+        if len(records):
+            found = read(frames, clock, place, records)
+            if key == NAV_PVT:
+                found = _high_precision(frames, clock, found)
+            return NAMES[key], found
+    return "", {}
+
+
+def vehicle(frames: Frames, clock: Clock) -> Columns:
+    """NAV-PVAT: position, velocity and attitude by the receiver's own fusion."""
+    place, records = frames.records(NAV_PVAT, LAYOUTS[NAV_PVAT])
+    found = _pvt(frames, clock, place, records)
+    valid = records["valid"] & TIME_VALID == TIME_VALID
+    flags = records["flags"][valid]
+    for bit, name in ((3, "vehRoll"), (4, "vehPitch"), (5, "vehHeading")):
+        found[name] = np.where(flags >> bit & 1, records[name][valid] / 1e5, np.nan)
+    return found
+
+
+def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Columns:
+    valid = records["valid"] & TIME_VALID == TIME_VALID
+    place, records = place[valid], records[valid]
+    found = {
+        "row": np.flatnonzero(valid),
+        "place": place,
+        "t": clock.gps_ms(place, records["iTOW"]),
+        "fixType": records["fixType"],
+        "ok": (records["flags"] & 1).astype(bool),
+        "lat": records["lat"] / 1e7,
+        "lon": records["lon"] / 1e7,
+    }
+    names = ("height", "hAcc", "vAcc", "velN", "velE", "velD", "sAcc")
+    found |= {name: records[name] / 1e3 for name in names}
+    if records.dtype == LAYOUTS[NAV_PVT]:
+        found["ok"] &= records["flags3"] & 1 == 0
+    return found
+
+
+def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Columns:
+    """From a message of the position alone, the velocity and the state of the fix at its times."""
+    t = clock.gps_ms(place, records["iTOW"])
+    found = {"row": np.arange(len(t)), "place": place, "t": t, **_position(records)}
+    velocity = _at(frames, clock, NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
+    found |= {name: values / 100 for name, values in velocity.items()}
+    state = NAV_SOL if frames.count(NAV_SOL) else NAV_STATUS
+    told = _at(frames, clock, state, t, ("fixType", "flags"))
+    known = np.isfinite(told["fixType"])
+    # a receiver that says no state of its fixes says their accuracy
+    known_or_none = known | (frames.count(state) == 0)
+    found["fixType"] = np.where(known, np.nan_to_num(told["fixType"]), 3).astype(int)
+    right = np.nan_to_num(told["flags"]).astype(int) & 0x09 == 0x09  # fix and time of week
+    found["ok"] = np.where(known, right, known_or_none & (found["hAcc"] < 100))
+    return found
+
+
+def _position(records: NDArray[Any]) -> Columns:
+    if records.dtype != LAYOUTS[NAV_HPPOSLLH]:
+        found = {name: records[name] / 1e7 for name in ("lat", "lon")}
+        return found | {name: records[name] / 1e3 for name in ("height", "hAcc", "vAcc")}
+    found = {
+        name: (records[name] * np.int64(100) + records[f"{name}Hp"]) / 1e9
+        for name in ("lat", "lon")
+    }
+    found["height"] = (records["height"] * np.int64(10) + records["heightHp"]) / 1e4
+    invalid = records["invalid"] & 1 == 1
+    found |= {name: records[name] / 1e4 for name in ("hAcc", "vAcc")}
+    return {name: np.where(invalid, np.nan, values) for name, values in found.items()}
+
+
+def _high_precision(frames: Frames, clock: Clock, found: Columns) -> Columns:
+    """The same with the positions of NAV-HPPOSLLH, 0.1 mm, at the epochs that have one."""
+    place, records = frames.records(NAV_HPPOSLLH, LAYOUTS[NAV_HPPOSLLH])
+    if not len(records):
+        return found
+    t, finer = clock.gps_ms(place, records["iTOW"]), _position(records)
+    for name, values in finer.items():
+        at = _looked_up(found["t"], t, values)
+        found[name] = np.where(np.isfinite(at), at, found[name])
+    return found
+
+
+def _at(
+    frames: Frames, clock: Clock, key: int, t: Ints, names: tuple[str, ...]
+) -> dict[str, Array]:
+    """Fields of the messages of one kind at the epochs t; NaN where there is none."""
+    place, records = frames.records(key, LAYOUTS[key])
+    there = clock.gps_ms(place, records["iTOW"])
+    return {name: _looked_up(t, there, records[name].astype(float)) for name in names}
+
+
+def _looked_up(t: Ints, there: Ints, values: Array) -> Array:
+    if not len(there):
+        return np.full(len(t), np.nan)
+    order = np.argsort(there, kind="stable")
+    at = np.minimum(np.searchsorted(there[order], t), len(there) - 1)
+    return np.where(there[order][at] == t, values[order][at], np.nan)
+
+
+def usable(found: Columns, kinds: tuple[int, ...]) -> tuple[Columns, int, int]:
+    """(columns in the order of time of the fixes of these types that the receiver stands by, how
+    many were out of order, how many repeat a time). Of a fix in two dimensions height and vertical
+    velocity are missing: the receiver kept them."""
+    keep = np.isin(found["fixType"], kinds) & found["ok"]
+    columns = {name: values[keep] for name, values in found.items() if name != "ok"}
+    order, late, twice = in_order(columns["t"])
+    columns = {name: values[order] for name, values in columns.items()}
+    flat = columns["fixType"] == 2
+    for name in ("height", "vAcc", "velD"):
+        if name in columns:
+            columns[name] = np.where(flat, np.nan, columns[name])
+    for name in ("hAcc", "vAcc", "sAcc"):
+        if name in columns:
+            columns[name] = np.maximum(columns[name], LEAST_SD)
+    return columns, late, twice

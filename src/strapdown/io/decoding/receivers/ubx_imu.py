@@ -1,0 +1,119 @@
+"""[imu] of a u-blox receiver: its sensors as tables and sections of a description."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....typing import Array, Ints
+from ...contract import Section
+from ...tables.table_file import Table
+from .ubx_frames import Frames
+from .ubx_layouts import ESF_ALG, LAYOUTS
+from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, NAMES, Samples, Sensors, sensors
+
+
+class Epochs(NamedTuple):
+    """What sets the clock of the sensors."""
+
+    place: Ints  # in the file (n,)
+    gps: Array  # s (n,)
+    absolute: bool
+
+
+def imu_sections(
+    path: Path,
+    frames: Frames,
+    by: Epochs,
+    tables: dict[str, Table],
+    left: list[str],
+) -> list[Section]:
+    """Sections of the IMU, those of the fastest message first."""
+    read = {key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)}
+    for key, each in read.items():
+        if each is None:
+            left.append(
+                f"{NAMES[key]}: no gyro with an accelerometer, or no NAV message between its own that "
+                f"sets its clock"
+            )
+    every = sorted(filter(None, read.values()), key=lambda each: -_rate(each.gyro.t))
+    sections: list[Section] = []
+    for instance, each in enumerate(every):
+        if len(each.gyro.t) and len(each.accel.t):
+            sections.append(_imu(path, each, instance, _mounting(frames), by.absolute, tables))
+            if each.lost:
+                left.append(f"{each.name}: {each.lost} samples at times that nothing tells")
+    return sections
+
+
+def _rate(t: Ints) -> float:
+    """Hz"""
+    return 1e6 / max(float(np.median(np.diff(t))), 1.0) if len(t) > 1 else 0.0
+
+
+def _imu(
+    path: Path,
+    each: Sensors,
+    instance: int,
+    mounting: Mapping[str, float],
+    gps: bool,
+    tables: dict[str, Table],
+) -> Section:
+    """[imu], whose accelerometer has a table of its own where it has times of its own."""
+    absolute = each.absolute and gps
+    column = "gps_us" if absolute else "us"
+    time = {"column": column, "unit": "us", **({"clock": "gps"} if absolute else {})}
+    assumed = {
+        "axes": "the module lies flat with its x axis forward",
+        "grade": "the MEMS IMU of the receiver",
+    }
+    if each.absolute:
+        assumed["time"] = (
+            f"the sensor's clock is set to GPS time by the order of the messages, within "
+            f"{1e3 * each.scatter:.1f} ms beside the receiver's latency, which the file does not say"
+        )
+    if mounting:
+        assumed["mounting"] = "as the receiver found it (ESF-ALG)"
+    gyro = _signal(each.gyro, "gyro", GYRO, {"unit": "deg/s", "scale": GYRO_SCALE})
+    accel = _signal(each.accel, "accel", ACCEL, {"unit": "m/s^2", "scale": ACCEL_SCALE})
+    together = np.array_equal(each.gyro.t, each.accel.t)
+    names = (each.name, each.name) if together else (f"{each.name} gyro", f"{each.name} accel")
+    columns: dict[str, dict[str, Ints]] = {}
+    for name, samples, (_, values) in zip(names, (each.gyro, each.accel), (gyro, accel)):
+        columns.setdefault(name, {column: samples.t}).update(values)
+    for name, values in columns.items():
+        tables[name] = Table.of(f"{path} [{name}]", values, word="sample")
+    keys = {
+        "table": names[0],
+        "time": time,
+        "axes": "FLU",
+        "gyro": gyro[0],
+        "accel": accel[0] | ({} if together else {"table": names[1], "time": time}),
+        **({"mounting": mounting} if mounting else {}),
+        "grade": "consumer",
+    }
+    title = f"{each.name}, {_rate(each.gyro.t):.0f} Hz"
+    return Section("imu", "imu", keys, instance, title, assumed)
+
+
+def _signal(
+    samples: Samples, sensor: str, types: tuple[int, ...], unit: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Ints]]:
+    """(the key `gyro` or `accel`, its columns)."""
+    names = [f"{sensor}_{axis}" for axis in "xyz"]
+    values = {name: samples.values[kind] for name, kind in zip(names, types)}
+    return {"columns": names, **unit}, values
+
+
+def _mounting(frames: Frames) -> dict[str, Any]:
+    """How the receiver says that its IMU is mounted (ESF-ALG), where it has found it: the angles
+    turn the installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right,
+    down yaw and pitch change their signs. Empty where it has not."""
+    _, records = frames.records(ESF_ALG, LAYOUTS[ESF_ALG])
+    ready = (records["flags"] >> 1 & 7 >= 3) & (records["error"] == 0)
+    if not ready.any():
+        return {}
+    last = records[ready][-1]
+    yaw, pitch, roll = (float(last[name]) / 100 for name in ("yaw", "pitch", "roll"))
+    return {"roll": roll, "pitch": -pitch, "heading": -yaw, "unit": "deg"}

@@ -1,0 +1,163 @@
+"""The IMU of a u-blox receiver: ESF-RAW and ESF-MEAS.
+
+Each measurement is a word of 32 bits: a signed number of 24, and its type. Gyros count 2^-12 deg/s,
+accelerometers 2^-10 m/s^2 (u-blox M8 interface description, "ESF measurement data"). The time of a
+sample is a tag of the sensor's own clock.
+"""
+
+from functools import partial, reduce
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....typing import Array, Ints
+from ..records import side_by_side
+from .cyclic_times import in_order
+from .sensor_clock import TICKS, Line, fit, unwrapped
+from .ubx_frames import Frames
+from .ubx_layouts import ESF_MEAS, ESF_RAW
+
+GYRO, ACCEL = (14, 13, 5), (16, 17, 18)
+"""Types of the data, x, y, z."""
+GYRO_SCALE, ACCEL_SCALE = 2.0**-12, 2.0**-10
+"""deg/s and m/s^2 a count."""
+NAMES = {ESF_RAW: "ESF-RAW", ESF_MEAS: "ESF-MEAS"}
+MOST_PIECES = 50
+"""Beginnings of a sensor's clock that are taken from one file, those with the most epochs."""
+
+
+class Samples(NamedTuple):
+    """What one kind of message says of gyro or accelerometer, in the order of time."""
+
+    t: NDArray[np.int64]  # us of GPS time since its zero, or of the sensor's own clock (n,)
+    values: dict[int, NDArray[np.int64]]  # counts by type (n,)
+
+
+class Sensors(NamedTuple):
+    """The IMU of one kind of message."""
+
+    name: str
+    gyro: Samples
+    accel: Samples
+    absolute: bool  # GPS time, else the sensor's own
+    scatter: float  # s, of the epochs about the line that sets the sensor's clock
+    lost: int  # samples at times that no epoch tells
+
+
+class _Measurements(NamedTuple):
+    place: Ints  # of the message in the file
+    tag: Ints
+    kind: Ints
+    value: Ints
+
+
+def sensors(frames: Frames, key: int, place: Ints, gps: Array) -> Sensors | None:
+    """The IMU by the messages of one kind; `place` and `gps` (s) are of the epochs of the file,
+    which set its clock. None where there is no gyro and accelerometer or no time."""
+    found = _measurements(frames, key)
+    ours = np.isin(found.kind, (*GYRO, *ACCEL))
+    found = _Measurements(*(each[ours] for each in found))
+    if not all((found.kind == kind).any() for kind in (*GYRO, *ACCEL)):
+        return None
+    tag, piece = unwrapped(found.tag)
+    tag = tag + piece * 2**40  # tags of different pieces are never the same
+    lines = _lines(frames, key, found.place, tag, piece, place, gps)
+    gyro, accel = (_together(found, tag, types) for types in (GYRO, ACCEL))
+    if not lines:
+        if key != ESF_MEAS or len(place):
+            return None
+        us = int(1e6 * TICKS[0])
+        gyro, accel = (Samples(each.t % 2**40 * us, each.values) for each in (gyro, accel))
+        return Sensors(NAMES[key], gyro, accel, False, 0.0, 0)
+    timed = [_timed(each, lines) for each in (gyro, accel)]
+    lost = len(gyro.t) - len(timed[0].t)
+    scatter = max(line.scatter for line in lines.values())
+    return Sensors(NAMES[key], timed[0], timed[1], True, scatter, lost)
+
+
+def _measurements(frames: Frames, key: int) -> _Measurements:
+    """All measurements of the messages of one kind, in the order of the file."""
+    ours = frames.key == key
+    parts = []
+    for length in np.unique(frames.length[ours]):
+        start = frames.start[ours & (frames.length == length)]
+        size = int(length) // 4 * 4
+        if size < 8:
+            continue
+        words = side_by_side(frames.content, start, size).view("<u4").astype(np.int64)
+        if key == ESF_RAW:
+            data, tag = words[:, 1:-1:2], words[:, 2::2]
+            some = np.ones(data.shape, bool)
+        else:
+            data = words[:, 2:]
+            many = words[:, 1] >> 11 & 31
+            many = np.where(many == 0, data.shape[1] - (words[:, 1] >> 3 & 1), many)
+            tag = np.broadcast_to(words[:, :1], data.shape)
+            some = np.arange(data.shape[1]) < many[:, None]
+        place = np.broadcast_to(start[:, None], data.shape)
+        parts.append((place[some], tag[some], data[some] >> 24 & 63, data[some] & 0xFFFFFF))
+    if not parts:
+        return _Measurements(*(np.zeros(0, np.int64) for _ in range(4)))
+    place, tag, kind, value = (np.concatenate(each) for each in zip(*parts))
+    value = (value ^ 0x800000) - 0x800000
+    if len(parts) > 1:  # frames of one length are in the order of the file
+        order = np.argsort(place, kind="stable")
+        place, tag, kind, value = (each[order] for each in (place, tag, kind, value))
+    return _Measurements(place, tag, kind, value)
+
+
+def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Samples:
+    """Those tags, in order, at which all three axes were measured."""
+    each = {}
+    for kind in types:
+        rows = np.flatnonzero(found.kind == kind)
+        rows = rows[in_order(tag[rows])[0]]
+        each[kind] = (tag[rows], found.value[rows])
+    every = [tags for tags, _ in each.values()]
+    if all(np.array_equal(every[0], tags) for tags in every):
+        return Samples(every[0], {kind: value for kind, (_, value) in each.items()})
+    common = reduce(partial(np.intersect1d, assume_unique=True), every)
+    values = {kind: value[np.searchsorted(tags, common)] for kind, (tags, value) in each.items()}
+    return Samples(common, values)
+
+
+def _lines(
+    frames: Frames,
+    key: int,
+    sample_place: Ints,
+    tag: Ints,
+    piece: Ints,
+    place: Ints,
+    gps: Array,
+) -> dict[int, Line]:
+    """{piece: Line} of the sensor's clock. An epoch came between two messages of the sensor: then
+    its tag was, for want of better, midway between their last ones."""
+    last = np.flatnonzero(np.diff(sample_place, append=-1) != 0)  # last measurement of a message
+    before = np.searchsorted(sample_place[last], place) - 1
+    inside = (before >= 0) & (before + 1 < len(last))
+    a, b = last[before[inside]], last[before[inside] + 1]
+    same = piece[a] == piece[b]
+    a, b, moment = a[same], b[same], gps[inside][same]
+    middle = (tag[a] + tag[b]) / 2
+    ticks = (TICKS[0],) if key == ESF_MEAS else TICKS
+    numbers, many = np.unique(piece[a], return_counts=True)
+    lines = {}
+    for number in numbers[np.argsort(-many, kind="stable")][:MOST_PIECES]:
+        rows = piece[a] == number
+        line = fit(middle[rows], moment[rows], ticks)
+        if line is not None:
+            lines[int(number)] = line
+    return lines
+
+
+def _timed(samples: Samples, lines: dict[int, Line]) -> Samples:
+    """The samples of the pieces that have a line, with GPS time, in its order."""
+    piece = (samples.t + 2**39) >> 40
+    t = np.full(len(piece), -1, np.int64)
+    for number, line in lines.items():
+        rows = piece == number
+        t[rows] = np.round(1e6 * line.gps(samples.t[rows])).astype(np.int64)
+    kept = np.flatnonzero(t >= 0)
+    order = kept[np.argsort(t[kept], kind="stable")]
+    return Samples(t[order], {kind: value[order] for kind, value in samples.values.items()})

@@ -1,0 +1,153 @@
+"""The fixes of a robot's log: those of receivers, wheels, barometers and magnetometers."""
+
+import re
+
+import numpy as np
+
+from ....typing import Array
+from ...contract import Section
+from .robot_parts import Made, Robot, deviations, median, not_measured, vector
+from .robot_streams import Stream
+from .ros_messages import Columns
+
+RECEIVER = re.compile(r"gps|gnss|navsat|(^|[/_])fix|ublox|novatel|septentrio|rtk", re.IGNORECASE)
+COMMAND = re.compile(r"cmd|command|setpoint|desired|target|joy|teleop", re.IGNORECASE)
+POSITION_SD = [3.0, 3.0, 6.0]
+VELOCITY_SD = [0.2, 0.2, 0.4]
+SPEED_SD = 0.1
+PRESSURE_SD = 1.0
+FIELD_SD = 2.5
+"""Assumed where a log states none: m, m/s, m/s, m, uT."""
+
+
+def fix(stream: Stream, robot: Robot) -> Made:
+    """Positions of sensor_msgs/NavSatFix; rows without a fix are missing."""
+    columns = stream.columns
+    lla = np.stack([columns[name] for name in ("latitude", "longitude", "altitude")], axis=1)
+    lla = lla.astype(float)
+    lla[(columns["status.status"] < 0) | ((lla[:, 0] == 0) & (lla[:, 1] == 0))] = np.nan
+    known = columns["position_covariance_type"] > 0
+    variances = np.where(known[:, None], columns["position_covariance"][:, [4, 0, 8]], np.nan)
+    sd, more, why = deviations("position", variances, "m", POSITION_SD)
+    arm, assumed = robot.arm(stream)
+    keys = {
+        "kind": "position",
+        "columns": ["latitude", "longitude", "altitude"],
+        "unit": ["deg", "deg", "m"],
+        "sd": sd,
+        **arm,
+    }
+    fixed = int(np.isfinite(lla[:, 0]).sum())
+    left = not_measured(stream) or ("" if fixed else "it never has a fix")
+    title = f", {fixed} of {len(lla)} with a fix{robot.said(stream, robot.place(stream))}"
+    section = Section("aiding", "gnss", keys, title=title, assumed={**why, **assumed}, left=left)
+    return [section], {**vector("latitude longitude altitude", lla), **more}
+
+
+def twist(stream: Stream, robot: Robot) -> Made:
+    """Of a receiver a velocity, of a vehicle its speed."""
+    linear = _linear(stream.columns)
+    if stream.type != "geometry_msgs/Twist" and RECEIVER.search(f"{stream.topic} {stream.frame}"):
+        return _velocity(stream, robot, linear)
+    return _speed(stream, robot, stream.frame)
+
+
+def _linear(columns: Columns) -> Array:
+    found: Array = next(each for name, each in columns.items() if name.endswith("linear"))
+    return found.astype(float)
+
+
+def _variances(columns: Columns) -> Array:
+    """(n, 3) of a velocity."""
+    if "twist.covariance" not in columns:
+        return np.zeros((len(_linear(columns)), 3))
+    found: Array = columns["twist.covariance"][:, [0, 7, 14]]
+    return found
+
+
+def _velocity(stream: Stream, robot: Robot, linear: Array) -> Made:
+    velocity = linear
+    axes = "NED" if re.search(r"(^|[/_])ned($|[/_])", stream.topic) else "ENU"
+    flat = not velocity[:, 2].any()
+    if flat:
+        velocity[:, 2] = np.nan
+    sd, more, why = deviations("velocity", _variances(stream.columns), "m/s", VELOCITY_SD)
+    arm, assumed = robot.arm(stream)
+    keys = {
+        "kind": "velocity",
+        "columns": ["v1", "v2", "v3"],
+        "unit": "m/s",
+        "axes": axes,
+        "sd": sd,
+        **arm,
+    }
+    assumed = {**why, **assumed, "axes": "as drivers of receivers publish it"}
+    title = ", vertical always 0: taken as missing" if flat else ""
+    left = not_measured(stream)
+    section = Section("aiding", "gnss", keys, title=title, assumed=assumed, left=left)
+    return [section], {**vector("v1 v2 v3", velocity), **more}
+
+
+def odometry(stream: Stream, robot: Robot) -> Made:
+    """Speeds of nav_msgs/Odometry, whose twist is that of its child frame."""
+    return _speed(stream, robot, stream.text("child_frame_id").lstrip("/"))
+
+
+def _speed(stream: Stream, robot: Robot, frame: str) -> Made:
+    """The speed forward of the frame that a twist is of."""
+    place = robot.frames.pose(frame, robot.base)
+    velocity = _linear(stream.columns)
+    if place is not None:
+        velocity = velocity @ place.C.T
+    sd, more, why = deviations("speed", _variances(stream.columns)[:, :1], "m/s", [SPEED_SD])
+    arm = {"lever_arm": place.lever_arm} if place is not None and place.t.any() else {}
+    keys = {"kind": "speed", "columns": ["speed"], "unit": "m/s", "sd": sd, **arm}
+    if COMMAND.search(stream.topic):
+        left = "its name says that it is a command, not a measurement"
+    else:
+        left = not_measured(stream) or ("" if velocity[:, 0].any() else "it is always 0")
+    title = f", speed along x of {frame or 'its frame'}"
+    if "Odometry" in stream.type:
+        title += "; its pose is left: metres from where it began, no position on Earth"
+    section = Section("aiding", "speed", keys, title=title, assumed=why, left=left)
+    return [section], {"speed": velocity[:, 0], **more}
+
+
+def magnetometer(stream: Stream, robot: Robot) -> Made:
+    """Fields of sensor_msgs/MagneticField in the vehicle's axes; the unit by its magnitude."""
+    field = stream.columns["magnetic_field"].astype(float)
+    place = robot.place(stream)
+    if place is not None:
+        field = field @ place.C.T
+    strength = median(np.linalg.norm(field, axis=1))
+    # the Earth's is 22 to 67 uT
+    unit = "uT" if strength >= 5 else "gauss" if strength >= 5e-4 else "T"
+    scale = {"T": 1e-6, "gauss": 1e-2, "uT": 1.0}[unit]
+    assumed = {"sd": "covariances of magnetometers say little"}
+    if unit != "T":
+        assumed["unit"] = f"its median is {strength:.3g}, which is no field of the Earth in T"
+    keys = {
+        "kind": "magnetic-field",
+        "columns": ["mx", "my", "mz"],
+        "unit": unit,
+        "axes": "FLU",
+        "sd": float(f"{FIELD_SD * scale:.6g}"),
+    }
+    left = "nothing says that it is calibrated; see `strapdown calibrate`"
+    section = Section("aiding", "magnetometer", keys, assumed=assumed, left=left)
+    return [section], vector("mx my mz", field)
+
+
+def barometer(stream: Stream, robot: Robot) -> Made:
+    """Pressures of sensor_msgs/FluidPressure; the unit by its magnitude."""
+    pressure = stream.columns["fluid_pressure"].astype(float)
+    usual = median(pressure)
+    unit = "hPa" if 300 < usual < 1200 else "kPa" if 30 < usual < 120 else "Pa"
+    keys = {"kind": "pressure", "columns": ["pressure"], "unit": unit, "sd": PRESSURE_SD}
+    assumed = {"sd": "the log's variance is of the pressure, not of the weather"}
+    if unit != "Pa":
+        assumed["unit"] = f"its median is {usual:.4g}, which is no pressure of air in Pa"
+    left = not_measured(stream)
+    return [Section("aiding", "barometer", keys, assumed=assumed, left=left)], {
+        "pressure": pressure
+    }

@@ -1,0 +1,86 @@
+"""What the sections of a robot's log have in common: where a sensor is mounted, what a covariance
+says, and what the name of a topic does."""
+
+import re
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....typing import Array
+from ...contract import Section
+from .robot_streams import Stream
+from .ros_messages import Columns
+from .ros_transforms import Frames, Pose
+
+FUSED = re.compile(
+    r"filter|fused|fusion|ekf|ukf|kalman|combined|vins|vio|slam|lio|visual|locali[sz]ation|rtab",
+    re.IGNORECASE,
+)
+TRUTH = re.compile(r"truth|(^|[/_])gt($|[/_])|p3d", re.IGNORECASE)
+
+
+class Robot(NamedTuple):
+    """What a section needs to know of the log."""
+
+    path: Path
+    frames: Frames
+    base: str  # the frame that is taken for the vehicle's
+
+    def place(self, stream: Stream) -> Pose | None:
+        """Of the sensor in the vehicle; None: the log does not say it."""
+        return self.frames.pose(stream.frame, self.base)
+
+    def said(self, stream: Stream, place: Pose | None) -> str:
+        """Words on it for a title."""
+        if stream.frame == self.base or place is None:
+            return ""
+        return f", mounted as the transforms say ({self.base} to {stream.frame})"
+
+    def arm(self, stream: Stream) -> tuple[dict[str, Any], dict[str, str]]:
+        """`lever_arm`, and why it was assumed."""
+        place = self.place(stream)
+        if place is not None:
+            return {"lever_arm": place.lever_arm}, {}
+        why = f"the log has no transform from {self.base} to {stream.frame or 'its frame'}"
+        return {"lever_arm": [0.0, 0.0, 0.0]}, {"lever_arm": why}
+
+
+Made = tuple[list[Section], Columns]
+"""Sections, which lack their table and instance, and the columns of the table."""
+
+
+def deviations(
+    name: str, variances: Array, unit: str, assumed: list[float]
+) -> tuple[list[Any], Columns, dict[str, str]]:
+    """`sd` of the components of variances (n, k), columns for it, and why it was assumed."""
+    known = np.where(variances > 0, variances, np.nan)
+    if np.isnan(known).all(axis=0).any():
+        return assumed, {}, {"sd": "the log states none"}
+    sd = np.sqrt(known)
+    if (sd == sd[0]).all():
+        return (
+            [float(f"{each:.6g}") for each in sd[0]],
+            {},
+            {"sd": "constant in the log, as its driver was set"},
+        )
+    columns = {f"sd_{name}_{k}": sd[:, k] for k in range(sd.shape[1])}
+    return [{"column": column, "unit": unit} for column in columns], columns, {}
+
+
+def vector(names: str, values: Array) -> Columns:
+    """Columns of these names, parted by blanks, of values (n, k)."""
+    return dict(zip(names.split(), np.ascontiguousarray(values.T, dtype=float)))
+
+
+def not_measured(stream: Stream) -> str:
+    """Why a topic is not taken for a measurement, by its name; "": it is."""
+    if FUSED.search(stream.topic):
+        return "its name says that it is estimated, probably of the same IMU"
+    return "its name says that it is a truth" if TRUTH.search(stream.topic) else ""
+
+
+def median(values: Array) -> float:
+    """Of the finite values; NaN where there is none."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")

@@ -1,0 +1,147 @@
+"""What of a recording the messages of a robot's log are.
+
+Axes and units are those of REP 103 and REP 145 (https://ros.org/reps): forward, left, up; SI; an
+accelerometer at rest reads +9.8 m/s^2 upwards; fixes in east, north, up.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...contract import Log, Section
+from ...tables.table_file import Table
+from .robot_aiding import barometer, fix, magnetometer, odometry, twist
+from .robot_imu import imu
+from .robot_parts import Made, Robot
+from .robot_streams import Stream, streams_of, unread
+from .ros_messages import Columns, Messages
+from .ros_transforms import Frames
+
+MOST = 1e12
+"""Above every number that is measured, in whatever unit."""
+BASE = re.compile(r"(^|/)base_(link|footprint)$")
+MAKERS: Mapping[str, Callable[[Stream, Robot], Made]] = {
+    "sensor_msgs/Imu": imu,
+    "sensor_msgs/NavSatFix": fix,
+    "sensor_msgs/MagneticField": magnetometer,
+    "sensor_msgs/FluidPressure": barometer,
+    "geometry_msgs/Twist": twist,
+    "geometry_msgs/TwistStamped": twist,
+    "geometry_msgs/TwistWithCovarianceStamped": twist,
+    "nav_msgs/Odometry": odometry,
+}
+
+
+def log_of(path: Path, what: str, messages: Messages) -> Log:
+    """The Log of a robot's messages; `what` they were found in. Raises DataError where there is
+    nothing that is read."""
+    streams, left = streams_of(messages)
+    robot = Robot(path, frames := Frames(messages.transforms), _base(streams, frames))
+    tables: dict[str, Table] = {}
+    sections: list[Section] = []
+    counts: Counter[str] = Counter()
+    for stream in streams:
+        with np.errstate(over="ignore", invalid="ignore"):  # numbers of damaged messages
+            made, columns = MAKERS[stream.type](stream, robot)
+            left += _without_nonsense(stream.topic, columns)
+        name = f"{path} [{stream.topic}]"
+        tables[stream.topic] = Table.of(name, {"stamp": stream.stamp, **columns}, word="message")
+        for section in made:
+            sections.append(_completed(section, stream, counts[section.role]))
+            counts[section.role] += 1
+    clock = "UTC" if streams[0].absolute else "a clock without date, such as a simulator has"
+    return Log(
+        tables,
+        tuple(_with_receivers(sections, streams)),
+        (f"{what}, {clock}", *(each.fact for each in streams)),
+        (*left, *_counted(messages.left), *unread(messages.topics.values())),
+        tuple(_asked(sections)),
+    )
+
+
+def _without_nonsense(topic: str, columns: Columns) -> list[str]:
+    """Make numbers that nothing measures missing; a line on them."""
+    wrong = 0
+    for name, values in columns.items():
+        beyond = np.abs(values) > MOST
+        if beyond.any():
+            wrong += int(beyond.sum())
+            columns[name] = np.where(beyond, np.nan, values)
+    return (
+        [f"{wrong} numbers beyond {MOST:g} of {topic}: damaged, taken as missing"] if wrong else []
+    )
+
+
+def _completed(section: Section, stream: Stream, number: int) -> Section:
+    """With its table, its time and its number."""
+    return section._replace(
+        keys={**section.keys, "table": stream.topic, "time": stream.time},
+        instance=number,
+        left=section.left.replace("--imu N", f"--imu {number}"),
+        title=f"{stream.topic}, {stream.rate:.4g} Hz{section.title}",
+        assumed={**section.assumed, **({"time": stream.remark} if stream.remark else {})},
+    )
+
+
+def _counted(lines: list[str]) -> list[str]:
+    """Each line once, with how often."""
+    return [f"{line} ({n} times)" if n > 1 else line for line, n in Counter(lines).items()]
+
+
+def _asked(sections: list[Section]) -> list[str]:
+    """What must be known before an IMU can be taken, where there are only such."""
+    of_imus = [each for each in sections if each.role == "imu"]
+    if not of_imus or any(not each.left for each in of_imus):
+        return []
+    return [f"{each.keys['table']}: {each.left}" for each in of_imus[:1]]
+
+
+def _base(streams: list[Stream], frames: Frames) -> str:
+    """The frame that is taken for the vehicle's: base_link, that of the odometry, or the IMU's."""
+    imus = [each.frame for each in streams if each.type == "sensor_msgs/Imu"]
+    if not imus:
+        return "base_link"
+    children = [
+        each.text("child_frame_id").lstrip("/") for each in streams if "Odometry" in each.type
+    ]
+    usual = [each for each in [*frames.known(), *children] if BASE.search(each)]
+    for candidate in [*usual, *children]:
+        if frames.pose(imus[0], candidate) is not None:
+            return candidate
+    return imus[0]
+
+
+def _with_receivers(sections: list[Section], streams: list[Stream]) -> list[Section]:
+    """The same with velocities of a receiver numbered as its positions: those that may be taken, of
+    the topic whose name begins alike, or of the same frame."""
+    frames = {each.topic: each.frame for each in streams}
+    fixes = [each for each in sections if each.keys.get("kind") == "position"]
+    fixes = [each._replace(instance=number) for number, each in enumerate(fixes)]
+    numbers = {each.keys["table"]: each.instance for each in fixes}
+
+    def instance(topic: str) -> int:
+        if topic in numbers or not fixes:
+            return numbers.get(topic, 0)
+        return max(
+            fixes,
+            key=lambda fix: (
+                not fix.left,
+                _alike(topic, fix.keys["table"]),
+                frames[fix.keys["table"]] == frames[topic],
+                -fix.instance,
+            ),
+        ).instance
+
+    return [
+        each._replace(instance=instance(each.keys["table"])) if each.role == "gnss" else each
+        for each in sections
+    ]
+
+
+def _alike(one: str, other: str) -> int:
+    """Parts of the names of two topics that are the same."""
+    pairs = zip(one.split("/"), other.split("/"))
+    return next((k for k, (a, b) in enumerate(pairs) if a != b), 99)

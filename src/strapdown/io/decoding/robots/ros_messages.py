@@ -1,0 +1,204 @@
+"""Messages of ROS, many at a time: gathered out of chunks by topic and length, then seen as arrays
+of their fields."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ....typing import Ints
+from .ros_definitions import MESSAGES, Field, fields_of, is_known
+
+Columns = dict[str, np.ndarray[Any, Any]]
+TRANSFORMS = ("tf2_msgs/TFMessage", "tf/tfMessage")
+MOST_TRANSFORMS = 1000
+"""Messages with transforms that are looked at, of each topic: what is mounted does not change."""
+ALIGNED = {"ros1": False, "cdr": True}
+
+
+class Topic(NamedTuple):
+    """A topic of a log, or what one node publishes there."""
+
+    name: str
+    type: str  # as "sensor_msgs/Imu", also of ROS 2
+    encoding: str  # "ros1" or "cdr"; another one is not read
+    definition: str = ""
+
+    @classmethod
+    def of(cls, name: str, kind: str, encoding: str, definition: str = "") -> "Topic":
+        """Of the names that a log has; "sensor_msgs/msg/Imu" is that of ROS 2."""
+        return cls(name, kind.replace("/msg/", "/"), encoding, definition)
+
+    @property
+    def why_left(self) -> str:
+        """Why its messages are not decoded; "": they are."""
+        if self.encoding not in ALIGNED:
+            return f"its messages are {self.encoding or 'of unknown encoding'}, not of ROS"
+        if self.type not in MESSAGES:
+            return "messages of this type are not read"
+        if not is_known(self.type, self.definition):
+            return "its definition is another than that of ROS"
+        return ""
+
+
+class Decoded(NamedTuple):
+    """Messages of a topic, in the order in which they were recorded."""
+
+    record: Ints  # (n,) ns, when they were
+    columns: Columns  # by the names of ros_definitions, (n,) or (n, k); of strings bytes
+    wrong: int  # messages that do not fit the definition and are not used
+
+
+def take(content: np.ndarray[Any, Any], offsets: Ints, length: int) -> np.ndarray[Any, Any]:
+    """Pieces of `length` bytes (n,) of an array of bytes at these offsets, which must fit in."""
+    every = np.ndarray(len(content) - length + 1, f"V{length}", content, strides=(1,))
+    return every[offsets]
+
+
+class Messages:
+    """What is gathered from a log: its topics by the number that the log gives them, the messages of
+    those that are read, and lines on what could not be used."""
+
+    def __init__(self) -> None:
+        self.topics: dict[int, Topic] = {}
+        self.transforms: list[tuple[Topic, bytes]] = []
+        self.left: list[str] = []
+        self._found: dict[int, dict[int, list[tuple[np.ndarray[Any, Any], Ints]]]] = {}
+        self._looked: dict[int, int] = {}
+
+    @property
+    def next_number(self) -> int:
+        """A number that no topic has, nor one above it."""
+        return max(self.topics, default=-1) + 1
+
+    def add(
+        self,
+        content: np.ndarray[Any, Any],
+        numbers: Ints,
+        offsets: Ints,
+        lengths: Ints,
+        record: Ints,
+    ) -> None:
+        """Take in messages (n,) that lie in `content`: the numbers of their topics, where they
+        begin, their lengths and times."""
+        for number in np.unique(numbers).tolist():
+            topic = self.topics.get(number)
+            if topic is None or (topic.why_left and topic.type not in TRANSFORMS):
+                continue
+            mine = np.flatnonzero(numbers == number)
+            if topic.type in TRANSFORMS:
+                self._look(number, topic, content, offsets[mine], lengths[mine])
+                continue
+            found = self._found.setdefault(number, {})
+            for length in np.unique(lengths[mine]).tolist():
+                alike = mine[lengths[mine] == length]
+                found.setdefault(length, []).append(
+                    (take(content, offsets[alike], length), record[alike])
+                )
+
+    def _look(
+        self, number: int, topic: Topic, content: np.ndarray[Any, Any], offsets: Ints, lengths: Ints
+    ) -> None:
+        seen = self._looked.get(number, 0)
+        if topic.encoding not in ALIGNED or seen >= MOST_TRANSFORMS:
+            return
+        for offset, length in zip(offsets.tolist(), lengths.tolist()):
+            self.transforms.append((topic, content[offset : offset + length].tobytes()))
+        self._looked[number] = seen + len(offsets)
+
+    def decoded(self) -> Iterator[tuple[Topic, Decoded]]:
+        """The messages of each topic, those of several nodes together, by the name of the topic."""
+        by_topic: dict[tuple[str, str, str], list[int]] = {}
+        for number in self._found:
+            topic = self.topics[number]
+            by_topic.setdefault((topic.name, topic.type, topic.encoding), []).append(number)
+        for _, numbers in sorted(by_topic.items()):
+            topic = self.topics[numbers[0]]
+            fields = fields_of(topic.type, topic.encoding)
+            pieces, wrong = [], 0
+            for number in numbers:
+                for length, found in self._found.pop(number).items():
+                    payload = np.concatenate([each for each, _ in found])
+                    record = np.concatenate([each for _, each in found])
+                    found.clear()
+                    good = list(_decode(payload, length, fields, topic.encoding))
+                    pieces += [(record[rows], columns) for rows, columns in good]
+                    wrong += len(payload) - sum(len(rows) for rows, _ in good)
+            yield topic, _joined(pieces, wrong)
+
+
+def _joined(pieces: list[tuple[Ints, Columns]], wrong: int) -> Decoded:
+    if not pieces:
+        return Decoded(np.zeros(0, int), {}, wrong)
+    record, columns = pieces[0]
+    if len(pieces) > 1:
+        record = np.concatenate([each for each, _ in pieces])
+        columns = {name: np.concatenate([each[name] for _, each in pieces]) for name in columns}
+    if np.any(np.diff(record) < 0):
+        order = np.argsort(record, kind="stable")
+        record, columns = record[order], {name: each[order] for name, each in columns.items()}
+    return Decoded(record, columns, wrong)
+
+
+def _decode(
+    payload: np.ndarray[Any, Any], length: int, fields: list[Field], encoding: str
+) -> Iterator[tuple[Ints, Columns]]:
+    """(rows, their columns) of messages of one length, those of one layout at a time."""
+    raw = payload.view("u1").reshape(len(payload), length)
+    if not ALIGNED[encoding]:
+        yield from _layouts(payload, raw, np.arange(len(raw)), fields, "<", 0, encoding)
+    elif length >= 4:
+        # CDR begins with 0, 0 (big endian) or 0, 1 (little endian) and two bytes of options
+        for order, mark in ((">", 0), ("<", 1)):
+            rows = np.flatnonzero((raw[:, 0] == 0) & (raw[:, 1] == mark))
+            if len(rows):
+                yield from _layouts(payload, raw, rows, fields, order, 4, encoding)
+
+
+def _layouts(
+    payload: np.ndarray[Any, Any],
+    raw: np.ndarray[Any, Any],
+    rows: Ints,
+    fields: list[Field],
+    order: str,
+    begin: int,
+    encoding: str,
+) -> Iterator[tuple[Ints, Columns]]:
+    """As `_decode`. Each text of another length shifts what follows it, so that its rows are parted
+    from the others."""
+    length, aligned = raw.shape[1], ALIGNED[encoding]
+    todo: list[tuple[Ints, int, int, dict[str, tuple[str, int]]]] = [(rows, 0, begin, {})]
+    while todo:
+        rows, number, at, layout = todo.pop()
+        if number == len(fields):
+            # CDR may be filled up to four bytes
+            if length - (3 if aligned else 0) <= at <= length:
+                yield rows, _view(payload if len(rows) == len(payload) else payload[rows], layout)
+            continue
+        name, code, many = fields[number]
+        size = 4 if code == "string" else int(code[1])
+        at += -(at - begin) % size if aligned else 0
+        if code != "string":
+            kind = f"{order}{code}" if many == 1 else f"({many},){order}{code}"
+            todo.append((rows, number + 1, at + size * many, {**layout, name: (kind, at)}))
+            continue
+        if at + 4 > length:
+            continue
+        texts = np.ascontiguousarray(raw[rows, at : at + 4]).view(f"{order}u4")[:, 0]
+        for text in np.unique(texts[texts <= length - at - 4]).tolist():
+            place = {**layout, name: (f"S{text}" if text else "", at + 4)}
+            todo.append((rows[texts == text], number + 1, at + 4 + text, place))
+
+
+def _view(payload: np.ndarray[Any, Any], layout: Mapping[str, tuple[str, int]]) -> Columns:
+    filled = {name: place for name, place in layout.items() if place[0]}
+    whole = np.dtype(
+        {
+            "names": list(filled),
+            "formats": [code for code, _ in filled.values()],
+            "offsets": [at for _, at in filled.values()],
+            "itemsize": payload.dtype.itemsize,
+        }
+    )
+    seen = payload.view(whole)
+    return {name: seen[name] if name in filled else np.zeros(len(payload), "S1") for name in layout}

@@ -1,0 +1,63 @@
+"""Chunks of a log that are packed."""
+
+import bz2
+import io
+from typing import IO, cast
+
+from ....checks import DataError
+
+PIECE = 1 << 20
+"""Bytes that are unpacked at a time, so that a wrong size costs no memory."""
+
+
+def _opened(packed: bytes, way: str) -> IO[bytes]:
+    if way == "bz2":
+        return bz2.open(io.BytesIO(packed))
+    if way == "lz4":
+        import lz4.frame
+
+        return cast(IO[bytes], lz4.frame.open(io.BytesIO(packed)))
+    import zstandard
+
+    return cast(IO[bytes], zstandard.ZstdDecompressor().stream_reader(packed))
+
+
+def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
+    """What is packed by `way`, "lz4" (frames), "zstd", "bz2" or "" and "none", and `size` bytes
+    long. Raises DataError where it is damaged or of another size."""
+    if way in ("", "none"):
+        unpacked = bytes(packed)
+    elif way not in ("lz4", "zstd", "bz2"):
+        raise DataError(f"is packed by {way!r:.20}, which is not read; lz4, zstd, bz2 and none are")
+    else:
+        pieces, left = [], size + 1
+        try:
+            with _opened(bytes(packed), way) as file:
+                while left > 0 and (piece := file.read(min(PIECE, left))):
+                    pieces.append(piece)
+                    left -= len(piece)
+        except ImportError:
+            raise
+        except Exception as error:  # each package has errors of its own
+            raise DataError(f"is damaged ({type(error).__name__})") from error
+        unpacked = b"".join(pieces)
+    if len(unpacked) != size:
+        raise DataError("unpacks to another size than it states")
+    return unpacked
+
+
+def unpack_frame(packed: bytes, most: int) -> bytes:
+    """A zstd frame, at most `most` bytes long when it is unpacked. Raises DataError."""
+    import zstandard
+
+    try:
+        size = zstandard.frame_content_size(packed)  # -1: it does not state it
+        if size > most:
+            raise DataError(f"unpacks to {size} bytes, more than {most}")
+        if size >= 0:
+            return zstandard.ZstdDecompressor().decompress(packed)
+        with zstandard.ZstdDecompressor().stream_reader(packed) as file:
+            unpacked = file.read(most)
+    except zstandard.ZstdError as error:
+        raise DataError(f"is damaged ({str(error):.60})") from error
+    return unpacked

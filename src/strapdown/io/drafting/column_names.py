@@ -1,0 +1,160 @@
+"""What loggers call the columns of a table, and the units that names spell."""
+
+import re
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...typing import Array
+from ..tables.table_file import Table
+
+GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
+MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
+ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|specific_?force)"
+OF = r"(gps|gnss|pos|position|nav|fix|ubx)?[_ .]?"
+"""What may stand before the name of a column of fixes."""
+POSITION = {
+    "latitude": OF + r"(lat|latitude)|ll[ah]_1",
+    "longitude": OF + r"(lon|lng|long|longitude)|ll[ah]_2",
+    "ellipsoidal": OF
+    + r"(h_?ell(ipsoid)?|ell(ipsoidal)?_?(height|alt(itude)?)|h_?wgs_?84|height_ell)",
+    "sea": OF
+    + r"(h_?msl|(alt(itude)?|height|hgt|h|elev(ation)?)_(a?msl|ortho(metric)?|sea|geoid)|a?msl"
+    r"(_(alt(itude)?|height))?|ortho(metric)?_?(height|alt)?|elev(ation)?)",
+    "height": OF + r"(alt|altitude|h|hgt|height)|ll[ah]_3",
+    "separation": r"(geoid(al)?_?)?(sep|separation|undulation|height_of_geoid)|geoid|n_geoid",
+}
+VELOCITY = {
+    "north": OF
+    + r"(vn|v_?n|vel_?n|v(el(ocity)?)?_?north|north_?vel(ocity)?)|v(el(ocity)?)?_?ned_1",
+    "east": OF + r"(ve|v_?e|vel_?e|v(el(ocity)?)?_?east|east_?vel(ocity)?)|v(el(ocity)?)?_?ned_2",
+    "down": OF + r"(vd|v_?d|vel_?d|v(el(ocity)?)?_?down|down_?vel(ocity)?)|v(el(ocity)?)?_?ned_3",
+    "up": OF + r"(vu|v_?u|vel_?u|v(el(ocity)?)?_?up|up_?vel(ocity)?|climb(_?rate)?|v_?speed|"
+    r"vert(ical)?_?(speed|vel(ocity)?))",
+    "speed": OF + r"((gnd|ground|g|hor(izontal)?|h)?_?(speed|spd|vel_?2d)|sog|speed_over_ground|"
+    r"ground_?velocity|velocity)",
+    "course": OF + r"((ground_?)?course(_over_ground)?|cog|track(_angle)?|trk|motion_?heading|"
+    r"head(ing)?_?(of_?)?mot(ion)?|direction|bearing)",
+}
+ECEF = {
+    axis: rf"((ecef|pos(ition)?_?ecef|r_ecef)[_ .]?{axis}|{axis}([_ .]?ecef)?)" for axis in "xyz"
+}
+ECEF_VELOCITY = {
+    axis: rf"((ecef[_ .]?v(el)?|vel(ocity)?_?ecef|v)[_ .]?{axis}|v{axis}[_ .]?ecef)"
+    for axis in "xyz"
+}
+SPREAD = r"(sd|std(dev)?|sigma|acc(uracy)?|err(or)?|unc(ertainty)?|rms)"
+DEVIATIONS = {
+    "horizontal": rf"h_?acc|(h|hor|horizontal)_?{SPREAD}|{SPREAD}_?(h|hor|horizontal|xy|2d)|eph|accuracy",
+    "vertical": rf"v_?acc|(v|vert|vertical)_?{SPREAD}|{SPREAD}_?(v|vert|vertical|z)|epv",
+    "north": rf"{SPREAD}_?(n|north|lat(itude)?)|(n|north|lat(itude)?)_?{SPREAD}",
+    "east": rf"{SPREAD}_?(e|east|lon(gitude)?)|(e|east|lon(gitude)?)_?{SPREAD}",
+    "down": rf"{SPREAD}_?(u|up|d|down|alt(itude)?|height)|(u|up|d|down|alt(itude)?|height)_?{SPREAD}",
+    "all": SPREAD + "|(pos|position|3d)_?" + SPREAD + "|" + SPREAD + "_?(pos|position|3d)",
+    "speed": rf"s_?acc|(speed|vel|velocity)_?{SPREAD}|{SPREAD}_?(speed|vel|velocity)",
+    "course": rf"(head(ing)?|course|cog|track)_?{SPREAD}|{SPREAD}_?(head(ing)?|course|cog)",
+    "vn": rf"{SPREAD}_?(v_?n|vel_?n|v(el)?_?north)|(v_?n|vel_?n)_?{SPREAD}",
+    "ve": rf"{SPREAD}_?(v_?e|vel_?e|v(el)?_?east)|(v_?e|vel_?e)_?{SPREAD}",
+    "vd": rf"{SPREAD}_?(v_?[du]|vel_?[du]|v(el)?_?(down|up))|(v_?[du]|vel_?[du])_?{SPREAD}",
+}
+FIX = (
+    r"((gps|gnss)_?)?(fix(_?(type|quality|status|mode|ok|valid))?|quality|q|(pos_?|nav_?)?mode|"
+    r"(sol(ution)?_?)?status|valid|rtk_?status)"
+)
+UNIT = r"(?P<unit>([_ .,\[(].*)?)"
+SPELLINGS = {
+    "rad/s": r"rad.*s(ec)?(ond)?(\^?-1)?",
+    "deg/s": r"(deg.*s(ec)?|dps|°[_ /]*s(ec)?)",
+    "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2|m/s²|m/s/s)",
+    "mg": r"mg",
+    "g": r"g",
+    "ns": r"ns(ec)?",
+    "us": r"(us|µs|μs|usec)",
+    "ms": r"(ms|msec|millis(ec(onds?)?)?)",
+    "s": r"s(ec(onds?)?)?",
+    "rad": r"rad(ians?)?",
+    "deg": r"(deg(rees?)?|°)",
+    "T": r"(t|tesla)",
+    "uT": r"(ut|µt|μt|microtesla)(_?raw)?",
+    "nT": r"(nt|nanotesla)(_?raw)?",
+    "gauss": r"(gauss|gs)(_?raw)?",
+    "mgauss": r"(mgauss|milligauss|mg)(_?raw)?",
+    "m/s": r"m[_ /]?(p|s)(s|ec)?(\^?-1)?",
+    "km/h": r"(km[_ /]?h|kph|kmph)",
+    "knot": r"(kn|kt|kts|knots?)",
+    "cm/s": r"cm[_ /]?s",
+    "mm/s": r"mm[_ /]?s",
+    "ft/s": r"(ft[_ /]?s|fps)",
+    "m": r"m(et(er|re)s?)?",
+    "km": r"km",
+    "cm": r"cm",
+    "mm": r"mm",
+    "ft": r"(ft|feet|foot)",
+}
+
+
+class Names(NamedTuple):
+    """The columns of a table by what they are called."""
+
+    table: Table
+    names: list[Any]
+
+    @classmethod
+    def of(cls, table: Table) -> "Names":
+        """All columns of a table."""
+        return cls(table, [str(name) for name in table.frame.columns])
+
+    def find(self, pattern: str) -> str | None:
+        """The first column named so, with or without a unit behind, or None; one without it
+        first."""
+        for whole in (f"(?:{pattern})", f"(?:{pattern}){UNIT}"):
+            for name in self.names:
+                if re.fullmatch(whole, plain(name)):
+                    return name
+        return None
+
+    def text(self, pattern: str) -> str | None:
+        """The same of a column that holds text."""
+        name = self.find(pattern)
+        return None if name is None or self.table.frame[name].dtype.kind in "iuf" else name
+
+    def triple(self, pattern: str) -> list[str] | None:
+        """Names of the x, y and z column, or None."""
+        for axes in ("xyz", "123"):  # the columns of a matrix have numbers
+            found = [self.find(rf"{pattern}[_ .]?{axis}") for axis in axes]
+            known = [name for name in found if name]
+            if len(known) == 3:
+                return known
+        return None
+
+    def numbers(self, name: str | int) -> Array:
+        """The column as floats, NaN where it is no number."""
+        import pandas as pd
+
+        return pd.to_numeric(self.table.frame[name], errors="coerce").to_numpy(
+            float, na_value=np.nan
+        )
+
+    def unit(self, name: str, units: Iterable[str]) -> str | None:
+        """The unit that the end of a column's name spells, or the line of units, or None."""
+        texts = []
+        for spelt in (_lower(name), plain(name)):
+            ends = re.split(r"[\[(]|(?<=[^_ ])[_ ]", spelt, maxsplit=4)
+            texts += ["_".join(ends[i:]) for i in range(1, len(ends))]
+        texts.append(self.table.units.get(name, "").lower())
+        for unit in units:
+            if any(re.fullmatch(SPELLINGS[unit] + r"[\])]?", text) for text in texts):
+                return unit
+        return None
+
+
+def plain(name: str) -> str:
+    """A name as the patterns have it: small letters, words apart."""
+    head, mark, tail = re.fullmatch(r"([^\[(]*)([\[(]?)(.*)", name.strip()).groups()  # type: ignore[union-attr]
+    return re.sub(r"^imu[_ .]", "", _lower(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", head) + mark + tail))
+
+
+def _lower(name: str) -> str:
+    # but for the sign of micro, whose small form another character is
+    return re.sub(r"^imu[_ .]", "", name.strip().lower()).replace(" ", "_")

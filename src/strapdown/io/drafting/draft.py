@@ -1,0 +1,129 @@
+"""A bare table as a Log: guesses at what its columns are, by names, units, magnitudes and content,
+with a reason wherever the user must check."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...typing import Array
+from ...units import UNITS
+from ..contract import Log, Section
+from ..description.schema_base import Time
+from ..description.source_files import Files
+from ..tables.table_arrays import tables_of
+from ..tables.table_file import Table
+from .column_names import ACCEL, GYRO, Names
+from .drafted_fixes import fix_sections
+from .drafted_imu import attitude_section, imu_section, magnetometer_section
+from .drafted_times import find_clock
+
+
+def open_table(path: Path) -> Log:
+    """The Log of a file of bare tables. Raises DataError where it cannot be read."""
+    tables: dict[str, Table] = {}
+    sections: list[Section] = []
+    facts: list[str] = []
+    asked: list[str] = []
+    found = tables_of(path)
+    for name, table in found.items():
+        log = _of_table(table, name if len(found) > 1 else None)
+        made = any(section.keys.get("table") == MADE for section in log.sections)
+        tables[MADE if made else name] = next(iter(log.tables.values()))
+        instance = {role: 0 for role in ("imu", "gnss", "magnetometer", "attitude")}
+        for section in sections:
+            instance[section.role] = max(instance[section.role], section.instance + 1)
+        sections += [
+            section._replace(instance=instance[section.role] * (not _is_piece(section)))
+            for section in log.sections
+        ]
+        facts += log.facts
+        asked += log.asked
+    if sections and len(found) > 1:  # the other tables are what they are
+        asked = [line for line in asked if "gravity" in line]
+    return Log(tables, tuple(sections), tuple(facts), (), tuple(asked))
+
+
+def _is_piece(section: Section) -> bool:
+    return section.of == "imu" and not {"gyro", "accel"} <= set(section.keys)
+
+
+def _of_table(table: Table, name: str | None) -> Log:
+    """The Log of one table; `name` is what its sections name it by, where the file has several."""
+    columns = Names.of(table)
+    if all(isinstance(name, int) for name in table.frame.columns):
+        return _without_header(table)
+    label = f"table {name}" if name else "table"
+    facts = [f"{label}: {len(table.lines)} rows, columns {', '.join(columns.names)}", *table.notes]
+    clock = find_clock(columns, bool(columns.triple(GYRO) or columns.triple(ACCEL)))
+    if clock is None:
+        no_time = "no column is named like a time: name it in `time` of a recording.toml"
+        return Log({"": table}, (), tuple(facts), asked=(no_time,))
+    facts.append(clock.fact + (f" (a guess: {clock.assumed})" if clock.assumed else ""))
+    t = _times(table, clock.keys)
+    imu, more, asked = imu_section(columns, clock.keys, t)
+    magnetometer, of_field = magnetometer_section(
+        columns, clock.keys, imu.keys.get("axes", "FRD") if imu else "FRD"
+    )
+    fixes = fix_sections(columns, clock.keys, t)
+    attitude, of_attitude = attitude_section(columns, clock.keys)
+    sections = [
+        _told(section, clock.assumed, name)
+        for section in (imu, *fixes.sections, magnetometer, attitude)
+        if section is not None
+    ]
+    if not sections:
+        asked.append(
+            f"nothing was recognised among its columns {', '.join(columns.names[:20])}: say in a "
+            f"recording.toml what they are, or rename them"
+        )
+    if fixes.made:
+        table = table._replace(frame=table.frame.assign(**fixes.made))
+    facts += [*more, *fixes.facts, *of_field, *of_attitude]
+    return Log({"": table}, tuple(sections), tuple(facts), asked=tuple(asked))
+
+
+def _told(section: Section, clock_assumed: str, table: str | None) -> Section:
+    """The section with the name of its table and what is assumed of its clock."""
+    assumed = dict(section.assumed) | ({"time": clock_assumed} if clock_assumed else {})
+    keys: dict[str, Any] = {key: section.keys[key] for key in section.keys if key != "table"}
+    if "table" in section.keys:  # has columns that the file has not
+        keys = {**keys, "table": table or MADE}
+    elif table:
+        keys = {**keys, "table": table}
+    first = [key for key in ("kind", "table", "time") if key in keys]
+    keys = {key: keys[key] for key in [*first, *(key for key in keys if key not in first)]}
+    return section._replace(keys=keys, assumed=assumed)
+
+
+MOST_KINDS = 20
+"""Texts in a column at most that are kinds of rows."""
+MADE = "with degrees"
+"""Name of the table of a file of one, with columns that are made of its own."""
+
+
+def _times(table: Table, keys: dict[str, Any]) -> Array:
+    """Times of the rows (n,), s, as far as they are known: without the week of a time of week."""
+    if keys.get("week", 0) is None:
+        return table.numbers(keys["column"]) * UNITS["time"][keys["unit"]]
+    return Files("", 0.0).times(table, Time.model_validate(keys))
+
+
+def _without_header(table: Table) -> Log:
+    columns = Names.of(table)
+    values = [(name, columns.numbers(name)) for name in table.frame.columns]
+    facts = [f"table: {len(table.lines)} rows without a header line"] + [
+        f"column {name}: {np.nanmin(each):.6g} to {np.nanmax(each):.6g}, median "
+        f"{np.nanmedian(each):.6g}"
+        for name, each in values
+        if np.isfinite(each).any()
+    ]
+    asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
+    for name, each in values:
+        texts: list[str] = list(table.frame[name].dropna().unique()) if np.isnan(each).all() else []
+        if 1 < len(texts) <= MOST_KINDS:
+            asked = (
+                f"column {name} holds {', '.join(map(repr, texts))}: each row is of another kind; "
+                f"write a file of each kind, as with grep, and a header line into it"
+            )
+    return Log({"": table}, (), tuple(facts), asked=(asked,))

@@ -1,0 +1,141 @@
+"""Which columns of a table are its time, and on which clock, by names, magnitudes and content."""
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...time_scales import GPS_ZERO, WEEK
+from ...typing import Array
+from ...units import UNITS
+from ..tables.calendar_text import moments, patterns
+from .column_names import Names, plain
+
+TIME = (
+    r"(?!.*(acc|offset|bias|zone|valid|uncert))(t|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
+    r"unix|posix|utc|iso|stamp|date_?time|[a-z]{0,8}_?(time|timestamp|time_?stamp)(_?(of_?week|utc|gps|unix|us|ms|ns|s))?)"
+)
+OF_WEEK = r"(i_?tow|(gps_?)?(tow|sow|sec(onds?)?|s)(_?(of_?week))?|gms|(gps_?)?time_?of_?week)"
+WEEK_NUMBER = r"((gps_?)?(week|wn|wk|week_?(no|num|number))|gwk)"
+DAY = r"((utc|gps)_?)?(date|day)"
+CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc)"
+GPS_NAME = r".*gps.*"
+LEAST_UNIX = 0.95e9
+"""POSIX seconds of 2000; no clock of a device counts so far from its own start."""
+FORMATS = (
+    "iso",
+    "%d.%m.%Y %H:%M:%S",
+    "%Y/%m/%d %H:%M:%S",
+    "%Y.%m.%d %H:%M:%S",
+    "%d/%m/%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M:%S",
+    "%d-%m-%Y %H:%M:%S",
+    "%d%m%y %H%M%S",
+    "%Y%m%d %H%M%S",
+)
+DAYS = 2
+"""Of a format with a date of digits alone: the first of them that are tried in a column alone."""
+
+
+class Clock(NamedTuple):
+    """The time of a table in the keys of a description. A `week` of None is not known: the column
+    is the time of week, whose week another file may tell."""
+
+    keys: dict[str, Any]
+    fact: str
+    assumed: str = ""
+
+
+def find_clock(columns: Names, is_imu: bool) -> Clock | None:
+    """The Clock of a table, or None where no column is named like a time."""
+    day, clock = columns.find(DAY), columns.find(CLOCK)
+    if day and clock and (form := _format(columns, clock, day)):
+        keys = {"column": clock, "date": day, "format": form} | _scale(clock)
+        return Clock(keys, f"time: {day!r} and {clock!r}, {_scale_name(keys)}")
+    name = columns.find(TIME)
+    if name is None and (name := columns.find(OF_WEEK)) is None:
+        return None
+    if columns.table.frame[name].dtype.kind not in "iuf":
+        form = _format(columns, name)
+        if form is None:
+            raise DataError(
+                f"{columns.table.name}: {name!r} is written {columns.table.frame[name].iloc[0]!r}, "
+                f"which is no form of a time that is known; say its `format` in a recording.toml"
+            )
+        keys = {"column": name, "format": form} | _scale(name)
+        why = "" if "%d/%m" not in form else "days before months"
+        return Clock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
+    return _counted(columns, name, is_imu)
+
+
+def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
+    """The Clock of a column of numbers."""
+    week = columns.find(WEEK_NUMBER)
+    of_week = columns.find(OF_WEEK) if week else None
+    if week and of_week:
+        name = of_week
+    t = columns.numbers(name)
+    named = columns.unit(name, ("ns", "us", "ms", "s"))
+    known = t[np.isfinite(t)]
+    first = float(known[0]) if len(known) else 0.0
+    if re.fullmatch(OF_WEEK + r"([_ .,\[(].*)?", plain(name)) and known.min(initial=0.0) >= 0:
+        unit = named or ("ms" if known.max(initial=0.0) > WEEK * 1.01 else "s")
+        if known.max(initial=0.0) * UNITS["time"][unit] <= WEEK * 1.01:
+            keys = {"column": name, "unit": unit, "clock": "gps", "week": week}
+            return Clock(
+                keys, f"time: {name!r} in {unit} of the GPS week" + f" {week!r}" * bool(week)
+            )
+    units = [named] if named else ["s", "ms", "us", "ns"]
+    for unit in units:
+        seconds = first * UNITS["time"][unit]
+        if LEAST_UNIX <= seconds < 3e9:
+            is_gps = bool(re.fullmatch(GPS_NAME, plain(name)))
+            keys = {"column": name, "unit": unit, "clock": "gps" if is_gps else "unix"}
+            which = "GPS time since 1980" if is_gps else "POSIX time, UTC"
+            sure = "" if is_gps or seconds > LEAST_UNIX + GPS_ZERO else "or GPS time since 1980"
+            return Clock(keys, f"time: {name!r} in {unit}, {which}", sure)
+    unit = named or _unit_by_interval(t, is_imu)
+    why = "" if named or unit == "s" else "by the interval of its rows"
+    return Clock({"column": name, "unit": unit}, f"time: {name!r} in {unit}", why)
+
+
+def _unit_by_interval(t: Array, is_imu: bool) -> str:
+    interval = float(np.median(np.diff(t[np.isfinite(t)]))) if np.isfinite(t).sum() > 1 else 0.01
+    for unit, least in (
+        ("ns", 1e6),
+        ("us", 1e3 if is_imu else 1e4),
+        ("ms", 1.0 if is_imu else 20.0),
+    ):
+        if interval >= least:
+            return unit
+    return "s"
+
+
+def _format(columns: Names, name: str, day: str | None = None) -> str | None:
+    """The first of the formats that all of the first and last rows are written in."""
+    frame = columns.table.frame[[name, day] if day else [name]].dropna()
+    frame = (
+        frame.iloc[np.unique(np.linspace(0, len(frame) - 1, 400).astype(int))]
+        if len(frame)
+        else frame
+    )
+    if not len(frame):
+        return None
+    for form in FORMATS if day else FORMATS[:-DAYS]:
+        try:
+            of_days, of_times = patterns(form, "column" if day else "")
+        except ValueError:
+            continue
+        read = [(name, of_times), *([(day, of_days)] if day and of_days else [])]
+        if not any(moments(frame[each].to_numpy(), pattern)[1].any() for each, pattern in read):
+            return form
+    return None
+
+
+def _scale(name: str) -> dict[str, str]:
+    return {"clock": "gps"} if re.fullmatch(GPS_NAME, plain(name)) else {}
+
+
+def _scale_name(keys: dict[str, Any]) -> str:
+    return "GPS time" if keys.get("clock") == "gps" else "UTC"

@@ -1,0 +1,1 @@
+"""Solutions as files, one module for each format; `../solution.py` picks by ending."""

@@ -1,0 +1,233 @@
+"""Solutions as NetCDF by the CF conventions: everything that a Solution holds, each variable with its
+unit, and times as dates where the clock is absolute."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ...checks import DataError
+from ...core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
+from ...data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, Innovations, Solution
+from ...files import netcdf
+from ...typing import Array
+from ...verdict import NOT_JUDGED, Verdict
+from .solution_table import state_of, table_of
+
+QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
+Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
+"""{name: (dimensions, values, attributes)} of a group of a NetCDF file."""
+FORMAT = "strapdown solution 1"
+CONVENTIONS = "CF-1.11"
+STANDARD_NAMES = {
+    "lat": "latitude",
+    "lon": "longitude",
+    "alt": "height_above_reference_ellipsoid",
+    "roll": "platform_roll_starboard_down",
+    "pitch": "platform_pitch_fore_up",
+    "heading": "platform_orientation",
+}
+"""Of the CF conventions, for those that have one."""
+CF_UNITS = {"deg": "degree", "deg/h": "degree/hour", "deg/s": "degree/s"}
+"""What UDUNITS calls a unit, where that is not its name here."""
+
+
+def write_netcdf(solution: Solution, part: Path) -> None:
+    """Write a Solution to `part`."""
+    variables = _variables(solution)
+    names = [str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)]
+    with netcdf(
+        part, sum(np.asarray(values).nbytes for _, values, _ in variables.values())
+    ) as file:
+        file.attrs.update(format=FORMAT, Conventions=CONVENTIONS)
+        file.attrs["title"] = " ".join(names) or "strapdown solution"
+        if solution.verdict.word != NOT_JUDGED:
+            file.attrs["verdict"] = solution.verdict.word
+        fill(file, variables, compression="gzip", compression_opts=1, shuffle=True)
+
+
+def fill(group: Any, variables: Variables, **packing: Any) -> None:
+    """Write variables to a group of an h5netcdf file; `packing` is for those that are arrays."""
+    import h5py
+
+    for name, (dims, values, attributes) in variables.items():
+        values = np.asarray(values)
+        text = values.dtype.kind == "U"
+        for dim, size in zip(dims, values.shape):
+            if dim not in group.dimensions:
+                group.dimensions[dim] = size
+        group.create_variable(
+            name,
+            tuple(dims),
+            dtype=h5py.string_dtype() if text else None,
+            data=values.astype(object) if text else values,
+            **(packing if values.ndim and values.size else {}),
+        ).attrs.update(attributes)
+
+
+def _variables(solution: Solution) -> Variables:
+    """All that the file holds; texts are variables because attributes end at 64 KiB."""
+    fixes, table, q_nb = solution.innovations, table_of(solution), solution.trajectory.q_nb
+    clock = _clock(solution)
+    found: Variables = {
+        "time": (
+            ("time",),
+            solution.t,
+            {"long_name": "time of the recording", "axis": "T", **clock},
+        )
+    }
+    found |= {
+        name: (("time",), table[name].to_numpy(), _attributes(name))
+        for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS
+    }
+    if q_nb is not None:
+        found |= {
+            name: (("time",), q_nb[:, i], {"units": "1"}) for i, name in enumerate(QUATERNION)
+        }
+    meanings = {
+        "units": "1",
+        "flag_values": np.array([VALID, BRIDGED, INVALID, DOUBTFUL], solution.status.dtype),
+        "flag_meanings": "valid bridged invalid doubtful",
+    }
+    found["status"] = (("time",), solution.status, meanings)
+    found |= {
+        f"extra_{i}": (("time",), values, {"long_name": name, **_unit_of(name)})
+        for i, (name, values) in enumerate(solution.columns.items())
+    }
+    if solution.covariance is not None:
+        found["covariance"] = (
+            ("time", "state", "state_2"),
+            solution.covariance,
+            {"long_name": "covariance of the error states in order, m, m/s, rad, m/s^2, rad/s"},
+        )
+    found |= {
+        "fix_time": (("fix",), fixes.t, {"long_name": "time of the fix", **clock}),
+        "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),
+        "innovation": (
+            ("fix", "row"),
+            fixes.innovation,
+            {"long_name": "innovation, SI, as the source"},
+        ),
+        "nis": (("fix",), fixes.nis, {"units": "1", "long_name": "normalised innovation squared"}),
+        "accepted": (("fix",), fixes.accepted.astype(np.int8), {"units": "1"}),
+    }
+    texts = {
+        "sources": fixes.names,
+        "gates": fixes.gates,
+        "events": solution.events,
+        "meta": {name: value for name, value in solution.meta.items() if name != "verdict"},
+    }
+    if solution.verdict.word != NOT_JUDGED:
+        texts["verdict"] = solution.verdict.as_dict()
+    return found | {
+        name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"})
+        for name, value in texts.items()
+    }
+
+
+def _clock(solution: Solution) -> dict[str, str]:
+    """Attributes of times: by CF they are dates where the clock is absolute.
+
+    The calendar knows no leap seconds. Those between the epoch and the first row are in the moment
+    that times count from, so that dates are right up to a leap second within the solution.
+    """
+    moments, t = solution.utc, solution.t
+    known = np.flatnonzero(np.isfinite(t))
+    if moments is None or not len(known):
+        return {"units": "s"}
+    zero = moments[known[0]] - np.round(t[known[0]] * 1e9).astype("m8[ns]")
+    since = str((zero + np.timedelta64(500, "ns")).astype("M8[us]")).replace("T", " ")
+    units = f"seconds since {since.removesuffix('.000000')}"
+    return {"standard_name": "time", "units": units, "calendar": "standard"}
+
+
+def _attributes(name: str) -> dict[str, str]:
+    """Of a column of the table, by CF."""
+    unit = {"lat": "degrees_north", "lon": "degrees_east"}.get(name, UNITS[name])
+    standard = {"standard_name": STANDARD_NAMES[name]} if name in STANDARD_NAMES else {}
+    return {"units": CF_UNITS.get(unit, unit), **standard}
+
+
+def _unit_of(name: str) -> dict[str, str]:
+    """The unit that the name of a column says in brackets."""
+    found = re.search(r"\[([^\]]+)\]", name)
+    return {"units": CF_UNITS.get(found[1], found[1])} if found else {}
+
+
+def read_netcdf(path: Path) -> Solution:
+    """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
+    import h5netcdf
+
+    with h5netcdf.File(path, "r") as file:
+        if file.attrs.get("format") != FORMAT:
+            raise DataError(
+                f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
+                f"recordings with strapdown.read"
+            )
+
+        def column(name: str) -> np.ndarray[Any, Any]:
+            return np.asarray(file[name][...])
+
+        def table(names: list[str]) -> Array:
+            return np.column_stack([column(name) for name in names])
+
+        def read(name: str) -> Any:
+            return json.loads(np.asarray(file[name][...]).item())
+
+        innovations = Innovations(
+            column("fix_time"),
+            column("fix_source"),
+            column("innovation"),
+            column("nis"),
+            column("accepted").astype(bool),
+            tuple(read("sources")),
+            tuple(read("gates")),
+        )
+        extra = {
+            str(file[name].attrs["long_name"]): column(name)
+            for name in file.variables
+            if re.fullmatch(r"extra_\d+", name)
+        }
+        meta = read("meta")
+        if "verdict" in file.variables:
+            meta["verdict"] = checked(read("verdict"))
+        covariance = column("covariance") if "covariance" in file.variables else None
+        q_nb = table(QUATERNION) if QUATERNION[0] in file.variables else None
+        trajectory, b_a, b_g = state_of(column("time"), table, q_nb)
+        return Solution(
+            trajectory,
+            b_a,
+            b_g,
+            column("status"),
+            innovations,
+            tuple((t, text) for t, text in read("events")),
+            extra,
+            covariance,
+            meta,
+        )
+
+
+def plain(value: Any) -> Any:
+    """`value` (as of `Solution.meta`) in the types of JSON: named tuples and data classes become
+    objects, the unknown its text."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    elif hasattr(value, "model_dump"):
+        value = value.model_dump()
+    elif hasattr(value, "__dataclass_fields__"):
+        value = {name: getattr(value, name) for name in value.__dataclass_fields__}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return plain(value.tolist())
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+def checked(verdict: dict[str, Any]) -> dict[str, Any]:
+    """What a file says as its verdict, where it is one; else what `read_solution` refuses."""
+    return Verdict.from_dict(verdict).as_dict()

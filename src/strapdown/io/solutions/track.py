@@ -1,0 +1,85 @@
+"""What files of a track have in common: the rows whose position is known, their UTC, and what is said
+of the solution."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from ...checks import DataError
+from ...data import Solution
+from ...time_scales import iso_text, span
+from ...typing import Array, Ints
+from ...verdict import NOT_JUDGED, TRUSTED
+
+HEIGHTS = "Heights are above the WGS-84 ellipsoid"
+
+
+class Track(NamedTuple):
+    """The rows (n,) of a solution whose position is known."""
+
+    name: str  # of recording and filter, with the verdict where it is not trusted
+    said: str  # sentences on verdict and time
+    rows: Ints  # their numbers
+    t: Array  # s
+    longitude: Array  # deg, -180 and below 180
+    latitude: Array  # deg
+    height: Array  # m, above the ellipsoid
+    stamps: list[str]  # ISO 8601, UTC, to the millisecond; empty without an absolute clock
+
+    @property
+    def pieces(self) -> list[slice]:
+        """Stretches that do not cross the antimeridian."""
+        cuts = np.flatnonzero(np.abs(np.diff(self.longitude)) > 180) + 1
+        return self._stretches(cuts)
+
+    @property
+    def segments(self) -> list[slice]:
+        """Stretches without a missing row."""
+        return self._stretches(np.flatnonzero(np.diff(self.rows) > 1) + 1)
+
+    def _stretches(self, cuts: Ints) -> list[slice]:
+        edges = [0, *map(int, cuts), len(self.rows)]
+        return [slice(start, stop) for start, stop in zip(edges, edges[1:])]
+
+
+def track_of(solution: Solution, path: Path) -> Track:
+    """The Track of a Solution that is written to `path`. Raises DataError where there is none."""
+    if not solution.has_position:
+        filter = solution.meta.get("filter")
+        raise DataError(
+            f"{path}: the solution{f' of {filter}' if filter else ''} has no position, so there is "
+            f"no track to write; use .nc or .csv"
+        )
+    lla, verdict, utc = solution.trajectory.lla, solution.verdict, solution.utc
+    rows = np.flatnonzero(np.isfinite(lla).all(axis=1))
+    words = [str(solution.meta[key]) for key in ("recording", "filter") if solution.meta.get(key)]
+    doubt = "" if verdict.word in (TRUSTED, NOT_JUDGED) else f" ({verdict.word})"
+    said = "" if verdict.word == NOT_JUDGED else f"Verdict: {verdict.line}. "
+    if utc is None:
+        known = solution.t[rows]
+        said += (
+            f"Solution of strapdown, {known[0]:.3f} to {known[-1]:.3f} s of the recording, whose clock "
+            f"is not absolute: there are no time stamps. "
+        )
+    else:
+        said += f"Solution of strapdown, {span(utc[rows])}. "
+    longitude = np.degrees(lla[rows, 1])
+    return Track(
+        (" ".join(words) or "strapdown solution") + doubt,
+        said,
+        rows,
+        solution.t[rows],
+        # GPX knows no 180, to which nine digits may round
+        np.where(longitude > 180 - 5e-10, longitude - 360, longitude),
+        np.degrees(lla[rows, 0]),
+        lla[rows, 2],
+        [] if utc is None else [each.decode() for each in iso_text(utc[rows], 3).tolist()],
+    )
+
+
+def xml(text: str) -> str:
+    """Fit for XML 1.0, with ? for what it cannot hold."""
+    return escape(re.sub(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text))

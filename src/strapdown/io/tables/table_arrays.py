@@ -1,0 +1,126 @@
+"""The tables of a file by name, whatever it is: text, MATLAB (.mat, also of version 7.3) or
+Parquet."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...checks import DataError
+from .table_file import SUFFIXES as TEXT, Table, first_line_of, is_number, reading
+from .table_text import read_table
+
+MATLAB, PARQUET = ".mat", ".parquet"
+SUFFIXES = (*TEXT, MATLAB, PARQUET)
+HDF5 = b"\x89HDF"
+
+
+def tables_of(path: Path, header: bool | None = None) -> dict[str, Table]:
+    """{name: Table}: one of a text file or a Parquet file, whose name is that of the file; of a MATLAB
+    file one for each struct, or for the arrays of one length, whose matrices (n, k) are the
+    columns NAME_1 to NAME_k. Raises DataError.
+
+    header: whether a text has one; None: where its first line holds names.
+    """
+    suffix = path.suffix.lower()
+    if suffix == MATLAB:
+        with reading(path):
+            return _matlab(path)
+    if suffix == PARQUET:
+        with reading(path):
+            return {path.stem: _parquet(path)}
+    table = read_table(path, header is not False)
+    names = [str(name) for name in table.frame.columns]
+    if header is None and sum(map(is_number, names)) > len(names) / 2:
+        table = read_table(path, False)
+    return {path.name.partition(".")[0]: table}
+
+
+def _parquet(path: Path) -> Table:
+    import pandas as pd
+
+    try:
+        frame = pd.read_parquet(path, engine="pyarrow")
+    except ImportError as error:
+        raise DataError(f"{path}: reading Parquet needs pyarrow: pip install pyarrow") from error
+    except (ValueError, KeyError, TypeError) as error:  # pyarrow's errors among them
+        raise DataError(f"{path}: is no Parquet file ({first_line_of(error)})") from error
+    if any(frame.index.names):
+        frame = frame.reset_index()
+    columns = {str(name): _plain(frame[name]) for name in frame}
+    return Table.of(str(path), columns, word="row")
+
+
+def _plain(cells: Any) -> Any:
+    """A column without a type of its own: moments as POSIX nanoseconds."""
+    if cells.dtype.kind == "M":
+        return cells.to_numpy("datetime64[ns]").astype(np.int64)
+    return cells.to_numpy() if cells.dtype.kind in "iuf" else cells.to_numpy(object)
+
+
+def _matlab(path: Path) -> dict[str, Table]:
+    with path.open("rb") as file:
+        is_hdf5 = file.read(4) == HDF5 or _is_hdf5_with_header(file)
+    content = _of_version_73(path) if is_hdf5 else _of_version_7(path)
+    found = dict(_tables(path, path.stem, content))
+    if not found:
+        raise DataError(
+            f"{path}: holds no numeric arrays of two rows or more; tables and datetimes of MATLAB are "
+            f"not read: save table2struct(T, 'ToScalar', true), times as numbers"
+        )
+    return found
+
+
+def _is_hdf5_with_header(file: Any) -> bool:
+    file.seek(512)  # MATLAB writes a text of its own before
+    return bool(file.read(4) == HDF5)
+
+
+def _of_version_7(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, simplify_cells=True)
+    except Exception as error:  # scipy raises what its parser stumbles over
+        raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
+    return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _of_version_73(path: Path) -> dict[str, Any]:
+    import h5py
+
+    def read(group: Any) -> dict[str, Any]:
+        return {
+            name: read(value) if isinstance(value, h5py.Group) else value[()].T
+            for name, value in group.items()
+            if not name.startswith("#")
+            and (isinstance(value, h5py.Group) or (value.dtype.kind in "iuf" and value.ndim))
+        }
+
+    try:
+        with h5py.File(path) as file:
+            return read(file)
+    except (OSError, RuntimeError, KeyError) as error:
+        raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
+
+
+def _tables(path: Path, name: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Table]]:
+    """(name, Table) of the arrays of a struct and of those in it; arrays of one length are one."""
+    lengths: dict[int, dict[str, Any]] = {}
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _tables(path, key if name == path.stem else f"{name}.{key}", value)
+            continue
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf" or array.ndim not in (1, 2) or max(array.shape) < 2:
+            continue
+        rows = array.reshape(len(array), -1)
+        rows = rows.T if rows.shape[1] > rows.shape[0] else rows
+        one = rows.shape[1] == 1
+        columns = {key if one else f"{key}_{k + 1}": column for k, column in enumerate(rows.T)}
+        lengths.setdefault(len(rows), {}).update(columns)
+    for columns in lengths.values():
+        called = name if len(lengths) == 1 else f"{name}.{next(iter(columns))}"
+        label = called.removeprefix(f"{path.stem}.")
+        yield label, Table.of(f"{path} [{label}]", columns, word="row")

@@ -1,0 +1,162 @@
+"""Tables of files, whose complaints name the file, the line and the column; and files, plain or
+packed, open to read."""
+
+import bz2
+import gzip
+import io
+import lzma
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO, cast
+
+import numpy as np
+
+from ...checks import DataError, did_you_mean
+from ...preprocessing.origin import Origin
+from ...typing import Array, ArrayLike, File, Ints
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PACKED = (".gz", ".xz", ".bz2", ".zip")
+"""What `open_text` unpacks."""
+OPENERS: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
+BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
+
+
+def packed(*suffixes: str) -> tuple[str, ...]:
+    """These suffixes, plain and packed: ".csv", ".csv.gz", ..."""
+    return tuple(suffix + way for suffix in suffixes for way in ("", *PACKED))
+
+
+SUFFIXES = packed(".csv", ".txt", ".tsv", ".dat")
+
+
+@contextmanager
+def reading(path: File) -> Iterator[None]:
+    """Around what reads a file: a file that is not there, cut short or damaged is refused with a
+    DataError that says the remedy."""
+    try:
+        yield
+    except BROKEN as error:
+        raise DataError(
+            f"{path}: the compressed file is truncated or damaged ({first_line_of(error)}); copy it again"
+        ) from error
+    except OSError as error:
+        raise DataError(
+            f"{path}: cannot be read ({error.strerror or first_line_of(error)}); check the path"
+        ) from error
+
+
+class Table(NamedTuple):
+    """A table of a file: pandas DataFrame of raw cells, and the line (or record) of the file that
+    each row stands in."""
+
+    name: str
+    frame: "pd.DataFrame"
+    lines: Ints
+    word: str = "line"  # what a row is called in the file
+    units: Mapping[str, str] = {}  # of columns, where a line of the file names them
+    notes: tuple[str, ...] = ()  # on what of the file was left out
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        columns: Mapping[str, ArrayLike],
+        rows: Ints | None = None,
+        word: str = "record",
+    ) -> "Table":
+        """A table of columns (n,) by name; `rows` (n,) are their numbers in the file, counted from
+        0 where they are not given."""
+        import pandas as pd
+
+        frame = pd.DataFrame(dict(columns), copy=False)
+        return cls(name, frame, np.arange(len(frame)) if rows is None else rows, word)
+
+    @property
+    def origin(self) -> Origin:
+        """Origin that names lines of this file."""
+        return Origin(self.name, self.lines, self.word)
+
+    def cells(self, column: str | int) -> np.ndarray[Any, Any]:
+        """The column as it is read (n,): whole numbers stay such. Raises DataError for a missing
+        one."""
+        if column not in self.frame.columns:
+            raise DataError(f"{self.name}: {self._missing(column)}")
+        return self.frame[column].to_numpy()
+
+    def numbers(self, column: str | int) -> Array:
+        """The column as floats (n,); missing cells are NaN. Raises DataError for a missing column
+        or a cell that is no number."""
+        import pandas as pd
+
+        if column not in self.frame.columns:
+            raise DataError(f"{self.name}: {self._missing(column)}")
+        cells = self.frame[column]
+        if cells.dtype.kind in "iuf":
+            return cells.to_numpy(float, na_value=np.nan)
+        values = pd.to_numeric(cells, errors="coerce").to_numpy(float, na_value=np.nan)
+        wrong = np.isnan(values) & cells.notna().to_numpy()
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise DataError(
+                f"{self.origin.row(row)}, column {column!r}: {str(cells.iloc[row])[:40]!r} is not a "
+                f"number; "
+                "correct the cell or leave it empty"
+            )
+        return values
+
+    def _missing(self, column: str | int) -> str:
+        names = [
+            "".join(each if each.isprintable() else "?" for each in str(name))
+            for name in self.frame.columns
+        ]
+        if isinstance(column, int):
+            return f"column {column} is missing; it has {len(names)} columns"
+        if sum(map(is_number, names)) > len(names) / 2:
+            return f"column {column!r} is missing; the file has no header line: give columns by number, the first is 1"
+        hint = did_you_mean(column, names)
+        return f"column {column!r} is missing{hint}; it has {', '.join(names[:20])}"
+
+
+def open_bytes(path: Path) -> BinaryIO:
+    """A file, plain or compressed (of an archive the first file), open to read. Raises OSError, and
+    those of BROKEN where it is read."""
+    if path.is_dir():
+        raise IsADirectoryError(0, "it is a folder")
+    if path.suffix.lower() == ".zip":
+        archive = zipfile.ZipFile(path)
+        files = [name for name in archive.namelist() if not name.endswith("/")]
+        if not files:
+            raise zipfile.BadZipFile("it holds no file")
+        return cast(BinaryIO, archive.open(files[0]))
+    return cast(BinaryIO, OPENERS.get(path.suffix.lower(), open)(path, "rb"))
+
+
+def open_text(path: Path) -> TextIO:
+    """A text file, plain or compressed, open to read. Raises as `open_bytes`."""
+    return io.TextIOWrapper(open_bytes(path), encoding="utf-8-sig", errors="replace", newline="")
+
+
+def read_bytes(path: Path, most: int = -1) -> bytes:
+    """The content of a file, plain or compressed, or its first `most` bytes. Raises DataError."""
+    with reading(path), open_bytes(path) as file:
+        return file.read(most)
+
+
+def is_number(text: str) -> bool:
+    """Whether a header cell reads as a number, so that the line is probably no header."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def first_line_of(error: BaseException) -> str:
+    """What an exception says, its first line, or its name."""
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

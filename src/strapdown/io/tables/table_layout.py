@@ -1,0 +1,172 @@
+"""How a file writes a table of text: encoding, separator, decimal mark, header and units, by its first
+lines."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from ...checks import DataError
+from .table_file import open_bytes
+
+HEAD, SAMPLE = 65536, 50
+"""Bytes of a file that its layout is found from, and lines of them."""
+BLANKS = r"\s+"
+SEPARATORS = (";", "\t", "|", ",", BLANKS)
+"""In the order in which they are believed where several fit: cells of a table with semicolons may
+have decimal commas, never the other way round."""
+COMMENT = re.compile(r"\s*(#|%|//)")
+NUMBER = re.compile(
+    r"[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|[+-]?(nan|inf(inity)?)|na|n/a|null|", re.IGNORECASE
+)
+STAMP = re.compile(
+    r"(\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?[-/.]\d\d?[-/.]\d{4})([T ].*)?|\d\d?:\d\d(:\d\d.*)?"
+)
+"""A date, a time of day or both."""
+UNIT = re.compile(
+    r"[(\[]?\s*(-|n/a|1|#|(milli|micro|nano)?s(ec(onds?)?)?|[mun]s|[µμ]s|h|"
+    r"(deg(rees?)?|rad|°|[mµμ]?rad|mdeg)([/ ]?(s|sec|h)(\^?-1)?)?|dps|[kcm]?m|ft|feet|"
+    r"k?m[/ ]?(s|h)(ec)?(\^?-?[12]|²)?|m/s/s|kn|kts?|knots?|mph|m?g|[nuµμm]?t|m?gauss|gs|"
+    r"°?c|degc|k|[hkm]?pa|m?bar|v|%|utc|gpst?|unix|iso.*|yyyy.*|hh.*|dd.*|mm.*)\s*[)\]]?",
+    re.IGNORECASE,
+)
+"""What stands in a line of units."""
+
+
+class Layout(NamedTuple):
+    """How a file writes its table."""
+
+    encoding: str
+    separator: str  # as pandas takes it
+    decimal: str
+    skipped: int  # lines before the first row
+    names: list[str]  # of the columns; empty where there is no header
+    units: dict[str, str]  # of a line of units below the header
+
+
+def layout(path: Path) -> Layout:
+    """The Layout of a text file by its first lines. Raises DataError where it holds no text."""
+    with open_bytes(path) as file:
+        head = file.read(HEAD)
+    if not head.strip():
+        raise DataError(f"{path}: is empty; it must hold a header and rows of numbers")
+    encoding = _encoding(head)
+    text = head.decode(encoding, "replace")
+    if "\0" in text:
+        raise DataError(f"{path}: is no table of text, such as comma-separated values")
+    lines = text.splitlines()
+    if len(head) == HEAD and len(lines) > 1:
+        del lines[-1]
+    used = [(k, line) for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
+    separator, many = _separator([line for _, line in used])
+    first = next(
+        (i for i, (_, line) in enumerate(used) if _is_row(cells_of(line, separator), many)),
+        min(1, len(used)),  # a header alone, or text: the first line is the header
+    )
+    skipped = used[first][0] if first < len(used) else len(lines)
+    titles = [line for _, line in used[:first]] or [
+        COMMENT.sub("", line).strip() for line in lines[:skipped] if COMMENT.match(line)
+    ]
+    rows = [cells_of(line, separator) for _, line in used[first : first + SAMPLE]]
+    names, units = _header([cells_of(line, separator, many) for line in titles], rows, many)
+    decimal = _decimal(rows)
+    return Layout(encoding, separator, decimal, skipped, names, units)
+
+
+def _encoding(head: bytes) -> str:
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    if len(head) > 3 and head[1:200:2].count(0) == len(head[1:200:2]):
+        return "utf-16-le"
+    if head.startswith(b"\xef\xbb\xbf"):
+        return "utf-8-sig"
+    try:
+        head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        return "utf-8" if error.start > len(head) - 4 else "cp1252"
+    return "utf-8"
+
+
+def cells_of(line: str, separator: str, many: int = 0) -> list[str]:
+    """The cells of a line; names may hold a blank where that gives `many`."""
+    if separator == BLANKS:  # a unit in brackets belongs to the name before it
+        wide = re.split(r"\s{2,}|\t", line.strip())
+        if len(wide) == many:
+            return wide
+        return re.findall(r"\"[^\"]*\"|\S+(?:\s[(\[][^)\]]*[)\]])?", line.strip())
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def is_data(cell: str) -> bool:
+    """Whether a cell is a number, a date or a time."""
+    return cell != "" and bool(NUMBER.fullmatch(cell) or STAMP.fullmatch(cell))
+
+
+def _is_row(cells: Sequence[str], many: int) -> bool:
+    """Whether cells are a row of data: most are numbers, and not far fewer than elsewhere."""
+    some = [cell for cell in cells if cell]
+    return 2 * len(cells) > many and 2 * sum(map(is_data, some)) >= max(1, len(some))
+
+
+def _separator(lines: Sequence[str]) -> tuple[str, int]:
+    """(separator, cells in a row): those by which most rows are numbers."""
+    best, best_score, many = ",", 0.0, 1
+    sample = lines[-SAMPLE:]
+    for separator in SEPARATORS:
+        rows = [cells_of(line, separator) for line in sample]
+        counts = Counter(len(cells) for cells in rows if any(map(is_data, cells)))
+        usual, _ = counts.most_common(1)[0] if counts else (1, 0)
+        shares = [
+            sum(bool(NUMBER.fullmatch(cell) or STAMP.fullmatch(cell)) for cell in cells) / usual
+            for cells in rows
+            if len(cells) == usual
+        ]
+        score = sum(shares) / len(sample) if sample else 0.0
+        if usual > 1 and score > best_score + 1e-9:
+            best, best_score, many = separator, score, usual
+    return best, many
+
+
+def _decimal(rows: Iterable[Sequence[str]]) -> str:
+    numbers = [cell for cells in rows for cell in cells if NUMBER.fullmatch(cell)]
+    return (
+        "," if sum("," in cell for cell in numbers) > sum("." in cell for cell in numbers) else "."
+    )
+
+
+def _header(
+    above: Sequence[list[str]], rows: Sequence[list[str]], many: int
+) -> tuple[list[str], dict[str, str]]:
+    """(names, {name: unit}) of the lines above the first row; no names where none fits."""
+    trailing = bool(rows) and all(len(cells) == many and not cells[-1] for cells in rows)
+    fitting = [
+        cells
+        for cells in above
+        if any(char.isalpha() for cell in cells for char in cell)
+        and (len(cells) > 1 or many == 1)
+        and (not rows or len(cells) >= many - trailing)
+    ]
+    if not fitting:
+        return [], {}
+    names, units = fitting[-1], []
+    if len(fitting) > 1 and all(UNIT.fullmatch(cell) for cell in names if cell):
+        names, units = fitting[-2], fitting[-1]
+    while names and not names[-1] and len(names) > many:
+        names = names[:-1]
+    names = distinct(names + [""] * (many - len(names)))
+    return names, {name: unit.strip("[]() ") for name, unit in zip(names, units) if unit}
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """Names of which none is empty and none is twice."""
+    found: list[str] = []
+    for i, name in enumerate(names):
+        name = name.strip().strip('"').strip() or f"Unnamed: {i}"
+        again, number = name, 0
+        while again in found:
+            number += 1
+            again = f"{name}.{number}"
+        found.append(again)
+    return found

@@ -1,0 +1,185 @@
+"""Tables of text as loggers write them; lines that hold no data are left out and counted."""
+
+import io
+import re
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...checks import DataError
+from ...preprocessing.origin import counted
+from ...typing import Ints, Mask
+from .table_file import PACKED, Table, first_line_of, open_bytes, reading
+from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CHUNK = 65536
+"""Rows that are parsed at a time: pandas keeps the text of as many."""
+MARK = re.compile(r"\s*(#|%|//|[-=*]{3})")
+"""Beginnings of a line that is no data."""
+
+
+def read_table(path: Path, header: bool = True) -> Table:
+    """The Table of a text file, plain or packed. Raises DataError.
+
+    Lines that begin with #, % or //, titles above the header and lines without any number are left
+    out; those after the first row are counted in the notes of the Table. Without `header` the
+    columns are numbered from 1. A table without a header line, read with one, has its first row as
+    names, by which `Table.numbers` says so.
+    """
+    import pandas as pd
+
+    with reading(path):
+        found = layout(path)
+        if not header:
+            found = found._replace(names=[], units={})
+        elif not found.names:
+            found = _first_row_as_names(path, found)
+        try:
+            frame, lines, notes = _rows(path, found)
+        except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
+            raise DataError(
+                f"{path}: is not a table of comma-separated values ({first_line_of(error)})"
+            ) from error
+    if not len(frame):
+        raise DataError(f"{path}: has a header but no rows of numbers")
+    if not header or not found.names:
+        frame.columns = pd.Index(range(1, frame.shape[1] + 1))
+    _to_numbers(frame)
+    empty = [
+        name for name in frame if str(name).startswith("Unnamed: ") and frame[name].isna().all()
+    ]
+    frame = frame.drop(columns=empty) if empty else frame
+    return Table(str(path), frame, lines, units=found.units, notes=tuple(notes))
+
+
+def _rows(path: Path, found: Layout) -> tuple["pd.DataFrame", Ints, list[str]]:
+    """(frame, line of each row, notes) of the lines that hold data. The file is parsed again where
+    others do not, so that whole numbers stay such."""
+    import pandas as pd
+
+    marks: list[int] = []  # numbers of lines, counted from 0
+    try:
+        frame = _parsed(path, found)
+    except (pd.errors.ParserError, pd.errors.ParserWarning):
+        marks = _marks_of_many_cells(path, found)
+        frame = _parsed(path, found, marks)
+    lines = np.arange(found.skipped, found.skipped + len(frame) + len(marks))
+    lines = np.delete(lines, np.array(marks, int) - found.skipped)
+    filled, mark = _filled(frame), _marks(frame)
+    marks += lines[mark].tolist()
+    if not (keep := filled & ~mark).all():
+        left = [*marks, *lines[~filled].tolist()]
+        frame, lines = _parsed(path, found, left) if keep.any() else frame[keep], lines[keep]
+    if not marks:
+        return frame, lines + 1, []
+    count = counted(len(marks), "line")
+    note = f"{path}: {count} without data left out, the first is line {min(marks) + 1}"
+    return frame, lines + 1, [note]
+
+
+def _filled(frame: "pd.DataFrame") -> Mask:
+    """Which rows have any cell."""
+    first = frame.iloc[:, 0].notna().to_numpy()
+    return first if first.all() else frame.notna().any(axis=1).to_numpy()
+
+
+def _texts(frame: "pd.DataFrame") -> list[Any]:
+    return [name for name in frame if frame[name].dtype.kind not in "iufb"]
+
+
+def _marks(frame: "pd.DataFrame") -> Mask:
+    """Which rows hold no data: those that begin like a comment or have text and no number."""
+    import pandas as pd
+
+    texts, marks = _texts(frame), np.zeros(len(frame), bool)
+    if not texts:
+        return marks
+    first = frame.columns[0]
+    if first in texts:
+        marks = np.array(frame[first].astype(str).str.match(MARK.pattern), bool)
+    suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
+    for name in texts:
+        cells = frame[name].iloc[suspect]
+        numbers = pd.to_numeric(_with_points(cells), errors="coerce")
+        suspect = suspect[numbers.isna().to_numpy()]
+    for row in suspect:
+        cells = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
+        marks[row] |= bool(cells) and not any(STAMP.fullmatch(cell.strip()) for cell in cells)
+    return marks
+
+
+def _with_points(cells: "pd.Series[Any]") -> "pd.Series[Any]":
+    """Cells with a decimal comma with a point."""
+    return cells.astype(str).str.replace(r"^(\s*[+-]?\d*),(\d+\D*\d*\s*)$", r"\1.\2", regex=True)
+
+
+def _to_numbers(frame: "pd.DataFrame") -> None:
+    """Make numbers of the columns of text that hold nothing else, in place."""
+    import pandas as pd
+
+    for name in _texts(frame):
+        cells = frame[name]
+        known = cells.notna()
+        if cells.isna().all():
+            frame[name] = np.nan
+        for form in (cells, _with_points(cells).where(known)):
+            numbers = pd.to_numeric(form, errors="coerce")
+            if (numbers.notna() == known).all():
+                frame[name] = numbers
+                break
+
+
+def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFrame":
+    """What pandas makes of the file without the lines `left`, counted from 0."""
+    import pandas as pd
+
+    # a plain file is fastest by its path: pandas then decodes UTF-8 itself
+    source = open_bytes(path) if path.suffix.lower() in PACKED else str(path)
+    with warnings.catch_warnings():
+        # rows with more cells than the header has names
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        chunks = pd.read_csv(
+            source,
+            sep=found.separator,
+            decimal=found.decimal,
+            header=None,
+            names=found.names or None,
+            skiprows=[*range(found.skipped), *left] if left else found.skipped,
+            skip_blank_lines=False,
+            skipinitialspace=True,
+            low_memory=False,
+            index_col=False,
+            encoding=found.encoding,
+            encoding_errors="replace",
+            chunksize=CHUNK,
+        )
+        with chunks:
+            frames = list(chunks)
+    return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+
+
+def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
+    """Numbers, from 0, of the lines below the header that have more cells than it and no data."""
+    marks, most = [], len(found.names)
+    with io.TextIOWrapper(open_bytes(path), found.encoding, "replace") as file:
+        for number, line in enumerate(file):
+            if number < found.skipped or not len(line) > most > 0:
+                continue
+            cells = cells_of(line, found.separator)
+            if len(cells) > most and (MARK.match(line) or not any(map(is_data, cells))):
+                marks.append(number)
+    return marks
+
+
+def _first_row_as_names(path: Path, found: Layout) -> Layout:
+    with io.TextIOWrapper(open_bytes(path), found.encoding, "replace") as file:
+        for _ in range(found.skipped):
+            next(file)
+        names = distinct(cells_of(next(file, ""), found.separator))
+    return found._replace(names=names, skipped=found.skipped + 1)
