@@ -36,8 +36,6 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
                 while left > 0 and (piece := file.read(min(PIECE, left))):
                     pieces.append(piece)
                     left -= len(piece)
-        except ImportError:
-            raise
         except Exception as error:  # each package has errors of its own
             raise DataError(f"is damaged ({type(error).__name__})") from error
         unpacked = b"".join(pieces)
