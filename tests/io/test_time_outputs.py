@@ -108,8 +108,7 @@ def test_csv_with_a_column_of_utc(made, undated, tmp_path):
 
 
 def test_gpx_as_gpxpy_reads_it(made, undated, tmp_path):
-    import geojson
-import gpxpy
+    import gpxpy
 
     lla = made.trajectory.lla.copy()
     lla[70:80] = np.nan
@@ -136,6 +135,8 @@ def test_geojson_keeps_to_its_rfc(tmp_path, lon):
     made = solution(truth)
     made = replace(made, meta=made.meta | {"epoch": EPOCH})
     write_solution(made, tmp_path / "a.geojson")
+    import geojson
+
     text = (tmp_path / "a.geojson").read_text()
     assert geojson.loads(text).is_valid
     found = json.loads(text)
