@@ -169,6 +169,13 @@ def test_clocks_of_two_devices_are_set_to_one_by_their_zeros():
     assert any("by the UTC of both logs" in line for line in recording.meta["read"])
 
 
+def test_a_clock_whose_zero_is_known_stands_beside_an_absolute_one():
+    add_own_clock("dated", "2024-04-30T23:58:21Z")
+    recording = sd.read("a.two", "a.dated")
+    later = recording.aidings[0].t - recording.imu.t[0]
+    np.testing.assert_allclose(later, 1.0 + np.arange(20.0), atol=1e-5)
+
+
 def test_a_clock_without_zero_is_asked_beside_one_that_has_it():
     add_own_imu("boot", "2024-05-01T00:00:00Z")
     add_own_clock("loose", None, first=1.0)

@@ -82,24 +82,28 @@ def one_clock(
         names = " and ".join(path.name for path in zeros)
         assumed = [f"the clocks of {names} count from the same moment"]
 
+    of_imu = next((each for each in found if each.section.of == "imu"), None)
+    is_absolute = of_imu is not None and of_imu.kind != "own"
+
     def complete(path: Path, section: Section) -> Section:
-        zero = logs[path].head.get("epoch")
-        if zero is not None and zero != head.get("epoch") and path in zeros:
+        zero = zeros.get(path)
+        if zero is not None and is_absolute:
+            return _later(section, gps_of(zero), "gps")
+        if zero is not None and zero != head.get("epoch"):
             return _later(section, gps_of(zero) - gps_of(head["epoch"]))
         return weeks(section)
 
     return OneClock(complete, asked, assumed)
 
 
-def _later(section: Section, seconds: float) -> Section:
-    """The section with its times counted from a moment so much earlier."""
+def _later(section: Section, seconds: float, clock: str = "") -> Section:
+    """The section with its times counted from a moment so much earlier, on that absolute clock."""
 
     def moved(keys: Mapping[str, Any]) -> dict[str, Any]:
-        time = keys.get("time")
-        own = (
-            {} if time is None else {"time": {**time, "offset": time.get("offset", 0.0) + seconds}}
-        )
-        return {**keys, **own}
+        if "time" not in keys:
+            return dict(keys)
+        time = {**keys["time"], "offset": keys["time"].get("offset", 0.0) + seconds}
+        return {**keys, "time": {**time, "clock": clock} if clock else time}
 
     keys = moved(section.keys)
     keys |= {key: moved(keys[key]) for key in ("gyro", "accel") if key in keys}
