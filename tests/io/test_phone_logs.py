@@ -66,6 +66,16 @@ def test_sensor_logger_of_both_platforms(tmp_path, walk, platform, standardised)
     assert np.array_equal(one.aidings[0].y, other.aidings[0].y)
 
 
+@pytest.mark.parametrize("standardised, sign", [("false", -1.0), ("true", 1.0)])
+def test_the_signs_of_a_total_acceleration_are_those_of_the_platform(
+    tmp_path, walk, standardised, sign
+):
+    turned = walk._replace(accel=sign * walk.accel)
+    files = sensor_logger(walk, "ios", standardised)
+    files["TotalAcceleration.csv"] = sensor_logger(turned)["TotalAcceleration.csv"]
+    same(sd.read(folder(tmp_path / "walk", files)), walk)
+
+
 def test_what_tells_an_iphone(tmp_path, walk):
     """Without Metadata.csv: heights above the sea, which only an iPhone writes; nothing at all is
     said."""
