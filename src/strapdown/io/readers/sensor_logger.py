@@ -45,6 +45,10 @@ LOCATIONS = ("LocationGps", "Location")
 """Tables of fixes, those of satellites alone first."""
 ANDROID = ("TotalAcceleration", "LocationGps", "LocationNetwork")
 """Files that only Android has, by UNITS.md and FUSEDLOCATION.md."""
+FUSED = (
+    " of Android's fused provider (FLP), which mixes networks in; "
+    '"Additional Location Data" of the app records LocationGps, of satellites alone'
+)
 SUM = "Accelerometer and Gravity"
 UNUSED = {
     "Orientation": "fused with inertial data by the phone",
@@ -93,7 +97,7 @@ def open_recording(path: Path) -> Log:
     head = _head(tables)
     platform = _platform(found, tables)
     sections, facts = _inertial(found, tables, platform)
-    left += _aidings(tables, sections, head)
+    left += _aidings(tables, sections, head, platform.name == "android")
     for name in names:
         if name not in wanted:
             left.append(f"{name}: {UNUSED.get(name, 'not a sensor that is read')}")
@@ -182,7 +186,9 @@ def _signs(platform: Platform, name: str, norm: float) -> Signs:
     return Signs(-1.0 if bare else 1.0, f"{kind} signs, {platform.why}", True)
 
 
-def _aidings(tables: dict[str, Table], sections: list[Section], head: dict[str, Any]) -> list[str]:
+def _aidings(
+    tables: dict[str, Table], sections: list[Section], head: dict[str, Any], android: bool
+) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
     left = []
     locations = [name for name in LOCATIONS if name in tables]
@@ -192,9 +198,12 @@ def _aidings(tables: dict[str, Table], sections: list[Section], head: dict[str, 
         if not (names.latitude and names.longitude and names.height and names.accuracy):
             left.append(f"{name}: lacks latitude, longitude, altitude or horizontalAccuracy")
             continue
-        tables[name], lines = fixes(tables[name], names)
+        tables[name], lines = fixes(tables[name], names, android)
         left += [f"{name}: {line}" for line in lines]
-        sections += fix_sections(name, tables[name], names, TIME, instance=instance)
+        found = fix_sections(name, tables[name], names, TIME, android, instance=instance)
+        if android and found and name == "Location":
+            found[0] = found[0]._replace(title=found[0].title + FUSED)
+        sections += found
     if "Magnetometer" in tables:
         sections.append(magnetometer_section("Magnetometer", TIME, XYZ, head))
     if "Barometer" in tables and "pressure" in tables["Barometer"].frame.columns:
