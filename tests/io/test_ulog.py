@@ -202,11 +202,11 @@ def test_rows_without_a_3d_fix_are_not_used(flown, log):
     topics = written.topics_of(flown)
     many = len(topics["sensor_gps", 0]["timestamp"][1])
     types = np.full(many, 3)
-    types[:4] = 0, 1, 2, 2
+    types[:6] = 0, 1, 2, 2, 8, 6  # 8 is extrapolated
     topics["sensor_gps", 0]["fix_type"] = "uint8_t", types
     found = sd.read(log(topics))
-    assert [len(each.t) for each in found.aidings] == [many - 4] * 2
-    assert any("4 of" in line and "3D" in line for line in found.meta["read"])
+    assert [len(each.t) for each in found.aidings] == [many - 5] * 2
+    assert any("5 of" in line and "3D" in line for line in found.meta["read"])
     topics["sensor_gps", 0]["fix_type"] = "uint8_t", 0 * types
     assert sd.read(log(topics)).aidings == ()
 

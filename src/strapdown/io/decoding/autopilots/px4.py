@@ -21,7 +21,7 @@ Columns = dict[str, NDArray[Any]]
 GYRO = [f"gyro_rad[{k}]" for k in range(3)]
 ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
 Q = [f"q[{k}]" for k in range(4)]
-FIX_3D = 3  # fix_type from which a fix has a height
+FIX_3D = (3, 4, 5, 6)  # fix_type of fixes with a height; 8 is extrapolated
 SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
 """us: a clock that starts between these counts from 1970, as that of a simulator does, not from power
 on."""
@@ -68,7 +68,7 @@ def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.i
     }
     rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
     if "fix_type" in found:
-        rows = np.flatnonzero(found["fix_type"] >= FIX_3D)
+        rows = np.flatnonzero(np.isin(found["fix_type"], FIX_3D))
         found = {key: values[rows] for key, values in found.items()}
         _usable(found)
     if "delta_angle_dt" in found:
