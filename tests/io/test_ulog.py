@@ -228,6 +228,42 @@ def test_what_the_receiver_does_not_say_is_assumed(flown, log):
     assert len(sd.read(log(topics), gnss=0).aidings) == 2
 
 
+@pytest.mark.parametrize("old", [False, True])
+def test_ellipsoid_heights_that_are_those_above_sea_level(flown, log, old):
+    """As PX4's simulators write them."""
+    topics = written.topics_of(flown)
+    fixes = topics["sensor_gps", 0]
+    fixes["altitude_ellipsoid_m"] = fixes["altitude_msl_m"]
+    if old:
+        topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))
+    found = sd.read(log(topics))
+    # EGM96 at 47.4 N 8.5 E is 47.3 m, and the file was written with 47 m
+    height = found.aidings[0].y[:, 2]
+    np.testing.assert_allclose(height - flown.aidings[0].y[:, 2], 0.3, atol=0.3)
+    assert any("are equal in all rows" in line for line in found.meta["read"])
+
+
+def test_true_heights_of_a_simulator_are_above_sea_level_as_its_fixes(flown, log):
+    topics, degrees = written.topics_of(flown), np.degrees(flown.reference.lla)
+    t = written.microseconds(flown.reference.t)
+    height = flown.reference.lla[:, 2] - 47
+    topics["vehicle_global_position_groundtruth", 0] = {
+        "timestamp": ("uint64_t", t),
+        "lat": ("double", degrees[:, 0]),
+        "lon": ("double", degrees[:, 1]),
+        "alt": ("float", height),
+        "alt_ellipsoid": ("float", height),
+    }
+    q = np.tile([1.0, 0, 0, 0], (len(t), 1))
+    topics["vehicle_attitude_groundtruth", 0] = {
+        "timestamp": ("uint64_t", t),
+        "q": ("float", q),
+    }
+    found = sd.read(log(topics))
+    assert np.allclose(found.reference.lla[:, 2] - flown.reference.lla[:, 2], 0.3, atol=0.3)
+    assert any("truth; heights above" in line for line in found.meta["read"])
+
+
 def test_magnetometer_and_barometer(flown, log):
     t = written.microseconds(flown.imu.t[::10])
     topics = written.topics_of(flown)

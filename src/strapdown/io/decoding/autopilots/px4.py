@@ -56,6 +56,10 @@ NEEDED: dict[str, list[set[str]]] = {
     "vehicle_air_data": [{"baro_pressure_pa"}],
 }
 """Fields that a topic must have, in the ways in which it may have them."""
+EQUAL = (
+    "heights above the ellipsoid and mean sea level are equal in all rows, as simulators write them: "
+    "taken as above mean sea level"
+)
 ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 
 
@@ -179,6 +183,12 @@ def _of_imu(
     return Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
 
 
+def same_heights(columns: Mapping[str, Any], ellipsoid: str, sea_level: str) -> bool:
+    """Whether both heights are the same number in every row: then the one above the ellipsoid was
+    never worked out."""
+    return np.array_equal(columns[ellipsoid], columns[sea_level])
+
+
 def setting(log: ULog, parameter: str) -> tuple[float, str]:
     """(a standard deviation, where it comes from)."""
     found = log.parameters.get(parameter, 0.0)
@@ -243,6 +253,8 @@ def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
         heights = [key for key in ("alt_ellipsoid", "alt") if np.any(position.get(key, 0.0))]
         if not heights:
             left = left or "all its heights are 0"
+        if len(heights) == 2 and same_heights(position, "alt_ellipsoid", "alt"):
+            heights, named = ["alt"], f"{named}; {EQUAL}"
         height = position[(heights or ["alt"])[0]]
         place = position["timestamp"], position["lat"], position["lon"], height
         q = np.stack([attitude[key] for key in Q], axis=1)

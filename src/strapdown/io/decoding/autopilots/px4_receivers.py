@@ -6,7 +6,7 @@ import numpy as np
 
 from ...contract import Section
 from . import autopilot
-from .px4 import NEARLY, Columns, instances, prepared, setting, time_of
+from .px4 import EQUAL, NEARLY, Columns, instances, prepared, same_heights, setting, time_of
 from .ulog import ULog
 
 
@@ -69,7 +69,8 @@ def _position(log: ULog, fixes: Columns) -> tuple[dict[str, Any], dict[str, str]
     """(keys, those of them that are assumed) of the positions of a receiver."""
     new = "latitude_deg" in fixes
     heights = ["altitude_ellipsoid_m", "altitude_msl_m"] if new else ["alt_ellipsoid", "alt"]
-    height = heights[0] if np.any(fixes[heights[0]] != 0) else heights[1]
+    same = same_heights(fixes, *heights)
+    height = heights[0] if np.any(fixes[heights[0]] != 0) and not same else heights[1]
     sd, assumed = _deviation(log, fixes, ["eph", "eph", "epv"], "EKF2_GPS_P_NOISE")
     columns = ["latitude_deg", "longitude_deg", height] if new else ["lat", "lon", height]
     keys: dict[str, Any] = {"columns": columns, "unit": ["deg", "deg", "m"]}
@@ -77,6 +78,7 @@ def _position(log: ULog, fixes: Columns) -> tuple[dict[str, Any], dict[str, str]
         keys["scale"] = [1e-7, 1e-7, 1e-3]
     if height == heights[1]:
         keys["geoid"] = "EGM96"
+        assumed |= {"geoid": EQUAL} if same else {}
     return keys | sd, assumed
 
 
