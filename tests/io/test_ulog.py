@@ -180,6 +180,53 @@ def old_fixes(topic, **changes):
     return {**named, **old, **changes}
 
 
+NEW = {"SENS_GPS0_DELAY": 80, "SENS_GPS1_DELAY": 110, "SENS_GPS0_ID": 0, "SENS_GPS1_ID": 0}
+NEW |= {f"SENS_GPS{n}_OFF{axis}": 0.1 * n - 0.2 * i for n in (0, 1) for i, axis in enumerate("XYZ")}
+
+
+@pytest.mark.parametrize("slot, late", [(0, 0.08), (1, 0.11)])
+def test_delay_and_antenna_of_each_receiver(flown, log, slot, late):
+    """As PX4 of 2026 names them: by the id of the device, else by the instance."""
+    topics = written.topics_of(flown, late)
+    fixes = topics.pop(("sensor_gps", 0))
+    number = np.full(len(fixes["timestamp"][1]), 0xA5000001)
+    identity = int(np.int32(np.uint32(0xA5000001)))
+    by_instance = log({**topics, ("sensor_gps", slot): fixes}, NEW)
+    found = [sd.read(by_instance)]
+    topics["sensor_gps", 0] = {**fixes, "device_id": ("uint32_t", number)}
+    found += [sd.read(log(topics, {**NEW, f"SENS_GPS{slot}_ID": identity}))]
+    for each in found:
+        position = each.aidings[0]
+        np.testing.assert_allclose(position.t, flown.aidings[0].t, atol=1e-6)
+        arm = np.array([0.0, -0.2, -0.4]) + 0.1 * slot * np.array([1, 1, 1])
+        np.testing.assert_allclose(position.parameters, arm, atol=1e-7)
+        assert f"SENS_GPS{slot}_DELAY of the log is" in " ".join(each.meta["read"])
+
+
+def test_a_delay_that_px4_has_taken_off_already(flown, log):
+    topics = written.topics_of(flown, 0.3)
+    fixes = topics["sensor_gps", 0]
+    sampled = np.asarray(fixes["timestamp"][1]) - 300_000
+    fixes["timestamp_sample"] = "uint64_t", sampled
+    found = sd.read(log(topics, NEW))
+    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-6)
+    assert found.meta["epoch"] == iso(float(gps_from_unix(written.EPOCH * 1e-6)))
+    assert "taken the receiver's delay off" in " ".join(found.meta["read"])
+    # what the driver does not say, and what earlier versions did not use
+    for values, parameters, late in ((0 * sampled, NEW, 0.08), (sampled, EKF2, 0.11)):
+        fixes["timestamp_sample"] = "uint64_t", values
+        found = sd.read(log(topics, parameters)).aidings[0]
+        np.testing.assert_allclose(found.t, flown.aidings[0].t + 0.3 - late, atol=1e-6)
+
+
+def test_a_delay_that_no_parameter_says_is_assumed(flown, log):
+    found = sd.read(log(written.topics_of(flown), {"MAV_TYPE": 2}))
+    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-6)
+    assert any("no delay of the receiver: 0 s" in line for line in found.meta["read"])
+    known = sd.read(log(written.topics_of(flown), {"EKF2_GPS_DELAY": 0.0})).meta["read"]
+    assert not any("delay" in line for line in known)
+
+
 def test_older_fixes_are_whole_numbers(flown, log):
     topics = written.topics_of(flown)
     topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))

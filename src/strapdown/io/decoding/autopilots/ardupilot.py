@@ -26,7 +26,6 @@ DELAY = 0.2
 SD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
 """ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
 one: m, m/s, gauss, m."""
-UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
 ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 MESSAGES = {
     "imu": ("IMU", "IMU2", "IMU3"),
@@ -185,7 +184,9 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
             whole["geoid"] = "EGM96"
         reasons = assumed | ({} if known else {"sd": f"the receiver says none; {origin}"})
         where = ("aiding", "gnss", whole, instance, f"{title}, {kind}", reasons)
-        sections.append(Section(*where, remarks=() if "log names none" not in why else UNSURE))
+        sections.append(
+            Section(*where, remarks=() if "log names none" not in why else autopilot.UNSURE)
+        )
     return sections
 
 
