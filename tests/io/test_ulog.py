@@ -113,6 +113,25 @@ def test_each_vehicle_imu_at_full_rate_can_be_taken(flown, log):
     assert any("sensor_combined" in line and "same sensors" in line for line in first.meta["read"])
 
 
+def test_the_imu_that_px4_selected_is_named(flown, log):
+    many = len(flown.imu.t)
+    topics = {
+        ("vehicle_imu", each): {
+            **increments_of(flown.imu),
+            "accel_device_id": ("uint32_t", np.full(many, 10 + each)),
+            "gyro_device_id": ("uint32_t", np.full(many, 20 + each)),
+        }
+        for each in (0, 1)
+    }
+    topics["sensor_selection", 0] = {
+        "timestamp": ("uint64_t", [5, 9]),
+        "accel_device_id": ("uint32_t", [10, 11]),
+        "gyro_device_id": ("uint32_t", [20, 21]),
+    }
+    titles = [each.title for each in opened([log(topics)]).popitem()[1].sections[:2]]
+    assert ["PX4 selected" in title for title in titles] == [False, True]
+
+
 def test_increments_of_which_few_are_logged_are_mean_rates(flown, log):
     """Of 200 Hz every fourth is logged: 5 ms of each 20 ms."""
     topics = {("vehicle_imu", 0): increments_of(flown.imu, 4)}

@@ -143,14 +143,26 @@ def imus(log: ULog) -> tuple[list[Section], list[str]]:
     return sections, left
 
 
+def _selected(log: ULog, columns: Columns) -> bool:
+    """Whether PX4 went by this IMU in the end."""
+    chosen = log.columns("sensor_selection")
+    return all(
+        len(chosen.get(key, ())) and key in columns and columns[key][-1] == chosen[key][-1]
+        for key in ("gyro_device_id", "accel_device_id")
+    )
+
+
 def _imu(log: ULog, name: str, instance: int, hz: float) -> Section:
+    columns = log.columns(name, instance)
     keys: dict[str, Any] = {
         "table": f"{name} {instance}",
-        "time": time_of(log, log.columns(name, instance)),
+        "time": time_of(log, columns),
         "gyro": {"columns": GYRO, "unit": "rad/s"},
         "accel": {"columns": ACCEL, "unit": "m/s^2"},
     }
-    return _of_imu(log, instance, f"{name} {instance}, {hz:.3g} Hz, mean rates", keys, {})
+    title = f"{name} {instance}, {hz:.3g} Hz, mean rates"
+    title += ", the one that PX4 selected" if _selected(log, columns) else ""
+    return _of_imu(log, instance, title, keys, {})
 
 
 def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
