@@ -174,6 +174,25 @@ def test_the_rate_of_the_imu(flown, log, every, said):
         assert bool(notes) == bool(said) and all(said in line for line in notes)
 
 
+def test_samples_in_bad_health_are_not_used(flown, log):
+    messages = written.messages_of(flown, instances=2)
+    letters, columns = messages["IMU"]
+    gyro, accel = np.ones((2, len(columns["TimeUS"])), int)
+    gyro[200:220:2] = accel[210:224:2] = 0  # of the first
+    columns["GyrX"][gyro == 0] = 30.0
+    messages["IMU"] = letters + "BB", {**columns, "GH": gyro, "AH": accel}
+    found = sd.read(log(messages))
+    assert len(found.imu.t) == len(flown.imu.t) - 12
+    assert np.abs(found.imu.dtheta / found.imu.dt[:, None]).max() < 20
+    assert any("IMU 0: 12 of" in line and "health" in line for line in found.meta["read"])
+    gyro[::2] = 0
+    messages["IMU"] = letters + "BB", {**columns, "GH": gyro, "AH": accel}
+    second = sd.read(log(messages))
+    np.testing.assert_allclose(
+        second.imu.dtheta[1:], 1.1 * flown.imu.dtheta[1:], rtol=1e-3, atol=1e-8
+    )
+
+
 def test_raw_samples_are_left(flown, log):
     messages = written.messages_of(flown)
     t = messages["IMU"][1]["TimeUS"]

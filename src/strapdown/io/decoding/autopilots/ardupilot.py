@@ -67,12 +67,36 @@ def _instances(log: DataFlash, role: str) -> dict[int, Columns]:
     return {instance: columns for instance, columns in found.items() if needed <= set(columns)}
 
 
-def imus(log: DataFlash) -> dict[str, tuple[Columns, Section]]:
-    """{table: (its columns, section)} of the IMUs."""
-    made = {}
+def _healthy(columns: Columns) -> tuple[Columns, int]:
+    """(columns of an IMU whose samples of a sensor in bad health, by GH and AH, are missing; how
+    many rows have such)."""
+    bad = np.zeros(len(columns["TimeUS"]), bool)
+    found = dict(columns)
+    for health, names in (("GH", "Gyr"), ("AH", "Acc")):
+        if health not in columns:
+            continue
+        ill = columns[health] == 0
+        bad |= ill
+        found |= {
+            f"{names}{axis}": np.where(ill, np.nan, columns[f"{names}{axis}"]) for axis in "XYZ"
+        }
+    return found, int(np.count_nonzero(bad))
+
+
+def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]:
+    """({table: (its columns, section)} of the IMUs, lines on what is left)."""
+    made, left = {}, []
     trim = [np.degrees(log.parameters.get(f"AHRS_TRIM_{axis}", 0.0)) for axis in "XY"]
     for instance, columns in _instances(log, "imu").items():
         table, hz = f"IMU {instance}", autopilot.rate(columns["TimeUS"])
+        columns, bad = _healthy(columns)
+        if bad:
+            left.append(
+                f"{table}: {bad} of {len(columns['TimeUS'])} rows of a gyro or an accelerometer in bad "
+                f"health (GH, AH)"
+            )
+        if bad == len(columns["TimeUS"]):
+            continue
         keys: dict[str, Any] = {
             "table": table,
             "time": {"column": "TimeUS", "unit": "us"},
@@ -94,7 +118,7 @@ def imus(log: DataFlash) -> dict[str, tuple[Columns, Section]]:
         keys["grade"] = "consumer"
         title = f"{table}, {hz:.3g} Hz, point samples"
         made[table] = columns, Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
-    return made
+    return made, left
 
 
 def _fixes(log: DataFlash, instance: int, columns: Columns) -> tuple[Columns, Any]:
