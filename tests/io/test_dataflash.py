@@ -94,6 +94,24 @@ def test_a_written_flight_comes_back(flown, tmp_path):
     assert "GPS_DELAY_MS of the log" in " ".join(found.meta["read"])
 
 
+@pytest.mark.parametrize(
+    "text, delay",
+    [
+        ("u-blox 1 HW: 00080000 SW: ROM CORE 3.01 (107888)", 0.12),
+        ("u-blox 1 HW: 000A0000 SW: ROM SPG 5.10", 0.12),
+        ("u-blox 1 HW: 00040007 SW: 7.03", 0.2),
+        ("u-blox 2 HW: 00080000 SW: ROM CORE 3.01 (107888)", 0.2),
+        ("GPS 1: detected as u-blox at 230400 baud", 0.2),
+    ],
+)
+def test_the_delay_that_the_driver_knows(flown, log, text, delay):
+    path = log(written.messages_of(flown, delay), {"GPS_DELAY_MS": 0.0}, texts=[text])
+    found = sd.read(path)
+    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-3)
+    read = " ".join(found.meta["read"])
+    assert ("own for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
+
+
 def test_the_undulation_of_the_receiver_makes_heights_ellipsoidal(flown, log):
     messages = written.messages_of(flown)
     letters, columns = messages["GPA"]

@@ -5,6 +5,7 @@ of raw samples (`ISBD`) have pauses between them, and `ACC` and `GYR` are raw sa
 their own at rates of their own.
 """
 
+import re
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,10 @@ FASTER = (
 DELAY = 0.2
 """s, that ArduPilot takes for a receiver whose delay neither a parameter nor its driver knows
 (AP_GPS_Backend::get_lag); drivers know 0.05 to 0.22 s."""
+HARDWARE = re.compile(r"u-blox (\d+) HW: (\w{4})")
+"""The text that says which u-blox a receiver is."""
+U_BLOX = dict.fromkeys(("0007", "0008", "0019", "000A"), 0.12)
+"""s, delay that its driver knows of u-blox 7, M8, F9 with M9, and M10 (AP_GPS_UBLOX::get_lag)."""
 SD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
 """ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
 one: m, m/s, gauss, m."""
@@ -155,6 +160,11 @@ def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
     for name in names:
         if log.parameters.get(name, 0.0) > 0:
             return 1e-3 * log.parameters[name], f"{name} of the log"
+    for text in log.texts():
+        match = HARDWARE.match(text)
+        if match and int(match[1]) == instance + 1 and match[2].upper() in U_BLOX:
+            why = f"{names[1]} of the log names none; ArduPilot's own for u-blox HW {match[2]}"
+            return U_BLOX[match[2].upper()], why
     return DELAY, f"{names[1]} of the log names none, and this is ArduPilot's own default"
 
 
