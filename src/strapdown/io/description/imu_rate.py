@@ -6,6 +6,7 @@ of the motion. docs/flight-controllers.md has what was measured.
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -37,13 +38,18 @@ def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | No
 
 
 def _rate(section: Section, tables: Mapping[str, Table]) -> float:
-    """Hz: 1 / the median interval; infinite where the samples have no times in a log."""
-    keys = section.keys
-    signal = keys.get("gyro") or keys.get("accel") or {}
-    time, name = signal.get("time", keys.get("time")), str(signal.get("table", keys.get("table")))
-    if time is None or name not in tables or not isinstance(time["column"], str):
-        return math.inf
-    steps = np.diff(tables[name].numbers(time["column"]))
+    """Hz of the slower of gyro and accelerometer: 1 / the median interval; infinite where the
+    samples have no times in a log."""
+    keys, found = section.keys, {}
+    for signal in (keys.get(each, {}) for each in ("gyro", "accel")):
+        time, name = signal.get("time", keys.get("time")), signal.get("table", keys.get("table"))
+        if time is not None and name in tables and isinstance(time["column"], str):
+            found[name, time["column"]] = time
+    return min((_of(tables[name], time) for (name, _), time in found.items()), default=math.inf)
+
+
+def _of(table: Table, time: Mapping[str, Any]) -> float:
+    steps = np.diff(table.numbers(time["column"]))
     steps = steps[steps > 0]
     seconds = factor(time["unit"], "time") * time.get("scale", 1.0)
     return 1 / (float(np.median(steps)) * seconds) if len(steps) else math.inf
