@@ -23,6 +23,7 @@ import airborne  # noqa: E402
 import attitude  # noqa: E402
 import exogenous  # noqa: E402
 import figures  # noqa: E402
+import logs  # noqa: E402
 import navigation  # noqa: E402
 import numpy as np  # noqa: E402
 import peers  # noqa: E402
@@ -287,6 +288,12 @@ def airborne_figures(book):
     book.measure(airborne.STUDY, airborne.study)
 
 
+def file_figures(book):
+    """Of files read and written: tables, and an hour of each format."""
+    book.measure(logs.TABLES, logs.tables)
+    book.measure(logs.HOURS_READ, logs.slowest)
+
+
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
@@ -483,6 +490,7 @@ def main():
     else:
         process_figures(book)
         study_figures(book)
+        file_figures(book)
         recorded_figures(book)
         setup_figures(book)
         fault_figures(book)

@@ -31,6 +31,7 @@ ROWS = 100_000
 """Of the solution that is written."""
 START = np.datetime64("2024-05-01T08:00:00", "ms")
 TABLES = ["tables, reading over pandas", "tables, memory of reading", "tables, writing a row"]
+HOURS_READ = ["an hour of logs, the slowest format"]
 TOML = """
 epoch = "2024-05-01T00:00:00Z"
 [imu]
@@ -139,6 +140,13 @@ def hours(formats=None):
                 samples = len(read().imu.t)
                 found[each] = seconds(read), f"{samples} samples, {size / 1e6:.0f} MB"
     return found
+
+
+def slowest():
+    """[(seconds of the slowest, all of them)] of HOURS_READ."""
+    found = hours()
+    said = ", ".join(f"{name} {value:.1f}" for name, (value, _) in found.items())
+    return [(max(value for value, _ in found.values()), f"in s: {said}")]
 
 
 def as_recording(arrays):

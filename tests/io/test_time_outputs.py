@@ -135,7 +135,11 @@ def test_geojson_keeps_to_its_rfc(tmp_path, lon):
     made = solution(truth)
     made = replace(made, meta=made.meta | {"epoch": EPOCH})
     write_solution(made, tmp_path / "a.geojson")
-    found = json.loads((tmp_path / "a.geojson").read_text())
+    import geojson
+
+    text = (tmp_path / "a.geojson").read_text()
+    assert geojson.loads(text).is_valid
+    found = json.loads(text)
     assert found["type"] == "FeatureCollection" and "crs" not in found
     (feature,) = found["features"]
     assert feature["type"] == "Feature" and set(feature) == {"type", "geometry", "properties"}

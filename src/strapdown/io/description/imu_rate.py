@@ -28,8 +28,13 @@ def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | No
     if section.of != "imu" or hz >= safe * ROUNDED:
         return None
     samples = "increments" if kind == "increment" else "samples"
-    line = f"{hz:.3g} Hz is slow for {samples} of an IMU: {least:g} Hz are needed, {safe:g} Hz are safe"
-    return line + (f"; {section.faster}" if section.faster else ""), hz < least * ROUNDED
+    refused = hz < least * ROUNDED
+    line = (
+        f"{hz:.3g} Hz is {'too ' if refused else ''}slow for {samples} of an IMU: {least:g} Hz are "
+        f"needed, {safe:g} Hz are safe"
+    )
+    remedy = section.faster or "set the logger to a higher rate"
+    return f"{line}; {remedy}", refused
 
 
 def _rate(section: Section, tables: Mapping[str, Table]) -> float:

@@ -267,8 +267,8 @@ def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Sectio
         table = table._replace(frame=table.frame[use], lines=table.lines[use])
     if time["column"] not in table.frame.columns:
         return [*left, f"Fix: lacks {CLOCK} and any UTC"]
-    tables["Fix"], lines = fixes(table, names)
-    sections += fix_sections("Fix", tables["Fix"], names, time)
+    tables["Fix"], lines = fixes(table, names, android=True)
+    sections += fix_sections("Fix", tables["Fix"], names, time, android=True)
     return left + [f"Fix: {line}" for line in lines]
 
 

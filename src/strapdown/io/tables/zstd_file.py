@@ -5,15 +5,15 @@ import io
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
-PIECE = 1 << 14
-"""Bytes that are unpacked at a time: 0.5 GB at the very most."""
+PIECE = 1 << 12
+"""Packed bytes that are unpacked at a time: blocks of four bytes can become 128 KiB each."""
 
 
 class ZstdFile(io.RawIOBase):
     """A file, unpacked while it is read. Raises OSError, EOFError and zstandard.ZstdError."""
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("rb")
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
         self._frame = self._new()
         self._ready = memoryview(b"")
 
@@ -49,6 +49,11 @@ class ZstdFile(io.RawIOBase):
         super().close()
 
 
+def unpacking(file: BinaryIO) -> BinaryIO:
+    """What an open file packed by zstd holds, to read."""
+    return cast(BinaryIO, io.BufferedReader(ZstdFile(file), 1 << 20))
+
+
 def open_zstd(path: Path, mode: str = "rb") -> BinaryIO:
     """A file packed by zstd, open to read."""
-    return cast(BinaryIO, io.BufferedReader(ZstdFile(path), 1 << 20))
+    return unpacking(path.open("rb"))

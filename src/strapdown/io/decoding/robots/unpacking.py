@@ -5,6 +5,7 @@ import io
 from typing import IO, cast
 
 from ....checks import DataError
+from ...tables.zstd_file import unpacking
 
 PIECE = 1 << 20
 """Bytes that are unpacked at a time, so that a wrong size costs no memory."""
@@ -44,18 +45,16 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
     return unpacked
 
 
-def unpack_frame(packed: bytes, most: int) -> bytes:
-    """A zstd frame, at most `most` bytes long when it is unpacked. Raises DataError."""
+def unpack_frames(packed: bytes, most: int) -> bytes:
+    """zstd frames, one after the other, at most `most` bytes long when they are unpacked. Raises
+    DataError."""
     import zstandard
 
     try:
-        size = zstandard.frame_content_size(packed)  # -1: it does not state it
-        if size > most:
-            raise DataError(f"unpacks to {size} bytes, more than {most}")
-        if size >= 0:
-            return zstandard.ZstdDecompressor().decompress(packed)
-        with zstandard.ZstdDecompressor().stream_reader(packed) as file:
-            unpacked = file.read(most)
-    except zstandard.ZstdError as error:
+        with unpacking(io.BytesIO(packed)) as file:
+            unpacked = file.read(most + 1)
+    except (EOFError, zstandard.ZstdError) as error:
         raise DataError(f"is damaged ({str(error):.60})") from error
+    if len(unpacked) > most:
+        raise DataError(f"unpacks to more than {most} bytes")
     return unpacked
