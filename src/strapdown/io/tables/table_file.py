@@ -161,6 +161,14 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         return file.read(most)
 
 
+def head_of(path: Path, most: int) -> bytes:
+    """The first `most` bytes of a file's content, for a `sniff`; none of one that cannot be read."""
+    try:
+        return read_bytes(path, most)
+    except DataError:
+        return b""
+
+
 def is_number(text: str) -> bool:
     """Whether a header cell reads as a number, so that the line is probably no header."""
     try:
