@@ -12,6 +12,8 @@ import numpy as np
 from ...units import factor
 from ..contract import Section
 from ..tables.table_file import Table
+from .schema_base import Time
+from .source_files import Files
 
 LEAST_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
 """Hz by the kind of the samples below which a log is refused, and below which it is noted."""
@@ -22,9 +24,11 @@ ROUNDED = 0.98
 def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | None:
     """(line on an IMU that is slow, whether it is refused); None where it is fast enough, or no
     IMU of a log."""
+    if section.of != "imu":
+        return None
     hz, kind = _rate(section, tables), section.keys.get("kind", "rate")
     least, safe = LEAST_RATES.get(kind, (0.0, 0.0))
-    if section.of != "imu" or hz >= safe * ROUNDED:
+    if hz >= safe * ROUNDED:
         return None
     samples = "increments" if kind == "increment" else "samples"
     line = f"{hz:.3g} Hz is slow for {samples} of an IMU: {least:g} Hz are needed, {safe:g} Hz are safe"
@@ -38,7 +42,11 @@ def _rate(section: Section, tables: Mapping[str, Table]) -> float:
     time, name = signal.get("time", keys.get("time")), str(signal.get("table", keys.get("table")))
     if time is None or name not in tables or not isinstance(time["column"], str):
         return math.inf
-    steps = np.diff(tables[name].numbers(time["column"]))
+    if "format" in time:
+        t = Files("", 0.0).times(tables[name], Time.model_validate(time))
+    else:
+        seconds = factor(time["unit"], "time") * time.get("scale", 1.0)
+        t = tables[name].numbers(time["column"]) * seconds
+    steps = np.diff(t)
     steps = steps[steps > 0]
-    seconds = factor(time["unit"], "time") * time.get("scale", 1.0)
-    return 1 / (float(np.median(steps)) * seconds) if len(steps) else math.inf
+    return 1 / float(np.median(steps)) if len(steps) else math.inf
