@@ -13,6 +13,8 @@ import numpy as np
 from ...units import factor
 from ..contract import Section
 from ..tables.table_file import Table
+from .schema_base import Time
+from .source_files import Files
 
 LEAST_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
 """Hz by the kind of the samples below which a log is refused, and below which it is noted."""
@@ -23,9 +25,11 @@ ROUNDED = 0.98
 def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | None:
     """(line on an IMU that is slow, whether it is refused); None where it is fast enough, or no
     IMU of a log."""
+    if section.of != "imu":
+        return None
     hz, kind = _rate(section, tables), section.keys.get("kind", "rate")
     least, safe = LEAST_RATES.get(kind, (0.0, 0.0))
-    if section.of != "imu" or hz >= safe * ROUNDED:
+    if hz >= safe * ROUNDED:
         return None
     samples = "increments" if kind == "increment" else "samples"
     refused = hz < least * ROUNDED
@@ -49,7 +53,11 @@ def _rate(section: Section, tables: Mapping[str, Table]) -> float:
 
 
 def _of(table: Table, time: Mapping[str, Any]) -> float:
-    steps = np.diff(table.numbers(time["column"]))
+    """Hz of the times of one table."""
+    if "format" in time:
+        t = Files("", 0.0).times(table, Time.model_validate(time))
+    else:
+        t = table.numbers(time["column"]) * factor(time["unit"], "time") * time.get("scale", 1.0)
+    steps = np.diff(t)
     steps = steps[steps > 0]
-    seconds = factor(time["unit"], "time") * time.get("scale", 1.0)
-    return 1 / (float(np.median(steps)) * seconds) if len(steps) else math.inf
+    return 1 / float(np.median(steps)) if len(steps) else math.inf
