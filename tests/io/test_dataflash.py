@@ -6,6 +6,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 import written_dataflash as written
+from jumped import HOUR, check_jump, in_order, jumping
 from multicopter import motion
 
 import strapdown as sd
@@ -305,3 +306,14 @@ def test_a_declaration_that_contradicts_itself_is_left():
     content[at + 4 : at + 6] = b"QQ"
     log = DataFlash(bytes(content))
     assert log.counts["BAD"] == 1 and log.columns("BAD") == {}
+
+
+@pytest.mark.parametrize("jump", [HOUR, -HOUR])
+def test_a_clock_that_jumps(flown, log, monkeypatch, jump):
+    """By an hour on the way: forward it is a gap, which is said; back it is refused in one line."""
+    messages = written.messages_of(flown)
+    for _, columns in messages.values():
+        columns["TimeUS"] = jumping(columns["TimeUS"], jump)
+    messages["GPA"][1]["SMS"] = messages["GPA"][1]["TimeUS"] // 1000
+    in_order(monkeypatch, written)
+    check_jump(log(messages), flown, jump)

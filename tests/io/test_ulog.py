@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import written_ulog as written
+from jumped import HOUR, check_jump, in_order, jumping
 from multicopter import motion
 
 import strapdown as sd
@@ -499,3 +500,14 @@ def test_late_and_stray_samples(flown, log):
     path.write_bytes(head + content.tobytes())
     with pytest.raises(sd.DataError, match="time goes back"):
         sd.read(path)
+
+
+@pytest.mark.parametrize("jump", [HOUR, -HOUR])
+def test_a_clock_that_jumps(flown, log, monkeypatch, jump):
+    """By an hour on the way: forward it is a gap, which is said; back it is refused in one line."""
+    topics = written.topics_of(flown)
+    for key, topic in topics.items():
+        kind, t = topic["timestamp"]
+        topics[key] = topic | {"timestamp": (kind, jumping(t, jump))}
+    in_order(monkeypatch, written)
+    check_jump(log(topics), flown, jump)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import recordings
 import written_dataflash
 import written_nmea
@@ -15,6 +16,7 @@ import written_ubx
 import written_ulog
 from multicopter import motion
 from mutations import Case
+from scipy.io import savemat
 from written_phones import START, folder, gnsslogger, phyphox, sensor_logger, signals, zipped
 
 import strapdown as sd
@@ -223,6 +225,46 @@ def tables_case(_: Path) -> Case:
     return Case("table", files, tuple(files), tuple(files))
 
 
+def arrays():
+    """Columns of a table with an IMU and no fixes."""
+    s = walk()
+    values = np.c_[s.t, s.gyro, s.accel]
+    return dict(zip(("t_s", "gx_rad_s", "gy_rad_s", "gz_rad_s", "ax", "ay", "az"), values.T))
+
+
+ARRAYS = """[imu]
+file = "{}"
+time = {{ column = "t_s", unit = "s" }}
+axes = "RFU"
+gyro = {{ columns = ["gx_rad_s", "gy_rad_s", "gz_rad_s"], unit = "rad/s" }}
+accel = {{ columns = ["ax", "ay", "az"], unit = "m/s^2" }}
+"""
+
+
+def described(name: str, file: str, content: bytes) -> Case:
+    """A table of arrays with its description."""
+    files = {file: content, "recording.toml": ARRAYS.format(file).encode()}
+    return Case(name, files, ("recording.toml",), (file,))
+
+
+def matlab_case(tmp_path: Path) -> Case:
+    path = tmp_path / "imu.mat"
+    savemat(path, {key: values[:, None] for key, values in arrays().items()}, do_compression=True)
+    return described("matlab", "imu.mat", path.read_bytes())
+
+
+def parquet_case(tmp_path: Path) -> Case:
+    path = tmp_path / "imu.parquet"
+    pd.DataFrame(arrays()).to_parquet(path)
+    return described("parquet", "imu.parquet", path.read_bytes())
+
+
+def unread_case(_: Path) -> Case:
+    """RTCM 3, which is refused by its content after all other formats were looked for."""
+    frame = bytes.fromhex("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98")
+    return alone("unread", "a.bin", b"uexUUaaD" + 30 * frame)
+
+
 def copter():
     """A recording of a multicopter, brief."""
     return sd.simulate(motion(), duration=4, imu="consumer", rate=50.0)
@@ -258,4 +300,7 @@ CASES: dict[str, Callable[[Path], Case]] = {
     "recording.toml": description_case,
     "packed table": packed_case,
     "table": tables_case,
+    "matlab": matlab_case,
+    "parquet": parquet_case,
+    "unread": unread_case,
 }
