@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.earth import A
 from ...typing import Array
 from ...units import DEG, UNITS
 from ..contract import Section
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
-from .track_units import EARTH_RADIUS, units_of_course
+from .track_units import units_of_course
 
 POSITION_SD, VELOCITY_SD, COURSE_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3), 2.0
 """m, m/s and deg of a receiver that tells none."""
@@ -176,7 +177,7 @@ def _ecef(columns: Names, shared: dict[str, Any], assumed: dict[str, str], found
         (
             each
             for each, size in (("m", 1.0), ("km", 1e3), ("cm", 0.01), ("mm", 0.001))
-            if len(radius) and abs(np.median(radius) * size / EARTH_RADIUS - 1) < 0.02
+            if len(radius) and abs(np.median(radius) * size / A - 1) < 0.02
         ),
         None,
     )

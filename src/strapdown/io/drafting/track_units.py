@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from ...core.earth import A
+from ...geodesy import wrap
 from ...typing import Array
 from ...units import UNITS
 from .column_names import Names
 
-EARTH_RADIUS = 6378137.0
 BASE = 4.0
 """s between two positions whose difference tells a speed."""
 WORST_FIT = 0.25
@@ -39,9 +40,7 @@ def units_of_course(
     sure = (fast > 2.0) & np.isfinite(angles)
     if largest < 6.4 and sure.sum() > 10:
         miss = {
-            unit: float(
-                np.median(np.abs(_wrapped(angles[sure] * UNITS["angle"][unit] - way[sure])))
-            )
+            unit: float(np.median(np.abs(wrap(angles[sure] * UNITS["angle"][unit] - way[sure]))))
             for unit in ("rad", "deg")
         }
         if miss["rad"] < WORST_FIT < miss["deg"] and units[1] != "rad":
@@ -62,13 +61,9 @@ def _of_positions(t: Array, track: Array) -> tuple[Array, Array]:
     if len(known) <= 2 * k:
         return fast, way
     before, here, after = known[: -2 * k], known[k:-k], known[2 * k :]
-    step = (track[after] - track[before]) * EARTH_RADIUS
+    step = (track[after] - track[before]) * A
     step[:, 1] *= np.cos(track[here, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         fast[here] = np.linalg.norm(step, axis=1) / (t[after] - t[before])
     way[here] = np.arctan2(step[:, 1], step[:, 0])
     return fast, way
-
-
-def _wrapped(angle: Array) -> Array:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

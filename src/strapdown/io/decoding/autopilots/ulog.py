@@ -15,7 +15,6 @@ from ..records import MOST_DAMAGES, Bytes, next_record, structured
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER = 16  # bytes: magic, version, time of the start
-SYNC = bytes([0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12])
 APPENDED = 1
 """The bit of the incompatible flags that a reader may know: data appended at given places."""
 KINDS = b"BFIMPQARDLCSO"
@@ -73,7 +72,6 @@ class ULog:
         self._formats: dict[str, str] = {}
         self._topics: dict[int, Topic] = {}
         self._sizes: list[tuple[int, ...] | None] = [None] * (LONGEST + 1)
-        self._unfinished: dict[str, bytes] = {}
         self._places = array("q")
         self._handlers = {
             ord("F"): self._format,
