@@ -364,6 +364,33 @@ def test_what_topics_are_for(bag):
     assert "times are those of recording" in " ".join(joined.told)
 
 
+@pytest.mark.parametrize("of", ["/mavros", "/uav1/mavros"])
+def test_what_an_autopilot_estimated_is_no_measurement(bag, of):
+    """MAVROS: the receiver is below `raw`, all else of a position is the autopilot's filter."""
+    linear = np.c_[np.full(N, 1.0), np.full(N, 2.0), np.full(N, 0.1)]
+    speeds = odometry("ros1", T, linear[:, 0])
+    path = bag(
+        (f"{of}/imu/data", IMU, imu("ros1", T, SLOW, UP, frame="base_link")),
+        (f"{of}/global_position/global", FIX, fixes("ros1", T, LLA, frame="base_link")),
+        (f"{of}/global_position/raw/fix", FIX, fixes("ros1", T, LLA + 1e-5, frame="base_link")),
+        (f"{of}/global_position/raw/gps_vel", STAMPED, twist("ros1", T, linear, "base_link")),
+        (f"{of}/global_position/gp_vel", STAMPED, twist("ros1", T, linear, "base_link")),
+        (f"{of}/global_position/local", "nav_msgs/msg/Odometry", speeds),
+        (f"{of}/local_position/odom", "nav_msgs/msg/Odometry", speeds),
+        (f"{of}/local_position/velocity_body", STAMPED, twist("ros1", T, linear, "base_link")),
+    )
+    joined = join(opened([path]))
+    taken = [each.section.keys["table"] for each in joined.taken]
+    names = "imu/data", "global_position/raw/fix", "global_position/raw/gps_vel"
+    assert sorted(taken) == sorted(f"{of}/{name}" for name in names)
+    reasons = [why for each, why in joined.left if each.section.role != "attitude"]
+    assert len(reasons) == 5 and all("autopilot's filter" in why for why in reasons)
+    recording = sd.read(path)
+    np.testing.assert_allclose(np.degrees(recording.aidings[0].y[:, :2]), LLA[:, :2] + 1e-5)
+    by_name = sd.read(path, gnss=0)
+    np.testing.assert_allclose(np.degrees(by_name.aidings[0].y[:, :2]), LLA[:, :2])
+
+
 def test_fixes_without_a_fix_are_missing(bag):
     status = np.where(np.arange(N) < 100, -1, 0)
     lla = LLA.copy()

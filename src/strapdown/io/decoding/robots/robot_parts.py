@@ -17,6 +17,12 @@ FUSED = re.compile(
     r"filter|fused|fusion|ekf|ukf|kalman|combined|vins|vio|slam|lio|visual|locali[sz]ation|rtab",
     re.IGNORECASE,
 )
+AUTOPILOT = re.compile(
+    r"(^|/)(global_position/(global|local|gp_vel)|local_position/\w+|mavros/odometry/in)$"
+)
+"""Topics of MAVROS that repeat GLOBAL_POSITION_INT, LOCAL_POSITION_NED and ODOMETRY of MAVLink
+(https://mavlink.io/en/messages/common.html), which the filter of the autopilot estimates; what its
+receiver measured is below `global_position/raw`."""
 TRUTH = re.compile(r"truth|(^|[/_])gt($|[/_])|p3d", re.IGNORECASE)
 
 
@@ -77,6 +83,8 @@ def not_measured(stream: Stream) -> str:
     """Why a topic is not taken for a measurement, by its name; "": it is."""
     if FUSED.search(stream.topic):
         return "its name says that it is estimated, probably of the same IMU"
+    if AUTOPILOT.search(stream.topic):
+        return "it is what the autopilot's filter made of its IMU and its receiver"
     return "its name says that it is a truth" if TRUTH.search(stream.topic) else ""
 
 
