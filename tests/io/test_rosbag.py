@@ -7,6 +7,7 @@ import struct
 
 import numpy as np
 import pytest
+import zstandard
 from scipy.spatial.transform import Rotation
 from written_ros import (
     FLU,
@@ -209,6 +210,10 @@ def test_a_drive_comes_back_from_every_bag(tmp_path, driven):
     packed = write_bag2(tmp_path / "d", drive("cdr", driven), "mcap", compression="file")
     check_drive(packed, driven)
     check_drive(packed / "d.mcap.zstd", driven)
+    for suffix, name in ((".bag", "a.bag"), (".db3", "two/two.db3")):
+        path = tmp_path / f"packed{suffix}.zst"
+        path.write_bytes(zstandard.compress((tmp_path / name).read_bytes()))
+        check_drive(path, driven)
 
 
 def test_the_parts_of_a_folder_are_one_log(tmp_path, driven):

@@ -88,10 +88,11 @@ def find(path: Path) -> Reader | None:
         length = max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
         if length or reader.sniff:
             claims.append(((-length, reader.sniff is None), reader))
-    for claim, reader in sorted(claims, key=lambda each: each[0]):
+    claims.sort(key=lambda each: each[0])
+    for number, (claim, reader) in enumerate(claims):
         if _takes(reader, path):
-            for other_claim, other in claims:
-                if other is not reader and other_claim == claim and _takes(other, path):
+            for other_claim, other in claims[number + 1 :]:
+                if other_claim == claim and _takes(other, path):
                     raise DataError(
                         f"{path}: the readers {reader.name!r} and {other.name!r} both take it for "
                         f"theirs; leave one of them out"

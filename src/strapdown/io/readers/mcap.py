@@ -16,4 +16,4 @@ def open_mcap(path: Path) -> Log:
     return log_of(path, "MCAP file", read_mcap(mapped(path), Messages()))
 
 
-READER = Reader("mcap", (*packed(".mcap"), ".mcap.zstd"), "MCAP log of a robot", open=open_mcap)
+READER = Reader("mcap", packed(".mcap"), "MCAP log of a robot", open=open_mcap)

@@ -17,7 +17,7 @@ from ...time_scales import GPS_ZERO, WEEK
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, head_of, packed, read_bytes
 
 START = 1 << 16
 """Bytes in which the line of column names must stand."""
@@ -260,10 +260,7 @@ def _all_or_three(names: tuple[str, ...], there: set[str]) -> list[str]:
 
 def sniff(path: Path) -> bool:
     """Whether the file has RTKLIB's line of column names."""
-    try:
-        return NAMES.search(read_bytes(path, START).decode("utf-8", "replace")) is not None
-    except DataError:
-        return False
+    return NAMES.search(head_of(path, START).decode("utf-8", "replace")) is not None
 
 
 READER = Reader("rtklib", packed(".pos", ".txt"), "solution of RTKLIB", sniff=sniff, open=open_pos)
