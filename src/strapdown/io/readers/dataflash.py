@@ -17,6 +17,8 @@ from ..decoding.autopilots.dataflash import HEAD, DataFlash
 from ..decoding.records import Tables
 from ..tables.table_file import Table, packed, read_bytes
 
+MAGIC = HEAD + b"\x80"
+"""How a log begins: with the record of the format of formats."""
 BY_VERSION = {"ArduCopter": "multicopter", "ArduPlane": "aircraft", "ArduRover": "car"}
 """Vehicles by the first word of the version that the autopilot writes."""
 BY_PARAMETER = {"LAND_SPEED": "multicopter", "TRIM_ARSPD_CM": "aircraft", "CRUISE_SPEED": "car"}
@@ -72,11 +74,16 @@ def open_dataflash(path: Path) -> Log:
 
 def _is_dataflash(path: Path) -> bool:
     try:
-        return read_bytes(path, 3) == HEAD + b"\x80"
+        return read_bytes(path, len(MAGIC)) == MAGIC
     except DataError:
         return False
 
 
 READER = Reader(
-    "dataflash", packed(".bin"), "ArduPilot log", sniff=_is_dataflash, open=open_dataflash
+    "dataflash",
+    packed(".bin"),
+    "ArduPilot log",
+    sniff=_is_dataflash,
+    open=open_dataflash,
+    begins=(MAGIC,),
 )

@@ -11,13 +11,15 @@ import numpy as np
 
 from ...checks import DataError
 from ..contract import Log, Reader
-from ..tables.table_file import PACKED, packed
+from ..tables.table_file import PACKED, packed, read_bytes
 
 if TYPE_CHECKING:
     from ..decoding.robots.ros_messages import Messages
 
 SUFFIXES = (*packed(".db3"), ".db3.zstd")
 METADATA = "metadata.yaml"
+SQLITE, START = b"SQLite format 3\0", 1 << 16
+"""How a database begins, and bytes of it in which its tables are named."""
 MOST_TOPICS = 10_000
 AT_ONCE = 5000
 """Messages."""
@@ -34,8 +36,14 @@ Row = tuple[int, int, bytes]
 
 
 def sniff(path: Path) -> bool:
-    """A database, or the folder of a bag."""
-    return path.name.lower().endswith(SUFFIXES) or (path / METADATA).is_file()
+    """A database, by its name or its tables, or the folder of a bag."""
+    if path.name.lower().endswith(SUFFIXES) or (path / METADATA).is_file():
+        return True
+    try:
+        start = read_bytes(path, START)
+    except DataError:
+        return False
+    return start.startswith(SQLITE) and b"CREATE TABLE topics" in start
 
 
 def _parts(path: Path) -> list[Path]:
