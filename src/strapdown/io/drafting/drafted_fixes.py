@@ -119,9 +119,9 @@ def _degrees(columns: Names, lat: str, lon: str, found: Fixes) -> tuple[str, flo
     largest = float(np.abs(some).max(initial=0.0))
     if largest > 18000:
         return "deg", 1e-7, values * (1e-7 * DEG)
-    north = columns.text(r"(n_?s|ns_?ind(icator)?|lat_?(dir|hem(isphere)?|ns)|north_?south)")
+    north = columns.text(r"(n[_/]?s|ns_?ind(icator)?|lat_?(dir|hem(isphere)?|ns)|north_?south)")
     if largest > 180 or (north and np.all(np.abs(some) % 100 < 60) and largest > 100):
-        east = columns.text(r"(e_?w|ew_?ind(icator)?|lon_?(dir|hem(isphere)?|ew)|east_?west)")
+        east = columns.text(r"(e[_/]?w|ew_?ind(icator)?|lon_?(dir|hem(isphere)?|ew)|east_?west)")
         for name, sign, k in ((lat, north, 0), (lon, east, 1)):
             size = np.abs(values[:, k])
             degrees = np.floor(size / 100) + size % 100 / 60
