@@ -227,7 +227,7 @@ def test_a_log_whose_sensors_are_useless_still_has_its_fixes(tmp_path, walk):
     thin = b"\n".join(line for k, line in enumerate(lines) if line[:5] != b"Uncal" or k % 200 == 0)
     path = tmp_path / "log.txt"
     path.write_bytes(thin)
-    with pytest.raises(DataError, match="UncalGyro .*: 0.505 Hz is slow .* 20 Hz are needed"):
+    with pytest.raises(DataError, match="UncalGyro .*: 0.505 Hz is too slow .* 20 Hz are needed"):
         sd.read(path)
     files = sensor_logger(walk)
     del files["Location.csv"]
@@ -278,7 +278,7 @@ def test_the_samples(data_folder):
         with pytest.raises(DataError, match=r"Accelerometer\.csv is without gravity"):
             sd.read(phones / name)
     log = data_folder / NATIVE / "gnsslogger" / "pixel7_gnsslogger_v3.txt.xz"
-    with pytest.raises(DataError, match="UncalGyro .*: 0.0177 Hz is slow"):
+    with pytest.raises(DataError, match="UncalGyro .*: 0.0177 Hz is too slow"):
         sd.read(log)
     assert any("94 fixes" in fact for fact in inspect(log).facts)
 
@@ -309,5 +309,5 @@ def test_the_least_rate_is_that_of_other_logs(tmp_path, walk, kind):
     path.write_bytes(
         b"\n".join(line for k, line in enumerate(lines) if not line.startswith(kind) or k % 20 == 0)
     )
-    with pytest.raises(DataError, match="Hz is slow for samples of an IMU: 20 Hz are needed"):
+    with pytest.raises(DataError, match="Hz is too slow for samples of an IMU: 20 Hz are needed"):
         sd.read(path)

@@ -26,7 +26,6 @@ from ..decoding.phones.phone import (
     magnetometer_section,
     no_imu,
 )
-from ..description.imu_rate import slow
 from ..tables.table_file import Table, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
@@ -234,6 +233,8 @@ def _date(tables: dict[str, Table]) -> dict[str, str]:
 
 def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:
     """(sections of the IMU, facts)."""
+    from ..description.imu_rate import slow  # loads pydantic: 0.2 s
+
     pieces: dict[str, Piece] = {}
     for role, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
         kinds = (each for each in SENSORS[role] if each in tables and _triple(tables[each]))
