@@ -227,6 +227,33 @@ def test_a_content_that_nobody_knows_is_no_table(tmp_path, command):
         assert code == 2 and "ends as files of dataflash do, and its content is none" in err[0]
 
 
+@pytest.mark.parametrize(
+    "name, content, words",
+    [
+        ("a.ulg", b"", "is no ULog: it is empty; copy it again"),
+        ("a.ulg", b"ULog\x01", "is no ULog: it ends after 5 bytes, within its header"),
+        ("a.ulg", b"ULog\x01\x12\x35\x01", "is no ULog: it ends after 8 bytes, within its header"),
+        ("a.ulg", b"t,x\n0,1\n", r"is no ULog: it begins with b't,x\\n0,1\\n'; is it the file of"),
+        ("a.bag", b"", "is no bag of ROS 1 of format 2.0: it is empty"),
+        ("a.bag", b"#ROSBAG V1.2\n" + bytes(9), "`rosbag migrate` brings one of 1.2 there"),
+        ("a.mcap", b"\x89MC", "is no MCAP file of version 0: it ends after 3 bytes"),
+        ("a.BIN", b"", "a.BIN: is empty; copy it again"),
+        (
+            "a.db3",
+            b"SQLite format 3\0" + bytes(50),
+            "`sqlite3 FILE.db3 .recover | sqlite3 whole.db3`",
+        ),
+        ("a.csv", b"t,x\n" + b"0,1\n" * 9 + b"0,1,2\n", "line 11 has 3 cells, those before it 2"),
+    ],
+)
+def test_what_is_no_file_of_its_format_is_told_in_words(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    for look in (sd.read, inspect):
+        with pytest.raises(DataError, match=words) as error:
+            look(tmp_path / name)
+        assert "C error" not in str(error.value)
+
+
 def test_a_zip_of_one_file_is_read_as_that_file(tmp_path):
     def zipped(files):
         with zipfile.ZipFile(tmp_path / "q.zip", "w") as archive:

@@ -160,8 +160,9 @@ def looker(path: Path) -> Reader:
     """The Reader that looks at a file: that of tables for a text of no known format. Raises
     DataError."""
     found = find(path)
-    if found is None:  # a binary file is no table either
-        return readers()["table"] if _is_text(_head(path)) else taker(path)
+    if found is None:  # an empty or a binary file is no table either
+        is_empty = path.is_file() and not path.stat().st_size
+        return taker(path) if is_empty or not _is_text(_head(path)) else readers()["table"]
     return found
 
 
@@ -196,6 +197,8 @@ def taker(path: Path) -> Reader:
     ]
     if (known or not path.suffix) and not path.exists():
         raise DataError(f"{path}: cannot be read (no such file or folder); check the path")
+    if path.is_file() and not path.stat().st_size:
+        raise DataError(f"{path}: is empty; copy it again from the device")
     if len(inside := files_in(path)) > 1:
         raise DataError(
             f"{path}: holds {len(inside)} files that are no recording together; unpack it and name "

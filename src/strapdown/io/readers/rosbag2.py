@@ -20,6 +20,8 @@ SUFFIXES = (*packed(".db3"), ".db3.zstd")
 METADATA = "metadata.yaml"
 SQLITE, START = b"SQLite format 3\0", 1 << 16
 """How a database begins, and bytes of it in which its tables are named."""
+RECOVER = "sqlite3 FILE.db3 .recover | sqlite3 whole.db3"
+"""What SQLite's own program does with a damaged database."""
 MOST_TOPICS = 10_000
 AT_ONCE = 5000
 """Messages."""
@@ -90,11 +92,17 @@ def read_database(path: Path, messages: "Messages") -> None:
             if not topic.why_left or topic.type in TRANSFORMS:
                 numbers[int(number)] = mine
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
-        raise DataError(f"{path}: is no database of ROS 2 that can be read ({error})") from error
+        raise DataError(
+            f"{path}: is no database of ROS 2 that can be read ({error}); where it was cut short or "
+            f"damaged, copy it again, or `{RECOVER}` saves what is whole"
+        ) from error
     try:
         _read_messages(database, size, numbers, messages)
     except (sqlite3.Error, OverflowError) as error:
-        messages.left.append(f"the database is damaged ({error}); what is before that is used")
+        messages.left.append(
+            f"the database is damaged ({error}); what is before that is used, and "
+            f"`{RECOVER}` may save more"
+        )
     finally:
         database.close()
     if path.with_name(path.name + "-wal").is_file():

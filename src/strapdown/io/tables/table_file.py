@@ -5,6 +5,7 @@ import bz2
 import gzip
 import io
 import lzma
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -175,6 +176,15 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def split_error(error: BaseException) -> str:
+    """What pandas says of a text that it cannot split into columns, in words for people."""
+    found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+    if found is None:
+        return first_line_of(error)
+    expected, line, seen = found.groups()
+    return f"line {line} has {seen} cells, those before it {expected} or fewer"
 
 
 def first_line_of(error: BaseException) -> str:
