@@ -174,7 +174,7 @@ def test_the_file_that_is_missing_is_named(tmp_path, walk, name, words):
     path = folder(tmp_path / "walk", phyphox(walk)) / f"{name}.csv"
     with pytest.raises(DataError, match=words):
         sd.read(path)
-    (problem,) = sd.inspect(path).problems
+    (problem,) = inspect(path).problems
     assert "name the file that has it beside" in problem
 
 
