@@ -231,3 +231,28 @@ def test_a_table_of_one_row_per_event_is_refused(tmp_path):
     path.write_text("".join(f"{k},{kind},1.0,2.0\n" for k in range(20) for kind in ("imu", "gps")))
     with pytest.raises(sd.DataError, match="column 2 holds 'imu', 'gps'"):
         sd.read(path)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "header, row, lla",
+    [
+        ("t,lat,N/S,lon,E/W,alt", "{t},3354.0,S,01851.0,E,500", [-33.9, 18.85]),
+        ("t,lat,hem_ns,lon,hem_ew,alt", "{t},3354.0,S,01851.0,W,500", [-33.9, -18.85]),
+        ("t,lat,hemisphere_ns,lon,hemisphere_ew,alt", "{t},33.9,S,18.85,W,500", [-33.9, -18.85]),
+        ("t,lat,hemisphere,lon,alt", "{t},33.9,South,-18.85,500", [-33.9, -18.85]),
+    ],
+)
+def test_hemispheres_of_any_name(tmp_path, header, row, lla):
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join([header, *(row.format(t=k) for k in range(20))]))
+    assert np.degrees(position(tmp_path, path).y[0, :2]) == pytest.approx(lla, abs=1e-9)
+
+
+@pytest.mark.short
+def test_a_hemisphere_that_nothing_tells_is_said(tmp_path):
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join(["t,lat,lon,alt", *(f"{k},3354.0,01851.0,500" for k in range(20))]))
+    position(tmp_path, path)
+    told = sd.read(tmp_path / "imu.csv", path).meta["read"]
+    assert any("taken as north and east, for no column says otherwise" in line for line in told)

@@ -10,6 +10,7 @@ from ...typing import Array
 from ...units import DEG, UNITS
 from ..contract import Section
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
+from .latitudes import angles_of
 from .track_units import EARTH_RADIUS, units_of_course
 
 POSITION_SD, VELOCITY_SD, COURSE_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3), 2.0
@@ -69,11 +70,13 @@ def _position(
         _ecef(columns, shared, assumed, found)
         return None
     keys, why = dict(shared), dict(assumed)
-    angle, scale, track = _degrees(columns, lat, lon, found)
-    if found.made:
+    angles = angles_of(columns, lat, lon)
+    angle, scale, track = angles.unit, angles.scale, angles.track
+    if angles.made:
         keys["table"] = columns.table.name
-        lat, lon = found.made
-        why["columns"] = f"degrees, made of the degrees and minutes of {names['latitude']!r}"
+        lat, lon = angles.names
+        found.made.update(angles.made)
+        why["columns"] = angles.why
     height = names["ellipsoidal"] or names["sea"] or names["height"]
     if height is None:
         found.facts.append("position: there is no height, and a position needs one")
@@ -110,28 +113,6 @@ def _geoid(
         )
     )
     return {}
-
-
-def _degrees(columns: Names, lat: str, lon: str, found: Fixes) -> tuple[str, float, Array]:
-    """(unit, scale, latitude and longitude in rad (n, 2))."""
-    values = np.stack([columns.numbers(lat), columns.numbers(lon)], axis=1)
-    some = values[np.isfinite(values).all(axis=1) & (values != 0).any(axis=1)]
-    largest = float(np.abs(some).max(initial=0.0))
-    if largest > 18000:
-        return "deg", 1e-7, values * (1e-7 * DEG)
-    north = columns.text(r"(n_?s|ns_?ind(icator)?|lat_?(dir|hem(isphere)?|ns)|north_?south)")
-    if largest > 180 or (north and np.all(np.abs(some) % 100 < 60) and largest > 100):
-        east = columns.text(r"(e_?w|ew_?ind(icator)?|lon_?(dir|hem(isphere)?|ew)|east_?west)")
-        for name, sign, k in ((lat, north, 0), (lon, east, 1)):
-            size = np.abs(values[:, k])
-            degrees = np.floor(size / 100) + size % 100 / 60
-            back = np.signbit(values[:, k])
-            if sign:
-                back = columns.table.frame[sign].astype(str).str.upper().isin(["S", "W"]).to_numpy()
-            found.made[f"{name} in deg"] = np.where(back, -degrees, degrees)
-        return "deg", 1.0, np.stack([*found.made.values()], axis=1) * DEG
-    unit = columns.unit(lat, ("rad", "deg")) or ("rad" if 0 < largest < np.pi / 2 else "deg")
-    return unit, 1.0, values * UNITS["angle"][unit]
 
 
 def _length(columns: Names, name: str) -> tuple[str, float]:
