@@ -256,3 +256,22 @@ def test_a_hemisphere_that_nothing_tells_is_said(tmp_path):
     position(tmp_path, path)
     told = sd.read(tmp_path / "imu.csv", path).meta["read"]
     assert any("taken as north and east, for no column says otherwise" in line for line in told)
+
+
+@pytest.mark.short
+def test_an_accelerometer_is_no_accuracy_of_the_position(drive, tmp_path):
+    imu, fixes = drive.imu, drive.aidings[0]
+    rates, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
+    names = ["t", *(f"gyr_{a}" for a in "xyz"), *(f"acc_{a}" for a in "xyz"), "lat", "lon", "alt"]
+    rows = np.searchsorted(imu.t, fixes.t)
+    cells = np.full((len(imu.t), 3), np.nan)
+    cells[rows] = fixes.y / [DEG, DEG, 1]
+    path = tmp_path / "log.csv"
+    frame = pd.DataFrame(np.c_[imu.t, rates, force, cells], columns=names).assign(vx=1.0, soc=99)
+    frame.to_csv(path, index=False)
+    recording = sd.read(path)
+    assert recording.aidings[0].sd[0] == pytest.approx([2, 2, 4])
+    assert any(
+        line.endswith("log.csv: columns not recognised or not needed: vx, soc")
+        for line in recording.meta["read"]
+    )

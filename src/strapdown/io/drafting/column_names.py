@@ -45,6 +45,8 @@ ECEF_VELOCITY = {
     for axis in "xyz"
 }
 SPREAD = r"(sd|std(dev)?|sigma|acc(uracy)?|err(or)?|unc(ertainty)?|rms)"
+NO_FORCE = r"(?!acc(uracy)?[_ .]?[xyz123]([^a-z].*)?$)"
+"""`acc_x` is an acceleration, not an accuracy."""
 DEVIATIONS = {
     "horizontal": rf"h_?acc|(h|hor|horizontal)_?{SPREAD}|{SPREAD}_?(h|hor|horizontal|xy|2d)|eph|accuracy",
     "vertical": rf"v_?acc|(v|vert|vertical)_?{SPREAD}|{SPREAD}_?(v|vert|vertical|z)|epv",
@@ -58,6 +60,7 @@ DEVIATIONS = {
     "ve": rf"{SPREAD}_?(v_?e|vel_?e|v(el)?_?east)|(v_?e|vel_?e)_?{SPREAD}",
     "vd": rf"{SPREAD}_?(v_?[du]|vel_?[du]|v(el)?_?(down|up))|(v_?[du]|vel_?[du])_?{SPREAD}",
 }
+DEVIATIONS = {key: f"{NO_FORCE}({pattern})" for key, pattern in DEVIATIONS.items()}
 FIX = (
     r"((gps|gnss)_?)?(fix(_?(type|quality|status|mode|ok|valid))?|quality|q|(pos_?|nav_?)?mode|"
     r"(sol(ution)?_?)?status|valid|rtk_?status)"
@@ -104,6 +107,11 @@ class Names(NamedTuple):
     def of(cls, table: Table) -> "Names":
         """All columns of a table."""
         return cls(table, [str(name) for name in table.frame.columns])
+
+    def without(self, names: Iterable[str]) -> "Names":
+        """The same without these columns."""
+        left = set(names)
+        return self._replace(names=[name for name in self.names if name not in left])
 
     def find(self, pattern: str) -> str | None:
         """The first column named so, with or without a unit behind, or None; one without it

@@ -31,11 +31,13 @@ class Fixes(NamedTuple):
     facts: list[str]
     # columns (n,) of degrees that were made of degrees and minutes, by name
     made: dict[str, Array]
+    # what these were made of
+    sources: list[str]
 
 
 def fix_sections(columns: Names, time: dict[str, Any], t: Array) -> Fixes:
     """The Fixes of a table whose times are `time`, t (n,) s."""
-    found = Fixes([], [], {})
+    found = Fixes([], [], {}, [])
     where, why = _where(columns)
     shared = {"time": time} | ({"where": where} if where else {})
     assumed = {"where": why} if where and why else {}
@@ -76,6 +78,7 @@ def _position(
         keys["table"] = columns.table.name
         lat, lon = angles.names
         found.made.update(angles.made)
+        found.sources.extend(angles.sources)
         why["columns"] = angles.why
     height = names["ellipsoidal"] or names["sea"] or names["height"]
     if height is None:
