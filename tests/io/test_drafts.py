@@ -184,6 +184,26 @@ def test_positions_of_many_spellings(tmp_path, header, row, lla):
 
 @pytest.mark.short
 @pytest.mark.parametrize(
+    "header, row",
+    [
+        ("utc,date,lat,N/S,lon,E/W,alt", "1200{k:05.2f},010524,4807.038,N,01131.000,W,545"),
+        ("time,lat,NS,lon,EW,alt", "2024-05-01T12:00:{k:05.2f}Z,4807.038,N,01131.000,W,545"),
+    ],
+)
+def test_degrees_and_minutes_beside_times_of_the_calendar(tmp_path, header, row):
+    """As NMEA writes them: the digits of a date are of no year long ago, and N/S is a sign."""
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join([header, *(row.format(k=k) for k in range(1, 20))]))
+    imu = tmp_path / "imu.csv"
+    rows = [f"{1714564800 + 0.02 * k:.2f},0,0,0,0,0.1,-9.8" for k in range(1500)]
+    imu.write_text("\n".join(["time,gx,gy,gz,ax,ay,az", *rows]))
+    (found,) = sd.read(imu, path).aidings
+    assert np.degrees(found.y[0, :2]) == pytest.approx([48.1173, -11.516667], abs=1e-6)
+    assert found.t[0] == 12 * 3600 + 1
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
     "name, cells, kept",
     [
         ("fixType", "0 1 2 3 3 4", 3),

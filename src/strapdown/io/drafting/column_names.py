@@ -33,7 +33,7 @@ VELOCITY = {
     "up": OF + r"(vu|v_?u|vel_?u|v(el(ocity)?)?_?up|up_?vel(ocity)?|climb(_?rate)?|v_?speed|"
     r"vert(ical)?_?(speed|vel(ocity)?))",
     "speed": OF + r"((gnd|ground|g|hor(izontal)?|h)?_?(speed|spd|vel_?2d)|sog|speed_over_ground|"
-    r"ground_?velocity|velocity)",
+    r"ground_?velocity|velocity|knots)",
     "course": OF + r"((ground_?)?course(_over_ground)?|cog|track(_angle)?|trk|motion_?heading|"
     r"head(ing)?_?(of_?)?mot(ion)?|direction|bearing)",
 }
@@ -121,11 +121,6 @@ class Names(NamedTuple):
                 if re.fullmatch(whole, plain(name)):
                     return name
         return None
-
-    def text(self, pattern: str) -> str | None:
-        """The same of a column that holds text."""
-        name = self.find(pattern)
-        return None if name is None or self.table.frame[name].dtype.kind in "iuf" else name
 
     def triple(self, pattern: str) -> list[str] | None:
         """Names of the x, y and z column, or None."""

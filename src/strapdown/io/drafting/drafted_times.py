@@ -9,7 +9,7 @@ from ...checks import DataError
 from ...time_scales import GPS_ZERO, WEEK
 from ...typing import Array
 from ...units import UNITS
-from ..tables.calendar_text import moments, patterns
+from ..tables.calendar_text import Pattern, moments, patterns
 from .column_names import Names, plain
 
 TIME = (
@@ -128,9 +128,16 @@ def _format(columns: Names, name: str, day: str | None = None) -> str | None:
         except ValueError:
             continue
         read = [(name, of_times), *([(day, of_days)] if day and of_days else [])]
-        if not any(moments(frame[each].to_numpy(), pattern)[1].any() for each, pattern in read):
+        if all(_is_written(frame[each].to_numpy(), pattern) for each, pattern in read):
             return form
     return None
+
+
+def _is_written(cells: Any, pattern: Pattern) -> bool:
+    """Whether all cells are times of a pattern; no logger is from before 1970, but the digits of
+    010524 could be of the year 1."""
+    found, wrong = moments(cells, pattern)
+    return not wrong.any() and bool(np.all(found.minute >= 0))
 
 
 def _scale(name: str) -> dict[str, str]:
