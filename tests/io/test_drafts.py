@@ -295,3 +295,65 @@ def test_an_accelerometer_is_no_accuracy_of_the_position(drive, tmp_path):
         line.endswith("log.csv: columns not recognised or not needed: vx, soc")
         for line in recording.meta["read"]
     )
+
+
+@pytest.mark.short
+def test_a_magnetometer_is_left_until_asked_for(tmp_path):
+    names = ["t", *(f"{s}{a}" for s in ("g", "a", "m") for a in "xyz")]
+    values = np.random.default_rng(5).normal([0, 0, 0, 0, 0, -9.8, 20, 0, 44], 0.01, (900, 9))
+    path = tmp_path / "log.csv"
+    pd.DataFrame(np.c_[np.arange(900) / 50, values], columns=names).to_csv(path, index=False)
+    recording = sd.read(path)
+    assert recording.aidings == ()
+    assert any("uncalibrated" in line for line in recording.meta["read"])
+    assert len(sd.read(path, magnetometer=0).aidings) == 1
+
+
+@pytest.mark.short
+def test_the_accuracy_of_a_course_is_that_of_the_speed(tmp_path):
+    path = tmp_path / "gnss.csv"
+    rows = (f"{k},{48 + 4e-4 * k},9,500,45,0,0" for k in range(20))
+    path.write_text("\n".join(["t,lat,lon,h_ell,speed,course,vd", *rows]))
+    position(tmp_path, path)
+    velocity = sd.read(tmp_path / "imu.csv", path).aidings[1]
+    np.testing.assert_allclose(velocity.sd, 0.2)
+
+
+@pytest.mark.short
+def test_a_height_that_is_not_recognised_is_asked_for(tmp_path):
+    path = tmp_path / "gnss.csv"
+    path.write_text(
+        "\n".join(["t,lat,lon,tallness,speed", *(f"{k},48,9,500,1" for k in range(20))])
+    )
+    with pytest.raises(sd.DataError, match=r"which column is the height\?.* tallness"):
+        position(tmp_path, path)
+    path.write_text(path.read_text().replace("tallness", "Höhe [m]"))
+    assert position(tmp_path, path).y[0, 2] == 500
+
+
+SENSORS = {
+    "gyro_x [mdps],gyro_y [mdps],gyro_z [mdps],acc_x [mg],acc_y [mg],acc_z [mg]": (
+        1e-3 * DEG,
+        1e-3,
+    ),
+    "wx [deg/h],wy [deg/h],wz [deg/h],ax,ay,az": (DEG / 3600, 1.0),
+    "p,q,r,SpecForceX,SpecForceY,SpecForceZ": (1.0, 1.0),
+    "RateX,RateY,RateZ,f_x [counts],f_y [counts],f_z [counts]": (1.0, 1 / 16384),
+    "roll_rate,pitch_rate,yaw_rate,ax_g,ay_g,az_g": (1.0, 1.0),
+}
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("names", SENSORS)
+def test_names_and_units_of_inertial_sensors(tmp_path, names):
+    of_rate, of_force = SENSORS[names]
+    values = np.random.default_rng(6).normal([0.02, -0.01, 0.03, 0, 0, -1], 1e-4, (900, 6))
+    cells = values / (
+        [of_rate] * 3 + [of_force / (G if of_force == 1 and "_g" not in names else 1)] * 3
+    )
+    path = tmp_path / "imu.csv"
+    head = ["t", *names.split(",")]
+    pd.DataFrame(np.c_[np.arange(900) / 50, cells], columns=head).to_csv(path, index=False)
+    imu = sd.read(path).imu
+    np.testing.assert_allclose(imu.dtheta.mean(axis=0) * 50, [0.02, -0.01, 0.03], atol=1e-4)
+    assert imu.dv[:, 2].mean() * 50 == pytest.approx(-G, rel=1e-3)

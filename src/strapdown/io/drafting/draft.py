@@ -43,7 +43,7 @@ def open_table(path: Path) -> Log:
         left += log.left
         asked += log.asked
     if sections and len(found) > 1:  # the other tables are what they are
-        asked = [line for line in asked if "gravity" in line]
+        asked = [line for line in asked if "gravity" in line or "height" in line]
     return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked))
 
 
@@ -76,10 +76,11 @@ def _of_table(table: Table, name: str | None) -> Log:
         for section in (imu, *fixes.sections, magnetometer, attitude)
         if section is not None
     ]
-    if not sections:
+    asked += fixes.asked
+    if not sections and not asked:
         asked.append(
             f"nothing was recognised among its columns {', '.join(columns.names[:20])}: say in a "
-            f"recording.toml what they are, or rename them"
+            f"recording.toml what they are, or rename them, as gyro_x, acc_x, lat, lon, height"
         )
     if fixes.made:
         table = table._replace(frame=table.frame.assign(**fixes.made))

@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...typing import Array
-from ...units import DEG, UNITS
+from ...units import UNITS
 from ..contract import Section
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
 from .latitudes import angles_of
 from .track_units import EARTH_RADIUS, units_of_course
 
-POSITION_SD, VELOCITY_SD, COURSE_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3), 2.0
-"""m, m/s and deg of a receiver that tells none."""
+POSITION_SD, VELOCITY_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
+"""m and m/s of a receiver that tells none."""
 NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
 ARM = (
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
@@ -33,11 +33,12 @@ class Fixes(NamedTuple):
     made: dict[str, Array]
     # what these were made of
     sources: list[str]
+    asked: list[str]
 
 
 def fix_sections(columns: Names, time: dict[str, Any], t: Array) -> Fixes:
     """The Fixes of a table whose times are `time`, t (n,) s."""
-    found = Fixes([], [], {}, [])
+    found = Fixes([], [], {}, [], [])
     where, why = _where(columns)
     shared = {"time": time} | ({"where": where} if where else {})
     assumed = {"where": why} if where and why else {}
@@ -82,7 +83,11 @@ def _position(
         why["columns"] = angles.why
     height = names["ellipsoidal"] or names["sea"] or names["height"]
     if height is None:
-        found.facts.append("position: there is no height, and a position needs one")
+        others = ", ".join(columns.without([*angles.sources, *angles.names]).names[:20])
+        found.asked.append(
+            f"{names['latitude']} and {names['longitude']} are there, but which column is the height? "
+            f"A position needs one: rename it to height, in m (the other columns are {others})"
+        )
         return track
     length, size = _length(columns, height)
     keys |= {"columns": [lat, lon, height], "unit": [angle, angle, length]}
@@ -237,15 +242,22 @@ def _velocity(
             units.append(columns.unit(vertical, tuple(UNITS["speed"])) or "m/s")
         why |= {"unit": told} if told else {}
         keys |= {"form": form, "columns": in_order, "unit": units}
-        angle = COURSE_SD if units[1] == "deg" else float(f"{COURSE_SD * DEG:.3g}")
-        keys["sd"] = [
+        across = (
             _deviation(columns, sd["speed"], "m/s")
             if sd["speed"]
-            else _of(VELOCITY_SD[0], units[0]),
-            _deviation(columns, sd["course"], units[1]) if sd["course"] else angle,
-            *([_of(VELOCITY_SD[2], units[2])] if vertical else []),
-        ]
-        why |= {} if sd["speed"] and sd["course"] and not vertical else {"sd": NO_SD}
+            else _of(VELOCITY_SD[0], units[0])
+        )
+        if sd["course"]:
+            down = [_of(VELOCITY_SD[2], units[2])] if vertical else []
+            keys["sd"] = [across, _deviation(columns, sd["course"], units[1]), *down]
+            why |= {} if sd["speed"] and not vertical else {"sd": NO_SD}
+        else:
+            keys["sd"], why["sd"] = (
+                across,
+                "of the velocity in all directions"
+                if sd["speed"]
+                else f"{NO_SD}, in all directions",
+            )
         _add(found, columns, "velocity", keys, why)
 
 
