@@ -46,6 +46,20 @@ def test_posix_nanoseconds_keep_their_steps():
     assert abs(found[0]) < 1e-6
 
 
+@pytest.mark.parametrize(
+    "t, unit",
+    [
+        (np.array([5_900_000_000, 4_999_999_999, 0], np.uint64), 1e-9),
+        (np.array([-2_000_000_000, 2_000_000_000], np.int32), 1e-3),
+        (np.array([-100, 100], np.int8), 1e-3),
+        (np.array([7, 2**64 - 1], np.uint64), 1e-9),
+    ],
+)
+def test_whole_numbers_of_any_type_do_not_wrap(t, unit):
+    found = seconds_since(0.0, t, "gps", unit)
+    np.testing.assert_allclose(found, [int(each) * unit for each in t], rtol=1e-15)
+
+
 def test_time_of_week():
     found = seconds_since(gps_of("2024-05-01T00:00:00Z"), [259218.0, 259219.5], "gps", 1.0, 2312)
     np.testing.assert_allclose(found, [0.0, 1.5])

@@ -167,9 +167,13 @@ def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = Non
     else:
         offset = (0.0 if week is None else np.asarray(week, float) * WEEK) - epoch
     if t.dtype.kind in "iu" and len(t):
+        # whole seconds apart: a difference of times may be beyond their type
+        wide = t.astype(np.uint64 if t.dtype.kind == "u" else np.int64)
         per_second = max(round(1 / unit), 1)
-        first = int(t[0]) // per_second * per_second
-        return (t - t.dtype.type(first)).astype(float) * unit + (first * unit + offset)
+        second, rest = np.divmod(wide, wide.dtype.type(per_second))
+        first, second = float(second[0]), second.astype(float)
+        step = per_second * unit
+        return (second - first) * step + rest * unit + (first * step + offset)
     return t.astype(float) * unit + offset
 
 

@@ -352,7 +352,7 @@ def test_the_command_says_what_its_numbers_are_on_top_of(earlier, monkeypatch, t
 
     box = Recording(poses(TILTED, M=SYMMETRIC, b=np.zeros(3)), meta={"sensors": {"accel": earlier}})
     monkeypatch.setattr(sd, "read", lambda path: box)
-    calibrate(tmp_path / "recording.toml", "accelerometer", out=tmp_path)
+    calibrate([tmp_path / "recording.toml"], "accelerometer", out=tmp_path)
     assert (
         "on top of the calibration that the recording names" in capsys.readouterr().out
     ) == bool(earlier)

@@ -33,13 +33,13 @@ def test_help_shows_both(command):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ([], "Missing argument 'RECORDING'. See `strapdown calibrate --help`."),
+        ([], "Missing argument 'RECORDING...'. See `strapdown calibrate --help`."),
         (["none.toml"], "none.toml: "),
         (["--sensor", "magnetometer", "none.toml"], "none.toml: "),
         (["./installation"], "installation: "),
         (
             ["installation"],
-            "Missing argument 'RECORDING'. See `strapdown calibrate installation --help`.",
+            "Missing argument 'RECORDING...'. See `strapdown calibrate installation --help`.",
         ),
     ],
 )

@@ -94,6 +94,24 @@ def test_a_written_flight_comes_back(flown, tmp_path):
     assert "GPS_DELAY_MS of the log" in " ".join(found.meta["read"])
 
 
+@pytest.mark.parametrize(
+    "text, delay",
+    [
+        ("u-blox 1 HW: 00080000 SW: ROM CORE 3.01 (107888)", 0.12),
+        ("u-blox 1 HW: 000A0000 SW: ROM SPG 5.10", 0.12),
+        ("u-blox 1 HW: 00040007 SW: 7.03", 0.2),
+        ("u-blox 2 HW: 00080000 SW: ROM CORE 3.01 (107888)", 0.2),
+        ("GPS 1: detected as u-blox at 230400 baud", 0.2),
+    ],
+)
+def test_the_delay_that_the_driver_knows(flown, log, text, delay):
+    path = log(written.messages_of(flown, delay), {"GPS_DELAY_MS": 0.0}, texts=[text])
+    found = sd.read(path)
+    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-3)
+    read = " ".join(found.meta["read"])
+    assert ("own for u-blox HW 000" in read) == (delay == 0.12) and "names none" in read
+
+
 def test_the_undulation_of_the_receiver_makes_heights_ellipsoidal(flown, log):
     messages = written.messages_of(flown)
     letters, columns = messages["GPA"]
@@ -172,6 +190,25 @@ def test_the_rate_of_the_imu(flown, log, every, said):
     else:
         notes = [line for line in sd.read(path).meta["read"] if line.startswith("note")]
         assert bool(notes) == bool(said) and all(said in line for line in notes)
+
+
+def test_samples_in_bad_health_are_not_used(flown, log):
+    messages = written.messages_of(flown, instances=2)
+    letters, columns = messages["IMU"]
+    gyro, accel = np.ones((2, len(columns["TimeUS"])), int)
+    gyro[200:220:2] = accel[210:224:2] = 0  # of the first
+    columns["GyrX"][gyro == 0] = 30.0
+    messages["IMU"] = letters + "BB", {**columns, "GH": gyro, "AH": accel}
+    found = sd.read(log(messages))
+    assert len(found.imu.t) == len(flown.imu.t) - 12
+    assert np.abs(found.imu.dtheta / found.imu.dt[:, None]).max() < 20
+    assert any("IMU 0: 12 of" in line and "health" in line for line in found.meta["read"])
+    gyro[::2] = 0
+    messages["IMU"] = letters + "BB", {**columns, "GH": gyro, "AH": accel}
+    second = sd.read(log(messages))
+    np.testing.assert_allclose(
+        second.imu.dtheta[1:], 1.1 * flown.imu.dtheta[1:], rtol=1e-3, atol=1e-8
+    )
 
 
 def test_raw_samples_are_left(flown, log):

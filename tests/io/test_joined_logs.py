@@ -106,8 +106,8 @@ def test_another_instance_where_it_is_asked_for():
 @pytest.mark.parametrize(
     "files, take, words",
     [
-        (["a.two"], {"imu": 2}, "there is no IMU 2; there are 0, 1"),
-        (["a.two"], {"barometer": 0}, "there is no barometer 0; there is none at all"),
+        (["a.two"], {"imu": 2}, "there is no IMU 2; of them there is 0, 1"),
+        (["a.two"], {"barometer": 0}, "there is no barometer 0; none at all is there"),
         (["a.two"], {"gps": 0}, "instance of is 'gps'.*must be one of imu, gnss"),
         (["a.gnss"], {}, "a.gnss: no IMU in it; name its file beside"),
         (["a.two", "a.two"], {}, "a.two: is named twice"),
@@ -123,7 +123,71 @@ def test_of_several_files_the_last_counts():
     told = sd.read("a.two", "a.gnss").meta["read"]
     assert "taken: gnss 0 of a.gnss" in told and "taken: imu 0 of a.two: 100 Hz" in told
     assert any(line.startswith("left: gnss 0 of a.two: one GNSS receiver") for line in told)
-    assert "left: gnss 1 of a.gnss: made of the same IMU" in told
+    assert "left: gnss 1 of a.gnss: made of the same IMU; --take gnss=1 takes it" in told
+
+
+OWN = {"column": "s", "unit": "s"}
+
+
+def add_own_clock(name, epoch, first=100.0):
+    """A reader of logs on a clock of their own, whose zero is `epoch`."""
+    keys = {"kind": "position", "table": "gnss", "time": OWN, "columns": ["lat", "lon", "h"]}
+    keys |= {"unit": ["deg", "deg", "m"], "sd": [1.0, 1.0, 2.0]}
+
+    def open_it(path):
+        table = gnss_table("gnss")
+        columns = {each: table.cells(each) for each in ("lat", "lon", "h")}
+        table = Table.of("gnss", {"s": first + np.arange(20.0), **columns})
+        head = {} if epoch is None else {"epoch": epoch}
+        return Log({"gnss": table}, (Section("aiding", "gnss", keys),), head=head)
+
+    registry.REGISTRY.add(Reader(name, (f".{name}",), f"log {name}", open=open_it), __name__)
+    Path(f"a.{name}").write_text(name)
+
+
+def add_own_imu(name, epoch):
+    """The same of an IMU, whose first sample is at 0 s."""
+
+    def open_it(path):
+        table, section = imu_table("imu 0"), imu_section(0)
+        seconds = (table.cells("stamp") - START) * 1e-9
+        columns = {each: table.cells(each) for each in table.frame.columns} | {"s": seconds}
+        keys = {**section.keys, "time": OWN}
+        head = {} if epoch is None else {"epoch": epoch}
+        found = section._replace(keys=keys, assumed={})
+        return Log({"imu 0": Table.of("imu 0", columns)}, (found,), head=head)
+
+    registry.REGISTRY.add(Reader(name, (f".{name}",), f"log {name}", open=open_it), __name__)
+    Path(f"a.{name}").write_text(name)
+
+
+def test_clocks_of_two_devices_are_set_to_one_by_their_zeros():
+    add_own_imu("boot", "2024-05-01T00:00:00Z")
+    add_own_clock("dated", "2024-04-30T23:58:21Z")  # 99 s before
+    recording = sd.read("a.boot", "a.dated")
+    np.testing.assert_allclose(recording.aidings[0].t, 1.0 + np.arange(20.0), atol=1e-6)
+    assert any("by the UTC of both logs" in line for line in recording.meta["read"])
+
+
+def test_a_clock_whose_zero_is_known_stands_beside_an_absolute_one():
+    add_own_clock("dated", "2024-04-30T23:58:21Z")
+    recording = sd.read("a.two", "a.dated")
+    later = recording.aidings[0].t - recording.imu.t[0]
+    np.testing.assert_allclose(later, 1.0 + np.arange(20.0), atol=1e-5)
+
+
+def test_a_clock_without_zero_is_asked_beside_one_that_has_it():
+    add_own_imu("boot", "2024-05-01T00:00:00Z")
+    add_own_clock("loose", None, first=1.0)
+    with pytest.raises(DataError, match=r"a\.loose: its time 's' counts from an unknown moment"):
+        sd.read("a.boot", "a.loose")
+
+
+def test_two_clocks_without_zero_are_taken_for_one_and_this_is_said():
+    add_own_imu("boot", None)
+    add_own_clock("loose", None, first=1.0)
+    told = sd.read("a.boot", "a.loose").meta["read"]
+    assert "assumed: the clocks of a.boot and a.loose count from the same moment" in told
 
 
 def test_a_recording_is_read_alone():

@@ -27,6 +27,7 @@ from strapdown.checks import DataError
 from strapdown.io.decoding.mapped import mapped
 from strapdown.io.decoding.robots.mcap_records import read_mcap
 from strapdown.io.decoding.robots.ros_messages import Messages
+from strapdown.io.decoding.robots.unpacking import unpack_frames
 
 __all__ = ["driven"]  # a fixture
 SAMPLE = "native/rosbag2/jackal_sim_imu_odom_61s.mcap.xz"
@@ -172,3 +173,29 @@ def test_damaged_bytes_end_in_one_line_at_most(tmp_path):
             sd.read(other)
         except DataError as error:
             assert len(str(error).splitlines()) == 1 and "its author should know" not in str(error)
+
+
+def test_a_whole_file_packed_by_any_writer_of_zstd(tmp_path):
+    """Without the size in its head, and in several frames."""
+    import zstandard
+
+    content, path = small(tmp_path, compression="none"), tmp_path / "b.mcap.zstd"
+    half, plain = len(content) // 2, zstandard.ZstdCompressor()
+    stream = zstandard.ZstdCompressor().compressobj()
+    streamed = stream.compress(content) + stream.flush()
+    for packed in (streamed, plain.compress(content[:half]) + plain.compress(content[half:])):
+        path.write_bytes(packed)
+        assert len(log_of(path).tables["/imu"].frame) == N
+    path.write_bytes(streamed[:-40])
+    assert "ends within a frame" in asked(path)
+    path.write_bytes(streamed + b"no frame")
+    assert "is damaged" in asked(path)
+
+
+def test_what_zstd_unpacks_is_bounded(tmp_path):
+    import zstandard
+
+    stream = zstandard.ZstdCompressor().compressobj()
+    bomb = stream.compress(bytes(10**8)) + stream.flush()
+    with pytest.raises(DataError, match="more than 1000000 bytes"):
+        unpack_frames(bomb, 10**6)

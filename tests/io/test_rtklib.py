@@ -113,6 +113,23 @@ def test_a_baseline_needs_its_base(written, tmp_path):
         written(T, enu, SD, "enu")
 
 
+def test_velocities_that_were_not_worked_out_are_not_used(written, tmp_path):
+    """RTKLIB writes them as 0 with standard deviations of 0."""
+    moved = np.tile([1.0, 2.0, 3.0, 0.1, 0.1, 0.0, 0, 0, 0], (100, 1))
+    moved[:7] = 0
+    log = written(T, LLH, SD, moved=moved)
+    velocity = log.tables["solution"].frame[["vn", "ve", "vu"]].to_numpy()
+    assert np.isnan(velocity[:7]).all() and (velocity[7:] == [1, 2, 3]).all()
+    assert any("7 rows whose velocity has no standard" in line for line in log.left)
+    assert [each.keys.get("kind") for each in log.sections] == ["position", "velocity", None]
+    times = {each.kind: each.t for each in read(tmp_path, log).aidings}
+    assert len(times["position"]) == len(times["velocity"]) + 7
+    log = written(T, LLH, SD, moved=0 * moved)
+    assert [each.keys.get("kind") for each in log.sections] == ["position", None]
+    assert "velocity" not in log.sections[1].keys
+    assert any("100 rows whose velocity" in line for line in log.left)
+
+
 def test_heights_above_the_geoid_are_said(written):
     head = "% (lat/lon/height=WGS84/geodetic,Q=1:fix,2:float)"
     section = written(T, LLH, SD, head=head).sections[0]

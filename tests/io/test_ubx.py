@@ -326,3 +326,37 @@ def test_content_tells_the_format(tmp_path, written):
     assert sniff(path) and sd.read(path).imu.t.size > 0
     path.write_bytes(b"no frame")
     assert not sniff(path)
+
+
+def beside_imu(tmp_path, times, data):
+    """Paths of an IMU at rest at these `times`, (name of the column, s), and of a receiver's file."""
+    n = len(times[1])
+    frame = pd.DataFrame({times[0]: times[1]}).assign(gx=0.0, gy=0.0, gz=1e-5 * np.arange(n))
+    frame.assign(ax=0.0, ay=0.1, az=-9.8).to_csv(tmp_path / "imu.csv", index=False)
+    (tmp_path / "gnss.ubx").write_bytes(data)
+    return tmp_path / "imu.csv", tmp_path / "gnss.ubx"
+
+
+def test_messages_without_a_date_are_counted(tmp_path):
+    """A receiver that never knew the time: nothing is silently lost."""
+    moments = GPS + 1000 * np.arange(10)
+    unix = "unix_s", GPS / 1e3 + 315964800 - 18 + 0.01 * np.arange(1000)
+    recording = sd.read(*beside_imu(tmp_path, unix, ubx.pvt(moments, valid=0).tobytes()))
+    assert not recording.aidings
+    assert any("10 NAV-PVT without a valid date" in line for line in recording.meta["read"])
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+def test_a_time_of_week_gets_the_week_of_the_file_beside_it(tmp_path, absolute):
+    """NAV-POSLLH alone says no week: an IMU on UTC, or on a time of week of its own, tells it."""
+    tow = GPS % ubx.WEEK + 1000 * np.arange(10)
+    fixed = np.tile([73000000, 450000000, 250000, 203000, 1500, 2500], (10, 1))
+    payload = ubx.rows(np.hstack([tow[:, None], fixed]).astype("<i4"))
+    dt = 0.01 * np.arange(1000)
+    unix, of_week = GPS / 1e3 + 315964800 - 18 + dt, tow[0] / 1e3 + dt
+    times = ("unix_s", unix) if absolute else ("tow_s", of_week)
+    data = ubx.frames(0x0102, payload).tobytes()
+    recording = sd.read(*beside_imu(tmp_path, times, data))
+    (position,) = recording.aidings
+    assert np.allclose(position.t - recording.imu.t[0], np.arange(10), atol=0.02)
+    assert ("epoch" in recording.meta) == absolute

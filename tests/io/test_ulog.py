@@ -113,6 +113,25 @@ def test_each_vehicle_imu_at_full_rate_can_be_taken(flown, log):
     assert any("sensor_combined" in line and "same sensors" in line for line in first.meta["read"])
 
 
+def test_the_imu_that_px4_selected_is_named(flown, log):
+    many = len(flown.imu.t)
+    topics = {
+        ("vehicle_imu", each): {
+            **increments_of(flown.imu),
+            "accel_device_id": ("uint32_t", np.full(many, 10 + each)),
+            "gyro_device_id": ("uint32_t", np.full(many, 20 + each)),
+        }
+        for each in (0, 1)
+    }
+    topics["sensor_selection", 0] = {
+        "timestamp": ("uint64_t", [5, 9]),
+        "accel_device_id": ("uint32_t", [10, 11]),
+        "gyro_device_id": ("uint32_t", [20, 21]),
+    }
+    titles = [each.title for each in opened([log(topics)]).popitem()[1].sections[:2]]
+    assert ["PX4 selected" in title for title in titles] == [False, True]
+
+
 def test_increments_of_which_few_are_logged_are_mean_rates(flown, log):
     """Of 200 Hz every fourth is logged: 5 ms of each 20 ms."""
     topics = {("vehicle_imu", 0): increments_of(flown.imu, 4)}
@@ -180,6 +199,53 @@ def old_fixes(topic, **changes):
     return {**named, **old, **changes}
 
 
+NEW = {"SENS_GPS0_DELAY": 80, "SENS_GPS1_DELAY": 110, "SENS_GPS0_ID": 0, "SENS_GPS1_ID": 0}
+NEW |= {f"SENS_GPS{n}_OFF{axis}": 0.1 * n - 0.2 * i for n in (0, 1) for i, axis in enumerate("XYZ")}
+
+
+@pytest.mark.parametrize("slot, late", [(0, 0.08), (1, 0.11)])
+def test_delay_and_antenna_of_each_receiver(flown, log, slot, late):
+    """As PX4 of 2026 names them: by the id of the device, else by the instance."""
+    topics = written.topics_of(flown, late)
+    fixes = topics.pop(("sensor_gps", 0))
+    number = np.full(len(fixes["timestamp"][1]), 0xA5000001)
+    identity = int(np.int32(np.uint32(0xA5000001)))
+    by_instance = log({**topics, ("sensor_gps", slot): fixes}, NEW)
+    found = [sd.read(by_instance)]
+    topics["sensor_gps", 0] = {**fixes, "device_id": ("uint32_t", number)}
+    found += [sd.read(log(topics, {**NEW, f"SENS_GPS{slot}_ID": identity}))]
+    for each in found:
+        position = each.aidings[0]
+        np.testing.assert_allclose(position.t, flown.aidings[0].t, atol=1e-6)
+        arm = np.array([0.0, -0.2, -0.4]) + 0.1 * slot * np.array([1, 1, 1])
+        np.testing.assert_allclose(position.parameters, arm, atol=1e-7)
+        assert f"SENS_GPS{slot}_DELAY of the log is" in " ".join(each.meta["read"])
+
+
+def test_a_delay_that_px4_has_taken_off_already(flown, log):
+    topics = written.topics_of(flown, 0.3)
+    fixes = topics["sensor_gps", 0]
+    sampled = np.asarray(fixes["timestamp"][1]) - 300_000
+    fixes["timestamp_sample"] = "uint64_t", sampled
+    found = sd.read(log(topics, NEW))
+    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-6)
+    assert found.meta["epoch"] == iso(float(gps_from_unix(written.EPOCH * 1e-6)))
+    assert "taken the receiver's delay off" in " ".join(found.meta["read"])
+    # what the driver does not say, and what earlier versions did not use
+    for values, parameters, late in ((0 * sampled, NEW, 0.08), (sampled, EKF2, 0.11)):
+        fixes["timestamp_sample"] = "uint64_t", values
+        found = sd.read(log(topics, parameters)).aidings[0]
+        np.testing.assert_allclose(found.t, flown.aidings[0].t + 0.3 - late, atol=1e-6)
+
+
+def test_a_delay_that_no_parameter_says_is_assumed(flown, log):
+    found = sd.read(log(written.topics_of(flown), {"MAV_TYPE": 2}))
+    np.testing.assert_allclose(found.aidings[0].t, flown.aidings[0].t, atol=1e-6)
+    assert any("no delay of the receiver: 0 s" in line for line in found.meta["read"])
+    known = sd.read(log(written.topics_of(flown), {"EKF2_GPS_DELAY": 0.0})).meta["read"]
+    assert not any("delay" in line for line in known)
+
+
 def test_older_fixes_are_whole_numbers(flown, log):
     topics = written.topics_of(flown)
     topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))
@@ -202,11 +268,11 @@ def test_rows_without_a_3d_fix_are_not_used(flown, log):
     topics = written.topics_of(flown)
     many = len(topics["sensor_gps", 0]["timestamp"][1])
     types = np.full(many, 3)
-    types[:4] = 0, 1, 2, 2
+    types[:6] = 0, 1, 2, 2, 8, 6  # 8 is extrapolated
     topics["sensor_gps", 0]["fix_type"] = "uint8_t", types
     found = sd.read(log(topics))
-    assert [len(each.t) for each in found.aidings] == [many - 4] * 2
-    assert any("4 of" in line and "3D" in line for line in found.meta["read"])
+    assert [len(each.t) for each in found.aidings] == [many - 5] * 2
+    assert any("5 of" in line and "3D" in line for line in found.meta["read"])
     topics["sensor_gps", 0]["fix_type"] = "uint8_t", 0 * types
     assert sd.read(log(topics)).aidings == ()
 
@@ -226,6 +292,42 @@ def test_what_the_receiver_does_not_say_is_assumed(flown, log):
     read = " ".join(found.meta["read"])
     assert "EKF2_GPS_P_NOISE of the log" in read and "vel_ned_valid = 0" in read
     assert len(sd.read(log(topics), gnss=0).aidings) == 2
+
+
+@pytest.mark.parametrize("old", [False, True])
+def test_ellipsoid_heights_that_are_those_above_sea_level(flown, log, old):
+    """As PX4's simulators write them."""
+    topics = written.topics_of(flown)
+    fixes = topics["sensor_gps", 0]
+    fixes["altitude_ellipsoid_m"] = fixes["altitude_msl_m"]
+    if old:
+        topics["vehicle_gps_position", 0] = old_fixes(topics.pop(("sensor_gps", 0)))
+    found = sd.read(log(topics))
+    # EGM96 at 47.4 N 8.5 E is 47.3 m, and the file was written with 47 m
+    height = found.aidings[0].y[:, 2]
+    np.testing.assert_allclose(height - flown.aidings[0].y[:, 2], 0.3, atol=0.3)
+    assert any("are equal in all rows" in line for line in found.meta["read"])
+
+
+def test_true_heights_of_a_simulator_are_above_sea_level_as_its_fixes(flown, log):
+    topics, degrees = written.topics_of(flown), np.degrees(flown.reference.lla)
+    t = written.microseconds(flown.reference.t)
+    height = flown.reference.lla[:, 2] - 47
+    topics["vehicle_global_position_groundtruth", 0] = {
+        "timestamp": ("uint64_t", t),
+        "lat": ("double", degrees[:, 0]),
+        "lon": ("double", degrees[:, 1]),
+        "alt": ("float", height),
+        "alt_ellipsoid": ("float", height),
+    }
+    q = np.tile([1.0, 0, 0, 0], (len(t), 1))
+    topics["vehicle_attitude_groundtruth", 0] = {
+        "timestamp": ("uint64_t", t),
+        "q": ("float", q),
+    }
+    found = sd.read(log(topics))
+    assert np.allclose(found.reference.lla[:, 2] - flown.reference.lla[:, 2], 0.3, atol=0.3)
+    assert any("truth; heights above" in line for line in found.meta["read"])
 
 
 def test_magnetometer_and_barometer(flown, log):

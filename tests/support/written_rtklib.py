@@ -13,19 +13,35 @@ DEVIATIONS = {
     "xyz": ("sdx(m)", "sdy(m)", "sdz(m)", "sdxy(m)", "sdyz(m)", "sdzx(m)"),
     "enu": ("sde(m)", "sdn(m)", "sdu(m)", "sden(m)", "sdnu(m)", "sdue(m)"),
 }
+VELOCITY = ("vn(m/s)", "ve(m/s)", "vu(m/s)", "sdvn", "sdve", "sdvu", "sdvne", "sdveu", "sdvun")
 DEVIATIONS["dms"] = DEVIATIONS["llh"]
 
 
-def pos(moments, place, deviations, form="llh", scale="GPST", weeks=False, head="", separator=" "):
-    """Text of a .pos with positions (n, 3) and deviations (n, 6) at numpy's datetimes64."""
+def pos(
+    moments,
+    place,
+    deviations,
+    form="llh",
+    scale="GPST",
+    weeks=False,
+    head="",
+    separator=" ",
+    moved=None,
+):
+    """Text of a .pos with positions (n, 3) and deviations (n, 6) at numpy's datetimes64; `moved` are
+    velocities with their deviations (n, 9)."""
     names = (*NAMES[form], "Q", "ns", *DEVIATIONS[form], "age(s)", "ratio")
+    if moved is not None:
+        names += VELOCITY
     lines = [head] if head else []
     lines.append("%  " + separator.join((scale, *names)))
-    for moment, where, sd in zip(moments, place, deviations):
+    moved = np.empty((len(moments), 0)) if moved is None else moved
+    for moment, where, sd, motion in zip(moments, place, deviations, moved):
         cells = [f"{each:.9f}" if form == "llh" else f"{each:.4f}" for each in where]
         if form == "dms":
             cells = [*(_dms(each) for each in where[:2]), f"{where[2]:.4f}"]
         cells += ["1", "9", *(f"{each:.4f}" for each in sd), "0.00", "3.5"]
+        cells += [f"{each:.5f}" for each in motion]
         lines.append(separator.join([_time(moment, weeks), *cells]))
     return "\n".join(lines) + "\n"
 

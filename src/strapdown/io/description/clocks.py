@@ -1,5 +1,6 @@
 """One clock for the tables of several files: the week of a time of week and the day of a time of day
-are those that another file tells; what nothing tells is asked."""
+are those that another file tells, and clocks of devices whose zeros are known are set to one of them;
+what nothing tells is asked."""
 
 from collections.abc import Callable, Mapping, Sequence
 from datetime import timedelta
@@ -9,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...time_scales import WEEK, iso
+from ...time_scales import WEEK, gps_of, iso
 from ..contract import Log, Section
 from ..tables.table_file import Table
 from .schema_base import Time
@@ -54,14 +55,66 @@ def timed(path: Path, log: Log, section: Section) -> Timed | None:
     return Timed(path, section, kind, float(known[0]), float(known[-1]))
 
 
+class OneClock(NamedTuple):
+    """What brings the sections of several files to one clock."""
+
+    complete: Callable[[Path, Section], Section]
+    asked: Sequence[str] = ()
+    assumed: Sequence[str] = ()
+
+
 def one_clock(
     taken: Sequence[tuple[Path, Section]], logs: Mapping[Path, Log], head: Mapping[str, Any]
-) -> tuple[Callable[[Section], Section], list[str]]:
-    """(What completes the times of a section, lines on what is asked) of sections with their
-    files."""
+) -> OneClock:
+    """The clock of sections with their files; `head` has the epoch of the recording."""
     found = [
         each for path, section in taken if (each := timed(path, logs[path], section)) is not None
     ]
+    loose = [each for each in found if each.kind == "own"]
+    zeros = {each.path: logs[each.path].head.get("epoch") for each in loose}
+    unknown = [each for each in loose if zeros[each.path] is None]
+    dated = [each for each in loose if zeros[each.path] is not None]
+    weeks, asked = _weeks(found, unknown)
+    assumed = []
+    if unknown and dated and not asked:
+        asked = [_of_two(unknown[0], dated[0])]
+    elif len(zeros) > 1 and not dated:
+        names = " and ".join(path.name for path in zeros)
+        assumed = [f"the clocks of {names} count from the same moment"]
+
+    of_imu = next((each for each in found if each.section.of == "imu"), None)
+    is_absolute = of_imu is not None and of_imu.kind != "own"
+
+    def complete(path: Path, section: Section) -> Section:
+        zero = zeros.get(path)
+        if zero is not None and is_absolute:
+            return _later(section, gps_of(zero), "gps")
+        if zero is not None and zero != head.get("epoch"):
+            return _later(section, gps_of(zero) - gps_of(head["epoch"]))
+        return weeks(section)
+
+    return OneClock(complete, asked, assumed)
+
+
+def _later(section: Section, seconds: float, clock: str = "") -> Section:
+    """The section with its times counted from a moment so much earlier, on that absolute clock."""
+
+    def moved(keys: Mapping[str, Any]) -> dict[str, Any]:
+        if "time" not in keys:
+            return dict(keys)
+        time = {**keys["time"], "offset": keys["time"].get("offset", 0.0) + seconds}
+        return {**keys, "time": {**time, "clock": clock} if clock else time}
+
+    keys = moved(section.keys)
+    keys |= {key: moved(keys[key]) for key in ("gyro", "accel") if key in keys}
+    told = {"time": "to the clock of the IMU, by the UTC of both logs"}
+    return section._replace(keys=keys, assumed={**section.assumed, **told})
+
+
+def _weeks(
+    found: Sequence[Timed], unknown: Sequence[Timed]
+) -> tuple[Callable[[Section], Section], list[str]]:
+    """(What completes a time of week, lines on what is asked)."""
     absolute = next((each for each in found if each.kind == "absolute"), None)
     loose = [each for each in found if each.kind == "own"]
     weeks = [each for each in found if each.kind == "week"]
@@ -70,8 +123,8 @@ def one_clock(
         asked = [] if odd is None else [_of_two(odd, weeks[0])]
         return lambda section: _with_week(section, None, ""), asked
     asked = []
-    if loose and "epoch" not in head:
-        asked = [_of_two(loose[0], absolute)]
+    if unknown:
+        asked = [_of_two(unknown[0], absolute)]
 
     def complete(section: Section) -> Section:
         keys = section.keys.get("time", {})

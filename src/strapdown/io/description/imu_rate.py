@@ -6,6 +6,7 @@ of the motion. docs/flight-controllers.md has what was measured.
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -31,22 +32,32 @@ def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | No
     if hz >= safe * ROUNDED:
         return None
     samples = "increments" if kind == "increment" else "samples"
-    line = f"{hz:.3g} Hz is slow for {samples} of an IMU: {least:g} Hz are needed, {safe:g} Hz are safe"
-    return line + (f"; {section.faster}" if section.faster else ""), hz < least * ROUNDED
+    refused = hz < least * ROUNDED
+    line = (
+        f"{hz:.3g} Hz is {'too ' if refused else ''}slow for {samples} of an IMU: {least:g} Hz are "
+        f"needed, {safe:g} Hz are safe"
+    )
+    remedy = section.faster or "set the logger to a higher rate"
+    return f"{line}; {remedy}", refused
 
 
 def _rate(section: Section, tables: Mapping[str, Table]) -> float:
-    """Hz: 1 / the median interval; infinite where the samples have no times in a log."""
-    keys = section.keys
-    signal = keys.get("gyro") or keys.get("accel") or {}
-    time, name = signal.get("time", keys.get("time")), str(signal.get("table", keys.get("table")))
-    if time is None or name not in tables or not isinstance(time["column"], str):
-        return math.inf
+    """Hz of the slower of gyro and accelerometer: 1 / the median interval; infinite where the
+    samples have no times in a log."""
+    keys, found = section.keys, {}
+    for signal in (keys.get(each, {}) for each in ("gyro", "accel")):
+        time, name = signal.get("time", keys.get("time")), signal.get("table", keys.get("table"))
+        if time is not None and name in tables and isinstance(time["column"], str):
+            found[name, time["column"]] = time
+    return min((_of(tables[name], time) for (name, _), time in found.items()), default=math.inf)
+
+
+def _of(table: Table, time: Mapping[str, Any]) -> float:
+    """Hz of the times of one table."""
     if "format" in time:
-        t = Files("", 0.0).times(tables[name], Time.model_validate(time))
+        t = Files("", 0.0).times(table, Time.model_validate(time))
     else:
-        seconds = factor(time["unit"], "time") * time.get("scale", 1.0)
-        t = tables[name].numbers(time["column"]) * seconds
+        t = table.numbers(time["column"]) * factor(time["unit"], "time") * time.get("scale", 1.0)
     steps = np.diff(t)
     steps = steps[steps > 0]
     return 1 / float(np.median(steps)) if len(steps) else math.inf

@@ -14,7 +14,7 @@ from ...recording import Recording
 from ...typing import File
 from ..contract import ROLES, Log, Section
 from ..registry import ask, looker
-from .clocks import one_clock
+from .clocks import OneClock, one_clock
 from .complaints import load
 from .imu_rate import slow
 from .read import recording_of
@@ -54,14 +54,13 @@ class Joined(NamedTuple):
     taken: tuple[Taken, ...]
     # sections that are not taken, with the reason
     left: tuple[tuple[Taken, str], ...]
-    # lines on clocks that nothing brings to one
-    unclear: tuple[str, ...] = ()
+    clock: OneClock
 
     @property
     def asked(self) -> list[str]:
         """What must be known before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
-        lines += self.unclear
+        lines += self.clock.asked
         if not lines and not any(each.section.of == "imu" for each in self.taken):
             names = ", ".join(map(str, self.paths))
             unusable = [why for each, why in self.left if each.section.of == "imu"]
@@ -93,6 +92,7 @@ class Joined(NamedTuple):
             for each in self.taken
             for key, why in each.section.assumed.items()
         ]
+        assumed += [f"assumed: {line}" for line in self.clock.assumed]
         left = [f"left: {each.name}: {why}" for each, why in self.left]
         left += [
             f"left: {path.name}: {line}" for path in self.paths for line in self.logs[path].left
@@ -157,22 +157,23 @@ def join(logs: Mapping[Path, Log], take: Take | None = None) -> Joined:
         of_role = [each for each in every if each.section.role == role]
         chosen = _chosen(role, of_role, take)
         taken += [each for each in of_role if each in chosen]
-        left += [
-            (each, each.section.left or _why(each, role, take))
-            for each in of_role
-            if each not in chosen
-        ]
+        left += [(each, _why(each, role, take)) for each in of_role if each not in chosen]
     head: dict[str, Any] = {}
-    for log in logs.values():
-        head |= {key: value for key, value in log.head.items() if key not in head}
-    complete, unclear = one_clock([(each.path, each.section) for each in taken], logs, head)
+    of_imu = [each.path for each in taken if each.section.of == "imu"]
+    for path in [*of_imu, *logs]:
+        head |= {key: value for key, value in logs[path].head.items() if key not in head}
+    clock = one_clock([(each.path, each.section) for each in taken], logs, head)
+
+    def completed(each: Taken) -> Taken:
+        return each._replace(section=clock.complete(each.path, each.section))
+
     return Joined(
         tuple(logs),
         logs,
         head,
-        tuple(each._replace(section=complete(each.section)) for each in taken),
-        tuple((each._replace(section=complete(each.section)), why) for each, why in left),
-        tuple(unclear),
+        tuple(map(completed, taken)),
+        tuple((completed(each), why) for each, why in left),
+        clock,
     )
 
 
@@ -187,7 +188,11 @@ def _chosen(role: str, of_role: Sequence[Taken], take: Take) -> list[Taken]:
             there = sorted({each.section.instance for each in of_role})
             raise DataError(
                 f"there is no {ROLES[role]} {wanted}; "
-                + (f"there are {', '.join(map(str, there))}" if there else "there is none at all")
+                + (
+                    f"of them there is {', '.join(map(str, there))}"
+                    if there
+                    else "none at all is there"
+                )
             )
     else:
         found = [each for each in of_role if not each.section.left]
@@ -212,7 +217,7 @@ def _why(each: Taken, role: str, take: Take) -> str:
         return "not wanted"
     number = each.section.instance
     how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
-    return f"one {ROLES[role]} is taken; {how} takes it"
+    return f"{each.section.left or f'one {ROLES[role]} is taken'}; {how} takes it"
 
 
 def _called(section: Section) -> str:

@@ -53,7 +53,9 @@ def open_dataflash(path: Path) -> Log:
     head = _head(log, [(columns, sections) for columns, _, sections in of_receivers.values()])
     makers: dict[str, Callable[[], Table]] = {}
     sections: list[Section] = []
-    for name, (columns, section) in {**imus(log), **others(log, "date" in head)}.items():
+    of_imus, more = imus(log)
+    left += more
+    for name, (columns, section) in {**of_imus, **others(log, "date" in head)}.items():
         makers[name] = partial(Table.of, f"{path} [{name}]", columns)
         sections.append(section)
     for name, (columns, rows, of_receiver) in of_receivers.items():

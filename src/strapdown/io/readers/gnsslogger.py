@@ -26,6 +26,7 @@ from ..decoding.phones.phone import (
     magnetometer_section,
     no_imu,
 )
+from ..description.imu_rate import slow
 from ..tables.table_file import Table, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
@@ -60,8 +61,7 @@ LEFT = {
 OFF = 0.1
 """s between the phone's UTC and that of the satellites that are worth a line."""
 RECORD = "switch Sensors on in GnssLogger when you record"
-LEAST_RATE = 5.0
-"""Hz of an IMU that is worth being read."""
+FASTER = "record at 100 Hz, and take the log as the app wrote it"
 
 
 class Lines(NamedTuple):
@@ -240,14 +240,12 @@ def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Sect
         kind = next(kinds, None)
         if kind is None:
             return [no_imu(f"there are no rows of {' or '.join(SENSORS[role])}; {RECORD}")], []
-        t = tables[kind].numbers(CLOCK) * 1e-9
-        t = t[np.isfinite(t)]
-        span = np.ptp(t) if len(t) else 0.0
-        if not len(t) > LEAST_RATE * span > 0:
-            why = f"{kind}: {len(t)} rows in {span:.0f} s; an IMU needs at least {LEAST_RATE:g} Hz"
-            return [no_imu(f"{why}, better 100: take the log as the app wrote it")], []
         pieces[role] = Piece(kind, time, _triple(tables[kind]), unit)
-    return inertial(pieces["gyro"], pieces["accel"], tables, RECORD)
+    sections, facts = inertial(pieces["gyro"], pieces["accel"], tables, RECORD)
+    sections = [each._replace(faster=FASTER) for each in sections]
+    # a log that was thinned still has its fixes, beside an IMU of another file
+    found = slow(sections[0], tables) if not sections[0].left else None
+    return ([no_imu(f"{sections[0].title}: {found[0]}")] if found and found[1] else sections), facts
 
 
 def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Section]) -> list[str]:
@@ -269,8 +267,8 @@ def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Sectio
         table = table._replace(frame=table.frame[use], lines=table.lines[use])
     if time["column"] not in table.frame.columns:
         return [*left, f"Fix: lacks {CLOCK} and any UTC"]
-    tables["Fix"], lines = fixes(table, names)
-    sections += fix_sections("Fix", tables["Fix"], names, time)
+    tables["Fix"], lines = fixes(table, names, android=True)
+    sections += fix_sections("Fix", tables["Fix"], names, time, android=True)
     return left + [f"Fix: {line}" for line in lines]
 
 

@@ -32,6 +32,7 @@ TIME_COLUMN = "Time (s)"
 UNIX = "POSIX time (ns)"
 """Column that is added where the start is known."""
 TIMES = "meta/time"
+DEVICE = "meta/device"
 VECTOR = r"(?P<of>.*?)\b{axis} \((?P<unit>m/s\^2|rad/s|[µμ]T)\)"
 """Names of the columns of a vector, as "X (m/s^2)" or "Linear Acceleration x (m/s^2)"."""
 FIX = FixColumns(
@@ -135,7 +136,7 @@ def open_export(path: Path) -> Log:
             left.append(f"{name}: has no rows")
     sections, more = _inertial(found, tables, kinds, time)
     facts += more
-    left += _aidings(tables, kinds, sections, head, time)
+    left += _aidings(tables, kinds, sections, head, time, _is_android(found))
     return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
 
 
@@ -172,6 +173,17 @@ def _on_clock(table: Table, starts: Starts | None) -> Table:
     return table._replace(frame=frame.assign(**{UNIX: unix}), lines=table.lines[use])
 
 
+def _is_android(found: Export) -> bool:
+    """Whether `meta/device.csv` has a maker of phones that is not Apple."""
+    if DEVICE not in found.files:
+        return False
+    frame = found.table(DEVICE).frame
+    if not {"property", "value"} <= set(frame.columns):
+        return False
+    makers = frame["value"][frame["property"] == "deviceManufacturer"].dropna().astype(str)
+    return bool(len(makers)) and not makers.str.contains("apple", case=False).any()
+
+
 def _inertial(
     found: Export,
     tables: dict[str, Table],
@@ -195,6 +207,7 @@ def _aidings(
     sections: list[Section],
     head: dict[str, Any],
     time: dict[str, Any],
+    android: bool,
 ) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
     left = []
@@ -203,10 +216,10 @@ def _aidings(
         if not (names.longitude and names.height and names.accuracy):
             left.append(f"{name}: lacks longitude, height or horizontal accuracy")
             continue
-        tables[name], lines = fixes(tables[name], names)
+        tables[name], lines = fixes(tables[name], names, android)
         left += [f"{name}: {line}" for line in lines]
         geoid = "" if "wgs84" in names.height.lower() else GEOID
-        sections += fix_sections(name, tables[name], names, time, geoid)
+        sections += fix_sections(name, tables[name], names, time, android, geoid)
     for name in kinds.get("magnetometer", [])[:1]:
         columns = vector([str(column) for column in tables[name].frame.columns])
         sections.append(magnetometer_section(name, time, columns, head))

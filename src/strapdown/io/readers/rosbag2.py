@@ -143,11 +143,11 @@ def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
 
 def _unpacked(rows: list[Row]) -> Iterator[Row]:
     """The same with each message unpacked, without those that are damaged."""
-    from ..decoding.robots.unpacking import unpack_frame
+    from ..decoding.robots.unpacking import unpack_frames
 
     for number, time, packed_message in rows:
         try:
-            yield number, time, unpack_frame(packed_message, MOST_UNPACKED)
+            yield number, time, unpack_frames(packed_message, MOST_UNPACKED)
         except DataError:
             continue
 

@@ -87,11 +87,16 @@ def open_pos(path: Path) -> Log:
     rows = np.flatnonzero(used)
     order, late, twice = in_order(found.ms[rows])
     rows = rows[order]
+    there = set(columns)
+    still = np.isnan(columns.get(form.velocity[0], np.zeros(len(found.ms)))[rows])
+    if still.all():
+        there -= set(form.velocity)
     counts = (
         (found.broken, "lines that are no row"),
         (int(np.sum(~used)), "rows without a fix"),
         (late, "rows out of order, which are sorted"),
         (twice, "rows that repeat a time"),
+        (np.count_nonzero(still), "rows whose velocity has no standard deviation: it is not used"),
     )
     left = [f"{many} {what}" for many, what in counts if many]
     time, moment = _time(found)
@@ -101,7 +106,7 @@ def open_pos(path: Path) -> Log:
     title = f"RTKLIB, {len(rows)} fixes: {', '.join(kinds)}"
     above_sea = "=wgs84/geodetic" in text.lower() and "latitude" in form.position
     geoid = {"geoid": "EGM96"} if above_sea else {}
-    sections = _sections(time, title, form, set(columns), geoid) if len(rows) else []
+    sections = _sections(time, title, form, there, geoid) if len(rows) else []
     return Log({"solution": table}, tuple(sections), (f"{path}: {title}",), tuple(left))
 
 
@@ -185,13 +190,17 @@ def _time(found: Solution) -> tuple[dict[str, Any], Ints]:
 
 def _formed(path: Path, columns: dict[str, Array], text: str) -> tuple[dict[str, Array], Form]:
     """(columns, which of them are position and velocity): a baseline becomes latitude, longitude
-    and height. Standard deviations of 0 become the last digit. Raises DataError."""
+    and height. A velocity whose standard deviations are all 0 was not worked out and becomes missing,
+    other standard deviations of 0 become the last digit. Raises DataError."""
     form = ECEF if "x-ecef" in columns else GEODETIC
     if "e-baseline" in columns:
         columns = _from_baseline(path, columns, text)
     missing = [name for name in (*form.position, *form.sd[:3]) if name not in columns]
     if missing:
         raise DataError(f"{path}: lacks the columns {', '.join(missing)}; write all of RTKLIB's")
+    if {*form.velocity, *form.velocity_sd[:3]} <= set(columns):
+        untold = np.all([columns[name] == 0 for name in form.velocity_sd[:3]], axis=0)
+        columns |= {name: np.where(untold, np.nan, columns[name]) for name in form.velocity}
     for name in (*form.sd[:3], *form.velocity_sd[:3]):
         if name in columns:
             columns[name] = np.maximum(columns[name], LEAST_SD)

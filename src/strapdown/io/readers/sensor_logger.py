@@ -43,6 +43,12 @@ FIX = FixColumns(
 )
 LOCATIONS = ("LocationGps", "Location")
 """Tables of fixes, those of satellites alone first."""
+ANDROID = ("TotalAcceleration", "LocationGps", "LocationNetwork")
+"""Files that only Android has, by UNITS.md and FUSEDLOCATION.md."""
+FUSED = (
+    " of Android's fused provider (FLP), which mixes networks in; "
+    '"Additional Location Data" of the app records LocationGps, of satellites alone'
+)
 SUM = "Accelerometer and Gravity"
 UNUSED = {
     "Orientation": "fused with inertial data by the phone",
@@ -54,6 +60,14 @@ RECORD = (
     "record Gravity or Total Acceleration too (Sensor Logger has a switch for each), or Accelerometer "
     "Uncalibrated"
 )
+
+
+class Platform(NamedTuple):
+    """What the app ran on, and how it is known."""
+
+    name: str  # "android" or "ios"; "" where nothing tells
+    standard: bool  # whether an iPhone's signs and units were made Android's
+    why: str
 
 
 class Signs(NamedTuple):
@@ -81,8 +95,9 @@ def open_recording(path: Path) -> Log:
     left = [f"{name}: has no rows" for name, table in tables.items() if not len(table.lines)]
     tables = {name: table for name, table in tables.items() if len(table.lines)}
     head = _head(tables)
-    sections, facts = _inertial(found, tables)
-    left += _aidings(tables, sections, head)
+    platform = _platform(found, tables)
+    sections, facts = _inertial(found, tables, platform)
+    left += _aidings(tables, sections, head, platform.name == "android")
     for name in names:
         if name not in wanted:
             left.append(f"{name}: {UNUSED.get(name, 'not a sensor that is read')}")
@@ -95,7 +110,9 @@ def _head(tables: dict[str, Table]) -> dict[str, str]:
     return day(float(np.median(np.concatenate(firsts)))) if firsts else {}
 
 
-def _inertial(found: Export, tables: dict[str, Table]) -> tuple[list[Section], list[str]]:
+def _inertial(
+    found: Export, tables: dict[str, Table], platform: Platform
+) -> tuple[list[Section], list[str]]:
     """(sections of the IMU, facts)."""
     gyro = next((each for each in ("Gyroscope", "GyroscopeUncalibrated") if each in tables), None)
     name = _force_table(tables)
@@ -105,7 +122,7 @@ def _inertial(found: Export, tables: dict[str, Table]) -> tuple[list[Section], l
         return [no_imu(why)], []
     accel, facts, assumed = None, [], {}
     if name:
-        signs = _signs(found, tables, name, median_force(tables[name], XYZ)[0])
+        signs = _signs(platform, name, median_force(tables[name], XYZ)[0])
         accel = Piece(name, TIME, XYZ, "m/s^2", signs.scale)
         facts = [f"specific force: {name}, {signs.why}"]
         assumed = {} if signs.sure else {"accel": signs.why}
@@ -136,34 +153,42 @@ def _force_table(tables: dict[str, Table]) -> str | None:
     return None
 
 
-def _signs(found: Export, tables: dict[str, Table], name: str, norm: float) -> Signs:
-    """What makes specific force of a table: by the file of metadata, else by what only one of the
-    platforms writes."""
-    g = 9.80665
-    in_g = name == "AccelerometerUncalibrated" and norm < 0.5 * GRAVITY[0]
-    if in_g:
-        return Signs(-g, "in g, as an iPhone writes it, so of the opposite sign", True)
-    if name == "TotalAcceleration":
-        return Signs(1.0, "as Android writes it", True)
+def _platform(found: Export, tables: dict[str, Table]) -> Platform:
+    """By the file of metadata, else by what only one of them writes."""
     metadata = next((each for each in found.files if each.lower() == "metadata"), None)
     if metadata:
         table = found.table(metadata).frame
         said = {column: str(table[column].iloc[0]).lower() for column in table if len(table)}
         if "platform" in said:
-            bare = "ios" in said["platform"] and said.get("standardisation", "false") != "true"
-            kind = "an iPhone's opposite" if bare else "Android's"
-            return Signs(-1.0 if bare else 1.0, f"{kind} signs, as Metadata.csv says", True)
+            standard = said.get("standardisation", "false") == "true"
+            name = "ios" if "ios" in said["platform"] else "android"
+            return Platform(name, standard, "as Metadata.csv says")
+    for name in ANDROID:
+        if name in found.files:
+            return Platform("android", False, f"as only it writes {name}.csv")
     location = tables.get("Location")
     if location is not None and "altitudeAboveMeanSeaLevel" in location.frame.columns:
-        return Signs(
-            -1.0, "an iPhone's opposite signs, as only it writes heights above the sea", True
-        )
-    return Signs(
-        1.0, "Android's signs; an iPhone's are opposite, which Metadata.csv would tell", False
-    )
+        return Platform("ios", False, "as only it writes heights above the sea")
+    return Platform("", False, "")
 
 
-def _aidings(tables: dict[str, Table], sections: list[Section], head: dict[str, Any]) -> list[str]:
+def _signs(platform: Platform, name: str, norm: float) -> Signs:
+    """What makes specific force of a table."""
+    g = 9.80665
+    in_g = name == "AccelerometerUncalibrated" and norm < 0.5 * GRAVITY[0]
+    if in_g:
+        return Signs(-g, "in g, as an iPhone writes it, so of the opposite sign", True)
+    if not platform.name:
+        why = "Android's signs; an iPhone's are opposite, which Metadata.csv would tell"
+        return Signs(1.0, why, False)
+    bare = platform.name == "ios" and not platform.standard
+    kind = "an iPhone's opposite" if bare else "Android's"
+    return Signs(-1.0 if bare else 1.0, f"{kind} signs, {platform.why}", True)
+
+
+def _aidings(
+    tables: dict[str, Table], sections: list[Section], head: dict[str, Any], android: bool
+) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
     left = []
     locations = [name for name in LOCATIONS if name in tables]
@@ -173,9 +198,12 @@ def _aidings(tables: dict[str, Table], sections: list[Section], head: dict[str, 
         if not (names.latitude and names.longitude and names.height and names.accuracy):
             left.append(f"{name}: lacks latitude, longitude, altitude or horizontalAccuracy")
             continue
-        tables[name], lines = fixes(tables[name], names)
+        tables[name], lines = fixes(tables[name], names, android)
         left += [f"{name}: {line}" for line in lines]
-        sections += fix_sections(name, tables[name], names, TIME, instance=instance)
+        found = fix_sections(name, tables[name], names, TIME, android, instance=instance)
+        if android and found and name == "Location":
+            found[0] = found[0]._replace(title=found[0].title + FUSED)
+        sections += found
     if "Magnetometer" in tables:
         sections.append(magnetometer_section("Magnetometer", TIME, XYZ, head))
     if "Barometer" in tables and "pressure" in tables["Barometer"].frame.columns:

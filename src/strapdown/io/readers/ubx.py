@@ -18,7 +18,7 @@ from ..contract import Log, Reader, Section
 from ..decoding.receivers.nmea_clock import epochs
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, find_sentences
-from ..decoding.receivers.ubx_fixes import Columns, solutions, usable, vehicle
+from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
 from ..decoding.receivers.ubx_frames import Frames, find_frames
 from ..decoding.receivers.ubx_imu import Epochs, imu_sections
 from ..decoding.receivers.ubx_layouts import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAV_PVAT
@@ -51,7 +51,7 @@ def open_ubx(path: Path) -> Log:
     tables: dict[str, Table] = {}
     name, found = solutions(frames, time)
     said, sections = _fixes(path, name, found, time, tables)
-    left = list(said)
+    left = untimed(frames) + said
     sentences = find_sentences(b"" if name else data)
     if not name:
         nmea = nmea_log(path, sentences)
@@ -104,7 +104,7 @@ def _damage(frames: Frames) -> list[str]:
 def _time(time: Clock) -> dict[str, Any]:
     if time.absolute:
         return {"column": "gps_ms", "unit": "ms", "clock": "gps"}
-    return {"column": "tow_ms", "unit": "ms"}
+    return {"column": "tow_ms", "unit": "ms", "clock": "gps", "week": None}
 
 
 def _table(path: Path, name: str, columns: Columns, time: Clock) -> Table:
@@ -121,8 +121,10 @@ def _fixes(
     sections: list[Section] = []
     if not name:
         return left, sections
-    if not time.absolute:
-        left.append("dates: no message says a valid one, so times count from an unknown week")
+    if not time.absolute and len(found["t"]):
+        left.append(
+            "dates: no message says a valid one; the week is that of another file that tells it"
+        )
     for instance, kinds, why in ((0, (2, 3), ""), (1, (1, 4), FUSED.format(1))):
         columns, late, twice = usable(found, kinds)
         many = len(columns["t"])
@@ -132,7 +134,8 @@ def _fixes(
         tables[table] = _table(path, table, columns, time)
         flat = int(np.count_nonzero(columns["fixType"] == 2))
         title = f"{name}, {many} fixes" + (f", {flat} of them without height" if flat else "")
-        sections += _pair(table, "velN" in columns, time, instance, title, why)
+        moving = bool(np.isfinite(columns["velN"]).any())
+        sections += _pair(table, moving, time, instance, title, why)
         if late or twice:
             left.append(
                 f"{table}: {late} messages out of order, which are sorted, {twice} repeated"

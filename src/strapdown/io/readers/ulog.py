@@ -11,7 +11,7 @@ from ...time_scales import gps_from_unix, iso
 from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.px4 import SINCE_2001, imus, is_unix, others, prepared, trajectories
-from ..decoding.autopilots.px4_receivers import receivers
+from ..decoding.autopilots.px4_receivers import DELAYS, receivers
 from ..decoding.autopilots.ulog import ULog
 from ..decoding.records import Tables
 from ..tables.table_file import Table, packed, read_bytes
@@ -33,8 +33,9 @@ def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
         columns, _ = prepared(log, name, int(instance))
         utc = columns["time_utc_usec"].astype(np.int64)
         gps = np.where(utc > SINCE_2001, gps_from_unix(utc * 1e-6), np.nan)
-        offset = fixes[0].keys["time"].get("offset", 0.0)
-        head = autopilot.zero_of_clock(gps, columns["timestamp"] * 1e-6 + offset)
+        time = fixes[0].keys["time"]
+        t = columns[time["column"]] * 1e-6 + time.get("offset", 0.0)
+        head = autopilot.zero_of_clock(gps, t)
     vehicle = autopilot.VEHICLES.get(log.parameters.get("MAV_TYPE", 0))
     return head | ({"vehicle": vehicle} if vehicle else {})
 
@@ -56,7 +57,7 @@ def open_ulog(path: Path) -> Log:
         makers[table] = partial(Table.of, f"{path} [{table}]", columns)
         sections.append(section)
     left += log.remarks
-    left += autopilot.changes(log.parameters, log.changed, ["EKF2_GPS_DELAY"])
+    left += autopilot.changes(log.parameters, log.changed, DELAYS)
     version = " ".join(log.info.get(key, "") for key in ("sys_name", "ver_hw")).strip()
     facts = (f"PX4 ULog{version and f' of {version}'}, {len(log.topics)} topics",)
     return Log(Tables(makers), tuple(sections), facts, tuple(left), (), head)

@@ -5,6 +5,7 @@ of raw samples (`ISBD`) have pauses between them, and `ACC` and `GYR` are raw sa
 their own at rates of their own.
 """
 
+import re
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,13 @@ FASTER = (
 DELAY = 0.2
 """s, that ArduPilot takes for a receiver whose delay neither a parameter nor its driver knows
 (AP_GPS_Backend::get_lag); drivers know 0.05 to 0.22 s."""
+HARDWARE = re.compile(r"u-blox (\d+) HW: (\w{4})")
+"""The text that says which u-blox a receiver is."""
+U_BLOX = dict.fromkeys(("0007", "0008", "0019", "000A"), 0.12)
+"""s, delay that its driver knows of u-blox 7, M8, F9 with M9, and M10 (AP_GPS_UBLOX::get_lag)."""
 SD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
 """ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
 one: m, m/s, gauss, m."""
-UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
 ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 MESSAGES = {
     "imu": ("IMU", "IMU2", "IMU3"),
@@ -68,12 +72,36 @@ def _instances(log: DataFlash, role: str) -> dict[int, Columns]:
     return {instance: columns for instance, columns in found.items() if needed <= set(columns)}
 
 
-def imus(log: DataFlash) -> dict[str, tuple[Columns, Section]]:
-    """{table: (its columns, section)} of the IMUs."""
-    made = {}
+def _healthy(columns: Columns) -> tuple[Columns, int]:
+    """(columns of an IMU whose samples of a sensor in bad health, by GH and AH, are missing; how
+    many rows have such)."""
+    bad = np.zeros(len(columns["TimeUS"]), bool)
+    found = dict(columns)
+    for health, names in (("GH", "Gyr"), ("AH", "Acc")):
+        if health not in columns:
+            continue
+        ill = columns[health] == 0
+        bad |= ill
+        found |= {
+            f"{names}{axis}": np.where(ill, np.nan, columns[f"{names}{axis}"]) for axis in "XYZ"
+        }
+    return found, int(np.count_nonzero(bad))
+
+
+def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]:
+    """({table: (its columns, section)} of the IMUs, lines on what is left)."""
+    made, left = {}, []
     trim = [np.degrees(log.parameters.get(f"AHRS_TRIM_{axis}", 0.0)) for axis in "XY"]
     for instance, columns in _instances(log, "imu").items():
         table, hz = f"IMU {instance}", autopilot.rate(columns["TimeUS"])
+        columns, bad = _healthy(columns)
+        if bad:
+            left.append(
+                f"{table}: {bad} of {len(columns['TimeUS'])} rows of a gyro or an accelerometer in bad "
+                f"health (GH, AH)"
+            )
+        if bad == len(columns["TimeUS"]):
+            continue
         keys: dict[str, Any] = {
             "table": table,
             "time": {"column": "TimeUS", "unit": "us"},
@@ -95,7 +123,7 @@ def imus(log: DataFlash) -> dict[str, tuple[Columns, Section]]:
         keys["grade"] = "consumer"
         title = f"{table}, {hz:.3g} Hz, point samples"
         made[table] = columns, Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
-    return made
+    return made, left
 
 
 def _fixes(log: DataFlash, instance: int, columns: Columns) -> tuple[Columns, Any]:
@@ -132,6 +160,11 @@ def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
     for name in names:
         if log.parameters.get(name, 0.0) > 0:
             return 1e-3 * log.parameters[name], f"{name} of the log"
+    for text in log.texts():
+        match = HARDWARE.match(text)
+        if match and int(match[1]) == instance + 1 and match[2].upper() in U_BLOX:
+            why = f"{names[1]} of the log names none; ArduPilot's own for u-blox HW {match[2]}"
+            return U_BLOX[match[2].upper()], why
     return DELAY, f"{names[1]} of the log names none, and this is ArduPilot's own default"
 
 
@@ -185,7 +218,9 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
             whole["geoid"] = "EGM96"
         reasons = assumed | ({} if known else {"sd": f"the receiver says none; {origin}"})
         where = ("aiding", "gnss", whole, instance, f"{title}, {kind}", reasons)
-        sections.append(Section(*where, remarks=() if "log names none" not in why else UNSURE))
+        sections.append(
+            Section(*where, remarks=() if "log names none" not in why else autopilot.UNSURE)
+        )
     return sections
 
 

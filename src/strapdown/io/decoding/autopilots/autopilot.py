@@ -22,6 +22,8 @@ VEHICLES: dict[float, str] = {
 LATEST = 5e9  # s of GPS time, in 2138
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
 Columns = Mapping[str, Any]
+UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
+"""Of a receiver whose delay is assumed."""
 
 
 def rate(t_us: Any) -> float:

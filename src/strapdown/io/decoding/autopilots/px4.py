@@ -21,7 +21,7 @@ Columns = dict[str, NDArray[Any]]
 GYRO = [f"gyro_rad[{k}]" for k in range(3)]
 ACCEL = [f"accelerometer_m_s2[{k}]" for k in range(3)]
 Q = [f"q[{k}]" for k in range(4)]
-FIX_3D = 3  # fix_type from which a fix has a height
+FIX_3D = (3, 4, 5, 6)  # fix_type of fixes with a height; 8 is extrapolated
 SINCE_2001, UNTIL_2128 = 10**15, 5 * 10**15
 """us: a clock that starts between these counts from 1970, as that of a simulator does, not from power
 on."""
@@ -56,6 +56,10 @@ NEEDED: dict[str, list[set[str]]] = {
     "vehicle_air_data": [{"baro_pressure_pa"}],
 }
 """Fields that a topic must have, in the ways in which it may have them."""
+EQUAL = (
+    "heights above the ellipsoid and mean sea level are equal in all rows, as simulators write them: "
+    "taken as above mean sea level"
+)
 ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 
 
@@ -68,7 +72,7 @@ def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.i
     }
     rows = np.arange(len(found.get("timestamp", ())))  # a damaged topic may have no columns
     if "fix_type" in found:
-        rows = np.flatnonzero(found["fix_type"] >= FIX_3D)
+        rows = np.flatnonzero(np.isin(found["fix_type"], FIX_3D))
         found = {key: values[rows] for key, values in found.items()}
         _usable(found)
     if "delta_angle_dt" in found:
@@ -139,14 +143,26 @@ def imus(log: ULog) -> tuple[list[Section], list[str]]:
     return sections, left
 
 
+def _selected(log: ULog, columns: Columns) -> bool:
+    """Whether PX4 went by this IMU in the end."""
+    chosen = log.columns("sensor_selection")
+    return all(
+        len(chosen.get(key, ())) and key in columns and columns[key][-1] == chosen[key][-1]
+        for key in ("gyro_device_id", "accel_device_id")
+    )
+
+
 def _imu(log: ULog, name: str, instance: int, hz: float) -> Section:
+    columns = log.columns(name, instance)
     keys: dict[str, Any] = {
         "table": f"{name} {instance}",
-        "time": time_of(log, log.columns(name, instance)),
+        "time": time_of(log, columns),
         "gyro": {"columns": GYRO, "unit": "rad/s"},
         "accel": {"columns": ACCEL, "unit": "m/s^2"},
     }
-    return _of_imu(log, instance, f"{name} {instance}, {hz:.3g} Hz, mean rates", keys, {})
+    title = f"{name} {instance}, {hz:.3g} Hz, mean rates"
+    title += ", the one that PX4 selected" if _selected(log, columns) else ""
+    return _of_imu(log, instance, title, keys, {})
 
 
 def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
@@ -177,6 +193,12 @@ def _of_imu(
     if any(position):
         keys["lever_arm"], assumed["lever_arm"] = position, "EKF2_IMU_POS of the log"
     return Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
+
+
+def same_heights(columns: Mapping[str, Any], ellipsoid: str, sea_level: str) -> bool:
+    """Whether both heights are the same number in every row: then the one above the ellipsoid was
+    never worked out."""
+    return np.array_equal(columns[ellipsoid], columns[sea_level])
 
 
 def setting(log: ULog, parameter: str) -> tuple[float, str]:
@@ -243,6 +265,8 @@ def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
         heights = [key for key in ("alt_ellipsoid", "alt") if np.any(position.get(key, 0.0))]
         if not heights:
             left = left or "all its heights are 0"
+        if len(heights) == 2 and same_heights(position, "alt_ellipsoid", "alt"):
+            heights, named = ["alt"], f"{named}; {EQUAL}"
         height = position[(heights or ["alt"])[0]]
         place = position["timestamp"], position["lat"], position["lon"], height
         q = np.stack([attitude[key] for key in Q], axis=1)

@@ -1,13 +1,23 @@
-"""The receivers of a PX4 log, as sections of a description."""
+"""The receivers of a PX4 log, as sections of a description.
 
+Delay and antenna are in EKF2_GPS_DELAY and EKF2_GPS_POS_*; since 2026 in parameters of each
+receiver, SENS_GPS0_* and SENS_GPS1_*.
+"""
+
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ...contract import Section
 from . import autopilot
-from .px4 import NEARLY, Columns, instances, prepared, setting, time_of
+from .px4 import EQUAL, NEARLY, Columns, instances, prepared, same_heights, setting, time_of
 from .ulog import ULog
+
+OLD_DELAY = "EKF2_GPS_DELAY"
+DELAYS = (OLD_DELAY, "SENS_GPS0_DELAY", "SENS_GPS1_DELAY")  # ms
+NO_DELAY = "the log has no delay of the receiver: 0 s, but PX4's usual default is 110 ms; check it"
+TAKEN_OFF = "PX4 has taken the receiver's delay off timestamp_sample"
 
 
 def receivers(log: ULog) -> tuple[list[Section], list[str]]:
@@ -32,20 +42,22 @@ def receivers(log: ULog) -> tuple[list[Section], list[str]]:
 def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
     """The sections of one receiver."""
     parameters = log.parameters
-    delay, antenna = parameters.get("EKF2_GPS_DELAY"), autopilot.arm(parameters, "EKF2_GPS_POS_")
-    common: dict[str, Any] = {
-        "table": f"{name} {instance}",
-        "time": time_of(log, {}, -1e-3 * delay if delay else 0.0),
-    }
-    assumed = {"time": f"EKF2_GPS_DELAY of the log is {delay:g} ms"} if delay else {}
-    if any(antenna):
-        common["lever_arm"], assumed["lever_arm"] = antenna, "EKF2_GPS_POS of the log"
+    slot = _slot(parameters, fixes, instance)
+    time, why = _time(log, fixes, slot)
+    common: dict[str, Any] = {"table": f"{name} {instance}", "time": time}
+    assumed = {"time": why} if why else {}
+    for parameter in (f"SENS_GPS{slot}_OFF", "EKF2_GPS_POS_"):
+        antenna = autopilot.arm(parameters, parameter)
+        if any(antenna) and "lever_arm" not in common:
+            common["lever_arm"] = antenna
+            assumed["lever_arm"] = f"{parameter.rstrip('_')} of the log"
     title = f"{name} {instance}, {autopilot.rate(fixes['timestamp']):.3g} Hz"
     position, of_position = _position(log, fixes)
     velocity, of_velocity = _deviation(log, fixes, ["s_variance_m_s"], "EKF2_GPS_V_NOISE")
     velocity |= {"columns": [f"vel_{axis}_m_s" for axis in "ned"], "unit": "m/s"}
     left = "" if fixes["vel_ned_valid"].any() else "the log says vel_ned_valid = 0 of all of them"
     where = ("aiding", "gnss")
+    remarks = autopilot.UNSURE if why == NO_DELAY else ()
     return [
         Section(
             *where,
@@ -53,6 +65,7 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
             instance,
             f"{title}, position",
             assumed | of_position,
+            remarks=remarks,
         ),
         Section(
             *where,
@@ -61,15 +74,46 @@ def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
             f"{title}, velocity",
             assumed | of_velocity,
             left,
+            remarks,
         ),
     ]
+
+
+def _slot(parameters: Mapping[str, float], fixes: Columns, instance: int) -> int:
+    """The number of a receiver in the parameters SENS_GPS0_* and SENS_GPS1_*: of the one with its
+    device id, else its instance."""
+    devices, many = np.unique(fixes.get("device_id", np.zeros(1)), return_counts=True)
+    device = float(devices[np.argmax(many)])
+    for slot in (0, 1):
+        # the parameter is signed, the id is not
+        if device and parameters.get(f"SENS_GPS{slot}_ID", 0.0) % 2**32 == device:
+            return slot
+    return instance
+
+
+def _time(log: ULog, fixes: Columns, slot: int) -> tuple[dict[str, Any], str]:
+    """(the key `time` of a receiver, where its delay comes from). Since 2026 `timestamp_sample` is
+    the moment of the fix, as PX4's VehicleGPSPosition works it out, where it is before
+    `timestamp`; earlier versions go by `timestamp` alone."""
+    sampled = fixes.get("timestamp_sample", np.zeros(1))
+    if OLD_DELAY not in log.parameters and np.all((sampled > 0) & (sampled < fixes["timestamp"])):
+        return time_of(log, fixes), TAKEN_OFF
+    name = f"SENS_GPS{slot}_DELAY"
+    name = name if name in log.parameters else OLD_DELAY
+    if name not in log.parameters:
+        return time_of(log, {}), NO_DELAY
+    delay = log.parameters[name]
+    if not delay:
+        return time_of(log, {}), ""
+    return time_of(log, {}, -1e-3 * delay), f"{name} of the log is {delay:g} ms"
 
 
 def _position(log: ULog, fixes: Columns) -> tuple[dict[str, Any], dict[str, str]]:
     """(keys, those of them that are assumed) of the positions of a receiver."""
     new = "latitude_deg" in fixes
     heights = ["altitude_ellipsoid_m", "altitude_msl_m"] if new else ["alt_ellipsoid", "alt"]
-    height = heights[0] if np.any(fixes[heights[0]] != 0) else heights[1]
+    same = same_heights(fixes, *heights)
+    height = heights[0] if np.any(fixes[heights[0]] != 0) and not same else heights[1]
     sd, assumed = _deviation(log, fixes, ["eph", "eph", "epv"], "EKF2_GPS_P_NOISE")
     columns = ["latitude_deg", "longitude_deg", height] if new else ["lat", "lon", height]
     keys: dict[str, Any] = {"columns": columns, "unit": ["deg", "deg", "m"]}
@@ -77,6 +121,7 @@ def _position(log: ULog, fixes: Columns) -> tuple[dict[str, Any], dict[str, str]
         keys["scale"] = [1e-7, 1e-7, 1e-3]
     if height == heights[1]:
         keys["geoid"] = "EGM96"
+        assumed |= {"geoid": EQUAL} if same else {}
     return keys | sd, assumed
 
 

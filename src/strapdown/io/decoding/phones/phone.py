@@ -16,10 +16,14 @@ AXES = "RFU"
 GRADE = "a phone's MEMS IMU"
 FAR = 100.0
 """m: a fix whose accuracy is worse comes from cell towers or an old place, not from satellites."""
+RADIUS = 1.51
+"""Of Android's accuracy over the standard deviation along an axis, sqrt(-2 ln 0.32): it is the radius
+in which 68 % of the places lie (developer.android.com, Location.getAccuracy). That of an iPhone is
+documented by no share, and taken as the standard deviation."""
 SPEED_SD = 0.5
 """m/s, of a velocity whose accuracy the phone does not say."""
 VERTICAL = 1.5
-"""Of the vertical accuracy over the horizontal one, where the phone does not say it."""
+"""Of the vertical standard deviation over the horizontal accuracy, where the phone does not say it."""
 MAGNETIC_SD = 5.0
 """uT: not the noise, which is far less, but what is near bends the field by so much indoors."""
 GRAVITY = (5.0, 15.0)
@@ -55,8 +59,9 @@ class Piece(NamedTuple):
     scale: float = 1.0
 
 
-def fixes(table: Table, names: FixColumns) -> tuple[Table, list[str]]:
-    """(Table with the columns ADDED, lines on rows that are left out) of a phone's fixes.
+def fixes(table: Table, names: FixColumns, android: bool) -> tuple[Table, list[str]]:
+    """(Table with the columns ADDED, lines on rows that are left out) of a phone's fixes; `android`:
+    their accuracy is that of Android.
 
     Phones write -1 or nothing for what they do not know. A speed of zero needs no course. Raises
     DataError where a cell is no number.
@@ -76,7 +81,8 @@ def fixes(table: Table, names: FixColumns) -> tuple[Table, list[str]]:
     speed = np.where((speed >= 0) & (np.isfinite(course) | (speed == 0)), speed, np.nan)
     sd = np.where(np.isfinite(sd), sd, SPEED_SD)
     across = np.nan_to_num(speed * np.radians(known(names.course_accuracy)))
-    columns = (accuracy, vertical, speed, course, np.maximum(sd, across))
+    north = accuracy / RADIUS if android else accuracy
+    columns = (north, vertical, speed, course, np.maximum(sd, across))
     added = dict(zip(ADDED, columns))
     use = accuracy <= FAR
     frame = table.frame.assign(**added)[use]
@@ -93,6 +99,7 @@ def fix_sections(
     table: Table,
     names: FixColumns,
     time: Mapping[str, Any],
+    android: bool,
     geoid: str = "",
     **more: Any,
 ) -> list[Section]:
@@ -101,7 +108,8 @@ def fix_sections(
     if not len(table.lines):
         return []
     title = f"{name}, {len(table.lines)} fixes"
-    assumed = {"sd": "the accuracies that the phone says"}
+    radius = f"; Android's horizontal one is a radius of 68 %, {RADIUS:g} times that along an axis"
+    assumed = {"sd": f"the accuracies that the phone says{radius if android else ''}"}
     position = {
         "kind": "position",
         "table": name,

@@ -54,6 +54,17 @@ def vehicle(frames: Frames, clock: Clock) -> Columns:
     return found
 
 
+def untimed(frames: Frames) -> list[str]:
+    """Lines on the messages whose receiver did not yet know date and time; they are not used."""
+    lines = []
+    for key, name in ((NAV_PVT, "NAV-PVT"), (NAV_PVAT, "NAV-PVAT")):
+        _, records = frames.records(key, LAYOUTS[key])
+        many = int(np.count_nonzero(records["valid"] & TIME_VALID != TIME_VALID))
+        if many:
+            lines.append(f"{many} {name} without a valid date and time")
+    return lines
+
+
 def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Columns:
     valid = records["valid"] & TIME_VALID == TIME_VALID
     place, records = place[valid], records[valid]

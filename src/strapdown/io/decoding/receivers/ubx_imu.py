@@ -63,7 +63,9 @@ def _imu(
     """[imu], whose accelerometer has a table of its own where it has times of its own."""
     absolute = each.absolute and gps
     column = "gps_us" if absolute else "us"
-    time = {"column": column, "unit": "us", **({"clock": "gps"} if absolute else {})}
+    time: dict[str, Any] = {"column": column, "unit": "us"}
+    if each.absolute:
+        time |= {"clock": "gps"} if gps else {"clock": "gps", "week": None}
     assumed = {
         "axes": "the module lies flat with its x axis forward",
         "grade": "the MEMS IMU of the receiver",

@@ -9,10 +9,12 @@ from ....time_scales import gps_from_unix
 from ....typing import Array, Ints
 from .cyclic_times import WEEK, moments, undated
 from .ubx_frames import Frames
-from .ubx_layouts import LAYOUTS, NAV_PVAT, NAV_PVT, NAV_SOL, NAV_TIMEGPS
+from .ubx_layouts import LAYOUTS, NAV_HPPOSLLH, NAV_POSLLH, NAV_PVAT, NAV_PVT, NAV_SOL, NAV_TIMEGPS
 
 EPOCHS = (NAV_PVT, NAV_SOL, NAV_TIMEGPS, NAV_PVAT)
 """Messages that say a date or a week."""
+WEEKLESS = (NAV_POSLLH, NAV_HPPOSLLH)
+"""Messages of positions that say no week."""
 VALID = {NAV_PVT: 0x03, NAV_PVAT: 0x03, NAV_TIMEGPS: 0x03, NAV_SOL: 0x0C}
 """Bits that all stand where date (or week) and time are valid."""
 
@@ -49,6 +51,9 @@ def clock(frames: Frames) -> Clock:
     place, moment = np.concatenate(places), np.concatenate(dates)
     absolute = len(place) > 0
     if not absolute:
+        for key in WEEKLESS:
+            start, records = frames.records(key, LAYOUTS[key])
+            weekless.append((start, records["iTOW"].astype(int)))
         place, tow = (np.concatenate(each) for each in zip(*weekless))
         place, moment = undated(place, tow, WEEK)
     if not len(place):

@@ -8,6 +8,8 @@ from ....checks import DataError
 
 PIECE = 1 << 20
 """Bytes that are unpacked at a time, so that a wrong size costs no memory."""
+STEP = 1 << 12
+"""Packed bytes of zstd that are unpacked at a time: blocks of four bytes can become 128 KiB each."""
 
 
 def _opened(packed: bytes, way: str) -> IO[bytes]:
@@ -46,18 +48,24 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
     return unpacked
 
 
-def unpack_frame(packed: bytes, most: int) -> bytes:
-    """A zstd frame, at most `most` bytes long when it is unpacked. Raises DataError."""
+def unpack_frames(packed: bytes, most: int) -> bytes:
+    """zstd frames, one after the other, at most `most` bytes long when they are unpacked. Raises
+    DataError."""
     import zstandard
 
+    pieces, size, at = [], 0, 0
     try:
-        size = zstandard.frame_content_size(packed)  # -1: it does not state it
-        if size > most:
-            raise DataError(f"unpacks to {size} bytes, more than {most}")
-        if size >= 0:
-            return zstandard.ZstdDecompressor().decompress(packed)
-        with zstandard.ZstdDecompressor().stream_reader(packed) as file:
-            unpacked = file.read(most)
+        while at < len(packed):
+            frame = zstandard.ZstdDecompressor().decompressobj()
+            while at < len(packed) and not frame.eof:
+                step = packed[at : at + STEP]
+                pieces.append(frame.decompress(step))
+                size += len(pieces[-1])
+                if size > most:
+                    raise DataError(f"unpacks to more than {most} bytes")
+                at += len(step) - len(frame.unused_data)
+            if not frame.eof:
+                raise DataError("is damaged (it ends within a frame of zstd)")
     except zstandard.ZstdError as error:
         raise DataError(f"is damaged ({str(error):.60})") from error
-    return unpacked
+    return b"".join(pieces)
