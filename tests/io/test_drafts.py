@@ -182,6 +182,23 @@ def test_positions_of_many_spellings(tmp_path, header, row, lla):
     np.testing.assert_array_equal(sd.read(description).aidings[0].y, found.y)
 
 
+def test_fixes_held_beside_an_imu_count_once(drive, tmp_path):
+    position = drive.aidings[0]
+    imu = drive.imu
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    frame = pd.DataFrame(np.c_[imu.t, np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]], columns=names)
+    row = np.searchsorted(position.t, imu.t + 1e-9) - 1
+    held = np.where(row[:, None] < 0, np.nan, position.y[row] / [DEG, DEG, 1.0])
+    frame[["lat", "lon", "h_ell"]] = held
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    recording = sd.read(tmp_path / "log.csv")
+    (found,) = recording.aidings
+    last = position.t <= imu.t[-1] + 1e-9
+    np.testing.assert_allclose(found.t, position.t[last], atol=1e-3)
+    np.testing.assert_allclose(found.y, position.y[last], rtol=1e-12)
+    assert any("repeat the fix of the row before" in line for line in recording.meta["read"])
+
+
 @pytest.mark.parametrize(
     "mark", ["EVENT;2;door open", "MARK;3", "Temp;31,5", "E;1;2;3;4;5;6;7;8;9", "Übergang;1,5;;;"]
 )

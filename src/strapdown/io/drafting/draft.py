@@ -55,7 +55,8 @@ def _of_table(table: Table, name: str | None) -> Log:
         return _without_header(table)
     label = f"table {name}" if name else "table"
     facts = [f"{label}: {len(table.lines)} rows, columns {', '.join(columns.names)}", *table.notes]
-    clock = find_clock(columns, bool(columns.triple(GYRO) or columns.triple(ACCEL)))
+    is_imu = bool(columns.triple(GYRO) or columns.triple(ACCEL))
+    clock = find_clock(columns, is_imu)
     if clock is None:
         no_time = "no column is named like a time: name it in `time` of a recording.toml"
         return Log({"": table}, (), tuple(facts), asked=(no_time,))
@@ -65,7 +66,7 @@ def _of_table(table: Table, name: str | None) -> Log:
     magnetometer, of_field = magnetometer_section(
         columns, clock.keys, imu.keys.get("axes", "FRD") if imu else "FRD"
     )
-    fixes = fix_sections(columns, clock.keys, t)
+    fixes = fix_sections(columns, clock.keys, t, is_imu)
     attitude, of_attitude = attitude_section(columns, clock.keys)
     sections = [
         _told(section, clock.assumed, name)
