@@ -12,7 +12,7 @@ import numpy as np
 from ...checks import DataError
 from ...preprocessing.origin import counted
 from ...typing import Ints, Mask
-from .table_file import PACKED, Table, first_line_of, open_bytes, reading
+from .table_file import PACKED, Table, open_bytes, reading, split_error
 from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ def read_table(path: Path, header: bool = True) -> Table:
             frame, lines, notes = _rows(path, found)
         except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
             raise DataError(
-                f"{path}: is not a table of comma-separated values ({first_line_of(error)})"
+                f"{path}: is not a table of comma-separated values ({split_error(error)}); correct the line, "
+                f"or export a table from the device's own format"
             ) from error
     if not len(frame):
         raise DataError(f"{path}: has a header but no rows of numbers")
