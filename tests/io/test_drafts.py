@@ -396,3 +396,53 @@ def test_names_and_units_of_inertial_sensors(tmp_path, names):
     imu = sd.read(path).imu
     np.testing.assert_allclose(imu.dtheta.mean(axis=0) * 50, [0.02, -0.01, 0.03], atol=1e-4)
     assert imu.dv[:, 2].mean() * 50 == pytest.approx(-G, rel=1e-3)
+
+
+TIMES = {
+    "ts": ("{unix:.3f}", 1714557630.0),
+    "Zeitstempel": ("{unix:.3f}", 1714557630.0),
+    "ms": ("{own:.0f}", 1000.0),
+    "when": ("{unix_ms:.0f}", 1714557630.0),
+    "wann": ("2024-05-01T10:00:{s:06.3f}Z", 1714557630.0),
+    "Datum,Uhrzeit": ("01.05.2024,10:00:{s:06.3f}", 1714557630.0),
+    "IMUtime": ("{own_us:.0f}", 1000.0),  # as large as POSIX seconds
+    "clock_us": ("{own_us:.0f}", 1000.0),
+    "iTOW": ("{early:.0f}", 400.0),  # ms, as UBX has it, early in the week
+    "gps_time": ("{late:.3f}", 295248.0),
+}
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", TIMES)
+def test_times_of_many_names_and_sizes(tmp_path, name):
+    form, zero = TIMES[name]
+    rows = []
+    for k in range(900):
+        s = k / 50
+        cells = form.format(
+            unix=1714557630 + s,
+            unix_ms=1e3 * (1714557630 + s),
+            own=1e3 * (1000 + s),
+            own_us=1e6 * (1000 + s),
+            early=1e3 * (400 + s),
+            late=295248 + s,
+            s=30 + s,
+        )
+        rows.append(f"{cells},0.001,{0.0001 * (k % 7)},0,0,0.1,-9.8")
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join([f"{name},gx,gy,gz,ax,ay,az", *rows]))
+    recording = sd.read(path)
+    start = recording.imu.t[0] - recording.imu.dt[0]
+    if zero > 1e9:
+        assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
+        zero -= 1714521600
+    assert start == pytest.approx(zero, abs=1e-4)
+    assert recording.imu.dt.mean() == pytest.approx(0.02, rel=1e-4)
+
+
+@pytest.mark.short
+def test_a_table_without_a_time_lists_its_columns(tmp_path):
+    path = tmp_path / "imu.csv"
+    path.write_text("n,gx,gy,gz\n" + "\n".join(f"{k},0,0,{k % 3}" for k in range(9)))
+    with pytest.raises(sd.DataError, match="nor reads like one, among n, gx, gy, gz: rename it"):
+        sd.read(path)

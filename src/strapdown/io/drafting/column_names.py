@@ -167,6 +167,7 @@ class Names(NamedTuple):
             ends = re.split(r"[\[(]|(?<=[^_ ])[_ ]", spelt, maxsplit=4)
             texts += ["_".join(ends[i:]) for i in range(1, len(ends))]
         texts.append(self.table.units.get(name, "").lower())
+        texts += [plain(name)] if len(name.strip()) > 1 else []  # `ms`, `knots`
         for unit in units:
             if any(re.fullmatch(SPELLINGS[unit] + r"[\])]?", text) for text in texts):
                 return unit

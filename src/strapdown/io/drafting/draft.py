@@ -61,7 +61,10 @@ def _of_table(table: Table, name: str | None) -> Log:
     is_imu = bool(columns.triple(GYRO) or columns.triple(ACCEL))
     clock = find_clock(columns, is_imu)
     if clock is None:
-        no_time = "no column is named like a time: name it in `time` of a recording.toml"
+        no_time = (
+            f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MOST_NAMES])}: "
+            f"rename it to time, or name it in `time` of a recording.toml"
+        )
         return Log({"": table}, (), tuple(facts), asked=(no_time,))
     facts.append(clock.fact + (f" (a guess: {clock.assumed})" if clock.assumed else ""))
     t = _times(table, clock.keys)
