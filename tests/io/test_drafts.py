@@ -276,12 +276,18 @@ def test_gyro_and_accelerometer_in_files_of_their_own(tmp_path):
 @pytest.mark.short
 def test_an_accelerometer_without_gravity_is_asked_about(tmp_path):
     path = tmp_path / "imu.csv"
-    values = np.c_[np.arange(500) / 50, np.random.default_rng(3).normal(0, 0.1, (500, 6))]
+    values = np.c_[np.arange(500) / 50, np.random.default_rng(3).normal(0, 0.1, (500, 6)) * ([0.01] * 3 + [1] * 3)]
     pd.DataFrame(values, columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(
         path, index=False
     )
     with pytest.raises(sd.DataError, match="gravity was taken out"):
         sd.read(path)
+    (problem,) = inspect(path).problems
+    assert "gravity was taken out" in problem
+    described = tmp_path / "recording.toml"
+    described.write_text(draft([path], {}, tmp_path))
+    (problem,) = inspect(described).problems
+    assert "[imu] accel: the forces have" in problem and "gravity was taken out" in problem
 
 
 @pytest.mark.short
