@@ -164,6 +164,21 @@ def test_files_of_phyphox_one_by_one(tmp_path, walk):
     )
 
 
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("Accelerometer", "no gyroscope in Accelerometer.csv; .*Accelerometer.csv Gyroscope.csv"),
+        ("Gyroscope", "no accelerometer in Gyroscope.csv; .*Gyroscope.csv Accelerometer.csv"),
+    ],
+)
+def test_the_file_that_is_missing_is_named(tmp_path, walk, name, words):
+    path = folder(tmp_path / "walk", phyphox(walk)) / f"{name}.csv"
+    with pytest.raises(DataError, match=words):
+        sd.read(path)
+    (problem,) = inspect(path).problems
+    assert "name the file that has it beside" in problem
+
+
 def test_gnsslogger(tmp_path, walk):
     """The clock is the phone's, its zero what the fixes of satellites say: not the phone's UTC,
     which is half a second ahead."""

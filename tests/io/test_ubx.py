@@ -256,6 +256,17 @@ def test_mounting_angles_of_the_receiver_are_taken(written, tmp_path):
     imu = next(each for each in log.sections if each.of == "imu")
     wanted = {"roll": -2.0, "pitch": -5.0, "heading": -90.0, "unit": "deg"}
     assert imu.keys["mounting"] == wanted
+    assert imu.assumed["mounting"] == "as the receiver found it (ESF-ALG)"
+    alg[:, 5] = 0  # angles that a user has set
+    for angles, expected in ((alg, wanted), (np.r_[alg[:, :8].T, np.zeros((8, 1))].T, None)):
+        content = data + ubx.frames(0x1014, angles.astype(np.uint8)).tobytes()
+        imu = next(each for each in written(content).sections if each.of == "imu")
+        assert imu.keys.get("mounting") == expected
+        assert ("as it was set" in imu.assumed.get("mounting", "")) == (expected is not None)
+    for status in (1, 2):  # still looking for them
+        alg[:, 5] = status << 1
+        log = written(data + ubx.frames(0x1014, alg).tobytes())
+        assert all("mounting" not in each.keys for each in log.sections)
 
 
 @pytest.mark.parametrize("many", [0, 1, 5, 7, 99, 100, 101, 107, 250, 1111])

@@ -128,3 +128,5 @@ class Reader(NamedTuple):
     # has none
     sniff: Callable[[Path], bool] | None = None
     open: Callable[[Path], Log] | None = None
+    # first bytes that no other format has: a file with them is one, whatever its name
+    begins: tuple[bytes, ...] = ()

@@ -29,6 +29,11 @@ OPTIONAL = {
 """Keys at the top of a draft that a user may want, where the files say nothing."""
 COMMENT = 33
 """Column at which comments of a draft begin, where there is room."""
+OTHER_PIECE = {
+    "gyro": ("accelerometer", "Accelerometer.csv"),
+    "accel": ("gyroscope", "Gyroscope.csv"),
+}
+"""Of an IMU with gyro or accel alone: what is missing, and a name of a file that has it."""
 Take = Mapping[str, int | None]
 """{role: instance} that a user asks for; None leaves the role out."""
 
@@ -61,16 +66,29 @@ class Joined(NamedTuple):
         """What must be known before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
         lines += self.clock.asked
-        if not lines and not any(each.section.of == "imu" for each in self.taken):
-            names = ", ".join(map(str, self.paths))
-            unusable = [why for each, why in self.left if each.section.of == "imu"]
-            lines.append(
-                f"{names}: {unusable[0]}"
-                if unusable
-                else f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
-                f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
-            )
+        if not lines:
+            lines += self.without_imu
         return lines + [line for line, refused in self._slow() if refused]
+
+    @property
+    def without_imu(self) -> list[str]:
+        """The line on what of an IMU is not there; none where all is."""
+        there = {_piece(each.section): each for each in self.taken if each.section.of == "imu"}
+        names = ", ".join(map(str, self.paths))
+        if len(there) == 1 and "" not in there:  # gyro or accel
+            piece, each = next(iter(there.items()))
+            missing, as_in = OTHER_PIECE[piece]
+            return [
+                f"{names}: no {missing} in {each.path.name}; name the file that has it beside, as in "
+                f"strapdown fuse {each.path.name} {as_in}"
+            ]
+        unusable = [why for each, why in self.left if each.section.of == "imu"]
+        if there or unusable:
+            return [] if there else [f"{names}: {unusable[0]}"]
+        return [
+            f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
+            f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
+        ]
 
     def _slow(self) -> Iterator[tuple[str, bool]]:
         """(line on an IMU that is slow, whether it is refused) of the devices; a bare table may be

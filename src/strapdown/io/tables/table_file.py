@@ -5,11 +5,12 @@ import bz2
 import gzip
 import io
 import lzma
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO, cast
 
 import numpy as np
@@ -143,11 +144,31 @@ def open_bytes(path: Path) -> BinaryIO:
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
         archive = zipfile.ZipFile(path)
-        files = [name for name in archive.namelist() if not name.endswith("/")]
+        files = _files(archive)
         if not files:
             raise zipfile.BadZipFile("it holds no file")
         return cast(BinaryIO, archive.open(files[0]))
     return cast(BinaryIO, OPENERS.get(path.suffix.lower(), open)(path, "rb"))
+
+
+def _files(archive: zipfile.ZipFile) -> list[str]:
+    """The files of an archive, without what a Mac adds to them."""
+    return [
+        name
+        for name in archive.namelist()
+        if not name.endswith(("/", ".DS_Store")) and not name.startswith("__MACOSX")
+    ]
+
+
+def files_in(path: Path) -> list[str]:
+    """Names of the files that a zip holds, without folders; none of what is no zip."""
+    if path.suffix.lower() != ".zip":
+        return []
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return [PurePosixPath(name).name for name in _files(archive)]
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError):
+        return []
 
 
 def open_text(path: Path) -> TextIO:
@@ -176,6 +197,15 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def split_error(error: BaseException) -> str:
+    """What pandas says of a text that it cannot split into columns, in words for people."""
+    found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+    if found is None:
+        return first_line_of(error)
+    expected, line, seen = found.groups()
+    return f"line {line} has {seen} cells, those before it {expected} or fewer"
 
 
 def first_line_of(error: BaseException) -> str:
