@@ -55,6 +55,17 @@ def test_standard_deviations_five_times_too_small_are_doubted(drive):
     assert not sd.fuse(small).verdict.trusted
 
 
+def test_held_fixes_are_never_trusted(drive):
+    def held(a):
+        t = np.arange(a.t[0], a.t[-1], 0.01)
+        row = np.searchsorted(a.t, t + 1e-9) - 1
+        return replace(a, t=t, y=a.y[row], sd=a.sd[row])
+
+    verdict = sd.fuse(with_fixes(drive.between(0, 60.0), held, "position", "velocity")).verdict
+    assert not verdict.trusted
+    assert verdict.reasons[0].cause == "repeated", str(verdict)
+
+
 def test_a_smoothed_solution_is_judged_against_its_filter(drive):
     far = with_fixes(
         drive, lambda a: replace(a, parameters=(3.5, 0.2, -1.0)), "position", "velocity"

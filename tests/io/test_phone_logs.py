@@ -14,9 +14,10 @@ from written_phones import (
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.io import registry
 from strapdown.io.inspection import inspect
 from strapdown.io.registry import find
-from strapdown.io.tables.table_file import read_bytes
+from strapdown.io.tables.table_file import head_of, read_bytes
 
 FRD = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 """Body axes of the phone's: forward is its top."""
@@ -324,5 +325,26 @@ def test_the_least_rate_is_that_of_other_logs(tmp_path, walk, kind):
     path.write_bytes(
         b"\n".join(line for k, line in enumerate(lines) if not line.startswith(kind) or k % 20 == 0)
     )
-    with pytest.raises(DataError, match="Hz is too slow for samples of an IMU: 20 Hz are needed"):
+    with pytest.raises(
+        DataError, match="Hz is too slow for samples of an IMU: 20 Hz are needed"
+    ) as error:
         sd.read(path)
+    assert "takes it" not in str(error.value)
+
+
+def test_a_folder_is_looked_at_twice_and_no_more(tmp_path, walk, monkeypatch):
+    """Whose it is is asked once by what is called and once where it is opened, not for each table."""
+    asked = []
+    real = registry._takes
+    monkeypatch.setattr(
+        registry, "_takes", lambda reader, path: asked.append(reader.name) or real(reader, path)
+    )
+    inspect(folder(tmp_path / "walk", phyphox(walk)))
+    assert max(map(asked.count, asked)) == 2
+
+
+def test_a_head_of_what_cannot_be_read_is_empty(tmp_path):
+    (tmp_path / "a.ubx.xz").write_bytes(b"no xz")
+    (tmp_path / "b.ubx").write_bytes(b"abcdef")
+    for name, head in (("a.ubx.xz", b""), ("none", b""), ("", b""), ("b.ubx", b"abc")):
+        assert head_of(tmp_path / name, 3) == head

@@ -10,6 +10,7 @@ import numpy as np
 from ..cross_checks import position_velocity
 from ..cross_checks.all import check
 from ..cross_checks.motion import Subject
+from ..cross_checks.repeats import repeated
 from ..data import Solution
 from ..plugins import one_line
 from ..verdict import NOT_JUDGED, Reason, Verdict
@@ -47,6 +48,7 @@ def judge(solution: Solution) -> Verdict:
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
         causes += looked
         untested += unknown if evidence.moves(solution) else []
+    causes += attempt("repeated fixes", lambda: list(repeated(recording))) or []
     # what compares the parts of the recording takes longer: all of it only where there is doubt, or
     # where the filter's own gates tell nothing
     doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))

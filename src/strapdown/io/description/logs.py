@@ -94,8 +94,9 @@ class Joined(NamedTuple):
         """(line on an IMU that is slow, whether it is refused) of the devices; a bare table may be
         of anything."""
         for each in self.taken:
-            found = slow(each.section, self.logs[each.path].tables)
-            if found and looker(each.path).name != "table":
+            log = self.logs[each.path]
+            found = slow(each.section, log.tables) if log.reader != "table" else None
+            if found:
                 yield f"{each.name}: {found[0]}", found[1]
 
     @property
@@ -158,7 +159,7 @@ def opened(paths: Iterable[File]) -> dict[Path, Log]:
             )
         if path in logs:
             raise DataError(f"{path}: is named twice; name it once")
-        logs[path] = ask(reader, "open", path)
+        logs[path] = ask(reader, "open", path)._replace(reader=reader.name)
     return logs
 
 
@@ -233,6 +234,8 @@ def _piece(section: Section) -> str:
 def _why(each: Taken, role: str, take: Take) -> str:
     if role in take and take[role] is None:
         return "not wanted"
+    if not each.section.keys:  # there is nothing to take
+        return each.section.left
     number = each.section.instance
     how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
     return f"{each.section.left or f'one {ROLES[role]} is taken'}; {how} takes it"

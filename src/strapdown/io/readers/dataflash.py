@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import DataError
 from ...time_scales import WEEK
 from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, trajectories
 from ..decoding.autopilots.dataflash import HEAD, DataFlash
 from ..decoding.records import Tables
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, head_of, packed, read_bytes
 
 MAGIC = HEAD + b"\x80"
 """How a log begins: with the record of the format of formats."""
@@ -75,10 +74,7 @@ def open_dataflash(path: Path) -> Log:
 
 
 def _is_dataflash(path: Path) -> bool:
-    try:
-        return read_bytes(path, len(MAGIC)) == MAGIC
-    except DataError:
-        return False
+    return head_of(path, len(MAGIC)) == MAGIC
 
 
 READER = Reader(

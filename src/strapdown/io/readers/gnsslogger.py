@@ -26,7 +26,7 @@ from ..decoding.phones.phone import (
     magnetometer_section,
     no_imu,
 )
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, head_of, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
 MOST_NS = 4e18
@@ -106,10 +106,7 @@ class Lines(NamedTuple):
 
 def sniff(path: Path) -> bool:
     """Whether the header lines of the app stand at the top."""
-    try:
-        return bool(re.search(rb"^# ?(Fix|Raw|UncalAccel),", read_bytes(path, 8192), re.MULTILINE))
-    except DataError:
-        return False
+    return bool(re.search(rb"^# ?(Fix|Raw|UncalAccel),", head_of(path, 8192), re.MULTILINE))
 
 
 def open_log(path: Path) -> Log:

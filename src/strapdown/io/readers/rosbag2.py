@@ -16,7 +16,7 @@ from ..tables.table_file import PACKED, packed, read_bytes
 if TYPE_CHECKING:
     from ..decoding.robots.ros_messages import Messages
 
-SUFFIXES = (*packed(".db3"), ".db3.zstd")
+SUFFIXES = packed(".db3")
 METADATA = "metadata.yaml"
 SQLITE, START = b"SQLite format 3\0", 1 << 16
 """How a database begins, and bytes of it in which its tables are named."""
@@ -52,7 +52,7 @@ def _parts(path: Path) -> list[Path]:
     """The files of a bag in the order of their numbers."""
     if not path.is_dir():
         return [path]
-    endings = (*SUFFIXES, *packed(".mcap"), ".mcap.zstd")
+    endings = (*SUFFIXES, *packed(".mcap"))
     found = [each for each in path.iterdir() if each.name.lower().endswith(endings)]
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
@@ -63,7 +63,7 @@ def _parts(path: Path) -> list[Path]:
 
 def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
     """A database, and its size in bytes."""
-    if path.name.lower().endswith((*PACKED, ".zstd")):
+    if path.name.lower().endswith(PACKED):
         from ..decoding.mapped import mapped
 
         content = mapped(path)

@@ -18,19 +18,32 @@ import numpy as np
 from ...checks import DataError, did_you_mean
 from ...preprocessing.origin import Origin
 from ...typing import Array, ArrayLike, File, Ints
+from .zstd_file import open_zstd
 
 if TYPE_CHECKING:
     import pandas as pd
 
-PACKED = (".gz", ".xz", ".bz2", ".zip")
+PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
 """What `open_text` unpacks."""
-OPENERS: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
-BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
+OPENERS: dict[str, Any] = {
+    ".gz": gzip.open,
+    ".xz": lzma.open,
+    ".bz2": bz2.open,
+    ".zst": open_zstd,
+    ".zstd": open_zstd,
+}
 
 
 def packed(*suffixes: str) -> tuple[str, ...]:
     """These suffixes, plain and packed: ".csv", ".csv.gz", ..."""
     return tuple(suffix + way for suffix in suffixes for way in ("", *PACKED))
+
+
+def broken() -> tuple[type[Exception], ...]:
+    """What unpacking raises of a damaged file."""
+    import zstandard
+
+    return EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstandard.ZstdError
 
 
 SUFFIXES = packed(".csv", ".txt", ".tsv", ".dat")
@@ -42,7 +55,7 @@ def reading(path: File) -> Iterator[None]:
     DataError that says the remedy."""
     try:
         yield
-    except BROKEN as error:
+    except broken() as error:  # called only where something was raised
         raise DataError(
             f"{path}: the compressed file is truncated or damaged ({first_line_of(error)}); copy it again"
         ) from error
@@ -126,7 +139,7 @@ class Table(NamedTuple):
 
 def open_bytes(path: Path) -> BinaryIO:
     """A file, plain or compressed (of an archive the first file), open to read. Raises OSError, and
-    those of BROKEN where it is read."""
+    those of `broken` where it is read."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
@@ -154,7 +167,7 @@ def files_in(path: Path) -> list[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return [PurePosixPath(name).name for name in _files(archive)]
-    except (*BROKEN, OSError, ValueError, NotImplementedError):
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError):
         return []
 
 
@@ -167,6 +180,14 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
     """The content of a file, plain or compressed, or its first `most` bytes. Raises DataError."""
     with reading(path), open_bytes(path) as file:
         return file.read(most)
+
+
+def head_of(path: Path, most: int) -> bytes:
+    """The first `most` bytes of a file's content, for a `sniff`; none of one that cannot be read."""
+    try:
+        return read_bytes(path, most)
+    except DataError:
+        return b""
 
 
 def is_number(text: str) -> bool:
