@@ -161,6 +161,33 @@ def add_own_imu(name, epoch):
     Path(f"a.{name}").write_text(name)
 
 
+def test_a_magnetometer_without_a_place_may_be_left_out():
+    keys = {"kind": "magnetic-field", "table": "mag", "time": OWN, "columns": ["mx", "my", "mz"]}
+    keys |= {"unit": "uT", "sd": 1.0}
+
+    def open_it(path):
+        t = np.arange(20.0)
+        table = Table.of("mag", {"s": t, "mx": 20 + 0 * t, "my": 0 * t, "mz": 45 + 0 * t})
+        sections = (Section("aiding", "magnetometer", keys),)
+        return Log({"mag": table}, sections, head={"epoch": "2024-05-01T12:00:00Z"})
+
+    add_own_imu("boot", "2024-05-01T12:00:00Z")
+    registry.REGISTRY.add(Reader("mag", (".mag",), "log mag", open=open_it), __name__)
+    Path("a.mag").write_text("mag")
+    asked = (
+        "at the top, or give field in what `strapdown inspect ... --write recording.toml` drafts; "
+    )
+    asked += "`--take magnetometer=none` leaves it out"
+    with pytest.raises(DataError) as error:
+        sd.read("a.boot", "a.mag")
+    assert str(error.value).endswith(asked)
+    assert inspect("a.boot", "a.mag").problems[0].endswith(asked)
+    assert sd.read("a.boot", "a.mag", magnetometer=None).aidings == ()
+    Path("recording.toml").write_text(draft([Path("a.boot"), Path("a.mag")], {}, Path(".")))
+    with pytest.raises(DataError, match="at the top, or give field$"):
+        sd.read("recording.toml")
+
+
 def test_files_of_different_days_are_told_with_both_dates():
     add_own_imu("boot", "2024-05-01T12:00:00Z")
     for zero, words in (

@@ -40,6 +40,11 @@ from .schema_aiding import AidingPart
 from .schema_base import Signal
 from .source_files import Files
 
+OF_LOGS = (
+    " in what `strapdown inspect ... --write recording.toml` drafts; `--take magnetometer=none` leaves "
+    "it out"
+)
+"""Where keys are written that logs lack."""
 MOST_PER_SAMPLE = 10
 """Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""
 FAR_LEVEL = 10
@@ -287,7 +292,11 @@ def read_field(
     try:
         return with_field(part, aiding, imu, meta.get("date"), place and place.lla)
     except DataError as error:
-        raise DataError(f"{path}: [[aiding]] {number} ({part.kind}) {error}") from None
+        lacks = part.field is None and (place is None or meta.get("date") is None)
+        of_logs = lacks and Path(path).suffix.lower() != ".toml"
+        raise DataError(
+            f"{path}: [[aiding]] {number} ({part.kind}) {error}{OF_LOGS if of_logs else ''}"
+        ) from None
 
 
 def _rotated(vectors: Array, matrix: Array) -> Array:
