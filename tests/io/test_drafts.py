@@ -406,3 +406,19 @@ def test_a_table_without_a_time_lists_its_columns(tmp_path):
     path.write_text("n,gx,gy,gz\n" + "\n".join(f"{k},0,0,{k % 3}" for k in range(9)))
     with pytest.raises(sd.DataError, match="nor reads like one, among n, gx, gy, gz: rename it"):
         sd.read(path)
+
+
+@pytest.mark.short
+def test_whole_numbers_as_ubx_has_them(tmp_path):
+    path = tmp_path / "gnss.csv"
+    rows = (
+        f"{k},{480000000 + round(k * 7e7 / 111195)},90000000,500000,7000,0,9,900,60"
+        for k in range(40)
+    )
+    path.write_text("\n".join(["t,lat,lon,height,velN,velE,velD,hAcc,sAcc", *rows]))
+    place = position(tmp_path, path)
+    velocity = sd.read(tmp_path / "imu.csv", path).aidings[1]
+    assert np.degrees(place.y[0, 0]) == pytest.approx(48) and place.y[0, 2] == 500
+    np.testing.assert_allclose(place.sd[0], [0.9, 0.9, 1.8])
+    np.testing.assert_allclose(velocity.y, np.tile([7.0, 0.0, 0.009], (len(velocity.t), 1)))
+    np.testing.assert_allclose(velocity.sd, 0.06)
