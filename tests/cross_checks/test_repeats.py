@@ -21,7 +21,7 @@ def repeated(aiding, times):
     )
 
 
-@pytest.mark.parametrize("times, words", [(2, "50 %"), (5, "80 %")])
+@pytest.mark.parametrize("times, words", [(2, "50 %"), (5, "80 %"), (10, "90 %"), (40, "98 %")])
 def test_repeated_fixes(drive, times, words):
     held = bent.with_sources(drive, lambda a: repeated(a, times))
     reasons = check(Subject(held)).reasons

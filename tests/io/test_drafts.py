@@ -182,6 +182,45 @@ def test_positions_of_many_spellings(tmp_path, header, row, lla):
     np.testing.assert_array_equal(sd.read(description).aidings[0].y, found.y)
 
 
+def test_fixes_held_beside_an_imu_count_once(drive, tmp_path):
+    position = drive.aidings[0]
+    imu = drive.imu
+    names = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
+    frame = pd.DataFrame(np.c_[imu.t, np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]], columns=names)
+    row = np.searchsorted(position.t, imu.t + 1e-9) - 1
+    held = np.where(row[:, None] < 0, np.nan, position.y[row] / [DEG, DEG, 1.0])
+    frame[["lat", "lon", "h_ell"]] = held
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    recording = sd.read(tmp_path / "log.csv")
+    (found,) = recording.aidings
+    last = position.t <= imu.t[-1] + 1e-9
+    np.testing.assert_allclose(found.t, position.t[last], atol=1e-3)
+    np.testing.assert_allclose(found.y, position.y[last], rtol=1e-12)
+    assert any("repeat the fix of the row before" in line for line in recording.meta["read"])
+
+
+@pytest.mark.parametrize(
+    "mark", ["EVENT;2;door open", "MARK;3", "Temp;31,5", "E;1;2;3;4;5;6;7;8;9", "Übergang;1,5;;;"]
+)
+def test_a_row_that_begins_with_a_word_is_a_mark(pair, mark):
+    rows = pair[0].read_text().splitlines()
+    pair[0].write_text("\n".join([*rows[:5000], mark, *rows[5000:]]))
+    recording = sd.read(*pair)
+    assert len(recording.imu.t) == 12000
+    assert any("3 lines without data" in note for note in recording.meta["notes"])
+
+
+def test_a_cell_that_is_no_number_is_named(pair):
+    rows = pair[0].read_text().splitlines()
+    row = rows[5000].split(";")
+    pair[0].write_text("\n".join([*rows[:5000], ";".join(["?12", *row[1:]]), *rows[5000:]]))
+    with pytest.raises(sd.DataError, match=r"line 5001, column 'TOW': '\?12' is not a number"):
+        sd.read(*pair)
+    pair[0].write_text("\n".join([*rows[:5000], ";".join([row[0], "?", *row[2:]]), *rows[5000:]]))
+    with pytest.raises(sd.DataError, match=r"line 5001, column 'GyroX': '\?' is not a number"):
+        sd.read(*pair)
+
+
 @pytest.mark.short
 @pytest.mark.parametrize(
     "header, row",
@@ -237,12 +276,18 @@ def test_gyro_and_accelerometer_in_files_of_their_own(tmp_path):
 @pytest.mark.short
 def test_an_accelerometer_without_gravity_is_asked_about(tmp_path):
     path = tmp_path / "imu.csv"
-    values = np.c_[np.arange(500) / 50, np.random.default_rng(3).normal(0, 0.1, (500, 6))]
+    values = np.c_[np.arange(500) / 50, np.random.default_rng(3).normal(0, 0.1, (500, 6)) * ([0.01] * 3 + [1] * 3)]
     pd.DataFrame(values, columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(
         path, index=False
     )
     with pytest.raises(sd.DataError, match="gravity was taken out"):
         sd.read(path)
+    (problem,) = inspect(path).problems
+    assert "gravity was taken out" in problem
+    described = tmp_path / "recording.toml"
+    described.write_text(draft([path], {}, tmp_path))
+    (problem,) = inspect(described).problems
+    assert "[imu] accel: the forces have" in problem and "gravity was taken out" in problem
 
 
 @pytest.mark.short

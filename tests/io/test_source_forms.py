@@ -251,6 +251,7 @@ position = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }
         ('{ column = "fix", equals = [3, 5] }', range(0, 20, 2)),
         ('{ column = "status", equals = "A" }', range(10)),
         ('{ column = "status", equals = ["A", "x"] }', range(10)),
+        ('{ column = "held", changes = true }', (0, 3, 8, 18)),
         ('[{ column = "fix", most = 4 }, { column = "status", equals = "A" }]', (0, 3, 4, 7, 8)),
     ],
 )
@@ -259,6 +260,7 @@ def test_rows_that_do_not_count(fixes, where, left):
         k = np.arange(len(gnss))
         fix = np.select([k % 4 == 0, k % 4 == 1, k % 4 == 2], [3, np.nan, 5], 2)
         gnss = gnss.assign(fix=fix, status=np.where(k < 10, "A", "V"))
+        gnss["held"] = np.repeat([1.0, np.nan, 2.0, 3.0, 2.0], [2, 1, 5, 10, 2])
         gnss.loc[11, "lat"] = 95.0  # refused where it counts
         return gnss
 
@@ -418,7 +420,7 @@ WRONG = {
     ),
     "where without a rule": (
         POSITION + 'where = { column = "fix" }',
-        "least, most or equals is missing",
+        "least, most, equals or changes is missing",
     ),
     "where misspelt": (
         POSITION + 'where = { column = "fix", leest = 3 }',

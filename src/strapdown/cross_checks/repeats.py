@@ -10,13 +10,17 @@ from ..core.contract import Imu
 from ..core.earth import A
 from ..data import Aiding
 from ..preprocessing.stationary import at_rest
+from ..recording import Recording
 from ..typing import Array, Mask
 from ..verdict import Reason
 from .checked import Checked, label
 from .motion import Subject
 
 AROUND = 5
-"""A fix moves where it and so many before and after it take more than half as many values."""
+"""A fix moves where it and so many before and after it take two values or more."""
+EVEN, MOST_EVEN = 0.25, 0.6
+"""Values are held however long where so many of them last as long as is usual, within a share:
+those of a vehicle that stands last as long as chance has it."""
 LEAST_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
 """Fixes that must move, and the share of repeated ones from which they are a reason: of positions
 and velocities, and of others, which may be coarse."""
@@ -30,13 +34,19 @@ usual ones."""
 def check(subject: Subject) -> Checked:
     """All recorded sources, and the IMU."""
     found = Checked.nothing()
+    found.reasons.extend(repeated(subject.recording))
     for aiding in subject.recording.aidings:
-        if find(aiding.kind).recorded:
-            found.reasons.extend(_repeated(aiding))
         if aiding.kind in ("position", "velocity"):
             found.reasons.extend(_stuck(aiding))
     found.reasons.extend(_imu(subject.recording.imu))
     return found
+
+
+def repeated(recording: Recording) -> Iterator[Reason]:
+    """Reasons against recorded sources that repeat their fixes, which makes any filter too sure."""
+    for aiding in recording.aidings:
+        if find(aiding.kind).recorded:
+            yield from _repeated(aiding)
 
 
 def _same(y: Array) -> Mask:
@@ -58,16 +68,27 @@ def _repeated(aiding: Aiding) -> Iterator[Reason]:
     alive = total[last] - total[first] >= 2
     count = int(alive.sum())
     share = float(same[alive].mean()) if count >= LEAST_FIXES else 0.0
+    share = max(share, _held(same))
     most = SHARE if aiding.kind in ("position", "velocity") else COARSE_SHARE
     if share > most:
         yield Reason(
             "repeated",
             f"{100 * share:.0f} % of the fixes repeat the one before while it moves: held values counted as "
             f"new ones make a filter too sure",
-            "keep only the rows where a fix arrived",
+            "keep only the rows where a fix arrived, as with `where = { column = ..., changes = true }`",
             label(aiding),
             share / most,
         )
+
+
+def _held(same: Mask) -> float:
+    """The share of repeated fixes where all are held equally long, else 0."""
+    lasts = np.diff(np.flatnonzero(~same))
+    if len(lasts) < LEAST_FIXES:
+        return 0.0
+    usual = float(np.median(lasts))
+    even = np.abs(lasts - usual) <= EVEN * usual
+    return 1.0 - 1.0 / usual if even.mean() > MOST_EVEN else 0.0
 
 
 def _stuck(aiding: Aiding) -> Iterator[Reason]:

@@ -17,7 +17,7 @@ from typing import Any
 from .. import plugins
 from ..checks import DataError
 from .contract import Reader
-from .tables.table_file import PACKED, SUFFIXES as OF_TEXT, files_in, read_bytes
+from .tables.table_file import PACKED, SUFFIXES as OF_TEXT, files_in, head_of
 
 START = 1 << 12
 """Bytes of a file that tell text from other contents."""
@@ -95,7 +95,7 @@ def find(path: Path) -> Reader | None:
     """The Reader of a file or a folder, or None of a file that none knows. Raises DataError where a
     `sniff` fails, where two readers claim the file alike, and for a folder that none knows."""
     inside = files_in(path)
-    head = _head(path) if len(inside) < 2 else b""
+    head = head_of(path, START) if len(inside) < 2 else b""
     for reader in readers().values():
         if reader.begins and head.startswith(reader.begins):
             return reader
@@ -107,15 +107,6 @@ def find(path: Path) -> Reader | None:
             f"{path}: is a folder in which no reader finds what it knows; name the files themselves"
         )
     return found
-
-
-def _head(path: Path) -> bytes:
-    """The first bytes of a file, unpacked; none where it cannot be read, which is for its reader
-    to say."""
-    try:
-        return read_bytes(path, START) if path.is_file() else b""
-    except DataError:
-        return b""
 
 
 def _claimed(path: Path, name: str, head: bytes) -> Reader | None:
@@ -163,7 +154,7 @@ def looker(path: Path) -> Reader:
     found = find(path)
     if found is None:  # an empty or a binary file is no table either
         is_empty = path.is_file() and not path.stat().st_size
-        return taker(path) if is_empty or not _is_text(_head(path)) else readers()["table"]
+        return taker(path) if is_empty or not _is_text(head_of(path, START)) else readers()["table"]
     return found
 
 

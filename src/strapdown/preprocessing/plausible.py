@@ -31,6 +31,9 @@ ACCEL_SLIPS = (
     (0.001, "values in g were read as mg, is the unit g?"),
 )
 """What a mistaken unit makes of gravity, and what to say then."""
+NO_GRAVITY = "gravity was taken out of them; record the raw accelerometer"
+UNEVEN = 2.0
+"""Ratio of the 90th to the 10th percentile of a force that is not mostly gravity."""
 
 
 def mistakes(
@@ -62,6 +65,15 @@ def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tupl
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
     if LEAST_MEDIAN_FORCE <= magnitude <= MOST_MEDIAN_FORCE:
         return []
+    least, most = np.percentile(np.linalg.norm(force, axis=1), [10, 90])
+    if magnitude < LEAST_MEDIAN_FORCE and most > UNEVEN * least:
+        return [
+            (
+                "accel",
+                f"the forces have a median magnitude of {magnitude:.3g} m/s^2 and vary, where gravity "
+                f"alone gives 9.8: {NO_GRAVITY}",
+            )
+        ]
     slips = [("accel.unit", ratio, text) for ratio, text in ACCEL_SLIPS]
     slips += [("kind", interval, "are these increments, not rates?")] * (kind != "increment")
     slips += [("kind", 1 / interval, "are these rates, not increments?")] * (kind != "rate")

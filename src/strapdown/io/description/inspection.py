@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.contract import Imu
 from ...data import Aiding
-from ...preprocessing.plausible import doubts, mistakes
+from ...preprocessing.plausible import NO_GRAVITY, doubts, mistakes
 from ...verdict import Reason
 from ..contract import Findings
 from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts
@@ -78,8 +78,14 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         f"{field}: {text}"
         for field, text in mistakes(imu, description.imu.kind, description.vehicle)
     ]
+    no_gravity = any(NO_GRAVITY in line for line in (*found.problems, *wrong))
     meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
-    wrong += doubts(imu, gyro_bias_sd(meta))
+    unusual = doubts(imu, gyro_bias_sd(meta))
+    if no_gravity:  # without it, its direction says nothing
+        unusual = [line for line in unusual if not line.startswith("specific force")]
+    if any(NO_GRAVITY in line for line in found.problems):  # which name the columns
+        wrong = [line for line in wrong if NO_GRAVITY not in line]
+    wrong += unusual
     found.add(clock_facts(imu, meta.get("epoch")))
     found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
     aidings: list[Aiding] = []
@@ -105,7 +111,9 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         ) or (None, [])
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
-    found.add(*aiding_facts(imu, aidings, meta))
+    of_fixes = aiding_facts(imu, aidings, meta)
+    # against what is no specific force fixes tell nothing
+    found.add(*(of_fixes[:1] if no_gravity else of_fixes))
     return [*files.notes, *notes]
 
 

@@ -65,13 +65,14 @@ def _day(value: Any) -> Any:
 
 
 class Condition(Part):
-    """where: only rows count whose `column` is at least `least`, at most `most` or one of
-    `equals`, numbers or texts."""
+    """where: only rows count whose `column` is at least `least`, at most `most`, one of
+    `equals`, numbers or texts, or `changes`: is not what it was in the row before."""
 
     column: Column
     least: Finite | None = None
     most: Finite | None = None
     equals: Any = None
+    changes: bool = False
 
     @property
     def values(self) -> list[Any]:
@@ -82,8 +83,11 @@ class Condition(Part):
     def _says_something(self) -> Self:
         refuse(
             (
-                self.least is None and self.most is None and self.equals is None,
-                "least, most or equals is missing: say which rows count, as "
+                self.least is None
+                and self.most is None
+                and self.equals is None
+                and not self.changes,
+                "least, most, equals or changes is missing: say which rows count, as "
                 '{ column = "fix", least = 3 } or { column = "status", equals = ["A", "D"] }',
             ),
             (
@@ -99,6 +103,7 @@ class Condition(Part):
             "" if self.least is None else f">= {self.least:g}",
             "" if self.most is None else f"<= {self.most:g}",
             "" if self.equals is None else f"in {', '.join(map(str, self.values))}",
+            "that changes" if self.changes else "",
         )
         return f"{self.column} {' and '.join(filter(None, rules))}"
 

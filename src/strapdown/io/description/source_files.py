@@ -245,6 +245,11 @@ def _holds(table: Table, condition: Condition) -> Mask:
             texts = [each for each in condition.values if isinstance(each, str)]
             same |= np.isin([str(each).strip() for each in cells], texts)
         holds &= same
+    if condition.changes:  # the first row tells something too
+        table.cells(condition.column)  # is there
+        known = table.frame[condition.column].dropna()
+        changed = (known != known.shift()).reindex(table.frame.index, fill_value=False)
+        holds &= changed.to_numpy(bool)
     return holds
 
 

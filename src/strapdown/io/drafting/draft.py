@@ -58,7 +58,8 @@ def _of_table(table: Table, name: str | None) -> Log:
         return _without_header(table)
     label = f"table {name}" if name else "table"
     facts = [f"{label}: {len(table.lines)} rows, columns {', '.join(columns.names)}", *table.notes]
-    clock = find_clock(columns, bool(columns.triple(GYRO) or columns.triple(ACCEL)))
+    is_imu = bool(columns.triple(GYRO) or columns.triple(ACCEL))
+    clock = find_clock(columns, is_imu)
     if clock is None:
         no_time = (
             f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MOST_NAMES])}: "
@@ -72,7 +73,7 @@ def _of_table(table: Table, name: str | None) -> Log:
         columns, clock.keys, imu.keys.get("axes", "FRD") if imu else "FRD"
     )
     taken = [name for section in (imu, magnetometer) if section for name in named(section.keys)]
-    fixes = fix_sections(columns.without(taken), clock.keys, t)
+    fixes = fix_sections(columns.without(taken), clock.keys, t, is_imu)
     attitude, of_attitude = attitude_section(columns, clock.keys)
     sections = [
         _told(section, clock.assumed, name)

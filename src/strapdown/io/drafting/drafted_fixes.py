@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...typing import Array
+from ...typing import Array, Mask
 from ...units import UNITS
 from ..contract import Section
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
@@ -38,12 +38,17 @@ class Fixes(NamedTuple):
     asked: list[str]
 
 
-def fix_sections(columns: Names, time: dict[str, Any], t: Array) -> Fixes:
-    """The Fixes of a table whose times are `time`, t (n,) s."""
+def fix_sections(columns: Names, time: dict[str, Any], t: Array, is_imu: bool = False) -> Fixes:
+    """The Fixes of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
+    from row to row."""
     found = Fixes([], [], {}, [], [])
-    where, why = _where(columns)
-    shared = {"time": time} | ({"where": where} if where else {})
-    assumed = {"where": why} if where and why else {}
+    conditions = [_where(columns), _held(columns) if is_imu else (None, "")]
+    told = [(where, why) for where, why in conditions if where]
+    shared: dict[str, Any] = {"time": time}
+    assumed = {}
+    if told:
+        shared["where"] = told[0][0] if len(told) == 1 else [where for where, _ in told]
+        assumed["where"] = "; ".join(why for _, why in told)
     track = _position(columns, shared, assumed, found)
     _velocity(columns, shared, assumed, found, t, track)
     return found
@@ -259,6 +264,25 @@ def _velocity(
                 else f"{NO_SD}, in all directions",
             )
         _add(found, columns, "velocity", keys, why)
+
+
+def _held(columns: Names) -> tuple[dict[str, Any] | None, str]:
+    """(Condition on the rows where a fix arrived, or None; why) of fixes that most rows repeat."""
+    patterns = [*POSITION.values(), *VELOCITY.values()]
+    if not columns.find(POSITION["latitude"]):
+        patterns = [*ECEF.values(), *ECEF_VELOCITY.values()]
+    names = list(dict.fromkeys(filter(None, map(columns.find, patterns))))
+    if not names:
+        return None, ""
+    values = np.stack([columns.numbers(name) for name in names], axis=1)
+    known: Mask = np.asarray(np.isfinite(values).any(axis=1))
+    changed = np.not_equal(values[1:], values[:-1]) & np.isfinite(values[1:])
+    repeats = int((known[1:] & known[:-1] & ~changed.any(axis=1)).sum())
+    if 2 * repeats <= known.sum() or not changed.any():
+        return None, ""
+    name = names[int(np.argmax(changed.sum(axis=0)))]
+    why = f"{repeats} rows of {known.sum()} repeat the fix of the row before"
+    return {"column": name, "changes": True}, why
 
 
 def _of(speed: float, unit: str) -> float:

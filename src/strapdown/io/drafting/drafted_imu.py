@@ -8,7 +8,7 @@ import numpy as np
 from ...checks import DataError
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
-from ...preprocessing.plausible import LEAST_MEDIAN_FORCE, G, mistakes
+from ...preprocessing.plausible import LEAST_MEDIAN_FORCE, NO_GRAVITY, G, mistakes
 from ...typing import Array
 from ...units import UNITS
 from ..contract import Section
@@ -60,7 +60,7 @@ def imu_section(
         if size < LEAST_MEDIAN_FORCE:
             asked.append(
                 f"accel: {', '.join(accel)} have a median magnitude of {size:.2g} m/s^2, where gravity "
-                f"alone gives 9.8: gravity was taken out of them; record the raw accelerometer"
+                f"alone gives 9.8: {NO_GRAVITY}"
             )
         axes = _axes(np.median(whole, axis=0) * factor) if len(whole) else AXES
         keys |= {"axes": axes[0], "accel": {"columns": accel, "unit": unit}}

@@ -68,10 +68,7 @@ def find_clock(columns: Names, is_imu: bool) -> Clock | None:
     if columns.table.frame[name].dtype.kind not in "iuf":
         form = _format(columns, name)
         if form is None:
-            raise DataError(
-                f"{columns.table.name}: {name!r} is written {columns.table.frame[name].iloc[0]!r}, "
-                f"which is no form of a time that is known; say its `format` in a recording.toml"
-            )
+            raise DataError(_of_no_form(columns, name))
         keys = {"column": name, "format": form} | _scale(name)
         why = "" if "%d/%m" not in form else "days before months"
         return Clock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
@@ -185,6 +182,22 @@ def _format(columns: Names, name: str, day: str | None = None) -> str | None:
         if all(_is_written(frame[each].to_numpy(), pattern) for each, pattern in read):
             return form
     return None
+
+
+def _of_no_form(columns: Names, name: str) -> str:
+    """What is said of a column of text that is no time: which cell is no number, where most are."""
+    table = columns.table
+    numbers, known = columns.numbers(name), table.frame[name].notna().to_numpy()
+    odd = np.flatnonzero(known & ~np.isfinite(numbers))
+    if 0 < len(odd) < np.isfinite(numbers).sum():
+        return (
+            f"{table.origin.row(int(odd[0]))}, column {name!r}: {table.cells(name)[odd[0]]!r} is not a "
+            f"number; correct the cell or leave it empty"
+        )
+    return (
+        f"{table.name}: {name!r} is written {table.frame[name].iloc[0]!r}, which is no form of a time "
+        f"that is known; say its `format` in a recording.toml"
+    )
 
 
 def _is_written(cells: Any, pattern: Pattern) -> bool:

@@ -17,6 +17,4 @@ def open_mcap(path: Path) -> Log:
     return log_of(path, "MCAP file", read_mcap(mapped(path), Messages()))
 
 
-READER = Reader(
-    "mcap", packed(".mcap"), "MCAP log of a robot", open=open_mcap, begins=(MAGIC,)
-)
+READER = Reader("mcap", packed(".mcap"), "MCAP log of a robot", open=open_mcap, begins=(MAGIC,))

@@ -167,7 +167,7 @@ def files_in(path: Path) -> list[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return [PurePosixPath(name).name for name in _files(archive)]
-    except (*BROKEN, OSError, ValueError, NotImplementedError):
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError):
         return []
 
 

@@ -22,6 +22,8 @@ CHUNK = 65536
 """Rows that are parsed at a time: pandas keeps the text of as many."""
 MARK = re.compile(r"\s*(#|%|//|[-=*]{3})")
 """Beginnings of a line that is no data."""
+WORD = re.compile(r"\s*\"?[^\W\d_]+(?![^\W_])")
+"""Beginning of a cell that is a word, and no damaged number."""
 
 
 def read_table(path: Path, header: bool = True) -> Table:
@@ -95,7 +97,8 @@ def _texts(frame: "pd.DataFrame") -> list[Any]:
 
 
 def _marks(frame: "pd.DataFrame") -> Mask:
-    """Which rows hold no data: those that begin like a comment or have text and no number."""
+    """Which rows hold no data: those that begin like a comment, with a word where the others
+    begin with a number or a time, or have text and no number."""
     import pandas as pd
 
     texts, marks = _texts(frame), np.zeros(len(frame), bool)
@@ -103,15 +106,20 @@ def _marks(frame: "pd.DataFrame") -> Mask:
         return marks
     first = frame.columns[0]
     if first in texts:
-        marks = np.array(frame[first].astype(str).str.match(MARK.pattern), bool)
+        cells = frame[first].astype(str)
+        words = np.array(cells.str.match(WORD.pattern), bool) & frame[first].notna().to_numpy()
+        marks = np.array(cells.str.match(MARK.pattern), bool)
+        if 2 * words.sum() < len(words):
+            marks |= words
     suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
     for name in texts:
         cells = frame[name].iloc[suspect]
         numbers = pd.to_numeric(_with_points(cells), errors="coerce")
         suspect = suspect[numbers.isna().to_numpy()]
     for row in suspect:
-        cells = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
-        marks[row] |= bool(cells) and not any(STAMP.fullmatch(cell.strip()) for cell in cells)
+        words_there = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
+        is_mark = not any(STAMP.fullmatch(word.strip()) for word in words_there)
+        marks[row] |= bool(words_there) and is_mark
     return marks
 
 
@@ -134,6 +142,9 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
             if (numbers.notna() == known).all():
                 frame[name] = numbers
                 break
+        else:
+            if 2 * numbers.notna().sum() > known.sum():  # so that the others are complained about
+                frame[name] = form
 
 
 def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFrame":
@@ -167,13 +178,16 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
 
 def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
     """Numbers, from 0, of the lines below the header that have more cells than it and no data."""
-    marks, most = [], len(found.names)
+    marks, most, in_words = [], len(found.names), False
     with io.TextIOWrapper(open_bytes(path), found.encoding, "replace") as file:
         for number, line in enumerate(file):
+            if number == found.skipped:
+                in_words = bool(WORD.match(line))
             if number < found.skipped or not len(line) > most > 0:
                 continue
             cells = cells_of(line, found.separator)
-            if len(cells) > most and (MARK.match(line) or not any(map(is_data, cells))):
+            is_mark = MARK.match(line) or (WORD.match(line) and not in_words)
+            if len(cells) > most and (is_mark or not any(map(is_data, cells))):
                 marks.append(number)
     return marks
 
