@@ -276,7 +276,10 @@ def test_gyro_and_accelerometer_in_files_of_their_own(tmp_path):
 @pytest.mark.short
 def test_an_accelerometer_without_gravity_is_asked_about(tmp_path):
     path = tmp_path / "imu.csv"
-    values = np.c_[np.arange(500) / 50, np.random.default_rng(3).normal(0, 0.1, (500, 6)) * ([0.01] * 3 + [1] * 3)]
+    values = np.c_[
+        np.arange(500) / 50,
+        np.random.default_rng(3).normal(0, 0.1, (500, 6)) * ([0.01] * 3 + [1] * 3),
+    ]
     pd.DataFrame(values, columns=["t", "gx", "gy", "gz", "ax", "ay", "az"]).to_csv(
         path, index=False
     )
@@ -467,3 +470,16 @@ def test_whole_numbers_as_ubx_has_them(tmp_path):
     np.testing.assert_allclose(place.sd[0], [0.9, 0.9, 1.8])
     np.testing.assert_allclose(velocity.y, np.tile([7.0, 0.0, 0.009], (len(velocity.t), 1)))
     np.testing.assert_allclose(velocity.sd, 0.06)
+
+
+@pytest.mark.short
+def test_measured_values_come_before_true_ones(tmp_path):
+    names = [f"{s}{a}{of}" for of in ("", "_meas") for s in "AG" for a in "xyz"]
+    values = np.random.default_rng(5).normal([0, 0, -9.8, 0, 0, 0] * 2, 0.01, (900, 12))
+    values[:, :6] = [0, 0, -9.8, 0, 0, 0]
+    path = tmp_path / "sim.csv"
+    frame = pd.DataFrame(np.c_[np.arange(900) / 50, values], columns=["time", *names])
+    frame.to_csv(path, index=False)
+    recording = sd.read(path)
+    assert recording.imu.dv[:, 0].std() * 50 == pytest.approx(0.01, rel=0.2)
+    assert any("not needed: Ax, Ay, Az, Gx, Gy, Gz" in line for line in recording.meta["read"])
