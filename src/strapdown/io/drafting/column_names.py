@@ -10,6 +10,8 @@ from ...typing import Array
 from ..tables.table_file import Table
 
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
+MEASURED = r"_(meas(ured)?|noisy)"
+"""Behind the names of a sensor's columns where a simulation writes true values beside them."""
 OWN_NAMES = {
     GYRO: [("roll_?rate|rollspeed", "pitch_?rate|pitchspeed", "yaw_?rate|yawspeed"), "pqr"]
 }
@@ -133,10 +135,11 @@ class Names(NamedTuple):
     def triple(self, pattern: str) -> list[str] | None:
         """Names of the x, y and z column, or None."""
         for axes in ("xyz", "123"):  # the columns of a matrix have numbers
-            found = [self.find(rf"{pattern}[_ .]?{axis}") for axis in axes]
-            known = [name for name in found if name]
-            if len(known) == 3:
-                return known
+            for behind in (MEASURED, ""):
+                found = [self.find(rf"{pattern}[_ .]?{axis}{behind}") for axis in axes]
+                known = [name for name in found if name]
+                if len(known) == 3:
+                    return known
         names = [self._of_triple(pattern, i) for i in range(3)]
         return [name for name in names if name] if all(names) else None
 

@@ -12,10 +12,12 @@ from ...units import UNITS
 from ..contract import Section
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
 from .latitudes import angles_of
-from .track_units import units_of_course
+from .track_units import unit_of_velocity, units_of_course
 
 POSITION_SD, VELOCITY_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
 """m and m/s of a receiver that tells none."""
+SPREADS = (("m", "mm", "cm", "km", "ft"), ("rad", "deg"), tuple(UNITS["speed"]))
+"""Units of deviations, those of one quantity together."""
 NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
 ARM = (
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
@@ -101,7 +103,7 @@ def _position(
         keys["scale"], why["scale"] = [scale, scale, size], "by the size of the numbers"
     if height != names["ellipsoidal"]:
         keys |= _geoid(columns, names, height, why)
-    keys["sd"], told = _position_sd(columns)
+    keys["sd"], told = _position_sd(columns, "mm" if size != 1 else "m")
     why |= {"sd": told} if told else {}
     _add(found, columns, "position", keys, why)
     return track
@@ -137,27 +139,25 @@ def _length(columns: Names, name: str) -> tuple[str, float]:
     return ("m", 0.001) if named is None and typical > 2e4 else (named or "m", 1.0)
 
 
-def _position_sd(columns: Names) -> tuple[Any, str]:
-    """(sd, why it is assumed)."""
+def _position_sd(columns: Names, unit: str) -> tuple[Any, str]:
+    """(sd, why it is assumed); `unit` is that of columns that name none."""
     named = {key: columns.find(pattern) for key, pattern in DEVIATIONS.items()}
     if all(named[key] for key in ("north", "east", "down")):
-        return [_deviation(columns, str(named[key]), "m") for key in ("north", "east", "down")], ""
+        return [_deviation(columns, str(named[key]), unit) for key in ("north", "east", "down")], ""
     level = named["horizontal"] or named["all"]
     if not level:
         return list(POSITION_SD), NO_SD
-    across = _deviation(columns, level, "m")
+    across = _deviation(columns, level, unit)
     if named["vertical"]:
-        return [across, across, _deviation(columns, named["vertical"], "m")], ""
+        return [across, across, _deviation(columns, named["vertical"], unit)], ""
     up = dict(across, scale=2.0)
     return [across, across, up], "of the height twice that of the position"
 
 
 def _deviation(columns: Names, name: str, unit: str) -> dict[str, Any]:
-    known = {"m": ("m", "mm", "cm", "km", "ft"), "deg": ("rad", "deg")}
-    return {
-        "column": name,
-        "unit": columns.unit(name, known.get(unit, tuple(UNITS["speed"]))) or unit,
-    }
+    """The entry of `sd` of a column, in the unit of its name or else in this one."""
+    alike = next(units for units in SPREADS if unit in units)
+    return {"column": name, "unit": columns.unit(name, alike) or unit}
 
 
 def _ecef(columns: Names, shared: dict[str, Any], assumed: dict[str, str], found: Fixes) -> None:
@@ -224,20 +224,20 @@ def _velocity(
     keys, why = dict(shared), dict(assumed)
     if north and east and vertical:
         in_order = [north, east, vertical] if names["down"] else [east, north, vertical]
-        unit = columns.unit(north, tuple(UNITS["speed"]))
-        why |= {} if unit else {"unit": "the name says none"}
+        unit, told = unit_of_velocity(columns, north, east, t, track)
+        why |= {"unit": told} if told else {}
         keys |= {
             "columns": in_order,
-            "unit": unit or "m/s",
+            "unit": unit,
             "axes": "NED" if names["down"] else "ENU",
         }
         if all(sd[key] for key in ("vn", "ve", "vd")):
             own = [str(sd[key]) for key in (("vn", "ve") if names["down"] else ("ve", "vn"))]
-            keys["sd"] = [_deviation(columns, each, "m/s") for each in (*own, str(sd["vd"]))]
+            keys["sd"] = [_deviation(columns, each, unit) for each in (*own, str(sd["vd"]))]
         elif sd["speed"]:
-            keys["sd"] = [_deviation(columns, sd["speed"], "m/s")] * 3
+            keys["sd"] = [_deviation(columns, sd["speed"], unit)] * 3
         else:
-            keys["sd"], why["sd"] = list(VELOCITY_SD), NO_SD
+            keys["sd"], why["sd"] = [_of(each, unit) for each in VELOCITY_SD], NO_SD
         _add(found, columns, "velocity", keys, why)
     elif speed and course:
         units, told = units_of_course(columns, speed, course, t, track)

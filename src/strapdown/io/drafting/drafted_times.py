@@ -14,7 +14,7 @@ from ..tables.calendar_text import Pattern, moments, patterns
 from .column_names import Names, plain
 
 TIME = (
-    r"(?!.*(acc|offset|bias|zone|valid|uncert))(t|ts|[mun]s|milli(s|seconds?)|micro(s|seconds?)|zeit|zeitstempel|t_?stamp|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
+    r"(?!.*(acc|offset|bias|drift|zone|valid|uncert))(t|ts|clock|[mun]s|milli(s|seconds?)|micro(s|seconds?)|zeit|zeitstempel|t_?stamp|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
     r"unix|posix|utc|iso|stamp|date_?time|[a-z]{0,8}_?(time|timestamp|time_?stamp)(_?(of_?week|utc|gps|unix|us|ms|ns|s))?)"
 )
 OF_WEEK = r"(i_?tow|(gps_?)?(tow|sow|sec(onds?)?|s)(_?(of_?week))?|gms|(gps_?)?time_?of_?week)"

@@ -29,14 +29,9 @@ def units_of_course(
         return units, "; ".join(told)
     fast, way = _of_positions(t, track)
     values = columns.numbers(speed)
-    if named[0] is None and len(moving := np.flatnonzero(fast > 2.0)):
-        ratios = (values[moving] / fast[moving])[np.isfinite(values[moving])]
-        ratio = float(np.median(ratios)) if len(ratios) else 0.0
-        fits = min(
-            UNITS["speed"], key=lambda unit: abs(np.log(max(ratio, 1e-9) * UNITS["speed"][unit]))
-        )
-        if abs(np.log(max(ratio, 1e-9) * UNITS["speed"][fits])) < WORST_FIT:
-            units[0], told = fits, [f"{speed!r} in {fits} fits the positions", *told[1:]]
+    fits = _fitting(values, fast) if named[0] is None else None
+    if fits:
+        units[0], told = fits, [f"{speed!r} in {fits} fits the positions", *told[1:]]
     sure = (fast > 2.0) & np.isfinite(angles)
     if largest < 6.4 and sure.sum() > 10:
         miss = {
@@ -47,6 +42,33 @@ def units_of_course(
             units[1] = "rad"
             told.append(f"{course!r} is in rad in spite of its name: only so it fits the positions")
     return units, "; ".join(told)
+
+
+def unit_of_velocity(
+    columns: Names, north: str, east: str, t: Array, track: Array | None
+) -> tuple[str, str]:
+    """(unit of a velocity, why it is assumed): that of the name, else the one that fits the
+    positions."""
+    named = columns.unit(north, tuple(UNITS["speed"]))
+    if named:
+        return named, ""
+    if track is not None:
+        values = np.hypot(columns.numbers(north), columns.numbers(east))
+        fits = _fitting(values, _of_positions(t, track)[0])
+        if fits:
+            return fits, f"the name says none; {fits} fits the positions"
+    return "m/s", "the name says none"
+
+
+def _fitting(values: Array, fast: Array) -> str | None:
+    """The unit in which speeds (n,) are those of the positions (n,), m/s; None where none is."""
+    moving = (fast > 2.0) & np.isfinite(values)
+    if not moving.any():
+        return None
+    ratio = max(float(np.median(values[moving] / fast[moving])), 1e-9)
+    miss = {unit: abs(np.log(ratio * size)) for unit, size in UNITS["speed"].items()}
+    best = min(miss, key=lambda unit: miss[unit])
+    return best if miss[best] < WORST_FIT else None
 
 
 def _of_positions(t: Array, track: Array) -> tuple[Array, Array]:
