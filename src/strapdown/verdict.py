@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED = "trusted", "doubtful", "not to be trusted"
 NOT_JUDGED = "not judged"
-"""The word where nothing is known of how a result came about; its Verdict is not `trusted`."""
+"""The word where nothing is known of how a result came about, or too little was measured to test it;
+its Verdict is not `trusted`."""
 SEVERITY = (NOT_TO_BE_TRUSTED, DOUBTFUL, NOT_JUDGED, TRUSTED)
 """All words, the gravest first."""
 GRAVE = 3.0
@@ -99,7 +100,7 @@ class Verdict:
     @property
     def line(self) -> str:
         """The verdict in one line, with its first reason."""
-        if self.reasons and not self.trusted:
+        if self.reasons and self.word in (DOUBTFUL, NOT_TO_BE_TRUSTED):
             return f"{self.word}: {self.reasons[0]}"
         return (
             f"{self.word}; not tested: {', '.join(self.untested)}" if self.untested else self.word

@@ -8,7 +8,7 @@ import pytest
 import strapdown as sd
 from strapdown.data import DOUBTFUL
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.verdict import NOT_TO_BE_TRUSTED
+from strapdown.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
 
 SEED = 2000
 
@@ -100,6 +100,27 @@ def test_what_cannot_be_tested_is_said(drive):
     assert any("velocity" in text for text in blind.untested)
     alone = sd.fuse(replace(drive, aidings=()), "attitude-mekf").verdict
     assert any("no GNSS" in text for text in alone.untested)
+
+
+@pytest.mark.parametrize("seconds, every", [(20.0, 1), (60.0, 20)])
+def test_a_run_with_too_little_to_test_is_not_judged(drive, seconds, every):
+    """Too short, or with few fixes."""
+    few = with_fixes(
+        drive.between(stop=seconds),
+        lambda a: replace(a, t=a.t[::every], y=a.y[::every], sd=a.sd[::every]),
+        "position",
+        "velocity",
+    )
+    verdict = sd.fuse(few).verdict
+    assert verdict.word == NOT_JUDGED and not verdict.trusted, str(verdict)
+    assert verdict.line.startswith("not judged; not tested: ")
+
+
+def test_what_speaks_against_a_short_run_is_said(drive):
+    short = drive.between(stop=25.0)
+    late = with_fixes(short, lambda a: replace(a, y=a.y + 5.0 * a.t[:, None] % 30), "velocity")
+    verdict = sd.fuse(late).verdict
+    assert verdict.word not in (NOT_JUDGED, "trusted") and verdict.reasons
 
 
 def test_a_verdict_is_found_when_asked_for_and_once(drive):

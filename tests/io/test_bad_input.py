@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import zstandard
 
 from strapdown.checks import DataError
 from strapdown.core.contract import Imu
@@ -236,7 +237,9 @@ def test_empty_and_unreadable_files(build, tmp_path):
     assert "nowhere.nc: cannot be read (no such file)" in refused(tmp_path / "nowhere.nc")
 
 
-@pytest.mark.parametrize("suffix, pack", [("xz", lzma.compress), ("gz", gzip.compress)])
+@pytest.mark.parametrize(
+    "suffix, pack", [("xz", lzma.compress), ("gz", gzip.compress), ("zst", zstandard.compress)]
+)
 def test_truncated_compressed_file(build, tmp_path, suffix, pack):
     path = build(toml=line("imu.csv", f"imu.csv.{suffix}"))
     whole = pack((tmp_path / "imu.csv").read_bytes())

@@ -177,7 +177,9 @@ def test_the_trim_is_the_mounting(flown, log):
     np.testing.assert_allclose(np.degrees(found.meta["imu_mounting"]), [0, 2, 0], atol=1e-4)
 
 
-@pytest.mark.parametrize("every, said", [(20, "10 Hz is slow"), (8, "25 Hz is slow"), (1, None)])
+@pytest.mark.parametrize(
+    "every, said", [(20, "10 Hz is too slow"), (8, "25 Hz is slow"), (1, None)]
+)
 def test_the_rate_of_the_imu(flown, log, every, said):
     messages = written.messages_of(flown)
     letters, columns = messages["IMU"]

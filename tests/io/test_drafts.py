@@ -307,3 +307,159 @@ def test_a_table_of_one_row_per_event_is_refused(tmp_path):
     path.write_text("".join(f"{k},{kind},1.0,2.0\n" for k in range(20) for kind in ("imu", "gps")))
     with pytest.raises(sd.DataError, match="column 2 holds 'imu', 'gps'"):
         sd.read(path)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "header, row, lla",
+    [
+        ("t,lat,N/S,lon,E/W,alt", "{t},3354.0,S,01851.0,E,500", [-33.9, 18.85]),
+        ("t,lat,hem_ns,lon,hem_ew,alt", "{t},3354.0,S,01851.0,W,500", [-33.9, -18.85]),
+        ("t,lat,hemisphere_ns,lon,hemisphere_ew,alt", "{t},33.9,S,18.85,W,500", [-33.9, -18.85]),
+        ("t,lat,hemisphere,lon,alt", "{t},33.9,South,-18.85,500", [-33.9, -18.85]),
+    ],
+)
+def test_hemispheres_of_any_name(tmp_path, header, row, lla):
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join([header, *(row.format(t=k) for k in range(20))]))
+    assert np.degrees(position(tmp_path, path).y[0, :2]) == pytest.approx(lla, abs=1e-9)
+
+
+@pytest.mark.short
+def test_a_hemisphere_that_nothing_tells_is_said(tmp_path):
+    path = tmp_path / "gnss.csv"
+    path.write_text("\n".join(["t,lat,lon,alt", *(f"{k},3354.0,01851.0,500" for k in range(20))]))
+    position(tmp_path, path)
+    told = sd.read(tmp_path / "imu.csv", path).meta["read"]
+    assert any("taken as north and east, for no column says otherwise" in line for line in told)
+
+
+@pytest.mark.short
+def test_an_accelerometer_is_no_accuracy_of_the_position(drive, tmp_path):
+    imu, fixes = drive.imu, drive.aidings[0]
+    rates, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
+    names = ["t", *(f"gyr_{a}" for a in "xyz"), *(f"acc_{a}" for a in "xyz"), "lat", "lon", "alt"]
+    rows = np.searchsorted(imu.t, fixes.t)
+    cells = np.full((len(imu.t), 3), np.nan)
+    cells[rows] = fixes.y / [DEG, DEG, 1]
+    path = tmp_path / "log.csv"
+    frame = pd.DataFrame(np.c_[imu.t, rates, force, cells], columns=names).assign(vx=1.0, soc=99)
+    frame.to_csv(path, index=False)
+    recording = sd.read(path)
+    assert recording.aidings[0].sd[0] == pytest.approx([2, 2, 4])
+    assert any(
+        line.endswith("log.csv: columns not recognised or not needed: vx, soc")
+        for line in recording.meta["read"]
+    )
+
+
+@pytest.mark.short
+def test_a_magnetometer_is_left_until_asked_for(tmp_path):
+    names = ["t", *(f"{s}{a}" for s in ("g", "a", "m") for a in "xyz")]
+    values = np.random.default_rng(5).normal([0, 0, 0, 0, 0, -9.8, 20, 0, 44], 0.01, (900, 9))
+    path = tmp_path / "log.csv"
+    pd.DataFrame(np.c_[np.arange(900) / 50, values], columns=names).to_csv(path, index=False)
+    recording = sd.read(path)
+    assert recording.aidings == ()
+    assert any("uncalibrated" in line for line in recording.meta["read"])
+    assert len(sd.read(path, magnetometer=0).aidings) == 1
+
+
+@pytest.mark.short
+def test_the_accuracy_of_a_course_is_that_of_the_speed(tmp_path):
+    path = tmp_path / "gnss.csv"
+    rows = (f"{k},{48 + 4e-4 * k},9,500,45,0,0" for k in range(20))
+    path.write_text("\n".join(["t,lat,lon,h_ell,speed,course,vd", *rows]))
+    position(tmp_path, path)
+    velocity = sd.read(tmp_path / "imu.csv", path).aidings[1]
+    np.testing.assert_allclose(velocity.sd, 0.2)
+
+
+@pytest.mark.short
+def test_a_height_that_is_not_recognised_is_asked_for(tmp_path):
+    path = tmp_path / "gnss.csv"
+    path.write_text(
+        "\n".join(["t,lat,lon,tallness,speed", *(f"{k},48,9,500,1" for k in range(20))])
+    )
+    with pytest.raises(sd.DataError, match=r"which column is the height\?.* tallness"):
+        position(tmp_path, path)
+    path.write_text(path.read_text().replace("tallness", "Höhe [m]"))
+    assert position(tmp_path, path).y[0, 2] == 500
+
+
+SENSORS = {
+    "gyro_x [mdps],gyro_y [mdps],gyro_z [mdps],acc_x [mg],acc_y [mg],acc_z [mg]": (
+        1e-3 * DEG,
+        1e-3,
+    ),
+    "wx [deg/h],wy [deg/h],wz [deg/h],ax,ay,az": (DEG / 3600, 1.0),
+    "p,q,r,SpecForceX,SpecForceY,SpecForceZ": (1.0, 1.0),
+    "RateX,RateY,RateZ,f_x [counts],f_y [counts],f_z [counts]": (1.0, 1 / 16384),
+    "roll_rate,pitch_rate,yaw_rate,ax_g,ay_g,az_g": (1.0, 1.0),
+}
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("names", SENSORS)
+def test_names_and_units_of_inertial_sensors(tmp_path, names):
+    of_rate, of_force = SENSORS[names]
+    values = np.random.default_rng(6).normal([0.02, -0.01, 0.03, 0, 0, -1], 1e-4, (900, 6))
+    cells = values / (
+        [of_rate] * 3 + [of_force / (G if of_force == 1 and "_g" not in names else 1)] * 3
+    )
+    path = tmp_path / "imu.csv"
+    head = ["t", *names.split(",")]
+    pd.DataFrame(np.c_[np.arange(900) / 50, cells], columns=head).to_csv(path, index=False)
+    imu = sd.read(path).imu
+    np.testing.assert_allclose(imu.dtheta.mean(axis=0) * 50, [0.02, -0.01, 0.03], atol=1e-4)
+    assert imu.dv[:, 2].mean() * 50 == pytest.approx(-G, rel=1e-3)
+
+
+TIMES = {
+    "ts": ("{unix:.3f}", 1714557630.0),
+    "Zeitstempel": ("{unix:.3f}", 1714557630.0),
+    "ms": ("{own:.0f}", 1000.0),
+    "when": ("{unix_ms:.0f}", 1714557630.0),
+    "wann": ("2024-05-01T10:00:{s:06.3f}Z", 1714557630.0),
+    "Datum,Uhrzeit": ("01.05.2024,10:00:{s:06.3f}", 1714557630.0),
+    "IMUtime": ("{own_us:.0f}", 1000.0),  # as large as POSIX seconds
+    "clock_us": ("{own_us:.0f}", 1000.0),
+    "iTOW": ("{early:.0f}", 400.0),  # ms, as UBX has it, early in the week
+    "gps_time": ("{late:.3f}", 295248.0),
+}
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", TIMES)
+def test_times_of_many_names_and_sizes(tmp_path, name):
+    form, zero = TIMES[name]
+    rows = []
+    for k in range(900):
+        s = k / 50
+        cells = form.format(
+            unix=1714557630 + s,
+            unix_ms=1e3 * (1714557630 + s),
+            own=1e3 * (1000 + s),
+            own_us=1e6 * (1000 + s),
+            early=1e3 * (400 + s),
+            late=295248 + s,
+            s=30 + s,
+        )
+        rows.append(f"{cells},0.001,{0.0001 * (k % 7)},0,0,0.1,-9.8")
+    path = tmp_path / "imu.csv"
+    path.write_text("\n".join([f"{name},gx,gy,gz,ax,ay,az", *rows]))
+    recording = sd.read(path)
+    start = recording.imu.t[0] - recording.imu.dt[0]
+    if zero > 1e9:
+        assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
+        zero -= 1714521600
+    assert start == pytest.approx(zero, abs=1e-4)
+    assert recording.imu.dt.mean() == pytest.approx(0.02, rel=1e-4)
+
+
+@pytest.mark.short
+def test_a_table_without_a_time_lists_its_columns(tmp_path):
+    path = tmp_path / "imu.csv"
+    path.write_text("n,gx,gy,gz\n" + "\n".join(f"{k},0,0,{k % 3}" for k in range(9)))
+    with pytest.raises(sd.DataError, match="nor reads like one, among n, gx, gy, gz: rename it"):
+        sd.read(path)

@@ -239,7 +239,7 @@ def test_a_draft_keeps_the_magnetometer(tmp_path, names, size, expected):
         np.c_[t, w, f, field + np.random.default_rng(3).normal(0, 0.05 * size, field.shape)],
         columns=columns,
     ).to_csv(tmp_path / "log.csv", index=False)
-    text = draft(tmp_path / "log.csv")
+    text = drafted([tmp_path / "log.csv"], {"magnetometer": 0}, tmp_path)
     assert (
         'kind = "magnetic-field"' in text
         and 'axes = "FRD"' in text

@@ -161,6 +161,22 @@ def add_own_imu(name, epoch):
     Path(f"a.{name}").write_text(name)
 
 
+def test_files_of_different_days_are_told_with_both_dates():
+    add_own_imu("boot", "2024-05-01T12:00:00Z")
+    for zero, words in (
+        (
+            "2024-07-13T12:00:00Z",
+            "of different days, the IMU 2024-05-01 12:00:00.0 to 12:00:20.0 UTC, here 2024-07-13 "
+            "12:01:40.0 to 12:01:59.0 UTC: name files of one recording",
+        ),
+        ("2024-05-01T13:00:00Z", r"here 3700.000 to 3719.000 s; add `offset`"),
+    ):
+        add_own_clock(f"d{zero[5:7]}", zero)
+        with pytest.raises(DataError, match=words) as error:
+            sd.read("a.boot", f"a.d{zero[5:7]}")
+        assert ("days" in str(error.value)) == ("2024-07" in zero)
+
+
 def test_clocks_of_two_devices_are_set_to_one_by_their_zeros():
     add_own_imu("boot", "2024-05-01T00:00:00Z")
     add_own_clock("dated", "2024-04-30T23:58:21Z")  # 99 s before

@@ -189,7 +189,7 @@ def test_a_whole_file_packed_by_any_writer_of_zstd(tmp_path):
     path.write_bytes(streamed[:-40])
     assert "ends within a frame" in asked(path)
     path.write_bytes(streamed + b"no frame")
-    assert "is damaged" in asked(path)
+    assert "or damaged" in asked(path)
 
 
 def test_what_zstd_unpacks_is_bounded(tmp_path):

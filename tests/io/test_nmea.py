@@ -44,7 +44,7 @@ def test_fixes_are_those_that_were_written(written):
     lat, lon = rng.uniform(-80, 80, 20), rng.uniform(-180, 180, 20)
     speed, course = rng.uniform(0, 50, 20).round(3), rng.uniform(0, 360, 20).round(2)
     text = "".join(
-        gga(m, a, o, 100 + i, 47.125) + rmc(m, a, o, s, c) + GSV + gst(m, 1 + i, 2, 0.0)
+        gga(m, a, o, 100 + i, 47.125) + rmc(m, a, o, s, c) + GSV + gst(m, 1 + i, 2, 3.0)
         for i, (m, a, o, s, c) in enumerate(zip(t, lat, lon, speed, course))
     )
     log = written(text)
@@ -54,7 +54,7 @@ def test_fixes_are_those_that_were_written(written):
     assert np.allclose(fixes["lat"], lat, atol=2e-9) and np.allclose(fixes["lon"], lon, atol=2e-9)
     assert fixes["altitude"].tolist() == [100.0 + i for i in range(20)]
     assert (fixes["separation"] == 47.125).all()
-    assert fixes["sd_n"].tolist() == [1.0 + i for i in range(20)] and (fixes["sd_d"] == 1e-3).all()
+    assert fixes["sd_n"].tolist() == [1.0 + i for i in range(20)] and (fixes["sd_d"] == 3).all()
     assert (motion["speed"] == speed).all() and (motion["course"] == course).all()
     position = log.sections[0]
     assert position.keys["geoid"] == {"column": "separation", "unit": "m"} and not position.assumed
@@ -219,6 +219,21 @@ def test_deviations_are_assumed_by_quality_and_hdop(written):
     assert log.tables["GGA"].frame["sd_n"].tolist() == [10.0, 0.02, 0.5]
     assert log.tables["GGA"].frame["sd_d"].tolist() == [20.0, 0.04, 1.0]
     assert "times HDOP" in log.sections[0].assumed["sd"]
+
+
+def test_deviations_of_zero_are_none(written):
+    t = moments(4)
+    lines = [gga(m, 45, 7, 1, quality=q, hdop=1.0) for m, q in zip(t, (4, 4, 5, 5))]
+    zeros = [gst(m, 0, 0, 0) for m in t]
+    table = written("".join(lines + zeros)).tables["GGA"].frame
+    assert table["sd_n"].tolist() == [0.02, 0.02, 0.5, 0.5]
+    told = [gst(m, *sd) for m, sd in zip(t, ((0.005, 0.012, 0), (0.02,) * 3, (0.02,) * 3))]
+    log = written("".join(lines + told))
+    sd_ned = log.tables["GGA"].frame[["sd_n", "sd_e", "sd_d"]].to_numpy().tolist()
+    assert sd_ned == [[0.01, 0.012, 0.04], [0.02] * 3, [0.1] * 3, [0.5, 0.5, 1.0]]
+    why = log.sections[0].assumed["sd"]
+    assert "where GST tells none: 0.02 m for quality 4, 0.5 m for quality 5" in why
+    assert "raised to at least 0.01 m for quality 4, else 0.1 m" in why
 
 
 def test_headings_of_two_antennas(written):

@@ -14,9 +14,10 @@ from written_phones import (
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.io import registry
 from strapdown.io.inspection import inspect
 from strapdown.io.registry import find
-from strapdown.io.tables.table_file import read_bytes
+from strapdown.io.tables.table_file import head_of, read_bytes
 
 FRD = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
 """Body axes of the phone's: forward is its top."""
@@ -163,6 +164,21 @@ def test_files_of_phyphox_one_by_one(tmp_path, walk):
     )
 
 
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("Accelerometer", "no gyroscope in Accelerometer.csv; .*Accelerometer.csv Gyroscope.csv"),
+        ("Gyroscope", "no accelerometer in Gyroscope.csv; .*Gyroscope.csv Accelerometer.csv"),
+    ],
+)
+def test_the_file_that_is_missing_is_named(tmp_path, walk, name, words):
+    path = folder(tmp_path / "walk", phyphox(walk)) / f"{name}.csv"
+    with pytest.raises(DataError, match=words):
+        sd.read(path)
+    (problem,) = inspect(path).problems
+    assert "name the file that has it beside" in problem
+
+
 def test_gnsslogger(tmp_path, walk):
     """The clock is the phone's, its zero what the fixes of satellites say: not the phone's UTC,
     which is half a second ahead."""
@@ -227,7 +243,7 @@ def test_a_log_whose_sensors_are_useless_still_has_its_fixes(tmp_path, walk):
     thin = b"\n".join(line for k, line in enumerate(lines) if line[:5] != b"Uncal" or k % 200 == 0)
     path = tmp_path / "log.txt"
     path.write_bytes(thin)
-    with pytest.raises(DataError, match="UncalGyro .*: 0.505 Hz is slow .* 20 Hz are needed"):
+    with pytest.raises(DataError, match="UncalGyro .*: 0.505 Hz is too slow .* 20 Hz are needed"):
         sd.read(path)
     files = sensor_logger(walk)
     del files["Location.csv"]
@@ -278,7 +294,7 @@ def test_the_samples(data_folder):
         with pytest.raises(DataError, match=r"Accelerometer\.csv is without gravity"):
             sd.read(phones / name)
     log = data_folder / NATIVE / "gnsslogger" / "pixel7_gnsslogger_v3.txt.xz"
-    with pytest.raises(DataError, match="UncalGyro .*: 0.0177 Hz is slow"):
+    with pytest.raises(DataError, match="UncalGyro .*: 0.0177 Hz is too slow"):
         sd.read(log)
     assert any("94 fixes" in fact for fact in inspect(log).facts)
 
@@ -309,5 +325,26 @@ def test_the_least_rate_is_that_of_other_logs(tmp_path, walk, kind):
     path.write_bytes(
         b"\n".join(line for k, line in enumerate(lines) if not line.startswith(kind) or k % 20 == 0)
     )
-    with pytest.raises(DataError, match="Hz is slow for samples of an IMU: 20 Hz are needed"):
+    with pytest.raises(
+        DataError, match="Hz is too slow for samples of an IMU: 20 Hz are needed"
+    ) as error:
         sd.read(path)
+    assert "takes it" not in str(error.value)
+
+
+def test_a_folder_is_looked_at_twice_and_no_more(tmp_path, walk, monkeypatch):
+    """Whose it is is asked once by what is called and once where it is opened, not for each table."""
+    asked = []
+    real = registry._takes
+    monkeypatch.setattr(
+        registry, "_takes", lambda reader, path: asked.append(reader.name) or real(reader, path)
+    )
+    inspect(folder(tmp_path / "walk", phyphox(walk)))
+    assert max(map(asked.count, asked)) == 2
+
+
+def test_a_head_of_what_cannot_be_read_is_empty(tmp_path):
+    (tmp_path / "a.ubx.xz").write_bytes(b"no xz")
+    (tmp_path / "b.ubx").write_bytes(b"abcdef")
+    for name, head in (("a.ubx.xz", b""), ("none", b""), ("", b""), ("b.ubx", b"abc")):
+        assert head_of(tmp_path / name, 3) == head

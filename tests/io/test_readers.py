@@ -1,9 +1,12 @@
 """The registry of readers: what it lists, how a file finds its reader, readers from outside and
 what is wrong with them."""
 
+import gzip
 import re
+import sqlite3
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +127,7 @@ def test_a_reader_from_outside_is_known_everywhere(log, command):
         ({"read": "read"}, "read is 'read'; it must be a function"),
         ({"inspect": 1}, "inspect is 1; it must be a function of a path, or None"),
         ({"sniff": True}, "sniff is True; it must be a function"),
+        ({"begins": b"LOG1"}, "begins is b'LOG1'; it must be a tuple of bytes"),
     ],
 )
 def test_what_is_wrong_with_a_reader_is_named(changes, words):
@@ -177,6 +181,94 @@ def test_the_longest_suffix_wins(tmp_path):
     add(Reader("long", (".imu.csv",), "log", still))
     assert readers.find(Path("a.imu.csv")).name == "long"
     assert readers.find(Path("a.csv")).name == "table"
+
+
+def mip():
+    """A MIP packet, with Fletcher's checksum."""
+    data, a, b = b"ue\x80\x02\x02\x04", 0, 0
+    for byte in data:
+        a = (a + byte) & 255
+        b = (b + a) & 255
+    return data + bytes((a, b)) + bytes(100)
+
+
+def database(path):
+    """The content of a database of ROS 2 without messages."""
+    with sqlite3.connect(path) as tables:
+        tables.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type)")
+    tables.close()
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("name", ["log", "log.txt", "log.csv", "log.ulg", "log.csv.gz"])
+def test_a_content_that_is_known_is_read_whatever_its_name(tmp_path, name):
+    contents = {
+        "ulog": b"ULog\x01\x12\x35\x01" + bytes(8),
+        "dataflash": b"\xa3\x95\x80" + bytes(100),
+        "mcap": b"\x89MCAP0\r\n" + bytes(100),
+        "rosbag1": b"#ROSBAG V2.0\n" + bytes(100),
+    }
+    if name != "log.ulg":  # these have no mark of their own at their beginning
+        contents |= {"rosbag2": database(tmp_path / "made"), "unread": mip()}
+    for expected, content in contents.items():
+        pack = gzip.compress if name.endswith(".gz") else bytes
+        (tmp_path / name).write_bytes(pack(content))
+        assert readers.find(tmp_path / name).name == expected
+    for damaged in (b"", b"ULog", bytes(50)):  # its own reader says what is wrong with it
+        path = tmp_path / "damaged.ulg"
+        path.write_bytes(damaged)
+        assert readers.find(path).name == "ulog"
+
+
+def test_a_content_that_nobody_knows_is_no_table(tmp_path, command):
+    (tmp_path / "flight.bin").write_bytes(bytes(range(256)) * 20)
+    for name in ("fuse", "inspect"):
+        code, _, err = command(name, str(tmp_path / "flight.bin"))
+        assert code == 2 and "ends as files of dataflash do, and its content is none" in err[0]
+
+
+@pytest.mark.parametrize(
+    "name, content, words",
+    [
+        ("a.ulg", b"", "is no ULog: it is empty; copy it again"),
+        ("a.ulg", b"ULog\x01", "is no ULog: it ends after 5 bytes, within its header"),
+        ("a.ulg", b"ULog\x01\x12\x35\x01", "is no ULog: it ends after 8 bytes, within its header"),
+        ("a.ulg", b"t,x\n0,1\n", r"is no ULog: it begins with b't,x\\n0,1\\n'; is it the file of"),
+        ("a.bag", b"", "is no bag of ROS 1 of format 2.0: it is empty"),
+        ("a.bag", b"#ROSBAG V1.2\n" + bytes(9), "`rosbag migrate` brings one of 1.2 there"),
+        ("a.mcap", b"\x89MC", "is no MCAP file of version 0: it ends after 3 bytes"),
+        ("a.BIN", b"", "a.BIN: is empty; copy it again"),
+        (
+            "a.db3",
+            b"SQLite format 3\0" + bytes(50),
+            "`sqlite3 FILE.db3 .recover | sqlite3 whole.db3`",
+        ),
+        ("a.csv", b"t,x\n" + b"0,1\n" * 9 + b"0,1,2\n", "line 11 has 3 cells, those before it 2"),
+    ],
+)
+def test_what_is_no_file_of_its_format_is_told_in_words(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    for look in (sd.read, inspect):
+        with pytest.raises(DataError, match=words) as error:
+            look(tmp_path / name)
+        assert "C error" not in str(error.value)
+
+
+def test_a_zip_of_one_file_is_read_as_that_file(tmp_path):
+    def zipped(files):
+        with zipfile.ZipFile(tmp_path / "q.zip", "w") as archive:
+            for name, content in files.items():
+                archive.writestr(name, content)
+        return readers.find(tmp_path / "q.zip")
+
+    ulog = b"ULog\x01\x12\x35\x01" + bytes(8)
+    assert zipped({"flight.ulg": ulog}).name == "ulog"
+    assert zipped({"flight": ulog}).name == "ulog"
+    assert zipped({"logs/a.csv": "t,x\n0,1\n", "__MACOSX/logs/._a.csv": "x"}).name == "table"
+    assert zipped({"drive.bag": b"cut"}).name == "rosbag1"
+    assert zipped({"a.ulg": ulog, "b.ulg": ulog}) is None
+    with pytest.raises(DataError, match="holds 2 files that are no recording together; unpack it"):
+        readers.taker(tmp_path / "q.zip")
 
 
 def fails(path):

@@ -7,6 +7,7 @@ import struct
 
 import numpy as np
 import pytest
+import zstandard
 from scipy.spatial.transform import Rotation
 from written_ros import (
     FLU,
@@ -209,6 +210,10 @@ def test_a_drive_comes_back_from_every_bag(tmp_path, driven):
     packed = write_bag2(tmp_path / "d", drive("cdr", driven), "mcap", compression="file")
     check_drive(packed, driven)
     check_drive(packed / "d.mcap.zstd", driven)
+    for suffix, name in ((".bag", "a.bag"), (".db3", "two/two.db3")):
+        path = tmp_path / f"packed{suffix}.zst"
+        path.write_bytes(zstandard.compress((tmp_path / name).read_bytes()))
+        check_drive(path, driven)
 
 
 def test_the_parts_of_a_folder_are_one_log(tmp_path, driven):
@@ -362,6 +367,69 @@ def test_what_topics_are_for(bag):
     np.testing.assert_allclose(of_b.aidings[2].y[0, 0], 96300.0)
     assert keys(path, "magnetometer")["unit"] == "uT"
     assert "times are those of recording" in " ".join(joined.told)
+
+
+@pytest.mark.parametrize("of", ["/mavros", "/uav1/mavros"])
+def test_what_an_autopilot_estimated_is_no_measurement(bag, of):
+    """MAVROS: the receiver is below `raw`, all else of a position is the autopilot's filter."""
+    linear = np.c_[np.full(N, 1.0), np.full(N, 2.0), np.full(N, 0.1)]
+    speeds = odometry("ros1", T, linear[:, 0])
+    path = bag(
+        (f"{of}/imu/data", IMU, imu("ros1", T, SLOW, UP, frame="base_link")),
+        (f"{of}/global_position/global", FIX, fixes("ros1", T, LLA, frame="base_link")),
+        (f"{of}/global_position/raw/fix", FIX, fixes("ros1", T, LLA + 1e-5, frame="base_link")),
+        (f"{of}/global_position/raw/gps_vel", STAMPED, twist("ros1", T, linear, "base_link")),
+        (f"{of}/global_position/gp_vel", STAMPED, twist("ros1", T, linear, "base_link")),
+        (f"{of}/global_position/local", "nav_msgs/msg/Odometry", speeds),
+        (f"{of}/local_position/odom", "nav_msgs/msg/Odometry", speeds),
+        (f"{of}/local_position/velocity_body", STAMPED, twist("ros1", T, linear, "base_link")),
+    )
+    joined = join(opened([path]))
+    taken = [each.section.keys["table"] for each in joined.taken]
+    names = "imu/data", "global_position/raw/fix", "global_position/raw/gps_vel"
+    assert sorted(taken) == sorted(f"{of}/{name}" for name in names)
+    reasons = [why for each, why in joined.left if each.section.role != "attitude"]
+    assert len(reasons) == 5 and all("autopilot's filter" in why for why in reasons)
+    recording = sd.read(path)
+    np.testing.assert_allclose(np.degrees(recording.aidings[0].y[:, :2]), LLA[:, :2] + 1e-5)
+    by_name = sd.read(path, gnss=0)
+    np.testing.assert_allclose(np.degrees(by_name.aidings[0].y[:, :2]), LLA[:, :2])
+
+
+@pytest.mark.parametrize(
+    "frame, said",
+    [
+        *(
+            (each, "one of the ground")
+            for each in ("map", "/odom", "robot1/world", "t265_odom_frame")
+        ),
+        *((each, "one of the ground") for each in ("earth", "enu", "NED", "local_origin_ned")),
+        ("elsewhere", "no transform from base_link to its frame elsewhere"),
+        *((each, "") for each in ("base_link", "", "wheels", "robot1/base_footprint")),
+    ],
+)
+def test_a_twist_is_a_speed_in_a_frame_of_the_vehicle_only(bag, frame, said):
+    linear = np.c_[np.full(N, 3.0), np.full(N, 4.0), np.full(N, 0.1)]
+    mounted = transform("ros1", "base_link", "wheels", [0.0, 0.0, 0.2], [0.0, 0.0, 0.0, 1.0])
+    path = bag(
+        still(frame="base_link"),
+        ("/twist", STAMPED, twist("ros1", T, linear, frame)),
+        ("/tf_static", "tf2_msgs/msg/TFMessage", [mounted], T[:1]),
+    )
+    joined = join(opened([path]))
+    left = {each.section.role: why for each, why in joined.left}
+    assert said in left["speed"] if said else "speed" not in left
+
+
+def test_a_vehicle_that_is_parked_is_not_fixed_to_the_ground(bag):
+    """As far as the log is looked at: what comes later is not seen."""
+    parked = [transform("ros1", "odom", "base_link", [3.0, 4.0, 0.0], [0.0, 0.0, 0.0, 1.0])] * N
+    path = bag(
+        still(frame="base_link"),
+        ("/fix", FIX, fixes("ros1", T, LLA, frame="odom")),
+        ("/tf", "tf2_msgs/msg/TFMessage", parked, T),
+    )
+    assert keys(path, "gnss")["lever_arm"] == [0.0, 0.0, 0.0]
 
 
 def test_fixes_without_a_fix_are_missing(bag):

@@ -109,8 +109,17 @@ def test_a_baseline_needs_its_base(written, tmp_path):
     assert np.allclose(ned[:, :2], enu[:, [1, 0]], atol=2e-3)
     assert np.allclose(-ned[:, 2], enu[:, 2], atol=2e-3)
     assert np.allclose(frame["sdn"], 0.01) and np.allclose(frame["sde"], 0.02)
-    with pytest.raises(DataError, match="its header names no base"):
-        written(T, enu, SD, "enu")
+    for words in ("40 00 00.00000 -105 00 00.00000 1600.0000", "40.0, -105.0, 1600.0"):
+        log = written(T, enu, SD[:, [1, 0, 2, 3, 4, 5]], "enu", head=f"% ref pos   : {words}")
+        assert np.allclose(log.tables["solution"].frame, frame, atol=1e-9)
+    head = "% ref pos   :  -35 10 12.12345  136 54 33.45678    80.0000"
+    place = written(T[:1], 0 * enu[:1], SD, "enu", head=head).tables["solution"].frame
+    south, east = -(35 + 10 / 60 + 12.12345 / 3600), 136 + 54 / 60 + 33.45678 / 3600
+    found = place[["latitude", "longitude", "height"]].to_numpy()
+    assert np.allclose(found, [[south, east, 80]], atol=1e-8)
+    for head in ("", "% ref pos : 35 10 12.1 136 54 33.4", "% ref pos : 35 136 80 2"):
+        with pytest.raises(DataError, match="its header names no base"):
+            written(T, enu, SD, "enu", head=head)
 
 
 def test_velocities_that_were_not_worked_out_are_not_used(written, tmp_path):

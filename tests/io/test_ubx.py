@@ -256,6 +256,17 @@ def test_mounting_angles_of_the_receiver_are_taken(written, tmp_path):
     imu = next(each for each in log.sections if each.of == "imu")
     wanted = {"roll": -2.0, "pitch": -5.0, "heading": -90.0, "unit": "deg"}
     assert imu.keys["mounting"] == wanted
+    assert imu.assumed["mounting"] == "as the receiver found it (ESF-ALG)"
+    alg[:, 5] = 0  # angles that a user has set
+    for angles, expected in ((alg, wanted), (np.r_[alg[:, :8].T, np.zeros((8, 1))].T, None)):
+        content = data + ubx.frames(0x1014, angles.astype(np.uint8)).tobytes()
+        imu = next(each for each in written(content).sections if each.of == "imu")
+        assert imu.keys.get("mounting") == expected
+        assert ("as it was set" in imu.assumed.get("mounting", "")) == (expected is not None)
+    for status in (1, 2):  # still looking for them
+        alg[:, 5] = status << 1
+        log = written(data + ubx.frames(0x1014, alg).tobytes())
+        assert all("mounting" not in each.keys for each in log.sections)
 
 
 @pytest.mark.parametrize("many", [0, 1, 5, 7, 99, 100, 101, 107, 250, 1111])
@@ -360,3 +371,20 @@ def test_a_time_of_week_gets_the_week_of_the_file_beside_it(tmp_path, absolute):
     (position,) = recording.aidings
     assert np.allclose(position.t - recording.imu.t[0], np.arange(10), atol=0.02)
     assert ("epoch" in recording.meta) == absolute
+
+
+def test_an_imu_with_two_tables_and_no_date(written, tmp_path):
+    """ESF-MEAS, gyro and accelerometer apart, beside NAV-POSLLH alone: all on the time of week."""
+    rng, n = np.random.default_rng(0), 400
+    tow = GPS % ubx.WEEK + 100 * np.arange(n // 10)
+    fixed = np.tile([73000000, 450000000, 250000, 203000, 1500, 2500], (n // 10, 1))
+    place = ubx.frames(0x0102, ubx.rows(np.hstack([tow[:, None], fixed]).astype("<i4")))
+    tag, noise = 5_000_000 + 10 * np.arange(n), rng.integers(-40, 40, (n, 6))
+    gyro = ubx.esf_meas(tag, [14, 13, 5], noise[:, :3])
+    accel = ubx.esf_meas(tag + 1, [16, 17, 18], noise[:, 3:] + [0, 0, 10042])
+    both = np.concatenate([gyro, accel], axis=1).reshape(n // 10, -1)
+    written(np.concatenate([place, both], axis=1).tobytes())
+    recording = sd.read(tmp_path / "a.ubx")
+    (position,) = recording.aidings
+    assert np.allclose(position.t, tow / 1e3) and abs(recording.imu.t[0] - tow[0] / 1e3) < 0.2
+    assert len(recording.imu.t) > n - 5

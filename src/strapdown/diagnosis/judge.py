@@ -2,6 +2,7 @@
 and the sensitivity of its innovations to the installation."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -29,7 +30,9 @@ def judge(solution: Solution) -> Verdict:
     recording = solution.recording
     assert recording is not None  # `Solution.verdict` asks for no other
     sources = evidence.by_source(solution)
-    untested = list(_untested(solution, sources))
+    seconds = recording.span[1] - solution.meta["start"]["t"]
+    little = seconds < SHORTEST or all(len(source.t) < GATED for source in sources)
+    untested = list(_untested(solution, sources, seconds))
 
     def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
         """What a check finds; one that fails is said, and does not cost the user the result."""
@@ -58,7 +61,8 @@ def judge(solution: Solution) -> Verdict:
     )
     if not sources and not symptoms and not (checked and checked.reasons):
         return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
-    return Verdict.of(_once(checked.reasons if checked else [], causes), untested, symptoms)
+    verdict = Verdict.of(_once(checked.reasons if checked else [], causes), untested, symptoms)
+    return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 
 
 def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
@@ -94,12 +98,10 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
             break
 
 
-def _untested(solution: Solution, sources: list[Fixes]) -> Iterator[str]:
+def _untested(solution: Solution, sources: list[Fixes], seconds: float) -> Iterator[str]:
     """What could not be tested, and why."""
-    assert solution.recording is not None
-    seconds = solution.recording.span[1] - solution.meta["start"]["t"]
     if seconds < SHORTEST:
-        yield f"anything that takes time: the run lasts {seconds:.0f} s"
+        yield f"anything that takes time: the run lasts {seconds:.0f} s, of {SHORTEST:.0f} s needed"
     few = [source.name for source in sources if len(source.t) < GATED]
     if few:
         yield f"innovations of {', '.join(few)}: fewer than {GATED} fixes"

@@ -103,6 +103,7 @@ class Log(NamedTuple):
     asked: tuple[str, ...] = ()
     # keys at the top of a description, such as "epoch", UTC of t = 0 of a clock of its own
     head: Mapping[str, Any] = {}
+    reader: str = ""  # name of the Reader that gave it, put in when it is opened
 
 
 class Reader(NamedTuple):
@@ -127,3 +128,5 @@ class Reader(NamedTuple):
     # has none
     sniff: Callable[[Path], bool] | None = None
     open: Callable[[Path], Log] | None = None
+    # first bytes that no other format has: a file with them is one, whatever its name
+    begins: tuple[bytes, ...] = ()

@@ -1,9 +1,11 @@
 """Readers of recordings: the files of the room `readers`, one per format, each of which ends in
 `READER = Reader(...)`. Nothing else lists them. Plugins bring more.
 
-A file goes to the reader whose suffix its name has, to the one of the longest where several have
-one. Where a format's suffix is also another's, its `sniff` is asked first; a file with a suffix that
-nobody has goes to the first whose `sniff` says yes.
+A file whose first bytes are those that a format `begins` with is one, whatever its name. Others go
+to the reader whose suffix their name has, to the one of the longest where several have one. Where a
+format's suffix is also another's, its `sniff` is asked first; a file with a suffix that nobody has,
+or with one of text and a content that is none, goes to the first whose `sniff` says yes. A zip of
+one file that no reader knows by its own name has the name of that file.
 """
 
 import importlib
@@ -15,7 +17,11 @@ from typing import Any
 from .. import plugins
 from ..checks import DataError
 from .contract import Reader
-from .tables.table_file import PACKED
+from .tables.table_file import PACKED, SUFFIXES as OF_TEXT, files_in, head_of
+
+START = 1 << 12
+"""Bytes of a file that tell text from other contents."""
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 @cache
@@ -64,6 +70,11 @@ def _check_fields(reader: Reader) -> None:
             callable(reader.read) or (reader.read is None and callable(reader.open)),
             "a function of a path, or None beside an open",
         ),
+        "begins": (
+            isinstance(reader.begins, tuple)
+            and all(isinstance(each, bytes) and each for each in reader.begins),
+            'a tuple of bytes as (b"LOG1",)',
+        ),
     }
     for name in ("inspect", "sniff", "open"):
         value = getattr(reader, name)
@@ -83,25 +94,45 @@ REGISTRY = plugins.Registry(
 def find(path: Path) -> Reader | None:
     """The Reader of a file or a folder, or None of a file that none knows. Raises DataError where a
     `sniff` fails, where two readers claim the file alike, and for a folder that none knows."""
-    lower, claims = path.name.lower(), []
+    inside = files_in(path)
+    head = head_of(path, START) if len(inside) < 2 else b""
+    for reader in readers().values():
+        if reader.begins and head.startswith(reader.begins):
+            return reader
+    found = _claimed(path, path.name, head)
+    if found is None and len(inside) == 1:
+        found = _claimed(path, f"{inside[0]}.zip", head)
+    if found is None and path.is_dir():
+        raise DataError(
+            f"{path}: is a folder in which no reader finds what it knows; name the files themselves"
+        )
+    return found
+
+
+def _claimed(path: Path, name: str, head: bytes) -> Reader | None:
+    """The Reader that claims a file of this name."""
+    lower, claims = name.lower(), []
+    misnamed = lower.endswith(OF_TEXT) and not _is_text(head)
     for reader in readers().values():
         length = max((len(end) for end in reader.suffixes if lower.endswith(end)), default=0)
         if length or reader.sniff:
-            claims.append(((-length, reader.sniff is None), reader))
-    for claim, reader in sorted(claims, key=lambda each: each[0]):
+            claims.append(((0 if misnamed else -length, reader.sniff is None), reader))
+    claims.sort(key=lambda each: each[0])
+    for number, (claim, reader) in enumerate(claims):
         if _takes(reader, path):
-            for other_claim, other in claims:
-                if other is not reader and other_claim == claim and _takes(other, path):
+            for other_claim, other in claims[number + 1 :]:
+                if other_claim == claim and _takes(other, path):
                     raise DataError(
                         f"{path}: the readers {reader.name!r} and {other.name!r} both take it for "
                         f"theirs; leave one of them out"
                     )
             return reader
-    if path.is_dir():
-        raise DataError(
-            f"{path}: is a folder in which no reader finds what it knows; name the files themselves"
-        )
     return None
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether first bytes may be those of a text: no text but UTF-16 has zeros."""
+    return b"\0" not in head or head.startswith(UTF_16) or not any(head[1:200:2])
 
 
 def _takes(reader: Reader, path: Path) -> bool:
@@ -118,8 +149,13 @@ def _takes(reader: Reader, path: Path) -> bool:
 
 
 def looker(path: Path) -> Reader:
-    """The Reader that looks at a file: that of tables, where the format is not known."""
-    return find(path) or readers()["table"]
+    """The Reader that looks at a file: that of tables for a text of no known format. Raises
+    DataError."""
+    found = find(path)
+    if found is None:  # an empty or a binary file is no table either
+        is_empty = path.is_file() and not path.stat().st_size
+        return taker(path) if is_empty or not _is_text(head_of(path, START)) else readers()["table"]
+    return found
 
 
 def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
@@ -153,9 +189,17 @@ def taker(path: Path) -> Reader:
     ]
     if (known or not path.suffix) and not path.exists():
         raise DataError(f"{path}: cannot be read (no such file or folder); check the path")
+    if path.is_file() and not path.stat().st_size:
+        raise DataError(f"{path}: is empty; copy it again from the device")
+    if len(inside := files_in(path)) > 1:
+        raise DataError(
+            f"{path}: holds {len(inside)} files that are no recording together; unpack it and name "
+            f"the files themselves"
+        )
     if known:
         raise DataError(
-            f"{path}: its name ends as files of {' and '.join(known)} do, and its content is none"
+            f"{path}: its name ends as files of {' and '.join(known)} do, and its content is none; "
+            f"is it damaged or without its beginning? copy it again"
         )
     ending = "".join(path.suffixes[-2 if path.suffix.lower() in PACKED else -1 :]).lower()
     raise DataError(

@@ -12,6 +12,7 @@ from ..core.contract import Imu, Measurement
 from ..core.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
+from ..time_scales import iso, span, utc
 from ..typing import Array
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
@@ -190,16 +191,32 @@ def _pressure(column: Array, origin: Origin) -> None:
     origin.refuse((column < PRESSURES[0]) | (column > PRESSURES[1]), text)
 
 
-def overlap(imu: Imu, t: Array, name: str) -> None:
-    """Raise DataError where none of the times `t` (s) is within the IMU record."""
+def overlap(imu: Imu, t: Array, name: str, epoch: float | None = None) -> None:
+    """Raise DataError where none of the times `t` (s) is within the IMU record. `epoch` is the moment
+    of t = 0 in seconds of GPS time since its zero, where it is known: dates are then said too."""
     start, stop = float(imu.t[0] - imu.dt[0]), float(imu.t[-1])
     if len(t) and not ((t >= start) & (t <= stop)).any():
         raise DataError(
             f"{name}: nothing falls within the IMU record: IMU {start:.3f} to {stop:.3f} s, here "
             f"{t[0]:.3f} to {t[-1]:.3f} s; "
+            + _of_other_days(np.array([start, stop]), t[[0, -1]], epoch)
             + (likely_shift(start, stop, float(t[0]), float(t[-1])) or "")
             + "add `offset` to one `time`, or check the units of time"
         )
+
+
+def _of_other_days(imu: Array, fixes: Array, epoch: float | None) -> str:
+    """What both records say of their days, where that is known and differs: first and last times of
+    both, s since `epoch`."""
+    if epoch is None:
+        return ""
+    of_imu, here = (utc(iso(epoch), t) for t in (imu, fixes))
+    if of_imu[0].astype("M8[D]") == here[0].astype("M8[D]"):
+        return ""
+    return (
+        f"they are of different days, the IMU {span(of_imu)}, here {span(here)}: name files of one "
+        f"recording, or where a clock is wrong: "
+    )
 
 
 def likely_shift(start: float, stop: float, first: float, last: float) -> str | None:

@@ -62,3 +62,14 @@ class Tables(Mapping[str, Table]):
 
     def __len__(self) -> int:
         return len(self._makers)
+
+
+def how_it_begins(content: bytes | memoryview, magic: bytes) -> str:
+    """Of a file that does not begin with the mark of its format: what it does instead, and what to
+    do."""
+    if not len(content):
+        return "it is empty; copy it again from the device"
+    start = bytes(content[: len(magic)])
+    if magic.startswith(start):
+        return f"it ends after {len(content)} bytes, within its header; copy it again"
+    return f"it begins with {bytes(content[:12])!r}; is it the file of the device, and whole?"

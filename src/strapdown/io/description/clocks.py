@@ -105,8 +105,7 @@ def _later(section: Section, seconds: float, clock: str = "") -> Section:
         time = {**keys["time"], "offset": keys["time"].get("offset", 0.0) + seconds}
         return {**keys, "time": {**time, "clock": clock} if clock else time}
 
-    keys = moved(section.keys)
-    keys |= {key: moved(keys[key]) for key in ("gyro", "accel") if key in keys}
+    keys = _changed(section.keys, moved)
     told = {"time": "to the clock of the IMU, by the UTC of both logs"}
     return section._replace(keys=keys, assumed={**section.assumed, **told})
 
@@ -139,15 +138,28 @@ def _weeks(
 
 def _with_week(section: Section, week: int | None, why: str) -> Section:
     """The section with the number of the week, or on no absolute clock where that is None."""
-    time = section.keys.get("time", {})
-    if "week" not in time or time["week"] is not None:
+
+    def said(keys: Mapping[str, Any]) -> dict[str, Any]:
+        time = keys.get("time", {})
+        if "week" not in time or time["week"] is not None:
+            return dict(keys)
+        time = {key: value for key, value in time.items() if key not in ("week", "clock")}
+        return {**keys, "time": time if week is None else {**time, "clock": "gps", "week": week}}
+
+    keys = _changed(section.keys, said)
+    if keys == section.keys:
         return section
-    time = {key: value for key, value in time.items() if key not in ("week", "clock")}
-    if week is not None:
-        time |= {"clock": "gps", "week": week}
     told = " and ".join(filter(None, [section.assumed.get("time", ""), why]))
     assumed = {**section.assumed, **({"time": told} if told else {})}
-    return section._replace(keys={**section.keys, "time": time}, assumed=assumed)
+    return section._replace(keys=keys, assumed=assumed)
+
+
+def _changed(
+    keys: Mapping[str, Any], change: Callable[[Mapping[str, Any]], dict[str, Any]]
+) -> dict[str, Any]:
+    """The keys of a section with a change of the time, also that of a gyro or an accelerometer."""
+    of_signals = {key: change(keys[key]) for key in ("gyro", "accel") if key in keys}
+    return change(keys) | of_signals
 
 
 def _overlap(one: Timed, other: Timed) -> bool:

@@ -56,7 +56,7 @@ def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
     joined = join(opened(paths), take)
     found = Findings.of(fact for path in paths for fact in joined.logs[path].facts)
     found.add(joined.told, joined.asked)
-    if not any(each.section.of == "imu" for each in joined.taken):
+    if joined.without_imu:
         return found
     label = Path(", ".join(map(str, paths)))
     description = complaints(label, joined.content("."))

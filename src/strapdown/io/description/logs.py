@@ -29,6 +29,11 @@ OPTIONAL = {
 """Keys at the top of a draft that a user may want, where the files say nothing."""
 COMMENT = 33
 """Column at which comments of a draft begin, where there is room."""
+OTHER_PIECE = {
+    "gyro": ("accelerometer", "Accelerometer.csv"),
+    "accel": ("gyroscope", "Gyroscope.csv"),
+}
+"""Of an IMU with gyro or accel alone: what is missing, and a name of a file that has it."""
 Take = Mapping[str, int | None]
 """{role: instance} that a user asks for; None leaves the role out."""
 
@@ -61,23 +66,37 @@ class Joined(NamedTuple):
         """What must be known before the files can be read."""
         lines = [f"{path}: {line}" for path in self.paths for line in self.logs[path].asked]
         lines += self.clock.asked
-        if not lines and not any(each.section.of == "imu" for each in self.taken):
-            names = ", ".join(map(str, self.paths))
-            unusable = [why for each, why in self.left if each.section.of == "imu"]
-            lines.append(
-                f"{names}: {unusable[0]}"
-                if unusable
-                else f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
-                f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
-            )
+        if not lines:
+            lines += self.without_imu
         return lines + [line for line, refused in self._slow() if refused]
+
+    @property
+    def without_imu(self) -> list[str]:
+        """The line on what of an IMU is not there; none where all is."""
+        there = {_piece(each.section): each for each in self.taken if each.section.of == "imu"}
+        names = ", ".join(map(str, self.paths))
+        if len(there) == 1 and "" not in there:  # gyro or accel
+            piece, each = next(iter(there.items()))
+            missing, as_in = OTHER_PIECE[piece]
+            return [
+                f"{names}: no {missing} in {each.path.name}; name the file that has it beside, as in "
+                f"strapdown fuse {each.path.name} {as_in}"
+            ]
+        unusable = [why for each, why in self.left if each.section.of == "imu"]
+        if there or unusable:
+            return [] if there else [f"{names}: {unusable[0]}"]
+        return [
+            f"{names}: no IMU in {'it' if len(self.paths) == 1 else 'them'}; name its file "
+            f"beside, as in strapdown fuse imu.csv {self.paths[0].name}"
+        ]
 
     def _slow(self) -> Iterator[tuple[str, bool]]:
         """(line on an IMU that is slow, whether it is refused) of the devices; a bare table may be
         of anything."""
         for each in self.taken:
-            found = slow(each.section, self.logs[each.path].tables)
-            if found and looker(each.path).name != "table":
+            log = self.logs[each.path]
+            found = slow(each.section, log.tables) if log.reader != "table" else None
+            if found:
                 yield f"{each.name}: {found[0]}", found[1]
 
     @property
@@ -140,7 +159,7 @@ def opened(paths: Iterable[File]) -> dict[Path, Log]:
             )
         if path in logs:
             raise DataError(f"{path}: is named twice; name it once")
-        logs[path] = ask(reader, "open", path)
+        logs[path] = ask(reader, "open", path)._replace(reader=reader.name)
     return logs
 
 
@@ -215,6 +234,8 @@ def _piece(section: Section) -> str:
 def _why(each: Taken, role: str, take: Take) -> str:
     if role in take and take[role] is None:
         return "not wanted"
+    if not each.section.keys:  # there is nothing to take
+        return each.section.left
     number = each.section.instance
     how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
     return f"{each.section.left or f'one {ROLES[role]} is taken'}; {how} takes it"

@@ -238,7 +238,7 @@ def read_aiding(
     if matrix is not None:
         y, sd = turned(y, matrix), turned(sd, np.abs(matrix))
     aiding, more = clean(make(t, y, sd), sensor, origin)
-    overlap(imu, aiding.t, where)
+    overlap(imu, aiding.t, where, files.epoch)
     notes += more + overlap_notes(imu, aiding)
     if part.slip_test and part.kind == "speed":
         aiding, slipped = without_slip(aiding, imu)
@@ -358,7 +358,7 @@ def read_reference(
         table = files.table(part.file, table=part.table)
         t, lla, v_n, q_nb, origin = _own_table(table, files)
     reference, more = clean_reference(t, lla, v_n, q_nb, origin)
-    overlap(imu, reference.t, f"{files.path}: [reference]")
+    overlap(imu, reference.t, f"{files.path}: [reference]", files.epoch)
     return reference, notes + more
 
 

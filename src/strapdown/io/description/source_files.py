@@ -1,7 +1,7 @@
 """The tables that a description names, where they are, and their times on the clock of the
 recording."""
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -70,15 +70,11 @@ class Files:
 
     def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
         path = self.locate(file)
-        same, reader = path.resolve(), looker(path)
-        is_bare = reader.open is None or reader.name == "table"
+        same = path.resolve()
         if same in self._logs and header:
             tables = self._logs[same].tables
-        elif is_bare and (table is None or path.suffix.lower() == MATLAB):
-            tables = tables_of(path, header)
         else:
-            self._logs[same] = ask(reader, "open", path)
-            tables = self._logs[same].tables
+            tables = self._opened(path, header, table is None)
         for found in tables.values():
             self.notes += [note for note in found.notes if note not in self.notes]
         if table is None and len(tables) == 1:
@@ -88,6 +84,15 @@ class Files:
             hint = did_you_mean(table, tables) if table is not None else ""
             raise DataError(f"{path}: table: {wrong}{hint}; it has {', '.join(tables) or 'none'}")
         return tables[table]
+
+    def _opened(self, path: Path, header: bool, alone: bool) -> Mapping[str, Table]:
+        """The tables of a file that is not yet read; `alone`: a description names none of them."""
+        reader = looker(path)
+        is_bare = reader.open is None or reader.name == "table"
+        if is_bare and (alone or path.suffix.lower() == MATLAB):
+            return tables_of(path, header)
+        log = self._logs[path.resolve()] = ask(reader, "open", path)
+        return log.tables
 
     def forget(self, file: str) -> None:
         """Let go of what was read, where nothing later needs the tables of the file."""

@@ -10,19 +10,24 @@ from ...typing import Array
 from ..tables.table_file import Table
 
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
+OWN_NAMES = {
+    GYRO: [("roll_?rate|rollspeed", "pitch_?rate|pitchspeed", "yaw_?rate|yawspeed"), "pqr"]
+}
+"""Names without x, y, z of the three columns of a sensor."""
 MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
-ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|specific_?force)"
+ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|spec(ific)?_?(force|acc))"
 OF = r"(gps|gnss|pos|position|nav|fix|ubx)?[_ .]?"
 """What may stand before the name of a column of fixes."""
 POSITION = {
-    "latitude": OF + r"(lat|latitude)|ll[ah]_1",
-    "longitude": OF + r"(lon|lng|long|longitude)|ll[ah]_2",
+    "latitude": OF + r"(lat|latitude|latitud|breite(ngrad)?)|ll[ah]_1",
+    "longitude": OF + r"(lon|lng|long|longitude|longitud|l(ä|ae)nge(ngrad)?)|ll[ah]_2",
     "ellipsoidal": OF
     + r"(h_?ell(ipsoid)?|ell(ipsoidal)?_?(height|alt(itude)?)|h_?wgs_?84|height_ell)",
     "sea": OF
     + r"(h_?msl|(alt(itude)?|height|hgt|h|elev(ation)?)_(a?msl|ortho(metric)?|sea|geoid)|a?msl"
     r"(_(alt(itude)?|height))?|ortho(metric)?_?(height|alt)?|elev(ation)?)",
-    "height": OF + r"(alt|altitude|h|hgt|height)|ll[ah]_3",
+    "height": OF
+    + r"(alt|altitude|h|hgt|height|h(ö|oe)he|hauteur|altura|altitud|quota|altezza)|ll[ah]_3",
     "separation": r"(geoid(al)?_?)?(sep|separation|undulation|height_of_geoid)|geoid|n_geoid",
 }
 VELOCITY = {
@@ -33,9 +38,9 @@ VELOCITY = {
     "up": OF + r"(vu|v_?u|vel_?u|v(el(ocity)?)?_?up|up_?vel(ocity)?|climb(_?rate)?|v_?speed|"
     r"vert(ical)?_?(speed|vel(ocity)?))",
     "speed": OF + r"((gnd|ground|g|hor(izontal)?|h)?_?(speed|spd|vel_?2d)|sog|speed_over_ground|"
-    r"ground_?velocity|velocity|knots)",
+    r"ground_?velocity|velocity|knots|geschwindigkeit|v_?ground)",
     "course": OF + r"((ground_?)?course(_over_ground)?|cog|track(_angle)?|trk|motion_?heading|"
-    r"head(ing)?_?(of_?)?mot(ion)?|direction|bearing)",
+    r"head(ing)?_?(of_?)?mot(ion)?|direction|bearing|kurs)",
 }
 ECEF = {
     axis: rf"((ecef|pos(ition)?_?ecef|r_ecef)[_ .]?{axis}|{axis}([_ .]?ecef)?)" for axis in "xyz"
@@ -45,6 +50,8 @@ ECEF_VELOCITY = {
     for axis in "xyz"
 }
 SPREAD = r"(sd|std(dev)?|sigma|acc(uracy)?|err(or)?|unc(ertainty)?|rms)"
+NO_FORCE = r"(?!acc(uracy)?[_ .]?[xyz123]([^a-z].*)?$)"
+"""`acc_x` is an acceleration, not an accuracy."""
 DEVIATIONS = {
     "horizontal": rf"h_?acc|(h|hor|horizontal)_?{SPREAD}|{SPREAD}_?(h|hor|horizontal|xy|2d)|eph|accuracy",
     "vertical": rf"v_?acc|(v|vert|vertical)_?{SPREAD}|{SPREAD}_?(v|vert|vertical|z)|epv",
@@ -58,12 +65,16 @@ DEVIATIONS = {
     "ve": rf"{SPREAD}_?(v_?e|vel_?e|v(el)?_?east)|(v_?e|vel_?e)_?{SPREAD}",
     "vd": rf"{SPREAD}_?(v_?[du]|vel_?[du]|v(el)?_?(down|up))|(v_?[du]|vel_?[du])_?{SPREAD}",
 }
+DEVIATIONS = {key: f"{NO_FORCE}({pattern})" for key, pattern in DEVIATIONS.items()}
 FIX = (
     r"((gps|gnss)_?)?(fix(_?(type|quality|status|mode|ok|valid))?|quality|q|(pos_?|nav_?)?mode|"
     r"(sol(ution)?_?)?status|valid|rtk_?status)"
 )
 UNIT = r"(?P<unit>([_ .,\[(].*)?)"
 SPELLINGS = {
+    "mdps": r"(mdps|m°[_ /]*s(ec)?|mdeg.*s(ec)?|milli_?deg.*s(ec)?)",
+    "mrad/s": r"(mrad.*s(ec)?|milli_?rad.*s(ec)?)(\^?-1)?",
+    "deg/h": r"(deg|°)[_ /]*(p?h|hour|hr)(\^?-1)?",
     "rad/s": r"rad.*s(ec)?(ond)?(\^?-1)?",
     "deg/s": r"(deg.*s(ec)?|dps|°[_ /]*s(ec)?)",
     "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2|m/s²|m/s/s)",
@@ -105,6 +116,11 @@ class Names(NamedTuple):
         """All columns of a table."""
         return cls(table, [str(name) for name in table.frame.columns])
 
+    def without(self, names: Iterable[str]) -> "Names":
+        """The same without these columns."""
+        left = set(names)
+        return self._replace(names=[name for name in self.names if name not in left])
+
     def find(self, pattern: str) -> str | None:
         """The first column named so, with or without a unit behind, or None; one without it
         first."""
@@ -114,11 +130,6 @@ class Names(NamedTuple):
                     return name
         return None
 
-    def text(self, pattern: str) -> str | None:
-        """The same of a column that holds text."""
-        name = self.find(pattern)
-        return None if name is None or self.table.frame[name].dtype.kind in "iuf" else name
-
     def triple(self, pattern: str) -> list[str] | None:
         """Names of the x, y and z column, or None."""
         for axes in ("xyz", "123"):  # the columns of a matrix have numbers
@@ -126,7 +137,20 @@ class Names(NamedTuple):
             known = [name for name in found if name]
             if len(known) == 3:
                 return known
-        return None
+        names = [self._of_triple(pattern, i) for i in range(3)]
+        return [name for name in names if name] if all(names) else None
+
+    def _of_triple(self, pattern: str, axis: int) -> str | None:
+        """A column of a triple that has a name of its own for each axis."""
+        own = OWN_NAMES.get(pattern, [])
+        unit = r"([_ .]?(m?rad|m?deg|m?dps).*|[_ ]*[\[(].*)?"
+        found = (
+            name
+            for names in own
+            for name in self.names
+            if re.fullmatch(f"({names[axis]}){unit}", plain(name))
+        )
+        return next(found, None)
 
     def numbers(self, name: str | int) -> Array:
         """The column as floats, NaN where it is no number."""
@@ -143,6 +167,7 @@ class Names(NamedTuple):
             ends = re.split(r"[\[(]|(?<=[^_ ])[_ ]", spelt, maxsplit=4)
             texts += ["_".join(ends[i:]) for i in range(1, len(ends))]
         texts.append(self.table.units.get(name, "").lower())
+        texts += [plain(name)] if len(name.strip()) > 1 else []  # `ms`, `knots`
         for unit in units:
             if any(re.fullmatch(SPELLINGS[unit] + r"[\])]?", text) for text in texts):
                 return unit

@@ -1,6 +1,7 @@
 """A bare table as a Log: guesses at what its columns are, by names, units, magnitudes and content,
 with a reason wherever the user must check."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from ..description.schema_base import Time
 from ..description.source_files import Files
 from ..tables.table_arrays import tables_of
 from ..tables.table_file import Table
-from .column_names import ACCEL, GYRO, Names
+from .column_names import ACCEL, GYRO, Names, plain
 from .drafted_fixes import fix_sections
 from .drafted_imu import attitude_section, imu_section, magnetometer_section
 from .drafted_times import find_clock
@@ -24,6 +25,7 @@ def open_table(path: Path) -> Log:
     tables: dict[str, Table] = {}
     sections: list[Section] = []
     facts: list[str] = []
+    left: list[str] = []
     asked: list[str] = []
     found = tables_of(path)
     for name, table in found.items():
@@ -38,10 +40,11 @@ def open_table(path: Path) -> Log:
             for section in log.sections
         ]
         facts += log.facts
+        left += log.left
         asked += log.asked
     if sections and len(found) > 1:  # the other tables are what they are
-        asked = [line for line in asked if "gravity" in line]
-    return Log(tables, tuple(sections), tuple(facts), (), tuple(asked))
+        asked = [line for line in asked if "gravity" in line or "height" in line]
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked))
 
 
 def _is_piece(section: Section) -> bool:
@@ -58,7 +61,10 @@ def _of_table(table: Table, name: str | None) -> Log:
     is_imu = bool(columns.triple(GYRO) or columns.triple(ACCEL))
     clock = find_clock(columns, is_imu)
     if clock is None:
-        no_time = "no column is named like a time: name it in `time` of a recording.toml"
+        no_time = (
+            f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MOST_NAMES])}: "
+            f"rename it to time, or name it in `time` of a recording.toml"
+        )
         return Log({"": table}, (), tuple(facts), asked=(no_time,))
     facts.append(clock.fact + (f" (a guess: {clock.assumed})" if clock.assumed else ""))
     t = _times(table, clock.keys)
@@ -66,22 +72,56 @@ def _of_table(table: Table, name: str | None) -> Log:
     magnetometer, of_field = magnetometer_section(
         columns, clock.keys, imu.keys.get("axes", "FRD") if imu else "FRD"
     )
-    fixes = fix_sections(columns, clock.keys, t, is_imu)
+    taken = [name for section in (imu, magnetometer) if section for name in named(section.keys)]
+    fixes = fix_sections(columns.without(taken), clock.keys, t, is_imu)
     attitude, of_attitude = attitude_section(columns, clock.keys)
     sections = [
         _told(section, clock.assumed, name)
         for section in (imu, *fixes.sections, magnetometer, attitude)
         if section is not None
     ]
-    if not sections:
+    asked += fixes.asked
+    if not sections and not asked:
         asked.append(
             f"nothing was recognised among its columns {', '.join(columns.names[:20])}: say in a "
-            f"recording.toml what they are, or rename them"
+            f"recording.toml what they are, or rename them, as gyro_x, acc_x, lat, lon, height"
         )
     if fixes.made:
         table = table._replace(frame=table.frame.assign(**fixes.made))
     facts += [*more, *fixes.facts, *of_field, *of_attitude]
-    return Log({"": table}, tuple(sections), tuple(facts), asked=tuple(asked))
+    used = [*named([each.keys for each in sections]), *named(clock.keys), *fixes.sources]
+    left = _not_taken(columns.without(used), label if name else "")
+    return Log({"": table}, tuple(sections), tuple(facts), left, tuple(asked))
+
+
+MOST_NAMES = 40
+"""Columns that a line lists at most."""
+
+
+def _not_taken(columns: Names, label: str) -> tuple[str, ...]:
+    """A line on the columns that nothing is made of, but for empty ones."""
+    names = [name for name in columns.names if columns.table.frame[name].notna().any()]
+    if not names:
+        return ()
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    of = f" of {label}" if label else ""
+    text = f"columns{of} not recognised or not needed: {', '.join(names[:MOST_NAMES])}{more}"
+    if {"vx", "vy", "vz"} <= {plain(name) for name in names}:
+        text += "; nothing tells the axes of vx, vy, vz: rename them vn, ve, vd or ve, vn, vu"
+    return (text,)
+
+
+NO_COLUMN = ("kind", "table", "unit", "axes", "form", "clock", "format", "equals", "field")
+"""Keys whose text is no column."""
+
+
+def named(keys: Any) -> list[str]:
+    """The columns that a section names, or one of its values."""
+    if isinstance(keys, Mapping):
+        return [name for key in keys if key not in NO_COLUMN for name in named(keys[key])]
+    if isinstance(keys, (list, tuple)):
+        return [name for value in keys for name in named(value)]
+    return [keys] if isinstance(keys, str) else []
 
 
 def _told(section: Section, clock_assumed: str, table: str | None) -> Section:

@@ -6,16 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...typing import Array
-from ...units import DEG, UNITS
+from ...typing import Array, Mask
+from ...units import UNITS
 from ..contract import Section
 from ..description.schema_base import Condition
 from ..description.source_files import holds
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
+from .latitudes import angles_of
 from .track_units import EARTH_RADIUS, units_of_course
 
-POSITION_SD, VELOCITY_SD, COURSE_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3), 2.0
-"""m, m/s and deg of a receiver that tells none."""
+POSITION_SD, VELOCITY_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
+"""m and m/s of a receiver that tells none."""
 NO_SD = "the table tells no accuracy; this is a usual one of a receiver"
 ARM = (
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
@@ -32,12 +33,15 @@ class Fixes(NamedTuple):
     facts: list[str]
     # columns (n,) of degrees that were made of degrees and minutes, by name
     made: dict[str, Array]
+    # what these were made of
+    sources: list[str]
+    asked: list[str]
 
 
 def fix_sections(columns: Names, time: dict[str, Any], t: Array, is_imu: bool = False) -> Fixes:
     """The Fixes of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
     from row to row."""
-    found = Fixes([], [], {})
+    found = Fixes([], [], {}, [], [])
     fix = _where(columns)
     conditions = [fix, _zeros(columns, fix[0]), _held(columns) if is_imu else (None, "")]
     told = [(where, why) for where, why in conditions if where]
@@ -77,14 +81,21 @@ def _position(
         _ecef(columns, shared, assumed, found)
         return None
     keys, why = dict(shared), dict(assumed)
-    angle, scale, track = _degrees(columns, lat, lon, found)
-    if found.made:
+    angles = angles_of(columns, lat, lon)
+    angle, scale, track = angles.unit, angles.scale, angles.track
+    if angles.made:
         keys["table"] = columns.table.name
-        lat, lon = found.made
-        why["columns"] = f"degrees, made of the degrees and minutes of {names['latitude']!r}"
+        lat, lon = angles.names
+        found.made.update(angles.made)
+        found.sources.extend(angles.sources)
+        why["columns"] = angles.why
     height = names["ellipsoidal"] or names["sea"] or names["height"]
     if height is None:
-        found.facts.append("position: there is no height, and a position needs one")
+        others = ", ".join(columns.without([*angles.sources, *angles.names]).names[:20])
+        found.asked.append(
+            f"{names['latitude']} and {names['longitude']} are there, but which column is the height? "
+            f"A position needs one: rename it to height, in m (the other columns are {others})"
+        )
         return track
     length, size = _length(columns, height)
     keys |= {"columns": [lat, lon, height], "unit": [angle, angle, length]}
@@ -118,28 +129,6 @@ def _geoid(
         )
     )
     return {}
-
-
-def _degrees(columns: Names, lat: str, lon: str, found: Fixes) -> tuple[str, float, Array]:
-    """(unit, scale, latitude and longitude in rad (n, 2))."""
-    values = np.stack([columns.numbers(lat), columns.numbers(lon)], axis=1)
-    some = values[np.isfinite(values).all(axis=1) & (values != 0).any(axis=1)]
-    largest = float(np.abs(some).max(initial=0.0))
-    if largest > 18000:
-        return "deg", 1e-7, values * (1e-7 * DEG)
-    north = columns.text(r"(n[_/]?s|ns_?ind(icator)?|lat_?(dir|hem(isphere)?|ns)|north_?south)")
-    if largest > 180 or (north and np.all(np.abs(some) % 100 < 60) and largest > 100):
-        east = columns.text(r"(e[_/]?w|ew_?ind(icator)?|lon_?(dir|hem(isphere)?|ew)|east_?west)")
-        for name, sign, k in ((lat, north, 0), (lon, east, 1)):
-            size = np.abs(values[:, k])
-            degrees = np.floor(size / 100) + size % 100 / 60
-            back = np.signbit(values[:, k])
-            if sign:
-                back = columns.table.frame[sign].astype(str).str.upper().isin(["S", "W"]).to_numpy()
-            found.made[f"{name} in deg"] = np.where(back, -degrees, degrees)
-        return "deg", 1.0, np.stack([*found.made.values()], axis=1) * DEG
-    unit = columns.unit(lat, ("rad", "deg")) or ("rad" if 0 < largest < np.pi / 2 else "deg")
-    return unit, 1.0, values * UNITS["angle"][unit]
 
 
 def _length(columns: Names, name: str) -> tuple[str, float]:
@@ -261,15 +250,22 @@ def _velocity(
             units.append(columns.unit(vertical, tuple(UNITS["speed"])) or "m/s")
         why |= {"unit": told} if told else {}
         keys |= {"form": form, "columns": in_order, "unit": units}
-        angle = COURSE_SD if units[1] == "deg" else float(f"{COURSE_SD * DEG:.3g}")
-        keys["sd"] = [
+        across = (
             _deviation(columns, sd["speed"], "m/s")
             if sd["speed"]
-            else _of(VELOCITY_SD[0], units[0]),
-            _deviation(columns, sd["course"], units[1]) if sd["course"] else angle,
-            *([_of(VELOCITY_SD[2], units[2])] if vertical else []),
-        ]
-        why |= {} if sd["speed"] and sd["course"] and not vertical else {"sd": NO_SD}
+            else _of(VELOCITY_SD[0], units[0])
+        )
+        if sd["course"]:
+            down = [_of(VELOCITY_SD[2], units[2])] if vertical else []
+            keys["sd"] = [across, _deviation(columns, sd["course"], units[1]), *down]
+            why |= {} if sd["speed"] and not vertical else {"sd": NO_SD}
+        else:
+            keys["sd"], why["sd"] = (
+                across,
+                "of the velocity in all directions"
+                if sd["speed"]
+                else f"{NO_SD}, in all directions",
+            )
         _add(found, columns, "velocity", keys, why)
 
 
@@ -301,8 +297,8 @@ def _held(columns: Names) -> tuple[dict[str, Any] | None, str]:
     if not names:
         return None, ""
     values = np.stack([columns.numbers(name) for name in names], axis=1)
-    known = np.isfinite(values).any(axis=1)
-    changed = (values[1:] != values[:-1]) & np.isfinite(values[1:])
+    known: Mask = np.asarray(np.isfinite(values).any(axis=1))
+    changed = np.not_equal(values[1:], values[:-1]) & np.isfinite(values[1:])
     repeats = int((known[1:] & known[:-1] & ~changed.any(axis=1)).sum())
     if 2 * repeats <= known.sum() or not changed.any():
         return None, ""

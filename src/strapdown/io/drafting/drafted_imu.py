@@ -27,6 +27,10 @@ IMU_KEYS = (
     "the IMU",
     '# grade = "consumer"             # a name from `strapdown imus`, or an ImuSpec file',
 )
+UNCALIBRATED = (
+    "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it "
+    "(`strapdown calibrate`), or --take magnetometer=0 takes it as it is"
+)
 MAG_KEYS = (
     '# place = { latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }    # at the top, '
     "beside date: the field is then of true north",
@@ -68,10 +72,12 @@ def imu_section(
         )
     if gyro:
         force_si = raw["a"] * factor if accel else None
-        unit, why = _gyro_unit(columns, gyro[0], t, raw["g"], force_si, axes[0])
-        keys["gyro"] = {"columns": gyro, "unit": unit}
+        unit, milli, why = _gyro_unit(columns, gyro[0], t, raw["g"], force_si, axes[0])
+        keys["gyro"] = {"columns": gyro, "unit": unit} | ({"scale": milli} if milli != 1 else {})
         assumed |= {"gyro": why} if why else {}
-        facts.append(f"gyro: {', '.join(gyro)} in {unit}{' (a guess)' if why else ''}")
+        facts.append(
+            f"gyro: {', '.join(gyro)} in {unit}{f' times {milli:g}' if milli != 1 else ''}{' (a guess)' if why else ''}"
+        )
     order = ("time", "kind", "axes", "gyro", "accel")
     keys = {key: keys[key] for key in order if key in keys}
     return Section("imu", "imu", keys, assumed=assumed, remarks=IMU_KEYS), facts, asked
@@ -89,24 +95,28 @@ def _strength(vectors: Array) -> float:
 
 def _gyro_unit(
     columns: Names, name: str, t: Array, gyro: Array, accel: Array | None, axes: str
-) -> tuple[str, str]:
-    """(unit, why it is assumed)."""
-    named = columns.unit(name, ("rad/s", "deg/s"))
-    if named:
-        return named, ""
+) -> tuple[str, float, str]:
+    """(unit, scale, why they are assumed)."""
+    for named in ("mdps", "mrad/s", "deg/h", "rad/s", "deg/s"):
+        if columns.unit(name, (named,)):
+            return (
+                {"mdps": "deg/s", "mrad/s": "rad/s"}.get(named, named),
+                (0.001 if named in ("mdps", "mrad/s") else 1.0),
+                "",
+            )
     if accel is None:
         largest = float(np.nanpercentile(np.abs(gyro), 99)) if np.isfinite(gyro).any() else 0.0
         unit = "deg/s" if largest > 12 else "rad/s"
-        return unit, f"the unit is not in the name; 1 % of the values are beyond {largest:.3g}"
+        return unit, 1.0, f"the unit is not in the name; 1 % of the values are beyond {largest:.3g}"
     try:
         imu, _ = increments(t, gyro, accel)
     except DataError:  # which reading tells
-        return "rad/s", "the unit is not in the name"
+        return "rad/s", 1.0, "the unit is not in the name"
     turn = axes_matrix(axes, BODY_AXES).T
     imu = imu._replace(dtheta=imu.dtheta @ turn, dv=imu.dv @ turn)
     if any(field == "gyro.unit" for field, _ in mistakes(imu, "rate")):
-        return "deg/s", "too large for rad/s"
-    return "rad/s", "the unit is not in the name"
+        return "deg/s", 1.0, "too large for rad/s"
+    return "rad/s", 1.0, "the unit is not in the name"
 
 
 def _accel_unit(columns: Names, name: str, raw: Array) -> tuple[str, float, str]:
@@ -176,7 +186,9 @@ def magnetometer_section(
         f"magnetometer: {', '.join(names)} in {tesla}{'' if named else ' (a guess)'}"
         f"{f' times {scale:g}' if scale != 1 else ''}: check its axes and calibrate it"
     )
-    section = Section("aiding", "magnetometer", keys, assumed=assumed, remarks=MAG_KEYS)
+    section = Section(
+        "aiding", "magnetometer", keys, assumed=assumed, left=UNCALIBRATED, remarks=MAG_KEYS
+    )
     return section, [fact]
 
 

@@ -1,6 +1,7 @@
 """Which columns of a table are its time, and on which clock, by names, magnitudes and content."""
 
 import re
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,14 +14,22 @@ from ..tables.calendar_text import Pattern, moments, patterns
 from .column_names import Names, plain
 
 TIME = (
-    r"(?!.*(acc|offset|bias|zone|valid|uncert))(t|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
+    r"(?!.*(acc|offset|bias|zone|valid|uncert))(t|ts|[mun]s|milli(s|seconds?)|micro(s|seconds?)|zeit|zeitstempel|t_?stamp|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
     r"unix|posix|utc|iso|stamp|date_?time|[a-z]{0,8}_?(time|timestamp|time_?stamp)(_?(of_?week|utc|gps|unix|us|ms|ns|s))?)"
 )
 OF_WEEK = r"(i_?tow|(gps_?)?(tow|sow|sec(onds?)?|s)(_?(of_?week))?|gms|(gps_?)?time_?of_?week)"
 WEEK_NUMBER = r"((gps_?)?(week|wn|wk|week_?(no|num|number))|gwk)"
-DAY = r"((utc|gps)_?)?(date|day)"
-CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc)"
+DAY = r"((utc|gps)_?)?(date|day|datum)"
+CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc|uhrzeit|zeit)"
 GPS_NAME = r".*gps.*"
+GPS_TIME = r"gps_?time"
+AFTER = r"([_ .,\[(].*)?"
+"""What may stand behind a name."""
+DAY_LENGTH = 86400.0
+"""s; a smaller `gps_time` may as well count from switch-on."""
+UNIX_UNITS = ("s", "ms", "us", "ns")
+LONGEST = (86400.0, 100.0)
+"""s between two fixes, and two samples of an IMU: a unit that gives more is another."""
 LEAST_UNIX = 0.95e9
 """POSIX seconds of 2000; no clock of a device counts so far from its own start."""
 FORMATS = (
@@ -55,7 +64,7 @@ def find_clock(columns: Names, is_imu: bool) -> Clock | None:
         return Clock(keys, f"time: {day!r} and {clock!r}, {_scale_name(keys)}")
     name = columns.find(TIME)
     if name is None and (name := columns.find(OF_WEEK)) is None:
-        return None
+        return _by_content(columns, is_imu)
     if columns.table.frame[name].dtype.kind not in "iuf":
         form = _format(columns, name)
         if form is None:
@@ -64,6 +73,38 @@ def find_clock(columns: Names, is_imu: bool) -> Clock | None:
         why = "" if "%d/%m" not in form else "days before months"
         return Clock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
     return _counted(columns, name, is_imu)
+
+
+def _by_content(columns: Names, is_imu: bool) -> Clock | None:
+    """The Clock of the first column that reads as POSIX time or dates, whatever its name."""
+    for name in columns.names:
+        if columns.table.frame[name].dtype.kind not in "iuf":
+            form = _format(columns, name)
+            if form:
+                keys = {"column": name, "format": form}
+                return Clock(keys, f"time: {name!r}, UTC", "by its content")
+        else:
+            t = columns.numbers(name)
+            steps = np.diff(t[np.isfinite(t)])
+            if len(steps) and steps.min() >= 0 and (unit := _unix_unit(t, UNIX_UNITS, is_imu)):
+                keys = {"column": name, "unit": unit, "clock": "unix"}
+                fact = f"time: {name!r} in {unit}, POSIX time, UTC"
+                return Clock(keys, fact, "by its content")
+    return None
+
+
+def _unix_unit(t: Array, units: Iterable[str], is_imu: bool) -> str | None:
+    """The unit in which a column (n,) counts from 1970, or GPS time from 1980, and whose intervals
+    can be those of the table; None where there is none."""
+    known = t[np.isfinite(t)]
+    steps = np.diff(known)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    for unit in units:
+        size = UNITS["time"][unit]
+        longest = LONGEST[is_imu]
+        if len(known) and LEAST_UNIX <= known[0] * size < 3e9 and step * size < longest:
+            return unit
+    return None
 
 
 def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
@@ -76,31 +117,44 @@ def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
     named = columns.unit(name, ("ns", "us", "ms", "s"))
     known = t[np.isfinite(t)]
     first = float(known[0]) if len(known) else 0.0
-    if re.fullmatch(OF_WEEK + r"([_ .,\[(].*)?", plain(name)) and known.min(initial=0.0) >= 0:
-        unit = named or ("ms" if known.max(initial=0.0) > WEEK * 1.01 else "s")
-        if known.max(initial=0.0) * UNITS["time"][unit] <= WEEK * 1.01:
-            keys = {"column": name, "unit": unit, "clock": "gps", "week": week}
-            return Clock(
-                keys, f"time: {name!r} in {unit} of the GPS week" + f" {week!r}" * bool(week)
-            )
-    units = [named] if named else ["s", "ms", "us", "ns"]
-    for unit in units:
-        seconds = first * UNITS["time"][unit]
-        if LEAST_UNIX <= seconds < 3e9:
-            is_gps = bool(re.fullmatch(GPS_NAME, plain(name)))
-            keys = {"column": name, "unit": unit, "clock": "gps" if is_gps else "unix"}
-            which = "GPS time since 1980" if is_gps else "POSIX time, UTC"
-            sure = "" if is_gps or seconds > LEAST_UNIX + GPS_ZERO else "or GPS time since 1980"
-            return Clock(keys, f"time: {name!r} in {unit}, {which}", sure)
+    if unit := _unit_of_week(name, t, named, is_imu):
+        keys = {"column": name, "unit": unit, "clock": "gps", "week": week}
+        return Clock(keys, f"time: {name!r} in {unit} of the GPS week" + f" {week!r}" * bool(week))
+    absolute = _unix_unit(t, [named] if named else UNIX_UNITS, is_imu)
+    if absolute:
+        seconds = first * UNITS["time"][absolute]
+        is_gps = bool(re.fullmatch(GPS_NAME, plain(name)))
+        keys = {"column": name, "unit": absolute, "clock": "gps" if is_gps else "unix"}
+        which = "GPS time since 1980" if is_gps else "POSIX time, UTC"
+        sure = "" if is_gps or seconds > LEAST_UNIX + GPS_ZERO else "or GPS time since 1980"
+        return Clock(keys, f"time: {name!r} in {absolute}, {which}", sure)
     unit = named or _unit_by_interval(t, is_imu)
     why = "" if named or unit == "s" else "by the interval of its rows"
     return Clock({"column": name, "unit": unit}, f"time: {name!r} in {unit}", why)
 
 
+def _unit_of_week(name: str, t: Array, named: str | None, is_imu: bool) -> str | None:
+    """The unit of a column (n,) of times of week; None where it is none, by name and magnitude."""
+    known = t[np.isfinite(t)]
+    called = plain(name)
+    if not len(known) or known.min() < 0:
+        return None
+    unit = named or ("ms" if known.max() > WEEK * 1.01 else "s")
+    if named is None and re.match("i_?tow", called) and _unit_by_interval(t, is_imu) == "ms":
+        unit = "ms"
+    size = UNITS["time"][unit]
+    if known.max() * size > WEEK * 1.01:
+        return None
+    if re.fullmatch(OF_WEEK + AFTER, called):
+        return unit
+    late = re.fullmatch(GPS_TIME + AFTER, called) and known.min() * size > DAY_LENGTH
+    return unit if late else None
+
+
 def _unit_by_interval(t: Array, is_imu: bool) -> str:
     interval = float(np.median(np.diff(t[np.isfinite(t)]))) if np.isfinite(t).sum() > 1 else 0.01
     for unit, least in (
-        ("ns", 1e6),
+        ("ns", 1e6 if is_imu else 3e7),  # fixes of 1 Hz in us are not those of 1 kHz in ns
         ("us", 1e3 if is_imu else 1e4),
         ("ms", 1.0 if is_imu else 20.0),
     ):

@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import DataError
 from ...time_scales import WEEK
 from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, trajectories
 from ..decoding.autopilots.dataflash import HEAD, DataFlash
 from ..decoding.records import Tables
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, head_of, packed, read_bytes
 
+MAGIC = HEAD + b"\x80"
+"""How a log begins: with the record of the format of formats."""
 BY_VERSION = {"ArduCopter": "multicopter", "ArduPlane": "aircraft", "ArduRover": "car"}
 """Vehicles by the first word of the version that the autopilot writes."""
 BY_PARAMETER = {"LAND_SPEED": "multicopter", "TRIM_ARSPD_CM": "aircraft", "CRUISE_SPEED": "car"}
@@ -73,12 +74,14 @@ def open_dataflash(path: Path) -> Log:
 
 
 def _is_dataflash(path: Path) -> bool:
-    try:
-        return read_bytes(path, 3) == HEAD + b"\x80"
-    except DataError:
-        return False
+    return head_of(path, len(MAGIC)) == MAGIC
 
 
 READER = Reader(
-    "dataflash", packed(".bin"), "ArduPilot log", sniff=_is_dataflash, open=open_dataflash
+    "dataflash",
+    packed(".bin"),
+    "ArduPilot log",
+    sniff=_is_dataflash,
+    open=open_dataflash,
+    begins=(MAGIC,),
 )

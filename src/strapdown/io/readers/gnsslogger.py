@@ -26,8 +26,7 @@ from ..decoding.phones.phone import (
     magnetometer_section,
     no_imu,
 )
-from ..description.imu_rate import slow
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, head_of, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
 MOST_NS = 4e18
@@ -107,10 +106,7 @@ class Lines(NamedTuple):
 
 def sniff(path: Path) -> bool:
     """Whether the header lines of the app stand at the top."""
-    try:
-        return bool(re.search(rb"^# ?(Fix|Raw|UncalAccel),", read_bytes(path, 8192), re.MULTILINE))
-    except DataError:
-        return False
+    return bool(re.search(rb"^# ?(Fix|Raw|UncalAccel),", head_of(path, 8192), re.MULTILINE))
 
 
 def open_log(path: Path) -> Log:
@@ -234,6 +230,8 @@ def _date(tables: dict[str, Table]) -> dict[str, str]:
 
 def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:
     """(sections of the IMU, facts)."""
+    from ..description.imu_rate import slow  # loads pydantic: 0.2 s
+
     pieces: dict[str, Piece] = {}
     for role, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
         kinds = (each for each in SENSORS[role] if each in tables and _triple(tables[each]))

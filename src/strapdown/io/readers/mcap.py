@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..contract import Log, Reader
+from ..decoding.robots.mcap_records import MAGIC
 from ..tables.table_file import packed
 
 
@@ -16,4 +17,4 @@ def open_mcap(path: Path) -> Log:
     return log_of(path, "MCAP file", read_mcap(mapped(path), Messages()))
 
 
-READER = Reader("mcap", (*packed(".mcap"), ".mcap.zstd"), "MCAP log of a robot", open=open_mcap)
+READER = Reader("mcap", packed(".mcap"), "MCAP log of a robot", open=open_mcap, begins=(MAGIC,))

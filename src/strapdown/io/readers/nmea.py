@@ -9,7 +9,7 @@ from ..contract import Log, Reader
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import find_sentences
 from ..decoding.receivers.ubx_frames import find_frames
-from ..tables.table_file import packed, read_bytes
+from ..tables.table_file import head_of, packed, read_bytes
 
 START = 1 << 18
 """Bytes in which a log must show a sentence to be known by its content."""
@@ -30,10 +30,7 @@ def open_nmea(path: Path) -> Log:
 
 def sniff(path: Path) -> bool:
     """Whether the file holds NMEA sentences near its beginning and is no log of u-blox messages."""
-    try:
-        data = read_bytes(path, START)
-    except DataError:
-        return False
+    data = head_of(path, START)
     found = SENTENCE.search(data) is not None and ANDROID not in data
     return found and not len(find_frames(data).start)
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..contract import Log, Reader
+from ..decoding.robots.bag_records import MAGIC
 from ..tables.table_file import packed
 
 
@@ -15,4 +16,4 @@ def open_rosbag1(path: Path) -> Log:
     return log_of(path, "bag of ROS 1", read_bag(mapped(path)))
 
 
-READER = Reader("rosbag1", packed(".bag"), "bag of ROS 1", open=open_rosbag1)
+READER = Reader("rosbag1", packed(".bag"), "bag of ROS 1", open=open_rosbag1, begins=(MAGIC,))

@@ -11,13 +11,17 @@ import numpy as np
 
 from ...checks import DataError
 from ..contract import Log, Reader
-from ..tables.table_file import PACKED, packed
+from ..tables.table_file import PACKED, packed, read_bytes
 
 if TYPE_CHECKING:
     from ..decoding.robots.ros_messages import Messages
 
-SUFFIXES = (*packed(".db3"), ".db3.zstd")
+SUFFIXES = packed(".db3")
 METADATA = "metadata.yaml"
+SQLITE, START = b"SQLite format 3\0", 1 << 16
+"""How a database begins, and bytes of it in which its tables are named."""
+RECOVER = "sqlite3 FILE.db3 .recover | sqlite3 whole.db3"
+"""What SQLite's own program does with a damaged database."""
 MOST_TOPICS = 10_000
 AT_ONCE = 5000
 """Messages."""
@@ -34,15 +38,21 @@ Row = tuple[int, int, bytes]
 
 
 def sniff(path: Path) -> bool:
-    """A database, or the folder of a bag."""
-    return path.name.lower().endswith(SUFFIXES) or (path / METADATA).is_file()
+    """A database, by its name or its tables, or the folder of a bag."""
+    if path.name.lower().endswith(SUFFIXES) or (path / METADATA).is_file():
+        return True
+    try:
+        start = read_bytes(path, START)
+    except DataError:
+        return False
+    return start.startswith(SQLITE) and b"CREATE TABLE topics" in start
 
 
 def _parts(path: Path) -> list[Path]:
     """The files of a bag in the order of their numbers."""
     if not path.is_dir():
         return [path]
-    endings = (*SUFFIXES, *packed(".mcap"), ".mcap.zstd")
+    endings = (*SUFFIXES, *packed(".mcap"))
     found = [each for each in path.iterdir() if each.name.lower().endswith(endings)]
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
@@ -53,7 +63,7 @@ def _parts(path: Path) -> list[Path]:
 
 def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
     """A database, and its size in bytes."""
-    if path.name.lower().endswith((*PACKED, ".zstd")):
+    if path.name.lower().endswith(PACKED):
         from ..decoding.mapped import mapped
 
         content = mapped(path)
@@ -82,11 +92,17 @@ def read_database(path: Path, messages: "Messages") -> None:
             if not topic.why_left or topic.type in TRANSFORMS:
                 numbers[int(number)] = mine
     except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
-        raise DataError(f"{path}: is no database of ROS 2 that can be read ({error})") from error
+        raise DataError(
+            f"{path}: is no database of ROS 2 that can be read ({error}); where it was cut short or "
+            f"damaged, copy it again, or `{RECOVER}` saves what is whole"
+        ) from error
     try:
         _read_messages(database, size, numbers, messages)
     except (sqlite3.Error, OverflowError) as error:
-        messages.left.append(f"the database is damaged ({error}); what is before that is used")
+        messages.left.append(
+            f"the database is damaged ({error}); what is before that is used, and "
+            f"`{RECOVER}` may save more"
+        )
     finally:
         database.close()
     if path.with_name(path.name + "-wal").is_file():

@@ -17,12 +17,12 @@ from ...time_scales import GPS_ZERO, WEEK
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import Table, head_of, packed, read_bytes
 
 START = 1 << 16
 """Bytes in which the line of column names must stand."""
 NAMES = re.compile(r"^%\s*(GPST|UTC|JST)[\s,;]+(.*(?:latitude|x-ecef|e-baseline).*)$", re.MULTILINE)
-REFERENCE = re.compile(r"^%\s*ref pos\s*:\s*(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
+REFERENCE = re.compile(r"^%\s*ref pos\s*:[ \t]*(.*)$", re.MULTILINE)
 LEAST_SD = 1e-4
 """m and m/s, the last digit that RTKLIB writes: a smaller standard deviation reads 0."""
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "DGPS", 5: "single", 6: "PPP"}
@@ -210,11 +210,14 @@ def _formed(path: Path, columns: dict[str, Array], text: str) -> tuple[dict[str,
 def _from_baseline(path: Path, columns: dict[str, Array], text: str) -> dict[str, Array]:
     """The columns with positions of the baseline from the base that the header names."""
     base = REFERENCE.search(text)
-    numbers = np.array([_number(each) for each in base.groups()] if base else [np.nan])
-    if not np.isfinite(numbers).all():
+    words = re.split(r"[\s,;]+", base.group(1).strip()) if base else []
+    numbers = np.array([_number(each) for each in words])
+    if len(numbers) == 7:
+        numbers = np.array([*(_degrees(numbers[None, i : i + 3])[0] for i in (0, 3)), numbers[6]])
+    if len(numbers) != 3 or not np.isfinite(numbers).all():
         raise DataError(
             f"{path}: is a baseline (e/n/u) and its header names no base (% ref pos : lat lon "
-            f"height); write the solution as lat/lon/height (out-solformat = llh)"
+            f"height, in degrees or degrees, minutes and seconds); write the solution as lat/lon/height (out-solformat = llh)"
         )
     # the base may be in ECEF, as solutions are
     lla = from_ecef(numbers) if np.abs(numbers).max() > 1e5 else numbers * DEGREES
@@ -257,10 +260,7 @@ def _all_or_three(names: tuple[str, ...], there: set[str]) -> list[str]:
 
 def sniff(path: Path) -> bool:
     """Whether the file has RTKLIB's line of column names."""
-    try:
-        return NAMES.search(read_bytes(path, START).decode("utf-8", "replace")) is not None
-    except DataError:
-        return False
+    return NAMES.search(head_of(path, START).decode("utf-8", "replace")) is not None
 
 
 READER = Reader("rtklib", packed(".pos", ".txt"), "solution of RTKLIB", sniff=sniff, open=open_pos)

@@ -12,7 +12,7 @@ from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.px4 import SINCE_2001, imus, is_unix, others, prepared, trajectories
 from ..decoding.autopilots.px4_receivers import DELAYS, receivers
-from ..decoding.autopilots.ulog import ULog
+from ..decoding.autopilots.ulog import MAGIC, ULog
 from ..decoding.records import Tables
 from ..tables.table_file import Table, packed, read_bytes
 
@@ -63,4 +63,4 @@ def open_ulog(path: Path) -> Log:
     return Log(Tables(makers), tuple(sections), facts, tuple(left), (), head)
 
 
-READER = Reader("ulog", packed(".ulg"), "PX4 log", open=open_ulog)
+READER = Reader("ulog", packed(".ulg"), "PX4 log", open=open_ulog, begins=(MAGIC,))

@@ -14,7 +14,7 @@ from ...checks import DataError
 from ..contract import Log, Reader
 from ..decoding.receivers.nmea_sentences import PATTERN
 from ..decoding.receivers.ubx_frames import find_frames
-from ..tables.table_file import packed, read_bytes
+from ..tables.table_file import head_of, packed
 
 START = 1 << 16
 """Bytes by which a file is known."""
@@ -227,10 +227,7 @@ FORMATS = (
 def known(path: Path) -> Format | None:
     """The format of a file, by its first bytes; None where it is none of these, or one that is
     read and merely carries pieces of these."""
-    try:
-        data = read_bytes(path, START)
-    except DataError:
-        return None
+    data = head_of(path, START)
     found = next((each for each in FORMATS if each.is_it(data)), None)
     if found is None or len(find_frames(data).start) or PATTERN.search(data):
         return None

@@ -5,11 +5,12 @@ import bz2
 import gzip
 import io
 import lzma
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO, cast
 
 import numpy as np
@@ -17,19 +18,32 @@ import numpy as np
 from ...checks import DataError, did_you_mean
 from ...preprocessing.origin import Origin
 from ...typing import Array, ArrayLike, File, Ints
+from .zstd_file import open_zstd
 
 if TYPE_CHECKING:
     import pandas as pd
 
-PACKED = (".gz", ".xz", ".bz2", ".zip")
+PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
 """What `open_text` unpacks."""
-OPENERS: dict[str, Any] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
-BROKEN = (EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
+OPENERS: dict[str, Any] = {
+    ".gz": gzip.open,
+    ".xz": lzma.open,
+    ".bz2": bz2.open,
+    ".zst": open_zstd,
+    ".zstd": open_zstd,
+}
 
 
 def packed(*suffixes: str) -> tuple[str, ...]:
     """These suffixes, plain and packed: ".csv", ".csv.gz", ..."""
     return tuple(suffix + way for suffix in suffixes for way in ("", *PACKED))
+
+
+def broken() -> tuple[type[Exception], ...]:
+    """What unpacking raises of a damaged file."""
+    import zstandard
+
+    return EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstandard.ZstdError
 
 
 SUFFIXES = packed(".csv", ".txt", ".tsv", ".dat")
@@ -41,7 +55,7 @@ def reading(path: File) -> Iterator[None]:
     DataError that says the remedy."""
     try:
         yield
-    except BROKEN as error:
+    except broken() as error:  # called only where something was raised
         raise DataError(
             f"{path}: the compressed file is truncated or damaged ({first_line_of(error)}); copy it again"
         ) from error
@@ -125,16 +139,36 @@ class Table(NamedTuple):
 
 def open_bytes(path: Path) -> BinaryIO:
     """A file, plain or compressed (of an archive the first file), open to read. Raises OSError, and
-    those of BROKEN where it is read."""
+    those of `broken` where it is read."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
     if path.suffix.lower() == ".zip":
         archive = zipfile.ZipFile(path)
-        files = [name for name in archive.namelist() if not name.endswith("/")]
+        files = _files(archive)
         if not files:
             raise zipfile.BadZipFile("it holds no file")
         return cast(BinaryIO, archive.open(files[0]))
     return cast(BinaryIO, OPENERS.get(path.suffix.lower(), open)(path, "rb"))
+
+
+def _files(archive: zipfile.ZipFile) -> list[str]:
+    """The files of an archive, without what a Mac adds to them."""
+    return [
+        name
+        for name in archive.namelist()
+        if not name.endswith(("/", ".DS_Store")) and not name.startswith("__MACOSX")
+    ]
+
+
+def files_in(path: Path) -> list[str]:
+    """Names of the files that a zip holds, without folders; none of what is no zip."""
+    if path.suffix.lower() != ".zip":
+        return []
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return [PurePosixPath(name).name for name in _files(archive)]
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError):
+        return []
 
 
 def open_text(path: Path) -> TextIO:
@@ -148,6 +182,14 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         return file.read(most)
 
 
+def head_of(path: Path, most: int) -> bytes:
+    """The first `most` bytes of a file's content, for a `sniff`; none of one that cannot be read."""
+    try:
+        return read_bytes(path, most)
+    except DataError:
+        return b""
+
+
 def is_number(text: str) -> bool:
     """Whether a header cell reads as a number, so that the line is probably no header."""
     try:
@@ -155,6 +197,15 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def split_error(error: BaseException) -> str:
+    """What pandas says of a text that it cannot split into columns, in words for people."""
+    found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+    if found is None:
+        return first_line_of(error)
+    expected, line, seen = found.groups()
+    return f"line {line} has {seen} cells, those before it {expected} or fewer"
 
 
 def first_line_of(error: BaseException) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from ...checks import DataError
 from ...preprocessing.origin import counted
 from ...typing import Ints, Mask
-from .table_file import PACKED, Table, first_line_of, open_bytes, reading
+from .table_file import PACKED, Table, open_bytes, reading, split_error
 from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
 
 if TYPE_CHECKING:
@@ -46,7 +46,8 @@ def read_table(path: Path, header: bool = True) -> Table:
             frame, lines, notes = _rows(path, found)
         except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
             raise DataError(
-                f"{path}: is not a table of comma-separated values ({first_line_of(error)})"
+                f"{path}: is not a table of comma-separated values ({split_error(error)}); correct the line, "
+                f"or export a table from the device's own format"
             ) from error
     if not len(frame):
         raise DataError(f"{path}: has a header but no rows of numbers")
@@ -116,8 +117,9 @@ def _marks(frame: "pd.DataFrame") -> Mask:
         numbers = pd.to_numeric(_with_points(cells), errors="coerce")
         suspect = suspect[numbers.isna().to_numpy()]
     for row in suspect:
-        cells = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
-        marks[row] |= bool(cells) and not any(STAMP.fullmatch(cell.strip()) for cell in cells)
+        words_there = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
+        is_mark = not any(STAMP.fullmatch(word.strip()) for word in words_there)
+        marks[row] |= bool(words_there) and is_mark
     return marks
 
 

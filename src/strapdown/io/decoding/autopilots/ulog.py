@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....checks import DataError
 from ....preprocessing.origin import counted
-from ..records import MOST_DAMAGES, Bytes, next_record, structured
+from ..records import MOST_DAMAGES, Bytes, how_it_begins, next_record, structured
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER = 16  # bytes: magic, version, time of the start
@@ -57,9 +57,7 @@ class ULog:
 
     def __init__(self, content: bytes) -> None:
         if content[: len(MAGIC)] != MAGIC or len(content) < HEADER:
-            raise DataError(
-                "is no ULog: it does not begin as one; is it the file of the autopilot?"
-            )
+            raise DataError(f"is no ULog: {how_it_begins(content, MAGIC)}")
         self.data: Bytes = np.frombuffer(content, np.uint8)
         self.content = content
         self.start = int.from_bytes(content[8:HEADER], "little")  # us

@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple, cast
 import numpy as np
 
 from ....checks import DataError
-from ...tables.table_file import Table, open_bytes, packed, reading
+from ...tables.table_file import Table, open_bytes, packed, reading, split_error
 
 CSV = tuple(end for end in packed(".csv") if not end.endswith(".zip"))
 """How the names of the files end."""
@@ -64,8 +64,10 @@ class Export(NamedTuple):
         except pd.errors.EmptyDataError:
             frame = pd.DataFrame()
         except (pd.errors.ParserError, ValueError, OverflowError) as error:
-            said = (str(error).splitlines() or ["?"])[0]
-            raise DataError(f"{label}: is not a table of comma-separated values ({said})") from None
+            raise DataError(
+                f"{label}: is not a table of comma-separated values ({split_error(error)}); export it "
+                f"again"
+            ) from None
         frame.columns = pd.Index([str(column).strip() for column in frame.columns])
         return Table(label, frame, np.arange(len(frame)) + 2)
 

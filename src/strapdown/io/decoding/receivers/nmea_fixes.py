@@ -28,8 +28,8 @@ SPEED_SD = 0.6
 """knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
 HEADING_SD = 2.0
 """deg"""
-LEAST_SD = 1e-3
-"""m: a smaller standard deviation reads 0 in GST."""
+LEAST_SD, LEAST_SD_RTK = 0.1, 0.01
+"""m: no fix is better, of quality 4 (RTK fixed) the second. GST of some receivers is 0 throughout."""
 QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
 """Of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
 GNSS = (b"GP", b"GN", b"GL", b"GA", b"GB", b"BD", b"GQ", b"QZ", b"GI")
@@ -201,7 +201,8 @@ def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[
     assumed = np.array([ERRORS[each] for each in quality.tolist()]) * np.fmax(hdop, 1.0)
     assumed = np.where(np.isfinite(assumed), assumed, 10.0)
     sd = np.stack([assumed, assumed, VERTICAL * assumed], axis=1)
-    told = np.zeros(len(sd), bool)
+    told, raised = np.zeros(sd.shape, bool), False
+    least = np.where(quality == 4, LEAST_SD_RTK, LEAST_SD)[:, None]
     if "GST" in sentences.kinds:
         gst = sentences.kinds["GST"]
         t = gst.time_of_day(1)
@@ -213,15 +214,22 @@ def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[
             there = moment[order]
             at = np.minimum(np.searchsorted(there, table.cells(clock.column)), len(there) - 1)
             own = values[order][at]
-            told = (there[at] == table.cells(clock.column)) & np.isfinite(own).all(axis=1)
-            sd = np.where(told[:, None], np.maximum(own, LEAST_SD), sd)
+            beside = there[at] == table.cells(clock.column)
+            told = beside[:, None] & np.isfinite(own) & (own > 0)
+            raised = bool((told & (own < least)).any())
+            sd = np.where(told, np.maximum(own, least), sd)
     frame = table.frame.assign(sd_n=sd[:, 0], sd_e=sd[:, 1], sd_d=sd[:, 2])
-    if told.all():
-        return table._replace(frame=frame), ""
-    used = ", ".join(
-        f"{ERRORS[each]:g} m for quality {each}" for each in np.unique(quality[~told]).tolist()
-    )
-    return table._replace(frame=frame), f"{used}, times HDOP where above 1; height twice as much"
+    assumptions = []
+    if not told.all():
+        kinds = np.unique(quality[~told.all(axis=1)]).tolist()
+        used = ", ".join(f"{ERRORS[each]:g} m for quality {each}" for each in kinds)
+        where = "where GST tells none: " if told.any() else ""
+        assumptions.append(f"{where}{used}, times HDOP where above 1; height twice as much")
+    if raised:
+        assumptions.append(
+            f"those of GST raised to at least {LEAST_SD_RTK:g} m for quality 4, else {LEAST_SD:g} m"
+        )
+    return table._replace(frame=frame), "; ".join(assumptions)
 
 
 def _velocities(

@@ -30,6 +30,7 @@ def imu_sections(
     left: list[str],
 ) -> list[Section]:
     """Sections of the IMU, those of the fastest message first."""
+    mounting = _mounting(frames)
     read = {key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)}
     for key, each in read.items():
         if each is None:
@@ -41,7 +42,7 @@ def imu_sections(
     sections: list[Section] = []
     for instance, each in enumerate(every):
         if len(each.gyro.t) and len(each.accel.t):
-            sections.append(_imu(path, each, instance, _mounting(frames), by.absolute, tables))
+            sections.append(_imu(path, each, instance, mounting, by.absolute, tables))
             if each.lost:
                 left.append(f"{each.name}: {each.lost} samples at times that nothing tells")
     return sections
@@ -56,7 +57,7 @@ def _imu(
     path: Path,
     each: Sensors,
     instance: int,
-    mounting: Mapping[str, float],
+    mounting: tuple[Mapping[str, Any], str],
     gps: bool,
     tables: dict[str, Table],
 ) -> Section:
@@ -75,8 +76,9 @@ def _imu(
             f"the sensor's clock is set to GPS time by the order of the messages, within "
             f"{1e3 * each.scatter:.1f} ms beside the receiver's latency, which the file does not say"
         )
-    if mounting:
-        assumed["mounting"] = "as the receiver found it (ESF-ALG)"
+    angles, origin = mounting
+    if angles:
+        assumed["mounting"] = origin
     gyro = _signal(each.gyro, "gyro", GYRO, {"unit": "deg/s", "scale": GYRO_SCALE})
     accel = _signal(each.accel, "accel", ACCEL, {"unit": "m/s^2", "scale": ACCEL_SCALE})
     together = np.array_equal(each.gyro.t, each.accel.t)
@@ -92,7 +94,7 @@ def _imu(
         "axes": "FLU",
         "gyro": gyro[0],
         "accel": accel[0] | ({} if together else {"table": names[1], "time": time}),
-        **({"mounting": mounting} if mounting else {}),
+        **({"mounting": angles} if angles else {}),
         "grade": "consumer",
     }
     title = f"{each.name}, {_rate(each.gyro.t):.0f} Hz"
@@ -108,14 +110,24 @@ def _signal(
     return {"columns": names, **unit}, values
 
 
-def _mounting(frames: Frames) -> dict[str, Any]:
-    """How the receiver says that its IMU is mounted (ESF-ALG), where it has found it: the angles
-    turn the installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right,
-    down yaw and pitch change their signs. Empty where it has not."""
+def _mounting(frames: Frames) -> tuple[dict[str, Any], str]:
+    """(how the receiver says that its IMU is mounted, where that is from), of ESF-ALG where it has
+    found the angles (status 3 and 4) or uses those that a user has set (status 0): they turn the
+    installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right, down yaw
+    and pitch change their signs. Angles of 0 that were never set are none. Empty where there are
+    none."""
     _, records = frames.records(ESF_ALG, LAYOUTS[ESF_ALG])
-    ready = (records["flags"] >> 1 & 7 >= 3) & (records["error"] == 0)
+    status = records["flags"] >> 1 & 7
+    turned = (records["yaw"] != 0) | (records["pitch"] != 0) | (records["roll"] != 0)
+    ready = ((status >= 3) | (status == 0) & turned) & (records["error"] == 0)
     if not ready.any():
-        return {}
+        return {}, ""
     last = records[ready][-1]
+    origin = "found it" if status[ready][-1] else "has it: as it was set"
     yaw, pitch, roll = (float(last[name]) / 100 for name in ("yaw", "pitch", "roll"))
-    return {"roll": roll, "pitch": -pitch, "heading": -yaw, "unit": "deg"}
+    return {
+        "roll": roll,
+        "pitch": -pitch,
+        "heading": -yaw,
+        "unit": "deg",
+    }, f"as the receiver {origin} (ESF-ALG)"

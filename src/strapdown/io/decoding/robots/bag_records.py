@@ -9,10 +9,12 @@ import numpy as np
 
 from ....checks import DataError
 from ....typing import Ints
+from ..records import how_it_begins
 from .ros_messages import Messages, Topic, take
 from .unpacking import unpack
 
 MAGIC = b"#ROSBAG V2.0\n"
+OLDER = b"#ROSBAG V1"
 MESSAGE, CHUNK, CONNECTION = b"\2", b"\5", b"\7"
 HEAD = {b"op": 1, b"conn": 4, b"time": 8}
 """Fields of the header of a message, and their bytes."""
@@ -26,8 +28,8 @@ def read_bag(content: bytes | memoryview) -> Messages:
     """The messages of a bag. Raises DataError of one line where it is none."""
     if bytes(content[: len(MAGIC)]) != MAGIC:
         raise DataError(
-            f"is no bag of ROS 1 of format 2.0: it begins with "
-            f"{bytes(content[:12]).decode('ascii', 'replace')!r}; `rosbag migrate` brings one of 1.2 there"
+            f"is no bag of ROS 1 of format 2.0: {how_it_begins(content, MAGIC)}"
+            + ("; `rosbag migrate` brings one of 1.2 there" if OLDER in bytes(content[:12]) else "")
         )
     messages = Messages()
     end = _add(messages, content, len(MAGIC))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ....checks import DataError
 from ....typing import Ints
+from ..records import how_it_begins
 from .ros_messages import Messages, Topic, take
 from .unpacking import unpack
 
@@ -127,7 +128,7 @@ class _File:
 def read_mcap(content: bytes | memoryview, messages: Messages) -> Messages:
     """Take in the messages of a whole file. Raises DataError of one line where it has none of ROS."""
     if bytes(content[: len(MAGIC)]) != MAGIC:
-        raise DataError("is no MCAP file of version 0: it begins otherwise")
+        raise DataError(f"is no MCAP file of version 0: {how_it_begins(content, MAGIC)}")
     records, file = walk(content, len(MAGIC)), _File(content, messages)
     for opcode, begin, end in records.others:
         if opcode == DATA_END and len(records.messages) and end - begin >= 4:

@@ -49,7 +49,7 @@ def twist(stream: Stream, robot: Robot) -> Made:
     linear = _linear(stream.columns)
     if stream.type != "geometry_msgs/Twist" and RECEIVER.search(f"{stream.topic} {stream.frame}"):
         return _velocity(stream, robot, linear)
-    return _speed(stream, robot, stream.frame)
+    return _speed(stream, robot, stream.frame, robot.not_of_vehicle(stream.frame))
 
 
 def _linear(columns: Columns) -> Array:
@@ -93,8 +93,8 @@ def odometry(stream: Stream, robot: Robot) -> Made:
     return _speed(stream, robot, stream.text("child_frame_id").lstrip("/"))
 
 
-def _speed(stream: Stream, robot: Robot, frame: str) -> Made:
-    """The speed forward of the frame that a twist is of."""
+def _speed(stream: Stream, robot: Robot, frame: str, doubt: str = "") -> Made:
+    """The speed forward of the frame that a twist is of, left where there is a `doubt`."""
     place = robot.frames.pose(frame, robot.base)
     velocity = _linear(stream.columns)
     if place is not None:
@@ -105,7 +105,8 @@ def _speed(stream: Stream, robot: Robot, frame: str) -> Made:
     if COMMAND.search(stream.topic):
         left = "its name says that it is a command, not a measurement"
     else:
-        left = not_measured(stream) or ("" if velocity[:, 0].any() else "it is always 0")
+        left = not_measured(stream) or doubt
+        left = left or ("" if velocity[:, 0].any() else "it is always 0")
     title = f", speed along x of {frame or 'its frame'}"
     if "Odometry" in stream.type:
         title += "; its pose is left: metres from where it began, no position on Earth"

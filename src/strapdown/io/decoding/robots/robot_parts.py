@@ -11,12 +11,19 @@ from ....typing import Array
 from ...contract import Section
 from .robot_streams import Stream
 from .ros_messages import Columns
-from .ros_transforms import Frames, Pose
+from .ros_transforms import WORLD, Frames, Pose
 
 FUSED = re.compile(
     r"filter|fused|fusion|ekf|ukf|kalman|combined|vins|vio|slam|lio|visual|locali[sz]ation|rtab",
     re.IGNORECASE,
 )
+AUTOPILOT = re.compile(
+    r"(^|/)(global_position/(global|local|gp_vel)|local_position/\w+|mavros/odometry/in)$"
+)
+"""Topics of MAVROS that repeat GLOBAL_POSITION_INT, LOCAL_POSITION_NED and ODOMETRY of MAVLink
+(https://mavlink.io/en/messages/common.html), which the filter of the autopilot estimates; what its
+receiver measured is below `global_position/raw`."""
+BASE = re.compile(r"(^|/)base_(link|footprint)$")
 TRUTH = re.compile(r"truth|(^|[/_])gt($|[/_])|p3d", re.IGNORECASE)
 
 
@@ -30,6 +37,14 @@ class Robot(NamedTuple):
     def place(self, stream: Stream) -> Pose | None:
         """Of the sensor in the vehicle; None: the log does not say it."""
         return self.frames.pose(stream.frame, self.base)
+
+    def not_of_vehicle(self, frame: str) -> str:
+        """Why a speed forward in a frame is not that of the vehicle; "": it is, or nothing tells."""
+        if WORLD.search(frame):
+            return f"its frame {frame} is one of the ground, whose x is not forward"
+        if not frame or BASE.search(frame) or self.frames.pose(frame, self.base) is not None:
+            return ""
+        return f"the log has no transform from {self.base} to its frame {frame}"
 
     def said(self, stream: Stream, place: Pose | None) -> str:
         """Words on it for a title."""
@@ -77,6 +92,8 @@ def not_measured(stream: Stream) -> str:
     """Why a topic is not taken for a measurement, by its name; "": it is."""
     if FUSED.search(stream.topic):
         return "its name says that it is estimated, probably of the same IMU"
+    if AUTOPILOT.search(stream.topic):
+        return "it is what the autopilot's filter made of its IMU and its receiver"
     return "its name says that it is a truth" if TRUTH.search(stream.topic) else ""
 
 

@@ -4,7 +4,6 @@ Axes and units are those of REP 103 and REP 145 (https://ros.org/reps): forward,
 accelerometer at rest reads +9.8 m/s^2 upwards; fixes in east, north, up.
 """
 
-import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,14 +14,13 @@ from ...contract import Log, Section
 from ...tables.table_file import Table
 from .robot_aiding import barometer, fix, magnetometer, odometry, twist
 from .robot_imu import imu
-from .robot_parts import Made, Robot
+from .robot_parts import BASE, Made, Robot
 from .robot_streams import Stream, streams_of, unread
 from .ros_messages import Columns, Messages
 from .ros_transforms import Frames
 
 MOST = 1e12
 """Above every number that is measured, in whatever unit."""
-BASE = re.compile(r"(^|/)base_(link|footprint)$")
 MAKERS: Mapping[str, Callable[[Stream, Robot], Made]] = {
     "sensor_msgs/Imu": imu,
     "sensor_msgs/NavSatFix": fix,

@@ -1,6 +1,7 @@
 """Where the sensors of a robot are mounted: the fixed ones among its transforms between frames."""
 
 import math
+import re
 import struct
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -13,6 +14,14 @@ from .ros_messages import Topic
 STATIC = "tf_static"
 LEAST = 3
 """Equal transforms by which one of a topic other than that of fixed ones is taken for fixed."""
+
+WORLD = re.compile(
+    r"((^|[/_])(map|odom|world|earth|ecef|utm)|(^|/)(enu|ned|local_origin))"
+    r"(_(frame|enu|ned|combined|origin))*$",
+    re.IGNORECASE,
+)
+"""Names of frames that stand on the ground (REP 105, https://ros.org/reps/rep-0105.html, and what
+drivers call them)."""
 
 
 class Pose(NamedTuple):
@@ -63,7 +72,10 @@ def plain(frame: str) -> str:
 
 
 class Frames:
-    """The fixed transforms of a log, by the frame that they are of."""
+    """The fixed transforms of a log, by the frame that they are of.
+
+    What parts a vehicle from the ground moves sooner or later, so that /tf fixes no frame of WORLD.
+    """
 
     def __init__(self, messages: Iterable[tuple[Topic, bytes]] = ()) -> None:
         seen: dict[tuple[str, str], list[tuple[bool, tuple[float, ...]]]] = {}
@@ -77,7 +89,9 @@ class Frames:
         self._parents: dict[str, tuple[str, Pose]] = {}
         for (child, parent), found in seen.items():
             static, numbers = found[-1]
-            fixed = static or (len(found) >= LEAST and all(each == numbers for _, each in found))
+            ground = WORLD.search(parent) or WORLD.search(child)
+            still = len(found) >= LEAST and all(each == numbers for _, each in found)
+            fixed = static or (still and not ground)
             pose = _pose(numbers)
             if fixed and pose is not None and child != parent:
                 self._parents[child] = parent, pose

@@ -5,11 +5,10 @@ import io
 from typing import IO, cast
 
 from ....checks import DataError
+from ...tables.zstd_file import unpacking
 
 PIECE = 1 << 20
 """Bytes that are unpacked at a time, so that a wrong size costs no memory."""
-STEP = 1 << 12
-"""Packed bytes of zstd that are unpacked at a time: blocks of four bytes can become 128 KiB each."""
 
 
 def _opened(packed: bytes, way: str) -> IO[bytes]:
@@ -38,8 +37,6 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
                 while left > 0 and (piece := file.read(min(PIECE, left))):
                     pieces.append(piece)
                     left -= len(piece)
-        except ImportError:
-            raise
         except Exception as error:  # each package has errors of its own
             raise DataError(f"is damaged ({type(error).__name__})") from error
         unpacked = b"".join(pieces)
@@ -53,19 +50,11 @@ def unpack_frames(packed: bytes, most: int) -> bytes:
     DataError."""
     import zstandard
 
-    pieces, size, at = [], 0, 0
     try:
-        while at < len(packed):
-            frame = zstandard.ZstdDecompressor().decompressobj()
-            while at < len(packed) and not frame.eof:
-                step = packed[at : at + STEP]
-                pieces.append(frame.decompress(step))
-                size += len(pieces[-1])
-                if size > most:
-                    raise DataError(f"unpacks to more than {most} bytes")
-                at += len(step) - len(frame.unused_data)
-            if not frame.eof:
-                raise DataError("is damaged (it ends within a frame of zstd)")
-    except zstandard.ZstdError as error:
+        with unpacking(io.BytesIO(packed)) as file:
+            unpacked = file.read(most + 1)
+    except (EOFError, zstandard.ZstdError) as error:
         raise DataError(f"is damaged ({str(error):.60})") from error
-    return b"".join(pieces)
+    if len(unpacked) > most:
+        raise DataError(f"unpacks to more than {most} bytes")
+    return unpacked
