@@ -50,6 +50,13 @@ def test_a_right_receiver_is_not_accused():
     assert found.facts[0].startswith("p against v: the velocity is ")
 
 
+def test_exchanged_latitude_and_longitude_are_named():
+    position, velocity = receiver(T, winding, wound, noise=0.3)
+    exchanged = replace(position, y=position.y[:, [1, 0, 2]])
+    (reason,) = position_against_velocity(exchanged, velocity).reasons
+    assert "latitude and longitude are exchanged" in reason.seen and reason.source == "p"
+
+
 @pytest.mark.parametrize("lag", [-1.3, -0.2, 0.15, 0.6])
 def test_latency_is_measured(lag):
     """The velocity of the instant t - lag is stamped t."""

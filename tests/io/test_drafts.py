@@ -182,6 +182,17 @@ def test_positions_of_many_spellings(tmp_path, header, row, lla):
     np.testing.assert_array_equal(sd.read(description).aidings[0].y, found.y)
 
 
+def test_rows_of_zeros_are_no_fixes(drive, pair):
+    rows = pair[1].read_text().splitlines()
+    for k in range(300, 350):
+        rows[k] = rows[k].partition(";")[0] + ";0,0;0,0;0,0;0,0;0,0;0,0;1"
+    pair[1].write_text("\n".join(rows))
+    recording = sd.read(*pair)
+    for aiding in recording.aidings:
+        assert np.diff(aiding.t).max() == pytest.approx(51 * 0.2, abs=0.21)
+    assert any("50 rows of" in line and "are zeros" in line for line in recording.meta["read"])
+
+
 def test_fixes_held_beside_an_imu_count_once(drive, tmp_path):
     position = drive.aidings[0]
     imu = drive.imu

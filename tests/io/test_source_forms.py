@@ -251,6 +251,7 @@ position = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }
         ('{ column = "fix", equals = [3, 5] }', range(0, 20, 2)),
         ('{ column = "status", equals = "A" }', range(10)),
         ('{ column = "status", equals = ["A", "x"] }', range(10)),
+        ('{ column = "held", unequal = 3 }', (0, 1, *range(3, 8), 18, 19)),
         ('{ column = "held", changes = true }', (0, 3, 8, 18)),
         ('[{ column = "fix", most = 4 }, { column = "status", equals = "A" }]', (0, 3, 4, 7, 8)),
     ],
@@ -420,7 +421,7 @@ WRONG = {
     ),
     "where without a rule": (
         POSITION + 'where = { column = "fix" }',
-        "least, most, equals or changes is missing",
+        "least, most, equals, unequal or changes is missing",
     ),
     "where misspelt": (
         POSITION + 'where = { column = "fix", leest = 3 }',

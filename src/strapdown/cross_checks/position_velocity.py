@@ -8,6 +8,7 @@ standard deviations rest on how the blocks disagree (`clustered`).
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ SCALE, ANGLE, LAG, DRIFT = 0.015, np.radians(1.5), 0.08, 0.04
 """Differences up to these are not spoken of: ratio, rad, s, m/s."""
 FARTHEST, SETTLED, MOST_STEPS = 60.0, 0.02, 5
 """The largest lag that is looked for, the last step of the search, both s, and the most steps."""
+EQUATOR = np.radians(15.0)
+"""Latitude and longitude up to which a degree of both is about as long."""
 FACTORS = {
     3.6: "km/h read as m/s",
     1 / 3.6: "m/s read as km/h",
@@ -192,8 +195,24 @@ def position_against_velocity(position: Aiding, velocity: Aiding) -> Checked:
         found.reasons.extend(_drift(pair, _blocks(pair), 0.0))
         return found
     if wrong:
-        return Checked([], wrong, [])
+        return Checked([], _exchanged(position, velocity, wrong) or wrong, [])
     return _fine(pair, what)
+
+
+def _exchanged(position: Aiding, velocity: Aiding, wrong: list[Reason]) -> list[Reason]:
+    """The Reason where the positions agree with the velocity once latitude and longitude are
+    exchanged, else none. Near the equator the same is seen where north and east of the velocity
+    are."""
+    y = position.y[:, [1, 0, 2]]
+    largest = np.nanmax(np.abs(y[:, :2]))
+    near_equator = largest < EQUATOR and len(wrong) == 1 and wrong[0].cause == "frame"
+    if not np.nanmax(np.abs(y[:, 0])) <= np.pi / 2 or near_equator:
+        return []
+    pair = _pair(replace(position, y=y), velocity)
+    if pair is None or _gross(pair) != [] or _fine(pair, "").reasons:
+        return []
+    seen = f"latitude and longitude are exchanged: only so it agrees with {pair.velocity}"
+    return [Reason("frame", seen, "exchange the columns", pair.position, wrong[0].weight)]
 
 
 def _pair(position: Aiding, velocity: Aiding) -> Pair | None:

@@ -55,6 +55,7 @@ def check(subject: Subject) -> Checked:
     top = int(np.nanargmax(np.abs(r)))
     known = np.isfinite(ours[top])
     ratio = float(ours[top][known].std() / theirs[use][known].std())
+    of_positions = sources[0].kind == "position"
     found = Checked.nothing()
     found.facts.append(f"{what}: correlation {r[top]:.3f}, gyro / course {ratio:.3g}")
     if r[top] < 0:
@@ -63,7 +64,8 @@ def check(subject: Subject) -> Checked:
                 "axes",
                 f"the gyro turns left where the course of {label(sources[0])} turns right "
                 f"(correlation {r[top]:.2f})",
-                "check the sign of gyro z, or `axes` of [imu]",
+                "check the sign of gyro z, or `axes` of [imu]"
+                + ", or whether latitude and longitude are exchanged" * of_positions,
                 weight=10.0,
             )
         )

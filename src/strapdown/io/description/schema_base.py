@@ -66,12 +66,14 @@ def _day(value: Any) -> Any:
 
 class Condition(Part):
     """where: only rows count whose `column` is at least `least`, at most `most`, one of
-    `equals`, numbers or texts, or `changes`: is not what it was in the row before."""
+    `equals`, numbers or texts, not the number `unequal`, or `changes`: is not what it was in the row
+    before."""
 
     column: Column
     least: Finite | None = None
     most: Finite | None = None
     equals: Any = None
+    unequal: Finite | None = None
     changes: bool = False
 
     @property
@@ -86,8 +88,9 @@ class Condition(Part):
                 self.least is None
                 and self.most is None
                 and self.equals is None
+                and self.unequal is None
                 and not self.changes,
-                "least, most, equals or changes is missing: say which rows count, as "
+                "least, most, equals, unequal or changes is missing: say which rows count, as "
                 '{ column = "fix", least = 3 } or { column = "status", equals = ["A", "D"] }',
             ),
             (
@@ -103,6 +106,7 @@ class Condition(Part):
             "" if self.least is None else f">= {self.least:g}",
             "" if self.most is None else f"<= {self.most:g}",
             "" if self.equals is None else f"in {', '.join(map(str, self.values))}",
+            "" if self.unequal is None else f"other than {self.unequal:g}",
             "that changes" if self.changes else "",
         )
         return f"{self.column} {' and '.join(filter(None, rules))}"

@@ -215,7 +215,7 @@ def _believed(gps: float, table: Table, time: Time) -> float:
 def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:
     """(Table of the rows of which the condition holds, notes on the others). Raises DataError where
     there is none."""
-    left_out = ~_holds(table, condition)
+    left_out = ~holds(table, condition)
     if not left_out.any():
         return table, []
     if left_out.all():
@@ -230,13 +230,13 @@ def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:
     return table._replace(frame=table.frame[~left_out], lines=table.lines[~left_out]), rows.notes
 
 
-def _holds(table: Table, condition: Condition) -> Mask:
+def holds(table: Table, condition: Condition) -> Mask:
     """(n,) the rows of which it holds; it holds of no empty cell."""
-    holds = np.ones(len(table.frame), bool)
+    found = np.ones(len(table.frame), bool)
     if condition.least is not None or condition.most is not None:
         numbers = table.numbers(condition.column)
-        holds &= numbers >= (-np.inf if condition.least is None else condition.least)
-        holds &= numbers <= (np.inf if condition.most is None else condition.most)
+        found &= numbers >= (-np.inf if condition.least is None else condition.least)
+        found &= numbers <= (np.inf if condition.most is None else condition.most)
     if condition.equals is not None:
         cells = table.cells(condition.column)
         wanted = [each for each in condition.values if not isinstance(each, str)]
@@ -244,13 +244,16 @@ def _holds(table: Table, condition: Condition) -> Mask:
         if cells.dtype.kind not in "iufb":
             texts = [each for each in condition.values if isinstance(each, str)]
             same |= np.isin([str(each).strip() for each in cells], texts)
-        holds &= same
+        found &= same
+    if condition.unequal is not None:
+        numbers = table.numbers(condition.column)
+        found &= np.isfinite(numbers) & (numbers != condition.unequal)
     if condition.changes:  # the first row tells something too
         table.cells(condition.column)  # is there
         known = table.frame[condition.column].dropna()
         changed = (known != known.shift()).reindex(table.frame.index, fill_value=False)
-        holds &= changed.to_numpy(bool)
-    return holds
+        found &= changed.to_numpy(bool)
+    return found
 
 
 def _as_numbers(cells: Any) -> Array:

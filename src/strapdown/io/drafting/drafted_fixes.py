@@ -10,6 +10,8 @@ from ...core.earth import A
 from ...typing import Array, Mask
 from ...units import UNITS
 from ..contract import Section
+from ..description.schema_base import Condition
+from ..description.source_files import holds
 from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
 from .latitudes import angles_of
 from .track_units import unit_of_velocity, units_of_course
@@ -43,7 +45,8 @@ def fix_sections(columns: Names, time: dict[str, Any], t: Array, is_imu: bool = 
     """The Fixes of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
     from row to row."""
     found = Fixes([], [], {}, [], [])
-    conditions = [_where(columns), _held(columns) if is_imu else (None, "")]
+    fix = _where(columns)
+    conditions = [fix, _zeros(columns, fix[0]), _held(columns) if is_imu else (None, "")]
     told = [(where, why) for where, why in conditions if where]
     shared: dict[str, Any] = {"time": time}
     assumed = {}
@@ -265,6 +268,25 @@ def _velocity(
                 else f"{NO_SD}, in all directions",
             )
         _add(found, columns, "velocity", keys, why)
+
+
+def _zeros(columns: Names, where: dict[str, Any] | None) -> tuple[dict[str, Any] | None, str]:
+    """(Condition on the rows that are fixes, or None; why) of a receiver that writes zeros without
+    one, of the rows of which `where` holds."""
+    names = [columns.find(POSITION["latitude"]), columns.find(POSITION["longitude"])]
+    if not all(names):
+        names = [columns.find(pattern) for pattern in ECEF.values()]
+    some = [name for name in names if name]
+    if len(some) < len(names):
+        return None, ""
+    zero = np.stack([columns.numbers(name) == 0 for name in some], axis=1)
+    if where:
+        zero = zero[holds(columns.table, Condition.model_validate(where))]
+    count = int(zero.all(axis=1).sum())
+    alone = [name for name, each in zip(some, zero.T) if each.sum() == count]
+    if not 0 < count < len(zero) or not alone:
+        return None, ""
+    return {"column": alone[0], "unequal": 0}, f"{count} rows of {len(zero)} are zeros, no fix"
 
 
 def _held(columns: Names) -> tuple[dict[str, Any] | None, str]:
