@@ -28,8 +28,8 @@ IMU_KEYS = (
     '# grade = "consumer"             # a name from `strapdown imus`, or an ImuSpec file',
 )
 UNCALIBRATED = (
-    "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it "
-    "(`strapdown calibrate`), or --take magnetometer=0 takes it as it is"
+    "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it first "
+    "(`strapdown calibrate`)"
 )
 MAG_KEYS = (
     '# place = { latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }    # at the top, '
