@@ -494,3 +494,13 @@ def test_measured_values_come_before_true_ones(tmp_path):
     recording = sd.read(path)
     assert recording.imu.dv[:, 0].std() * 50 == pytest.approx(0.01, rel=0.2)
     assert any("not needed: Ax, Ay, Az, Gx, Gy, Gz" in line for line in recording.meta["read"])
+
+
+@pytest.mark.short
+def test_the_scale_of_gyro_counts_is_asked_for(tmp_path):
+    values = np.random.default_rng(5).normal([0, 0, 50, 0, 0, 16384], 30, (900, 6)).round()
+    path = tmp_path / "imu.csv"
+    frame = pd.DataFrame(np.c_[np.arange(900) / 50, values])
+    frame.to_csv(path, index=False, header=["t", "gx", "gy", "gz", "ax", "ay", "az"])
+    with pytest.raises(sd.DataError, match="gx, gy, gz are whole numbers .* unit and scale"):
+        sd.read(path)

@@ -28,8 +28,8 @@ IMU_KEYS = (
     '# grade = "consumer"             # a name from `strapdown imus`, or an ImuSpec file',
 )
 UNCALIBRATED = (
-    "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it "
-    "(`strapdown calibrate`), or --take magnetometer=0 takes it as it is"
+    "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it first "
+    "(`strapdown calibrate`)"
 )
 MAG_KEYS = (
     '# place = { latitude = 47.0, longitude = 8.0, height = 500.0, unit = "deg" }    # at the top, '
@@ -73,6 +73,12 @@ def imu_section(
     if gyro:
         force_si = raw["a"] * factor if accel else None
         unit, milli, why = _gyro_unit(columns, gyro[0], t, raw["g"], force_si, axes[0])
+        if why and scale != 1 and np.all(raw["g"][np.isfinite(raw["g"])] % 1 == 0):
+            asked.append(
+                f"gyro: {', '.join(gyro)} are whole numbers beside an accelerometer of counts: write "
+                f"their unit and scale of the data sheet in the draft, as gyro = {{ columns = [...], "
+                f'unit = "deg/s", scale = 0.0076 }}'
+            )
         keys["gyro"] = {"columns": gyro, "unit": unit} | ({"scale": milli} if milli != 1 else {})
         assumed |= {"gyro": why} if why else {}
         facts.append(
