@@ -153,6 +153,7 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
             header=None,
             names=names,
             quoting=3,
+            lineterminator="\n",  # a lone carriage return is none, as in `lines`
             encoding_errors="replace",
             low_memory=False,
         )
