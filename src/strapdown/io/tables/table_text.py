@@ -18,8 +18,11 @@ from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
 if TYPE_CHECKING:
     import pandas as pd
 
+DIGITS = frozenset("0123456789")
 CHUNK = 65536
 """Rows that are parsed at a time: pandas keeps the text of as many."""
+SAMPLED = 200
+"""Cells of a column of text that say whether it may hold numbers."""
 MARK = re.compile(r"\s*(#|%|//|[-=*]{3})")
 """Beginnings of a line that is no data."""
 WORD = re.compile(r"\s*\"?[^\W\d_]+(?![^\W_])")
@@ -106,11 +109,13 @@ def _marks(frame: "pd.DataFrame") -> Mask:
         return marks
     first = frame.columns[0]
     if first in texts:
-        cells = frame[first].astype(str)
-        words = np.array(cells.str.match(WORD.pattern), bool) & frame[first].notna().to_numpy()
-        marks = np.array(cells.str.match(MARK.pattern), bool)
-        if 2 * words.sum() < len(words):
-            marks |= words
+        known = np.flatnonzero(frame[first].notna().to_numpy())
+        cells = [str(cell) for cell in frame[first].to_numpy(object)[known]]
+        odd = [(row, cell) for row, cell in zip(known, cells) if cell[:1] not in DIGITS]
+        words = [row for row, cell in odd if WORD.match(cell)]
+        marks[[row for row, cell in odd if MARK.match(cell)]] = True
+        if 2 * len(words) < len(known):
+            marks[words] = True
     suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
     for name in texts:
         cells = frame[name].iloc[suspect]
@@ -137,6 +142,9 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
         known = cells.notna()
         if cells.isna().all():
             frame[name] = np.nan
+        some = cells[known].iloc[:: max(1, int(known.sum()) // SAMPLED)]
+        if pd.to_numeric(_with_points(some), errors="coerce").isna().all():
+            continue  # as times of the calendar
         for form in (cells, _with_points(cells).where(known)):
             numbers = pd.to_numeric(form, errors="coerce")
             if (numbers.notna() == known).all():
