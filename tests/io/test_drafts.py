@@ -182,6 +182,26 @@ def test_positions_of_many_spellings(tmp_path, header, row, lla):
     np.testing.assert_array_equal(sd.read(description).aidings[0].y, found.y)
 
 
+@pytest.mark.parametrize("hour", [12, 23])
+def test_a_time_of_day_takes_the_day_of_the_other_table(tmp_path, hour):
+    """Also where midnight falls into the record."""
+    start = pd.Timestamp(f"2024-05-01T{hour}:59:50")
+
+    def stamps(n, interval, form):
+        return (start + pd.to_timedelta(interval * np.arange(n), unit="s")).strftime(form)
+
+    still = [f"{t},0,0,0,0,0.1,-9.8" for t in stamps(1500, 0.02, "%H:%M:%S.%f")]
+    (tmp_path / "imu.csv").write_text("\n".join(["time,gx,gy,gz,ax,ay,az", *still]))
+    fixes = [f"{t},48.1,9.0,500" for t in stamps(30, 1.0, "%Y-%m-%dT%H:%M:%SZ")]
+    (tmp_path / "gnss.csv").write_text("\n".join(["time,lat,lon,h_ell", *fixes]))
+    recording = sd.read(tmp_path / "imu.csv", tmp_path / "gnss.csv")
+    assert recording.meta["epoch"] == "2024-05-01T00:00:00Z"
+    assert recording.imu.t[-1] == pytest.approx(hour * 3600 + 3590 + 1499 * 0.02, abs=1e-4)
+    assert recording.aidings[0].t[-1] == pytest.approx(hour * 3600 + 3590 + 29)
+    assert any("the day of gnss.csv" in line for line in recording.meta["read"])
+    assert sd.read(tmp_path / "imu.csv").meta.get("epoch") is None
+
+
 def test_rows_of_zeros_are_no_fixes(drive, pair):
     rows = pair[1].read_text().splitlines()
     for k in range(300, 350):

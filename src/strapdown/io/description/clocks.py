@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...time_scales import WEEK, gps_of, iso
+from ...time_scales import DAY, WEEK, gps_of, iso
 from ..contract import Log, Section
 from ..tables.table_file import Table
 from .schema_base import Time
@@ -25,7 +25,7 @@ class Timed(NamedTuple):
 
     path: Path
     section: Section
-    kind: str  # "absolute", "week" without a number, or "own"
+    kind: str  # "absolute", "week" without a number, "day" without a date, or "own"
     first: float
     last: float
 
@@ -51,7 +51,8 @@ def timed(path: Path, log: Log, section: Section) -> Timed | None:
     known = t[np.isfinite(t)]
     if not len(known):
         return None
-    kind = "week" if is_week else "own" if time.absolute is None else "absolute"
+    own_kind = "own" if time.format is None else "day"
+    kind = "week" if is_week else own_kind if time.absolute is None else "absolute"
     return Timed(path, section, kind, float(known[0]), float(known[-1]))
 
 
@@ -83,7 +84,7 @@ def one_clock(
         assumed = [f"the clocks of {names} count from the same moment"]
 
     of_imu = next((each for each in found if each.section.of == "imu"), None)
-    is_absolute = of_imu is not None and of_imu.kind != "own"
+    is_absolute = of_imu is not None and of_imu.kind not in ("own", "day")
 
     def complete(path: Path, section: Section) -> Section:
         zero = zeros.get(path)
@@ -113,10 +114,11 @@ def _later(section: Section, seconds: float, clock: str = "") -> Section:
 def _weeks(
     found: Sequence[Timed], unknown: Sequence[Timed]
 ) -> tuple[Callable[[Section], Section], list[str]]:
-    """(What completes a time of week, lines on what is asked)."""
+    """(What completes a time of week or of day, lines on what is asked)."""
     absolute = next((each for each in found if each.kind == "absolute"), None)
     loose = [each for each in found if each.kind == "own"]
     weeks = [each for each in found if each.kind == "week"]
+    days = [each for each in found if each.kind == "day"]
     if absolute is None:
         odd = next((each for each in loose for other in weeks if not _overlap(each, other)), None)
         asked = [] if odd is None else [_of_two(odd, weeks[0])]
@@ -127,6 +129,12 @@ def _weeks(
 
     def complete(section: Section) -> Section:
         keys = section.keys.get("time", {})
+        day = next((each.first for each in days if each.section.keys["time"] == keys), None)
+        if day is not None:
+            told = {"time": f"the day of {absolute.path.name}"}
+            date = iso(absolute.first - day + 0.5 * DAY)[:10]
+            completed = {**section.keys, "time": {**keys, "date": date}}
+            return section._replace(keys=completed, assumed={**section.assumed, **told})
         if "week" not in keys or keys["week"] is not None:
             return section
         own = next((each.first for each in weeks if each.section.keys["time"] == keys), 0.0)

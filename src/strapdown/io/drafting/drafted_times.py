@@ -43,6 +43,8 @@ FORMATS = (
     "%d%m%y %H%M%S",
     "%Y%m%d %H%M%S",
 )
+OF_DAY = "%H:%M:%S"
+"""A time alone, whose day another file may tell."""
 DAYS = 2
 """Of a format with a date of digits alone: the first of them that are tried in a column alone."""
 
@@ -69,6 +71,8 @@ def find_clock(columns: Names, is_imu: bool) -> Clock | None:
         form = _format(columns, name)
         if form is None:
             raise DataError(_of_no_form(columns, name))
+        if form == OF_DAY:
+            return Clock({"column": name, "format": form}, f"time: {name!r}, time of day, UTC")
         keys = {"column": name, "format": form} | _scale(name)
         why = "" if "%d/%m" not in form else "days before months"
         return Clock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
@@ -173,7 +177,7 @@ def _format(columns: Names, name: str, day: str | None = None) -> str | None:
     )
     if not len(frame):
         return None
-    for form in FORMATS if day else FORMATS[:-DAYS]:
+    for form in FORMATS if day else (*FORMATS[:-DAYS], OF_DAY):
         try:
             of_days, of_times = patterns(form, "column" if day else "")
         except ValueError:
