@@ -230,7 +230,7 @@ def test_two_clocks_without_zero_are_taken_for_one_and_this_is_said():
     add_own_imu("boot", None)
     add_own_clock("loose", None, first=1.0)
     told = sd.read("a.boot", "a.loose").meta["read"]
-    assert "assumed: the clocks of a.boot and a.loose count from the same moment" in told
+    assert "assumed: the clocks of a.boot, a.loose count from the same moment" in told
 
 
 def test_a_recording_is_read_alone():

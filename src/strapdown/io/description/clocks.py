@@ -80,7 +80,7 @@ def one_clock(
     if unknown and dated and not asked:
         asked = [_of_two(unknown[0], dated[0])]
     elif len(zeros) > 1 and not dated:
-        names = " and ".join(path.name for path in zeros)
+        names = ", ".join(path.name for path in zeros)
         assumed = [f"the clocks of {names} count from the same moment"]
 
     of_imu = next((each for each in found if each.section.of == "imu"), None)

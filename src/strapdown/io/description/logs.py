@@ -238,7 +238,8 @@ def _why(each: Taken, role: str, take: Take) -> str:
         return each.section.left
     number = each.section.instance
     how = f"--imu {number}" if role == "imu" else f"--take {role}={number}"
-    return f"{each.section.left or f'one {ROLES[role]} is taken'}; {how} takes it"
+    why = each.section.left or f"one {ROLES[role]} is taken"
+    return why if how in why else f"{why}; {how} takes it"
 
 
 def _called(section: Section) -> str:
