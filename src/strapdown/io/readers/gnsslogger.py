@@ -149,7 +149,7 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
     label = f"{path} [{kind}]"
     try:
         frame = pd.read_csv(
-            io.BytesIO(text),
+            io.BytesIO(text.replace(b"\r\n", b"\n")),
             header=None,
             names=names,
             quoting=3,

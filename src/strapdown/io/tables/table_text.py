@@ -156,7 +156,15 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
 
 
 def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFrame":
-    """What pandas makes of the file without the lines `left`, counted from 0."""
+    """What pandas makes of the file without the lines `left`, counted from 0. To skip blanks before
+    cells takes time, so that it is done where there is more than numbers."""
+    frame = _as_pandas_parses(path, found, left, blanks=False)
+    return _as_pandas_parses(path, found, left, blanks=True) if _texts(frame) else frame
+
+
+def _as_pandas_parses(
+    path: Path, found: Layout, left: Sequence[int], blanks: bool
+) -> "pd.DataFrame":
     import pandas as pd
 
     # a plain file is fastest by its path: pandas then decodes UTF-8 itself
@@ -164,6 +172,8 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
     with warnings.catch_warnings():
         # rows with more cells than the header has names
         warnings.simplefilter("error", pd.errors.ParserWarning)
+        # a column of numbers and words is seen to where it is used
+        warnings.simplefilter("ignore", pd.errors.DtypeWarning)
         chunks = pd.read_csv(
             source,
             sep=found.separator,
@@ -172,8 +182,7 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
             names=found.names or None,
             skiprows=[*range(found.skipped), *left] if left else found.skipped,
             skip_blank_lines=False,
-            skipinitialspace=True,
-            low_memory=False,
+            skipinitialspace=blanks,
             index_col=False,
             encoding=found.encoding,
             encoding_errors="replace",
