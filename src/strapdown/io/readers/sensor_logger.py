@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...units import G
 from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import CSV, Export, export, heads
 from ..decoding.phones.phone import (
@@ -174,7 +175,7 @@ def _platform(found: Export, tables: dict[str, Table]) -> Platform:
 
 def _signs(platform: Platform, name: str, norm: float) -> Signs:
     """What makes specific force of a table."""
-    g = 9.80665
+    g = G
     in_g = name == "AccelerometerUncalibrated" and norm < 0.5 * GRAVITY[0]
     if in_g:
         return Signs(-g, "in g, as an iPhone writes it, so of the opposite sign", True)
