@@ -308,3 +308,10 @@ def test_content_tells_the_format(tmp_path):
         if expected:
             assert registry.find(path).name == expected
     assert not sniff(tmp_path) and not sniff(tmp_path / "a.nmea.gz")
+
+
+def test_a_day_that_no_month_has_is_no_date(written):
+    """31 February would count as 2 March."""
+    bad = [rmc(m, 45, 7, 5, 9, date="2024-02-31") + gga(m, 45, 7, 100) for m in moments()]
+    columns = written("".join(bad)).tables["GGA"].frame.columns
+    assert "unix_ms" not in columns and "day_ms" in columns

@@ -92,5 +92,7 @@ def _moments(kind: Kind, t: Ints, year: Array, month: Array, day: Array) -> tupl
         fits = (t >= 0) & (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12)
         fits &= (day >= 1) & (day <= 31)
     months = (12 * (year[fits] - 1970) + month[fits] - 1).astype(int)
-    days = months.astype("datetime64[M]").astype("datetime64[D]").astype(int) + day[fits] - 1
-    return kind.place[fits], days.astype(int) * DAY + t[fits]
+    first = months.astype("datetime64[M]").astype("datetime64[D]")
+    days = first + (day[fits] - 1).astype(int)
+    real = days.astype("datetime64[M]") == first.astype("datetime64[M]")  # no 31 February
+    return kind.place[fits][real], days[real].astype(int) * DAY + t[fits][real]
