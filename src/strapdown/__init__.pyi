@@ -22,6 +22,7 @@ from .experiments.monte_carlo.campaign import Campaign as Campaign
 from .experiments.monte_carlo.study import Study as Study
 from .experiments.outages.compare import compare as compare
 from .experiments.outages.result import Comparison as Comparison
+from .file_limits import reading_limits as reading_limits
 from .flight.aircraft.modes import linearise as linearise
 from .flight.aircraft.parameters import Aircraft as Aircraft, aircraft as aircraft
 from .flight.aircraft.trim import trim as trim

@@ -124,6 +124,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def options(
+    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option(
@@ -138,8 +139,21 @@ def options(
             "be repeated. See `strapdown plugins`.",
         ),
     ] = None,
+    max_size: Annotated[
+        float | None,
+        typer.Option(metavar="GB", help="Largest content of a file that is read, unpacked."),
+    ] = None,
+    pipes: Annotated[
+        bool, typer.Option("--pipes", help="Read also what is no regular file, such as a pipe.")
+    ] = False,
 ) -> None:
     """Options of the command itself."""
+    from ..file_limits import reading_limits
+
+    changes: dict[str, float | bool] = {"pipes": True} if pipes else {}
+    if max_size is not None:
+        changes["size"] = 1e9 * max_size
+    context.with_resource(reading_limits(**changes))
     if plugin:
         from ..plugins import name_plugins
 
