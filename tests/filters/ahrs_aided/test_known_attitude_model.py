@@ -125,6 +125,8 @@ def textbook(recording, begin):
             dt,
         )
         S = Phi @ S @ Phi.T + Q
+        N = P[9:12, 9:12]  # random turns shorten a vector on average
+        f = f + 0.5 * (np.trace(N) * I - N) @ f
         change = (f + np.array([0, 0, gravity(sine, lla[2])]) - np.cross(w_v, v)) * dt
         lla, v = displaced(lla, (v + change / 2) * dt), v + change
         turn = lambda D: (
