@@ -35,7 +35,7 @@ Schema = Mapping[str, Column]
 
 
 def check_arrays(
-    found: Mapping[str, Any],
+    found: Mapping[str, "np.ndarray[Any, Any]"],
     schema: Schema,
     where: object,
     sizes: Mapping[str, int] | None = None,
@@ -60,9 +60,9 @@ def check_arrays(
     return lengths
 
 
-def _shape(values: Any, column: Column, lengths: dict[str, int]) -> str:
+def _shape(values: "np.ndarray[Any, Any]", column: Column, lengths: dict[str, int]) -> str:
     """What is wrong with type and shape, or ""."""
-    if not isinstance(values, np.ndarray) or values.dtype.kind not in "iufb":
+    if values.dtype.kind not in "iufb":
         return "holds no numbers"
     axes = column.axes.split()
     if values.ndim == len(axes):

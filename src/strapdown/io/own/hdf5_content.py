@@ -1,8 +1,7 @@
 """NetCDF files of our own in memory. Whatever their checksum, their structure or HDF5 says against them
 is one line here and nowhere else."""
 
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +12,7 @@ from ...checks import DataError
 from ...checksum import DAMAGED, has_checksum
 from ...file_limits import check_size, in_force, regular
 from ...typing import File
+from .one_line import one_line
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 """Begins the attribute NAME of a dataset that only has the size of a dimension (NetCDF-4 format
@@ -24,34 +24,14 @@ SEALED = "checksum"
 
 
 class Content(NamedTuple):
-    """What a group holds. Texts are str, or arrays of str; numbers are arrays as they are stored."""
+    """What a group holds."""
 
     attributes: dict[str, Any]
-    variables: dict[str, np.ndarray[Any, Any] | str]
+    variables: dict[str, np.ndarray[Any, Any]]  # as they are stored; of texts arrays of objects
+    texts: dict[str, str]  # variables that are one text
     units: dict[str, str]  # of the variables that say one
     names: dict[str, str]  # long names, of the variables that say one
     groups: dict[str, "Content"]
-
-
-@contextmanager
-def one_line(path: File, what: str) -> Iterator[None]:
-    """Around what takes a file apart: every exception becomes a DataError of one line."""
-    try:
-        yield
-    except DataError:
-        raise
-    except OSError as error:
-        said = error.strerror if error.errno else _first_line(error)
-        raise DataError(f"{path}: is not a whole {what} ({said}); {DAMAGED}") from error
-    except Exception as error:
-        said = f"{type(error).__name__}: {_first_line(error)}"
-        raise DataError(f"{path}: is not a whole {what} ({said}); {DAMAGED}") from error
-
-
-def _first_line(error: BaseException) -> str:
-    said = str(error).strip().splitlines()
-    text = said[0][:120] if said else type(error).__name__
-    return "".join(each if each.isprintable() else "?" for each in text)
 
 
 def content(path: File, what: str, names: Collection[str] | None = None) -> Content:
@@ -72,7 +52,7 @@ def content(path: File, what: str, names: Collection[str] | None = None) -> Cont
 def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0) -> Content:
     import h5py
 
-    found = Content(_attributes(group), {}, {}, {}, {})
+    found = Content(_attributes(group), {}, {}, {}, {}, {})
     if len(group) > in_force().entries:
         raise DataError(f"{path}: has {len(group)} entries; {DAMAGED}")
     for name in group:
@@ -86,7 +66,11 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
             said = _attributes(node)
             if str(node.attrs.get("NAME", b"")).removeprefix("b'").startswith(NO_VARIABLE):
                 continue
-            found.variables[name] = _values(node, path)
+            values = _values(node, path)
+            if isinstance(values, str):
+                found.texts[name] = values
+            else:
+                found.variables[name] = values
             for key, into in (("units", found.units), ("long_name", found.names)):
                 if key in said:
                     into[name] = str(said[key])

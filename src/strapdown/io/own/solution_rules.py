@@ -61,3 +61,4 @@ class VerdictRules(Said):
     word: Literal[SEVERITY]  # type: ignore[valid-type]  # a tuple of texts
     reasons: list[ReasonRules]
     untested: list[Line]
+    rows: Annotated[int, Field(ge=0)] | None = None  # of the table, in a CSV

@@ -217,11 +217,11 @@ def _meta_of(found: Content, path: Path) -> dict[str, Any]:
     from ..own.recording_rules import RecordingMeta
     from ..own.text_rules import check_values, from_json
 
-    where, variables = f"{path}: meta", found.variables
-    meta = check_values(dict[str, Any], from_json(variables.get("meta"), where), where)
-    arrays = {name[5:]: values for name, values in variables.items() if name[:5] == "meta_"}
+    where = f"{path}: meta"
+    meta = check_values(dict[str, Any], from_json(found.texts.get("meta"), where), where)
+    arrays = {name[5:]: values for name, values in found.variables.items() if name[:5] == "meta_"}
     for name, values in arrays.items():
-        if not isinstance(values, np.ndarray) or values.dtype.kind not in "iuf":
+        if values.dtype.kind not in "iuf":
             raise DataError(f"{path}: meta_{name} is no array of numbers; {DAMAGED}")
     known = {name: arrays[name].tolist() for name in set(arrays) & set(RecordingMeta.model_fields)}
     check_values(RecordingMeta, meta | known, where)
