@@ -159,6 +159,7 @@ def european_case(_: Path) -> Case:
 HEADERLESS = """[imu]
 file = "imu.csv"
 time = { column = 1, unit = "s" }
+axes = "RFU"
 gyro = { columns = [2, 3, 4], unit = "rad/s" }
 accel = { columns = [5, 6, 7], unit = "m/s^2" }
 """
