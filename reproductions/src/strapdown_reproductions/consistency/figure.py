@@ -19,6 +19,9 @@ LOOKS = {
 """{verdict: (sign, colour, colour of the text, meaning)}. The signs tell without colours."""
 SIDE, HEIGHT, LEFT, TOP, GAP, ACROSS = 54, 30, 82, 52, 26, 3
 """px: of a cell, beside and above a grid, between grids; grids in a row."""
+LINE, LEGEND = 24, 106
+"""px: of the legend, of a line of it and of all."""
+NUMBERS = "Numbers: % of the epochs in the band; where diverging, % of the runs that survive."
 
 
 def drawn(rows: pd.DataFrame) -> str:
@@ -29,24 +32,23 @@ def drawn(rows: pd.DataFrame) -> str:
     wide = LEFT + SIDE * len(grades) + GAP
     high = TOP + HEIGHT * len(scenarios) + GAP
     across = min(ACROSS, len(filters))
-    down = int(np.ceil(len(filters) / across))
-    width, height = max(wide * across, 2 * wide), high * down + 24 * 3 + 16
-    parts = [
+    width = max(wide * across, 2 * wide)
+    height = LEGEND + high * int(np.ceil(len(filters) / across))
+    grids = [
         _grid(
             rows[rows["filter"] == name],
             name,
             scenarios,
             grades,
             wide * (i % across),
-            high * (i // across),
+            LEGEND + high * (i // across),
         )
         for i, name in enumerate(filters)
     ]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" '
         f'height="{height}" font-family="system-ui,sans-serif" font-size="12">'
-        f'<rect width="100%" height="100%" fill="#ffffff"/>{"".join(parts)}'
-        f"{_legend(high * down + 16, width)}</svg>\n"
+        f'<rect width="100%" height="100%" fill="#ffffff"/>{_legend(width)}{"".join(grids)}</svg>\n'
     )
 
 
@@ -85,13 +87,13 @@ def _cell(row: pd.Series, x: int, y: int) -> str:
     )
 
 
-def _legend(y: int, width: int) -> str:
-    parts, column = [], width // 2
+def _legend(width: int) -> str:
+    parts, column = [_text(10, LEGEND - 8, NUMBERS)], width // 2
     for k, (name, (sign, fill, ink, meaning)) in enumerate(LOOKS.items()):
-        x, below = 10 + column * (k % 2), y + 24 * (k // 2)
-        parts.append(f'<rect x="{x}" y="{below}" width="22" height="20" rx="3" fill="{fill}"/>')
-        parts.append(_text(x + 11, below + 15, sign, anchor="middle", fill=ink, weight=600))
-        parts.append(_text(x + 30, below + 15, f"{name}: {meaning}"))
+        x, y = 10 + column * (k // 3), 10 + LINE * (k % 3)
+        parts.append(f'<rect x="{x}" y="{y}" width="22" height="20" rx="3" fill="{fill}"/>')
+        parts.append(_text(x + 11, y + 15, sign, anchor="middle", fill=ink, weight=600))
+        parts.append(_text(x + 30, y + 15, f"{name}: {meaning}"))
     return "".join(parts)
 
 
