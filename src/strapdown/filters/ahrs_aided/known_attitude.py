@@ -215,9 +215,7 @@ def move(
     mechanize(
         lla, v, matrix(workspace, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, workspace[HEIGHT]
     )
-    f0, f1, f2 = _unshortened(workspace, f[0], f[1], f[2])
-    for i, more in ((0, f0 - f[0]), (1, f1 - f[1]), (2, f2 - f[2])):
-        v[i] += more
+    f0, f1, f2 = f[0], f[1], f[2]
     for k in range(3):
         propagate_error(
             S[k],
@@ -234,31 +232,24 @@ def move(
     _consider(S, workspace, f0, f1, f2, dt)
     _spread(belief, S, f0, f1, f2, dt)
     _consider(S, workspace, f0, f1, f2, dt)
+    _right_mean(belief, v, f0, f1, f2)
     _carry(belief, dt, noise)
 
 
 @helper
-def _unshortened(workspace: Array, f0: float, f1: float, f2: float) -> tuple[float, float, float]:
-    """Velocity increment (n, m/s) without the bias that random errors of the known attitude give it.
+def _right_mean(belief: Belief, v: Array, f0: float, f1: float, f2: float) -> None:
+    """Add to v what the velocity increment f, m/s, turned by the known attitude, lacks on average.
 
-    Their mean turn shortens a vector: E[exp(n x)] = I - (tr(N) I - N) / 2 for errors n of covariance
-    N, to second order. Of 0.5 deg about two axes that is 0.7 mm/s^2 of gravity.
+    A turn by an error n of covariance S shortens what it turns: E exp[n x] = I - (tr S I - S) / 2 to
+    the second order. At 0.5 deg that is 0.7 mm/s^2 of gravity, in every record to the same side, and
+    would be taken for a bias of the accelerometers.
     """
-    tilt, heading = (
-        workspace[DRIFT_TILT] * workspace[DRIFT_TILT],
-        workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING],
-    )
-    nn, ne, ee, dd = (
-        workspace[ERROR_NN] + tilt,
-        workspace[ERROR_NE],
-        workspace[ERROR_EE] + tilt,
-        workspace[ERROR_DD] + heading,
-    )
-    return (
-        f0 + 0.5 * ((ee + dd) * f0 - ne * f1),
-        f1 + 0.5 * ((nn + dd) * f1 - ne * f0),
-        f2 + 0.5 * (nn + ee) * f2,
-    )
+    nn, ne, ee = tilt_variances(belief)
+    workspace = belief.workspace
+    dd = workspace[ERROR_DD] + workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING]
+    v[0] += 0.5 * ((ee + dd) * f0 - ne * f1)
+    v[1] += 0.5 * ((nn + dd) * f1 - ne * f0)
+    v[2] += 0.5 * (nn + ee) * f2
 
 
 @helper
