@@ -28,7 +28,7 @@ class Estimable(NamedTuple):
 AXES, ANGLES = ("forward", "right", "down"), ("roll", "pitch", "heading")
 MISALIGNED = ("xy", "xz", "yz", "yx", "zx", "zy")
 """Of axes x, y, z: how much of the second gets into the first; the first three are those of a
-triad that defines the axes itself."""
+triad that defines the axes itself, to which all attitude refers then."""
 
 CLOCK = Estimable("clock", ("",), "s", 1.0, (0.1,), 2.0)
 """s to add to the time stamps of a source."""
@@ -48,12 +48,14 @@ GYRO_MISALIGNMENT = Estimable(
 )
 ACCEL_MISALIGNMENT = Estimable(
     "accel-misalignment",
-    MISALIGNED[:3],
+    MISALIGNED,
     "deg",
     math.degrees(1),
-    (0.01,) * 3,
+    (*[0.01] * 3, *[0.0] * 3),
     math.radians(10),
 )
+"""The accelerometers define the axes, but where all six have a prior: then attitude is that of the
+axes of the case, and uncertain by as much."""
 
 OF_SOURCE = {each.name: each for each in (CLOCK, LEVER_ARM, SCALE)}
 OF_IMU = {

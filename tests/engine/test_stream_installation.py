@@ -172,3 +172,13 @@ def test_refusals_of_a_stream():
     ):
         with pytest.raises(DataError, match=said.replace("{", r"\{")):
             Stream(name, begin, imu="tactical", aidings=recording.aidings, estimate=estimate)
+
+
+def test_what_a_grade_states_of_its_axes_are_states_live_too():
+    recording, begin = eventful(), start(flight())
+    solution = sd.fuse(recording, imu="dmu10", start=begin, covariance=True)
+    assert solution.covariance.shape[1] == 15 + 18
+    stream = Stream("closed-loop", begin, imu="dmu10", aidings=recording.aidings, lag=0.4)
+    play(stream, shuffled(events_of(recording), 0.39))
+    assert equal(stream.finish(), solution)
+    assert stream.solution.meta["notes"] == solution.meta["notes"]

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from flat_flight import NOISE, flight
 from installed import car, wrong
+from recordings import ahrs
+from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
@@ -55,6 +57,13 @@ def test_names_of_the_columns(closed):
 
 @pytest.mark.parametrize("name", ABLE)
 def test_every_filter_finds_what_is_wrong(name, recording, closed):
+    if "attitude" in filters.find(name).needs:
+        truth = recording.reference
+        made = ahrs(truth, 10.0, (0.1, 0.1, 0.2))
+        # as the axes of the IMU are described, which are turned by what is wrong
+        turn = Rotation.from_euler("z", np.radians(-1.5))
+        y = (Rotation.from_euler("ZYX", made.y[:, ::-1]) * turn).as_euler("ZYX")[:, ::-1]
+        recording = replace(recording, aidings=(*recording.aidings, replace(made, y=y)))
     solution = closed if name == "closed-loop" else sd.fuse(recording, name, estimate=ESTIMATE)
     for column, truth in WRONG.items():
         found, sd_of = solution.columns[column][-1], solution.columns[f"sd of {column}"][-1]
@@ -142,3 +151,46 @@ def test_a_clock_that_runs_away_is_said(tau):
         for text in said
     ), said
     assert (run.out.nav[:, 32] == DOUBTFUL).any()
+
+
+STATED = replace(
+    sd.grade("tactical"),
+    name="stated",
+    gyro=replace(sd.grade("tactical").gyro, scale_factor=1e-3, misalignment=2e-3),
+    accel=replace(sd.grade("tactical").accel, scale_factor=1e-3, misalignment=1e-3),
+)
+"""A grade that states scale and misalignment."""
+
+
+@pytest.mark.short
+def test_what_a_grade_states_of_its_axes_are_states():
+    made, start, _ = flight(2.0, 10.0)
+    solution = sd.fuse(made, imu=STATED, start=start, covariance=True)
+    assert solution.covariance.shape[1] == 15 + 18
+    sds = [
+        solution.columns[f"sd of {column}"][0]
+        for column in (
+            "gyro scale forward error of imu",
+            "accel misalignment zy error of imu [deg]",
+        )
+    ]
+    np.testing.assert_allclose(sds, [1e-3, np.degrees(1e-3)], rtol=0.01)
+    assert any("as uncertain as its grade says" in note for note in solution.meta["notes"])
+
+
+@pytest.mark.short
+def test_who_asks_of_the_imu_gets_what_is_asked_and_of_sources_both():
+    made, start, _ = flight(2.0, 10.0)
+    states = lambda imu, estimate: len(
+        sd.fuse(made, imu=imu, start=start, covariance=True, estimate=estimate).covariance[0]
+    )
+    assert states("tactical", None) == 15 == states(STATED, [])
+    assert states(STATED, ["gyro-scale"]) == 18
+    assert states(STATED, ["position clock"]) == 15 + 1 + 18
+
+
+@pytest.mark.short
+def test_a_filter_that_leaves_the_axes_out_says_so():
+    made, start, _ = flight(2.0, 10.0)
+    solution = sd.fuse(made, "nlo", STATED, start)
+    assert any("nlo leaves out gyro scale" in note for note in solution.meta["notes"])

@@ -282,21 +282,21 @@ def test_two_barometers_agree_on_the_height(flight):
         )
 
 
-def test_fifteen_states_beyond_are_the_most(flight):
+def test_thirty_states_beyond_are_the_most(flight):
     def several(count):
         recording, start, _ = flight.drawn(
             7, *(barometer(name=f"baro {k}", rate=1.0) for k in range(count))
         )
         return sd.fuse(recording, start=start, noise=SPEC.noise(), every=RATE)
 
-    solution = several(15)
+    solution = several(30)
     assert (
-        sum(name.startswith("baro") for name in solution.columns) == 15
+        sum(name.startswith("baro") for name in solution.columns) == 30
         and np.isfinite(solution.trajectory.lla).all()
     )
     with pytest.raises(
         DataError,
-        match="there are 16 states beside the filter's own, the last is 'baro 15 bias .m.'; at most 15",
+        match="there are 31 states beside the filter's own, the last is 'baro 30 bias .m.'; at most 30",
     ) as error:
-        several(16)
+        several(31)
     assert "\n" not in str(error.value)

@@ -20,8 +20,9 @@ COPY, PRODUCT, TRANSPOSED = 0, 225, 480
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P
 transposed (rows of 8). One array with constant offsets, strides and trip counts, because then
 the compiler sees that nothing overlaps and makes vector code."""
-WIDE, WIDE_PRODUCT, WIDE_END = 600, 1080, 1368
-"""The same of more than fifteen states: P (15 rows of 32) and Phi P (9 rows of 32). What is written
+WIDTH = 48
+WIDE, WIDE_PRODUCT, WIDE_END = 600, 600 + 15 * WIDTH, 600 + 24 * WIDTH
+"""The same of more than fifteen states: P (15 rows of WIDTH) and Phi P (9 rows of WIDTH). What is written
 eight numbers at a time is read so: the processor waits where the two do not match."""
 LEAST_NOISE = 1e-9
 """A fix has at least this fraction of the variance that its states would bring without their
@@ -158,13 +159,14 @@ def transition(
 
 # all 15 columns; the eighth is done twice, alike
 _rows = transition("_rows", COPY, 15, PRODUCT, 16, (0, 7), 8)
-# up to 23 columns, up to 31
-_rows_23 = transition("_rows_23", WIDE, 32, WIDE_PRODUCT, 32, (0, 8, 16), 8)
-_rows_31 = transition("_rows_31", WIDE, 32, WIDE_PRODUCT, 32, (0, 8, 16, 24), 8)
+# up to 23 columns, up to 31, up to 47
+_rows_23 = transition("_rows_23", WIDE, WIDTH, WIDE_PRODUCT, WIDTH, (0, 8, 16), 8)
+_rows_31 = transition("_rows_31", WIDE, WIDTH, WIDE_PRODUCT, WIDTH, (0, 8, 16, 24), 8)
+_rows_47 = transition("_rows_47", WIDE, WIDTH, WIDE_PRODUCT, WIDTH, (0, 8, 16, 24, 32, 40), 8)
 # columns 0-7 of Phi P: symmetry gives the rest
 _columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)
 _last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)  # its row 8
-_last_wide = transition("_last_wide", WIDE_PRODUCT + 8 * 32, 1, COPY, 1, (0,), 1)
+_last_wide = transition("_last_wide", WIDE_PRODUCT + 8 * WIDTH, 1, COPY, 1, (0,), 1)
 _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 
 
@@ -210,13 +212,16 @@ def propagate(
         if n <= 23:
             _widen(P, 24, work)
             _rows_23(work, blocks, C, dv_n, w0, w1, w2, dt)
-        else:
+        elif n <= 31:
             _widen(P, 32, work)
             _rows_31(work, blocks, C, dv_n, w0, w1, w2, dt)
-        _transpose(WIDE_PRODUCT, 32, work)
+        else:
+            _widen(P, 48, work)
+            _rows_47(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _transpose(WIDE_PRODUCT, WIDTH, work)
         _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
         _last_wide(work, blocks, C, dv_n, w0, w1, w2, dt)
-        _write_back(WIDE_PRODUCT, 32, P, keep, work)
+        _write_back(WIDE_PRODUCT, WIDTH, P, keep, work)
         _write_beyond(P, keep, work)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
@@ -246,12 +251,12 @@ def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], wo
 
 @inlined
 def _widen(P: Array, lanes: int, work: Array) -> None:
-    """The first fifteen rows of P in rows of 32. Lanes beyond the states reach into the next row."""
+    """The first fifteen rows of P in rows of WIDTH. Lanes beyond the states reach into the next row."""
     n, numbers = P.shape[0], flatten(P)
     for i in range(15):
         row = numbers[n * i : n * i + lanes]  # in which the compiler knows no index to be negative
         for lane in range(lanes):
-            work[WIDE + 32 * i + lane] = row[lane]
+            work[WIDE + WIDTH * i + lane] = row[lane]
 
 
 @inlined
@@ -259,10 +264,12 @@ def _write_beyond(P: Array, keep: tuple[float, ...], work: Array) -> None:
     """The covariances with states beyond the fifteenth, which stand still themselves."""
     for column in range(15, P.shape[0]):
         for i in range(9):
-            P[i, column] = P[column, i] = work[WIDE_PRODUCT + 32 * i + column]
+            P[i, column] = P[column, i] = work[WIDE_PRODUCT + WIDTH * i + column]
         if keep[0] != 1.0 or keep[3] != 1.0:
             for i in range(6):
-                P[9 + i, column] = P[column, 9 + i] = keep[i] * work[WIDE + 32 * (9 + i) + column]
+                P[9 + i, column] = P[column, 9 + i] = (
+                    keep[i] * work[WIDE + WIDTH * (9 + i) + column]
+                )
 
 
 @helper

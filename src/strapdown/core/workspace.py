@@ -19,8 +19,9 @@ import numpy as np
 
 from ..typing import Array
 
-MOST_STATES = 30
-"""States of a filter at most: the library's fifteen, and as many that aidings bring along."""
+MOST_STATES = 45
+"""States of a filter at most: the library's fifteen, the eighteen of scale and misalignment of an
+IMU, and a dozen of sources and installation."""
 
 
 class Slots:

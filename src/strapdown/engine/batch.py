@@ -14,7 +14,7 @@ from ..vehicle import GivenVehicle, find as find_vehicle
 from .attitude_first import fed
 from .finish import solution
 from .heading_hypotheses import aligned
-from .installation import Estimate, with_estimates
+from .installation import Estimate, of_grade, with_estimates
 from .prepare import (
     Asked,
     GivenImu,
@@ -54,7 +54,8 @@ def fuse(
     recording has none and something in it measures the heading); vehicle: one of vehicle.VEHICLES, or
     a Vehicle, beyond whose bounds nothing is believed (default: what the recording names, else any);
     estimate: parameters of the installation that become states, such as ["clock", "lever-arm"], or
-    {name: prior standard deviation} (default: what the recording names; [] for none);
+    {name: prior standard deviation} (default: what the recording names, else scale and misalignment
+    of the IMU where its grade states them; [] for none);
     options: the filter's own. Raises DataError.
     """
     run = begin(
@@ -84,6 +85,11 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
         recording.meta.get("grade") if imu is None else imu, asked.noise, needed=not whole
     )
     filter = filters.find(filter)
+    if "estimate" not in recording.meta:
+        axes, said = of_grade(filter, spec)
+        if said:
+            more = {"estimate": axes, "notes": [*recording.meta.get("notes", []), *said]}
+            recording = replace(recording, meta=recording.meta | more)
     if start is not None:  # before an AHRS or anything else takes it for one
         check_start(start, noise, left_open(start) if isinstance(start, Start) else ())
     recording, made = fed(

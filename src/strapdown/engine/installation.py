@@ -40,6 +40,7 @@ from ..estimable import (
 )
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Ints
 
 IMU = "imu"
@@ -95,7 +96,27 @@ def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording
     if estimate is None:
         return recording
     aidings, of_imu = asked_of(recording.aidings, estimate)
-    return replace(recording, aidings=aidings, meta=recording.meta | {"estimate": of_imu})
+    meta = {key: value for key, value in recording.meta.items() if key != "estimate"}
+    if of_imu or not estimate:  # what is asked of sources leaves the IMU to its grade
+        meta["estimate"] = of_imu
+    return replace(recording, aidings=aidings, meta=meta)
+
+
+def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
+    """What the grade of an IMU states of scale and misalignment, as states where nobody asked for or
+    against any of the IMU, and notes on it: a filter that leaves them out is less certain than it
+    says."""
+    axes = {} if spec is None else spec.axes_sd()
+    if not axes:
+        return {}, []
+    stated = ", ".join(name.replace("-", " ") for name in axes)
+    if not filter.installation:
+        return {}, [
+            f"{filter.name} leaves out {stated} of the IMU: biases and attitude err by more than it says"
+        ]
+    return axes, [
+        f"{stated} of the IMU are states, as uncertain as its grade says; estimate=[] leaves them out"
+    ]
 
 
 def without_estimates(aidings: Iterable[Aiding]) -> tuple[Aiding, ...]:

@@ -19,6 +19,7 @@ from ..core.contract import (
     COMPILED,
     DELAY,
     FIRST,
+    MOST_STATES,
     OF_KIND,
     PARAMETERS,
     POS,
@@ -208,11 +209,11 @@ def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brou
         Brought(each.name, each.sd, each.of.factor)
         for each in installation.parameters(aidings, of_imu or {})
     ]
-    if len(states) > STATES:
+    if len(states) > MOST_STATES - STATES:
         raise DataError(
             f"there are {len(states)} states beside the filter's own, the last is "
-            f"{states[-1].name!r}; at most {STATES} can be estimated: leave sources out, or "
-            f"estimate less"
+            f"{states[-1].name!r}; at most {MOST_STATES - STATES} can be estimated: leave sources "
+            f"out, or estimate less"
         )
     return states
 

@@ -41,6 +41,7 @@ from .installation import (
     asked_of,
     check_estimates,
     delays,
+    of_grade,
     parameters,
     without_estimates,
 )
@@ -136,6 +137,9 @@ class Stream:
             stream = Stream(first, beside, imu, noise, own, lag, say, vehicle, **more)
             self._ahrs = _Ahrs(stream, aidings, ahrs_rate)
         self.notes = self._ahrs.notes if self._ahrs else []
+        if estimate is None or (estimate and not of_imu):
+            of_imu, said = of_grade(filter, self._spec)
+            self.notes += said
         if self._ahrs:
             self._ahrs.stream._row = self._take_attitude
             aidings = (*aidings, self._ahrs.made)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..checks import DataError, brief, check_number, did_you_mean, located
 from ..core.contract import Imu, Noise
+from ..estimable import ACCEL_MISALIGNMENT, ACCEL_SCALE, GYRO_MISALIGNMENT, GYRO_SCALE
 from ..files import find_shipped, read_toml, replacing, shipped
 from ..toml_keys import Key, Read, made, read_table, section, text
 from ..typing import Array, File
@@ -79,6 +80,19 @@ class ImuSpec:
     def bias_sd(self) -> tuple[float, float]:
         """Initial standard deviations (accelerometer m/s^2, gyro rad/s)."""
         return self.accel.bias_sd(self.warm_up), self.gyro.bias_sd(self.warm_up)
+
+    def axes_sd(self) -> dict[str, tuple[float, ...]]:
+        """{parameter of `estimable`: standard deviations of its components} of the scale factors and
+        misalignments that it states; {} without any."""
+        found = {}
+        for scale, misalignment, triad in (
+            (GYRO_SCALE, GYRO_MISALIGNMENT, self.gyro),
+            (ACCEL_SCALE, ACCEL_MISALIGNMENT, self.accel),
+        ):
+            for what, sd in ((scale, triad.scale_factor), (misalignment, triad.misalignment)):
+                if sd:
+                    found[what.name] = (float(sd),) * len(what.components)
+        return found
 
     def corrupt(self, imu: Imu, rng: np.random.Generator) -> tuple[Imu, Array, Array]:
         """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `rng` is a

@@ -80,7 +80,7 @@ def as_states(
             vehicle=asking.vehicle,
             **asking.options,
         )
-        states = parameters(asked.aidings, asked.meta["estimate"])
+        states = parameters(asked.aidings, asked.meta.get("estimate", {}))
         names = [a.name or a.kind for a in recording.aidings]
         for each in wanted:
             own = {i for i, name in enumerate(names) if name in each.sources}
@@ -114,7 +114,7 @@ def check_states(recording: Recording) -> None:
     wanted = unknowns(constants(recording.aidings))
     priors = _priors((each.kind, [names[i] for i in each.sources], each.axis) for each in wanted)
     asked = with_estimates(recording, priors)
-    brought(asked.aidings, asked.meta["estimate"])
+    brought(asked.aidings, asked.meta.get("estimate", {}))
 
 
 def _priors(wanted: Iterable[tuple[str, Sequence[str], int]]) -> dict[str, tuple[float, ...]]:

@@ -148,8 +148,8 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
             solution = fuse(
                 recording,
                 filter,
-                start=start,
-                noise=cell.imu.noise(),
+                cell.imu,
+                start,
                 every=at.every,
                 covariance=True,
                 estimate=priors[number],

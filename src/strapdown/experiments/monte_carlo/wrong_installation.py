@@ -67,7 +67,7 @@ def checked(installation: object) -> dict[str, tuple[float, ...]]:
 def parameters_of(recording: Recording, installation: Installation) -> tuple[Parameter, ...]:
     """The parameters that `estimate=installation` makes states of. Raises DataError."""
     wanted = with_estimates(recording, installation)
-    return tuple(parameters(wanted.aidings, wanted.meta["estimate"]))
+    return tuple(parameters(wanted.aidings, wanted.meta.get("estimate", {})))
 
 
 def drawn(recording: Recording, installation: Installation, rng: np.random.Generator) -> Installed:

@@ -147,4 +147,5 @@ DIRECT_AHRS = Filter(
     needs=("attitude",),
     slots=WITH_ANGLES,
     diagnose=steep,
+    installation=True,
 )

@@ -90,4 +90,5 @@ DIRECT_EULER = Filter(
     correct,
     slots=WITH_ANGLES,
     diagnose=steep,
+    installation=True,
 )

@@ -52,4 +52,5 @@ INDIRECT_AHRS_CLOSED = Filter(
     correct,
     slots=KNOWN_ATTITUDE,
     needs=("attitude",),
+    installation=True,
 )

@@ -116,4 +116,5 @@ INDIRECT_AHRS_OPEN = Filter(
     slots=SLOTS,
     conditions=CONDITIONS,
     condition=CONDITION,
+    installation=True,
 )

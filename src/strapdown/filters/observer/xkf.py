@@ -295,4 +295,5 @@ XKF = Filter(
     configure=configure,
     conditions=nlo.NLO.conditions,
     condition=INSIDE.start + BLOCK.start + CONDITION,
+    installation=True,
 )
