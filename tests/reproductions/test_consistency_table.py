@@ -209,6 +209,26 @@ def test_refused_cells_count_for_no_target():
 
 
 @pytest.mark.short
+def test_where_a_filter_holds_is_said_in_few_words():
+    bad = {"car": "too sure", "ship": "diverging", "demo": "too cautious"}
+    rows = [
+        made_up(
+            scenario=name,
+            grade=grade,
+            verdict=bad.get(name, "by chance") if grade else "consistent",
+        )
+        for grade in ("", "tactical")
+        for name in SCENARIOS
+    ]
+    rows += [made_up(grade="industrial", scenario=name, refused="why") for name in SCENARIOS[:2]]
+    rows += [made_up(grade="dmu10", scenario=name) for name in SCENARIOS[1:]]
+    rows += [made_up(grade="dmu10", verdict="diverging", scenario="demo")]
+    told = summary.holding(pd.DataFrame(rows)).iloc[0]
+    assert told[""] == "all" and told["tactical"] == "straight, hand-held"
+    assert told["industrial"] == "none" and told["dmu10"] == "not demo"
+
+
+@pytest.mark.short
 def test_the_figure_tells_without_colours():
     rows = pd.DataFrame(
         [
@@ -228,7 +248,7 @@ def test_the_figure_tells_without_colours():
 
 def test_a_table_is_made_in_parts_and_twice_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(main, "SETS", 20)
-    given = {"runs": 2, "workers": 1, "filter": ["closed-loop"], "scenario": ["hand-held"]}
+    given = {"runs": 2, "filter": ["closed-loop"], "scenario": ["hand-held"]}
     claims = main.reproduce(tmp_path, **given)
     assert json.loads((tmp_path / "claims.json").read_text()) == claims
     cells = (tmp_path / "cells.csv").read_text()

@@ -30,7 +30,7 @@ def study(filter: str, scenario: str, grades: tuple[str, ...], runs: int, seed: 
 def run(out: Path, of: Study, workers: int, progress: Progress | None) -> Campaign:
     """The campaign of a study, below `out`; what is there already is not run again."""
     folder = out / CAMPAIGNS / of.filters[0].replace(":", "-") / of.cells[0].scenario.name
-    return of.run(folder, threads=workers or None, progress=progress)
+    return of.run(folder, workers=workers, progress=progress)
 
 
 def row(campaign: Campaign, cell: Cell, place: int, right: Right) -> dict[str, Any]:
