@@ -92,7 +92,7 @@ def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
 def each(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per cell, as text for a page."""
     p = [f"{value:.2f}" if value >= 0.005 else "< 0.01" for value in rows["p"]]
-    error = [f" ± {value:.2f}" if np.isfinite(value) else "" for value in rows["anees_error"]]
+    error = [f" ± {large(value)}" if np.isfinite(value) else "" for value in rows["anees_error"]]
     anees = [f"{large(value)}{plus}" for value, plus in zip(rows["anees"], error)]
     return pd.DataFrame(
         {
@@ -126,12 +126,13 @@ def refused(rows: pd.DataFrame) -> pd.DataFrame:
 
 def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
     """{name: (caption, DataFrame)}."""
-    return {
+    found = {
         "holding": ("In which scenarios each filter may be believed", holding(rows)),
         "by-filter": ("Cells of each filter", by_filter(rows)),
         "refused": ("Refused cells", refused(rows)),
         "each": ("Every cell", each(rows)),
     }
+    return {name: table for name, table in found.items() if len(table[1])}
 
 
 def size(rows: pd.DataFrame) -> str:
