@@ -247,20 +247,20 @@ def test_the_figure_tells_without_colours():
 
 
 def test_a_table_is_made_in_parts_and_twice_the_same(tmp_path, monkeypatch):
+    grades = ("consumer", "tactical")
     monkeypatch.setattr(main, "SETS", 20)
+    monkeypatch.setattr(main, "GRADES", grades)
     given = {"runs": 2, "filter": ["closed-loop"], "scenario": ["hand-held"]}
     claims = main.reproduce(tmp_path, **given)
     assert json.loads((tmp_path / "claims.json").read_text()) == claims
     cells = (tmp_path / "cells.csv").read_text()
     chunks = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nc")}
-    assert len(chunks) == len(GRADES)
+    assert len(chunks) == len(grades)
     main.reproduce(tmp_path, **given)
     assert (tmp_path / "cells.csv").read_text() == cells
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nc")} == chunks
     table = pd.read_csv(tmp_path / "cells.csv")
-    assert list(table["grade"]) == list(GRADES) and (table["runs"] == 2).all()
-    study = runs.study("closed-loop", "hand-held", GRADES, 2, 0)
-    assert study.cells[0].scenario.name == "hand-held"
+    assert list(table["grade"]) == list(grades) and (table["runs"] == 2).all()
     for file in ("table.md", "each.md", "consistency.svg", "index.html"):
         assert (tmp_path / file).stat().st_size > 0
 
