@@ -34,8 +34,8 @@ def reproduce(
     """Run every cell, write the page into the folder `out`, return the claims.
 
     What the folder has of the same runs is not run again, so that the table can be made in parts.
-    quick: the closed loop in two scenarios, few runs; runs: of each cell; workers: threads, the
-    processors by default; filter: labels as of a study (default: FILTERS); scenario: names
+    quick: the closed loop in two scenarios, few runs; runs: of each cell; workers: processes of a Dask
+    cluster here, else a thread per processor; filter: labels as of a study (default: FILTERS); scenario: names
     (default: SCENARIOS); progress: called with the fraction done. Raises DataError.
     """
     count = (QUICK_RUNS if quick else RUNS) if runs is None else runs
@@ -79,8 +79,7 @@ def table(
             on_threads(
                 lambda world: right(*world, count, SETS),
                 list(worlds),
-                workers or None,
-                part_of(progress, OF_RUNS, 1.0),
+                progress=part_of(progress, OF_RUNS, 1.0),
             ),
         )
     )
@@ -99,13 +98,13 @@ def write(out: Path, rows: pd.DataFrame) -> list[dict[str, Any]]:
     write_page(
         out,
         summary.TITLE,
-        summary.INTRODUCTION,
+        (*summary.INTRODUCTION, summary.size(rows)),
         claims,
         {"cells": (None, rows), **summary.tables(rows)},
         links=[("every cell in one figure", "consistency.svg")],
         texts={
-            "table.md": summary.in_docs(claims, rows),
-            "each.md": summary.each_in_docs(rows),
+            "table.md": summary.in_docs(rows),
+            "each.md": summary.each_in_docs(claims, rows),
             "consistency.svg": figure.drawn(rows),
         },
     )

@@ -92,7 +92,7 @@ def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
 def each(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per cell, as text for a page."""
     p = [f"{value:.2f}" if value >= 0.005 else "< 0.01" for value in rows["p"]]
-    error = [f" ± {value:.2f}" if np.isfinite(value) else "" for value in rows["anees_error"]]
+    error = [f" ± {large(value)}" if np.isfinite(value) else "" for value in rows["anees_error"]]
     anees = [f"{large(value)}{plus}" for value, plus in zip(rows["anees"], error)]
     return pd.DataFrame(
         {
@@ -124,23 +124,59 @@ def refused(rows: pd.DataFrame) -> pd.DataFrame:
     return own[["filter", "scenario", "grade", "refused"]].rename(columns={"refused": "reason"})
 
 
-def missed(rows: pd.DataFrame) -> pd.DataFrame:
-    """The cells, not refused, that miss the target and that chance does not explain."""
-    own = counted(rows)
-    return each(own[~own["verdict"].isin((CONSISTENT, BY_CHANCE))])
-
-
 def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
     """{name: (caption, DataFrame)}."""
-    return {
+    found = {
+        "holding": ("In which scenarios each filter may be believed", holding(rows)),
         "by-filter": ("Cells of each filter", by_filter(rows)),
         "refused": ("Refused cells", refused(rows)),
         "each": ("Every cell", each(rows)),
     }
+    return {name: table for name, table in found.items() if len(table[1])}
 
 
-def in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
+def size(rows: pd.DataFrame) -> str:
+    """How large the table is."""
+    filters, scenarios, grades = (rows[c].nunique() for c in ("filter", "scenario", "grade"))
+    return (
+        f"{rows['runs'].min()} runs a cell, of {len(rows)} cells: {filters} filters, {scenarios} "
+        f"scenarios, {grades} grades."
+    )
+
+
+def holding(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per filter, a column per grade: in which scenarios what the filter says may be
+    believed, which is where it is consistent or misses the target by chance."""
+    holds = rows.assign(
+        holds=rows["verdict"].isin((CONSISTENT, BY_CHANCE)) & (rows["refused"] == "")
+    )
+    table = {
+        name: {grade: _said(cells) for grade, cells in own.groupby("grade", sort=False)}
+        for name, own in holds.groupby("filter", sort=False)
+    }
+    return pd.DataFrame(table).T.reset_index(names="filter")
+
+
+def _said(cells: pd.DataFrame) -> str:
+    """In which of the scenarios of these cells it holds, in few words."""
+    yes, no = (cells.loc[cells["holds"] == which, "scenario"] for which in (True, False))
+    if len(no) == 0:
+        return "all"
+    if len(yes) == 0:
+        return "none"
+    return f"not {', '.join(no)}" if len(no) < len(yes) else ", ".join(yes)
+
+
+def in_docs(rows: pd.DataFrame) -> str:
     """Markdown for docs/consistency.md."""
+    headed = [(f"In which scenarios each filter may be believed. {size(rows)}", holding(rows))]
+    if len(refused(rows)):
+        headed.append(("Refused cells:", refused(rows)))
+    return markdown.tables(headed)
+
+
+def each_in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
+    """Markdown for docs/consistency-each.md: the targets, and a table per filter."""
     shown = pd.DataFrame(
         [
             (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
@@ -148,16 +184,10 @@ def in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
         ],
         columns=["figure", "target", "measured", ""],
     )
-    headed = [("### Figures", shown), ("### Cells of each filter", by_filter(rows))]
-    if len(refused(rows)):
-        headed.append(("### Refused cells", refused(rows)))
-    return markdown.tables(headed)
-
-
-def each_in_docs(rows: pd.DataFrame) -> str:
-    """Markdown for docs/consistency-each.md: a table per filter."""
-    table = each(rows)
+    of_filters = [
+        (f"## {name}", own.drop(columns="filter"))
+        for name, own in each(rows).groupby("filter", sort=False)
+    ]
     return markdown.tables(
-        (f"### {name}", own.drop(columns="filter"))
-        for name, own in table.groupby("filter", sort=False)
+        [("## Targets", shown), ("## Cells of each filter", by_filter(rows)), *of_filters]
     )

@@ -12,6 +12,7 @@ Equations: Groves (2013), Principles of GNSS, Inertial, and Multisensor Integrat
 Systems, 14.2.4; they are written down here again, so that the twin owes the filters nothing.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,8 @@ from strapdown.typing import Array, Ints
 from .worlds import EPOCH, keep, world
 
 EARTH_RATE, GRAVITY = 7.292115e-5, 9.81  # rad/s, m/s^2
+BLOCK = 4000
+"""Samples whose transitions are held at a time, about."""
 SETS = 400
 """Sets of runs of a right filter: 4 of them are below what 1 in 100 come to."""
 
@@ -100,12 +103,11 @@ def remembered(
 ) -> Memory:
     """Memory of the twin along an ideal recording from the covariance P, at the end of the samples
     `at`."""
-    A, covariances, transitions, begin = np.eye(STATES), [P], [], 0
-    (Phis, Qs), fixes = _transitions(ideal, noise), _corrections(ideal, lever_arm)
-    epochs = set(at.tolist())
-    for stop in sorted(epochs | set(fixes)):
-        Phi, Q = composed(Phis[begin : stop + 1], Qs[begin : stop + 1])
-        P, A, begin = Phi @ P @ Phi.T + Q, Phi @ A, stop + 1
+    A, covariances, transitions = np.eye(STATES), [P], []
+    fixes, epochs = _corrections(ideal, lever_arm), set(at.tolist())
+    stops = sorted(epochs | set(fixes))
+    for stop, (Phi, Q) in zip(stops, _between(ideal, noise, stops)):
+        P, A = Phi @ P @ Phi.T + Q, Phi @ A
         for H, R in fixes.get(stop, ()):
             K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
             left = np.eye(STATES) - K @ H
@@ -115,6 +117,19 @@ def remembered(
             transitions.append(A)
             A = np.eye(STATES)
     return Memory(np.array(covariances), np.array(transitions))
+
+
+def _between(ideal: Recording, noise: Noise, stops: Sequence[int]) -> Iterator[tuple[Array, Array]]:
+    """Transition and noise up to the end of each of the samples `stops` from that of the one
+    before."""
+    begin = 0
+    for part in np.array_split(stops, stops[-1] // BLOCK + 1):
+        first = begin
+        Phi, Q = _transitions(ideal, noise, np.arange(first, part[-1] + 1))
+        for stop in part.tolist():
+            rows = slice(begin - first, stop + 1 - first)
+            yield composed(Phi[rows], Q[rows])
+            begin = stop + 1
 
 
 def composed(Phi: Array, Q: Array) -> tuple[Array, Array]:
@@ -135,17 +150,17 @@ def _rows(ideal: Recording, aiding: Aiding) -> Ints:
     return np.clip(np.searchsorted(ideal.imu.t, aiding.t - 1e-6), 0, len(ideal.imu.t) - 1)
 
 
-def _transitions(ideal: Recording, noise: Noise) -> tuple[Array, Array]:
-    """Phi and Q of every sample (n, 15, 15), to the second order in its length."""
-    truth, imu = ideal.reference, ideal.imu
-    assert truth is not None and truth.v_n is not None
-    n, dt = len(imu.t), imu.dt
-    C = truth.rotation[1:].as_matrix()
-    f = np.einsum("nij,nj->ni", C, imu.dv / dt[:, None])
-    lat, height = truth.lla[1:, 0], truth.lla[1:, 2]
+def _transitions(ideal: Recording, noise: Noise, rows: Ints) -> tuple[Array, Array]:
+    """Phi and Q of the samples `rows` (n, 15, 15), to the second order in their length."""
+    assert ideal.reference is not None
+    truth, n, dt = ideal.reference.taking(rows + 1), len(rows), ideal.imu.dt[rows]
+    assert truth.v_n is not None
+    C = truth.rotation.as_matrix()
+    f = np.einsum("nij,nj->ni", C, ideal.imu.dv[rows] / dt[:, None])
+    lat, height = truth.lla[:, 0], truth.lla[:, 2]
     meridian, normal = radii(lat)
     north, east = meridian + height, normal + height
-    v = truth.v_n[1:]
+    v = truth.v_n
     earth = EARTH_RATE * np.stack([np.cos(lat), np.zeros(n), -np.sin(lat)], axis=1)
     transport = np.stack([v[:, 1] / east, -v[:, 0] / north, -v[:, 1] * np.tan(lat) / east], axis=1)
     F = np.zeros((n, STATES, STATES))
