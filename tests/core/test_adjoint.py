@@ -9,11 +9,22 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 from test_kalman import covariance
 
 from strapdown.core.adjoint import adjoint_step, save_step, width
 from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
-from strapdown.core.error_state import ERROR_STATE, PREDICTED, X, allocate, linearised_step, measure
+from strapdown.core.error_state import (
+    DX,
+    ERROR_STATE,
+    PREDICTED,
+    X,
+    allocate,
+    linearised_step,
+    measure,
+    take_over,
+)
 from strapdown.core.smoother import work_size
 
 pytestmark = pytest.mark.short
@@ -150,7 +161,10 @@ def observe(belief, y, parameters, innovation, H):
 @kernel(CORRECT)
 def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """As the filters."""
-    return measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate:
+        take_over(belief, belief.workspace[DX])
+    return nis
 
 
 def corrected(made, y, gate=np.inf):
@@ -179,9 +193,13 @@ def test_adjoint_of_the_correction(n, y):
     before = made.P.copy()
     nis, H, R = corrected(made, y)
     e, S = np.array([v for v in y if v == v]), H @ before @ H.T + R
-    M = np.eye(n) - before @ H.T @ np.linalg.solve(S, H)
+    theta = made.workspace[DX][6:9]
+    A = block_diag(np.eye(6), Rotation.from_rotvec(0.5 * theta).as_matrix(), np.eye(n - 9))
+    kept = np.eye(n) - before @ H.T @ np.linalg.solve(S, H)
+    M = A @ kept
     assert nis == pytest.approx(e @ np.linalg.solve(S, e))
-    assert np.abs((made.P - M @ before) / np.outer(scale, scale)).max() < 1e-11
+    assert np.abs((made.P - M @ before @ A.T) / np.outer(scale, scale)).max() < 1e-11
+    assert np.linalg.norm(theta) > 1e-4
     found, Found = undone(record(made), lam, Lam)
     close(found, M.T @ lam - H.T @ np.linalg.solve(S, e), scale)
     close(Found, M.T @ Lam @ M + H.T @ np.linalg.solve(S, H), scale)

@@ -12,9 +12,10 @@ from ..typing import Array
 from . import error_state
 from .contract import ADJOINT_STEP, SAVE_STEP, Belief, Smoother
 from .error_dynamics import PP, TP, TV, VP, VV
-from .error_state import CALL, DV, JACOBIAN, PREDICTED, WORK
+from .error_state import CALL, DV, DX, JACOBIAN, PREDICTED, WORK, turn_half
 from .jit import flatten, helper, inlined, kernel, matrix
 from .kalman import decay, used_rows, whiten
+from .rotation import turned
 
 PREDICTION = DV.stop - CALL
 """Numbers of a record of a prediction: those of workspace from CALL to DV."""
@@ -31,7 +32,8 @@ DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = (
     )
 )
 """Places in it: the first number is PREDICTED."""
-# of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero
+# of a correction: rows used, whitened innovations (3), U and H, each (3, n), rows not used zero, and
+# the rotation vector of the correction, in n
 INNOVATION, U = (
     1,
     4,
@@ -41,7 +43,7 @@ ONE, OTHER, COLUMN = 0, 240, 480  # of the workspace: 15 rows of 16 twice, and a
 
 def width(n: int) -> int:
     """Numbers of a record of one call, with n states."""
-    return max(PREDICTION, U + 6 * n)
+    return max(PREDICTION, U + 6 * n + 3)
 
 
 @kernel(SAVE_STEP)
@@ -73,6 +75,7 @@ def kept_rows(belief: Belief, record: Array, rows: int) -> None:
         for j in range(n):
             record[U + k * n + j] = workspace[first + k * (n + 1) + j]
             record[U + (3 + k) * n + j] = workspace[JACOBIAN + k * n + j] if k < rows else 0.0
+        record[U + 6 * n + k] = workspace[DX][6 + k]
 
 
 @kernel(ADJOINT_STEP)
@@ -87,6 +90,7 @@ def undone(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     if call[0] == PREDICTED:
         unpropagated(call, lam, Lam, work)
     elif call[0] > 0:
+        _unturned(call, lam, Lam, matrix(work, 0, 3, 3))
         if lam.size == 15:  # the same code with constant lengths
             _uncorrected(15, call, lam, Lam, work)
         else:
@@ -241,6 +245,14 @@ def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
         for i in range(15):
             for j in range(15):
                 Lam[i, j] = work[OTHER + 16 * i + j]
+
+
+@inlined
+def _unturned(call: Array, lam: Array, Lam: Array, R: Array) -> None:
+    """The adjoint of `turn_half`: lam <- A' lam and Lam <- A' Lam A."""
+    theta = call[U + 6 * lam.size :]
+    turn_half(Lam, -theta[0], -theta[1], -theta[2], R)
+    lam[6], lam[7], lam[8] = turned(R, lam[6], lam[7], lam[8])
 
 
 @inlined

@@ -22,7 +22,7 @@ from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .jit import helper, inlined, matrix
 from .kalman import WORKSPACE, decay, propagate, propagate_error, update, used_rows
-from .rotation import orthonormalise, rotate_left
+from .rotation import orthonormalise, rotate_left, turned
 
 PREDICTED = -1.0  # the last call was a prediction
 ERROR_STATE = Slots(room=16)
@@ -40,6 +40,7 @@ DV = ERROR_STATE.array("DV", 3)  # specific-force velocity increment in n, bias-
 DX = ERROR_STATE.array("DX", MOST_STATES)  # the correction that `measure` found, n numbers
 WORK = ERROR_STATE.array("WORK", WORKSPACE)  # of core.kalman
 JACOBIAN = ERROR_STATE.matrix("JACOBIAN", 3, MOST_STATES)  # H (3, n) of a fix
+HALF_TURN = ERROR_STATE.matrix("HALF_TURN", 3, 3)  # half the rotation of the last correction
 
 
 def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Array:
@@ -164,6 +165,39 @@ def observed(
         for j in range(H.shape[1]):
             H[i, j] = 0.0
     return observe(belief, y, parameters, innovation, H)
+
+
+@inlined
+def take_over(belief: Belief, dx: Array) -> None:
+    """Compose the whole correction into the belief; P becomes that of the errors about it."""
+    inject_all(belief, dx)
+    theta = dx[ATT]
+    turn_half(belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, HALF_TURN, 3, 3))
+
+
+@helper
+def turn_half(P: Array, x: float, y: float, z: float, R: Array) -> None:
+    """P of the attitude error that is left once a correction (x, y, z), a rotation vector in n
+    (rad), was injected: P <- A P A' with A = diag(I, I, R, I, ...), R (3, 3) the rotation by half
+    of it. Symmetric to the last bit.
+
+    exp(theta) = exp(left) exp(c), so that left = theta - c + c x theta / 2 to second order. Without
+    this, what is known of roll and pitch and their errors' correlations stands askew by half of each
+    correction. Source: Mueller, Hehn & D'Andrea (2017), J. Guidance 40(9); Sola (2017),
+    arXiv:1711.02508, section 6.3.
+    """
+    n = P.shape[0]
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = 1.0 if i == j else 0.0
+    rotate_left(0.5 * x, 0.5 * y, 0.5 * z, R)
+    for j in range(n):
+        P[6, j], P[7, j], P[8, j] = turned(R, P[6, j], P[7, j], P[8, j])
+    for i in range(3):
+        P[6 + i, 6], P[6 + i, 7], P[6 + i, 8] = turned(R, P[6 + i, 6], P[6 + i, 7], P[6 + i, 8])
+    for i in range(3):
+        for j in range(n):
+            P[j, 6 + i] = P[6 + i, j]
 
 
 @inlined

@@ -4,7 +4,8 @@ estimation, from what its calls leave behind.
 theta (m,) are such constants, 0 where the set-up is right, h the derivative of a measurement by
 them. The error of the filter is that of one that knows theta, plus V theta. A prediction takes V to
 Phi V; a correction, with L^-1 H, L^-1 h and U = L^-1 H P of the whitened rows, finds
-J = L^-1 (H V + h), the derivative of the whitened innovation, and takes V to V - U' J. So the
+J = L^-1 (H V + h), the derivative of the whitened innovation, and takes V to V - U' J, turned as P
+is. So the
 innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
 Control 14(4).
 """
@@ -116,6 +117,14 @@ def _corrected(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
                 factor = call[U + n * i + k]
                 for j in range(LANES):
                     V[LANES * k + j] -= factor * J[i, j]
+        # half of the correction turns the attitude errors, as `turn_half` does
+        first = U + 6 * n
+        x, y, z = 0.5 * call[first], 0.5 * call[first + 1], 0.5 * call[first + 2]
+        for j in range(LANES):
+            a, b, c = V[LANES * 6 + j], V[LANES * 7 + j], V[LANES * 8 + j]
+            V[LANES * 6 + j] = a + y * c - z * b
+            V[LANES * 7 + j] = b + z * a - x * c
+            V[LANES * 8 + j] = c + x * b - y * a
 
 
 @kernel(RUN_SENSITIVITY)

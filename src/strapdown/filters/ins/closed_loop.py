@@ -9,9 +9,9 @@ from ...core.error_state import (
     HEIGHT,
     allocate,
     bias_free,
-    inject_all,
     linearised_step,
     measure,
+    take_over,
 )
 from ...core.mechanization import mechanize
 from ...typing import Array
@@ -58,7 +58,7 @@ def correct(
     """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        inject_all(belief, belief.workspace[DX])
+        take_over(belief, belief.workspace[DX])
     return nis
 
 

@@ -8,6 +8,7 @@ this is the form to compare with.
 import math
 
 from ...core.contract import (
+    ATT,
     CORRECT,
     MOST_STATES,
     PREDICT,
@@ -23,7 +24,14 @@ from ...core.contract import (
     matrix,
 )
 from ...core.error_dynamics import BLOCKS, CORRECTED, PP, TP, TV, VP, VV, kinematic_blocks
-from ...core.error_state import bias_free, decay_biases, inject_all, observed, publish_rates
+from ...core.error_state import (
+    bias_free,
+    decay_biases,
+    inject_all,
+    observed,
+    publish_rates,
+    turn_half,
+)
 from ...core.kalman import LEAST_NOISE
 from ...core.mechanization import mechanize
 from ...typing import Array
@@ -43,6 +51,7 @@ ROOT = SLOTS.matrix("ROOT", 3, 3)  # Cholesky factor of the covariance of the in
 USED = SLOTS.array("USED", 3)  # innovations of the measured rows
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of their noise
 DX = SLOTS.array("DX", MOST_STATES)  # the correction, n numbers
+HALF_TURN = SLOTS.matrix("HALF_TURN", 3, 3)  # half the rotation of a correction
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 
 
@@ -181,6 +190,8 @@ def correct(
     if nis <= gate:
         _joseph(P, H, used, variance, U, K, matrix(workspace, LEFT, n, n))
         inject_all(belief, dx)
+        theta = dx[ATT]
+        turn_half(P, theta[0], theta[1], theta[2], matrix(workspace, HALF_TURN, 3, 3))
     return nis
 
 

@@ -11,6 +11,7 @@ import math
 from ...checks import check_choice
 from ...core.adjoint import SMOOTHER
 from ...core.contract import (
+    ATT,
     BA,
     BG,
     CORRECT,
@@ -32,6 +33,7 @@ from ...core.error_state import (
     BLOCK,
     DX,
     ERROR_STATE,
+    HALF_TURN,
     HEIGHT,
     X,
     added,
@@ -40,6 +42,7 @@ from ...core.error_state import (
     inject_tail,
     linearised_step,
     measure,
+    turn_half,
 )
 from ...core.mechanization import mechanize
 from ...typing import Array
@@ -198,6 +201,8 @@ def correct_beside(
             x[i] += dx[i]
         inject_tail(belief, dx)
         compose(belief)
+        theta = dx[ATT]
+        turn_half(belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, HALF_TURN, 3, 3))
     return nis
 
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 
 from ...core.contract import (
+    ATT,
     ATTITUDE_KIND,
     CORRECT,
     COURSE_KIND,
@@ -28,7 +29,15 @@ from ...core.contract import (
 )
 from ...core.earth import place
 from ...core.embedded import NAVIGATION, navigation
-from ...core.error_state import added, bias_free, decay_biases, inject_all, observed, publish_rates
+from ...core.error_state import (
+    added,
+    bias_free,
+    decay_biases,
+    inject_all,
+    observed,
+    publish_rates,
+    turn_half,
+)
 from ...core.jit import flatten, helper, inlined, matrix, plain
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.mechanization import mechanize
@@ -58,6 +67,7 @@ AUGMENTED = SLOTS.number("AUGMENTED")  # 1 or 0: white noise has points of its o
 POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and what aidings brought along
 POINT_EXTRA = SLOTS.array("POINT_EXTRA", MOST_STATES - STATES)
 CENTRE = SLOTS.part("CENTRE", NAVIGATION)  # the propagated belief
+HALF_TURN = SLOTS.matrix("HALF_TURN", 3, 3)  # half the rotation of a correction
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of the noise of a fix
 # the square root, n + 1 rows
@@ -406,6 +416,9 @@ def correct(
     if nis <= gate:
         inject_all(belief, dx)
         _published(belief, n, lanes)
+        theta = dx[ATT]
+        # the square root follows when it is used next
+        turn_half(belief.P, theta[0], theta[1], theta[2], matrix(workspace, HALF_TURN, 3, 3))
     return nis
 
 
