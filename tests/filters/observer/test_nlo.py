@@ -360,11 +360,11 @@ def test_positions_are_all_that_the_list_of_filters_says_it_needs(capsys):
     """And rightly: without a course it runs on them alone."""
     app.filters()
     needs = [
-        line.split("course=")[0].split()[1:]
+        line.split("course=")[0].split()[1:3]
         for line in capsys.readouterr().out.splitlines()
         if line.startswith(("nlo ", "xkf "))
     ]
-    assert needs == [["position", "crab=5.0"], ["position", "near=0.0"]]
+    assert needs == [["position", "crab=5.0"], ["position", "near=0.5"]]
     alone = replace(flight(), aidings=flight().aidings[:1])
     for name in ("nlo", "xkf"):
         assert np.isfinite(

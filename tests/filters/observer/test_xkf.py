@@ -102,7 +102,7 @@ def begun(**options):
         *(aiding.find(kind).observe for kind in FIX_SD),
     ):
         compile_kernel(needed)
-    return XKF.start(start(flight()), NOISE, **options)
+    return XKF.start(start(flight()), NOISE, **{"near": 0.0} | options)
 
 
 def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
@@ -225,8 +225,8 @@ def test_to_first_order_the_trajectory_does_not_matter():
 
 def test_it_is_the_closed_loop_to_first_order():
     fused = [
-        sd.fuse(flight(), name, start=start(flight()), noise=NOISE, covariance=True)
-        for name in ("xkf", "closed-loop")
+        sd.fuse(flight(), name, start=start(flight()), noise=NOISE, covariance=True, **options)
+        for name, options in (("xkf", {"near": 0.0}), ("closed-loop", {}))
     ]
     own, closed = (solution.trajectory for solution in fused)
     assert (
@@ -323,7 +323,7 @@ def test_a_mean_through_the_model_itself_where_the_observer_is_near(near, off, i
     """An INS without fixes, and the innovation that of the belief; the affine mean is some way
     off both."""
     u, dt, _, _ = world()
-    belief = begun(near=near)
+    belief = begun(near=near, jacobian="observer")
     ins = copied(belief)
     put(belief, plus(ins, np.r_[np.zeros(6), 0.05, -0.05, off, np.zeros(6)]))
     for row in u[:20]:
@@ -362,9 +362,11 @@ def test_states_that_sources_bring_along_are_estimated():
 
 def test_options_are_those_of_the_observer_and_one_more():
     names = lambda filter: list(inspect.signature(filter.start).parameters)
-    assert names(XKF) == [*names(nlo.NLO)[:2], "near", *names(nlo.NLO)[3:]]
+    assert names(XKF) == [*names(nlo.NLO)[:2], "near", "jacobian", *names(nlo.NLO)[3:]]
     with pytest.raises(DataError, match="near is -1.0 rad; it must be a number, 0 or more"):
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=-1.0)
+    with pytest.raises(DataError, match="jacobian is 'truth'"):
+        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, jacobian="truth")
     with pytest.raises(DataError, match="k1 is -1"):
         sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, k1=-1.0)
     with pytest.raises(DataError, match="nothing measures heading or course"):

@@ -67,7 +67,7 @@ CASES = {
     "NLO, the printed vector": Case("nlo", {"course": "printed"}),
     "two-stage EKF": Case("two-stage-ekf"),
     "XKF, two stages": Case("xkf-two-stage"),
-    "XKF, 15 states": Case("xkf"),
+    "XKF, 15 states": Case("xkf", {"near": 0.0}),
     "closed loop": Case("closed-loop"),
 }
 """What is compared, by its label."""

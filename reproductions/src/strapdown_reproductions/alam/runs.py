@@ -69,7 +69,7 @@ FILTERS = {
     EKF: Variant("two-stage-ekf"),
     NLO: Variant("nlo"),
     XKF: Variant("xkf-two-stage"),
-    FULL: Variant("xkf"),
+    FULL: Variant("xkf", {"near": 0.0}),
     CLOSED: Variant("closed-loop"),
 }
 """The three of the paper, the exogenous filter with the library's error model, and an anchor, by

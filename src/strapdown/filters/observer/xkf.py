@@ -10,7 +10,7 @@ lies between them: the mismatch of a trajectory that is no solution of the model
 
 from typing import Any
 
-from ...checks import check_number
+from ...checks import check_choice, check_number
 from ...core.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
@@ -49,7 +49,7 @@ from ...core.error_state import (
     linearised_step,
     observed,
 )
-from ...core.jit import inlined
+from ...core.jit import helper, inlined
 from ...core.kalman import update
 from ...core.mechanization import mechanize
 from ...core.rotation import rotation_between, wrap
@@ -57,6 +57,7 @@ from ...typing import Array
 from . import nlo
 from .equations import BLOCK, CONDITION, EMBEDDED, OBSERVER, advance, embedded, follow, inject
 from .gains import configure, implant, takes_options
+from .own_estimate import DOUBT, LOST, OWN, TURN, carry_own, correct_own, take_heading
 from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
 SLOTS = Slots(after=ERROR_STATE)
@@ -65,28 +66,36 @@ SHIFT = SLOTS.outputs(
     "observer_error_north [m]", "observer_error_east [m]", "observer_error_down [m]"
 )
 SAID = SLOTS.outputs(*OBSERVER.columns)  # what the observer says of itself
-# whether the observer is nearer than NEAR, rad
-CLOSE, NEAR = SLOTS.numbers("CLOSE", "NEAR")
+# whether the mean goes on by the model itself; the angle to the observer up to which it does, rad;
+# whether Jacobians are then taken at the estimate
+CLOSE, NEAR, ITSELF = SLOTS.numbers("CLOSE", "NEAR", "ITSELF")
 INNOVATION = SLOTS.array("INNOVATION", 3)  # of the observer
 # of the observer at the start of a step: accelerometer, gyro
 BIAS_A, BIAS_G = SLOTS.array("BIAS_A", 3), SLOTS.array("BIAS_G", 3)
 ORIGIN = SLOTS.array("ORIGIN", 9)  # attitude that delta is counted from, row by row
 RECENT = SLOTS.part("RECENT", MEMORY)
+MINE = SLOTS.part("MINE", OWN)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
+JACOBIANS = {"observer": 0.0, "estimate": 1.0}
 
 
 @takes_options
-def start(start: Start, noise: Noise, near: float = 0.0, **observer: Any) -> Belief:
+def start(
+    start: Start, noise: Noise, near: float = 0.5, jacobian: str = "estimate", **observer: Any
+) -> Belief:
     """Belief at `start`, where the observer begins too.
 
     near: rad between attitudes of estimate and observer up to which the mean goes on by the model
-    itself, and only Jacobians are taken at the observer: 0 is the affine filter of Johansen &
-    Fossen, inf what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
+    itself; 0 is the affine filter of Johansen & Fossen. jacobian: where Jacobians are taken then,
+    at the "estimate", which also stays beyond `near` as long as no fixes speak against it, or at
+    the "observer"; that and near = inf are what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
     """
     check_number(near, "near", "rad", least=0, infinite=True)
+    check_choice(jacobian, "jacobian", JACOBIANS)
     belief = start.belief(allocate(SLOTS))
     slots = SLOTS.named(belief.workspace)
-    slots["CLOSE"][...], slots["NEAR"][...] = near > 0, near
+    slots["ITSELF"][...], slots["NEAR"][...] = JACOBIANS[jacobian], near
+    slots["CLOSE"][...] = known(belief.P, near) if slots["ITSELF"] else near > 0
     slots["RECENT"]["KIND"][...], slots["ORIGIN"][:] = FORGOTTEN, belief.C.ravel()
     implant(belief.workspace[INSIDE], start, noise, **observer)
     return belief
@@ -155,7 +164,30 @@ def relate(belief: Belief, bar: Belief) -> None:
         shift[i] = x[i]
         for j in range(3):
             o[3 * i + j] = bar.C[i, j]
-    workspace[CLOSE] = x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < workspace[NEAR] * workspace[NEAR]
+    switch(belief, x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < workspace[NEAR] * workspace[NEAR])
+
+
+@inlined
+def switch(belief: Belief, near: bool) -> None:
+    """Whether the mean goes on by the model itself, now that the observer is `near` or is not.
+
+    At the estimate the model is right where the tilt is known, and wherever the observer goes, as
+    long as the fixes do not speak against it.
+    """
+    workspace, own = belief.workspace, belief.workspace[MINE]
+    if workspace[ITSELF] == 0:
+        workspace[CLOSE] = near
+    elif workspace[CLOSE] == 0:
+        workspace[CLOSE] = near and known(belief.P, workspace[NEAR])
+        own[TURN], own[DOUBT] = 0.0, 1.0
+    elif not near and own[DOUBT] > LOST:
+        workspace[CLOSE] = 0.0
+
+
+@helper
+def known(P: Array, angle: float) -> bool:
+    """Whether the tilt is known to that angle, rad."""
+    return P[6, 6] + P[7, 7] < angle * angle
 
 
 @inlined
@@ -247,12 +279,18 @@ def shift_rates(belief: Belief, x: Array, sign: float) -> None:
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief on, then the observer; the difference is what is between them."""
-    bar = embedded(belief, INSIDE.start)
-    carry(belief, bar, u, dt, noise)
+    bar, workspace = embedded(belief, INSIDE.start), belief.workspace
+    at_estimate = workspace[CLOSE] * workspace[ITSELF] > 0
+    if at_estimate:
+        carry_own(belief, workspace[MINE], u, dt, noise)
+    else:
+        carry(belief, bar, u, dt, noise)
     advance(bar, u, dt, noise)
     relate(belief, bar)
+    if at_estimate:
+        take_heading(belief, bar, workspace[MINE])
     publish(belief, bar)
-    belief.workspace[RECENT][KIND] = FORGOTTEN
+    workspace[RECENT][KIND] = FORGOTTEN
 
 
 @kernel(CORRECT)
@@ -269,7 +307,11 @@ def correct(
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
     bar, workspace = embedded(belief, INSIDE.start), belief.workspace
-    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    if workspace[CLOSE] * workspace[ITSELF] > 0:
+        own = workspace[MINE]
+        nis = correct_own(belief, own, y, sd, kind, observe, parameters, gate, innovation)
+    else:
+        nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if (
         kind == POSITION_KIND
         or kind == VELOCITY_KIND
