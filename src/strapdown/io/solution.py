@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..checks import DataError
 from ..data import Solution
+from ..file_limits import reading_within
 from ..files import replacing
 from ..typing import File
 from .solutions.geojson import geojson
@@ -59,7 +60,8 @@ def read_solution(path: File) -> Solution:
             f"{path}: {reason}; give a solution file that strapdown wrote (.nc or .csv)"
         )
     try:
-        return read(path)
+        with reading_within(path):
+            return read(path)
     except DataError:
         raise
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # of h5netcdf

@@ -13,6 +13,7 @@ from ...checks import DataError
 from ...core.contract import Imu
 from ...data import Aiding, Trajectory
 from ...files import netcdf, replacing
+from ...opening import json_of
 from ...preprocessing.fixes import checked_aidings, overlap
 from ...preprocessing.plausible import mistakes
 from ...quantities import dimension, innovation_dimension, si
@@ -21,6 +22,7 @@ from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
 from ..solutions.solution_netcdf import Variables, fill, plain
+from ..tables.hdf5_file import open_netcdf
 
 Layout: TypeAlias = Mapping[str, tuple[str, str, str]]
 """{name: (dimensions, unit, what it is)} of the columns of a group."""
@@ -162,9 +164,7 @@ def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | N
 
 
 def _parts(path: Path) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
+    with open_netcdf(path) as file:
         if file.attrs.get("format") != FORMAT:
             raise DataError(
                 f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, "
@@ -190,7 +190,7 @@ def _parts(path: Path) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | 
             )
         )
         text = np.asarray(file["meta"][...]).item()
-        meta = json.loads(text.decode() if isinstance(text, bytes) else text)
+        meta = json_of(text, path)
         meta |= {name[5:]: file[name][...] for name in file.variables if name.startswith("meta_")}
         return meta, imu, aidings, reference
 
@@ -201,7 +201,7 @@ def _column(variable: Any) -> Array:
 
 def _aiding(group: Any) -> Aiding:
     gate, parameters = group.attrs.get("gate"), np.atleast_1d(group.attrs.get("parameters", ()))
-    estimate = json.loads(group.attrs.get("estimate", "{}"))
+    estimate = json_of(group.attrs.get("estimate", "{}"), group.name)
     return Aiding(
         group.attrs["kind"],
         _column(group["t"]),

@@ -13,8 +13,10 @@ from ...checks import DataError
 from ...core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from ...data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, Innovations, Solution
 from ...files import netcdf
+from ...opening import json_of
 from ...typing import Array
 from ...verdict import NOT_JUDGED, Verdict
+from ..tables.hdf5_file import open_netcdf
 from .solution_table import state_of, table_of
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
@@ -159,9 +161,7 @@ def _unit_of(name: str) -> dict[str, str]:
 
 def read_netcdf(path: Path) -> Solution:
     """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
+    with open_netcdf(path) as file:
         if file.attrs.get("format") != FORMAT:
             raise DataError(
                 f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
@@ -175,7 +175,7 @@ def read_netcdf(path: Path) -> Solution:
             return np.column_stack([column(name) for name in names])
 
         def read(name: str) -> Any:
-            return json.loads(np.asarray(file[name][...]).item())
+            return json_of(np.asarray(file[name][...]).item(), path)
 
         innovations = Innovations(
             column("fix_time"),
