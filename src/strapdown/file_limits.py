@@ -116,9 +116,10 @@ def regular(path: File) -> Path:
         copies = _COPIES.get()
         return path if copies is None else copies.of(path)
     elif not stat.S_ISDIR(found.st_mode):
+        pipe = stat.S_ISFIFO(found.st_mode)
         raise LimitError(
-            f"{path}: is no regular file but a device or a pipe, which might never end; copy it to "
-            f"a file, or allow pipes (option --pipes before the command)"
+            f"{path}: is no regular file but a {'pipe' if pipe else 'device'}, which might never end; "
+            f"copy it to a file{', or allow pipes (option --pipes before the command)' * pipe}"
         )
     return path
 

@@ -165,12 +165,6 @@ def hdf5(path, fill):
     return path
 
 
-def chunk_bomb(file):
-    """A chunk that unpacks to more than an array has."""
-    array = file.create_dataset("x", (1000,), "f8", chunks=(1000,), compression="gzip")
-    array.id.write_direct_chunk((0,), zlib.compress(bytes(1000 * MB), 9)[:8000])
-
-
 def packed_twice(file):
     settings = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     settings.set_chunk((1000,))

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from ..checks import DataError
 from ..data import Solution
-from ..file_limits import reading_within
 from ..files import replacing
 from ..typing import File
+from .own.one_line import one_line
 from .solutions.geojson import geojson
 from .solutions.gpx import gpx
 from .solutions.kml import kml
@@ -59,16 +59,8 @@ def read_solution(path: File) -> Solution:
         raise DataError(
             f"{path}: {reason}; give a solution file that strapdown wrote (.nc or .csv)"
         )
-    try:
-        with reading_within(path):
-            return read(path)
-    except DataError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # of h5netcdf
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise DataError(
-            f"{path}: not a solution, or damaged ({reason}); write it again with strapdown fuse"
-        ) from error
+    with one_line(path, "solution"):
+        return read(path)
 
 
 def _ending(path: File, known: Iterable[str]) -> str:

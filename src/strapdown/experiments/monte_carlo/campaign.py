@@ -8,7 +8,6 @@ order. Arrays stay in the files and open lazily.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import re
@@ -30,7 +29,8 @@ from ... import __version__
 from ...checks import DataError
 from ...core.kernel_cache import closure_digest
 from ...file_limits import LimitError
-from ...files import netcdf, replacing
+from ...file_locks import lock
+from ...files import netcdf, replacing, together
 from ...io.tables.hdf5_file import open_hdf5
 from ...opening import json_of, settings_text
 from ...plugins import Plugin
@@ -133,7 +133,7 @@ class Campaign:
             _same(_manifest(self.folder), self.manifest, self.folder)
         else:
             with replacing(path) as part:
-                part.write_text(json.dumps(self.manifest, indent=1) + "\n")
+                part.write_text(json.dumps(self.manifest, indent=1) + "\n", encoding="utf-8")
 
     @classmethod
     def open(cls, folder: File) -> Campaign:
@@ -144,15 +144,15 @@ class Campaign:
     def locked(self) -> Iterator[None]:
         """Hold the folder: a second process that wants to write there is refused."""
         try:
-            lock = open(self.folder / "lock", "w")
+            held = open(self.folder / "lock", "wb")
         except OSError as error:
             raise DataError(
                 f"{self.folder}: nothing can be written there ({error.strerror}); choose another "
                 f"folder"
             ) from None
-        with lock:
+        with held:
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(held)
             except OSError:
                 raise DataError(
                     f"{self.folder}: another process works on this campaign; wait for it, or choose "
@@ -203,9 +203,10 @@ class Campaign:
 
     def finish(self) -> None:
         """Write summary.csv and runs.csv."""
-        for name, table in (("summary", self.summary), ("runs", self.runs)):
-            with replacing(self.folder / f"{name}.csv") as part:
-                table.to_csv(part, index=False, float_format="%.9g")
+        with together():
+            for name, table in (("summary", self.summary), ("runs", self.runs)):
+                with replacing(self.folder / f"{name}.csv") as part:
+                    table.to_csv(part, index=False, float_format="%.9g")
 
     def _files(self, cell: str) -> list[Path]:
         files = sorted((self.folder / "chunks" / cell).glob("*.nc"))

@@ -184,12 +184,12 @@ def _header(
 
 def distinct(names: Iterable[str]) -> list[str]:
     """Names of which none is empty and none is twice."""
-    found: dict[str, int] = {}  # how often each was there before
+    found: dict[str, None] = {}
+    numbers: Counter[str] = Counter()  # the last one that a name was given
     for i, name in enumerate(names):
-        name = name.strip().strip('"').strip() or f"Unnamed: {i}"
-        again = name
+        name = again = name.strip().strip('"').strip() or f"Unnamed: {i}"
         while again in found:
-            found[name] += 1
-            again = f"{name}.{found[name]}"
-        found[again] = 0
+            numbers[name] += 1
+            again = f"{name}.{numbers[name]}"
+        found[again] = None
     return list(found)
