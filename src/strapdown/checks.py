@@ -16,7 +16,27 @@ if TYPE_CHECKING:
 
 
 class DataError(ValueError):
-    """Input that cannot be used: one line that names file, row or field, and the remedy."""
+    """Input that cannot be used: one line that names file, row or field, and the remedy. Whatever
+    the input put into it, it is printable and not longer than LONGEST."""
+
+    def __init__(self, text: object = "") -> None:
+        text = printable(str(text))
+        if len(text) > LONGEST:
+            text = f"{text[: LONGEST - 505]} ... {text[-500:]}"
+        super().__init__(text)
+
+
+LONGEST = 3000
+"""Characters of a message."""
+
+
+def printable(text: str) -> str:
+    """The text on one line, its control characters as escapes, so that none moves the cursor, colours
+    or turns round what is printed."""
+    if text.isprintable():
+        return text
+    signs = (each if each.isprintable() else " " if each in "\n\r\t" else None for each in text)
+    return "".join(ascii(own)[1:-1] if sign is None else sign for sign, own in zip(signs, text))
 
 
 @contextmanager
@@ -25,7 +45,7 @@ def located(where: object) -> Iterator[None]:
     try:
         yield
     except DataError as error:
-        raise DataError(f"{where}: {error}") from None
+        raise type(error)(f"{where}: {error}") from None
 
 
 def is_number(value: object) -> TypeGuard[float]:

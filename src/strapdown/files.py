@@ -3,7 +3,6 @@ for people, and the TOML files that ship with packages."""
 
 import os
 import shutil
-import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -19,6 +18,7 @@ from typing import Any, NamedTuple
 from .checks import DataError
 from .checksum import append_checksum
 from .file_locks import Part, part_of, second_name
+from .opening import settings_text, toml_of
 from .plugins import PluginWarning
 from .typing import File
 
@@ -127,13 +127,11 @@ def read_toml(path: File, hint: str) -> dict[str, Any]:
     """The content of a TOML file as a dict. Raises DataError naming the file; `hint` is the
     remedy where it cannot be read."""
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return toml_of(settings_text(path), path)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error}); {hint}") from error
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: is not UTF-8 text; save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from error
 
 
 @contextmanager

@@ -233,7 +233,7 @@ def test_a_content_that_nobody_knows_is_no_table(tmp_path, command):
         ("a.ulg", b"", "is no ULog: it is empty; copy it again"),
         ("a.ulg", b"ULog\x01", "is no ULog: it ends after 5 bytes, within its header"),
         ("a.ulg", b"ULog\x01\x12\x35\x01", "is no ULog: it ends after 8 bytes, within its header"),
-        ("a.ulg", b"t,x\n0,1\n", r"is no ULog: it begins with b't,x\\n0,1\\n'; is it the file of"),
+        ("a.ulg", b"t,x\n0,1\n", "is no ULog: it begins with other bytes; is it the file of"),
         ("a.bag", b"", "is no bag of ROS 1 of format 2.0: it is empty"),
         ("a.bag", b"#ROSBAG V1.2\n" + bytes(9), "`rosbag migrate` brings one of 1.2 there"),
         ("a.mcap", b"\x89MC", "is no MCAP file of version 0: it ends after 3 bytes"),

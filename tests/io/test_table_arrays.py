@@ -1,5 +1,7 @@
 """Tables of MATLAB and Parquet files hold what was saved, and are read as recordings."""
 
+import sys
+
 import h5py
 import numpy as np
 import pandas as pd
@@ -96,9 +98,6 @@ def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
     path = tmp_path / "log.parquet"
     path.write_bytes(b"PAR1")
 
-    def missing(*_, **__):
-        raise ImportError("no pyarrow")
-
-    monkeypatch.setattr(pd, "read_parquet", missing)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(DataError, match="pip install pyarrow"):
         tables_of(path)

@@ -89,6 +89,8 @@ def main() -> None:
             )
         if isinstance(error, sd.DataError):
             _stop(str(error))
+        if isinstance(error, MemoryError):
+            _stop("memory ran out; take a part of the recording, or a larger machine")
         raise
 
 
@@ -144,13 +146,19 @@ def options(
         typer.Option(metavar="GB", help="Largest content of a file that is read, unpacked."),
     ] = None,
     pipes: Annotated[
-        bool, typer.Option("--pipes", help="Read also what is no regular file, such as a pipe.")
+        bool, typer.Option("--pipes", help="Read also pipes, as of <(zcat imu.csv.gz).")
+    ] = False,
+    inside: Annotated[
+        bool,
+        typer.Option(
+            "--inside", help="Refuse files that a description names outside its own folder."
+        ),
     ] = False,
 ) -> None:
     """Options of the command itself."""
     from ..file_limits import reading_limits
 
-    changes: dict[str, float | bool] = {"pipes": True} if pipes else {}
+    changes: dict[str, float | bool] = {"pipes": pipes, "outside": not inside}
     if max_size is not None:
         changes["size"] = 1e9 * max_size
     context.with_resource(reading_limits(**changes))

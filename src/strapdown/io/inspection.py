@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..checks import DataError
+from ..checks import DataError, printable
+from ..file_limits import reading_within
 from ..typing import File
 from ..verdict import Reason
 from .facts import recording_facts
@@ -29,7 +30,8 @@ class Inspection(NamedTuple):
         """All lines, ready to print."""
         verdict = [f"problem: {text}" for text in self.problems] or ["no mistakes found"]
         untold = [f"inconclusive: {text}" for text in self.inconclusive]
-        return [str(self.path), *("  " + text for text in self.facts), *verdict, *untold]
+        lines = [str(self.path), *("  " + text for text in self.facts), *verdict, *untold]
+        return list(map(printable, lines))
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
@@ -46,8 +48,9 @@ def inspect(path: File, /, *more: File, **instances: int | None) -> Inspection:
     if reader.open is not None or more:
         from .description.inspection import inspect_logs  # loads pydantic: 0.2 s
 
-        of_logs = inspect_logs(paths, instances)
         label = ", ".join(map(str, paths))
+        with reading_within(label):
+            of_logs = inspect_logs(paths, instances)
         return Inspection(label, *map(tuple, of_logs))  # type: ignore[arg-type]
     path = paths[0]
     found = recording_facts(read(path)) if reader.inspect is None else ask(reader, "inspect", path)

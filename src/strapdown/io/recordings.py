@@ -1,8 +1,10 @@
 """From files to a Recording, whatever their formats."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from ..checks import DataError
+from ..checks import DataError, printable
+from ..file_limits import reading_within
 from ..recording import Recording
 from ..typing import File
 from .registry import ask, taker
@@ -26,7 +28,19 @@ def read(path: File, /, *more: File, **instances: int | None) -> Recording:
                 f"{path}: the reader {reader.name!r} gives no Recording but a "
                 f"{type(found).__name__}"
             )
-        return found
+        return _printable(found)
     from .description.logs import read_logs  # loads pydantic: 0.2 s
 
-    return read_logs(paths, instances)
+    with reading_within(", ".join(map(str, paths))):
+        return _printable(read_logs(paths, instances))
+
+
+def _printable(recording: Recording) -> Recording:
+    """The same with lines that are told without control characters, which names in files may have."""
+    meta = {
+        key: list(map(printable, map(str, recording.meta[key])))
+        for key in ("notes", "read")
+        if isinstance(recording.meta.get(key), list)
+    }
+    changed = any(meta[key] != recording.meta[key] for key in meta)
+    return replace(recording, meta={**recording.meta, **meta}) if changed else recording

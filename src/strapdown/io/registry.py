@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from .. import plugins
-from ..checks import DataError
+from ..checks import DataError, printable
+from ..file_limits import reading_within, regular
 from .contract import Reader
 from .tables.table_file import PACKED, SUFFIXES as OF_TEXT, files_in, head_of
 
@@ -94,6 +95,7 @@ REGISTRY = plugins.Registry(
 def find(path: Path) -> Reader | None:
     """The Reader of a file or a folder, or None of a file that none knows. Raises DataError where a
     `sniff` fails, where two readers claim the file alike, and for a folder that none knows."""
+    regular(path)
     inside = files_in(path)
     head = head_of(path, START) if len(inside) < 2 else b""
     for reader in readers().values():
@@ -102,6 +104,8 @@ def find(path: Path) -> Reader | None:
     found = _claimed(path, path.name, head)
     if found is None and len(inside) == 1:
         found = _claimed(path, f"{inside[0]}.zip", head)
+    if found is None and path.is_fifo() and head and _is_text(head):
+        return readers()["table"]  # a pipe has no name that tells
     if found is None and path.is_dir():
         raise DataError(
             f"{path}: is a folder in which no reader finds what it knows; name the files themselves"
@@ -161,9 +165,10 @@ def looker(path: Path) -> Reader:
 def ask(reader: Reader, function: str, path: Path, *arguments: Any) -> Any:
     """What a function of the reader returns. Whatever it raises is a DataError of one line."""
     try:
-        return getattr(reader, function)(path, *arguments)
+        with reading_within(path):
+            return getattr(reader, function)(path, *arguments)
     except DataError as error:
-        if str(path) in str(error) or str(path.name) in str(error):
+        if printable(path.name) in str(error):
             raise
         raise DataError(f"{path}: {error}") from error
     except (Exception, SystemExit) as error:
@@ -182,6 +187,11 @@ def taker(path: Path) -> Reader:
     reader = find(path)
     if reader is not None:
         return reader
+    if path.is_fifo():
+        raise DataError(
+            f"{path}: what comes through the pipe is no table of text, and no log that is known by its "
+            f"first bytes; unpack it (as zcat does), or copy it to a file and name that"
+        )
     known = [
         each.name
         for each in readers().values()

@@ -35,6 +35,7 @@ from ...io.description.rewriting import (
     rewritten,
     told,
 )
+from ...opening import settings_text
 from ...recording import Recording
 from ...typing import File
 from .confirming import ESTIMABLE, Asking
@@ -246,7 +247,7 @@ class Installation:
             return []
         self._check_same(path)
         new = rewritten(path, self.edits, self._kinds, self._mark).splitlines()
-        old = Path(path).read_text(encoding="utf-8").splitlines()
+        old = settings_text(path).splitlines()
         lines = []
         matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
         for step, i, j, k, m in matcher.get_opcodes():

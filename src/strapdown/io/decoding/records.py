@@ -72,4 +72,4 @@ def how_it_begins(content: bytes | memoryview, magic: bytes) -> str:
     start = bytes(content[: len(magic)])
     if magic.startswith(start):
         return f"it ends after {len(content)} bytes, within its header; copy it again"
-    return f"it begins with {bytes(content[:12])!r}; is it the file of the device, and whole?"
+    return "it begins with other bytes; is it the file of the device, and whole?"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import tomlkit
 
-from ...checks import DataError, check_choice
+from ...checks import DataError, check_choice, printable
 from ...recording import Recording
 from ...typing import File
 from ..contract import ROLES, Log, Section
@@ -132,14 +132,14 @@ class Joined(NamedTuple):
 
     def text(self, folder: File) -> str:
         """The same as the text of that file, with what was assumed as comments."""
-        parts = [HEAD.format(names=", ".join(path.name for path in self.paths))]
+        parts = [HEAD.format(names=", ".join(printable(path.name) for path in self.paths))]
         parts[0] += "".join(f"{key} = {_value(value)}\n" for key, value in self.head.items())
         parts[0] += "".join(f"{line}\n" for key, line in OPTIONAL.items() if key not in self.head)
         parts += [_text(each, folder) for each in _whole(self.taken, folder)]
         for each, why in self.left:
             if each.section.left and each.section.of == "aiding":
                 lines = [f"left out: {why}", *_text(each, folder).splitlines()]
-                parts.append("".join(f"# {line}".rstrip() + "\n" for line in lines))
+                parts.append("".join(f"# {printable(line)}".rstrip() + "\n" for line in lines))
         return "\n".join(parts)
 
     @property
@@ -281,8 +281,8 @@ def _text(each: Taken, folder: File) -> str:
     lines = ["[[aiding]]" if of == "aiding" else f"[{of}]"]
     for key, value in keys.items():
         line, why = f"{key} = {_value(value)}", each.section.assumed.get(key, "")
-        lines.append(f"{line:{COMMENT - 1}} # check: {why}" if why else line)
-    return "\n".join([*lines, *each.section.remarks]) + "\n"
+        lines.append(f"{line:{COMMENT - 1}} # check: {printable(why)}" if why else line)
+    return "\n".join([*lines, *map(printable, each.section.remarks)]) + "\n"
 
 
 def _value(value: Any) -> str:

@@ -14,6 +14,7 @@ from tomlkit.items import Float, InlineTable, Item, Table, Trivia
 
 from ...checks import DataError
 from ...files import replacing, together
+from ...opening import open_file, toml_of
 from ...typing import File
 from ...units import DEG
 
@@ -106,7 +107,8 @@ def _text(path: File) -> str:
             f"{path}: only a recording.toml can be changed; change what it was made from"
         )
     try:
-        return Path(path).read_bytes().decode("utf-8")
+        with open_file(path) as file:
+            return file.read().decode("utf-8")
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError:
@@ -131,8 +133,8 @@ def check_sections(path: File, kinds: Sequence[str]) -> None:
 def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[str, Any], Any]:
     """(content, the same as it can be changed) of a description. Raises DataError."""
     try:
-        old, content = tomllib.loads(text), tomlkit.parse(text)
-    except (tomllib.TOMLDecodeError, TOMLKitError) as error:
+        old, content = toml_of(text, path), tomlkit.parse(text)
+    except TOMLKitError as error:
         raise DataError(f"{path}: is not TOML: {str(error).splitlines()[0]}") from None
     sources = old.get("aiding", [])
     found = [each.get("kind") for each in sources if isinstance(each, dict)]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ...checks import DataError, check_keys, check_number
 from ...core.earth import LATITUDE_LIMIT
@@ -39,6 +39,9 @@ from .schema_base import (
     refuse,
 )
 from .schema_values import Geoid
+
+MOST_SOURCES = 200
+"""Sections [[aiding]]: each looks at all before it."""
 
 
 def _body_axes(text: str) -> str:
@@ -261,7 +264,7 @@ class Description(Part):
     place: Place | None = None
     vehicle: Annotated[Any, AfterValidator(_vehicle)] = None
     imu: ImuPart
-    aiding: list[AidingPart] = []
+    aiding: Annotated[list[AidingPart], Field(max_length=MOST_SOURCES)] = []
     reference: ReferencePart | None = None
 
     @property

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...checks import DataError, did_you_mean
+from ...checks import DataError, did_you_mean, located
+from ...file_limits import check_inside, in_force
 from ...preprocessing.origin import Rows
 from ...time_scales import (
     DAY,
@@ -102,10 +103,11 @@ class Files:
 
     def locate(self, file: str) -> Path:
         """The path that the description means by `file`."""
-        try:
-            return locate(file, self.folder)
-        except DataError as error:
-            raise DataError(f"{self.path}: {error}") from None
+        with located(self.path):
+            path = locate(file, self.folder)
+            if not in_force().outside and path.resolve() not in self._logs:
+                check_inside(path, self.folder)
+            return path
 
     def columns(
         self,

@@ -2,7 +2,6 @@
 is one line here and nowhere else."""
 
 from collections.abc import Collection
-from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,8 +9,9 @@ import numpy as np
 
 from ...checks import DataError
 from ...checksum import DAMAGED, has_checksum
-from ...file_limits import check_size, in_force, regular
+from ...file_limits import in_force, regular
 from ...typing import File
+from ..tables.hdf5_file import open_hdf5
 from .one_line import one_line
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
@@ -37,12 +37,10 @@ class Content(NamedTuple):
 def content(path: File, what: str, names: Collection[str] | None = None) -> Content:
     """The content of a file: its root and groups one below it; `what` is what it should be, as
     "NetCDF recording", `names` the variables that are wanted, all without. Raises DataError."""
-    import h5py
-
-    path = regular(path)
+    path = Path(path)
     with one_line(path, what):
-        sealed = has_checksum(path)
-        with h5py.File(path, "r", locking=False) as file:
+        sealed = has_checksum(regular(path))
+        with open_hdf5(path) as file:
             found = _group(file, path, names)
     if SEALED in found.attributes and not sealed:
         raise DataError(f"{path}: the line with its checksum is missing; {DAMAGED}")
@@ -82,10 +80,9 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
 
 
 def _values(node: Any, path: Path) -> np.ndarray[Any, Any] | str:
-    """The values of a dataset, whose size must be in proportion to the file's."""
+    """The values of a dataset."""
     if node.external or node.is_virtual:
         raise DataError(f"{path}: {_shown(node.name)} leads into another file; {DAMAGED}")
-    check_size(prod(node.shape or (0,)) * node.dtype.itemsize, path, path.stat().st_size)
     values = node[()]
     if isinstance(values, bytes):
         return values.decode()

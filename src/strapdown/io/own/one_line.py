@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 from ...checks import DataError
 from ...checksum import DAMAGED
+from ...file_limits import reading_within
 from ...typing import File
 
 
@@ -13,7 +14,8 @@ def one_line(path: File, what: str) -> Iterator[None]:
     """Around what takes a file apart that should be `what`, as "NetCDF recording": every exception
     becomes a DataError of one line."""
     try:
-        yield
+        with reading_within(path):
+            yield
     except DataError:
         raise
     except OSError as error:

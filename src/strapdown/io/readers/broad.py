@@ -22,6 +22,7 @@ from ...checks import DataError
 from ...core.contract import Imu
 from ...data import Aiding, Trajectory
 from ...geodesy import displaced
+from ...opening import Zip
 from ...preprocessing.attitude_record import quaternions
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...preprocessing.fixes import checked_aidings
@@ -121,16 +122,12 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
 def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """{name: array} of an .npz file."""
     try:
-        # numpy leaves a file that it cannot read open
-        with reading(path), open(path, "rb") as stream:
-            file = np.load(stream, allow_pickle=False)
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise ValueError("it holds one bare array")
-            with file:
-                # a member of another name than .npy comes as its bytes
-                return {
-                    name: array for name, array in file.items() if isinstance(array, np.ndarray)
-                }
+        with reading(path), Zip(path) as archive:
+            return {
+                name.removesuffix(".npy"): _array(archive, name)
+                for name in archive.namelist()
+                if name.endswith(".npy")
+            }
     except DataError:
         raise
     except (ValueError, NotImplementedError, SyntaxError, TokenError) as error:
@@ -138,6 +135,12 @@ def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
             f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD "
             f"trial is expected"
         ) from None
+
+
+def _array(archive: Zip, name: str) -> np.ndarray[Any, Any]:
+    """An array of an .npz file. Raises ValueError where it states more than it holds."""
+    with archive.content(name) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def windows(t: Array, inside: Mask) -> list[list[float]]:

@@ -26,7 +26,7 @@ from ...recording import Recording
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
-from ..tables.table_file import open_text, packed, reading
+from ..tables.table_file import is_number, open_text, packed, reading
 
 ARCSEC = np.pi / 180 / 3600
 """rad"""
@@ -140,8 +140,10 @@ def _numbers(path: File, number: int, text: str) -> tuple[float, ...]:
     except ValueError:
         values = ()
     if len(values) != 6:
+        cells = text.split()
+        is_row = 2 * sum(map(is_number, cells)) > len(cells)  # other text is not quoted
         raise DataError(
-            f"{path}, line {number}: {text.strip()[:40]!r} is not six numbers, as every line of a "
+            f"{path}, line {number}: {repr(text.strip()[:40]) if is_row else 'it'} is not six numbers, as every line of a "
             f"PSINS log is; correct or remove it"
         )
     return values

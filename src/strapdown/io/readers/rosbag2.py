@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...checks import DataError
+from ...file_limits import regular
+from ...opening import files_of
 from ..contract import Log, Reader
 from ..tables.table_file import PACKED, packed, read_bytes
 
@@ -53,7 +55,7 @@ def _parts(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     endings = (*SUFFIXES, *packed(".mcap"))
-    found = [each for each in path.iterdir() if each.name.lower().endswith(endings)]
+    found = [each for each in files_of(path) if each.name.lower().endswith(endings)]
     if not found:
         raise DataError(f"{path}: the folder of a bag without a .db3 or .mcap file")
     return sorted(
@@ -70,6 +72,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
         database = sqlite3.connect(":memory:")
         database.deserialize(content)
         return database, len(content)
+    path = regular(path)
     size = path.stat().st_size
     return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True), size
 
@@ -83,6 +86,7 @@ def read_database(path: Path, messages: "Messages") -> None:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(size, 1000))
         budget = iter(range(10 + size // STEPS))
         database.execute("PRAGMA mmap_size = 1099511627776")
+        database.execute("PRAGMA trusted_schema = OFF")
         database.set_progress_handler(lambda: int(next(budget, None) is None), STEPS)
         rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
         numbers = {}

@@ -3,17 +3,23 @@ Parquet."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ...checks import DataError
+from ...file_limits import Meter, check_count, regular
+from ...opening import open_file
+from .hdf5_file import open_hdf5
+from .matlab_file import unpacked
 from .table_file import SUFFIXES as TEXT, Table, first_line_of, is_number, reading
 from .table_text import read_table
 
 MATLAB, PARQUET = ".mat", ".parquet"
 SUFFIXES = (*TEXT, MATLAB, PARQUET)
 HDF5 = b"\x89HDF"
+AT_ONCE = 1 << 18
+"""Rows of a Parquet file."""
 
 
 def tables_of(path: Path, header: bool | None = None) -> dict[str, Table]:
@@ -38,18 +44,49 @@ def tables_of(path: Path, header: bool | None = None) -> dict[str, Table]:
 
 
 def _parquet(path: Path) -> Table:
-    import pandas as pd
-
     try:
-        frame = pd.read_parquet(path, engine="pyarrow")
+        import pyarrow
+        import pyarrow.parquet
     except ImportError as error:
         raise DataError(f"{path}: reading Parquet needs pyarrow: pip install pyarrow") from error
-    except (ValueError, KeyError, TypeError) as error:  # pyarrow's errors among them
+    try:
+        frame, left = _parquet_frame(path)
+    except pyarrow.ArrowMemoryError:
+        raise
+    except (pyarrow.ArrowException, ValueError, KeyError, TypeError) as error:
+        if isinstance(error, DataError):
+            raise
         raise DataError(f"{path}: is no Parquet file ({first_line_of(error)})") from error
     if any(frame.index.names):
         frame = frame.reset_index()
     columns = {str(name): _plain(frame[name]) for name in frame}
-    return Table.of(str(path), columns, word="row")
+    return Table.of(str(path), columns, word="row")._replace(notes=left)
+
+
+def _parquet_frame(path: Path) -> tuple[Any, tuple[str, ...]]:
+    """(frame, notes) of the columns that hold one value a row, read some rows at a time and
+    counted."""
+    import pyarrow
+    from pyarrow.parquet import ParquetFile
+
+    plain = regular(path)
+    with ParquetFile(plain) as file:
+        schema = file.schema
+        check_count(len(schema), path, "columns", "columns")
+        parts = [schema.column(k) for k in range(len(schema))]
+    flat = [part for part in parts if not part.max_repetition_level and part.path == part.name]
+    # texts that are repeated stay one
+    texts = [part.name for part in flat if part.physical_type == "BYTE_ARRAY"]
+    meter = Meter(path, plain.stat().st_size)
+    with ParquetFile(plain, read_dictionary=texts) as file:
+        batches = []
+        for batch in file.iter_batches(AT_ONCE, columns=[part.name for part in flat]):
+            meter.add(batch.nbytes)
+            batches.append(batch)
+        wanted = batches[0].schema if batches else file.schema_arrow
+    note = f"{path}: {len(parts) - len(flat)} columns of lists or records left out"
+    notes = (note,) if len(flat) < len(parts) else ()
+    return pyarrow.Table.from_batches(batches, wanted).to_pandas(), notes
 
 
 def _plain(cells: Any) -> Any:
@@ -60,7 +97,7 @@ def _plain(cells: Any) -> Any:
 
 
 def _matlab(path: Path) -> dict[str, Table]:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         is_hdf5 = file.read(4) == HDF5 or _is_hdf5_with_header(file)
     content = _of_version_73(path) if is_hdf5 else _of_version_7(path)
     found = dict(_tables(path, path.stem, content))
@@ -81,7 +118,11 @@ def _of_version_7(path: Path) -> dict[str, Any]:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(path, simplify_cells=True)
+        content = loadmat(
+            cast(Any, unpacked(path)), simplify_cells=True
+        )  # scipy takes open files too
+    except (DataError, MemoryError):
+        raise
     except Exception as error:  # scipy raises what its parser stumbles over
         raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
@@ -99,7 +140,7 @@ def _of_version_73(path: Path) -> dict[str, Any]:
         }
 
     try:
-        with h5py.File(path) as file:
+        with open_hdf5(path) as file:
             return read(file)
     except (OSError, RuntimeError, KeyError) as error:
         raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error

@@ -11,11 +11,13 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO
 
 import numpy as np
 
 from ...checks import DataError, did_you_mean
+from ...file_limits import Meter, regular
+from ...opening import Zip, metered, open_file
 from ...preprocessing.origin import Origin
 from ...typing import Array, ArrayLike, File, Ints
 from .zstd_file import open_zstd
@@ -137,21 +139,27 @@ class Table(NamedTuple):
         return f"column {column!r} is missing{hint}; it has {', '.join(names[:20])}"
 
 
-def open_bytes(path: Path) -> BinaryIO:
-    """A file, plain or compressed (of an archive the first file), open to read. Raises OSError, and
-    those of `broken` where it is read."""
+def open_bytes(path: Path, lines: bool = False) -> BinaryIO:
+    """A file, plain or compressed (of an archive the first file), open to read, its content counted;
+    of `lines` no line may be without an end. Raises OSError, those of `broken` where it is read,
+    and DataError of what is beyond the limits."""
     if path.is_dir():
         raise IsADirectoryError(0, "it is a folder")
-    if path.suffix.lower() == ".zip":
-        archive = zipfile.ZipFile(path)
+    ending = path.suffix.lower()
+    if ending == ".zip":
+        archive = Zip(path)
         files = _files(archive)
         if not files:
             raise zipfile.BadZipFile("it holds no file")
-        return cast(BinaryIO, archive.open(files[0]))
-    return cast(BinaryIO, OPENERS.get(path.suffix.lower(), open)(path, "rb"))
+        return archive.content(files[0], lines=lines)
+    if ending in OPENERS:
+        plain = regular(path)
+        meter = Meter(path, plain.stat().st_size)
+        return metered(OPENERS[ending](plain), meter, lines)
+    return metered(open_file(path), Meter(path), lines) if lines else open_file(path)
 
 
-def _files(archive: zipfile.ZipFile) -> list[str]:
+def _files(archive: Zip) -> list[str]:
     """The files of an archive, without what a Mac adds to them."""
     return [
         name
@@ -165,7 +173,7 @@ def files_in(path: Path) -> list[str]:
     if path.suffix.lower() != ".zip":
         return []
     try:
-        with zipfile.ZipFile(path) as archive:
+        with Zip(path) as archive:
             return [PurePosixPath(name).name for name in _files(archive)]
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError):
         return []
@@ -173,7 +181,9 @@ def files_in(path: Path) -> list[str]:
 
 def open_text(path: Path) -> TextIO:
     """A text file, plain or compressed, open to read. Raises as `open_bytes`."""
-    return io.TextIOWrapper(open_bytes(path), encoding="utf-8-sig", errors="replace", newline="")
+    return io.TextIOWrapper(
+        open_bytes(path, lines=True), encoding="utf-8-sig", errors="replace", newline=""
+    )
 
 
 def read_bytes(path: Path, most: int = -1) -> bytes:

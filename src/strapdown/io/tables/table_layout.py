@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...checks import DataError
+from ...file_limits import check_count
 from .table_file import open_bytes
 
 HEAD, SAMPLE = 65536, 50
@@ -57,7 +58,9 @@ def layout(path: Path) -> Layout:
     if "\0" in text:
         raise DataError(f"{path}: is no table of text, such as comma-separated values")
     lines = text.splitlines()
-    if len(head) == HEAD and len(lines) > 1:
+    if len(head) == HEAD:
+        if len(lines) == 1:
+            raise DataError(f"{path}: is no table: its first line does not end within 64 KB")
         del lines[-1]
     used = [(k, line) for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
     separator, many = _separator([line for _, line in used])
@@ -71,6 +74,12 @@ def layout(path: Path) -> Layout:
     ]
     rows = [cells_of(line, separator) for _, line in used[first : first + SAMPLE]]
     names, units = _header([cells_of(line, separator, many) for line in titles], rows, many)
+    check_count(max(many, len(names)), path, "columns", "columns")
+    if rows and not _is_table(rows, names, separator, many):
+        raise DataError(
+            f"{path}: is no table: most of its first lines are no rows of numbers; give a table with "
+            f"a line of names and rows of numbers, or the device's own format"
+        )
     decimal = _decimal(rows)
     return Layout(encoding, separator, decimal, skipped, names, units)
 
@@ -108,6 +117,20 @@ def _is_row(cells: Sequence[str], many: int) -> bool:
     """Whether cells are a row of data: most are numbers, and not far fewer than elsewhere."""
     some = [cell for cell in cells if cell]
     return 2 * len(cells) > many and 2 * sum(map(is_data, some)) >= max(1, len(some))
+
+
+def _is_table(
+    rows: Sequence[Sequence[str]], names: Sequence[str], separator: str, many: int
+) -> bool:
+    """Whether a file is a table, whose names and cells may be told: in most lines most cells are
+    numbers or times, or below a line of names most lines have as many cells, one of them a number
+    or time. Other files, as of settings or secrets, are not quoted."""
+    filled = [cells for cells in rows if any(cells)]
+    if 2 * sum(_is_row(cells, many) for cells in filled) >= len(filled):
+        return True
+    fit = [cells for cells in filled if len(cells) == len(names) and any(map(is_data, cells))]
+    named = len(names) > 1 and separator != BLANKS and not any(map(is_data, names))
+    return named and 2 * len(fit) >= len(filled)
 
 
 def _separator(lines: Sequence[str]) -> tuple[str, int]:

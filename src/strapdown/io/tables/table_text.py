@@ -4,12 +4,15 @@ import io
 import re
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...checks import DataError
+from ...file_limits import check_count, regular
+from ...opening import check_lines
 from ...preprocessing.origin import counted
 from ...typing import Ints, Mask
 from .table_file import PACKED, Table, open_bytes, reading, split_error
@@ -41,6 +44,8 @@ def read_table(path: Path, header: bool = True) -> Table:
 
     with reading(path):
         found = layout(path)
+        if path.suffix.lower() not in PACKED:
+            check_lines(path)
         if not header:
             found = found._replace(names=[], units={})
         elif not found.names:
@@ -168,14 +173,15 @@ def _as_pandas_parses(
     import pandas as pd
 
     # a plain file is fastest by its path: pandas then decodes UTF-8 itself
-    source = open_bytes(path) if path.suffix.lower() in PACKED else str(path)
-    with warnings.catch_warnings():
+    packed = path.suffix.lower() in PACKED
+    source: Any = open_bytes(path, lines=True) if packed else nullcontext(str(regular(path)))
+    with source as content, warnings.catch_warnings():
         # rows with more cells than the header has names
         warnings.simplefilter("error", pd.errors.ParserWarning)
         # a column of numbers and words is seen to where it is used
         warnings.simplefilter("ignore", pd.errors.DtypeWarning)
         chunks = pd.read_csv(
-            source,
+            content,
             sep=found.separator,
             decimal=found.decimal,
             header=None,
@@ -196,7 +202,7 @@ def _as_pandas_parses(
 def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
     """Numbers, from 0, of the lines below the header that have more cells than it and no data."""
     marks, most, in_words = [], len(found.names), False
-    with io.TextIOWrapper(open_bytes(path), found.encoding, "replace") as file:
+    with io.TextIOWrapper(open_bytes(path, lines=True), found.encoding, "replace") as file:
         for number, line in enumerate(file):
             if number == found.skipped:
                 in_words = bool(WORD.match(line))
@@ -210,8 +216,9 @@ def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
 
 
 def _first_row_as_names(path: Path, found: Layout) -> Layout:
-    with io.TextIOWrapper(open_bytes(path), found.encoding, "replace") as file:
+    with io.TextIOWrapper(open_bytes(path, lines=True), found.encoding, "replace") as file:
         for _ in range(found.skipped):
             next(file)
         names = distinct(cells_of(next(file, ""), found.separator))
+    check_count(len(names), path, "columns", "columns")
     return found._replace(names=names, skipped=found.skipped + 1)

@@ -3,16 +3,17 @@
 import io
 import re
 import struct
-import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO, NamedTuple, cast
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
 from ....checks import DataError
+from ....file_limits import Meter
+from ....opening import Zip, files_of
 from ...tables.table_file import Table, open_bytes, packed, reading, split_error
 
 CSV = tuple(end for end in packed(".csv") if not end.endswith(".zip"))
@@ -94,8 +95,8 @@ def export(path: Path) -> Export:
         if path.is_dir():
             files = _of_folder(path)
         elif path.suffix.lower() == ".zip":
-            with zipfile.ZipFile(path) as archive:
-                files = _of_zip(path, archive.namelist())
+            with Zip(path) as archive:
+                files = _of_zip(archive)
         elif path.name.lower().endswith(CSV):
             files = {_name(path.name): partial(open_bytes, path)}
         else:
@@ -122,7 +123,7 @@ def _name(file: str) -> str:
 
 
 def _of_folder(path: Path) -> dict[str, Callable[[], BinaryIO]]:
-    files = [*path.glob("*"), *path.glob("meta/*")]
+    files = [*files_of(path), *files_of(path, "meta/*")]
     return {
         _name(file.relative_to(path).as_posix()): partial(open_bytes, file)
         for file in files
@@ -130,8 +131,9 @@ def _of_folder(path: Path) -> dict[str, Callable[[], BinaryIO]]:
     }
 
 
-def _of_zip(path: Path, names: list[str]) -> dict[str, Callable[[], BinaryIO]]:
+def _of_zip(archive: Zip) -> dict[str, Callable[[], BinaryIO]]:
     """The same of an archive, whose files may stand in one folder."""
+    path, names, meter = Path(archive.path), archive.namelist(), archive.meter
     found = {
         PurePosixPath(name).parts: name
         for name in names
@@ -142,11 +144,11 @@ def _of_zip(path: Path, names: list[str]) -> dict[str, Callable[[], BinaryIO]]:
     tops = {parts[0] for parts in found}
     inside = len(tops) == 1 and all(len(parts) > 1 for parts in found)
     return {
-        _name("/".join(parts[1:] if inside else parts)): partial(_member, path, name)
+        _name("/".join(parts[1:] if inside else parts)): partial(_member, path, name, meter)
         for parts, name in found.items()
     }
 
 
-def _member(path: Path, name: str) -> BinaryIO:
-    """A file of an archive, open to read."""
-    return cast(BinaryIO, zipfile.ZipFile(path).open(name))
+def _member(path: Path, name: str, meter: Meter) -> BinaryIO:
+    """A file of an archive, open to read; what all of them unpack to is counted together."""
+    return Zip(path).content(name, meter)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....checks import DataError
+from ....file_limits import LimitError, Meter
 from ....typing import Ints
 from ..records import how_it_begins
 from .ros_messages import Messages, Topic, take
@@ -32,7 +33,7 @@ def read_bag(content: bytes | memoryview) -> Messages:
             + ("; `rosbag migrate` brings one of 1.2 there" if OLDER in bytes(content[:12]) else "")
         )
     messages = Messages()
-    end = _add(messages, content, len(MAGIC))
+    end = _add(messages, content, len(MAGIC), Meter("", len(content)))
     if end != len(content):
         messages.left.append(
             f"it was cut short or damaged: {len(content) - end} bytes at its end are no whole "
@@ -42,7 +43,11 @@ def read_bag(content: bytes | memoryview) -> Messages:
 
 
 def _add(
-    messages: Messages, content: bytes | memoryview, begin: int, in_chunk: bool = False
+    messages: Messages,
+    content: bytes | memoryview,
+    begin: int,
+    meter: Meter,
+    in_chunk: bool = False,
 ) -> int:
     """Take in the records from `begin` on, of a bag or of a chunk; the end of the last whole one."""
     places, end = walk(content, begin)
@@ -62,9 +67,11 @@ def _add(
                 messages.topics.setdefault(number, topic)  # it stands at the end once more
             elif found.get(b"op") == CHUNK and not in_chunk:
                 size = int.from_bytes(found[b"size"], "little")
-                inner = unpack(data, _text(found[b"compression"]), size)
-                if _add(messages, inner, 0, in_chunk=True) != size:
+                inner = unpack(data, _text(found[b"compression"]), size, meter)
+                if _add(messages, inner, 0, meter, in_chunk=True) != size:
                     raise DataError("has a record at its end that is not whole")
+        except LimitError:
+            raise
         except DataError as error:
             messages.left.append(f"a chunk or record {error}")
         except KeyError as error:

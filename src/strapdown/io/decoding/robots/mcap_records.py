@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....checks import DataError
+from ....file_limits import LimitError, Meter
 from ....typing import Ints
 from ..records import how_it_begins
 from .ros_messages import Messages, Topic, take
@@ -64,6 +65,7 @@ class _File:
         self.schemas: dict[int, tuple[str, str]] = {}  # {number: (name, definition)}
         self.encodings: set[str] = set()
         self.damaged: list[str] = []
+        self.meter = Meter("", len(content))
 
     def add(self, content: bytes | memoryview, records: Records) -> None:
         """Take in schemas, channels, chunks and messages, of the file or of a chunk."""
@@ -75,6 +77,8 @@ class _File:
                     self._add_channel(content, begin, end)
                 elif opcode == CHUNK and content is self.content:
                     self._add_chunk(content, begin, end)
+            except LimitError:
+                raise
             except DataError as error:
                 self.damaged.append(f"a chunk {error}")
             except struct.error:
@@ -119,7 +123,7 @@ class _File:
             raise DataError("does not fit its record") from None
         if packed != end - at - 8:
             raise DataError("does not fit its record")
-        inner = unpack(content[at + 8 : end], way, size)
+        inner = unpack(content[at + 8 : end], way, size, self.meter)
         if crc and zlib.crc32(inner) != crc:
             raise DataError("fails its checksum")
         self.add(inner, walk(inner, 0))

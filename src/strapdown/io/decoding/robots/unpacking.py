@@ -5,6 +5,7 @@ import io
 from typing import IO, cast
 
 from ....checks import DataError
+from ....file_limits import Meter
 from ...tables.zstd_file import unpacking
 
 PIECE = 1 << 20
@@ -23,9 +24,9 @@ def _opened(packed: bytes, way: str) -> IO[bytes]:
     return cast(IO[bytes], zstandard.ZstdDecompressor().stream_reader(packed))
 
 
-def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
+def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> bytes:
     """What is packed by `way`, "lz4" (frames), "zstd", "bz2" or "" and "none", and `size` bytes
-    long. Raises DataError where it is damaged or of another size."""
+    long, which `meter` counts. Raises DataError where it is damaged or of another size."""
     if way in ("", "none"):
         unpacked = bytes(packed)
     elif way not in ("lz4", "zstd", "bz2"):
@@ -35,8 +36,11 @@ def unpack(packed: bytes | memoryview, way: str, size: int) -> bytes:
         try:
             with _opened(bytes(packed), way) as file:
                 while left > 0 and (piece := file.read(min(PIECE, left))):
+                    meter.add(len(piece))
                     pieces.append(piece)
                     left -= len(piece)
+        except DataError:
+            raise
         except Exception as error:  # each package has errors of its own
             raise DataError(f"is damaged ({type(error).__name__})") from error
         unpacked = b"".join(pieces)

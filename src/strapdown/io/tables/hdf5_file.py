@@ -1,0 +1,99 @@
+"""HDF5 files (NetCDF and MATLAB 7.3 among them), looked through before anything of them is read:
+what of other files they show, what they state and do not hold, and what they unpack to.
+
+By the HDF5 File Format Specification, https://support.hdfgroup.org/documentation/hdf5/latest/_s_p_e_c.html
+"""
+
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from ...checks import DataError
+from ...file_limits import FREE, LimitError, Meter, check_count, in_force, regular
+
+DEFLATE, SHUFFLE, FLETCHER32 = 1, 2, 3
+FILTERS = {DEFLATE, SHUFFLE, FLETCHER32}
+"""Filters of chunks that are read, each once; of others nothing says how much they unpack to."""
+LONG_CHUNK = 10e6
+"""Bytes of a chunk that count though its array is shorter."""
+MANY_PACKED = 400_000
+"""Packed bytes of a chunk that may unpack to so much that it is tried: deflate makes 1032 of one."""
+
+
+@contextmanager
+def open_hdf5(path: Path) -> Iterator[Any]:
+    """An h5py.File open to read, looked through. Raises OSError, and DataError."""
+    import h5py
+
+    plain = regular(path)
+    with h5py.File(plain, "r", locking=False) as file:
+        _check(file, Meter(path, plain.stat().st_size))
+        yield file
+
+
+def _check(file: Any, meter: Meter) -> None:
+    """Refuse a file that is not what it holds. Raises DataError."""
+    import h5py
+
+    path, seen, count = Path(meter.path), {file.id}, 0
+    left = [(file, 1)]
+    while left:
+        group, depth = left.pop()
+        check_count(depth, path, "groups within groups", "depth")
+        for name in group:
+            count += 1
+            check_count(count, path, "arrays and groups")
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise _refused(path, "it links to other places or files")
+            value = group[name]
+            if isinstance(value, h5py.Dataset):
+                _check_array(value, meter)
+            elif isinstance(value, h5py.Group):
+                if value.id in seen:
+                    raise _refused(path, "a group is within itself")
+                seen.add(value.id)
+                left.append((value, depth + 1))
+
+
+def _refused(path: Path, why: str) -> LimitError:
+    return LimitError(f"{path}: is not read: {why}, as strapdown and MATLAB write none")
+
+
+def _check_array(array: Any, meter: Meter) -> None:
+    path, settings = Path(meter.path), array.id.get_create_plist()
+    filters = [settings.get_filter(k)[0] for k in range(settings.get_nfilters())]
+    if array.is_virtual or settings.get_external_count():
+        raise _refused(path, "an array is in other files")
+    if not set(filters) <= FILTERS or len(set(filters)) < len(filters):
+        raise _refused(path, f"an array is packed by the filters {filters}")
+    count, each = array.size or 0, array.id.get_type().get_size()
+    packed = meter.packed or 0.0
+    if array.dtype.kind == "O" and count * packed > FREE + in_force().expansion * packed:
+        raise _refused(path, f"an array has {count} texts")
+    chunk = each
+    for length in array.chunks or ():
+        chunk *= length
+    # an array without chunks has no memory of its own for them
+    long = array.chunks is not None and chunk > LONG_CHUNK
+    meter.add(max(count * each, chunk) if long else count * each)
+    if DEFLATE in filters:
+        _check_chunks(array, chunk, path)
+
+
+def _check_chunks(array: Any, size: int, path: Path) -> None:
+    """Refuse chunks that unpack to more than the `size` that each has. Raises DataError."""
+    found: list[Any] = []
+    array.id.chunk_iter(found.append)
+    for chunk in found:
+        if chunk.size > 1.1 * size + 1000:
+            raise _refused(path, "a packed chunk is longer than what it holds")
+        if chunk.size <= MANY_PACKED or chunk.filter_mask:
+            continue
+        _, packed = array.id.read_direct_chunk(chunk.chunk_offset)
+        try:
+            if len(zlib.decompressobj().decompress(packed, size + 1)) > size:
+                raise _refused(path, f"a chunk unpacks to more than its {size} bytes")
+        except zlib.error as error:
+            raise DataError(f"{path}: is damaged ({error}); copy it again") from None
