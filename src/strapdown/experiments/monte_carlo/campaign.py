@@ -34,6 +34,7 @@ from ...files import netcdf, replacing
 from ...plugins import Plugin
 from ...spreadsheet import inert_table
 from ...typing import File
+from . import sources
 from .chunk_files import OF_INSTALLATION, fill, read
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
 from .scoring import ERROR_STATE_NAMES
@@ -46,23 +47,6 @@ if TYPE_CHECKING:
 
 CAMPAIGN_FORMAT = 1
 """Of manifest and chunk files."""
-SOURCES = (
-    "core",
-    "aiding",
-    "filters",
-    "sim",
-    "sensor_models",
-    "engine",
-    "evaluation",
-    "experiments/filter_label.py",
-    "estimable.py",
-    "geodesy.py",
-    "experiments/monte_carlo/chunks.py",
-    "experiments/monte_carlo/study.py",
-    "experiments/monte_carlo/scoring.py",
-    "experiments/monte_carlo/wrong_installation.py",
-)
-"""What can change a result."""
 
 
 class Campaign:
@@ -291,7 +275,7 @@ def describe(study: Study) -> dict[str, Any]:
     ]
     manifest = {
         "format": CAMPAIGN_FORMAT,
-        "versions": {"strapdown": __version__, "sources": _sources(), "numpy": np.__version__},
+        "versions": {"strapdown": __version__} | sources.versions(),
         "seed": int(study.seed),
         "runs": int(study.runs),
         "filters": list(study.filters),
@@ -315,19 +299,6 @@ def _digest(plugin: Plugin) -> str:
         raise DataError(
             f"plugin {plugin.name}: its file cannot be read any more ({error.strerror}); put it back"
         ) from None
-
-
-def _sources() -> str:
-    """A short digest of the code that can change a result."""
-    package, digest = Path(__file__).parents[2], hashlib.sha256()
-    for name in SOURCES:
-        for file in (
-            sorted((package / name).rglob("*.py"))
-            if (package / name).is_dir()
-            else [package / name]
-        ):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
 
 
 def _manifest(folder: Path) -> dict[str, Any]:
@@ -359,12 +330,14 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
         return
     if found["versions"] != wanted["versions"]:
 
-        def text(versions: dict[str, str]) -> str:
-            return ", ".join(f"{key} {value}" for key, value in versions.items())
+        def text(these: dict[str, str], others: dict[str, str]) -> str:
+            unlike = [f"{key} {these[key]}" for key in these if these[key] != others.get(key)]
+            return ", ".join(unlike) or "fewer packages"
 
+        before, now = found["versions"], wanted["versions"]
         raise DataError(
-            f"{folder}: this campaign was begun with {text(found['versions'])}; this is "
-            f"{text(wanted['versions'])}, whose results must not "
+            f"{folder}: this campaign was begun with {text(before, now)}; this is "
+            f"{text(now, before)}, whose results must not "
             f"be mixed with it; finish it with that version, or choose another folder"
         )
     key = next(key for key in wanted if found.get(key) != wanted[key])
