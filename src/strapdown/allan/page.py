@@ -18,6 +18,7 @@ from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
 from ..reports.shell import Page, listed, placed, shell
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
+from ..spreadsheet import inert_table
 from ..typing import Array
 from ..units import SHEET, in_units
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
@@ -105,7 +106,7 @@ class Analysis:
         DataError where that cannot be done."""
         with together():
             with replacing(folder / "allan.csv") as part:
-                self.result.deviations().to_csv(part, float_format="%.6g")
+                inert_table(self.result.deviations()).to_csv(part, float_format="%.6g")
             self.suggestion.spec.to_toml(folder / "allan-imu.toml")
             page(self).save(folder / "allan.html")
 

@@ -144,9 +144,10 @@ def write_log(flight: "sd.Flight", path: Path) -> None:
     import pandas as pd
 
     from ..files import replacing
+    from ..spreadsheet import inert_table
 
     with replacing(path) as part:
-        pd.DataFrame(flight.log).to_csv(part, index=False, float_format="%.9g")
+        inert_table(pd.DataFrame(flight.log)).to_csv(part, index=False, float_format="%.9g")
 
 
 def show(flight: "sd.Flight", name: str, windows: Sequence[tuple[float, float]]) -> None:

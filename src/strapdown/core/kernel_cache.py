@@ -19,7 +19,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import llvmlite
 import numba
@@ -71,28 +71,37 @@ class _Code(ast.NodeTransformer):
         return self.generic_visit(node)
 
 
-def _module_code(file: Path) -> tuple[tuple[Import, ...], bytes]:
-    """(import statements that run when the module is loaded, digest of its code)."""
+class ModuleCode(NamedTuple):
+    """What a file of code says, without docstrings, comments and annotations of arguments."""
+
+    at_once: tuple[Import, ...]  # import statements that run when the module is loaded
+    imports: tuple[Import, ...]  # these and those inside functions
+    digest: bytes
+
+
+def module_code(file: Path) -> ModuleCode:
+    """The code of a file as it is now. Raises OSError."""
     now = file.stat()
     return _parsed(file, now.st_mtime_ns, now.st_size)
 
 
 @cache
-def _parsed(file: Path, changed: int, size: int) -> tuple[tuple[Import, ...], bytes]:
+def _parsed(file: Path, changed: int, size: int) -> ModuleCode:
     tree = _Code().visit(ast.parse(file.read_bytes()))
-    return tuple(_imports(tree)), hashlib.sha256(ast.dump(tree).encode()).digest()
+    digest = hashlib.sha256(ast.dump(tree).encode()).digest()
+    return ModuleCode(tuple(_imports(tree)), tuple(_imports(tree, inside=True)), digest)
 
 
-def _imports(node: ast.AST) -> Iterator[Import]:
+def _imports(node: ast.AST, inside: bool = False) -> Iterator[Import]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, (ast.Import, ast.ImportFrom)):
             yield child
         elif isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
             yield from (
-                found for each in child.orelse for found in _imports(ast.Module([each], []))
+                found for each in child.orelse for found in _imports(ast.Module([each], []), inside)
             )
-        elif not isinstance(child, (ast.FunctionDef, ast.Lambda)):
-            yield from _imports(child)
+        elif inside or not isinstance(child, (ast.FunctionDef, ast.Lambda)):
+            yield from _imports(child, inside)
 
 
 def _imported(module: ModuleType, statement: Import) -> list[ModuleType]:
@@ -148,7 +157,9 @@ def import_closure(module: ModuleType) -> tuple[dict[Path, str], dict[str, str]]
         elif file.suffix == ".py":
             files[file] = one.__name__
             todo += [
-                other for statement in _module_code(file)[0] for other in _imported(one, statement)
+                other
+                for statement in module_code(file).at_once
+                for other in _imported(one, statement)
             ]
     return files, packages
 
@@ -169,7 +180,7 @@ def closure_digest(name: str) -> str:
     files, packages = import_closure(sys.modules[name])
     digest = hashlib.sha256(repr(sorted(packages.items())).encode())
     for module, file in sorted((module, file) for file, module in files.items()):
-        digest.update(module.encode() + b"\0" + _module_code(file)[1])
+        digest.update(module.encode() + b"\0" + module_code(file).digest)
     return digest.hexdigest()
 
 

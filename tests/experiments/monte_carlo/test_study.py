@@ -377,7 +377,7 @@ def test_a_chunk_of_another_place_is_refused(tmp_path, finished, copy):
     (tmp_path / "chunks" / campaign.cells[0] / copy).write_bytes(first.read_bytes())
     with pytest.raises(
         sd.DataError,
-        match=f"{copy}: cannot be read .it is the file of another study, cell or chunk.; remove it",
+        match=f"{copy}: cannot be read .it is the file of another study, cell or chunk, or manifest.json was changed.; remove it",
     ):
         Campaign.open(tmp_path).summary
 

@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 
 from strapdown.files import replacing, together
 from strapdown.reports.shell import placed, shell
+from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
 REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = (
@@ -95,7 +96,7 @@ def write_page(
                 part.write_text(text, encoding="utf-8")
         for name, (_, table) in tables.items():
             with replacing(out / f"{name}.csv") as part:
-                table.to_csv(part, index=False, float_format="%.6g")
+                inert_table(table).to_csv(part, index=False, float_format="%.6g")
         shell(title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
 
 

@@ -22,6 +22,7 @@ from ...evaluation.consistency import Interval
 from ...files import replacing, together
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
+from ...spreadsheet import inert_table
 from ...typing import Array, File, Progress, Say
 from ..monte_carlo.campaign import Campaign, make_folder
 from ..monte_carlo.study import Study
@@ -95,7 +96,7 @@ class Advice:
         with together():
             for name, table in tables.items():
                 with replacing(folder / f"{name}.csv") as part:
-                    table.to_csv(part, index=False, float_format="%.6g")
+                    inert_table(table).to_csv(part, index=False, float_format="%.6g")
             with replacing(folder / "advice.json") as part:
                 text = json.dumps(self.as_dict(), indent=1, ensure_ascii=False)
                 part.write_text(text + "\n", encoding="utf-8")

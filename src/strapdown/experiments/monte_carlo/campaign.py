@@ -14,7 +14,7 @@ import re
 import shutil
 import tempfile
 import weakref
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cached_property
@@ -26,17 +26,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ... import __version__
-from ...checks import DataError
+from ...checks import DataError, brief
 from ...core.kernel_cache import closure_digest
 from ...file_limits import LimitError
 from ...file_locks import lock
 from ...files import netcdf, replacing, together
-from ...io.tables.hdf5_file import open_hdf5
 from ...opening import json_of, settings_text
 from ...plugins import Plugin
+from ...spreadsheet import inert_table
 from ...typing import File
+from . import sources
+from .chunk_files import OF_INSTALLATION, fill, read
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
-from .scoring import ERROR_GROUPS, ERROR_STATE_NAMES, PARAMETER_SCALARS
+from .scoring import ERROR_STATE_NAMES
 from .summaries import run_rows, summary_row
 
 if TYPE_CHECKING:
@@ -46,54 +48,6 @@ if TYPE_CHECKING:
 
 CAMPAIGN_FORMAT = 1
 """Of manifest and chunk files."""
-CHUNK_DIMENSIONS = {
-    "error": ("filter", "run", "t", "state"),
-    "sd": ("filter", "run", "t", "state"),
-    "nees_rows": ("filter", "run", "t"),
-    "bias": ("run", "t", "bias_axis"),
-    "squares": ("filter", "t", "state"),
-    "variances": ("filter", "t", "state"),
-    "nees_sum": ("filter", "t"),
-    "alive": ("filter", "t"),
-    "bound": ("t", "state"),
-    "mean_square": ("filter", "run", "group"),
-    "coverage": ("filter", "run", "sigma"),
-    "parameter_error": ("filter", "run", "parameter"),
-    "parameter_sd": ("filter", "run", "parameter"),
-    **dict.fromkeys((*SCALARS, *PARAMETER_SCALARS), ("filter", "run")),
-}
-ABOUT = {
-    "t": "s",
-    "error": "true - estimate, m, m/s, rad, m/s^2, rad/s",
-    "sd": "as the filter states it, units of error",
-    "bias": "true biases, m/s^2, rad/s",
-    "bound": "variances of the Cramer-Rao bound, units of error squared",
-    "nees_rows": "of 15 states",
-    "parameter_error": "true - estimate at the end, in the units of the names",
-    "parameter_sd": "as the filter states it at the end; NaN of what is no state",
-    "lasted": "s",
-    "left_model": "s",
-    "censored": "mean squared position error, m^2",
-    "mean_square": "until the abort, SI and radians squared",
-    "reason": "0 survived, 1 lost, 2 inconsistent, 3 quarantined",
-}
-SOURCES = (
-    "core",
-    "aiding",
-    "filters",
-    "sim",
-    "sensor_models",
-    "engine",
-    "evaluation",
-    "experiments/filter_label.py",
-    "estimable.py",
-    "geodesy.py",
-    "experiments/monte_carlo/chunks.py",
-    "experiments/monte_carlo/study.py",
-    "experiments/monte_carlo/scoring.py",
-    "experiments/monte_carlo/wrong_installation.py",
-)
-"""What can change a result."""
 
 
 class Campaign:
@@ -103,6 +57,7 @@ class Campaign:
 
     def __init__(self, folder: File, manifest: dict[str, Any], study: Study | None = None) -> None:
         self.folder, self.manifest, self.study = Path(folder), manifest, study
+        self._whole: set[Path] = set()  # chunk files whose checksum was looked at
 
     @classmethod
     def begin(cls, study: Study, out: File | None = None) -> Campaign:
@@ -191,7 +146,7 @@ class Campaign:
         make_folder(path.parent)
         runs, size = range(chunk.first, chunk.stop), sum(each.nbytes for each in arrays.values())
         with replacing(path) as part, netcdf(part, size) as file:
-            _fill(file, arrays, self.manifest["filters"], runs)
+            fill(file, arrays, self.manifest["filters"], runs)
             file.attrs["format"], file.attrs["identity"] = CAMPAIGN_FORMAT, self._identity(path)
         return chunk
 
@@ -206,7 +161,7 @@ class Campaign:
         with together():
             for name, table in (("summary", self.summary), ("runs", self.runs)):
                 with replacing(self.folder / f"{name}.csv") as part:
-                    table.to_csv(part, index=False, float_format="%.9g")
+                    inert_table(table).to_csv(part, index=False, float_format="%.9g")
 
     def _files(self, cell: str) -> list[Path]:
         files = sorted((self.folder / "chunks" / cell).glob("*.nc"))
@@ -216,35 +171,31 @@ class Campaign:
             )
         return files
 
-    def read(self, cell: str, names: Iterable[str]) -> list[Arrays]:
+    def read(self, cell: str, names: Collection[str]) -> list[Arrays]:
         """[{name: array}] of the chunk files of a cell, in the order of the runs; names that a
         file has not are left out."""
-        found = []
+        found: list[Arrays] = []
+        known: dict[str, int] = {}  # epochs, of which all files of a cell have as many
         for path in self._files(cell):
-            try:
-                with open_hdf5(path) as file:  # a tenth of the time of its NetCDF dress
-                    if file.attrs.get("identity") != self._identity(path):
-                        raise OSError("it is the file of another study, cell or chunk")
-                    found.append({name: file[name][...] for name in names if name in file})
-            except (OSError, KeyError, RuntimeError) as error:
-                raise DataError(
-                    f"{path}: cannot be read ({str(error).splitlines()[0]}); remove it and run the "
-                    f"study again"
-                ) from None
+            arrays = read(
+                path, names, self.manifest, self._identity(path), known, path in self._whole
+            )
+            self._whole.add(path)
+            known["t"] = len(arrays["t"])
+            found.append({name: arrays[name] for name in names if name in arrays})
         return found
 
     def numbers(self, cell: str) -> Arrays:
         """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square"
         (ERROR_GROUPS) and "coverage" (1, 2, 3 sigma); of a wrong installation PARAMETER_SCALARS,
         "parameter_error" and "parameter_sd" (`parameters`)."""
-        more = (*PARAMETER_SCALARS, "parameter_error", "parameter_sd")
-        parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *more))
+        parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *OF_INSTALLATION))
         return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
 
     def parameters(self, cell: str) -> list[str]:
         """The parameters of the installation that were drawn wrong, with their units."""
         found = self.read(cell, ("parameter",))[0].get("parameter", ())
-        return [name.decode() for name in found]
+        return list(map(str, found))
 
     def curves(self, cell: str) -> Arrays:
         """{name: array} over the stored epochs of a cell, from sums over the runs that were
@@ -265,12 +216,13 @@ class Campaign:
                 "sd": np.sqrt(total("variances") / alive[..., None]),
                 "nees": total("nees_sum") / alive / len(ERROR_STATE_NAMES),
                 "alive": alive,
-                "bound": np.sqrt(parts[0]["bound"]),
+                "bound": np.sqrt(parts[0].get("bound", np.full_like(alive[0], np.nan))),
             }
 
     def arrays(self, cell: str) -> xarray.Dataset:
         """The stored rows of a cell as a labelled xarray Dataset (filter, run, t, state) that
         stays in the chunk files until it is used."""
+        self.read(cell, ("t",))  # are the files whole, and of this study?
         try:
             import xarray
 
@@ -325,7 +277,7 @@ def describe(study: Study) -> dict[str, Any]:
     ]
     manifest = {
         "format": CAMPAIGN_FORMAT,
-        "versions": {"strapdown": __version__, "sources": _sources(), "numpy": np.__version__},
+        "versions": {"strapdown": __version__} | sources.versions(),
         "seed": int(study.seed),
         "runs": int(study.runs),
         "filters": list(study.filters),
@@ -351,21 +303,11 @@ def _digest(plugin: Plugin) -> str:
         ) from None
 
 
-def _sources() -> str:
-    """A short digest of the code that can change a result."""
-    package, digest = Path(__file__).parents[2], hashlib.sha256()
-    for name in SOURCES:
-        for file in (
-            sorted((package / name).rglob("*.py"))
-            if (package / name).is_dir()
-            else [package / name]
-        ):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
-
-
 def _manifest(folder: Path) -> dict[str, Any]:
-    path = folder / "manifest.json"
+    from ...io.own.text_rules import check_values
+    from .manifest_rules import ManifestRules
+
+    path = regular(folder / "manifest.json")
     try:
         manifest = json_of(settings_text(path), path)
         number = manifest["format"]
@@ -379,10 +321,11 @@ def _manifest(folder: Path) -> dict[str, Any]:
         raise DataError(f"{path}: not the manifest of a study; choose another folder") from None
     if number != CAMPAIGN_FORMAT:
         raise DataError(
-            f"{path}: format {number!r}, this version reads {CAMPAIGN_FORMAT}; use the version of "
-            f"strapdown that wrote it, or another folder"
+            f"{path}: format {brief(number)}, this version reads {CAMPAIGN_FORMAT}; use the version "
+            f"of strapdown that wrote it, or another folder"
         )
-    return manifest
+    found: dict[str, Any] = check_values(ManifestRules, manifest, path)
+    return found
 
 
 def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
@@ -391,12 +334,14 @@ def _same(found: dict[str, Any], wanted: dict[str, Any], folder: Path) -> None:
         return
     if found["versions"] != wanted["versions"]:
 
-        def text(versions: dict[str, str]) -> str:
-            return ", ".join(f"{key} {value}" for key, value in versions.items())
+        def text(these: dict[str, str], others: dict[str, str]) -> str:
+            unlike = [f"{key} {these[key]}" for key in these if these[key] != others.get(key)]
+            return ", ".join(unlike) or "fewer packages"
 
+        before, now = found["versions"], wanted["versions"]
         raise DataError(
-            f"{folder}: this campaign was begun with {text(found['versions'])}; this is "
-            f"{text(wanted['versions'])}, whose results must not "
+            f"{folder}: this campaign was begun with {text(before, now)}; this is "
+            f"{text(now, before)}, whose results must not "
             f"be mixed with it; finish it with that version, or choose another folder"
         )
     key = next(key for key in wanted if found.get(key) != wanted[key])
@@ -429,35 +374,3 @@ def make_folder(folder: Path) -> None:
 
 def _remove(folder: str) -> None:
     shutil.rmtree(folder, ignore_errors=True)
-
-
-def _fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> None:
-    """Write a chunk into an h5netcdf file, with checksums."""
-    import h5py
-
-    labels: dict[str, Any] = {
-        "filter": list(filters),
-        "run": np.array(runs),
-        "state": list(ERROR_STATE_NAMES),
-        "group": list(ERROR_GROUPS),
-        "sigma": np.array([1, 2, 3]),
-        "bias_axis": list(ERROR_STATE_NAMES[9:]),
-        "t": arrays["t"],
-    }
-    if "parameter" in arrays:
-        labels["parameter"] = arrays["parameter"].tolist()
-    file.dimensions = {name: len(values) for name, values in labels.items()}
-    dimensions = {name: (name,) for name in labels} | CHUNK_DIMENSIONS
-    for name, values in (arrays | labels).items():
-        if name == "kept":
-            continue
-        text = isinstance(values, list)
-        made = file.create_variable(
-            name,
-            dimensions[name],
-            h5py.string_dtype() if text else values.dtype,
-            data=np.array(values, object) if text else values,
-            **({} if text else {"chunks": values.shape, "fletcher32": True}),
-        )
-        if name in ABOUT:
-            made.attrs["long_name"] = ABOUT[name]

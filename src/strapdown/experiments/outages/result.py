@@ -14,6 +14,7 @@ import pandas as pd
 from ...data import Trajectory
 from ...evaluation.metrics import NED_AXES
 from ...files import replacing, together
+from ...spreadsheet import inert_table
 from ...typing import File
 from ...verdict import Verdict
 from .protocols import Window
@@ -146,7 +147,7 @@ class Comparison:
             for name in TABLES:
                 with replacing(folder / f"{name}.csv") as part:
                     made = flat if name == "table" else getattr(self, name)
-                    made.to_csv(part, index=False, float_format="%.9g")
+                    inert_table(made).to_csv(part, index=False, float_format="%.9g")
             page(self).save(folder / "index.html")
 
     def __repr__(self) -> str:

@@ -14,7 +14,7 @@ from ...typing import File
 from ..tables.hdf5_file import open_hdf5
 from .one_line import one_line
 
-NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 """Begins the attribute NAME of a dataset that only has the size of a dimension (NetCDF-4 format
 specification, appendix on dimension scales)."""
 OF_NETCDF = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
@@ -34,12 +34,17 @@ class Content(NamedTuple):
     groups: dict[str, "Content"]
 
 
-def content(path: File, what: str, names: Collection[str] | None = None) -> Content:
-    """The content of a file: its root and groups one below it; `what` is what it should be, as
-    "NetCDF recording", `names` the variables that are wanted, all without. Raises DataError."""
+def content(
+    path: File, what: str, names: Collection[str] | None = None, whole: bool = False
+) -> Content:
+    """The content of a file: its root and groups one below it. Raises DataError.
+
+    what: what it should be, as "NetCDF recording"; names: variables that are wanted, without their
+    units (default: all); whole: its checksum was looked at before.
+    """
     path = Path(path)
     with one_line(path, what):
-        sealed = has_checksum(regular(path))
+        sealed = whole or has_checksum(regular(path))
         with open_hdf5(path) as file:
             found = _group(file, path, names)
     if SEALED in found.attributes and not sealed:
@@ -61,8 +66,8 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
             raise DataError(f"{path}: {_shown(name)} is a link; {DAMAGED}")
         node = group[name]
         if isinstance(node, h5py.Dataset):
-            said = _attributes(node)
-            if str(node.attrs.get("NAME", b"")).removeprefix("b'").startswith(NO_VARIABLE):
+            said = _attributes(node) if names is None else {}
+            if names is None and _is_dimension(node):
                 continue
             values = _values(node, path)
             if isinstance(values, str):
@@ -77,6 +82,12 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
         else:
             raise DataError(f"{path}: {_shown(name)} is no variable; {DAMAGED}")
     return found
+
+
+def _is_dimension(node: Any) -> bool:
+    """Whether the dataset only has the size of a dimension."""
+    name = node.attrs.get("NAME", b"")
+    return isinstance(name, bytes) and name.startswith(NO_VARIABLE)
 
 
 def _values(node: Any, path: Path) -> np.ndarray[Any, Any] | str:
