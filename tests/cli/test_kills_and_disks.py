@@ -162,19 +162,21 @@ def test_fuse_killed_thirty_times_leaves_whole_sets(files, tmp_path, monkeypatch
         sys.argv = [*words, str(out)]
         app.main()
 
-    def writing():
-        return any(out.glob(f".*{PART}"))
+    def parts():
+        return set(out.glob(f".*{PART}"))
 
     ends, strays = [], 0
-    for longest, begun in ((whole, None), (whole / 10, writing)):
+    for longest, while_writing in ((2 * whole, False), (whole / 5, True)):
         for _ in range(15):
             shutil.copytree(tmp_path / "old", out, dirs_exist_ok=True)
-            next(killed(work, 1, longest, len(ends), begun))
+            before = parts()
+            begun = (lambda before=before: parts() - before) if while_writing else None
+            list(killed(work, 1, longest, len(ends), begun))
             found = content(out)
             ends.append(found == sets["new"])
-            strays += writing()
+            strays += bool(parts() - before)
             assert found in sets.values()
     assert strays and {True, False} == set(ends), "the kills missed the writing"
     code, _, _ = command(*FUSE, "--to", 30, "--out", out)
-    assert code == 0 and content(out) == sets["new"] and not writing()
+    assert code == 0 and content(out) == sets["new"] and not parts()
     assert len(os.listdir(out)) == len(sets["new"])
