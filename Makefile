@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test compile deep versions bench lint clean
+.PHONY: demo test compile deep versions branches mutants bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
@@ -27,6 +27,13 @@ deep: $(VENV)/installed-test
 # The suite on each Python and numba that is there; lists what is not. NOX="-s bounds" runs a part.
 versions: $(VENV)/installed-versions
 	$(BIN)/nox $(NOX)
+
+# Branches that the short tests take, and mutants that they see. Written to tests/branches.txt and mutants.txt.
+branches: $(VENV)/installed-test
+	$(BIN)/python tests/branches.py
+
+mutants: branches
+	$(BIN)/python tests/mutants.py --count 300 --seed 2 --out tests/mutants.txt
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff format --check --quiet

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .checks import DataError
+from .checksum import append_checksum
 from .file_locks import Part, part_of, second_name
 from .plugins import PluginWarning
 from .typing import File
@@ -146,21 +147,26 @@ def netcdf(part: Path, size: int) -> Iterator[Any]:
 
     It is made in memory and written at once, for HDF5 that runs out of disk cannot even close its
     file and takes the process with it. Above IN_MEMORY it is written directly, into a folder that
-    has room for all of it.
+    has room for all of it. It ends with its checksum, and says so in its attribute `checksum`.
     """
     import h5netcdf
+
+    said = {"checksum": "CRC-32, in the last line"}
 
     if size > IN_MEMORY:
         if shutil.disk_usage(part.parent).free < size:
             raise OSError(28, f"the disk has not the {size / 1e9:.2g} GB that it needs")
         # HDF5's own lock would meet that of `replacing`
         with h5netcdf.File(part, "w", locking=False) as file:
+            file.attrs.update(said)
             yield file
-        return
-    buffer = BytesIO()
-    with h5netcdf.File(buffer, "w") as file:
-        yield file
-    part.write_bytes(buffer.getbuffer())
+    else:
+        buffer = BytesIO()
+        with h5netcdf.File(buffer, "w") as file:
+            file.attrs.update(said)
+            yield file
+        part.write_bytes(buffer.getbuffer())
+    append_checksum(part)
 
 
 @cache

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import written_nmea
 import written_ubx
-from mutated_cases import CASES
+from all_cases import CASES
 from mutations import Case, Job
 
 from strapdown.io import registry
 
-MANY, DEEP = 500, 10_000
+MANY, DEEP = 300, 2000
 
 
 @pytest.mark.parametrize("name", CASES)

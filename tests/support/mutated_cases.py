@@ -262,7 +262,8 @@ def parquet_case(tmp_path: Path) -> Case:
 def unread_case(_: Path) -> Case:
     """RTCM 3, which is refused by its content after all other formats were looked for."""
     frame = bytes.fromhex("D300133ED7D30202980EDEEF34B4BD62AC0941986F33360B98")
-    return alone("unread", "a.bin", b"uexUUaaD" + 30 * frame)
+    made = alone("unread", "a.bin", b"uexUUaaD" + 30 * frame)
+    return made._replace(refused=True)
 
 
 def copter():

@@ -7,18 +7,20 @@ list of `Red`: a fresh process has no threads, so it can fork.
 
 import os
 import pickle
-import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import looks
 import numpy as np
+from mutators import BYTES, TEXT, is_text
+from structured_mutators import BY_SUFFIX
 
 BATCH = 50
 """Mutations that one forked child reads before the next begins."""
@@ -28,21 +30,19 @@ CPU, WALL = 10.0, 120.0
 """s that one mutation may take: of the processor, and on a busy machine."""
 SPARE = 500e6
 """Bytes of memory beyond ten times the content."""
-CRASHED = "fails at it in"
-"""What the registry says of a reader that raises anything else than DataError."""
 
 
 class Case(NamedTuple):
-    """Small whole files that make one recording."""
+    """Small whole files that make one recording, solution, scenario or whatever `look` reads."""
 
     name: str
     files: Mapping[str, bytes]
-    opened: tuple[str, ...]  # what is given to `read`; "" is the folder of the files
+    opened: tuple[str, ...]  # what is read; "" is the folder of the files, (): every file of it
     bent: tuple[str, ...]  # one of these is bent
-
-    @property
-    def size(self) -> int:
-        return sum(map(len, self.files.values()))
+    look: Callable[[list[Path], bool], str] = looks.recording  # what is wrong with what is read
+    refused: bool = False  # whether also the whole files are
+    # instead of bending one file: other files, of a random generator and those of the case
+    change: Callable[[np.random.Generator, Mapping[str, bytes]], dict[str, bytes]] | None = None
 
 
 class Job(NamedTuple):
@@ -63,152 +63,20 @@ class Red(NamedTuple):
         return f"seed {self.seed}: {self.said} ({self.kept})"
 
 
-# ways of bending bytes: functions of a random generator and the content, which is not empty
-
-
-def _run(rng, content):
-    """(start, stop) of a run of bytes, mostly a short one."""
-    start = int(rng.integers(len(content)))
-    return start, min(len(content), start + int(2 ** rng.uniform(0, 11)))
-
-
-def truncated(rng, content):
-    return content[: int(rng.integers(len(content)))]
-
-
-def flipped(rng, content):
-    out = bytearray(content)
-    for at in rng.integers(len(out), size=rng.integers(1, 9)):
-        out[at] ^= 1 << rng.integers(8)
-    return bytes(out)
-
-
-def overwritten(rng, content):
-    start, stop = _run(rng, content)
-    n = stop - start
-    fill = (rng.bytes(n), b"\0" * n, b"\xff" * n)[rng.integers(3)]
-    return content[:start] + fill + content[stop:]
-
-
-def removed(rng, content):
-    start, stop = _run(rng, content)
-    return content[:start] + content[stop:]
-
-
-def repeated(rng, content):
-    start, stop = _run(rng, content)
-    return content[:stop] + content[start:stop] * int(rng.integers(1, 5)) + content[stop:]
-
-
-def swapped(rng, content):
-    a, b, c = sorted(rng.integers(len(content) + 1, size=3))
-    return content[:a] + content[b:c] + content[a:b] + content[c:]
-
-
-def inserted(rng, content):
-    at = int(rng.integers(len(content) + 1))
-    return content[:at] + rng.bytes(int(rng.integers(1, 64))) + content[at:]
-
-
-def blown_up(rng, content):
-    """A number somewhere, such as a length or a count, is made huge or negative."""
-    width = (1, 2, 4, 8)[rng.integers(4)]
-    bits = 8 * width
-    value = (2**bits - 1, 2 ** (bits - 1) - 1, 2 ** (bits - 1), 2 ** (bits - 2), 0)[rng.integers(5)]
-    order = ("little", "big")[rng.integers(2)]
-    at = int(rng.integers(len(content)))
-    return content[:at] + value.to_bytes(width, order) + content[at + width :]
-
-
-BYTES = (
-    truncated,
-    flipped,
-    flipped,
-    overwritten,
-    removed,
-    repeated,
-    swapped,
-    inserted,
-    blown_up,
-    blown_up,
-)
-
-
-def _lines(change):
-    def bend(rng, content):
-        lines = content.split(b"\n")
-        change(rng, lines)
-        return b"\n".join(lines)
-
-    return bend
-
-
-@_lines
-def shuffled(rng, lines):
-    some = rng.choice(len(lines), min(len(lines), int(rng.integers(2, 20))), replace=False)
-    held = [lines[k] for k in some]
-    for k, line in zip(rng.permutation(some), held):
-        lines[k] = line
-
-
-@_lines
-def without_lines(rng, lines):
-    start = int(rng.integers(len(lines)))
-    del lines[start : start + int(2 ** rng.uniform(0, 6))]
-
-
-@_lines
-def lines_again(rng, lines):
-    start = int(rng.integers(len(lines)))
-    lines[start:start] = lines[start : start + int(2 ** rng.uniform(0, 5))]
-
-
-@_lines
-def other_cells(rng, lines):
-    """Cells are added to or taken from a line."""
-    k = int(rng.integers(len(lines)))
-    cells = lines[k].split(b",")
-    lines[k] = b",".join(
-        cells[: int(rng.integers(len(cells) + 1))] if rng.integers(2) else cells * 2
-    )
-
-
-NUMBERS = (b"nan", b"inf", b"-inf", b"1e308", b"-1e308", b"99999999999999999999", b"", b"-1", b"0")
-NUMBERS += (b"1e-320", b"0x1f", b"1,5", b"text", b"None", b"9223372036854775807", b"\xff\xfe")
-
-
-def other_numbers(rng, content):
-    """Some numbers in the text are made huge, missing or no numbers at all."""
-    found = list(re.finditer(rb"-?\d+(\.\d*)?", content))
-    if not found:
-        return content
-    new = NUMBERS[rng.integers(len(NUMBERS))]
-    picked = sorted(rng.choice(len(found), min(len(found), int(2 ** rng.uniform(0, 5))), False))
-    parts, last = [], 0
-    for k in picked:
-        parts += [content[last : found[k].start()], new]
-        last = found[k].end()
-    return b"".join(parts) + content[last:]
-
-
-TEXT = (shuffled, without_lines, lines_again, other_cells, other_numbers, other_numbers)
-
-
-def is_text(content: bytes) -> bool:
-    """Whether it is lines of readable characters."""
-    head = content[:2000]
-    return b"\0" not in head and head.count(b"\n") > 2
-
-
 def bent(case: Case, seed: int) -> dict[str, bytes]:
     """The files of the case with one of them bent, one to three times."""
     rng = np.random.default_rng(seed)
+    if case.change is not None:
+        return case.change(rng, case.files)
     files = dict(case.files)
     name = case.bent[rng.integers(len(case.bent))]
     ways = BYTES + TEXT * 2 if is_text(files[name]) else BYTES
+    own = BY_SUFFIX.get(Path(name).suffix, ())
     for _ in range(rng.integers(1, 4)):
-        if files[name]:
-            files[name] = ways[rng.integers(len(ways))](rng, files[name])
+        if not files[name]:
+            break
+        way = own if own and rng.integers(2) else ways
+        files[name] = way[rng.integers(len(way))](rng, files[name])
     return files
 
 
@@ -218,53 +86,27 @@ def lay(case: Case, files: Mapping[str, bytes], folder: Path) -> list[Path]:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-    return [folder / name if name else folder for name in case.opened]
-
-
-def look(paths: list[Path], also_inspect: bool) -> str:
-    """What is wrong with how these paths are read; "" where nothing is."""
-    import strapdown as sd
-    from strapdown.io.inspection import inspect
-
-    said = ""
-    try:
-        recording = sd.read(*paths)
-        if not isinstance(recording, sd.Recording):
-            return f"read gives a {type(recording).__name__}"
-        for values in (recording.imu.t, recording.imu.dt, recording.imu.dtheta, recording.imu.dv):
-            if not np.isfinite(values).all():
-                return "the IMU of the recording is not finite"
-        if not np.all(recording.imu.dt > 0):
-            return "the intervals of the recording are not above 0"
-    except sd.DataError as error:
-        said = str(error)
-    if CRASHED in said or len(said.splitlines()) > 1:
-        return said
-    if also_inspect:
-        try:
-            lines = [*inspect(*paths).lines]
-        except sd.DataError as error:
-            lines = [str(error)]
-        wrong = [line for line in lines if CRASHED in line or len(line.splitlines()) > 1]
-        return wrong[0] if wrong else ""
-    return ""
+    opened = case.opened or files
+    return [folder / name if name else folder for name in opened]
 
 
 def _child(job: Job, seeds: range, out: int) -> None:
     """Read the mutations of these seeds, and write a line for each before and after."""
-    with open("/proc/self/statm") as file:
-        now = int(file.read().split()[0]) * resource.getpagesize()
-    most = int(now + 10 * job.case.size + SPARE)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
     for seed in seeds:
         folder = job.folder / "now"
-        shutil.rmtree(folder, ignore_errors=True)
-        paths = lay(job.case, bent(job.case, seed), folder)
         os.write(out, f"{seed} begins\n".encode())
+        shutil.rmtree(folder, ignore_errors=True)
+        resource.setrlimit(resource.RLIMIT_AS, (-1, -1))
+        files = bent(job.case, seed)
+        paths = lay(job.case, files, folder)
+        with open("/proc/self/statm") as file:
+            now = int(file.read().split()[0]) * resource.getpagesize()
+        most = int(now + 10 * sum(map(len, files.values())) + SPARE)
+        resource.setrlimit(resource.RLIMIT_AS, (most, -1))
         signal.setitimer(signal.ITIMER_PROF, job.cpu)
         signal.setitimer(signal.ITIMER_REAL, WALL)
         try:
-            said = look(paths, seed % INSPECTED == 0)
+            said = looks.judged(job.case.look, paths, seed % INSPECTED == 0)
         except BaseException as error:
             said = f"{type(error).__name__}: {error}".replace("\n", " | ")
         signal.setitimer(signal.ITIMER_PROF, 0)
@@ -327,13 +169,14 @@ def run(job: Job) -> list[Red]:
 
 
 def main() -> None:
-    """Read a job and write what it finds; the files as they are must make a recording."""
+    """Read a job and write what it finds; what the files are as they are must be read."""
     import mutations  # the module by its own name, so that its classes are those of the caller
 
     job = pickle.load(sys.stdin.buffer)
     warnings.simplefilter("ignore")
     whole = lay(job.case, job.case.files, job.folder / "whole")
-    said = mutations.look(whole, True)  # and what it imports is there before the first fork
+    look = looks.judged if job.case.refused else lambda look, *rest: look(*rest)
+    said = look(job.case.look, whole, True)  # and what it imports is there before the first fork
     assert not said, said
     sys.stdout.buffer.write(pickle.dumps(mutations.reds(job)))
 

@@ -161,12 +161,12 @@ def _header(
 
 def distinct(names: Iterable[str]) -> list[str]:
     """Names of which none is empty and none is twice."""
-    found: list[str] = []
+    found: dict[str, None] = {}
+    numbers: Counter[str] = Counter()  # the last one that a name was given
     for i, name in enumerate(names):
-        name = name.strip().strip('"').strip() or f"Unnamed: {i}"
-        again, number = name, 0
+        name = again = name.strip().strip('"').strip() or f"Unnamed: {i}"
         while again in found:
-            number += 1
-            again = f"{name}.{number}"
-        found.append(again)
-    return found
+            numbers[name] += 1
+            again = f"{name}.{numbers[name]}"
+        found[again] = None
+    return list(found)

@@ -1,0 +1,213 @@
+"""What reading must end in: functions of the paths of a case and of whether also what takes longer is
+tried. They give what is wrong, "" where nothing is, and raise DataError of what is refused; whatever
+else they raise is wrong."""
+
+import json
+
+import numpy as np
+
+CRASHED = "fails at it in"
+"""What the registry says of a reader that raises anything else than DataError."""
+LONGEST = 3000
+"""Characters of a complaint that is still one line for people, its paths included."""
+
+
+def complaint(text):
+    """What is wrong with a complaint."""
+    if CRASHED in text or len(text.splitlines()) > 1:
+        return text
+    if not text.isprintable():
+        return f"the complaint has control characters: {text!r}"
+    return f"the complaint has {len(text)} characters: {text}" if len(text) > LONGEST else ""
+
+
+def judged(look, paths, also_slow):
+    """What is wrong with how these paths are read; refused in a line they are well."""
+    from strapdown.checks import DataError
+
+    try:
+        return look(paths, also_slow)
+    except DataError as error:
+        return complaint(str(error))
+
+
+def rising(t, strictly=True):
+    step = np.diff(t)
+    return np.isfinite(t).all() and bool(np.all(step > 0 if strictly else step >= 0))
+
+
+def wrong_aiding(aiding):
+    """What is wrong with a source of fixes."""
+    from strapdown.aiding import find
+
+    if not find(aiding.kind).recorded:
+        return ""
+    m, name = len(aiding.t), aiding.name or aiding.kind
+    if aiding.t.shape != (m,) or aiding.y.ndim != 2 or aiding.sd.ndim != 2:
+        return f"{name}: shapes {aiding.t.shape}, {aiding.y.shape}, {aiding.sd.shape}"
+    if len(aiding.y) != m or len(aiding.sd) != m or not rising(aiding.t, strictly=False):
+        return f"{name}: lengths differ, or times do not rise"
+    if np.isinf(aiding.y).any() or not (np.isfinite(aiding.sd) & (aiding.sd > 0)).all():
+        return f"{name}: an infinite value, or a deviation that is not above 0"
+    if aiding.kind == "position" and (np.abs(aiding.y[:, 0]) > np.pi / 2).any():
+        return f"{name}: a latitude beyond the pole"
+    return ""
+
+
+def wrong_trajectory(truth):
+    """What is wrong with a reference."""
+    n = len(truth.t)
+    parts = {"lla": 3, "v_n": 3, "q_nb": 4}
+    for part, width in parts.items():
+        values = getattr(truth, part)
+        if values is not None and (values.shape != (n, width) or np.isinf(values).any()):
+            return f"reference: {part} has shape {values.shape} or infinite values"
+    if truth.q_nb is not None and n:
+        norm = np.linalg.norm(truth.q_nb, axis=1)
+        if (np.abs(norm - 1)[np.isfinite(norm)] > 1e-3).any():
+            return "reference: a quaternion that is no rotation"
+    return "" if rising(truth.t) else "reference: times do not rise"
+
+
+def wrong_recording(recording):
+    """What is wrong with a Recording."""
+    import strapdown as sd
+
+    if not isinstance(recording, sd.Recording):
+        return f"read gives a {type(recording).__name__}"
+    imu, n = recording.imu, len(recording.imu.t)
+    if not (imu.t.shape == imu.dt.shape == (n,) and imu.dtheta.shape == imu.dv.shape == (n, 3)):
+        return "the arrays of the IMU have other shapes"
+    if not all(np.isfinite(values).all() for values in imu):
+        return "the IMU of the recording is not finite"
+    if not rising(imu.t) or not (imu.dt > 0).all():
+        return "the times of the recording do not rise"
+    wrong = [wrong_aiding(each) for each in recording.aidings]
+    if recording.reference is not None:
+        wrong.append(wrong_trajectory(recording.reference))
+    if recording.meta.get("epoch") is not None and recording.utc.shape != (n,):
+        wrong.append("UTC has another shape")
+    repr(recording)
+    return next(filter(None, wrong), "")
+
+
+def recording(paths, also_slow):
+    """`read`, and `inspect` where there is time."""
+    import strapdown as sd
+    from strapdown.io.inspection import inspect
+
+    refused = None
+    try:
+        wrong = wrong_recording(sd.read(*paths))
+    except sd.DataError as error:
+        wrong, refused = complaint(str(error)), error
+    if also_slow and not wrong:
+        lines = inspect(*paths).lines
+        wrong = next((line for line in lines if CRASHED in line or len(line.splitlines()) > 1), "")
+    if refused and not wrong:
+        raise refused
+    return wrong
+
+
+def solution(paths, also_slow):
+    import strapdown as sd
+
+    found = sd.read_solution(paths[0])
+    n, fixes = len(found.t), found.innovations
+    m = len(fixes.t)
+    shapes = {
+        "lla": (found.trajectory.lla, (n, 3)),
+        "v_n": (found.trajectory.v_n, (n, 3)),
+        "sd": (found.trajectory.sd, (n, 15)),
+        "b_a": (found.b_a, (n, 3)),
+        "b_g": (found.b_g, (n, 3)),
+        "status": (found.status, (n,)),
+        "innovation": (fixes.innovation, (m, 3)),
+        "nis": (fixes.nis, (m,)),
+        "source": (fixes.source, (m,)),
+        "accepted": (fixes.accepted, (m,)),
+    }
+    for name, (values, shape) in shapes.items():
+        if values is not None and np.shape(values) != shape:
+            return f"{name} has shape {np.shape(values)}, not {shape}"
+    if not rising(found.t, strictly=False):
+        return "times do not rise"
+    if not np.isin(found.status, range(4)).all():
+        return "a status that there is none of"
+    if m and not ((fixes.source >= 0) & (fixes.source < len(fixes.names))).all():
+        return "a source that there is none of"
+    found.table(), found.counts(), found.verdict, found.utc, found.seconds(0)
+    repr(found), found._repr_html_()
+    return ""
+
+
+def campaign(paths, also_slow):
+    import strapdown as sd
+
+    found = sd.Campaign.open(paths[0])
+    repr(found)
+    for table in (found.runs, found.summary):
+        if not len(table):
+            return "a table without rows"
+    ends = set(found.runs["end"]) - {"survived", "lost", "inconsistent", "quarantined"}
+    if ends:
+        return f"ends {ends}"
+    for cell in found.cells:
+        curves, filters = found.curves(cell), len(found.manifest["filters"])
+        rows = len(curves["t"])
+        if not rising(curves["t"]) or curves["rmse"].shape != (filters, rows, 15):
+            return "curves of other times or shapes"
+        found.numbers(cell), found.parameters(cell)
+        if also_slow:
+            found.arrays(cell).close()
+    return ""
+
+
+def scenario(paths, also_slow):
+    import strapdown as sd
+
+    found = sd.scenario(str(paths[0]))
+    json.dumps(found.describe())
+    numbers = found.duration, found.rate, found.motion.end
+    return "" if all(each > 0 for each in numbers) else f"numbers {numbers}"
+
+
+def mission(paths, also_slow):
+    from strapdown.experiments.advice import mission
+
+    found = mission.mission(str(paths[0]), 60.0)
+    return "" if found.duration > 0 else f"duration {found.duration}"
+
+
+def grade(paths, also_slow):
+    import strapdown as sd
+
+    found = sd.grade(str(paths[0]))
+    numbers = np.r_[tuple(found.noise()), np.ravel(found.bias_sd())]
+    return "" if (numbers >= 0).all() else f"numbers {numbers}"
+
+
+def aircraft(paths, also_slow):
+    import strapdown as sd
+
+    found = sd.aircraft(str(paths[0]))
+    if also_slow:
+        sd.trim(found, 25.0)
+    return ""
+
+
+def plan(paths, also_slow):
+    from strapdown.flight.plan import flight_plan, route
+
+    table, seconds = route(flight_plan(paths[0]), (0.0, 0.0, 0.0), 9.8)
+    return "" if np.isfinite(table).all() and seconds > 0 else "a route that is not finite"
+
+
+def calibration(paths, also_slow):
+    from strapdown.io.calibration_file import read_corrections
+
+    for name, found in read_corrections(paths[0]).items():
+        at = found.at(np.array([-40.0, 20.0, 85.0]))[0]
+        if not (np.isfinite(at).all() and np.isfinite(found.matrix).all()):
+            return f"{name} is not finite"
+    return ""
