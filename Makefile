@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test compile deep branches mutants bench lint clean
+.PHONY: demo test compile deep versions branches mutants bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
@@ -23,6 +23,10 @@ compile: $(VENV)/installed-test
 deep: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py --deep
 	$(BIN)/python tests/deep.py
+
+# The suite on each Python and numba that is there; lists what is not. NOX="-s bounds" runs a part.
+versions: $(VENV)/installed-versions
+	$(BIN)/nox $(NOX)
 
 # Branches that the short tests take, and mutants that they see. Written to tests/branches.txt and mutants.txt.
 branches: $(VENV)/installed-test
@@ -49,6 +53,10 @@ $(VENV)/installed: pyproject.toml reproductions/pyproject.toml | $(VENV)/bin/pyt
 
 $(VENV)/installed-test: pyproject.toml reproductions/pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[test]" -e reproductions
+	touch $@ $(VENV)/installed
+
+$(VENV)/installed-versions: pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[versions]" -e reproductions
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-bench: pyproject.toml reproductions/pyproject.toml | $(VENV)/bin/python

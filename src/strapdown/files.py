@@ -12,6 +12,7 @@ from importlib.metadata import entry_points
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from io import BytesIO
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,11 +88,14 @@ def replacing(path: File) -> Iterator[Path]:
 def _rename(files: list[_Ready]) -> None:
     """Put all files in their places; where one cannot be, those before it are put back."""
     with ExitStack() as names, ExitStack() as undo:
-        for file in files:
+        before = []
+        for file in files if len(files) > 1 else ():
             with _refusals(file.path):
-                if len(files) > 1:
-                    before = names.enter_context(second_name(file.target))
-                    undo.callback(_put_back, before, file.target)
+                before.append(names.enter_context(second_name(file.target)))
+        for file, old in zip_longest(files, before):  # at once, for no kill to fall between
+            if len(files) > 1:
+                undo.callback(_put_back, old, file.target)
+            with _refusals(file.path):
                 file.part.rename(file.target)
         undo.pop_all()
 

@@ -2,8 +2,6 @@
 interruption, another study or a broken folder does."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from killed import killed
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
@@ -29,6 +28,7 @@ from strapdown.experiments.monte_carlo.scoring import (
     score,
 )
 from strapdown.experiments.monte_carlo.study import Study, run_chunk, seeds
+from strapdown.file_locks import PART
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -248,42 +248,25 @@ def test_a_campaign_goes_on_where_it_was_interrupted(finished, tmp_path):
     )
 
 
-SCRIPT = """
-import sys
-sys.path.insert(0, {tests!r})
-from test_study import study
-study(runs={runs}).run({out!r}, threads=1)
-"""
-
-
 @pytest.mark.deep
-@pytest.mark.skipif(not COMPILED, reason="a process without the compiler is too slow")
-def test_a_killed_process_loses_chunks_in_work_only_and_the_rest_goes_on_to_the_same_result(
-    tmp_path,
-):
-    code = SCRIPT.format(tests=str(Path(__file__).parent), runs=200, out=str(tmp_path / "killed"))
-    process = subprocess.Popen([sys.executable, "-c", code])
-    chunks = tmp_path / "killed" / "chunks"
-    deadline = time.monotonic() + 120
-    while (
-        len(list(chunks.glob("*/*.nc"))) < 3
-        and process.poll() is None
-        and time.monotonic() < deadline
-    ):
-        time.sleep(0.01)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    before = len(list(chunks.glob("*/*.nc")))
-    assert 3 <= before < 40, "it must be killed half-way"
-    resumed, whole = (
-        study(runs=200).run(tmp_path / "killed"),
-        study(runs=200).run(tmp_path / "whole"),
-    )
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.skipif(not COMPILED, reason="a study without the compiler is too slow")
+def test_thirty_kills_lose_chunks_in_work_only_and_the_rest_goes_on_to_the_same_result(tmp_path):
+    begin = time.perf_counter()
+    whole = study(runs=400).run(tmp_path / "whole", threads=2)
+    longest = 1.5 * (time.perf_counter() - begin) / 30
+    expected = [path.read_bytes() for path in whole._files(whole.cells[0])]
+    finished, chunks = {}, tmp_path / "killed" / "chunks"
+    work = lambda: study(runs=400).run(tmp_path / "killed", threads=2)
+    for _ in killed(work, 30, longest, seed=22):
+        now = {path.name: path.stat().st_mtime_ns for path in chunks.glob("*/[0-9]*.nc")}
+        assert now.items() >= finished.items(), "a finished chunk was lost or written again"
+        finished = now
+    assert 3 <= len(finished) < len(expected), "it must be killed half-way"
+    resumed = work()
     assert tables(resumed.folder) == tables(whole.folder)
-    assert (
-        not list((tmp_path / "killed").rglob("*.part"))
-        or len(list((tmp_path / "killed").rglob("*.part"))) == 1
-    )
+    assert [path.read_bytes() for path in resumed._files(resumed.cells[0])] == expected
+    assert not [path for path in (tmp_path / "killed").rglob("*") if path.name.endswith(PART)]
 
 
 # Folders that are not this study's

@@ -6,6 +6,7 @@ and the numbers of its runs alone.
 
 from __future__ import annotations
 
+import re
 import threading
 import zlib
 from collections.abc import Collection, Sequence
@@ -72,7 +73,7 @@ class Cell(NamedTuple):
     @property
     def name(self) -> str:
         """Names a folder of chunk files."""
-        return f"{self.scenario.name}--{self.imu.name}".replace("/", "-").replace(" ", "-")
+        return re.sub(r'[\s/\\:*?"<>|]', "-", f"{self.scenario.name}--{self.imu.name}")
 
 
 class Chunk(NamedTuple):
