@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test compile deep bench lint clean
+.PHONY: demo test compile deep branches mutants bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
@@ -23,6 +23,13 @@ compile: $(VENV)/installed-test
 deep: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py --deep
 	$(BIN)/python tests/deep.py
+
+# Branches that the short tests take, and mutants that they see. Written to tests/branches.txt and mutants.txt.
+branches: $(VENV)/installed-test
+	$(BIN)/python tests/branches.py
+
+mutants: branches
+	$(BIN)/python tests/mutants.py --count 300 --seed 2 --out tests/mutants.txt
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff format --check --quiet

@@ -37,6 +37,8 @@ import yardstick  # noqa: E402
 import strapdown as sd  # noqa: E402
 from strapdown.sim.scenario import scenario  # noqa: E402
 from strapdown.sim.synthesis import Simulator  # noqa: E402
+from strapdown_reproductions.consistency import main as consistency  # noqa: E402
+from strapdown_reproductions.consistency.summary import TARGETS as CONSISTENCY_TARGETS  # noqa: E402
 from strapdown_reproductions.faults import main as faults  # noqa: E402
 from strapdown_reproductions.faults.summary import TARGETS as FAULT_TARGETS  # noqa: E402
 from strapdown_reproductions.installation import main as installation  # noqa: E402
@@ -351,6 +353,26 @@ def fault_figures(book):
     )
 
 
+CONSISTENCY = {
+    "consistency, epochs in the band": "inside",
+    "consistency, survival": "survived",
+    "consistency, cells refused": "refused",
+}
+"""{figure: name of its target in `strapdown reproduce consistency`}."""
+CONSISTENT_FILTERS = ("closed-loop",)
+
+
+def consistency_figures(book):
+    """Of the closed loop at every grade in every scenario, 60 runs."""
+    claimed(
+        book,
+        CONSISTENCY,
+        CONSISTENCY_TARGETS,
+        lambda out: consistency.reproduce(out, filter=CONSISTENT_FILTERS),
+        f"strapdown reproduce consistency --filter {CONSISTENT_FILTERS[0]}",
+    )
+
+
 INSTALLATION = {
     "drive0708 from wrong set-ups, clock": "drive clock",
     "drive0708 from wrong set-ups, arm": "drive lever-arm",
@@ -494,6 +516,7 @@ def main():
         recorded_figures(book)
         setup_figures(book)
         fault_figures(book)
+        consistency_figures(book)
         installation_figures(book)
         calibration_figures(book)
         attitude_figures(book)

@@ -1,22 +1,24 @@
-"""Writing files so that a reader never meets half of one, reading TOML with complaints for
-people, and the TOML files that ship with packages."""
+"""Writing files so that a reader never meets half of one or of a set, reading TOML with complaints
+for people, and the TOML files that ship with packages."""
 
 import os
 import shutil
-import tempfile
 import tomllib
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import entry_points
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from .checks import DataError
+from .checksum import append_checksum
+from .file_locks import Part, part_of, second_name
 from .plugins import PluginWarning
 from .typing import File
 
@@ -24,30 +26,101 @@ IN_MEMORY = 1_000_000_000
 """Bytes of arrays up to which a NetCDF file is made in memory: some 10 million IMU samples."""
 
 
+class _Ready(NamedTuple):
+    """A file that is written and waits for the others of its set."""
+
+    path: File  # as the caller named it
+    target: Path
+    part: Part
+
+
+class _Set(NamedTuple):
+    """Files that are to appear together, and what removes their temporary ones."""
+
+    ready: list[_Ready]
+    parts: ExitStack
+
+
+_SET: ContextVar[_Set | None] = ContextVar("set of files", default=None)
+
+
+@contextmanager
+def together() -> Iterator[_Set]:
+    """What `replacing` writes in the block takes its place when the block ends well: all of it, or
+    nothing, and then what stood there before is untouched.
+
+    Until then a reader finds the files of before. A set inside another one is part of it; a thread
+    has its own. Only a kill or a power failure between two of the last renames, some microseconds,
+    leaves some files of each.
+    """
+    around = _SET.get()
+    if around is not None:
+        yield around
+        return
+    with ExitStack() as parts:
+        files = _Set([], parts)
+        token = _SET.set(files)
+        try:
+            yield files
+        finally:
+            _SET.reset(token)
+        _rename(files.ready)
+
+
 @contextmanager
 def replacing(path: File) -> Iterator[Path]:
-    """A temporary path beside `path` to write to; it takes the place of `path` when the block ends
-    well, else it is removed.
+    """A temporary path beside `path` to write to; it takes the place of `path` when the block and
+    the set of `together` around it end well, else it is removed.
 
     Whatever the system refuses (no folder, no permission, disk full) is raised as a DataError of
     one line.
     """
-    target = Path(os.path.realpath(path))
-    part = None
+    with together() as files, _refusals(path):
+        target = Path(os.path.realpath(path))
+        _check_writable(target)
+        part = files.parts.enter_context(part_of(target))
+        yield part.path
+        os.fsync(part.file.fileno())
+        files.ready.append(_Ready(path, target, part))
+
+
+def _rename(files: list[_Ready]) -> None:
+    """Put all files in their places; where one cannot be, those before it are put back."""
+    with ExitStack() as names, ExitStack() as undo:
+        for file in files:
+            with _refusals(file.path):
+                if len(files) > 1:
+                    before = names.enter_context(second_name(file.target))
+                    undo.callback(_put_back, before, file.target)
+                file.part.rename(file.target)
+        undo.pop_all()
+
+
+def _put_back(before: Path | None, target: Path) -> None:
+    with suppress(OSError):
+        if before is None:
+            target.unlink(missing_ok=True)
+        else:
+            os.replace(before, target)
+
+
+@contextmanager
+def _refusals(path: File) -> Iterator[None]:
+    """What the system refuses in the block, as a DataError on `path`."""
     try:
-        part = _part(target)
-        yield part
-        with open(part, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(part, target)
+        yield
     except OSError as error:
         reason = error.strerror or str(error).splitlines()[0]
         raise DataError(
             f"{path}: cannot be written ({reason}); choose another folder, or make room there"
         ) from error
-    finally:
-        if part is not None:
-            part.unlink(missing_ok=True)
+
+
+def _check_writable(target: Path) -> None:
+    if target.is_dir():
+        raise IsADirectoryError(0, "it is a folder")
+    if target.exists() and not os.access(target, os.W_OK):
+        raise PermissionError(0, "it is read-only")
 
 
 def read_toml(path: File, hint: str) -> dict[str, Any]:
@@ -70,34 +143,26 @@ def netcdf(part: Path, size: int) -> Iterator[Any]:
 
     It is made in memory and written at once, for HDF5 that runs out of disk cannot even close its
     file and takes the process with it. Above IN_MEMORY it is written directly, into a folder that
-    has room for all of it.
+    has room for all of it. It ends with its checksum, and says so in its attribute `checksum`.
     """
     import h5netcdf
+
+    said = {"checksum": "CRC-32, in the last line"}
 
     if size > IN_MEMORY:
         if shutil.disk_usage(part.parent).free < size:
             raise OSError(28, f"the disk has not the {size / 1e9:.2g} GB that it needs")
-        with h5netcdf.File(part, "w") as file:
+        # HDF5's own lock would meet that of `replacing`
+        with h5netcdf.File(part, "w", locking=False) as file:
+            file.attrs.update(said)
             yield file
-        return
-    buffer = BytesIO()
-    with h5netcdf.File(buffer, "w") as file:
-        yield file
-    part.write_bytes(buffer.getbuffer())
-
-
-def _part(target: Path) -> Path:
-    if target.is_dir():
-        raise IsADirectoryError(0, "it is a folder")
-    if target.exists() and not os.access(target, os.W_OK):
-        raise PermissionError(0, "it is read-only")
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    # mkstemp makes private files; the result gets the permissions of any other new file
-    umask = os.umask(0)
-    os.umask(umask)
-    os.fchmod(handle, 0o666 & ~umask)
-    os.close(handle)
-    return Path(name)
+    else:
+        buffer = BytesIO()
+        with h5netcdf.File(buffer, "w") as file:
+            file.attrs.update(said)
+            yield file
+        part.write_bytes(buffer.getbuffer())
+    append_checksum(part)
 
 
 @cache

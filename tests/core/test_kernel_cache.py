@@ -17,6 +17,7 @@ from strapdown.aiding import heading
 from strapdown.core import jit, kernel_cache
 from strapdown.core.contract import OBSERVE
 from strapdown.core.jit import compile_kernel, is_cached, kernel
+from strapdown.file_locks import PART, lock
 
 PACKAGE = Path(strapdown.__file__).parent
 pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")
@@ -200,7 +201,7 @@ def test_importing_every_module_with_kernels_makes_and_deletes_nothing(tmp_path)
             if not module.name.endswith(("__main__", "distributed")):
                 importlib.import_module(module.name)
         """
-    leftover = tmp_path / "strapdown/kernels/dead.part"
+    leftover = tmp_path / f"strapdown/kernels/.dead{PART}"
     leftover.parent.mkdir(parents=True)
     leftover.touch()
     python(code, XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="")
@@ -225,15 +226,12 @@ def test_a_broken_file_is_compiled_anew(copy, cache):
 
 def test_what_a_killed_process_left_is_swept_at_the_next_write(copy, cache):
     cache.mkdir(parents=True)
-    (cache / "dead.part").write_bytes(b"half a kernel")
-    held = (cache / "alive.part").open("wb")
-    kernel_cache.flock(held, kernel_cache.LOCK_EX)
-    assert compiled(copy, cache)[1] == "True"
-    assert (
-        sorted(file.suffix for file in cache.iterdir()) == [".kernel", ".part"]
-        and (cache / "alive.part").exists()
-    )
-    held.close()
+    (cache / f".dead{PART}").write_bytes(b"half a kernel")
+    with (cache / f".alive{PART}").open("wb") as held:
+        lock(held)
+        assert compiled(copy, cache)[1] == "True"
+    names = [file.name for file in cache.iterdir() if file.suffix != ".kernel"]
+    assert names == [f".alive{PART}"] and len(list(cache.iterdir())) == 2
 
 
 @pytest.mark.parametrize("place", ["a file", "read-only", "full"])

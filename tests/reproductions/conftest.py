@@ -3,7 +3,13 @@ studies, and go red where a test of the library does."""
 
 import pytest
 
-QUICK = ("test_alam.py", "test_faults.py", "test_fossen_intro.py", "test_errata_fossen.py")
+QUICK = (
+    "test_alam.py",
+    "test_consistency_table.py",
+    "test_faults.py",
+    "test_fossen_intro.py",
+    "test_errata_fossen.py",
+)
 """Files whose tests take a second or two where they do not say themselves that they are deep: `make
 test` runs one whole reproduction, and the faults in their reduced form."""
 

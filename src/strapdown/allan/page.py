@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from .. import __version__
 from ..checks import DataError
 from ..core.contract import Imu
-from ..files import replacing
+from ..files import replacing, together
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording
 from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
@@ -101,12 +101,13 @@ class Analysis:
         return f"nearest grade: {near}"
 
     def write(self, folder: Path) -> None:
-        """Write allan.csv, allan-imu.toml and allan.html into `folder`. Raises DataError where
-        that cannot be done."""
-        with replacing(folder / "allan.csv") as part:
-            self.result.deviations().to_csv(part, float_format="%.6g")
-        self.suggestion.spec.to_toml(folder / "allan-imu.toml")
-        page(self).save(folder / "allan.html")
+        """Write allan.csv, allan-imu.toml and allan.html into `folder`, all or none. Raises
+        DataError where that cannot be done."""
+        with together():
+            with replacing(folder / "allan.csv") as part:
+                self.result.deviations().to_csv(part, float_format="%.6g")
+            self.suggestion.spec.to_toml(folder / "allan-imu.toml")
+            page(self).save(folder / "allan.html")
 
 
 def analyse(

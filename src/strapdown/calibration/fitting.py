@@ -10,6 +10,7 @@ import numpy as np
 from ..alignment.location import place_of
 from ..checks import DataError
 from ..data import Aiding
+from ..files import together
 from ..geodesy import STANDARD_GRAVITY, gravity
 from ..io.magnetic_record import sound
 from ..preprocessing.origin import Origin
@@ -40,12 +41,13 @@ class Calibration(Result):
     in the axes of the recording's columns."""
 
     def write(self, folder: Path) -> None:
-        """Write calibration.toml and calibration.html into `folder`. Raises DataError where that
-        cannot be done."""
+        """Write calibration.toml and calibration.html into `folder`, both or none. Raises
+        DataError where that cannot be done."""
         from .page import page
 
-        self.to_toml(folder / "calibration.toml")
-        page(self).save(folder / "calibration.html")
+        with together():
+            self.to_toml(folder / "calibration.toml")
+            page(self).save(folder / "calibration.html")
 
 
 def calibrate(

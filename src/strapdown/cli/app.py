@@ -262,6 +262,8 @@ def fuse(
 ) -> None:
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
     position, track.kml."""
+    from ..files import together
+
     windows, endings = _windows(hide), _endings(also)
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
@@ -311,9 +313,11 @@ def fuse(
         names += [f"solution.{ending}" for ending in endings if "csv" in ending]
         if solution.has_position:
             names += [f"track.{ending}" for ending in endings if "csv" not in ending]
-        for name in names:
-            sd.write_solution(solution, folder / name, utc)
-        save_page(sd.report(solution, whole.reference), folder / "report.html")
+        page = sd.report(solution, whole.reference)
+        with together():
+            for name in names:
+                sd.write_solution(solution, folder / name, utc)
+            save_page(page, folder / "report.html")
     print(
         f"wrote {folder}/{', '.join(names)}, "
         f"report.html{'' if solution.has_position else '; no track, because there is no position'}"

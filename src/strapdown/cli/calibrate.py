@@ -149,6 +149,8 @@ def installation(
 ) -> None:
     """Find clock offsets, lever arms, mounting and odometer scale from a log, and write them into
     its recording.toml."""
+    from ..files import together
+
     options: dict[str, Any] = option_values(option)
     whole, grade = read_given(recording, imu, take)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
@@ -165,33 +167,32 @@ def installation(
         )
         for line in found.lines:
             print(line)
-        try:
-            _change(found, recording[0], write)
-        finally:  # the page says what was written
-            if out:
+        with together():
+            lines, refusal = _change(found, recording[0], write)
+            if out:  # the page says what was written
                 save_page(found.page(), out / "installation.html")
-                print(f"wrote {out}/installation.html")
+        for line in lines:
+            print(line)
+        if out:
+            print(f"wrote {out}/installation.html")
+    if refusal:
+        raise refusal
 
 
-def _change(found: "Installation", path: Path, write: bool) -> None:
-    """Print what changes in the file, or change it. Raises DataError where it is asked to and
-    cannot; what to change stands above it then."""
+def _change(
+    found: "Installation", path: Path, write: bool
+) -> tuple[list[str], sd.DataError | None]:
+    """(What changes in the file, as lines; why not, where it was asked to and cannot). With
+    `write` it is changed."""
     if not found.edits and not (write and found.unsure):
-        print(f"nothing to change in {path}")
-        return
+        return [f"nothing to change in {path}"], None
     try:
         lines = found.diff(path)
         kept = found.write(path) if write else None
     except sd.DataError as error:
-        print("to change by hand:" if found.changes else "nothing to change")
-        for line in found.changes:
-            print(f"  {line}")
-        if write:
-            raise
-        print(f"note: {error}")
-        return
-    print(f"changed in {path}:" if write else f"to change in {path} (--write does it):")
-    for line in lines:
-        print(f"  {line}")
-    if kept:
-        print(f"the old file is {kept}")
+        by_hand = "to change by hand:" if found.changes else "nothing to change"
+        told = [by_hand, *(f"  {line}" for line in found.changes)]
+        return (told, error) if write else ([*told, f"note: {error}"], None)
+    told = [f"changed in {path}:" if write else f"to change in {path} (--write does it):"]
+    told += [f"  {line}" for line in lines]
+    return [*told, f"the old file is {kept}"] if kept else told, None

@@ -185,7 +185,7 @@ def save_draft(write: Path | None, paths: Sequence[Path], asked: Mapping[str, in
         return
     text = draft(paths, asked, write.resolve().parent)
     with replacing(write) as part:
-        part.write_text(text)
+        part.write_text(text, encoding="utf-8")
     print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
 
 

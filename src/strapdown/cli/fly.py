@@ -79,6 +79,7 @@ def fly(
 ) -> None:
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and
     report.html."""
+    from ..files import together
     from ..flight.figures import facts, sections
     from ..flight.fly import fly as flown
     from ..sensor_models.barometer import Barometer
@@ -109,9 +110,6 @@ def fly(
         windows = withheld(flight)
         if windows:
             flight.solution.meta["withheld"] = windows
-        sd.write_recording(flight.recording, folder / "recording.nc")
-        sd.write_solution(flight.solution, folder / "solution.nc")
-        write_log(flight, folder / "log.csv")
         page = sd.report(
             {filter: flight.solution},
             flight.recording.reference,
@@ -119,7 +117,11 @@ def fly(
             more=sections(flight),
             facts=facts(flight),
         )
-        save_page(page, folder / "report.html")
+        with together():
+            sd.write_recording(flight.recording, folder / "recording.nc")
+            sd.write_solution(flight.solution, folder / "solution.nc")
+            write_log(flight, folder / "log.csv")
+            save_page(page, folder / "report.html")
     show(flight, filter, windows)
     print(f"wrote {folder}/recording.nc, solution.nc, log.csv, report.html")
     end(strict, [flight.solution.verdict])

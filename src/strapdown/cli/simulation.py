@@ -296,6 +296,12 @@ def reproduce(
             "[default: those of the checkout and the data folder]."
         ),
     ] = None,
+    filter: Annotated[
+        list[str] | None, typer.Option(help="Only this filter; may be repeated.")
+    ] = None,
+    scenario: Annotated[
+        list[str] | None, typer.Option(help="Only this scenario; may be repeated.")
+    ] = None,
 ) -> None:
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
     run = _reproduction(name)
@@ -309,6 +315,8 @@ def reproduce(
             workers=workers,
             scheduler=scheduler,
             recordings=recordings,
+            filter=filter or None,
+            scenario=scenario or None,
         ).items()
         if value is not None and value is not False and (key, value) != ("workers", 0)
     }

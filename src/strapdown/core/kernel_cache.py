@@ -14,7 +14,6 @@ import os
 import pickle
 import re
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
@@ -26,14 +25,7 @@ import llvmlite
 import numba
 from numba.core import compiler, config as numba_config, serialize
 
-try:
-    from fcntl import LOCK_EX, LOCK_NB, flock
-except ImportError:  # where files in use cannot be deleted anyway
-    LOCK_EX = LOCK_NB = 0  # type: ignore[misc]
-
-    def flock(file: Any, how: int, /) -> None:  # type: ignore[misc]
-        """Lock nothing."""
-
+from ..file_locks import part_of
 
 Import = ast.Import | ast.ImportFrom
 
@@ -244,7 +236,7 @@ class KernelCache:
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Write the compiled kernel, whole or not at all, and sweep what is left of others."""
+        """Write the compiled kernel, whole or not at all; what killed processes left goes with it."""
         if self.path is None or compiled.library.has_dynamic_globals:
             return
         payload: bytes = serialize.dumps(compiled._reduce())  # type: ignore[no-untyped-call]
@@ -254,25 +246,13 @@ class KernelCache:
             self._write(self.path, hashlib.sha256(payload).digest() + payload)
 
     def _write(self, path: Path, content: bytes) -> None:
-        """Under another name first, locked, so that a sweep by another process leaves it alone."""
-        number, temporary = tempfile.mkstemp(".part", "", path.parent)
-        try:
-            with open(number, "wb") as file:
-                with suppress(OSError):
-                    flock(file, LOCK_EX | LOCK_NB)
-                file.write(content)
-            os.replace(temporary, path)
-        except BaseException:
-            with suppress(OSError):
-                os.unlink(temporary)
-            raise
+        """Under another name first."""
+        with part_of(path) as part:
+            part.path.write_bytes(content)
+            part.rename(path)
 
     def _sweep(self, path: Path) -> None:
-        """Delete what killed processes left, and all but the last versions of this kernel."""
-        for part in path.parent.glob("*.part"):
-            with suppress(OSError), part.open("rb") as file:
-                flock(file, LOCK_EX | LOCK_NB)  # refused while its writer lives
-                part.unlink()
+        """Delete all but the last versions of this kernel."""
         versions = [file for file in path.parent.glob(f"{self._stem}-*.kernel") if file != path]
         with suppress(OSError):
             for old in sorted(versions, key=lambda file: file.stat().st_mtime, reverse=True)[

@@ -12,6 +12,7 @@ from ..checks import DataError
 from ..data import Solution
 from ..files import replacing
 from ..typing import File
+from .own.one_line import one_line
 from .solutions.geojson import geojson
 from .solutions.gpx import gpx
 from .solutions.kml import kml
@@ -58,15 +59,8 @@ def read_solution(path: File) -> Solution:
         raise DataError(
             f"{path}: {reason}; give a solution file that strapdown wrote (.nc or .csv)"
         )
-    try:
+    with one_line(path, "solution"):
         return read(path)
-    except DataError:
-        raise
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # of h5netcdf
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise DataError(
-            f"{path}: not a solution, or damaged ({reason}); write it again with strapdown fuse"
-        ) from error
 
 
 def _ending(path: File, known: Iterable[str]) -> str:

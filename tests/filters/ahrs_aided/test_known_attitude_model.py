@@ -86,7 +86,8 @@ def textbook(recording, begin):
     variances of p v a theta g).
 
     The first is a Schmidt-Kalman filter: the error of the known attitude and the gyro bias that
-    turns it stand in its covariance, and get no gain.
+    turns it stand in its covariance, and get no gain; what they shorten the force by on average is
+    added.
     """
     position, attitude = recording.aidings
     known = C = Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix()
@@ -105,6 +106,7 @@ def textbook(recording, begin):
         w_in, w_v = np.array([w0, w1, w2]), np.array([w0 + ie_n, w1, w2 + ie_d])
         middle = known @ Rotation.from_rotvec(r / 2).as_matrix()
         f = known @ (I + skew(r) / 2 + skew(r) @ skew(r) / 6) @ a / dt
+        lacking = (np.trace(P[9:12, 9:12]) * I - P[9:12, 9:12]) @ f / 2
         Phi, Q = step_of(
             np.block(
                 [
@@ -125,7 +127,7 @@ def textbook(recording, begin):
             dt,
         )
         S = Phi @ S @ Phi.T + Q
-        change = (f + np.array([0, 0, gravity(sine, lla[2])]) - np.cross(w_v, v)) * dt
+        change = (f + lacking + np.array([0, 0, gravity(sine, lla[2])]) - np.cross(w_v, v)) * dt
         lla, v = displaced(lla, (v + change / 2) * dt), v + change
         turn = lambda D: (
             Rotation.from_rotvec(-w_in * dt).as_matrix() @ D @ Rotation.from_rotvec(r).as_matrix()

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from strapdown.files import replacing
+from strapdown.files import replacing, together
 from strapdown.reports.shell import placed, shell
 from strapdown.typing import File
 
@@ -74,7 +74,7 @@ def write_page(
     texts: Mapping[str, str] = {},
 ) -> None:
     """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
-    folder `out`, each of them whole.
+    folder `out`, all or none.
 
     claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing,
     caption); notes: (heading, DataFrame of text); texts: {name: text} of more files. A caption of
@@ -83,25 +83,20 @@ def write_page(
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     as_json = json.dumps(claims, indent=1, ensure_ascii=False) + "\n"
-    for name, text in {"claims.json": as_json, **texts}.items():
-        with replacing(out / name) as part:
-            part.write_text(text, encoding="utf-8")
-    for name, (_, table) in tables.items():
-        with replacing(out / f"{name}.csv") as part:
-            table.to_csv(part, index=False, float_format="%.6g")
     sections = [
         (heading, text)
         for heading, text in _sections(claims, tables, links, figures, notes)
         if text
     ]
-    shell(
-        title,
-        "",
-        sections,
-        FOOTER,
-        "".join(f"<p>{_marked(text)}</p>" for text in introduction),
-        STYLE,
-    ).save(out / "index.html")
+    said = "".join(f"<p>{_marked(text)}</p>" for text in introduction)
+    with together():
+        for name, text in {"claims.json": as_json, **texts}.items():
+            with replacing(out / name) as part:
+                part.write_text(text, encoding="utf-8")
+        for name, (_, table) in tables.items():
+            with replacing(out / f"{name}.csv") as part:
+                table.to_csv(part, index=False, float_format="%.6g")
+        shell(title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
 
 
 def _marked(text: str) -> str:

@@ -8,6 +8,8 @@ NAME is that of `strapdown reproduce`, OUT the folder of its results.
 import sys
 from pathlib import Path
 
+from strapdown.files import replacing
+
 from . import markdown
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
@@ -15,6 +17,7 @@ DOCS = Path(__file__).resolve().parents[4] / "docs"
 PAGES = {
     "alam": ("findings.md", "alam.md"),
     "broad": ("table.md", "attitude-broad.md"),
+    "consistency": ("table.md", "consistency.md"),
     "faults": ("table.md", "faults.md"),
     "fossen": ("findings.md", "fossen.md"),
     "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
@@ -25,8 +28,13 @@ PAGES = {
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""
-MORE = {"faults": ("each.md", "faults-each.md")}
+MORE = {
+    "consistency": ("each.md", "consistency-each.md"),
+    "faults": ("each.md", "faults-each.md"),
+}
 """The same of a second file and page."""
+PICTURES = {"consistency": "consistency.svg"}
+"""{name: file of the results that stands in docs/ as it is}."""
 
 
 def mark(name: str) -> str:
@@ -47,6 +55,9 @@ def main(name: str, out: str) -> None:
         file, page = MORE[name]
         text = (Path(out) / file).read_text(encoding="utf-8")
         markdown.insert(DOCS / page, text, markdown.begin(file, name))
+    if name in PICTURES:
+        with replacing(DOCS / PICTURES[name]) as part:
+            part.write_bytes((Path(out) / PICTURES[name]).read_bytes())
 
 
 if __name__ == "__main__":

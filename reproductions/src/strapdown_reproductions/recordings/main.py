@@ -21,6 +21,7 @@ from strapdown.core.contract import Imu
 from strapdown.core.earth import RATE
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, outages, rms
+from strapdown.files import together
 from strapdown.io.locate import data_folder
 from strapdown.preprocessing.stationary import motionless
 from strapdown.recording import Recording
@@ -84,6 +85,7 @@ NO_LASER = (
 )
 
 
+@together()
 def reproduce(
     out: Path, recordings: File | None = None, say: Say | None = None
 ) -> list[dict[str, Any]]:

@@ -19,7 +19,7 @@ import pandas as pd
 
 from ...checks import DataError, check_choice, check_number
 from ...evaluation.consistency import Interval
-from ...files import replacing
+from ...files import replacing, together
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
 from ...typing import Array, File, Progress, Say
@@ -87,19 +87,19 @@ class Advice:
 
     def save(self, folder: Path) -> None:
         """Write advice.json, summary.csv, map.csv (where there is a map) and index.html into a
-        folder. Raises DataError."""
+        folder, all or none. Raises DataError."""
         make_folder(folder)
         tables = {"summary": summary_table(self)} | (
             {"map": pd.DataFrame(self.map)} if self.map else {}
         )
-        for name, table in tables.items():
-            with replacing(folder / f"{name}.csv") as part:
-                table.to_csv(part, index=False, float_format="%.6g")
-        with replacing(folder / "advice.json") as part:
-            part.write_text(
-                json.dumps(self.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-            )
-        page(self).save(folder / "index.html")
+        with together():
+            for name, table in tables.items():
+                with replacing(folder / f"{name}.csv") as part:
+                    table.to_csv(part, index=False, float_format="%.6g")
+            with replacing(folder / "advice.json") as part:
+                text = json.dumps(self.as_dict(), indent=1, ensure_ascii=False)
+                part.write_text(text + "\n", encoding="utf-8")
+            page(self).save(folder / "index.html")
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values of all but the campaigns; NaN is null."""

@@ -8,7 +8,6 @@ order. Arrays stay in the files and open lazily.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import re
@@ -29,7 +28,8 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...checks import DataError
 from ...core.kernel_cache import closure_digest
-from ...files import netcdf, replacing
+from ...file_locks import lock
+from ...files import netcdf, replacing, together
 from ...plugins import Plugin
 from ...typing import File
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
@@ -130,7 +130,7 @@ class Campaign:
             _same(_manifest(self.folder), self.manifest, self.folder)
         else:
             with replacing(path) as part:
-                part.write_text(json.dumps(self.manifest, indent=1) + "\n")
+                part.write_text(json.dumps(self.manifest, indent=1) + "\n", encoding="utf-8")
 
     @classmethod
     def open(cls, folder: File) -> Campaign:
@@ -141,15 +141,15 @@ class Campaign:
     def locked(self) -> Iterator[None]:
         """Hold the folder: a second process that wants to write there is refused."""
         try:
-            lock = open(self.folder / "lock", "w")
+            held = open(self.folder / "lock", "wb")
         except OSError as error:
             raise DataError(
                 f"{self.folder}: nothing can be written there ({error.strerror}); choose another "
                 f"folder"
             ) from None
-        with lock:
+        with held:
             try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(held)
             except OSError:
                 raise DataError(
                     f"{self.folder}: another process works on this campaign; wait for it, or choose "
@@ -200,9 +200,10 @@ class Campaign:
 
     def finish(self) -> None:
         """Write summary.csv and runs.csv."""
-        for name, table in (("summary", self.summary), ("runs", self.runs)):
-            with replacing(self.folder / f"{name}.csv") as part:
-                table.to_csv(part, index=False, float_format="%.9g")
+        with together():
+            for name, table in (("summary", self.summary), ("runs", self.runs)):
+                with replacing(self.folder / f"{name}.csv") as part:
+                    table.to_csv(part, index=False, float_format="%.9g")
 
     def _files(self, cell: str) -> list[Path]:
         files = sorted((self.folder / "chunks" / cell).glob("*.nc"))
@@ -367,7 +368,7 @@ def _sources() -> str:
 def _manifest(folder: Path) -> dict[str, Any]:
     path = folder / "manifest.json"
     try:
-        manifest = json.loads(path.read_text())
+        manifest = json.loads(path.read_text(encoding="utf-8"))
         number = manifest["format"]
     except OSError as error:
         raise DataError(

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ...data import Trajectory
 from ...evaluation.metrics import NED_AXES
-from ...files import replacing
+from ...files import replacing, together
 from ...typing import File
 from ...verdict import Verdict
 from .protocols import Window
@@ -135,18 +135,19 @@ class Comparison:
 
     def write(self, folder: File) -> None:
         """Write scores.csv, summary.csv, paired.csv, growth.csv, table.csv and index.html, a
-        page to read, into `folder`. Raises DataError."""
+        page to read, into `folder`, all or none. Raises DataError."""
         from .page import page
 
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         names = [f"{axis.capitalize()} {name}, m" for axis in NED_AXES for name in self.filters]
         flat = self.table().set_axis(names, axis=1).reset_index()
-        for name in TABLES:
-            with replacing(folder / f"{name}.csv") as part:
-                made = flat if name == "table" else getattr(self, name)
-                made.to_csv(part, index=False, float_format="%.9g")
-        page(self).save(folder / "index.html")
+        with together():
+            for name in TABLES:
+                with replacing(folder / f"{name}.csv") as part:
+                    made = flat if name == "table" else getattr(self, name)
+                    made.to_csv(part, index=False, float_format="%.9g")
+            page(self).save(folder / "index.html")
 
     def __repr__(self) -> str:
         return f"Comparison({self.name}: {len(self.filters)} filters, {len(self.windows)} outages, {self.words})"

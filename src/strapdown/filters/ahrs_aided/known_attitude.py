@@ -232,7 +232,24 @@ def move(
     _consider(S, workspace, f0, f1, f2, dt)
     _spread(belief, S, f0, f1, f2, dt)
     _consider(S, workspace, f0, f1, f2, dt)
+    _right_mean(belief, v, f0, f1, f2)
     _carry(belief, dt, noise)
+
+
+@helper
+def _right_mean(belief: Belief, v: Array, f0: float, f1: float, f2: float) -> None:
+    """Add to v what the velocity increment f, m/s, turned by the known attitude, lacks on average.
+
+    A turn by an error n of covariance S shortens what it turns: E exp[n x] = I - (tr S I - S) / 2 to
+    the second order. At 0.5 deg that is 0.7 mm/s^2 of gravity, in every record to the same side, and
+    would be taken for a bias of the accelerometers.
+    """
+    nn, ne, ee = tilt_variances(belief)
+    workspace = belief.workspace
+    dd = workspace[ERROR_DD] + workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING]
+    v[0] += 0.5 * ((ee + dd) * f0 - ne * f1)
+    v[1] += 0.5 * ((nn + dd) * f1 - ne * f0)
+    v[2] += 0.5 * (nn + ee) * f2
 
 
 @helper

@@ -13,7 +13,7 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, InlineTable, Item, Table, Trivia
 
 from ...checks import DataError
-from ...files import replacing
+from ...files import replacing, together
 from ...typing import File
 from ...units import DEG
 
@@ -90,10 +90,14 @@ def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) 
     target = Path(os.path.realpath(path))
     if not target.stat().st_mode & stat.S_IWUSR:
         raise DataError(f"{path}: is read-only; make it writable, or change it by hand")
-    with replacing(target) as part:
-        part.write_bytes(new.encode())
-        part.chmod(target.stat().st_mode)
-        return _copied(target)
+    copy = _free_name(target)
+    with together():
+        with replacing(copy) as part:
+            part.write_bytes(target.read_bytes())
+        with replacing(target) as part:
+            part.write_bytes(new.encode())
+            part.chmod(target.stat().st_mode)
+    return copy
 
 
 def _text(path: File) -> str:
@@ -109,18 +113,14 @@ def _text(path: File) -> str:
         raise DataError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
 
 
-def _copied(target: Path) -> Path:
-    """A copy of a file beside it, under a name that was not taken."""
+def _free_name(target: Path) -> Path:
+    """The path beside a file for its copy."""
     number = 1
     while True:
         copy = target.with_name(f"{target.name}.before{f'-{number}' if number > 1 else ''}")
-        try:
-            with open(copy, "xb") as file:
-                file.write(target.read_bytes())
-                os.fsync(file.fileno())
+        if not os.path.lexists(copy):
             return copy
-        except FileExistsError:
-            number += 1
+        number += 1
 
 
 def check_sections(path: File, kinds: Sequence[str]) -> None:

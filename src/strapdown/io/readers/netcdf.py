@@ -2,14 +2,16 @@
 variable says its unit. SI and radians."""
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from ...aiding import find
-from ...checks import DataError
+from ...checks import DataError, brief, located
+from ...checksum import DAMAGED
 from ...core.contract import Imu
 from ...data import Aiding, Trajectory
 from ...files import netcdf, replacing
@@ -20,31 +22,50 @@ from ...recording import Recording
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
+from ..own.array_rules import Column, Schema, check_arrays
+from ..own.hdf5_content import Content, content
 from ..solutions.solution_netcdf import Variables, fill, plain
 
-Layout: TypeAlias = Mapping[str, tuple[str, str, str]]
-"""{name: (dimensions, unit, what it is)} of the columns of a group."""
-
 FORMAT = "strapdown recording 1"
+WHAT = "NetCDF recording"
+SOURCE = re.compile(r"aiding_\d{1,9}", re.ASCII)
+AXES = {"axis": 3, "quaternion": 4}
 IMU_COLUMNS = {
-    "t": ("time", "s", "end of the interval"),
-    "dt": ("time", "s", "length of the interval"),
-    "dtheta": ("time axis", "rad", "integral of the angular rate, body FRD"),
-    "dv": ("time axis", "m/s", "integral of the specific force, body FRD"),
+    "t": Column("time", "s", "end of the interval", rising=True),
+    "dt": Column("time", "s", "length of the interval", above=0.0),
+    "dtheta": Column("time axis", "rad", "integral of the angular rate, body FRD"),
+    "dv": Column("time axis", "m/s", "integral of the specific force, body FRD"),
 }
 REFERENCE_COLUMNS = {
-    "t": ("time", "s", "time"),
-    "lla": ("time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height"),
-    "v_n": ("time axis", "m/s", "velocity north, east, down"),
-    "q_nb": ("time quaternion", "1", "body to navigation, scalar first"),
-    "sd": ("time state", "SI", "standard deviations in the order of the error states"),
+    "t": Column("time", "s", "time", rising=True),
+    "lla": Column(
+        "time axis", "rad, rad, m", "latitude, longitude, ellipsoidal height", missing=True
+    ),
+    "v_n": Column("time axis", "m/s", "velocity north, east, down", missing=True, optional=True),
+    "q_nb": Column(
+        "time quaternion",
+        "1",
+        "body to navigation, scalar first",
+        missing=True,
+        unit_length=True,
+        optional=True,
+    ),
+    "sd": Column(
+        "time state",
+        "SI",
+        "standard deviations in the order of the error states",
+        missing=True,
+        infinite=True,
+        least=0.0,
+        optional=True,
+    ),
 }
 
 
 def write_recording(recording: Recording, path: File) -> None:
     """Write a Recording as NetCDF, atomically. Raises DataError where the path cannot be
     written."""
-    groups: dict[str, tuple[Layout, dict[str, Any], dict[str, Any]]]
+    groups: dict[str, tuple[Schema, dict[str, Any], dict[str, Any]]]
     groups = {"imu": (IMU_COLUMNS, recording.imu._asdict(), {})}
     for number, aiding in enumerate(recording.aidings, 1):
         attributes: dict[str, Any] = {"kind": aiding.kind, "name": aiding.name}
@@ -54,7 +75,7 @@ def write_recording(recording: Recording, path: File) -> None:
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
         attributes |= {"estimate": json.dumps(dict(aiding.estimate))} if aiding.estimate else {}
         attributes |= {"slip": float(aiding.slip)} if aiding.slip else {}
-        groups[f"aiding_{number}"] = (_aiding_layout(aiding.kind), vars(aiding), attributes)
+        groups[f"aiding_{number}"] = (_aiding_columns(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
     columns = {name: _columns(*group[:2], f"{path}: {name}") for name, group in groups.items()}
@@ -73,7 +94,7 @@ def write_recording(recording: Recording, path: File) -> None:
             fill(group, variables)
 
 
-def _aiding_layout(kind: str) -> Layout:
+def _aiding_columns(kind: str) -> Schema:
     quantities = find(kind).quantities
     units = [
         names[0] if len(set(names)) == 1 else ", ".join(names)
@@ -83,9 +104,16 @@ def _aiding_layout(kind: str) -> Layout:
         )
     ]
     return {
-        "t": ("time", "s", "time of the fix"),
-        "y": ("time component", units[0], ", ".join(quantities)),
-        "sd": ("time component", units[1], "standard deviation per component"),
+        "t": Column("time", "s", "time of the fix", ordered=True),
+        "y": Column("time component", units[0], ", ".join(quantities), missing=True),
+        "sd": Column(
+            "time component",
+            units[1],
+            "standard deviation per component",
+            missing=True,
+            infinite=True,
+            least=0.0,
+        ),
     }
 
 
@@ -104,12 +132,16 @@ def _meta(meta: dict[str, Any]) -> Variables:
     } | {"meta": ([], text, {"long_name": "meta as JSON"})}
 
 
-def _columns(layout: Layout, values: Mapping[str, Any], where: str) -> Variables:
+def _columns(layout: Schema, values: Mapping[str, Any], where: str) -> Variables:
     """{name: (dimensions, array, attributes)} of the columns that there are. Raises DataError
     where their lengths differ."""
     found: Variables = {
-        name: (dims.split(), np.asarray(values[name], float), {"units": unit, "long_name": text})
-        for name, (dims, unit, text) in layout.items()
+        name: (
+            column.axes.split(),
+            np.asarray(values[name], float),
+            {"units": column.units, "long_name": column.about},
+        )
+        for name, column in layout.items()
         if values[name] is not None
     }
     for name, (dims, array, _) in found.items():
@@ -140,7 +172,7 @@ def read_recording(path: File) -> Recording:
 
 
 def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:
-    """(meta, Imu, aidings, reference) as they stand in the file, the IMU checked for shape only.
+    """(meta, Imu, aidings, reference) as they stand in the file, which is as the format declares it.
     Raises DataError."""
     path = Path(path)
     if not path.is_file():
@@ -148,87 +180,76 @@ def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | N
             f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); "
             f"check the path"
         )
-    try:
-        found = _parts(path)
-    except DataError:
-        raise
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0][:120]
+    found = content(path, WHAT)
+    if (said := found.attributes.get("format")) != FORMAT:
         raise DataError(
-            f"{path}: is not a whole NetCDF recording ({reason}); write it again"
-        ) from error
-    _check_columns(found[1], path)
-    return found
-
-
-def _parts(path: Path) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
-        if file.attrs.get("format") != FORMAT:
-            raise DataError(
-                f"{path}: is no recording (its format attribute is {file.attrs.get('format')!r}, "
-                f"not {FORMAT!r}); "
-                "solutions are read with read_solution"
-            )
-        imu = Imu(**{name: _column(file["imu"][name]) for name in Imu._fields})
-        sources = sorted(
-            (name for name in file.groups if name.startswith("aiding_")),
-            key=lambda name: int(name[7:]),
+            f"{path}: is no recording (its format attribute is {brief(said)}, not {FORMAT!r}); "
+            f"solutions are read with read_solution"
         )
-        aidings = [_aiding(file[name]) for name in sources]
-        truth = file["reference"] if "reference" in file.groups else None
-        reference = (
-            None
-            if truth is None
-            else Trajectory(
-                **{
-                    name: _column(truth[name])
-                    for name in REFERENCE_COLUMNS
-                    if name in truth.variables
-                }
-            )
-        )
-        text = np.asarray(file["meta"][...]).item()
-        meta = json.loads(text.decode() if isinstance(text, bytes) else text)
-        meta |= {name[5:]: file[name][...] for name in file.variables if name.startswith("meta_")}
-        return meta, imu, aidings, reference
-
-
-def _column(variable: Any) -> Array:
-    return np.require(variable[...], float, ["C", "W"])
-
-
-def _aiding(group: Any) -> Aiding:
-    gate, parameters = group.attrs.get("gate"), np.atleast_1d(group.attrs.get("parameters", ()))
-    estimate = json.loads(group.attrs.get("estimate", "{}"))
-    return Aiding(
-        group.attrs["kind"],
-        _column(group["t"]),
-        _column(group["y"]),
-        _column(group["sd"]),
-        parameters=tuple(map(float, parameters)),
-        gate=None if gate is None else float(gate),
-        name=group.attrs["name"],
-        estimate={name: tuple(sd) for name, sd in estimate.items()},
-        slip=float(group.attrs.get("slip", 0.0)),
+    if "imu" not in found.groups:
+        raise DataError(f"{path}: group imu is missing; {DAMAGED}")
+    imu = Imu(**_checked(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))
+    if len(imu.t) < 2:
+        raise DataError(f"{path}: group imu: t has {len(imu.t)} samples, it must have 2 or more")
+    sources = {name: SOURCE.fullmatch(name) for name in found.groups}
+    aidings = [
+        _aiding(found.groups[name], f"{path}: group {name}")
+        for name in sorted(filter(sources.get, sources), key=lambda name: int(name[7:]))
+    ]
+    truth = found.groups.get("reference")
+    reference = truth and Trajectory(
+        **_checked(truth, REFERENCE_COLUMNS, f"{path}: group reference")
     )
+    return _meta_of(found, path), imu, aidings, reference
 
 
-def _check_columns(imu: Imu, path: Path) -> None:
-    n = len(imu.t)
-    whole = imu.t.shape == imu.dt.shape == (n,) and imu.dtheta.shape == imu.dv.shape == (n, 3)
-    if (
-        not whole
-        or n < 2
-        or not all(np.isfinite(column).all() for column in imu)
-        or not (np.diff(imu.t) > 0).all()
-        or not (imu.dt > 0).all()
-    ):
-        raise DataError(
-            f"{path}: group imu must hold at least 2 finite samples in rising time with positive "
-            f"dt; read the original files again"
-        )
+def _checked(group: Content, schema: Schema, where: str) -> dict[str, Array]:
+    """{name: array} of the variables of a schema that the group has. Raises DataError."""
+    check_arrays(group.variables, schema, where, AXES, group.units)
+    return {
+        name: np.require(group.variables[name], float, ["C", "W"])
+        for name in schema
+        if name in group.variables
+    }
+
+
+def _meta_of(found: Content, path: Path) -> dict[str, Any]:
+    from ..own.recording_rules import RecordingMeta
+    from ..own.text_rules import check_values, from_json
+
+    where = f"{path}: meta"
+    meta = check_values(dict[str, Any], from_json(found.texts.get("meta"), where), where)
+    arrays = {name[5:]: values for name, values in found.variables.items() if name[:5] == "meta_"}
+    for name, values in arrays.items():
+        if values.dtype.kind not in "iuf":
+            raise DataError(f"{path}: meta_{name} is no array of numbers; {DAMAGED}")
+    known = {name: arrays[name].tolist() for name in set(arrays) & set(RecordingMeta.model_fields)}
+    check_values(RecordingMeta, meta | known, where)
+    return {**meta, **arrays}
+
+
+def _aiding(group: Content, where: str) -> Aiding:
+    from ..own.recording_rules import AidingAttributes
+    from ..own.text_rules import check_values, from_json
+
+    said = dict(group.attributes)
+    if "parameters" in said:
+        said["parameters"] = np.atleast_1d(said["parameters"]).tolist()
+    if "estimate" in said:
+        said["estimate"] = from_json(said["estimate"], f"{where}: estimate")
+    check_values(AidingAttributes, said, where)
+    with located(where):
+        schema = _aiding_columns(said["kind"])
+    columns = _checked(group, schema, where)
+    return Aiding(
+        said["kind"],
+        **columns,
+        parameters=tuple(map(float, said.get("parameters", ()))),
+        gate=None if said.get("gate") is None else float(said["gate"]),
+        name=said["name"],
+        estimate={name: tuple(sd) for name, sd in said.get("estimate", {}).items()},
+        slip=float(said.get("slip", 0.0)),
+    )
 
 
 def inspect(path: Path) -> Findings:

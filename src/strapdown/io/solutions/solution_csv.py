@@ -6,7 +6,7 @@ import gzip
 import io
 import json
 import lzma
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,15 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from ...checks import DataError
+from ...checks import DataError, located
+from ...checksum import DAMAGED
 from ...data import NAV_COLUMNS, UNITS, Innovations, Solution
+from ...spreadsheet import as_written, inert
 from ...time_scales import gps_of, iso, iso_text
 from ...typing import Array
 from ...verdict import NOT_JUDGED
 from ..tables.table_file import Table, open_text, reading
 from ..tables.table_text import read_table
 from .number_text import lines
-from .solution_netcdf import checked
+from .solution_netcdf import SCHEMA
 from .solution_table import state_of, table_of
 
 VERDICT_LINE = "# verdict: "
@@ -45,8 +47,8 @@ def write_csv(solution: Solution, part: Path, path: Path, utc: bool = False) -> 
     verdict = solution.verdict
     with ways.get(path.suffix.lower(), open)(part, "wb") as file:
         if verdict.word != NOT_JUDGED:
-            said = f"{VERDICT_LINE}{verdict.word} {json.dumps(verdict.as_dict())}\n"
-            file.write(said.encode())
+            said = verdict.as_dict() | {"rows": len(solution.t)}
+            file.write(f"{VERDICT_LINE}{verdict.word} {json.dumps(said)}\n".encode())
         for text in _texts(solution, utc):
             file.write(text)
 
@@ -81,14 +83,16 @@ def _rows(solution: Solution, rows: slice) -> Solution:
 
 def _header(names: Iterator[str]) -> bytes:
     line = io.StringIO()
-    csv.writer(line, lineterminator="\n").writerow(names)
+    csv.writer(line, lineterminator="\n").writerow(map(inert, names))
     return line.getvalue().encode()
 
 
 def read_csv(path: Path) -> Solution:
     """The Solution in a file of `write_csv`, without innovations, events and covariance. Raises
     DataError."""
+    said = _said(path)
     table = read_table(path)
+    _check_rows(table, 3 if said else 2, said.pop("rows", None))
     columns = {}
     for column in map(str, table.frame.columns):
         name, unit = column.removesuffix("]").split(" [", 1) if " [" in column else (column, None)
@@ -107,11 +111,12 @@ def read_csv(path: Path) -> Solution:
     def read(names: list[str]) -> Array:
         return np.column_stack([table.numbers(columns[name]) for name in names])
 
+    _check_cells(table, columns)
     none = Innovations(
         np.empty(0), np.empty(0, np.int64), np.empty((0, 3)), np.empty(0), np.empty(0, bool)
     )
     extra = {
-        name: table.frame[column].to_numpy()
+        as_written(name): table.numbers(column)
         for name, column in columns.items()
         if name not in (*UNITS, "status", UTC)
     }
@@ -129,9 +134,47 @@ def read_csv(path: Path) -> Solution:
             "recording": path.name,
             "notes": [f"read from {path.name}: a table without innovations, events or covariance"],
             **_epoch_of(table),
-            **_verdict_of(path),
+            **({"verdict": said} if said else {}),
         },
     )
+
+
+def _check_rows(table: Table, first: int, rows: int | None) -> None:
+    """Refuse a table that was cut, or has lines without data below or above its header; `first`
+    is the line that data begin in. Raises DataError."""
+    odd = np.flatnonzero(table.lines != np.arange(first, first + len(table.lines)))
+    if len(odd):
+        line = first + int(odd[0]) if odd[0] else 1
+        raise DataError(
+            f"{table.name}, line {line}: is no row of a solution; {DAMAGED}, or take out the line"
+        )
+    if rows is not None and rows != len(table.frame):
+        raise DataError(
+            f"{table.name}: has {len(table.frame)} rows and its first line says {rows}; {DAMAGED}, "
+            f"or take out its first line if you took out rows"
+        )
+
+
+def _check_cells(table: Table, columns: Mapping[str, str]) -> None:
+    """Refuse numbers that no solution has, with their line. Raises DataError."""
+    for name, column in columns.items():
+        if name not in SCHEMA and name != "t":
+            continue
+        values, rule = table.numbers(column), SCHEMA["time" if name == "t" else name]
+        wrong = (values < rule.least) | (values > rule.most)
+        if not rule.missing:
+            wrong |= ~np.isfinite(values)
+        if rule.whole:
+            wrong |= values != np.rint(values)
+        if rule.rising:
+            wrong[1:] |= ~(np.diff(values) > 0)
+        table.origin.refuse(
+            wrong,
+            lambda row: (
+                f"{column} is {values[row]:.9g}, which no solution has there (times rise, sd are "
+                f"not negative, status is 0 to 3); {DAMAGED}"
+            ),
+        )
 
 
 def _epoch_of(table: Table) -> dict[str, Any]:
@@ -142,16 +185,22 @@ def _epoch_of(table: Table) -> dict[str, Any]:
     if not len(known):
         return {}
     first = int(known[0])
-    return {"epoch": iso(gps_of(str(table.cells(UTC)[first])) - table.numbers("t [s]")[first])}
+    with located(f"{table.origin.row(first)}, column {UTC!r}"):
+        return {"epoch": iso(gps_of(str(table.cells(UTC)[first])) - table.numbers("t [s]")[first])}
 
 
-def _verdict_of(path: Path) -> dict[str, Any]:
-    """{"verdict": as the first line of a CSV file says it}; {} where it says none."""
+def _said(path: Path) -> dict[str, Any]:
+    """What the comment before the table says: a verdict, and as `rows` how many rows follow; {}
+    where there is none. Raises DataError."""
+    from ..own.solution_rules import VerdictRules
+    from ..own.text_rules import check_values, from_json
+
     with reading(path), open_text(path) as file:
         first = file.readline()
     if not first.startswith(VERDICT_LINE):
         return {}
-    return {"verdict": checked(json.loads(first[first.index("{") :]))}
+    where = f"{path}: line 1"
+    return dict(check_values(VerdictRules, from_json(first[first.find("{") :], where), where))
 
 
 def _quaternion(rph: Array) -> Array | None:

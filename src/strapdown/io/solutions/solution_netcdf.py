@@ -3,24 +3,28 @@ unit, and times as dates where the clock is absolute."""
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from ...checks import DataError
+from ...checksum import DAMAGED
 from ...core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from ...data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, Innovations, Solution
 from ...files import netcdf
 from ...typing import Array
-from ...verdict import NOT_JUDGED, Verdict
+from ...verdict import NOT_JUDGED
+from ..own.array_rules import Column, check_arrays
+from ..own.hdf5_content import Content, content
 from .solution_table import state_of, table_of
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
 """{name: (dimensions, values, attributes)} of a group of a NetCDF file."""
 FORMAT = "strapdown solution 1"
+WHAT = "NetCDF solution"
 CONVENTIONS = "CF-1.11"
 STANDARD_NAMES = {
     "lat": "latitude",
@@ -33,6 +37,49 @@ STANDARD_NAMES = {
 """Of the CF conventions, for those that have one."""
 CF_UNITS = {"deg": "degree", "deg/h": "degree/hour", "deg/s": "degree/s"}
 """What UDUNITS calls a unit, where that is not its name here."""
+SINCE = re.compile("seconds since ")
+"""Begins the unit of times that are dates."""
+EXTRA = re.compile(r"extra_\d+", re.ASCII)
+EXTRA_COLUMN = Column("time", missing=True, infinite=True)
+PART_OF_Q = Column("time", "1", missing=True)
+Q_COLUMN = Column("time quaternion", missing=True, unit_length=True)
+LIMITS = {"lat": 90.0, "lon": 360.0, "roll": 180.0, "pitch": 90.0, "heading": 360.0}
+"""deg: beyond them no angle is written; a last digit is allowed for."""
+
+
+def _units(name: str) -> str:
+    """The units of a column of the table that files of any version say."""
+    unit = UNITS[name]
+    places = {"lat": "|degrees_north", "lon": "|degrees_east"}
+    return unit + places.get(name, f"|{CF_UNITS[unit]}" if unit in CF_UNITS else "")
+
+
+SCHEMA = {
+    "time": Column("time", "s", rising=True),
+    **{
+        name: Column(
+            "time",
+            _units(name),
+            missing=True,
+            infinite=True,
+            least=-LIMITS.get(name, np.inf) - 1e-6,
+            most=LIMITS.get(name, np.inf) + 1e-6,
+        )
+        for name in NAV_COLUMNS + BIAS_COLUMNS
+    },
+    **{
+        name: Column("time", _units(name), missing=True, infinite=True, least=0.0)
+        for name in SD_COLUMNS
+    },
+    "status": Column("time", "1", least=VALID, most=DOUBTFUL, whole=True),
+    "covariance": Column("time state state", missing=True, infinite=True, optional=True),
+    "fix_time": Column("fix", "s", ordered=True),
+    "fix_source": Column("fix", "1", least=0, whole=True),
+    "innovation": Column("fix row", missing=True, infinite=True),
+    "nis": Column("fix", "1", missing=True, infinite=True, least=0.0),
+    "accepted": Column("fix", "1", least=0, most=1, whole=True),
+}
+"""What the arrays of a solution must be."""
 
 
 def write_netcdf(solution: Solution, part: Path) -> None:
@@ -159,55 +206,78 @@ def _unit_of(name: str) -> dict[str, str]:
 
 def read_netcdf(path: Path) -> Solution:
     """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
-    import h5netcdf
-
-    with h5netcdf.File(path, "r") as file:
-        if file.attrs.get("format") != FORMAT:
-            raise DataError(
-                f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
-                f"recordings with strapdown.read"
-            )
-
-        def column(name: str) -> np.ndarray[Any, Any]:
-            return np.asarray(file[name][...])
-
-        def table(names: list[str]) -> Array:
-            return np.column_stack([column(name) for name in names])
-
-        def read(name: str) -> Any:
-            return json.loads(np.asarray(file[name][...]).item())
-
-        innovations = Innovations(
-            column("fix_time"),
-            column("fix_source"),
-            column("innovation"),
-            column("nis"),
-            column("accepted").astype(bool),
-            tuple(read("sources")),
-            tuple(read("gates")),
+    found = content(path, WHAT)
+    if found.attributes.get("format") != FORMAT:
+        raise DataError(
+            f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
+            f"recordings with strapdown.read"
         )
-        extra = {
-            str(file[name].attrs["long_name"]): column(name)
-            for name in file.variables
-            if re.fullmatch(r"extra_\d+", name)
-        }
-        meta = read("meta")
-        if "verdict" in file.variables:
-            meta["verdict"] = checked(read("verdict"))
-        covariance = column("covariance") if "covariance" in file.variables else None
-        q_nb = table(QUATERNION) if QUATERNION[0] in file.variables else None
-        trajectory, b_a, b_g = state_of(column("time"), table, q_nb)
-        return Solution(
-            trajectory,
-            b_a,
-            b_g,
-            column("status"),
-            innovations,
-            tuple((t, text) for t, text in read("events")),
-            extra,
-            covariance,
-            meta,
+    texts = _texts(found, path)
+    columns = found.variables
+    units = {name: "s" if SINCE.match(unit) else unit for name, unit in found.units.items()}
+    extra = {name: column for name, column in columns.items() if EXTRA.fullmatch(name)}
+    schema = SCHEMA | dict.fromkeys(extra, EXTRA_COLUMN)
+    has_attitude = not columns.keys().isdisjoint(QUATERNION)
+    schema |= dict.fromkeys(QUATERNION if has_attitude else (), PART_OF_Q)
+    check_arrays(columns, schema, path, {"row": 3}, units)
+
+    def table(names: list[str]) -> Array:
+        return np.column_stack([columns[name] for name in names])
+
+    q_nb = table(QUATERNION) if has_attitude else None
+    if q_nb is not None:
+        check_arrays({"quaternion": q_nb}, {"quaternion": Q_COLUMN}, path)
+    trajectory, b_a, b_g = state_of(columns["time"], table, q_nb)
+    return Solution(
+        trajectory,
+        b_a,
+        b_g,
+        columns["status"],
+        _innovations(found, texts, path),
+        tuple((t, text) for t, text in texts["events"]),
+        {found.names.get(name, name): column for name, column in extra.items()},
+        columns.get("covariance"),
+        texts["meta"] | ({"verdict": texts["verdict"]} if "verdict" in texts else {}),
+    )
+
+
+def _texts(found: Content, path: Path) -> dict[str, Any]:
+    """What the variables of JSON say. Raises DataError."""
+    from ..own import solution_rules as rules
+    from ..own.text_rules import check_values, from_json
+
+    models = {
+        "sources": rules.Sources,
+        "gates": rules.Gates,
+        "events": rules.Events,
+        "meta": rules.SolutionMeta,
+        "verdict": rules.VerdictRules,
+    }
+    return {
+        name: check_values(model, from_json(found.texts.get(name), where), where)
+        for name, model in models.items()
+        for where in [f"{path}: {name}"]
+        if name != "verdict" or name in found.texts
+    }
+
+
+def _innovations(found: Content, texts: Mapping[str, Any], path: Path) -> Innovations:
+    """Raises DataError where a fix is of no source."""
+    names, source = tuple(texts["sources"]), found.variables["fix_source"]
+    if len(texts["gates"]) not in (0, len(names)) or (len(source) and source.max() >= len(names)):
+        raise DataError(
+            f"{path}: there are {len(names)} sources and {len(texts['gates'])} gates, and a fix of "
+            f"source {source.max(initial=0)}; {DAMAGED}"
         )
+    return Innovations(
+        found.variables["fix_time"],
+        source,
+        found.variables["innovation"],
+        found.variables["nis"],
+        found.variables["accepted"].astype(bool),
+        names,
+        tuple(texts["gates"]),
+    )
 
 
 def plain(value: Any) -> Any:
@@ -226,8 +296,3 @@ def plain(value: Any) -> Any:
     if isinstance(value, (np.ndarray, np.generic)):
         return plain(value.tolist())
     return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
-
-
-def checked(verdict: dict[str, Any]) -> dict[str, Any]:
-    """What a file says as its verdict, where it is one; else what `read_solution` refuses."""
-    return Verdict.from_dict(verdict).as_dict()

@@ -1,0 +1,112 @@
+"""Whether filters are as good as they say, at every grade: `strapdown reproduce consistency`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from strapdown.checks import check_choice, check_number
+from strapdown.typing import File, Progress
+
+from ..common.pages import write_page
+from ..common.study import on_threads, part_of
+from . import figure, runs, summary
+from .twin import SETS, right
+from .worlds import FILTERS, GRADES, SCENARIOS, Cell, check_filter, is_fed
+
+RUNS, QUICK_RUNS = 60, 10
+QUICK_FILTERS, QUICK_SCENARIOS = ("closed-loop",), ("straight", "hand-held")
+OF_RUNS = 0.9
+"""Part of the time that the runs take; the rest are the twins."""
+
+
+def reproduce(
+    out: File,
+    quick: bool = False,
+    runs: int | None = None,
+    seed: int = 0,
+    workers: int = 0,
+    filter: Sequence[str] = (),
+    scenario: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Run every cell, write the page into the folder `out`, return the claims.
+
+    What the folder has of the same runs is not run again, so that the table can be made in parts.
+    quick: the closed loop in two scenarios, few runs; runs: of each cell; workers: threads, the
+    processors by default; filter: labels as of a study (default: FILTERS); scenario: names
+    (default: SCENARIOS); progress: called with the fraction done. Raises DataError.
+    """
+    count = (QUICK_RUNS if quick else RUNS) if runs is None else runs
+    check_number(count, "runs", least=2, whole=True)
+    check_number(seed, "seed", least=0, whole=True)
+    labels = tuple(filter) or (QUICK_FILTERS if quick else FILTERS)
+    names = tuple(scenario) or (QUICK_SCENARIOS if quick else SCENARIOS)
+    for label in labels:
+        check_filter(label)
+    for name in names:
+        check_choice(name, "scenario", SCENARIOS)
+    return write(Path(out), table(Path(out), labels, names, count, seed, workers, progress))
+
+
+def table(
+    out: Path,
+    labels: Sequence[str],
+    names: Sequence[str],
+    count: int,
+    seed: int,
+    workers: int,
+    progress: Progress | None,
+) -> pd.DataFrame:
+    """A row per cell."""
+    studies = {
+        (label, name): runs.study(label, name, GRADES, count, seed)
+        for label in labels
+        for name in names
+    }
+    total, done, campaigns = sum(study.steps() for study in studies.values()), 0, {}
+    for key, study in studies.items():
+        own = part_of(progress, OF_RUNS * done / total, OF_RUNS * (done + study.steps()) / total)
+        campaigns[key] = runs.run(out, study, workers, own)
+        done += study.steps()
+    worlds = dict.fromkeys(
+        (name, grade, is_fed(label)) for label, name in studies for grade in GRADES
+    )
+    twins = dict(
+        zip(
+            worlds,
+            on_threads(
+                lambda world: right(*world, count, SETS),
+                list(worlds),
+                workers or None,
+                part_of(progress, OF_RUNS, 1.0),
+            ),
+        )
+    )
+    return pd.DataFrame(
+        [
+            runs.row(campaign, Cell(label, name, grade), place, twins[name, grade, is_fed(label)])
+            for (label, name), campaign in campaigns.items()
+            for place, grade in enumerate(GRADES)
+        ]
+    )
+
+
+def write(out: Path, rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Write page, figure and tables of finished cells into the folder `out`; return the claims."""
+    claims = summary.claims(rows)
+    write_page(
+        out,
+        summary.TITLE,
+        summary.INTRODUCTION,
+        claims,
+        {"cells": (None, rows), **summary.tables(rows)},
+        links=[("every cell in one figure", "consistency.svg")],
+        texts={
+            "table.md": summary.in_docs(claims, rows),
+            "each.md": summary.each_in_docs(rows),
+            "consistency.svg": figure.drawn(rows),
+        },
+    )
+    return claims

@@ -1,0 +1,86 @@
+"""The runs: a campaign for each filter and scenario, which can be resumed, and a row per cell."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strapdown.core.contract import STATES
+from strapdown.evaluation.consistency import INCONSISTENT, POSITION_LOST, SURVIVED
+from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.experiments.monte_carlo.study import Study
+from strapdown.typing import Array, Progress
+
+from . import verdicts
+from .refused import REFUSED
+from .twin import Right
+from .worlds import EPOCH, Cell, is_fed, keep, world
+
+CAMPAIGNS = "campaigns"
+"""Folder of the campaigns in that of the results."""
+
+
+def study(filter: str, scenario: str, grades: tuple[str, ...], runs: int, seed: int) -> Study:
+    """The runs of a filter in a scenario."""
+    own = world(scenario, is_fed(filter))
+    return Study((own,), (filter,), grades, runs, seed, EPOCH, keep(own))
+
+
+def run(out: Path, of: Study, workers: int, progress: Progress | None) -> Campaign:
+    """The campaign of a study, below `out`; what is there already is not run again."""
+    folder = out / CAMPAIGNS / of.filters[0].replace(":", "-") / of.cells[0].scenario.name
+    return of.run(folder, threads=workers or None, progress=progress)
+
+
+def row(campaign: Campaign, cell: Cell, place: int, right: Right) -> dict[str, Any]:
+    """The figures of a cell, the `place`-th of its campaign, beside those of a right filter."""
+    name = campaign.cells[place]
+    numbers = campaign.numbers(name)
+    parts = campaign.read(name, ("nees_rows",))
+    nees = np.concatenate([part["nees_rows"][0] for part in parts]).astype(float)
+    reasons, runs = numbers["reason"][0], len(nees)
+    survived = float((reasons == SURVIVED).mean())
+    found = verdicts.shares(nees, STATES)
+    p = verdicts.chance(found.inside, right.inside)
+    mean, error = anees(nees / STATES)
+    return {
+        **cell._asdict(),
+        "runs": runs,
+        "verdict": verdicts.verdict(found, survived, p),
+        "refused": REFUSED.get(cell, ""),
+        "inside_%": 100 * found.inside,
+        "above_%": 100 * found.above,
+        "below_%": 100 * found.below,
+        "right_median_%": 100 * float(np.median(right.inside)),
+        "right_1_in_100_%": 100 * float(np.quantile(right.inside, verdicts.CHANCE)),
+        "p": p,
+        "survived_%": 100 * survived,
+        "lost": int((reasons == POSITION_LOST).sum()),
+        "inconsistent": int((reasons == INCONSISTENT).sum()),
+        "anees": mean,
+        "anees_error": error,
+        "anees_median": float(np.median(known(nees / STATES).mean(axis=1))),
+        "anees_right_sd": float(right.anees.std(ddof=1)) if len(right.anees) > 1 else np.nan,
+        "anees_alive": float(np.nanmean(numbers["nees"][0])) / STATES,
+    }
+
+
+def known(nees: Array) -> Array:
+    """NEES with infinity where it is no number: a filter that stopped, or whose P is none."""
+    return np.where(np.isfinite(nees), nees, np.inf)
+
+
+def anees(nees: Array) -> tuple[float, float]:
+    """Mean of NEES by degree of freedom (runs, epochs), and its standard error over the runs; all
+    runs count to their end."""
+    means = known(nees).mean(axis=1)
+    if not np.isfinite(means).all() or len(means) < 2:
+        return float(means.mean()), np.nan
+    return float(means.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
+
+
+def cells(filters: Iterable[str], scenarios: Iterable[str], grades: Iterable[str]) -> list[Cell]:
+    """All combinations."""
+    grades, scenarios = tuple(grades), tuple(scenarios)
+    return [Cell(f, s, g) for f in filters for s in scenarios for g in grades]

@@ -1,0 +1,163 @@
+"""The figures of the table of consistency, their targets, and the tables."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..common import markdown
+from .refused import MOST
+from .verdicts import BY_CHANCE, CONSISTENT, INSIDE, SURVIVED, VERDICTS
+
+TITLE = "Consistency: is the error as large as the filter says"
+INTRODUCTION = (
+    "Every cell is a filter in a scenario with a grade of IMU. At each epoch the NEES of the 15 "
+    "states is averaged over all runs, to their end, whatever became of them; a right filter keeps "
+    "that mean inside a chi-square band at 95 of 100 epochs.",
+    "The errors of neighbouring epochs are alike. So `p` has the share of right filters that come to "
+    "no more epochs inside the band, by simulation of a linear twin. A run survives that never is "
+    "500 m off, nor for more than 10 s beyond what 1 in 1 000 000 right filters come to.",
+)
+
+
+class Target(NamedTuple):
+    """What is asked for."""
+
+    text: str
+    comparison: str  # <= or >=
+    bound: float
+    unit: str
+
+
+TARGETS = {
+    "inside": Target(
+        "epochs in the band, of the worst cell that is not refused", ">=", 100 * INSIDE, "%"
+    ),
+    "survived": Target(
+        "runs that survive, of the worst cell that is not refused", ">=", 100 * SURVIVED, "%"
+    ),
+    "refused": Target("refused cells, of the filter with the most", "<=", MOST, "cells"),
+    "missed": Target("cells, not refused, that miss 90 % or 98 %", "<=", 0, "cells"),
+    "wrong": Target("of these, cells that chance does not explain", "<=", 0, "cells"),
+}
+"""The targets, by name: the first three are asked for as they stand, the others count cells by
+the same rule, and by the rule that allows for chance."""
+
+
+def counted(rows: pd.DataFrame) -> pd.DataFrame:
+    """The cells that are not refused."""
+    return rows[rows["refused"] == ""]
+
+
+def figures(rows: pd.DataFrame) -> dict[str, float]:
+    """{name of a target: figure}."""
+    own = counted(rows)
+    refused = (rows["refused"] != "").groupby(rows["filter"]).sum()
+    return {
+        "inside": float(own["inside_%"].min()),
+        "survived": float(own["survived_%"].min()),
+        "refused": float(refused.max()),
+        "missed": float((own["verdict"] != CONSISTENT).sum()),
+        "wrong": float((~own["verdict"].isin((CONSISTENT, BY_CHANCE))).sum()),
+    }
+
+
+def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """What was asked for, what was measured, whether it holds."""
+    return [
+        {
+            "claim": target.text,
+            "target": f"{target.comparison} {target.bound:g} {target.unit}",
+            "figure": f"{figure:.4g} {target.unit}",
+            "value": figure,
+            "bound": float(target.bound),
+            "holds": bool(
+                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
+            ),
+        }
+        for name, figure in figures(rows).items()
+        for target in [TARGETS[name]]
+        if np.isfinite(figure)
+    ]
+
+
+def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per filter: how many of its cells are called what, and how many are refused."""
+    names = rows["verdict"].where(rows["refused"] == "", "refused")
+    counts = names.groupby(rows["filter"], sort=False).value_counts().unstack(fill_value=0)
+    return counts.reindex(columns=[*VERDICTS, "refused"], fill_value=0).reset_index()
+
+
+def each(rows: pd.DataFrame) -> pd.DataFrame:
+    """A row per cell, as text for a page."""
+    p = [f"{value:.2f}" if value >= 0.005 else "< 0.01" for value in rows["p"]]
+    error = [f" ± {value:.2f}" if np.isfinite(value) else "" for value in rows["anees_error"]]
+    anees = [f"{large(value)}{plus}" for value, plus in zip(rows["anees"], error)]
+    return pd.DataFrame(
+        {
+            "filter": rows["filter"],
+            "scenario": rows["scenario"],
+            "grade": rows["grade"],
+            "verdict": rows["verdict"].where(rows["refused"] == "", "refused"),
+            "inside, %": [f"{value:.0f}" for value in rows["inside_%"]],
+            "right: median, 1 in 100": [
+                f"{a:.0f}, {b:.0f}"
+                for a, b in zip(rows["right_median_%"], rows["right_1_in_100_%"])
+            ],
+            "p": p,
+            "survived, %": [f"{value:.0f}" for value in rows["survived_%"]],
+            "ANEES": anees,
+            "median": [large(value) for value in rows["anees_median"]],
+        }
+    )
+
+
+def large(value: float) -> str:
+    """Two decimals, or the power of ten of what diverged."""
+    return f"{value:.2f}" if value < 100 else f"{value:.0e}" if np.isfinite(value) else "∞"
+
+
+def refused(rows: pd.DataFrame) -> pd.DataFrame:
+    """The cells that are refused, with the reason."""
+    own = rows[rows["refused"] != ""]
+    return own[["filter", "scenario", "grade", "refused"]].rename(columns={"refused": "reason"})
+
+
+def missed(rows: pd.DataFrame) -> pd.DataFrame:
+    """The cells, not refused, that miss the target and that chance does not explain."""
+    own = counted(rows)
+    return each(own[~own["verdict"].isin((CONSISTENT, BY_CHANCE))])
+
+
+def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
+    """{name: (caption, DataFrame)}."""
+    return {
+        "by-filter": ("Cells of each filter", by_filter(rows)),
+        "refused": ("Refused cells", refused(rows)),
+        "each": ("Every cell", each(rows)),
+    }
+
+
+def in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
+    """Markdown for docs/consistency.md."""
+    shown = pd.DataFrame(
+        [
+            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
+            for c in claims
+        ],
+        columns=["figure", "target", "measured", ""],
+    )
+    headed = [("### Figures", shown), ("### Cells of each filter", by_filter(rows))]
+    if len(refused(rows)):
+        headed.append(("### Refused cells", refused(rows)))
+    return markdown.tables(headed)
+
+
+def each_in_docs(rows: pd.DataFrame) -> str:
+    """Markdown for docs/consistency-each.md: a table per filter."""
+    table = each(rows)
+    return markdown.tables(
+        (f"### {name}", own.drop(columns="filter"))
+        for name, own in table.groupby("filter", sort=False)
+    )

@@ -1,0 +1,206 @@
+"""The linear twin: an error that is exactly as its covariance says, and what becomes of it by
+chance.
+
+A Kalman filter of the 15 error states runs along the truth with the IMU's noise and the fixes of a
+cell. Its error is a Gauss-Markov sequence: over an epoch e <- A e + w, where A is the product of all
+transitions and corrections (I - K H) Phi, and P the covariance that is left. Whitened by the roots
+L of P, z = L^-1 e, it is z <- M z + (I - M M')^(1/2) n with M = L'^-1 A L and n of unit variance, so
+that z is N(0, I) at each epoch, and remembers as the filter does. Sets of such runs say how many
+epochs a right filter has inside a band.
+
+Equations: Groves (2013), Principles of GNSS, Inertial, and Multisensor Integrated Navigation
+Systems, 14.2.4; they are written down here again, so that the twin owes the filters nothing.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from strapdown.core.contract import ATT, BA, BG, POS, STATES, VEL, Noise
+from strapdown.data import Aiding
+from strapdown.evaluation.consistency import band
+from strapdown.geodesy import radii
+from strapdown.recording import Recording
+from strapdown.sensor_models.imu import grade
+from strapdown.sim.scenario import Scenario
+from strapdown.sim.synthesis import Simulator
+from strapdown.typing import Array, Ints
+
+from .worlds import EPOCH, keep, world
+
+EARTH_RATE, GRAVITY = 7.292115e-5, 9.81  # rad/s, m/s^2
+SETS = 400
+"""Sets of runs of a right filter: 4 of them are below what 1 in 100 come to."""
+
+
+class Memory(NamedTuple):
+    """How the twin's error goes from one epoch to the next."""
+
+    covariance: Array  # (epochs + 1, 15, 15), the first at the start
+    transition: Array  # (epochs, 15, 15) A
+
+
+class Right(NamedTuple):
+    """What sets of runs of a right filter come to."""
+
+    inside: Array  # (sets,) share of the epochs inside the band
+    anees: Array  # (sets,) mean of NEES over the states
+
+
+def right(scenario: str, grade_name: str, fed: bool, runs: int, sets: int = SETS) -> Right:
+    """Sets of `runs` of the twin of a cell, at the epochs that the table counts."""
+    own, imu = world(scenario, fed), grade(grade_name)
+    made = Simulator(own)
+    memory = remembered(
+        made.ideal_recording(),
+        np.diag(own.start_deviations(imu) ** 2),
+        imu.noise(),
+        own.gnss.lever_arm,
+        counted(own),
+    )
+    return drawn(whitened(memory), runs, sets, np.random.default_rng(1))
+
+
+def counted(own: Scenario) -> Ints:
+    """The samples at whose end a study of this scenario keeps an epoch: the last, and back."""
+    return np.arange(round(own.duration * own.rate) - 1, -1, -round(EPOCH * own.rate) * keep(own))[
+        ::-1
+    ]
+
+
+def whitened(memory: Memory) -> Array:
+    """M of every epoch (epochs, 15, 15)."""
+    P = memory.covariance
+    scale = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+    L = np.linalg.cholesky(P / (scale[:, :, None] * scale[:, None, :])) * scale[:, :, None]
+    M = np.linalg.solve(
+        L[1:] / scale[1:, :, None], (memory.transition / scale[1:, :, None]) @ L[:-1]
+    )
+    return np.asarray(M)
+
+
+def drawn(M: Array, runs: int, sets: int, rng: np.random.Generator) -> Right:
+    """Right of `sets` sets of `runs`, of M (epochs, s, s)."""
+    epochs, s, _ = M.shape
+    value, vector = np.linalg.eigh(np.eye(s) - M @ M.transpose(0, 2, 1))
+    root = (vector * np.sqrt(np.clip(value, 0, None))[:, None, :]).astype(np.float32)
+    low, high = band(s, runs)
+    z = rng.standard_normal((s, sets * runs), np.float32)
+    inside, total = np.zeros(sets), np.zeros(sets)
+    for carried, renewed in zip(M.astype(np.float32), root):
+        z = carried @ z + renewed @ rng.standard_normal(z.shape, np.float32)
+        mean = (z * z).sum(axis=0, dtype=float).reshape(sets, runs).mean(axis=1)
+        inside += (mean >= low) & (mean <= high)
+        total += mean
+    return Right(inside / epochs, total / epochs / s)
+
+
+def remembered(
+    ideal: Recording, P: Array, noise: Noise, lever_arm: tuple[float, ...], at: Ints
+) -> Memory:
+    """Memory of the twin along an ideal recording from the covariance P, at the end of the samples
+    `at`."""
+    A, covariances, transitions, begin = np.eye(STATES), [P], [], 0
+    (Phis, Qs), fixes = _transitions(ideal, noise), _corrections(ideal, lever_arm)
+    epochs = set(at.tolist())
+    for stop in sorted(epochs | set(fixes)):
+        Phi, Q = composed(Phis[begin : stop + 1], Qs[begin : stop + 1])
+        P, A, begin = Phi @ P @ Phi.T + Q, Phi @ A, stop + 1
+        for H, R in fixes.get(stop, ()):
+            K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+            left = np.eye(STATES) - K @ H
+            P, A = left @ P @ left.T + K @ R @ K.T, left @ A
+        if stop in epochs:
+            covariances.append(P)
+            transitions.append(A)
+            A = np.eye(STATES)
+    return Memory(np.array(covariances), np.array(transitions))
+
+
+def composed(Phi: Array, Q: Array) -> tuple[Array, Array]:
+    """Transition and noise of steps (n, 15, 15) one after the other."""
+    while len(Phi) > 1:
+        odd = len(Phi) % 2
+        second, first = Phi[1 + odd :: 2], Phi[odd::2]
+        later = second @ Q[odd::2] @ second.transpose(0, 2, 1) + Q[1 + odd :: 2]
+        Phi, Q = (
+            np.concatenate([Phi[:odd], second @ first]),
+            np.concatenate([Q[:odd], later]),
+        )
+    return Phi[0], Q[0]
+
+
+def _rows(ideal: Recording, aiding: Aiding) -> Ints:
+    """The samples at whose end the fixes are."""
+    return np.clip(np.searchsorted(ideal.imu.t, aiding.t - 1e-6), 0, len(ideal.imu.t) - 1)
+
+
+def _transitions(ideal: Recording, noise: Noise) -> tuple[Array, Array]:
+    """Phi and Q of every sample (n, 15, 15), to the second order in its length."""
+    truth, imu = ideal.reference, ideal.imu
+    assert truth is not None and truth.v_n is not None
+    n, dt = len(imu.t), imu.dt
+    C = truth.rotation[1:].as_matrix()
+    f = np.einsum("nij,nj->ni", C, imu.dv / dt[:, None])
+    lat, height = truth.lla[1:, 0], truth.lla[1:, 2]
+    meridian, normal = radii(lat)
+    north, east = meridian + height, normal + height
+    v = truth.v_n[1:]
+    earth = EARTH_RATE * np.stack([np.cos(lat), np.zeros(n), -np.sin(lat)], axis=1)
+    transport = np.stack([v[:, 1] / east, -v[:, 0] / north, -v[:, 1] * np.tan(lat) / east], axis=1)
+    F = np.zeros((n, STATES, STATES))
+    F[:, POS, VEL] = np.eye(3)
+    F[:, VEL, VEL] = -skew(2 * earth + transport)
+    F[:, VEL, ATT], F[:, VEL, BA] = -skew(f), -C
+    F[:, VEL.stop - 1, POS.stop - 1] = (
+        2 * GRAVITY / np.sqrt(north * east)
+    )  # gravity grows downwards
+    F[:, ATT, ATT], F[:, ATT, BG] = -skew(earth + transport), -C
+    F[:, ATT.start, VEL.start + 1] = -1 / east
+    F[:, ATT.start + 1, VEL.start] = 1 / north
+    F[:, ATT.start + 2, VEL.start + 1] = np.tan(lat) / east
+    F[:, range(BA.start, BA.stop), range(BA.start, BA.stop)] = -noise.accel_decay
+    F[:, range(BG.start, BG.stop), range(BG.start, BG.stop)] = -noise.gyro_decay
+    step = F * dt[:, None, None]
+    density = np.repeat(
+        [0.0, noise.accel**2, noise.gyro**2, noise.accel_bias**2, noise.gyro_bias**2], 3
+    )
+    half = 0.5 * dt[:, None, None] * np.diag(density)
+    Phi = np.eye(STATES) + step + 0.5 * step @ step
+    return Phi, Phi @ half @ Phi.transpose(0, 2, 1) + half
+
+
+def skew(v: Array) -> Array:
+    """(n, 3, 3) with skew(a) b = a x b."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 2, 1], out[:, 0, 2], out[:, 1, 0] = v.T
+    return out - out.transpose(0, 2, 1)
+
+
+def _corrections(
+    ideal: Recording, lever_arm: tuple[float, ...]
+) -> dict[int, list[tuple[Array, Array]]]:
+    """{sample: [(H, R)]} of the fixes."""
+    truth, imu = ideal.reference, ideal.imu
+    assert truth is not None
+    found: dict[int, list[tuple[Array, Array]]] = {}
+    for aiding in ideal.aidings:
+        rows = _rows(ideal, aiding)
+        C = truth.rotation[rows + 1].as_matrix()
+        H, R = np.zeros((len(rows), 3, STATES)), aiding.sd[:, None, :] ** 2 * np.eye(3)
+        arm = C @ np.array(lever_arm)
+        if aiding.kind == "position":
+            H[:, :, POS], H[:, :, ATT] = np.eye(3), -skew(arm)
+        elif aiding.kind == "velocity":
+            rate = imu.dtheta[rows] / imu.dt[rows, None]
+            swept = np.einsum("nij,nj->ni", C, np.cross(rate, lever_arm))
+            H[:, :, VEL], H[:, :, ATT] = np.eye(3), -skew(swept)
+        else:  # attitude: rotations about the forward and right axes of the heading, and down
+            heading = np.arctan2(C[:, 1, 0], C[:, 0, 0])
+            c, s, none = np.cos(heading), np.sin(heading), np.zeros(len(rows))
+            H[:, 0, ATT] = np.stack([c, s, none], axis=1)
+            H[:, 1, ATT] = np.stack([-s, c, none], axis=1)
+            H[:, 2, ATT.stop - 1] = 1.0
+        for row, h, r in zip(rows.tolist(), H, R):
+            found.setdefault(row, []).append((h, r))
+    return found

@@ -1,0 +1,111 @@
+"""What arrays of our own files must be, declared a variable at a time."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...checksum import DAMAGED
+
+UNIT_LENGTH = 1e-6
+"""How far the norm of a quaternion may be from 1: more than single precision rounds."""
+
+
+class Column(NamedTuple):
+    """A variable: names of its axes, those of one name being as long as each other, what it is and
+    what its values must be."""
+
+    axes: str  # separated by blanks
+    units: str = ""  # others are refused where a file says its unit; "": any
+    about: str = ""
+    missing: bool = False  # NaN is allowed
+    infinite: bool = False  # inf too
+    least: float = -np.inf
+    above: float = -np.inf
+    most: float = np.inf
+    rising: bool = False  # along its first axis, each above the one before
+    ordered: bool = False  # along its first axis, none below the one before
+    unit_length: bool = False  # along its last axis, where it is known
+    whole: bool = False  # whole numbers, of an integer type or not
+    optional: bool = False
+
+
+Schema = Mapping[str, Column]
+
+
+def check_arrays(
+    found: Mapping[str, "np.ndarray[Any, Any]"],
+    schema: Schema,
+    where: object,
+    sizes: Mapping[str, int] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> dict[str, int]:
+    """Refuse what contradicts the schema; {axis: length} of what was found, which begins with
+    `sizes`. `units` are those that the file says. Raises DataError that begins with `where`."""
+    lengths = dict(sizes or {})
+    for name, column in schema.items():
+        if name not in found:
+            if not column.optional:
+                raise DataError(f"{where}: {name} is missing; {DAMAGED}")
+            continue
+        said = (units or {}).get(name, column.units)
+        if column.units and said not in column.units.split("|"):
+            raise DataError(
+                f"{where}: {name} is in {said[:40]!r}, it must be in {column.units!r}; {DAMAGED}"
+            )
+        wrong = _shape(found[name], column, lengths) or _values(found[name], column)
+        if wrong:
+            raise DataError(f"{where}: {name} {wrong}; {DAMAGED}")
+    return lengths
+
+
+def _shape(values: "np.ndarray[Any, Any]", column: Column, lengths: dict[str, int]) -> str:
+    """What is wrong with type and shape, or ""."""
+    if values.dtype.kind not in "iufb":
+        return "holds no numbers"
+    axes = column.axes.split()
+    if values.ndim == len(axes):
+        for axis, length in zip(axes, values.shape):
+            lengths.setdefault(axis, length)
+    if values.shape != tuple(lengths.get(axis, -1) for axis in axes):
+        wanted = " x ".join(str(lengths.get(axis, axis)) for axis in axes)
+        return f"has the shape {values.shape}, it must be {wanted}"
+    return ""
+
+
+def _values(values: "np.ndarray[Any, Any]", column: Column) -> str:
+    """What is wrong with the numbers, or ""."""
+    bad, what = ~np.isfinite(values), "finite"
+    if column.missing:
+        bad, what = bad & ~np.isnan(values), "finite or NaN"
+    if column.infinite:
+        bad, what = np.isnan(values) & (not column.missing), "no NaN"
+    if not bad.any():
+        bad, what = (values < column.least) | (values > column.most), f"{column.least:g} or more"
+        if np.isfinite(column.most):
+            what = f"within {column.least:g} and {column.most:g}"
+    if not bad.any() and column.above > -np.inf:
+        bad, what = values <= column.above, f"above {column.above:g}"
+    if not bad.any() and column.whole:
+        bad, what = values != np.rint(values), "a whole number"
+    if bad.any():
+        at = tuple(map(int, np.argwhere(bad)[0]))
+        return f"is {values[at]:g} at {list(at)}, it must be {what}"
+    return _together(values, column)
+
+
+def _together(values: "np.ndarray[Any, Any]", column: Column) -> str:
+    """What is wrong with numbers beside each other, or ""."""
+    if column.rising and len(values) > 1 and not (np.diff(values) > 0).all():
+        row = int(np.argmin(np.diff(values) > 0))
+        return f"must be in rising time, and is {values[row]:.9g} before {values[row + 1]:.9g}"
+    if column.ordered and len(values) > 1 and (np.diff(values) < 0).any():
+        row = int(np.argmax(np.diff(values) < 0))
+        return f"must be in order, and is {values[row]:.9g} before {values[row + 1]:.9g}"
+    if column.unit_length:
+        norm = np.linalg.norm(values, axis=-1)
+        off = (np.abs(norm - 1) > UNIT_LENGTH) | (np.isnan(norm) & ~np.isnan(values).all(axis=-1))
+        if off.any():
+            return f"has the norm {norm[off][0]:.6g} in row {int(np.argmax(off))}, it must have 1"
+    return ""

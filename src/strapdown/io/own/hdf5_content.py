@@ -1,0 +1,117 @@
+"""NetCDF files of our own in memory. Whatever their checksum, their structure or HDF5 says against them
+is one line here and nowhere else."""
+
+from collections.abc import Collection
+from math import prod
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...checksum import DAMAGED, has_checksum
+from ...file_limits import check_size, in_force, regular
+from ...typing import File
+from .one_line import one_line
+
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+"""Begins the attribute NAME of a dataset that only has the size of a dimension (NetCDF-4 format
+specification, appendix on dimension scales)."""
+OF_NETCDF = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
+"""Attributes by which NetCDF and HDF5 keep their own books, beside those that begin with _N."""
+SEALED = "checksum"
+"""Root attribute of a file that must have the line of `strapdown.checksum`."""
+
+
+class Content(NamedTuple):
+    """What a group holds."""
+
+    attributes: dict[str, Any]
+    variables: dict[str, np.ndarray[Any, Any]]  # as they are stored; of texts arrays of objects
+    texts: dict[str, str]  # variables that are one text
+    units: dict[str, str]  # of the variables that say one
+    names: dict[str, str]  # long names, of the variables that say one
+    groups: dict[str, "Content"]
+
+
+def content(path: File, what: str, names: Collection[str] | None = None) -> Content:
+    """The content of a file: its root and groups one below it; `what` is what it should be, as
+    "NetCDF recording", `names` the variables that are wanted, all without. Raises DataError."""
+    import h5py
+
+    path = regular(path)
+    with one_line(path, what):
+        sealed = has_checksum(path)
+        with h5py.File(path, "r", locking=False) as file:
+            found = _group(file, path, names)
+    if SEALED in found.attributes and not sealed:
+        raise DataError(f"{path}: the line with its checksum is missing; {DAMAGED}")
+    return found
+
+
+def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0) -> Content:
+    import h5py
+
+    found = Content(_attributes(group), {}, {}, {}, {}, {})
+    if len(group) > in_force().entries:
+        raise DataError(f"{path}: has {len(group)} entries; {DAMAGED}")
+    for name in group:
+        if names is not None and name not in names:
+            continue
+        # others lead into other files, or in circles
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise DataError(f"{path}: {_shown(name)} is a link; {DAMAGED}")
+        node = group[name]
+        if isinstance(node, h5py.Dataset):
+            said = _attributes(node)
+            if str(node.attrs.get("NAME", b"")).removeprefix("b'").startswith(NO_VARIABLE):
+                continue
+            values = _values(node, path)
+            if isinstance(values, str):
+                found.texts[name] = values
+            else:
+                found.variables[name] = values
+            for key, into in (("units", found.units), ("long_name", found.names)):
+                if key in said:
+                    into[name] = str(said[key])
+        elif isinstance(node, h5py.Group) and not depth:
+            found.groups[name] = _group(node, path, None, depth + 1)
+        else:
+            raise DataError(f"{path}: {_shown(name)} is no variable; {DAMAGED}")
+    return found
+
+
+def _values(node: Any, path: Path) -> np.ndarray[Any, Any] | str:
+    """The values of a dataset, whose size must be in proportion to the file's."""
+    if node.external or node.is_virtual:
+        raise DataError(f"{path}: {_shown(node.name)} leads into another file; {DAMAGED}")
+    check_size(prod(node.shape or (0,)) * node.dtype.itemsize, path, path.stat().st_size)
+    values = node[()]
+    if isinstance(values, bytes):
+        return values.decode()
+    values = np.asarray(values)
+    if values.dtype.kind == "O":
+        texts = [each.decode() for each in values.ravel()]
+        return np.array(texts, object).reshape(values.shape)
+    if values.dtype.kind not in "iuf":
+        raise DataError(f"{path}: {_shown(node.name)} holds no numbers; {DAMAGED}")
+    return values
+
+
+def _attributes(node: Any) -> dict[str, Any]:
+    """{name: text, number or array of numbers} of a group or dataset, without those of NetCDF."""
+    found = {}
+    for name in node.attrs:
+        if name in OF_NETCDF or name.startswith("_N"):
+            continue
+        value = node.attrs[name]
+        if isinstance(value, np.ndarray) and value.size == 1:  # NetCDF has no other numbers
+            value = value.ravel()[0]
+        found[name] = value.item() if isinstance(value, np.generic) else value
+    return {
+        name: value.decode() if isinstance(value, bytes) else value for name, value in found.items()
+    }
+
+
+def _shown(name: str) -> str:
+    return repr(name)[:60]
