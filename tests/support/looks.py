@@ -3,6 +3,7 @@ tried. They give what is wrong, "" where nothing is, and raise DataError of what
 else they raise is wrong."""
 
 import json
+import zlib
 
 import numpy as np
 
@@ -34,6 +35,25 @@ def judged(look, paths, also_slow):
 def rising(t, strictly=True):
     step = np.diff(t)
     return np.isfinite(t).all() and bool(np.all(step > 0 if strictly else step >= 0))
+
+
+def broken_seal(paths):
+    """What is wrong where NetCDF files were read that are not what was written."""
+    import h5py
+    from strapdown.checksum import FOUND
+
+    for path in paths:
+        if path.suffix != ".nc":
+            continue
+        content = path.read_bytes()
+        found = list(FOUND.finditer(content))
+        if not found or found[-1].end() < len(content):
+            with h5py.File(path) as file:
+                if "checksum" in file.attrs:
+                    return f"{path.name} is read without its checksum"
+        elif int(found[-1][1], 16) != zlib.crc32(content[: found[-1].start()]):
+            return f"{path.name} is read in spite of its checksum"
+    return ""
 
 
 def wrong_aiding(aiding):
@@ -98,7 +118,7 @@ def recording(paths, also_slow):
 
     refused = None
     try:
-        wrong = wrong_recording(sd.read(*paths))
+        wrong = wrong_recording(sd.read(*paths)) or broken_seal(paths)
     except sd.DataError as error:
         wrong, refused = complaint(str(error)), error
     if also_slow and not wrong:
@@ -138,7 +158,7 @@ def solution(paths, also_slow):
         return "a source that there is none of"
     found.table(), found.counts(), found.verdict, found.utc, found.seconds(0)
     repr(found), found._repr_html_()
-    return ""
+    return broken_seal(paths)
 
 
 def campaign(paths, also_slow):
