@@ -400,3 +400,9 @@ def test_an_archive_without_a_file_is_refused(tmp_path):
     zipfile.ZipFile(path, "w").close()
     with pytest.raises(DataError, match="imu.csv.zip: .*it holds no file"):
         inspect(path)
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a\0b.csv"])
+def test_what_can_be_no_path_is_refused(name):
+    with pytest.raises(DataError, match="is no path"):
+        read(name)

@@ -231,6 +231,17 @@ def test_damaged_and_absent_files_are_refused(tmp_path, content):
         sd.read(tmp_path)
 
 
+def test_a_locked_member_is_refused(tmp_path):
+    content = bytearray(write(tmp_path).read_bytes())
+    for mark, at in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        content[content.index(mark) + at] |= (
+            1  # APPNOTE of PKWARE, general purpose bit 0: encrypted
+        )
+    (tmp_path / "a.npz").write_bytes(content)
+    with pytest.raises(DataError, match="encrypted"):
+        sd.read(tmp_path / "a.npz")
+
+
 def test_a_file_cut_or_altered_anywhere_is_refused(tmp_path):
     whole = write(tmp_path).read_bytes()
     for share in (0.1, 0.5, 0.99):

@@ -15,6 +15,7 @@ from strapdown import files
 from strapdown.checks import DataError
 from strapdown.data import Aiding
 from strapdown.io import read, write_recording
+from strapdown.io.solution import read_solution
 from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
@@ -135,9 +136,12 @@ def test_damaged_and_foreign_files(build, tmp_path):
         assert "\n" not in str(error.value)
     import xarray as xr
 
-    xr.Dataset({"a": 1.0}).to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(DataError, match="is no recording"):
-        read(path)
+    for said in ("another", np.zeros(0), np.zeros((2, 2))):
+        xr.Dataset({"a": 1.0}, attrs={"format": said}).to_netcdf(path, engine="h5netcdf")
+        with pytest.raises(DataError, match="is no recording"):
+            read(path)
+        with pytest.raises(DataError, match="is no solution"):
+            read_solution(path)
 
 
 def test_samples_of_a_file_are_checked(build, tmp_path):

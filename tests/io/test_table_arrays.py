@@ -101,3 +101,9 @@ def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(DataError, match="pip install pyarrow"):
         tables_of(path)
+
+
+def test_arrays_without_numbers_are_no_tables(tmp_path):
+    write_73(tmp_path / "a.mat", {"a": {"none": np.zeros((0, 3)), "t": T, "x": T}})
+    (table,) = tables_of(tmp_path / "a.mat").values()
+    assert list(table.frame.columns) == ["t", "x"]

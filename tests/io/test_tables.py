@@ -1,11 +1,14 @@
 """Tables of text as loggers write them: one table, written in many ways, is read the same."""
 
+import time
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from strapdown.checks import DataError
 from strapdown.io import read
+from strapdown.io.tables.table_layout import distinct
 from strapdown.io.tables.table_text import read_table
 
 pytestmark = pytest.mark.short
@@ -150,3 +153,11 @@ def test_a_text_column_and_missing_cells_stay(tmp_path):
     table = read_table(path)
     assert table.frame["fix"].tolist()[::2] == ["RTK", "3D"]
     np.testing.assert_array_equal(table.numbers("h"), [1.5, np.nan, 2.5])
+
+
+@pytest.mark.short
+def test_names_that_are_many_times_alike_get_numbers_soon():
+    begin = time.process_time()
+    found = distinct(["a", "a.1", *["a"] * 50_000])
+    assert found[:4] == ["a", "a.1", "a.2", "a.3"] and len(set(found)) == len(found)
+    assert time.process_time() - begin < 2

@@ -3,6 +3,7 @@ tried. They give what is wrong, "" where nothing is, and raise DataError of what
 else they raise is wrong."""
 
 import json
+import zlib
 
 import numpy as np
 
@@ -34,6 +35,26 @@ def judged(look, paths, also_slow):
 def rising(t, strictly=True):
     step = np.diff(t)
     return np.isfinite(t).all() and bool(np.all(step > 0 if strictly else step >= 0))
+
+
+def broken_seal(paths):
+    """What is wrong where NetCDF files were read that are not what was written."""
+    import h5py
+
+    from strapdown.checksum import FOUND
+
+    for path in paths:
+        if path.suffix != ".nc":
+            continue
+        content = path.read_bytes()
+        found = list(FOUND.finditer(content))
+        if not found or found[-1].end() < len(content):
+            with h5py.File(path) as file:
+                if "checksum" in file.attrs:
+                    return f"{path.name} is read without its checksum"
+        elif int(found[-1][1], 16) != zlib.crc32(content[: found[-1].start()]):
+            return f"{path.name} is read in spite of its checksum"
+    return ""
 
 
 def wrong_aiding(aiding):
@@ -98,7 +119,7 @@ def recording(paths, also_slow):
 
     refused = None
     try:
-        wrong = wrong_recording(sd.read(*paths))
+        wrong = wrong_recording(sd.read(*paths)) or broken_seal(paths)
     except sd.DataError as error:
         wrong, refused = complaint(str(error)), error
     if also_slow and not wrong:
@@ -138,7 +159,7 @@ def solution(paths, also_slow):
         return "a source that there is none of"
     found.table(), found.counts(), found.verdict, found.utc, found.seconds(0)
     repr(found), found._repr_html_()
-    return ""
+    return broken_seal(paths)
 
 
 def campaign(paths, also_slow):
@@ -160,23 +181,20 @@ def campaign(paths, also_slow):
         found.numbers(cell), found.parameters(cell)
         if also_slow:
             found.arrays(cell).close()
-    return ""
+    return broken_seal(sorted(paths[0].glob("chunks/*/*.nc")))
 
 
 def scenario(paths, also_slow):
+    """Also as the flight of an advice."""
     import strapdown as sd
+    from strapdown.experiments.advice.mission import mission
 
     found = sd.scenario(str(paths[0]))
     json.dumps(found.describe())
-    numbers = found.duration, found.rate, found.motion.end
+    numbers = [found.duration, found.rate, found.motion.end]
+    if also_slow:
+        numbers.append(mission(str(paths[0]), 60.0).duration)
     return "" if all(each > 0 for each in numbers) else f"numbers {numbers}"
-
-
-def mission(paths, also_slow):
-    from strapdown.experiments.advice import mission
-
-    found = mission.mission(str(paths[0]), 60.0)
-    return "" if found.duration > 0 else f"duration {found.duration}"
 
 
 def grade(paths, also_slow):

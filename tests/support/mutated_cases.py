@@ -17,7 +17,7 @@ import written_ulog
 from multicopter import motion
 from mutations import Case
 from scipy.io import savemat
-from written_phones import START, folder, gnsslogger, phyphox, sensor_logger, signals, zipped
+from written_phones import START, gnsslogger, phyphox, sensor_logger, signals, zipped
 
 import strapdown as sd
 
@@ -56,10 +56,9 @@ def gnsslogger_case(_: Path) -> Case:
 
 
 def netcdf_case(tmp_path: Path) -> Case:
-    path = tmp_path / "recording.nc"
-    folder(tmp_path / "walk", sensor_logger(walk()))
-    sd.write_recording(sd.read(tmp_path / "walk"), path)
-    return alone("netcdf", "recording.nc", path.read_bytes())
+    """A recording with fixes and a reference."""
+    sd.write_recording(flight(), tmp_path / "recording.nc")
+    return alone("netcdf", "recording.nc", (tmp_path / "recording.nc").read_bytes())
 
 
 def alone(name: str, file: str, content: bytes) -> Case:

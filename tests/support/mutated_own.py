@@ -12,7 +12,6 @@ import numpy as np
 import synthetic
 from mutated_cases import TOML, alone, arrays, described, table_files
 from mutations import Case
-from recordings import flight
 
 import strapdown as sd
 from strapdown.experiments.monte_carlo.study import Study
@@ -21,12 +20,11 @@ from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
 
 
-def written(tmp_path: Path, name: str, ending: str, *parts: str) -> Case:
-    """A solution with a verdict, as a file."""
+def written(tmp_path: Path, name: str) -> Case:
+    """A solution with its covariances, as a file of that name."""
     made = synthetic.solution(synthetic.flight(20, rate=2.0))
-    if "covariance" in parts:
-        made = replace(made, covariance=np.tile(np.eye(15), (len(made.t), 1, 1)))
-    path = tmp_path / f"solution{ending}"
+    path = tmp_path / name
+    made = replace(made, covariance=np.tile(np.eye(15), (len(made.t), 1, 1)))
     sd.write_solution(made, path)
     return alone(name, path.name, path.read_bytes())._replace(look=looks.solution)
 
@@ -183,21 +181,12 @@ def matlab_73_case(tmp_path: Path) -> Case:
     return described("matlab 7.3", "imu.mat", path.read_bytes())
 
 
-def whole_netcdf_case(tmp_path: Path) -> Case:
-    """A recording with a reference and gates."""
-    sd.write_recording(flight(4.0, 25.0), tmp_path / "whole.nc")
-    return alone("whole netcdf", "whole.nc", (tmp_path / "whole.nc").read_bytes())
-
-
 OWN: dict[str, Callable[[Path], Case]] = {
-    "whole netcdf": whole_netcdf_case,
-    "solution.nc": lambda tmp_path: written(tmp_path, "solution.nc", ".nc", "covariance"),
-    "solution.csv": lambda tmp_path: written(tmp_path, "solution.csv", ".csv"),
-    "solution.csv.xz": lambda tmp_path: written(tmp_path, "solution.csv.xz", ".csv.xz"),
+    "solution.nc": lambda tmp_path: written(tmp_path, "solution.nc"),
+    "solution.csv": lambda tmp_path: written(tmp_path, "solution.csv"),
     "campaign": campaign_case,
     "manifest": manifest_case,
     "scenario": lambda _: settings(looks.scenario, SCENARIO),
-    "mission": lambda _: settings(looks.mission, SCENARIO),
     "plan": lambda _: settings(looks.plan, PLAN),
     "aircraft": aircraft_case,
     "grade": grade_case,

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import looks
 import numpy as np
 from mutators import BYTES, TEXT, is_text
-from structured_mutators import BY_SUFFIX
+from structured_mutators import BY_SUFFIX, sealed
 
 BATCH = 50
 """Mutations that one forked child reads before the next begins."""
@@ -77,6 +77,8 @@ def bent(case: Case, seed: int) -> dict[str, bytes]:
             break
         way = own if own and rng.integers(2) else ways
         files[name] = way[rng.integers(len(way))](rng, files[name])
+    if name.endswith(".nc") and rng.integers(3):
+        files[name] = sealed(files[name])
     return files
 
 

@@ -72,7 +72,7 @@ def fuse(
 def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     """The Run of `fuse` before its first sample. Raises DataError."""
     check_recording(recording)
-    check_number(asked.every, "every", least=1, whole=True)
+    check_number(asked.every, "every", least=1, most=1e9, whole=True)
     check_flag(asked.covariance, "covariance")
     if asked.vehicle is not None:  # so that all runs of it know it
         recording = replace(

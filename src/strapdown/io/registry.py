@@ -95,6 +95,12 @@ REGISTRY = plugins.Registry(
 def find(path: Path) -> Reader | None:
     """The Reader of a file or a folder, or None of a file that none knows. Raises DataError where a
     `sniff` fails, where two readers claim the file alike, and for a folder that none knows."""
+    try:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass  # which the readers say in words of their own
+    except (OSError, ValueError) as error:  # too long a name, a zero in it
+        raise DataError(f"{str(path)[:80]!r}: is no path ({error.args[-1]}); check it") from None
     regular(path)
     inside = files_in(path)
     head = head_of(path, START) if len(inside) < 2 else b""

@@ -130,7 +130,8 @@ def _arrays(path: Path) -> dict[str, np.ndarray[Any, Any]]:
             }
     except DataError:
         raise
-    except (ValueError, NotImplementedError, SyntaxError, TokenError) as error:
+    # RuntimeError: a member is locked by a password
+    except (ValueError, NotImplementedError, RuntimeError, SyntaxError, TokenError) as error:
         raise DataError(
             f"{path}: not an .npz file of plain arrays ({str(error).splitlines()[0][:80]}); a BROAD "
             f"trial is expected"

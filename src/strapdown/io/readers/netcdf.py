@@ -181,7 +181,8 @@ def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | N
             f"check the path"
         )
     found = content(path, WHAT)
-    if (said := found.attributes.get("format")) != FORMAT:
+    said = found.attributes.get("format")
+    if not isinstance(said, str) or said != FORMAT:
         raise DataError(
             f"{path}: is no recording (its format attribute is {brief(said)}, not {FORMAT!r}); "
             f"solutions are read with read_solution"

@@ -207,7 +207,8 @@ def _unit_of(name: str) -> dict[str, str]:
 def read_netcdf(path: Path) -> Solution:
     """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
     found = content(path, WHAT)
-    if found.attributes.get("format") != FORMAT:
+    said = found.attributes.get("format")
+    if not isinstance(said, str) or said != FORMAT:
         raise DataError(
             f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
             f"recordings with strapdown.read"

@@ -154,7 +154,7 @@ def _tables(path: Path, name: str, content: Mapping[str, Any]) -> Iterator[tuple
             yield from _tables(path, key if name == path.stem else f"{name}.{key}", value)
             continue
         array = np.asarray(value)
-        if array.dtype.kind not in "iuf" or array.ndim not in (1, 2) or max(array.shape) < 2:
+        if array.dtype.kind not in "iuf" or array.ndim not in (1, 2) or not array.size > 1:
             continue
         rows = array.reshape(len(array), -1)
         rows = rows.T if rows.shape[1] > rows.shape[0] else rows

@@ -15,7 +15,7 @@ from ...file_limits import check_count, regular
 from ...opening import check_lines
 from ...preprocessing.origin import counted
 from ...typing import Ints, Mask
-from .table_file import PACKED, Table, open_bytes, reading, split_error
+from .table_file import PACKED, Table, is_number, open_bytes, reading, split_error
 from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
 
 if TYPE_CHECKING:
@@ -122,10 +122,12 @@ def _marks(frame: "pd.DataFrame") -> Mask:
         if 2 * len(words) < len(known):
             marks[words] = True
     suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
-    for name in texts:
-        cells = frame[name].iloc[suspect]
-        numbers = pd.to_numeric(_with_points(cells), errors="coerce")
-        suspect = suspect[numbers.isna().to_numpy()]
+    first, many = 0, 1
+    while first < len(texts) and len(suspect):  # the first column alone tells most of them
+        cells = frame[texts[first : first + many]].iloc[suspect].to_numpy(object)
+        numbers = pd.to_numeric(_with_points(pd.Series(cells.ravel())), errors="coerce")
+        suspect = suspect[numbers.isna().to_numpy().reshape(cells.shape).all(axis=1)]
+        first, many = first + many, 2 * many
     for row in suspect:
         words_there = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
         is_mark = not any(STAMP.fullmatch(word.strip()) for word in words_there)
@@ -145,10 +147,10 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
     for name in _texts(frame):
         cells = frame[name]
         known = cells.notna()
-        if cells.isna().all():
+        if not known.any():
             frame[name] = np.nan
         some = cells[known].iloc[:: max(1, int(known.sum()) // SAMPLED)]
-        if pd.to_numeric(_with_points(some), errors="coerce").isna().all():
+        if not any(is_number(str(cell).replace(",", ".", 1)) for cell in some):
             continue  # as times of the calendar
         for form in (cells, _with_points(cells).where(known)):
             numbers = pd.to_numeric(form, errors="coerce")
