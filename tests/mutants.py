@@ -60,6 +60,9 @@ class Tests:
         """(names of tests in the order in which to run them, whether the line runs at import)."""
         lines = self.lines.contexts_by_lineno(str(file))
         found = set(lines.get(mutant.line) or lines.get(mutant.statement, ()))
+        at_import = "" in found
+        if found == {""}:  # what is made at import may count wherever the file does
+            found = set().union(*lines.values())
         own = f"tests/{file.relative_to(SOURCE).parts[0]}/"
         touching = sorted(
             found & self.seconds.keys(),
@@ -76,7 +79,7 @@ class Tests:
                 continue
             spent += self.seconds[test]
             chosen.append(test)
-        return chosen, "" in found
+        return chosen, at_import
 
 
 class Server:
