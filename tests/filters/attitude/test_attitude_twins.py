@@ -538,3 +538,15 @@ def test_more_magnetometers_than_books_share_the_last_ones(filter):
         )
         found.append(belief.workspace.copy())
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
+@pytest.mark.parametrize("field", [(21e-6, 0.0, 44e-6), (0.0, 21e-6, 44e-6)], ids=str)
+def test_a_field_along_an_axis_has_an_azimuth(filter, field):
+    belief = begun(filter, (3, 4, 50), bg=(0.0,) * 3)
+    filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.01], 0.01, NOISE)
+    turned = rotvec([0.0, 0.0, 0.1])
+    y = belief.C.T @ turned.T @ field  # as of a body turned to the right by 0.1 rad more
+    _, innovation = correct(filter, belief, "magnetic-field", y, np.full(3, 1e-6), field=field)
+    assert innovation[0] == pytest.approx(0.1, abs=1e-4)
