@@ -356,6 +356,16 @@ def test_the_attitude_is_as_uncertain_as_its_records(correlation, T):
     assert P[8, 8] == pytest.approx(0.05**2 + kept * (before[2, 2] - 0.05**2), abs=1e-5)
 
 
+def test_it_publishes_rate_and_force_without_the_biases():
+    observer, rng, dt = Standing(), np.random.default_rng(6), 0.1
+    belief, u = observer.belief, rng.standard_normal(6)
+    belief.ba[:], belief.bg[:] = rng.standard_normal((2, 3))
+    ba, bg = belief.ba.copy(), belief.bg.copy()
+    observer.filter.predict(belief, u, dt, NOISE)
+    np.testing.assert_allclose(belief.omega, u[:3] / dt - bg, rtol=1e-12)
+    np.testing.assert_allclose(belief.f, u[3:] / dt - ba, rtol=1e-12)
+
+
 def test_of_two_fixes_at_one_time_the_second_changes_nothing_and_a_missing_component_waits():
     observer = Standing()
     observer.wait(1.0)
