@@ -1,12 +1,13 @@
 """Wrong changes of the source, one at a time, and whether the short tests see them: `make mutants`.
 
-    python tests/mutants.py [--rooms core aiding filters] [--count 200] [--seed 1] [--jobs 2] [--compiled] [--out FILE]
+    python tests/mutants.py [--rooms core aiding filters] [--count 200] [--seed 1] [--jobs 2] [--enough 20]
+        [--minutes 60] [--compiled] [--out FILE]
 
 A random sample of all mutants (`support/source_mutants.py` has the kinds) is tried without the
 compiler. All tests are imported once; each mutant is a fork of that process in which the code of
 its function is exchanged, and no file changes. Only tests run that run the changed line, those of
-its own room and the quick ones first, and then what else their modules have, `ENOUGH` seconds in
-all. What is run at import is tried in a new process on a copy of the source. A failed test, a crash
+its own room first, quick ones first, and then what else their modules have, `--enough` seconds of
+the processor in all, as they took when they were recorded. What is run at import is tried in a new process on a copy of the source. A failed test, a crash
 or a hang kills a mutant. Survivors are listed, also those which change nothing that can be seen.
 What no test runs without the compiler survives; `--compiled` tries that again with it, and says so.
 
@@ -40,8 +41,7 @@ HERE, SOURCE = branches.HERE, branches.SOURCE
 sys.path.insert(0, str(HERE / "support"))
 import source_mutants  # noqa: E402
 
-ENOUGH = 20.0
-"""Seconds of tests that a mutant must survive, as they took when they were recorded."""
+MOST = 800.0  # s; a mutant that takes longer hangs
 BROKEN = 99
 """Exit status of a child in which this command itself failed."""
 
@@ -56,14 +56,17 @@ class Tests:
         self.lines.read()
         self.seconds = json.loads(branches.SECONDS.read_text())
 
-    def of(self, file, mutant):
+    def of(self, file, mutant, enough):
         """(names of tests in the order in which to run them, whether the line runs at import)."""
         lines = self.lines.contexts_by_lineno(str(file))
         found = set(lines.get(mutant.line) or lines.get(mutant.statement, ()))
+        at_import = "" in found
+        if found == {""}:  # what is made at import may count wherever the file does
+            found = set().union(*lines.values())
         own = f"tests/{file.relative_to(SOURCE).parts[0]}/"
         touching = sorted(
             found & self.seconds.keys(),
-            key=lambda test: (test.startswith(own) * -1, self.seconds[test]),
+            key=lambda test: self.seconds[test] * (1.0 if test.startswith(own) else 4.0),
         )
         modules = {test.split("::")[0] for test in touching}
         beside = sorted(
@@ -72,19 +75,20 @@ class Tests:
         )
         chosen, spent = [], 0.0
         for test in [*touching, *beside]:
-            if chosen and spent + self.seconds[test] > ENOUGH:
+            if chosen and spent + self.seconds[test] > enough:
                 continue
             spent += self.seconds[test]
             chosen.append(test)
-        return chosen, "" in found
+        return chosen, at_import
 
 
 class Server:
     """A plugin of pytest: the tests are collected, and then mutants run instead of them."""
 
-    def __init__(self, sample, jobs, compiled):
-        self.sample, self.jobs, self.compiled = sample, jobs, compiled
+    def __init__(self, sample, asked):
+        self.sample, self.asked = sample, asked
         self.failed, self.results = None, []
+        self.end = time.monotonic() + 60 * asked.minutes
 
     def pytest_runtest_logreport(self, report):
         if report.failed:
@@ -94,10 +98,12 @@ class Server:
         items, tests = {item.nodeid: item for item in session.items}, Tests()
         running = {}
         for file, number in self.sample:
-            while len(running) >= self.jobs:
+            while len(running) >= self.asked.jobs:
                 self.wait(running)
+            if time.monotonic() > self.end:
+                break
             mutant = source_mutants.mutant(file.read_text(encoding="utf-8"), number)
-            chosen, at_import = tests.of(file, mutant)
+            chosen, at_import = tests.of(file, mutant, self.asked.enough)
             chosen = [items[test] for test in chosen if test in items]
             child = os.fork()
             if not child:
@@ -124,14 +130,14 @@ class Server:
                     "." if status else f"\n{told(file, mutant, tests)}", end="", flush=True
                 )
             for each, (*_, begin) in running.items():
-                if time.monotonic() - begin > 40 * ENOUGH:
+                if time.monotonic() - begin > MOST:
                     os.kill(each, signal.SIGKILL)
             time.sleep(0.01)
 
     def killed(self, file, mutant, chosen, at_import, seconds):
         """In the child: 1 where a test fails, 0 where none does. A limit of the system ends it
         where a test takes much longer than it did."""
-        if not chosen and not self.compiled:
+        if not chosen and not self.asked.compiled:
             return 0
         if at_import or not chosen or not exchanged(file, mutant):
             return in_a_copy(file, mutant, [item.nodeid for item in chosen])
@@ -196,7 +202,7 @@ def in_a_copy(file, mutant, chosen):
                 cwd=HERE.parent,
                 env=environment,
                 capture_output=True,
-                timeout=30 * ENOUGH,
+                timeout=MOST,
             )
         except subprocess.TimeoutExpired:
             return 1
@@ -216,6 +222,8 @@ def main():
     asked.add_argument("--count", type=int, default=200)
     asked.add_argument("--seed", type=int, default=1)
     asked.add_argument("--jobs", type=int, default=2)
+    asked.add_argument("--enough", type=float, default=20.0, help="s of tests")
+    asked.add_argument("--minutes", type=float, default=60.0, help="after which none begins")
     asked.add_argument("--compiled", action="store_true")
     asked.add_argument("--out", type=Path, help="file for what is printed")
     asked = asked.parse_args()
@@ -228,9 +236,7 @@ def main():
         (file, i) for file in files for i in range(source_mutants.count(file.read_text("utf-8")))
     ]
     begin = time.perf_counter()
-    server = Server(
-        random.Random(asked.seed).sample(every, asked.count), asked.jobs, asked.compiled
-    )
+    server = Server(random.Random(asked.seed).sample(every, asked.count), asked)
     modules = {test.split("::")[0] for test in json.loads(branches.SECONDS.read_text())}
     words = ["-s", "-q", "-p", "no:cacheprovider", "-m", "short and not deep"]
     pytest.main(
@@ -239,7 +245,7 @@ def main():
     seconds = time.perf_counter() - begin
     lines = [
         f"python tests/mutants.py --rooms {' '.join(asked.rooms)} --count {asked.count} "
-        f"--seed {asked.seed}{' --compiled' * asked.compiled}, {date.today().isoformat()}",
+        f"--seed {asked.seed} --enough {asked.enough:g}{' --compiled' * asked.compiled}, {date.today().isoformat()}",
         f"Python {platform.python_version()}, {seconds:.0f} s, {len(every)} mutants to draw from",
         "",
         *figures(server.results, asked.rooms),

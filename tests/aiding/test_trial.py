@@ -81,6 +81,7 @@ def sometimes(belief, y, parameters, innovation, H):
     return 0
 
 
+@pytest.mark.short
 @pytest.mark.parametrize(
     "observe, said",
     [
@@ -119,6 +120,7 @@ def test_derivatives_that_are_not_the_innovations_are_told(observe, said):
         assert any(np.char.find(found, said.replace("\\", "")) >= 0), found
 
 
+@pytest.mark.short
 def test_a_registered_sensor_is_tried_once_before_it_is_used(monkeypatch):
     monkeypatch.setattr(plugins, "_plugins", {})
     monkeypatch.setattr(aiding, "_tried", {})

@@ -321,6 +321,51 @@ def test_the_attitude_is_the_measured_one_and_keeps_a_heading_that_is_not():
     np.testing.assert_allclose(record(np.nan, np.nan, np.nan), [-0.1, 0.1, -2.0], atol=1e-12)
 
 
+@pytest.mark.parametrize("T", [0.5, 4.0])
+@pytest.mark.parametrize("correlation", [0.0, 2.0])
+def test_the_attitude_is_as_uncertain_as_its_records(correlation, T):
+    """About forward and right of the heading, each record new but for exp(-T/tau) of the one
+    before; a heading that is missing keeps its variance."""
+    observer, tilt = Standing(correlation=correlation), np.array([0.03, 0.01])
+    observe, P = aiding.find("attitude").observe, observer.belief.P
+    turn = Rotation.from_euler("z", RPH[2]).as_matrix()[:2, :2]
+    P[12:], P[:, 12:] = 0.0, 0.0  # gyros without a bias: what is left of their drift is 1e-5 rad^2
+
+    def record(heading):
+        observer.filter.correct(
+            observer.belief,
+            np.array([*RPH[:2], heading]),
+            np.r_[tilt, 0.05],
+            ATTITUDE_KIND,
+            observe,
+            np.zeros(PARAMETERS),
+            np.inf,
+            np.zeros(3),
+        )
+
+    record(RPH[2])
+    before = P[6:9, 6:9].copy()
+    for heading in (RPH[2], np.nan):
+        observer.wait(T)
+        record(heading)
+    kept = np.exp(-2 * T / correlation) if correlation else 0.0  # of a variance
+    expected = turn @ np.diag(tilt**2) @ turn.T
+    np.testing.assert_allclose(
+        P[6:8, 6:8], expected + kept**2 * (before[:2, :2] - expected), atol=1e-5
+    )
+    assert P[8, 8] == pytest.approx(0.05**2 + kept * (before[2, 2] - 0.05**2), abs=1e-5)
+
+
+def test_it_publishes_rate_and_force_without_the_biases():
+    observer, rng, dt = Standing(), np.random.default_rng(6), 0.1
+    belief, u = observer.belief, rng.standard_normal(6)
+    belief.ba[:], belief.bg[:] = rng.standard_normal((2, 3))
+    ba, bg = belief.ba.copy(), belief.bg.copy()
+    observer.filter.predict(belief, u, dt, NOISE)
+    np.testing.assert_allclose(belief.omega, u[:3] / dt - bg, rtol=1e-12)
+    np.testing.assert_allclose(belief.f, u[3:] / dt - ba, rtol=1e-12)
+
+
 def test_of_two_fixes_at_one_time_the_second_changes_nothing_and_a_missing_component_waits():
     observer = Standing()
     observer.wait(1.0)

@@ -2,6 +2,7 @@
 noise-free; and options that no filter can begin with."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.contract import Noise, Start
+from strapdown.data import Aiding
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
@@ -94,6 +96,32 @@ def test_the_kalman_filter_comes_within_a_minute(attitude_sd, turning):
     the field must not be judged by that attitude."""
     t, error = angles(turning, "attitude-mekf", attitude_sd)
     assert (error[:, t >= 60.0] < 10).all(axis=1).sum() >= 97
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("kind, gain", [("magnetic-field", "k2"), ("heading", "k3")])
+@pytest.mark.parametrize("interval", [0.1, 0.5])
+def test_a_pull_is_exponential_in_time_however_often_it_pulls(kind, gain, interval):
+    """At rest a small heading error e decays as e' = -k e, whatever the interval of the fixes."""
+    k, simulator = 0.4, hand(0.0)
+    recording, truth = simulator.ideal_recording().between(0.0, 4.0), simulator.truth
+    fields = recording.aidings[0]
+    fixes = fields._where(np.arange(1, len(fields.t) + 1) % round(100 * interval) == 0)
+    if kind == "heading":
+        y = np.full((len(fixes.t), 1), truth.rph[0, 2])
+        fixes = Aiding("heading", fixes.t, y, np.full(y.shape, 0.01))
+    begin = far_off(truth, 0, 0.1, angle=0.0)
+    begin = begin._replace(rph=(*begin.rph[:2], begin.rph[2] + 0.05))
+    solution = sd.fuse(
+        replace(recording, aidings=(fixes,)),
+        "mahony",
+        start=begin,
+        noise=NOISE,
+        **{"ki": 0.0, "k1": 0.5, gain: k},
+    )
+    error = np.unwrap(solution.trajectory.rph[:, 2]) - truth.rph[0, 2]
+    first, last = (np.searchsorted(solution.t, t - 1e-6) for t in (1.0, 4.0))
+    assert error[last] / error[first] == pytest.approx(np.exp(-3 * k), rel=0.01)
 
 
 # ------------------------------------------------------------------ what is refused

@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Noise, Start, compile_kernel
+from strapdown.core.contract import OF_KIND, PARAMETERS, Noise, Start, compile_kernel
 from strapdown.filters.attitude.attitude_error_state import SIX
-from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF
+from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF, GRAVITY, MAGNETOMETERS
 from strapdown.filters.attitude.mahony import MAHONY, poles
 
 FIELD, RATE, LAT, G = np.array([21e-6, 1.6e-6, 43.9e-6]), 7.292115e-5, 0.8, 9.7803253359
@@ -466,3 +466,87 @@ def test_each_combination_of_directions_corrects_what_it_sees(name):
     theta = Rotation.from_matrix(C @ belief.C.T).as_rotvec()
     heading = psi - math.atan2(belief.C[1, 0], belief.C[0, 0])
     assert (abs(theta[1]) < 0.01) == levels and (abs(heading) < 0.01) == heads, (theta, heading)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "kind, rph",
+    [
+        ("level", (0, 0, 20)),
+        ("level", (-60, 20, 250)),
+        ("heading", (0, 0, 20)),
+        ("heading", (0, 0, 200)),
+    ],
+)
+def test_the_observers_covariance_is_what_its_kernels_do_to_small_errors(kind, rph):
+    """P of two beliefs apart by P0 stays apart by M P0 M', M the numeric derivative of all that
+    the kernels do to a belief."""
+    gains = dict(k1=0.8, k2=0.7, k3=0.6, ki=0.2, low_pass=0.0)
+    own = dict(bg=(0.0,) * 3, noise=NOISE, **gains)
+    belief, dt = correlated(begun(MAHONY, rph, **own), 7), 0.2
+    C = belief.C.copy()
+    u = np.r_[C.T @ EARTH * dt, C.T @ UP * belief.workspace[GRAVITY] * dt]
+
+    def step(b):
+        MAHONY.predict(b, u, dt, NOISE)
+        if kind == "heading":
+            correct(MAHONY, b, kind, math.radians(rph[2]), 0.03)
+
+    def after(change, P):
+        b = belief._replace(
+            **{name: np.array(getattr(belief, name)) for name in belief._fields if name != "P"},
+            P=P.copy(),
+        )
+        b.C[:] = rotvec(change[:3]) @ b.C
+        b.bg[:] += change[3:]
+        step(b)
+        return b
+
+    zero = np.zeros_like(belief.P)
+    at = after(np.zeros(6), belief.P)
+    error = lambda b: np.r_[Rotation.from_matrix(b.C @ at.C.T).as_rotvec(), b.bg - at.bg]
+    M = np.column_stack(
+        [(error(after(e, zero)) - error(after(-e, zero))) / 2e-5 for e in 1e-5 * np.eye(6)]
+    )
+    six = np.ix_(SIX, SIX)
+    found = at.P[six] - after(np.zeros(6), zero).P[six]
+    expected = M @ belief.P[six] @ M.T
+    scale = np.sqrt(np.diag(expected))
+    assert np.abs((found - expected) / np.outer(scale, scale)).max() < 0.01
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
+def test_more_magnetometers_than_books_share_the_last_ones(filter):
+    found = []
+    for number in (MAGNETOMETERS - 1, MAGNETOMETERS, MAGNETOMETERS + 5):
+        belief = begun(filter, (0, 0, 30), bg=(0.0,) * 3)
+        filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.1], 0.1, NOISE)
+        parameters = np.zeros(PARAMETERS)
+        parameters[:3], parameters[OF_KIND] = FIELD, number
+        sensor, innovation = aiding.find("magnetic-field"), np.zeros(3)
+        compile_kernel(sensor.observe)
+        filter.correct(
+            belief,
+            belief.C.T @ FIELD,
+            np.full(3, 1e-6),
+            aiding.number(sensor.name),
+            sensor.observe,
+            parameters,
+            math.inf,
+            innovation,
+        )
+        found.append(belief.workspace.copy())
+    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("filter", [ATTITUDE_MEKF, MAHONY], ids=lambda filter: filter.name)
+@pytest.mark.parametrize("field", [(21e-6, 0.0, 44e-6), (0.0, 21e-6, 44e-6)], ids=str)
+def test_a_field_along_an_axis_has_an_azimuth(filter, field):
+    belief = begun(filter, (3, 4, 50), bg=(0.0,) * 3)
+    filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.01], 0.01, NOISE)
+    turned = rotvec([0.0, 0.0, 0.1])
+    y = belief.C.T @ turned.T @ field  # as of a body turned to the right by 0.1 rad more
+    _, innovation = correct(filter, belief, "magnetic-field", y, np.full(3, 1e-6), field=field)
+    assert innovation[0] == pytest.approx(0.1, abs=1e-4)

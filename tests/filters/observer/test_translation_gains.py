@@ -3,6 +3,7 @@ spread, and poles with and without velocities."""
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from strapdown.filters.observer.gains import transition
 from strapdown.filters.observer.translation_gains import (
@@ -56,3 +57,31 @@ def test_positions_do_the_work_of_velocities_that_are_lost(since, alone):
     else:
         found = np.linalg.eigvals((np.eye(3) - np.outer(K, [1.0, 0, 0])) @ transition(T))
         assert np.abs(np.poly(found) - np.poly(np.exp(poles * T))).max() < 1e-12
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("velocity", [False, True])
+def test_gains_of_the_riccati_equation_are_those_of_the_dense_filter(axis, velocity):
+    """Van Loan's process noise over the time since the last fix, then a scalar update."""
+    rng, sd, accel, wander, T, spread = np.random.default_rng(axis), 0.5, 0.3, 0.2, 0.8, 0.4
+    B = rng.standard_normal((3, 3))
+    dense, upper = B @ B.T, np.triu_indices(3)
+    own = TRANSLATION.zeros()
+    own[DESIGN], own[SPREAD], own[AGE][axis] = RICCATI, spread, T
+    packed = own[P][6 * axis : 6 * axis + 6]
+    packed[:] = dense[upper]
+    for _ in range(2):  # the second fix at once: no time, no spread
+        F, Q = np.diag([1.0, 1.0], 1), np.diag([0.0, accel**2, wander**2])
+        loan = expm(np.block([[-F, Q], [np.zeros((3, 3)), F.T]]) * T)
+        Phi = loan[3:, 3:].T
+        dense = Phi @ (dense + np.diag([0.0, spread, 0.0])) @ Phi.T + Phi @ loan[:3, 3:]
+        h = np.eye(3)[int(velocity)]
+        K = dense @ h / (h @ dense @ h + sd**2)
+        dense = dense - np.outer(K, h @ dense)
+        found = np.zeros(3)
+        pulled(own, axis, velocity, sd, accel, wander, found)
+        np.testing.assert_allclose(found, K, rtol=1e-9)
+        np.testing.assert_allclose(packed, dense[upper], rtol=1e-9, atol=1e-12)
+        T, spread = 0.0, 0.0
+    others = np.delete(own[P].reshape(3, 6), axis, axis=0)
+    assert not others.any()
