@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...checks import DataError, brief
 from ...core.kernel_cache import closure_digest
-from ...file_limits import LimitError
+from ...file_limits import LimitError, regular
 from ...file_locks import lock
 from ...files import netcdf, replacing, together
 from ...opening import json_of, settings_text

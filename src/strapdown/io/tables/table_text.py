@@ -122,12 +122,12 @@ def _marks(frame: "pd.DataFrame") -> Mask:
         if 2 * len(words) < len(known):
             marks[words] = True
     suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
-    first, many = 0, 1
-    while first < len(texts) and len(suspect):  # the first column alone tells most of them
-        cells = frame[texts[first : first + many]].iloc[suspect].to_numpy(object)
+    start, many = 0, 1
+    while start < len(texts) and len(suspect):  # the first column alone tells most of them
+        cells: Any = frame[texts[start : start + many]].iloc[suspect].to_numpy(object)
         numbers = pd.to_numeric(_with_points(pd.Series(cells.ravel())), errors="coerce")
         suspect = suspect[numbers.isna().to_numpy().reshape(cells.shape).all(axis=1)]
-        first, many = first + many, 2 * many
+        start, many = start + many, 2 * many
     for row in suspect:
         words_there = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
         is_mark = not any(STAMP.fullmatch(word.strip()) for word in words_there)
