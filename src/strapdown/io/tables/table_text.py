@@ -124,9 +124,9 @@ def _marks(frame: "pd.DataFrame") -> Mask:
     suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
     start, many = 0, 1
     while start < len(texts) and len(suspect):  # the first column alone tells most of them
-        cells: Any = frame[texts[start : start + many]].iloc[suspect].to_numpy(object)
-        numbers = pd.to_numeric(_with_points(pd.Series(cells.ravel())), errors="coerce")
-        suspect = suspect[numbers.isna().to_numpy().reshape(cells.shape).all(axis=1)]
+        square = frame[texts[start : start + many]].iloc[suspect].to_numpy(object)
+        numbers = pd.to_numeric(_with_points(pd.Series(square.ravel())), errors="coerce")
+        suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
         start, many = start + many, 2 * many
     for row in suspect:
         words_there = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
