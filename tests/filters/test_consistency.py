@@ -278,8 +278,7 @@ def test_the_band_tells_a_wrong_covariance(flight):
 
 def test_large_corrections_of_a_consumer_imu_leave_the_covariance_honest():
     """Forty starts with a gyro bias known to 1.7 deg/s, over the climb and the first turn of the
-    demo flight; 1.20 and 1.61 were measured, with the covariance left as it was after each
-    correction BROKEN."""
+    demo flight; 1.20 and 1.61 were measured."""
     study = sd.Study(
         replace(scenario("demo"), duration=30.0, rate=50.0), "closed-loop", "consumer", 40, 7
     )

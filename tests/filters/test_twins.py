@@ -69,6 +69,13 @@ def gain(P, sd):
     return K, keep @ P @ keep.T + K @ R @ K.T
 
 
+def after(P, dx):
+    """P of the errors that are left when dx was injected."""
+    turn = np.eye(15)
+    turn[6:9, 6:9] = Rotation.from_rotvec(dx[6:9] / 2).as_matrix()
+    return turn @ P @ turn.T
+
+
 def fix_at(recording, t):
     source = recording.aidings[0]
     return next(iter(np.flatnonzero(np.abs(source.t - t) < 1e-6)), None)
@@ -87,7 +94,8 @@ def open_loop(recording, begin):
         row = fix_at(recording, t)
         if row is not None:
             K, P = gain(P, recording.aidings[0].sd[row])
-            x = x + K @ displacement(recording.aidings[0].y[row], ins.plus(x).lla)
+            dx = K @ displacement(recording.aidings[0].y[row], ins.plus(x).lla)
+            x, P = x + dx, after(P, dx)
         belief = ins.plus(x)
         yield belief.lla, belief.v, belief.C, b_ins + x[9:], P, x[:3]
 
@@ -106,6 +114,7 @@ def closed_loop_error_bias(recording, begin):
         if row is not None:
             K, P = gain(P, recording.aidings[0].sd[row])
             dx = K @ displacement(recording.aidings[0].y[row], ins.lla)
+            P = after(P, dx)
             ins, b = ins.plus(dx[:9]), b + dx[9:]
         yield ins.lla.copy(), ins.v.copy(), ins.C.copy(), b, P, np.zeros(3)
 

@@ -174,6 +174,9 @@ def textbook(recording, begin):
                 K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
                 keep = np.eye(15) - K @ H
                 P, dx = keep @ P @ keep.T + K @ R @ K.T, K @ e
+                turn = np.eye(15)  # of the attitude error that is left
+                turn[6:9, 6:9] = Rotation.from_rotvec(dx[6:9] / 2).as_matrix()
+                P = turn @ P @ turn.T
                 lla, v, C = (
                     displaced(lla, dx[:3]),
                     v + dx[3:6],

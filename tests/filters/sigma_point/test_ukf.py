@@ -140,7 +140,9 @@ class Twin:
         mean = mean_weights @ e
         S = (cov_weights[:, None] * (mean - e)).T @ (mean - e) + np.diag(sd**2)
         K = (cov_weights[:, None] * points).T @ (mean - e) @ np.linalg.inv(S)
-        self.state, self.P = self.moved(K @ mean), self.P - K @ S @ K.T
+        dx, turn = K @ mean, np.eye(len(self.P))
+        turn[6:9, 6:9] = Rotation.from_rotvec(dx[6:9] / 2).as_matrix()
+        self.state, self.P = self.moved(dx), turn @ (self.P - K @ S @ K.T) @ turn.T
 
     def fly(self, recording):
         """Yields the state and P at each sample, with coning and sculling as in the textbook
