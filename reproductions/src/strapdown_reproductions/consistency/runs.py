@@ -15,7 +15,7 @@ from strapdown.typing import Array, Progress
 from . import verdicts
 from .refused import REFUSED
 from .twin import Right
-from .worlds import EPOCH, TITLES, Cell, is_fed, keep, world
+from .worlds import EPOCH, Cell, is_fed, keep, world
 
 CAMPAIGNS = "campaigns"
 """Folder of the campaigns in that of the results."""
@@ -29,12 +29,7 @@ def study(filter: str, scenario: str, grades: tuple[str, ...], runs: int, seed: 
 
 def run(out: Path, of: Study, workers: int, progress: Progress | None) -> Campaign:
     """The campaign of a study, below `out`; what is there already is not run again."""
-    folder = (
-        out
-        / CAMPAIGNS
-        / TITLES.get(of.filters[0], of.filters[0]).replace(":", "-")
-        / of.cells[0].scenario.name
-    )
+    folder = out / CAMPAIGNS / of.filters[0].replace(":", "-") / of.cells[0].scenario.name
     return of.run(folder, workers=workers, progress=progress)
 
 
@@ -50,7 +45,7 @@ def row(campaign: Campaign, cell: Cell, place: int, right: Right) -> dict[str, A
     p = verdicts.chance(found.inside, right.inside)
     mean, error = anees(nees / STATES)
     return {
-        **cell._replace(filter=TITLES.get(cell.filter, cell.filter))._asdict(),
+        **cell._asdict(),
         "runs": runs,
         "verdict": verdicts.verdict(found, survived, p),
         "refused": REFUSED.get(cell, ""),

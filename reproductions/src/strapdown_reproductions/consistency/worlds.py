@@ -9,7 +9,6 @@ from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario, scenario
 
-WITH_STATES = "closed-loop:estimate=gyro-scale+accel-scale+gyro-misalignment+accel-misalignment"
 FILTERS = (
     "closed-loop",
     "mekf",
@@ -22,10 +21,7 @@ FILTERS = (
     "direct-euler",
     "indirect-ahrs-closed",
     "indirect-ahrs-open",
-    WITH_STATES,
 )
-TITLES = {WITH_STATES: "closed-loop, scale and misalignment as states"}
-"""How labels are called that are too long for a table."""
 FED = ("direct-ahrs", "direct-euler", "indirect-ahrs-closed", "indirect-ahrs-open")
 """Those that get the records of an AHRS beside GNSS."""
 SCENARIOS = ("demo", "straight", "car", "ship", "hand-held")
