@@ -8,6 +8,7 @@ the observer injects, jumps or is bounded the estimate stays where it is and del
 lies between them: the mismatch of a trajectory that is no solution of the model. docs/exogenous.md.
 """
 
+import math
 from typing import Any
 
 from ...checks import check_choice, check_number
@@ -76,6 +77,8 @@ ORIGIN = SLOTS.array("ORIGIN", 9)  # attitude that delta is counted from, row by
 RECENT = SLOTS.part("RECENT", MEMORY)
 MINE = SLOTS.part("MINE", OWN)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
+BACK = 0.2
+"""Of NEAR, within which the affine filter gives way: P is too sure of what a lost one learnt."""
 JACOBIANS = {"observer": 0.0, "estimate": 1.0}
 
 
@@ -164,23 +167,23 @@ def relate(belief: Belief, bar: Belief) -> None:
         shift[i] = x[i]
         for j in range(3):
             o[3 * i + j] = bar.C[i, j]
-    switch(belief, x[6] * x[6] + x[7] * x[7] + x[8] * x[8] < workspace[NEAR] * workspace[NEAR])
+    switch(belief, math.sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8]))
 
 
 @inlined
-def switch(belief: Belief, near: bool) -> None:
-    """Whether the mean goes on by the model itself, now that the observer is `near` or is not.
+def switch(belief: Belief, angle: float) -> None:
+    """Whether the mean goes on by the model itself, with the observer that angle (rad) away.
 
     At the estimate the model is right where the tilt is known, and wherever the observer goes, as
     long as the fixes do not speak against it.
     """
-    workspace, own = belief.workspace, belief.workspace[MINE]
+    workspace, own, near = belief.workspace, belief.workspace[MINE], belief.workspace[NEAR]
     if workspace[ITSELF] == 0:
-        workspace[CLOSE] = near
+        workspace[CLOSE] = angle < near
     elif workspace[CLOSE] == 0:
-        workspace[CLOSE] = near and known(belief.P, workspace[NEAR])
+        workspace[CLOSE] = angle < BACK * near and known(belief.P, near)
         own[TURN], own[DOUBT] = 0.0, 1.0
-    elif not near and own[DOUBT] > LOST:
+    elif angle >= near and own[DOUBT] > LOST:
         workspace[CLOSE] = 0.0
 
 
