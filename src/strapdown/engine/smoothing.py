@@ -133,8 +133,8 @@ def _smoother(run: Run) -> Smoother:
 
 class _Stand(NamedTuple):
     """Where a filter stands between two samples: next sample, calls so far, and of all its arrays
-    (the log apart, which is empty), one after the other, the bits that are not 0. Most of a
-    workspace, which has room for MOST_STATES, is."""
+    (the log apart, which is empty), one after the other, what is not 0, bit by bit: a
+    workspace has room for MOST_STATES, of which a run uses few."""
 
     row: int
     calls: int
