@@ -110,11 +110,11 @@ def test_more_parameters_than_states_are_refused_before_the_first_run(monkeypatc
     right = car(1072, 60.0)
     others = [
         replace(a, name=f"{a.name} {k}", parameters=(float(k), 0.0, 0.0))
-        for k in (2, 3, 4)
+        for k in range(2, 8)
         for a in right.aidings[:2]
     ]
     monkeypatch.setattr(module, "settle", None)
-    with pytest.raises(DataError, match="there are 19 states beside the filter's own.*at most 15"):
+    with pytest.raises(DataError, match="there are 31 states beside the filter's own.*at most 30"):
         sd.calibrate_installation(replace(right, aidings=(*right.aidings, *others)))
 
 

@@ -33,8 +33,8 @@ def test_fuse_diagnoses_after_it_has_written(late, command, tmp_path):
 
 @pytest.mark.short
 def test_a_filter_that_cannot_is_refused_in_one_line(late, command):
-    code, _, err = command("diagnose", late, "--filter", "mekf")
+    code, _, err = command("diagnose", late, "--filter", "ekf")
     assert code == 2 and err == [
-        "strapdown: mekf cannot be used to diagnose an installation; these can: closed-loop, "
-        "closed-loop-error-bias, open-loop, periodic-reset"
+        "strapdown: ekf cannot be used to diagnose an installation; these can: closed-loop, "
+        "closed-loop-error-bias, mekf, open-loop, periodic-reset"
     ]

@@ -10,7 +10,7 @@ import strapdown
 from strapdown import filters
 from strapdown.core.contract import Belief, Noise, Slots, Start
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
-from strapdown.filters.ins.mekf import MEKF
+from strapdown.filters.ins.open_loop import OPEN_LOOP
 
 pytestmark = pytest.mark.short
 AT = Start(
@@ -82,11 +82,12 @@ def test_a_part_of_open_size_is_the_last_and_gets_its_size():
 
 
 def test_a_workspace_that_is_too_small_is_refused_before_a_kernel_sees_it():
-    too_small = MEKF._replace(start=CLOSED_LOOP.start)  # which knows nothing of mekf's own slots
-    with pytest.raises(RuntimeError, match="'mekf': its start made a workspace of 15.. numbers"):
+    # which knows nothing of open-loop's own slots
+    too_small = OPEN_LOOP._replace(start=CLOSED_LOOP.start)
+    with pytest.raises(RuntimeError, match="'open-loop': its start made a workspace of 2463 numb"):
         too_small.begin(AT, NOISE)
-    assert isinstance(MEKF.begin(AT, NOISE), Belief)
-    with pytest.raises(RuntimeError, match="its slots take 15.."):
+    assert isinstance(OPEN_LOOP.begin(AT, NOISE), Belief)
+    with pytest.raises(RuntimeError, match="its slots take 24.."):
         strapdown.fuse(
             strapdown.simulate("straight", seed=1, duration=2.0), too_small, start=AT, noise=NOISE
         )
@@ -95,7 +96,7 @@ def test_a_workspace_that_is_too_small_is_refused_before_a_kernel_sees_it():
 @pytest.mark.parametrize("name", filters.names())
 def test_the_workspace_of_each_filter_is_the_one_that_it_declares(name):
     filter = filters.find(name)
-    for states in (15, 18, 30):
+    for states in (15, 18, 45):
         start = AT._replace(sd=(1.0,) * states)
         workspace = filter.begin(start, NOISE).workspace
         assert workspace.size == filter.slots.size or filter.slots.ended

@@ -61,7 +61,7 @@ def test_every_filter_finds_what_is_wrong(name, recording, closed):
         truth = recording.reference
         made = ahrs(truth, 10.0, (0.1, 0.1, 0.2))
         # as the axes of the IMU are described, which are turned by what is wrong
-        turn = Rotation.from_euler("z", np.radians(-1.5))
+        turn = Rotation.from_euler("z", np.radians(1.5))
         y = (Rotation.from_euler("ZYX", made.y[:, ::-1]) * turn).as_euler("ZYX")[:, ::-1]
         recording = replace(recording, aidings=(*recording.aidings, replace(made, y=y)))
     solution = closed if name == "closed-loop" else sd.fuse(recording, name, estimate=ESTIMATE)
@@ -69,8 +69,9 @@ def test_every_filter_finds_what_is_wrong(name, recording, closed):
         found, sd_of = solution.columns[column][-1], solution.columns[f"sd of {column}"][-1]
         assert abs(found - truth) < 4 * sd_of, column
         assert sd_of < 0.5 * solution.columns[f"sd of {column}"][0], column
-        # and as the closed loop finds it
-        assert abs(found - closed.columns[column][-1]) < 1.0 * sd_of, column
+        # and as the closed loop finds it, beyond which only a known attitude says something
+        alike = abs(found - closed.columns[column][-1]) < 1.0 * sd_of
+        assert alike or "attitude" in filters.find(name).needs, column
 
 
 SMOOTHED = [name for name in ABLE if filters.find(name).smoother]

@@ -181,33 +181,38 @@ def noise_of(log, Phi):
 
 
 def _corrected(state, P, H, e, R):
-    """A correction, in Joseph's form."""
+    """A correction, in Joseph's form, and A, which turns the attitude error by half of it: from one
+    about the state before to one about the state after."""
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-    I = np.eye(len(P)) - K @ H
-    return state.moved((K @ e)[None]), I @ P @ I.T + K @ R @ K.T
+    I, A, x = np.eye(len(P)) - K @ H, np.eye(len(P)), K @ e
+    A[6:9, 6:9] = Rotation.from_rotvec(x[6:9] / 2).as_matrix()
+    return state.moved(x[None]), A @ (I @ P @ I.T + K @ R @ K.T) @ A.T, A
 
 
 def _at(log, k, state, P):
-    """State and P after the fixes at the end of sample k."""
+    """State and P after the fixes at the end of sample k, and A of all of them."""
+    turned = np.eye(len(P))
     for row in np.flatnonzero(log.at == k):
         H = np.hstack(
             [np.eye(3), np.zeros((3, 3)), -skew((state.C @ log.arm)[0]), np.zeros((3, len(P) - 9))]
         )
-        state, P = _corrected(
+        state, P, A = _corrected(
             state, P, H, misfit(log, state, log.y[row : row + 1])[0], log.sd**2 * np.eye(3)
         )
+        turned = A @ turned
     if log.baro is not None and k in log.baro_at:
         row = log.baro_at[k]
         H = np.zeros((1, N + 1))
         H[0, 2], H[0, N] = 1.0, -1.0
-        state, P = _corrected(
+        state, P, A = _corrected(
             state,
             P,
             H,
             state.lla[0, 2:] + state.b[0, 6] - log.baro.y[row],
             np.array([[log.baro.sd[row, 0] ** 2]]),
         )
-    return state, P
+        turned = A @ turned
+    return state, P, turned
 
 
 def rauch_tung_striebel(log):
@@ -227,11 +232,14 @@ def rauch_tung_striebel(log):
             Q[N, N], walked = log.baro_walk**2 * (k + 1 - walked) * log.dt, k + 1
         P = Phi @ P @ Phi.T + Q
         before = state, P
-        state, P = _at(log, k, state, P)
-        steps.append((Phi, before, (state, P)))
+        state, P, turned = _at(log, k, state, P)
+        steps.append((Phi, before, (state, P), turned))
     found = [steps[-1][2]]
-    for (_, _, (state, P)), (Phi, (ahead, P_ahead), _) in zip(steps[-2::-1], steps[:0:-1]):
+    for (_, _, (state, P), _), (Phi, (ahead, P_ahead), _, turned) in zip(
+        steps[-2::-1], steps[:0:-1]
+    ):
         later, P_later = found[-1]
+        P_later = turned.T @ P_later @ turned  # of errors about the state before the fixes
         gain = np.linalg.solve(P_ahead, Phi @ P).T
         found.append(
             (

@@ -132,30 +132,35 @@ def _smoother(run: Run) -> Smoother:
 
 
 class _Stand(NamedTuple):
-    """Where a filter stands between two samples: next sample, calls so far, and all its arrays
-    (the log apart, which is empty)."""
+    """Where a filter stands between two samples: next sample, calls so far, and of all its arrays
+    (the log apart, which is empty), one after the other, what is not 0, bit by bit: a
+    workspace has room for MOST_STATES, of which a run uses few."""
 
     row: int
     calls: int
-    arrays: list[Array | Ints]
+    where: Ints
+    bits: Ints
 
 
 def _stand(run: Run) -> _Stand:
-    at = run.cursor.at
-    return _Stand(
-        int(at[places.ROW]),
-        int(at[places.RECORDED]),
-        [part.copy() for part in _arrays(run)],
-    )
+    at, bits = run.cursor.at, np.concatenate(_bits(run))
+    where = np.flatnonzero(bits)
+    return _Stand(int(at[places.ROW]), int(at[places.RECORDED]), where, bits[where])
 
 
-def _arrays(run: Run) -> list[Array | Ints]:
-    return [part for part in (*run.belief, *run.cursor) if part is not run.cursor.log]
+def _bits(run: Run) -> list[Ints]:
+    """The arrays of a run, flat, as integers: views, in which -0.0 is not 0."""
+    arrays = [part for part in (*run.belief, *run.cursor) if part is not run.cursor.log]
+    return [part.reshape(-1).view(np.int64) for part in arrays]
 
 
 def _restore(run: Run, stand: _Stand) -> None:
-    for array, before in zip(_arrays(run), stand.arrays):
-        array[...] = before
+    arrays = _bits(run)
+    ends = np.cumsum([part.size for part in arrays])
+    bits = np.zeros(ends[-1], np.int64)
+    bits[stand.where] = stand.bits
+    for part, before in zip(arrays, np.split(bits, ends)):
+        part[...] = before
 
 
 def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress) -> Differences:
