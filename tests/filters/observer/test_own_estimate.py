@@ -149,7 +149,8 @@ def test_a_start_without_a_level_follows_the_observer():
 
 def test_a_heading_that_the_gyro_turned_away_is_corrected_without_harm():
     """A minute straight and level, in which the gyro's bias turns the estimated heading by 34 deg,
-    until a heading fix at 45 s: tilt and accelerometer bias then still agree."""
+    until a heading fix at 45 s: tilt and accelerometer bias then still agree. Without its turn of P
+    a closed loop is above 10."""
     motion = Motion(
         "level",
         (DEG * 47.0, DEG * 8.0, 500.0),
@@ -169,7 +170,7 @@ def test_a_heading_that_the_gyro_turned_away_is_corrected_without_harm():
         solution = sd.fuse(recording, name, start=begin, covariance=True)
         nees = consistency.nees_of(solution, recording)
         late[name] = nees[solution.t > 45.5].mean() / 15
-    assert late["xkf"] < 3 and late["closed-loop"] > 10
+    assert late["xkf"] < 3 and late["closed-loop"] < 3
 
 
 @pytest.mark.deep

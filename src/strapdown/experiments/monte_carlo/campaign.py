@@ -234,6 +234,8 @@ class Campaign:
                 coords="minimal",
                 compat="override",
                 engine="h5netcdf",
+                # as `read` opens them: HDF5 refuses one file opened both with locks and without
+                driver_kwds={"locking": False},
                 drop_variables=("squares", "variances", "nees_sum", "alive"),
             )
         except (ImportError, ValueError) as error:

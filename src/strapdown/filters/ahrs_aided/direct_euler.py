@@ -7,8 +7,28 @@ its prediction is the same to first order.
 
 import math
 
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, helper, kernel
-from ...core.error_state import DX, HEIGHT, allocate, bias_free, linearised_step
+from ...core.contract import (
+    ATT,
+    CORRECT,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    helper,
+    kernel,
+)
+from ...core.error_state import (
+    DX,
+    HALF_TURN,
+    HEIGHT,
+    allocate,
+    bias_free,
+    linearised_step,
+    turn_half,
+)
+from ...core.jit import matrix
 from ...core.mechanization import mechanize
 from ...typing import Array
 from .known_attitude import (
@@ -78,8 +98,12 @@ def correct(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Correct P and the states."""
-    return correct_angles(belief, y, sd, observe, parameters, gate, innovation)
+    """Correct P and the states; P is turned by half of the correction, as in a closed loop."""
+    nis = correct_angles(belief, y, sd, observe, parameters, gate, innovation)
+    if nis <= gate:
+        workspace, theta = belief.workspace, belief.workspace[DX][ATT]
+        turn_half(belief.P, theta[0], theta[1], theta[2], matrix(workspace, HALF_TURN, 3, 3))
+    return nis
 
 
 DIRECT_EULER = Filter(

@@ -24,6 +24,7 @@ from ...core.contract import (
 )
 from ...core.error_state import (
     DX,
+    HALF_TURN,
     JACOBIAN,
     WORK,
     X,
@@ -32,6 +33,7 @@ from ...core.error_state import (
     inject_biases,
     linearised_step,
     observed,
+    turn_half,
 )
 from ...core.jit import helper, inlined
 from ...core.kalman import update, used_rows
@@ -107,6 +109,8 @@ def correct_own(
             dx[6], dx[7] = rotated(dx[6], dx[7], -0.5 * z)
             turn_tilt(belief.P, 0.5 * dx[8])
             own[TURN] += dx[8]
+        else:
+            turn_half(belief.P, dx[6], dx[7], dx[8], matrix(workspace, HALF_TURN, 3, 3))
         inject(belief.lla, belief.v, C, dx)
         inject_biases(belief, dx)
         for i in range(3):

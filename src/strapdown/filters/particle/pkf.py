@@ -34,10 +34,10 @@ from ...core.error_state import (
     allocate,
     bias_free,
     decay_biases,
-    inject_all,
     linearised_step,
     observed,
     publish_rates,
+    take_over,
 )
 from ...core.jit import flatten, inlined, matrix, plain
 from ...core.kalman import update, used_rows
@@ -233,7 +233,7 @@ def _correct_each(
             if same_rows(innovation, mine):
                 nis = update(own.P, H, mine, sd, rows, LARGEST_NIS, work, dx)
                 if nis <= LARGEST_NIS:
-                    inject_all(own, dx)
+                    take_over(own, dx)
                 m.logs[k] = -0.5 * nis
                 for i in range(int(work[used])):
                     m.logs[k] += math.log(work[used + 4 + i])
