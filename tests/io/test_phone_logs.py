@@ -179,6 +179,16 @@ def test_the_file_that_is_missing_is_named(tmp_path, walk, name, words):
     assert "name the file that has it beside" in problem
 
 
+def test_a_table_with_other_columns_than_its_head_is_left(tmp_path, walk):
+    files = phyphox(walk)
+    name = next(name for name in files if name.startswith("Accelerometer"))
+    files[name] = files[name].replace(b",", b", ")
+    path = folder(tmp_path / "walk", files)
+    with pytest.raises(DataError) as error:
+        sd.read(path)
+    assert "fails" not in str(error.value)
+
+
 def test_gnsslogger(tmp_path, walk):
     """The clock is the phone's, its zero what the fixes of satellites say: not the phone's UTC,
     which is half a second ahead."""

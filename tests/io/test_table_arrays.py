@@ -107,3 +107,17 @@ def test_arrays_without_numbers_are_no_tables(tmp_path):
     write_73(tmp_path / "a.mat", {"a": {"none": np.zeros((0, 3)), "t": T, "x": T}})
     (table,) = tables_of(tmp_path / "a.mat").values()
     assert list(table.frame.columns) == ["t", "x"]
+
+
+@pytest.mark.parametrize("name", ["t", b"\xff"])
+def test_what_is_no_array_in_a_matlab_file_ends_in_one_line(tmp_path, name):
+    """A named type and a group whose name is no UTF-8."""
+    path = tmp_path / "a.mat"
+    write_73(path, {})
+    with h5py.File(path, "r+") as file:
+        if name == "t":
+            file[name] = np.dtype("f8")
+        else:
+            h5py.h5g.create(file.id, name)
+    with pytest.raises(DataError, match="a.mat: (holds no numeric arrays|is no whole MATLAB)"):
+        tables_of(path)

@@ -244,6 +244,11 @@ class Campaign:
             raise DataError(
                 "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
             ) from None
+        except (KeyError, OSError, RuntimeError, AttributeError, TypeError) as error:
+            raise DataError(
+                f"{self.folder}: the chunk files of {cell} cannot be opened as labelled arrays "
+                f"({type(error).__name__}); compute the study again"
+            ) from error
 
     @cached_property
     def summary(self) -> pd.DataFrame:

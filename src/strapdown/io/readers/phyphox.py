@@ -124,16 +124,18 @@ def open_export(path: Path) -> Log:
         if not of:
             left += [] if name.startswith("meta/") else [f"{name}: not a sensor that is read"]
             continue
+        table = found.table(name)
+        # blanks around quotes make other names of the columns
+        is_whole = kind([str(column) for column in table.frame.columns]) == of
         if of == "accelerometer" and re.search(r"linear|without", name, re.I):
             of = "linear accelerometer"
         if of == "linear accelerometer":
             left.append(f"{name}: acceleration without gravity")
-        table = found.table(name)
-        if len(table.lines) and len(columns) <= table.frame.shape[1]:
+        if len(table.lines) and is_whole:
             tables[name] = _on_clock(table, starts)
             kinds.setdefault(of, []).append(name)
         else:
-            left.append(f"{name}: has no rows")
+            left.append(f"{name}: has no rows below the columns that its head names")
     sections, more = _inertial(found, tables, kinds, time)
     facts += more
     left += _aidings(tables, kinds, sections, head, time, _is_android(found))

@@ -135,14 +135,16 @@ def _of_version_73(path: Path) -> dict[str, Any]:
         return {
             name: read(value) if isinstance(value, h5py.Group) else value[()].T
             for name, value in group.items()
-            if not name.startswith("#")
-            and (isinstance(value, h5py.Group) or (value.dtype.kind in "iuf" and value.ndim))
+            if not name.startswith("#") and (isinstance(value, h5py.Group) or is_array(value))
         }
+
+    def is_array(value: Any) -> bool:
+        return isinstance(value, h5py.Dataset) and value.dtype.kind in "iuf" and value.ndim > 0
 
     try:
         with open_hdf5(path) as file:
             return read(file)
-    except (OSError, RuntimeError, KeyError) as error:
+    except (OSError, RuntimeError, KeyError, UnicodeError) as error:
         raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
 
 

@@ -82,7 +82,8 @@ def _rows(path: Path, found: Layout) -> tuple["pd.DataFrame", Ints, list[str]]:
         frame = _parsed(path, found, marks)
     lines = np.arange(found.skipped, found.skipped + len(frame) + len(marks))
     lines = np.delete(lines, np.array(marks, int) - found.skipped)
-    filled, mark = _filled(frame), _marks(frame)
+    filled = _filled(frame)
+    mark = _marks(frame, filled)
     marks += lines[mark].tolist()
     if not (keep := filled & ~mark).all():
         left = [*marks, *lines[~filled].tolist()]
@@ -104,9 +105,9 @@ def _texts(frame: "pd.DataFrame") -> list[Any]:
     return [name for name in frame if frame[name].dtype.kind not in "iufb"]
 
 
-def _marks(frame: "pd.DataFrame") -> Mask:
-    """Which rows hold no data: those that begin like a comment, with a word where the others
-    begin with a number or a time, or have text and no number."""
+def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
+    """Which of the `filled` rows hold no data: those that begin like a comment, with a word
+    where the others begin with a number or a time, or have text and no number."""
     import pandas as pd
 
     texts, marks = _texts(frame), np.zeros(len(frame), bool)
@@ -121,17 +122,16 @@ def _marks(frame: "pd.DataFrame") -> Mask:
         marks[[row for row, cell in odd if MARK.match(cell)]] = True
         if 2 * len(words) < len(known):
             marks[words] = True
-    suspect = np.flatnonzero(frame.drop(columns=texts).isna().all(axis=1).to_numpy())
+    suspect = np.flatnonzero(filled & frame.drop(columns=texts).isna().all(axis=1).to_numpy())
     start, many = 0, 1
     while start < len(texts) and len(suspect):  # the first column alone tells most of them
         square = frame[texts[start : start + many]].iloc[suspect].to_numpy(object)
         numbers = pd.to_numeric(_with_points(pd.Series(square.ravel())), errors="coerce")
         suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
         start, many = start + many, 2 * many
-    for row in suspect:
-        words_there = [str(cell) for cell in frame[texts].iloc[row] if not pd.isna(cell)]
-        is_mark = not any(STAMP.fullmatch(word.strip()) for word in words_there)
-        marks[row] |= bool(words_there) and is_mark
+    left = frame[texts].iloc[suspect].to_numpy(object)
+    for row, cells, known in zip(suspect, left, pd.notna(left)):
+        marks[row] |= not any(STAMP.fullmatch(str(cell).strip()) for cell in cells[known])
     return marks
 
 
