@@ -438,7 +438,11 @@ BAD = [
     (["fuse", "recording.toml", "--out", "/proc/strapdown/result"], TOML, "choose another folder"),
     (["inspect", "nothing.csv"], TOML, "nothing.csv: cannot be read"),
     (["inspect", "imu.csv", "--write", "nowhere/drafted.toml"], TOML, "cannot be written"),
-    (["reproduce", "nonsense", "--out", "result"], TOML, "there is: alam, broad, consistency, faults"),
+    (
+        ["reproduce", "nonsense", "--out", "result"],
+        TOML,
+        "there is: alam, broad, consistency, faults",
+    ),
     (["reproduce", "recordings", "--recordings", ".", "--out", "result"], TOML, "thor75.toml"),
     (["demo", "--imu", "bogus", "--out", "result/page.html"], TOML, "unknown IMU grade 'bogus'"),
     (["fus"], TOML, "No such command 'fus'"),
