@@ -235,6 +235,8 @@ def test_parquet_is_read_some_rows_at_a_time(tmp_path):
     write_table(pyarrow.table({"t": np.zeros(3 * MB)}), tmp_path / "z.parquet")
     with sd.reading_limits(expansion=50):
         refused(tmp_path / "z.parquet", "unpacks to")
+    with sd.reading_limits(columns=2):
+        refused(tmp_path / "x.parquet", "has 3 columns or more")
 
 
 # what stands in the way
@@ -281,6 +283,15 @@ def test_a_table_of_too_many_columns_is_refused(tmp_path):
     refused(written(tmp_path / "x.csv", b"1," * 40_000), "does not end within 64 KB")
     long = b"# a title\n" + b"1," * 3 * MB
     refused(written(tmp_path / "x.csv", long), "a line of more than|no table|columns", 60 * MB)
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.csv.gz", "x.csv.zip"])
+def test_a_table_with_a_line_without_an_end_is_refused(tmp_path, name):
+    content = b"t,x\n" + b"1,2\n" * 20_000 + b"1," * 3 * MB
+    path = written(tmp_path / name, PACKERS.get(name[1:], bytes)(content))
+    message = r"^\S*: has a line of more than 2 MB"
+    with sd.reading_limits(expansion=1e6), pytest.raises(LimitError, match=message):
+        read_table(path)
 
 
 def test_running_out_of_memory_or_depth_is_told_with_the_remedy(tmp_path, monkeypatch):
