@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from at_most import at_most
 
 import strapdown as sd
 from strapdown.checks import LONGEST, DataError
@@ -62,6 +63,7 @@ ALLOWED = {
     "flight/aircraft/parameters.py": {"tomllib.loads", "folder.joinpath().read_text"},
     "experiments/advice/mission.py": {"tomllib.loads", "resource.read_text"},
     "sensor_models/imu.py": {"tomllib.loads", "resource.read_text"},
+    "experiments/monte_carlo/sources.py": {"file.read_bytes"},
     "sensor_models/geoid.py": {"files().joinpath().read_bytes"},
     "time_scales.py": {"files().joinpath().read_text"},
     "reports/shell.py": {"resources.files().joinpath().read_text"},
@@ -182,7 +184,7 @@ def test_toml_that_would_take_long_or_deep_is_refused_at_once(kind, tmp_path):
     path = tmp_path / "x.toml"
     path.write_text(DEEP[kind], encoding="utf-8")
     before = time.process_time()
-    with pytest.raises(DataError, match=r"x\.toml: (is not TOML|has )") as caught:
+    with at_most(20), pytest.raises(DataError, match=r"x\.toml: (is not TOML|has )") as caught:
         read_toml(path, "")
     assert time.process_time() - before < 2.0 and len(str(caught.value)) < 300
 

@@ -183,14 +183,18 @@ def check_toml(text: str, path: File) -> None:
     check_count(most, path, "tables within tables", "depth")
 
 
-def _check_whole(value: Any, path: File) -> None:
+def _check_whole(value: Any, path: File, key: str = "") -> None:
     if isinstance(value, dict):
-        value = list(value.values())
-    if isinstance(value, list):
+        for name, each in value.items():
+            _check_whole(each, path, name)
+    elif isinstance(value, list):
         for each in value:
-            _check_whole(each, path)
+            _check_whole(each, path, key)
     elif isinstance(value, int) and value.bit_length() > WHOLE:
-        raise DataError(f"{path}: is not TOML: a whole number has more than {WHOLE} bits")
+        raise DataError(
+            f"{path}: is not TOML: {key[:60]} is a whole number of more than {WHOLE} bits; write it "
+            f"with a decimal point"
+        )
 
 
 def json_of(text: str | bytes, path: File) -> Any:

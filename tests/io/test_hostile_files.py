@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 import pytest
 import zstandard
+from at_most import at_most
 from scipy.io import savemat
 
 import strapdown as sd
@@ -234,6 +235,8 @@ def test_parquet_is_read_some_rows_at_a_time(tmp_path):
     write_table(pyarrow.table({"t": np.zeros(3 * MB)}), tmp_path / "z.parquet")
     with sd.reading_limits(expansion=50):
         refused(tmp_path / "z.parquet", "unpacks to")
+    with sd.reading_limits(columns=2):
+        refused(tmp_path / "x.parquet", "has 3 columns or more")
 
 
 # what stands in the way
@@ -243,13 +246,14 @@ def test_parquet_is_read_some_rows_at_a_time(tmp_path):
 @pytest.mark.parametrize("name", ["x.csv", "x.nc", "x.ubx", "x.bag", "x.toml", "x", "x.csv.gz"])
 def test_pipes_and_devices_end_in_a_line(tmp_path, name):
     os.mkfifo(tmp_path / name)
-    refused(tmp_path / name, "no regular file.*--pipes")
     (tmp_path / "zero").mkdir()
     (tmp_path / "zero" / name).symlink_to("/dev/zero")
-    refused(tmp_path / "zero" / name, "no regular file")
     description = written(tmp_path / "d.toml", DESCRIPTION.replace("FILE", name).encode())
-    with pytest.raises(DataError, match="no regular file|no TOML|is no table"):
-        read(description)
+    with at_most(20):
+        refused(tmp_path / name, "no regular file.*--pipes")
+        refused(tmp_path / "zero" / name, "no regular file")
+        with pytest.raises(DataError, match="no regular file|no TOML|is no table"):
+            read(description)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX only: named pipes")
@@ -274,9 +278,20 @@ def test_a_table_of_too_many_columns_is_refused(tmp_path):
         for head in (",".join(f"c{k}" for k in range(99)) + "\n", ""):
             path = written(tmp_path / "x.csv", (head + (",".join("1" * 99) + "\n") * 9).encode())
             refused(path, "has 99 columns or more")
+        uneven = ",".join("1" * 99) + "\n" + "1,2,3\n" * 9  # its first row is taken for names
+        refused(written(tmp_path / "x.csv", uneven.encode()), "has 99 columns or more")
     refused(written(tmp_path / "x.csv", b"1," * 40_000), "does not end within 64 KB")
     long = b"# a title\n" + b"1," * 3 * MB
     refused(written(tmp_path / "x.csv", long), "a line of more than|no table|columns", 60 * MB)
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.csv.gz", "x.csv.zip"])
+def test_a_table_with_a_line_without_an_end_is_refused(tmp_path, name):
+    content = b"t,x\n" + b"1,2\n" * 20_000 + b"1," * 3 * MB
+    path = written(tmp_path / name, PACKERS.get(name[1:], bytes)(content))
+    message = r"^\S*: has a line of more than 2 MB"
+    with sd.reading_limits(expansion=1e6), pytest.raises(LimitError, match=message):
+        read_table(path)
 
 
 def test_running_out_of_memory_or_depth_is_told_with_the_remedy(tmp_path, monkeypatch):

@@ -117,7 +117,7 @@ RECORDING = {
     "meta: input should be a valid dictionary": text("meta", "[]"),
     "meta: epoch: .* is no time": text("meta", '{"epoch": "yesterday"}'),
     "meta: notes: input should be a valid list": text("meta", '{"notes": "one"}'),
-    "'aiding_3' is a link": link,
+    "'aiding_3' is a link to another place or file": link,
     "has 8e.03 GB, and 64 GB are read at most": huge,
 }
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...checksum import DAMAGED, has_checksum
-from ...file_limits import in_force, regular
+from ...file_limits import regular
 from ...typing import File
 from ..tables.hdf5_file import open_hdf5
 from .one_line import one_line
@@ -56,14 +56,9 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
     import h5py
 
     found = Content(_attributes(group), {}, {}, {}, {}, {})
-    if len(group) > in_force().entries:
-        raise DataError(f"{path}: has {len(group)} entries; {DAMAGED}")
     for name in group:
         if names is not None and name not in names:
             continue
-        # others lead into other files, or in circles
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            raise DataError(f"{path}: {_shown(name)} is a link; {DAMAGED}")
         node = group[name]
         if isinstance(node, h5py.Dataset):
             said = _attributes(node) if names is None else {}
@@ -80,7 +75,7 @@ def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0
         elif isinstance(node, h5py.Group) and not depth:
             found.groups[name] = _group(node, path, None, depth + 1)
         else:
-            raise DataError(f"{path}: {_shown(name)} is no variable; {DAMAGED}")
+            raise DataError(f"{path}: {repr(name)[:60]} is no variable; {DAMAGED}")
     return found
 
 
@@ -92,8 +87,6 @@ def _is_dimension(node: Any) -> bool:
 
 def _values(node: Any, path: Path) -> np.ndarray[Any, Any] | str:
     """The values of a dataset."""
-    if node.external or node.is_virtual:
-        raise DataError(f"{path}: {_shown(node.name)} leads into another file; {DAMAGED}")
     values = node[()]
     if isinstance(values, bytes):
         return values.decode()
@@ -102,7 +95,7 @@ def _values(node: Any, path: Path) -> np.ndarray[Any, Any] | str:
         texts = [each.decode() for each in values.ravel()]
         return np.array(texts, object).reshape(values.shape)
     if values.dtype.kind not in "iuf":
-        raise DataError(f"{path}: {_shown(node.name)} holds no numbers; {DAMAGED}")
+        raise DataError(f"{path}: {repr(node.name)[:60]} holds no numbers; {DAMAGED}")
     return values
 
 
@@ -119,7 +112,3 @@ def _attributes(node: Any) -> dict[str, Any]:
     return {
         name: value.decode() if isinstance(value, bytes) else value for name, value in found.items()
     }
-
-
-def _shown(name: str) -> str:
-    return repr(name)[:60]

@@ -46,13 +46,13 @@ def _check(file: Any, meter: Meter) -> None:
             count += 1
             check_count(count, path, "arrays and groups")
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                raise _refused(path, "it links to other places or files")
+                raise _refused(path, f"{repr(name)[:60]} is a link to another place or file")
             value = group[name]
             if isinstance(value, h5py.Dataset):
                 _check_array(value, meter)
             elif isinstance(value, h5py.Group):
                 if value.id in seen:
-                    raise _refused(path, "a group is within itself")
+                    raise _refused(path, f"the group {repr(name)[:60]} is within itself")
                 seen.add(value.id)
                 left.append((value, depth + 1))
 
