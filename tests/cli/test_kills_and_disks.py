@@ -179,7 +179,8 @@ def test_fuse_killed_thirty_times_leaves_whole_sets(files, tmp_path, monkeypatch
             for name, held in found.items():
                 assert held in (sets["old"][name], sets["new"][name]), f"{name} is not whole"
             mixed += found not in sets.values()
-    assert mixed <= 1, "only a kill between two renames may leave files of both sets"
+    # a kill between two renames would leave files of both sets; that takes some microseconds
+    assert not mixed, f"{mixed} kills left files of both sets"
     assert strays and {True, False} == set(ends), "the kills missed the writing"
     code, _, _ = command(*FUSE, "--to", 30, "--out", out)
     assert code == 0 and content(out) == sets["new"] and not parts()
