@@ -132,8 +132,8 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
         suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
         start, many = start + many, 2 * many
     left = frame[texts].iloc[suspect].to_numpy(object)
-    for row, cells, known in zip(suspect, left, pd.notna(left)):
-        marks[row] |= not any(STAMP.fullmatch(str(cell).strip()) for cell in cells[known])
+    for row, line, there in zip(suspect, left, pd.notna(left)):
+        marks[row] |= not any(STAMP.fullmatch(str(cell).strip()) for cell in line[there])
     return marks
 
 
