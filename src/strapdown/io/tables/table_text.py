@@ -130,8 +130,9 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
         suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
         start, many = start + many, 2 * many
     left = frame[texts].iloc[suspect].to_numpy(object)
-    for row, cells, known in zip(suspect, left, pd.notna(left)):
-        marks[row] |= not any(STAMP.fullmatch(str(cell).strip()) for cell in cells[known])
+    for row, texts_there, filled_there in zip(suspect, left, pd.notna(left)):
+        known_texts = map(str, texts_there[filled_there])
+        marks[row] |= not any(STAMP.fullmatch(text.strip()) for text in known_texts)
     return marks
 
 
