@@ -52,8 +52,6 @@ def read_table(path: Path, header: bool = True) -> Table:
             found = _first_row_as_names(path, found)
         try:
             frame, lines, notes = _rows(path, found)
-        except DataError:  # of what is beyond a limit, found while it is read
-            raise
         except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
             raise DataError(
                 f"{path}: is not a table of comma-separated values ({split_error(error)}); correct the line, "
@@ -132,8 +130,9 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
         suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
         start, many = start + many, 2 * many
     left = frame[texts].iloc[suspect].to_numpy(object)
-    for row, line, there in zip(suspect, left, pd.notna(left)):
-        marks[row] |= not any(STAMP.fullmatch(str(cell).strip()) for cell in line[there])
+    for row, texts_there, filled_there in zip(suspect, left, pd.notna(left)):
+        known_texts = map(str, texts_there[filled_there])
+        marks[row] |= not any(STAMP.fullmatch(text.strip()) for text in known_texts)
     return marks
 
 
