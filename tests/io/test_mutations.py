@@ -37,12 +37,13 @@ def check(name, tmp_path, seeds):
     "body, words",
     [
         ("while True: pass", "takes more than 0.3 s of the processor"),
+        ("return bytearray(4 * 10**9)", "needs more memory"),
         ("import os; os.abort()", "the process ends with"),
         ("raise KeyError('a')", "fails at it in `open` .KeyError"),
     ],
 )
 def test_what_may_not_be_is_found(tmp_path, monkeypatch, body, words):
-    """A reader that hangs, ends the process or raises."""
+    """A reader that hangs, takes memory, ends the process or raises."""
     plugin = tmp_path / "plugin.py"
     plugin.write_text(PLUGIN.format(body=body))
     monkeypatch.setenv("STRAPDOWN_PLUGINS", str(plugin))

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-CRASHED = "fails at it in"
+CRASHED, MEMORY = "fails at it in", "needs more memory than there is"
 """What the registry says of a reader that raises anything else than DataError."""
 LONGEST = 3000
 """Characters of a complaint that is still one line for people, its paths included."""
@@ -15,7 +15,7 @@ LONGEST = 3000
 
 def complaint(text):
     """What is wrong with a complaint."""
-    if CRASHED in text or len(text.splitlines()) > 1:
+    if CRASHED in text or MEMORY in text or len(text.splitlines()) > 1:
         return text
     if not text.isprintable():
         return f"the complaint has control characters: {text!r}"
