@@ -120,8 +120,9 @@ def large(value: float) -> str:
 
 def refused(rows: pd.DataFrame) -> pd.DataFrame:
     """The cells that are refused, with the reason."""
-    own = rows[rows["refused"] != ""]
-    return own[["filter", "scenario", "grade", "refused"]].rename(columns={"refused": "reason"})
+    own = rows[rows["refused"] != ""].rename(columns={"refused": "reason", "filter": "filters"})
+    cells = own.groupby(["scenario", "grade", "reason"], sort=False)["filters"].agg(", ".join)
+    return cells.reset_index()[["filters", "scenario", "grade", "reason"]]
 
 
 def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
