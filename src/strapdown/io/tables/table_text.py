@@ -52,6 +52,8 @@ def read_table(path: Path, header: bool = True) -> Table:
             found = _first_row_as_names(path, found)
         try:
             frame, lines, notes = _rows(path, found)
+        except DataError:  # of what is beyond a limit, found while it is read
+            raise
         except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
             raise DataError(
                 f"{path}: is not a table of comma-separated values ({split_error(error)}); correct the line, "
