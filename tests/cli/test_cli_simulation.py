@@ -5,24 +5,9 @@ import json
 
 import numpy as np
 import pytest
+from hop import SCENARIO
 
 import strapdown as sd
-
-SCENARIO = """name = "hop"
-imu = "tactical"
-rate_hz = 20
-duration_s = 30
-
-[motion]
-kind = "straight"
-start = { latitude_deg = 48, longitude_deg = 11, height_m = 600 }
-azimuth_deg = 30
-speed_m_s = 40
-
-[gnss]
-interval_s = 1
-position_sd_m = [1, 1, 1.5]
-"""
 
 
 @pytest.fixture

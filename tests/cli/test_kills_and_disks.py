@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hop import SCENARIO
 from killed import killed
 from scipy.spatial.transform import Rotation
 
@@ -29,21 +30,6 @@ pytestmark = [
     pytest.mark.deep,
     pytest.mark.skipif(not COMPILED, reason="a process without the compiler is too slow"),
 ]
-SCENARIO = """name = "hop"
-imu = "tactical"
-rate_hz = 20
-duration_s = 30
-
-[motion]
-kind = "straight"
-start = { latitude_deg = 48, longitude_deg = 11, height_m = 600 }
-azimuth_deg = 30
-speed_m_s = 40
-
-[gnss]
-interval_s = 1
-position_sd_m = [1, 1, 1.5]
-"""
 FUSE = ("fuse", "hop.nc", "--heading", "30")
 COMMANDS = {
     "fuse": (*FUSE, "--also", "gpx,csv.xz"),
