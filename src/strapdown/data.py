@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +142,16 @@ class Trajectory:
         return f"Trajectory({len(self)} rows, {span})"
 
 
+class Correlated(NamedTuple):
+    """Errors of a source that last: first-order Gauss-Markov processes, one per row of its
+    innovation, beside the white ones that its standard deviations are of."""
+
+    sd: tuple[float, ...]  # stationary, by row, SI; 0: none
+    time: float  # correlation time, s
+    # whether a filter that can estimates them; else they widen the standard deviations
+    states: bool = True
+
+
 @dataclass(frozen=True)
 class Aiding:
     """One source of fixes. `sd` has a column per row of the innovation; a missing component of
@@ -158,6 +168,9 @@ class Aiding:
     estimate: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     # of a constraint across the wheels: side slip, rad per m/s^2 of lateral acceleration; adds to sd
     slip: float = 0.0
+    correlated: Correlated | None = None
+    robust: bool = False  # a heavy-tailed likelihood in place of the gate
+    adaptive: float = 0.0  # s of memory with which the noise is followed; 0: it is as given
 
     def between(self, start: float, stop: float) -> Aiding:
         """The fixes of [start, stop), s."""
@@ -190,6 +203,8 @@ class Innovations:
     gates: tuple[float, ...] = ()  # of the sources: bounds on the NIS
     # (m, 3) whitened: N(0, 1) each where the filter is right; NaN without a covariance, None of a file
     whitened: Array | None = None
+    # (m, 6) rows of L (00, 10, 11, 20, 21, 22), L L' the covariance of the innovation; as whitened
+    root: Array | None = None
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,12 @@ __all__ = [
     "TURN",
     "SPIN",
     "BEND",
+    "CORRELATED_STATE",
+    "CORRELATED_SD",
+    "CORRELATION_TIME",
+    "KEPT",
+    "ROBUST",
+    "MEMORY",
     "BIAS_AT",
     "POSITION_KIND",
     "VELOCITY_KIND",
@@ -231,8 +237,8 @@ class Cursor(NamedTuple):
     at: Ints  # int64, see the names in core/cursor.py, as of the other tables
     now: Array  # time of the belief, s, and of the last cause of doubt
     previous: Array  # the last sample: increments (6), seconds
-    # increments in use (6), a part of them (6), innovation (6), increments as read (6), standard
-    # deviations with slip (3)
+    # increments in use (6), a part of them (6), increments as read (6), standard deviations with
+    # slip (3), innovation (12)
     work: Array
     accepted: Ints  # int64 per source
     rejected: Ints  # int64 per source
@@ -279,10 +285,18 @@ DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
 the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
 them before a fix; side slip of a constraint (rad per m/s^2), which adds to its standard deviation."""
 FORCE, LAG, MEAN, REST, RATE, TURN, BIAS_AT, SPIN = 23, 26, 29, 32, 35, 38, 47, 50
-BEND, PARAMETERS = 53, 59
+BEND = 53
 """What happened in AGE, see core/recent_motion.py: vectors, a matrix of nine, the accelerometer bias
 of then and the angular acceleration. BEND: standard deviations of what the clock bends in positions
 (3) and velocities (3)."""
+CORRELATED_STATE, CORRELATED_SD, CORRELATION_TIME, KEPT = 59, 62, 65, 66
+"""Of a source with correlated errors, first-order Gauss-Markov processes that add to its rows:
+index of the state of each row, or 0 where the filter has none for it; their stationary standard
+deviations, SI; their correlation time, s; and exp(-dt / time) since the fix before, as the loop
+leaves it."""
+ROBUST, MEMORY, PARAMETERS = 67, 68, 69
+"""1 where a heavy-tailed likelihood stands in place of the gate; s over which the measurement noise is
+followed, 0 where it is as given."""
 VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
 """Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
 before the next accepted position fix; not to be believed, because something contradicts it."""
@@ -422,9 +436,10 @@ Observe: TypeAlias = Callable[[Belief, Array, Array, Array, Array], int]
 Predict: TypeAlias = Callable[[Belief, Array, float, Noise], None]
 """(belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments over dt (s)."""
 Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, Array, float, Array], float]
-"""(belief, y, sd, kind, observe, parameters, gate, innovation (6,)) -> NIS: the innovation y -
-h(belief), and behind it the same whitened, N(0, 1) each where the filter is right; NaN of what is
-not measured or has no covariance."""
+"""(belief, y, sd, kind, observe, parameters, gate, innovation (12,)) -> NIS: the innovation y -
+h(belief) e; behind it the same whitened, L^-1 e, N(0, 1) each where the filter is right; behind
+that L by rows (00, 10, 11, 20, 21, 22), L L' its covariance. NaN of what is not measured or has no
+covariance."""
 SaveStep: TypeAlias = Callable[[Belief, Array], None]
 """(belief, record (width,)): what the adjoint of the last call of predict or correct needs, also
 where it did nothing."""

@@ -19,7 +19,7 @@ COUPLED = -99.0
 """First number of a record of `couple`, which no filter's own begins with. Behind it the rows, and
 of each its state, the first of the three states that it moves, and G (3)."""
 ROW = 5
-RAW = slice(18, 24)
+RAW = slice(12, 18)
 """Of Cursor.work: the increments as they were read."""
 
 

@@ -159,7 +159,7 @@ def observed(
     belief: Belief, y: Array, observe: Observe, parameters: Array, innovation: Array, H: Array
 ) -> int:
     """What `observe` makes of a fix: innovation and H, cleared before. Returns the rows."""
-    for i in range(min(innovation.size, 6)):
+    for i in range(innovation.size):
         innovation[i] = math.nan
     for i in range(3):
         for j in range(H.shape[1]):

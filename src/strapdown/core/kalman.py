@@ -342,8 +342,8 @@ def update(
     """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and
     standard deviations sd.
 
-    Writes dx = P H' (H P H' + R)^-1 innovation, the whitened innovation behind the three rows where
-    there is room, and returns the NIS, NaN without any measured row.
+    Writes dx = P H' (H P H' + R)^-1 innovation, behind the three rows where there is room the
+    whitened innovation and L, and returns the NIS, NaN without any measured row.
     Unless NIS <= gate P is left as it was. What a smoother needs stays in `work`: see `used_rows`
     and `whiten`.
     """
@@ -416,6 +416,10 @@ def _update(
         e *= scale
         if innovation.size > 3:
             innovation[3 + i] = e
+        if innovation.size > 6:
+            innovation[6 + i * (i + 1) // 2 + i] = 1 / scale
+            for k in range(m):
+                innovation[6 + i * (i + 1) // 2 + int(work[used + 7 + k])] = work[used + 9 + m + k]
         nis += e * e
         e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
         m += 1

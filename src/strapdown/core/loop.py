@@ -109,8 +109,8 @@ T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15
 standard deviations, status; then a filter's own, then the states that aidings brought along and
 their standard deviations."""
-F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, FIX_WIDTH = 0, 1, 2, 5, 6, 7, 10
-"""Columns of Output.fix; use is one of the next four."""
+F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, F_ROOT, FIX_WIDTH = 0, 1, 2, 5, 6, 7, 10, 16
+"""Columns of Output.fix; use is one of the next four; F_ROOT is L of the contract (6)."""
 NOT_ASKED, UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -2.0, -1.0, 0.0, 1.0, 2.0
 
 BRIDGE = 1.0  # s
@@ -123,7 +123,7 @@ LONGEST_HOLD = (
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
-SLIPPING = slice(24, 27)  # of Cursor.work
+SLIPPING, INNOVATION = slice(18, 21), slice(21, 33)  # of Cursor.work
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
 predict_at, correct_at, observe_at, save_step_at = (
@@ -264,7 +264,7 @@ def _use_fix(
 ) -> None:
     """Hand the next fix to the filter and keep the books of its source."""
     at, k = cursor.at, cursor.at[FIX]
-    s, innovation, row = fixes.source[k], cursor.work[12:18], out.fix[k]
+    s, innovation, row = fixes.source[k], cursor.work[INNOVATION], out.fix[k]
     gate, lifted, nis, t, tests = (
         fixes.gate[s],
         False,
@@ -278,7 +278,7 @@ def _use_fix(
     believable = measured(fixes, k, belief, cursor)
     if not believable:
         nis = math.nan
-        for i in range(6):
+        for i in range(12):
             innovation[i] = math.nan
     if fixes.parameters[s, CLOCK_STATE] > 0 and not look_back(cursor, belief, fixes.parameters[s]):
         say(cursor, CLOCK_OFF, s, t, fixes.parameters[s, CLOCK_AT])
@@ -289,7 +289,7 @@ def _use_fix(
     if fixes.parameters[s, CLOCK_STATE] > 0:
         sd = _unbent(sd, fixes.kind[s], fixes.parameters[s], cursor.work[SLIPPING])
     while believable:  # once, or a second time with the gate lifted
-        for i in range(3):
+        for i in range(9):
             innovation[3 + i] = math.nan  # not every filter whitens
         found = correct_at(correct)(
             belief,
@@ -357,6 +357,8 @@ def _use_fix(
     row[F_NIS], row[F_USE] = nis, use
     for i in range(3):
         row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
+    for i in range(6):
+        row[F_ROOT + i] = innovation[6 + i]
     at[FIX] += 1
 
 

@@ -105,5 +105,6 @@ def innovations(used: Array, aidings: Sequence[Aiding], gates: Iterable[float]) 
         used[:, loop.F_USE] > 0,
         tuple(a.name or a.kind for a in aidings),
         tuple(float(gate) for gate in gates),
-        used[:, loop.F_WHITENED :],
+        used[:, loop.F_WHITENED : loop.F_ROOT],
+        used[:, loop.F_ROOT :],
     )

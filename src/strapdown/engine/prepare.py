@@ -10,19 +10,25 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from .. import aiding, filters
+from .. import aiding, filters, quantities
 from ..alignment.completed import MOST_HEADING, PARTS
-from ..checks import DataError, brief, check_number, shown
+from ..checks import DataError, brief, check_array, check_flag, check_number, shown
 from ..core import cursor as places, loop
 from ..core.contract import (
     BROUGHT,
     COMPILED,
+    CORRELATED_SD,
+    CORRELATED_STATE,
+    CORRELATION_TIME,
     DELAY,
     FIRST,
+    KEPT,
+    MEMORY,
     MOST_STATES,
     OF_KIND,
     PARAMETERS,
     POS,
+    ROBUST,
     SLIP,
     STATES,
     WALK,
@@ -155,6 +161,7 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
             parameters[s, BROUGHT] = len(sensor.states)
             states += len(sensor.states)
         parameters[s, SLIP] = checked_slip(a, sensor)
+        states += _place_noise(parameters[s], checked_noise(a), states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
     t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
@@ -180,12 +187,56 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
     )
 
 
+def _place_noise(row: Array, a: Aiding, first: int) -> int:
+    """Write into the parameters `row` of a source how its errors are followed; the states of its
+    correlated ones begin with `first`. Returns how many they are."""
+    row[ROBUST], row[MEMORY], row[KEPT] = a.robust, a.adaptive, 1.0
+    if a.correlated is None:
+        return 0
+    sd = np.asarray(a.correlated.sd)
+    row[CORRELATION_TIME], row[CORRELATED_SD : CORRELATED_SD + len(sd)] = a.correlated.time, sd
+    rows = _correlated_rows(a)
+    for k, i in enumerate(rows):
+        row[CORRELATED_STATE + i] = first + k
+    return len(rows)
+
+
+def _correlated_rows(a: Aiding) -> list[int]:
+    """The rows of a source whose correlated errors are states."""
+    if a.correlated is None or not a.correlated.states:
+        return []
+    return [i for i, sd in enumerate(a.correlated.sd) if sd > 0]
+
+
+def checked_noise(a: Aiding) -> Aiding:
+    """A source whose `correlated`, `robust` and `adaptive` can be. Raises DataError."""
+    what, many = a.name or a.kind, np.shape(a.sd)[1] if np.ndim(a.sd) == 2 else 1
+    check_flag(a.robust, f"{what}: robust")
+    check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=1e6)
+    if a.correlated is not None:
+        sd, time, states = a.correlated
+        check_number(time, f"{what}: time of its correlated errors", "s", above=0, most=1e6)
+        check_flag(states, f"{what}: states of its correlated errors")
+        check_array(sd, f"{what}: sd of its correlated errors", (many,), what="numbers, SI, by row")
+        if not (min(sd) >= 0 and any(sd)):
+            raise DataError(
+                f"{what}: sd of its correlated errors is {tuple(sd)}; none is below 0, and one above"
+            )
+    return a
+
+
 def checked_slip(a: Aiding, sensor: Measurement) -> float:
     """Its side slip. Raises DataError for none that tyres have, or where its kind takes none."""
     what = f"{a.name or a.kind}: slip"
     if a.slip and not sensor.slips:
         raise DataError(f"{what}: {a.kind} takes none; a constraint across the wheels does")
     return check_number(a.slip, what, "rad per m/s^2", least=0, most=MOST_SLIP)
+
+
+def axes_of_rows(sensor: Measurement) -> tuple[str, ...]:
+    """Names of the three rows of an innovation."""
+    body = sensor.vector == "b" or sensor.name == "attitude"
+    return ("forward", "right", "down") if body else ("north", "east", "down")
 
 
 class Brought(NamedTuple):
@@ -199,12 +250,17 @@ class Brought(NamedTuple):
 def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brought]:
     """The states beyond the fifteenth, in their order: those that these sources bring along, then
     the parameters of the installation that are estimated. Raises DataError."""
-    states = [
-        Brought(f"{a.name or a.kind} {name}", sensor.state_sd)
-        for a in aidings
-        for sensor in [aiding.find(a.kind)]
-        for name in sensor.states
-    ]
+    states: list[Brought] = []
+    for a in aidings:
+        sensor, name = aiding.find(a.kind), a.name or a.kind
+        states += [Brought(f"{name} {each}", sensor.state_sd) for each in sensor.states]
+        states += [
+            Brought(f"{name} correlated error{axis} [{unit}]", a.correlated.sd[i], shown)
+            for i in _correlated_rows(a)
+            if a.correlated is not None
+            for unit, shown in [quantities.shown_unit(sensor.quantities[i])]
+            for axis in [f" {axes_of_rows(sensor)[i]}" if np.shape(a.sd)[1] > 1 else ""]
+        ]
     states += [
         Brought(each.name, each.sd, each.of.factor)
         for each in installation.parameters(aidings, of_imu or {})
@@ -221,6 +277,11 @@ def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brou
 def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
     """(the sources that `filter` can use, notes about the others and about having none)."""
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
+    if not filter.installation:  # correlated errors widen the standard deviations there
+        aidings = [
+            replace(a, correlated=a.correlated._replace(states=False)) if a.correlated else a
+            for a in aidings
+        ]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
     return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
@@ -265,7 +326,7 @@ def new_cursor(
         np.zeros(places.CURSOR_SIZE, np.int64),
         np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
-        np.zeros(loop.SLIPPING.stop),
+        np.zeros(loop.INNOVATION.stop),
         count(),
         count(),
         count(),

@@ -213,7 +213,20 @@ def read_aiding(
 
     def make(t: Array, y: Array, sd: Array) -> Aiding:
         name, own = part.name or part.kind, tuple(map(float, arm))
-        return Aiding(part.kind, t, y, sd, own, part.gate, name, part.estimated, slip=part.slip)
+        return Aiding(
+            part.kind,
+            t,
+            y,
+            sd,
+            own,
+            part.gate,
+            name,
+            part.estimated,
+            part.slip,
+            part.correlated_errors,
+            part.robust,
+            part.adaptive,
+        )
 
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
     if not sensor.recorded:

@@ -7,12 +7,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from ...aiding import find
-from ...checks import check_number, is_number
+from ...checks import DataError, check_number, is_number
 from ...core.contract import Measurement
+from ...data import Correlated
 from ...estimable import asked, asked_at
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
-from ...quantities import dimension, innovation_dimension
+from ...quantities import dimension, innovation_dimension, shown_unit
 from ...typing import Array
 from ...units import factor, spread_factor
 from .schema_base import (
@@ -49,6 +50,14 @@ def is_ecef(axes: str | None) -> bool:
     return axes is not None and axes.split()[-1:] == [ECEF]
 
 
+class CorrelatedPart(Part):
+    """correlated: errors that last, beside the white ones of `sd`."""
+
+    sd: Annotated[Finite, Field(ge=0)] | list[Annotated[Finite, Field(ge=0)]]
+    time: Annotated[Finite, Field(gt=0, le=1e6)]
+    states: bool = True
+
+
 class AidingPart(Part):
     """[[aiding]]: what its kind measures decides which keys it takes."""
 
@@ -74,6 +83,9 @@ class AidingPart(Part):
     estimate: Any = None
     slip_test: bool = True
     slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
+    correlated: CorrelatedPart | None = None
+    robust: bool = False
+    adaptive: Annotated[Finite, Field(ge=0, le=1e6)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
 
@@ -152,6 +164,22 @@ class AidingPart(Part):
         """What of it is estimated: {name: prior standard deviations, SI}."""
         known = asked_at(self.sensor.estimable)
         return {} if self.estimate is None else asked(self.estimate, known)
+
+    @property
+    def correlated_errors(self) -> Correlated | None:
+        """Its correlated errors, whose standard deviations are in the unit of its innovation."""
+        if self.correlated is None:
+            return None
+        given, quantities = self.correlated.sd, self.sensor.quantities
+        sd = given if isinstance(given, list) else [given] * len(quantities)
+        if len(sd) != len(quantities) or not any(sd):
+            raise DataError(
+                f"sd: {len(sd)} given, {self.sensor.name} has {len(quantities)}"
+                if any(sd)
+                else "sd: none is above zero; leave correlated out"
+            )
+        si = tuple(float(x) / shown_unit(quantity)[1] for x, quantity in zip(sd, quantities))
+        return Correlated(si, self.correlated.time, self.correlated.states)
 
     @property
     def matrix(self) -> Array | None:
@@ -273,6 +301,7 @@ class AidingPart(Part):
             ),
         )
         named("estimate", lambda: self.estimated)
+        named("correlated", lambda: self.correlated_errors)
         if self.axes is not None and self.axes != ECEF:
             named("axes", axes_of if is_attitude else lambda axes: self.matrix, self.axes)
 

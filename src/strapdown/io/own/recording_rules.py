@@ -16,6 +16,11 @@ class AidingAttributes(Said):
     parameters: list[Finite] = []
     estimate: dict[Name, list[Deviation]] = {}
     slip: Annotated[Finite, Field(ge=0)] = 0.0
+    correlated_sd: list[Deviation] = []
+    correlation_time: Annotated[Finite, Field(gt=0)] = 1.0
+    correlated_states: bool = True
+    robust: bool = False
+    adaptive: Annotated[Finite, Field(ge=0)] = 0.0
 
 
 class RecordingMeta(Said):

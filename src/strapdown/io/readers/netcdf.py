@@ -13,7 +13,7 @@ from ...aiding import find
 from ...checks import DataError, brief, located
 from ...checksum import DAMAGED
 from ...core.contract import Imu
-from ...data import Aiding, Trajectory
+from ...data import Aiding, Correlated, Trajectory
 from ...files import netcdf, replacing
 from ...preprocessing.fixes import checked_aidings, overlap
 from ...preprocessing.plausible import mistakes
@@ -75,6 +75,7 @@ def write_recording(recording: Recording, path: File) -> None:
         attributes |= {"gate": float(aiding.gate)} if aiding.gate is not None else {}
         attributes |= {"estimate": json.dumps(dict(aiding.estimate))} if aiding.estimate else {}
         attributes |= {"slip": float(aiding.slip)} if aiding.slip else {}
+        attributes |= _noise_attributes(aiding)
         groups[f"aiding_{number}"] = (_aiding_columns(aiding.kind), vars(aiding), attributes)
     if recording.reference is not None:
         groups["reference"] = (REFERENCE_COLUMNS, vars(recording.reference), {})
@@ -234,8 +235,10 @@ def _aiding(group: Content, where: str) -> Aiding:
     from ..own.text_rules import check_values, from_json
 
     said = dict(group.attributes)
-    if "parameters" in said:
-        said["parameters"] = np.atleast_1d(said["parameters"]).tolist()
+    for name in {"parameters", "correlated_sd"} & set(said):
+        said[name] = np.atleast_1d(said[name]).tolist()
+    for name in {"robust", "correlated_states"} & set(said):
+        said[name] = said[name] if said[name] not in (0, 1) else bool(said[name])
     if "estimate" in said:
         said["estimate"] = from_json(said["estimate"], f"{where}: estimate")
     check_values(AidingAttributes, said, where)
@@ -250,6 +253,30 @@ def _aiding(group: Content, where: str) -> Aiding:
         name=said["name"],
         estimate={name: tuple(sd) for name, sd in said.get("estimate", {}).items()},
         slip=float(said.get("slip", 0.0)),
+        correlated=_correlated(said),
+        robust=bool(said.get("robust", False)),
+        adaptive=float(said.get("adaptive", 0.0)),
+    )
+
+
+def _noise_attributes(aiding: Aiding) -> dict[str, Any]:
+    """How the errors of a source are followed, as far as it is no plain noise."""
+    said: dict[str, Any] = {"robust": 1} if aiding.robust else {}
+    said |= {"adaptive": float(aiding.adaptive)} if aiding.adaptive else {}
+    if aiding.correlated is not None:
+        sd, time, states = aiding.correlated
+        said |= {"correlated_sd": np.array(sd, float), "correlation_time": float(time)}
+        said |= {"correlated_states": int(states)}
+    return said
+
+
+def _correlated(said: dict[str, Any]) -> Correlated | None:
+    if not said.get("correlated_sd"):
+        return None
+    return Correlated(
+        tuple(map(float, said["correlated_sd"])),
+        float(said.get("correlation_time", 1.0)),
+        bool(said.get("correlated_states", True)),
     )
 
 
