@@ -1,0 +1,1 @@
+"""The noise of a recording, told by itself: `tune`."""
