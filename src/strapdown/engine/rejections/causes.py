@@ -23,8 +23,9 @@ JUMP, DRIFT, CLOCK, NOISE = "jump", "drift", "clock", "noise too small"
 DISAGREE, OUTLIERS, UNKNOWN = "other sources disagree", "single outliers", "not known"
 MARGIN = 10.0
 """By which a shape lowers the deviance: "very strong" by Kass and Raftery (1995)."""
-PART_OF_JUMP, PART_OF_LASTING = 0.5, 0.15
-"""Part of the chi-square beyond what is expected that a shape must explain. What lasts shakes the
+PARTS = {JUMP: 0.5, CLOCK: 0.1}
+PART_OF_LASTING = 0.2
+"""Part of the chi-square of rejected fixes, beyond what is expected, that a shape must explain. What lasts shakes the
 filter each time that a gate is lifted, which no shape follows."""
 LEAST_SPREAD = 0.25  # of the claimed variance: rows that share the filter's error scatter less
 SPREAD = 1.8
@@ -43,6 +44,8 @@ ONSETS = (
 )  # s before the first rejection at which a drift may begin
 OFFSET, SCALE, ALWAYS = "offset", "scale", "drift from the beginning"
 """Shapes of a source that contradicts others as long as it is there."""
+START = "start"
+"""No shape: the filter may be wrong."""
 LASTING = (DRIFT, CLOCK, OFFSET, SCALE)
 """Shapes that explain rejections with good fixes between them."""
 
@@ -90,7 +93,7 @@ def find(window: Window) -> Found:
     shapes = list(_shapes(window))
     basis = _seen(window, shapes)[measured]
     sums = [_Sums.of(e[part], basis[part]) for part in (passed, ~passed)]
-    count, whole, plain = len(e), sum(each.squares for each in sums), _deviance(sums)
+    count, plain = len(e), _deviance(sums)
     found, last = [_without(window, e, passed)], 0
     for shape in shapes:
         own = slice(last, last + shape.basis.shape[2])
@@ -99,8 +102,9 @@ def find(window: Window) -> Found:
         left = [each.less(own, size) for each in sums]
         gain = plain - _deviance(left) - (len(size) + shape.more) * np.log(count)
         spread = sum(each.squares for each in left)
-        least = PART_OF_LASTING if shape.name in LASTING else PART_OF_JUMP
-        if gain > MARGIN and whole - spread > least * (whole - count):
+        least = PARTS.get(shape.name, PART_OF_LASTING)
+        refused = (sums[1].squares - left[1].squares) / max(sums[1].squares - sums[1].rows, 1.0)
+        if gain > MARGIN and refused > least:
             spread = float(np.sqrt(spread / count))
             found.append(Found(shape.name, size, shape.since, shape.until, spread, gain))
     return max(found, key=lambda each: each.gain)

@@ -6,8 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .causes import ALWAYS, CLOCK, DISAGREE, DRIFT, JUMP, NOISE, OFFSET, OUTLIERS, SCALE, Found
+from .causes import (
+    ALWAYS,
+    CLOCK,
+    DISAGREE,
+    DRIFT,
+    JUMP,
+    NOISE,
+    OFFSET,
+    OUTLIERS,
+    SCALE,
+    START,
+    Found,
+)
 
+BY_THEMSELVES = (OUTLIERS, START)
+"""Shapes that say nothing of other sources."""
 CHAIN = 30.0  # s within which rejections may have one cause
 MOST = (
     0.5  # part of what is to be explained that one run must explain to be the cause of the others
@@ -30,8 +44,8 @@ class Run(NamedTuple):
 def blamed(runs: list[Run]) -> list[Run]:
     """Runs in order of time. Of those at the same time some keep their own cause, the others of
     each source become one that contradicts."""
-    alone = [run for run in runs if run.found.shape == OUTLIERS]
-    for together in _together([run for run in runs if run.found.shape != OUTLIERS]):
+    alone = [run for run in runs if run.found.shape in BY_THEMSELVES]
+    for together in _together([run for run in runs if run.found.shape not in BY_THEMSELVES]):
         alone += _judged(together)
     return sorted(alone, key=lambda run: (run.start, run.source))
 
@@ -59,7 +73,7 @@ def _judged(runs: list[Run]) -> list[Run]:
             return best.shape == CLOCK
         if shape in (NOISE, OFFSET, SCALE, ALWAYS):
             return run.number > MOST * count
-        return run is runs[0] and shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
+        return shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
 
     kept = [run for run in runs if explains(run)]
     for s in sources:
