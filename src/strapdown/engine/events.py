@@ -56,7 +56,8 @@ class Events:
         self._counts: dict[tuple[float, float], list[Array]] = {}
         self.rejected: list[Rejected] = []  # as `look_at` found them
         self._runs: list[Run] = []  # of fixes that are no longer kept
-        self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
+        # s, by source: until when they are known, and when its first fix was
+        self._known, self._first = (np.full(len(aidings), end) for end in (-np.inf, np.inf))
 
     def take(self, cursor: Cursor) -> None:
         """Take over what the log holds, and empty it."""
@@ -74,7 +75,8 @@ class Events:
     def look_at(self, fixes: Array, sd: Array, before: float = -np.inf) -> None:
         """Find the runs of rejections in what the loop wrote of fixes, (m, FIX_WIDTH) with their
         standard deviations (m, 3); those that begin before that time (s) are kept for good."""
-        found = runs.find(Fixes(fixes, sd, self._known), self._aidings)
+        np.minimum.at(self._first, fixes[:, loop.F_SOURCE].astype(int), fixes[:, loop.F_T])
+        found = runs.find(Fixes(fixes, sd, self._known, self._first), self._aidings)
         self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
         kept = [run for run in found if run.start < before]
         self._runs = runs.joined(self._runs, kept)

@@ -20,11 +20,12 @@ class Fixes(NamedTuple):
     rows: Array  # (m, FIX_WIDTH)
     sd: Array  # (m, 3) stated
     after: Array  # (sources,) s: rejections up to then are known already
+    first: Array  # (sources,) s: when the first fix of each was, of which no row may be left
 
     def of(self, s: int) -> "Fixes":
         """Those of a source that were tested."""
         own = (self.rows[:, loop.F_SOURCE] == s) & np.isfinite(self.rows[:, loop.F_NIS])
-        return Fixes(self.rows[own], self.sd[own], self.after)
+        return self._replace(rows=self.rows[own], sd=self.sd[own])
 
     @property
     def t(self) -> Array:
