@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from strapdown.data import Correlated
 from strapdown.engine.batch import fuse
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
@@ -27,9 +28,7 @@ def receiver(world: str, time: float) -> Gnss:
     gnss = WORLDS[world].gnss
     if not time:
         return gnss._replace(position_sd=SIZE)
-    return gnss._replace(
-        position_sd=WHITE, position_correlated_sd=SIZE, position_correlation_time=time
-    )
+    return gnss._replace(position_sd=WHITE, position_correlated=Correlated(SIZE, time))
 
 
 def as_white(recording: Recording) -> Recording:

@@ -71,7 +71,10 @@ TARGETS = {
         "clean fixes: rms error of adaptive over that of the gate, worst", "<=", 1.02
     ),
     "coverage 1": Target(
-        "hidden fixes of drive0708 and thor75 within one sd, tuned: off 68.3 %, worst", "<=", 10, "%"
+        "hidden fixes of drive0708 and thor75 within one sd, tuned: off 68.3 %, worst",
+        "<=",
+        10,
+        "%",
     ),
     "coverage 3": Target(
         "hidden fixes of drive0708 and thor75 within three sd, tuned: off 99.7 %, worst",

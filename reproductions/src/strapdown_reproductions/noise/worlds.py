@@ -56,7 +56,9 @@ GNSS_KINDS = ("position", "velocity")
 def imu_stated(name: str, factor: float) -> ImuSpec:
     """The IMU of a world, its noise stated so many times too large."""
     spec = grade(WORLDS[name].grade)
-    return spec._replace(gyro=_noise_times(spec.gyro, factor), accel=_noise_times(spec.accel, factor))
+    return replace(
+        spec, gyro=_noise_times(spec.gyro, factor), accel=_noise_times(spec.accel, factor)
+    )
 
 
 def _noise_times(triad: Triad, factor: float) -> Triad:
@@ -67,7 +69,9 @@ def _noise_times(triad: Triad, factor: float) -> Triad:
 
 def fixes_stated(recording: Recording, factor: float) -> Recording:
     """The recording with the standard deviations of its fixes so many times too large."""
-    return replace(recording, aidings=tuple(replace(a, sd=a.sd * factor) for a in recording.aidings))
+    return replace(
+        recording, aidings=tuple(replace(a, sd=a.sd * factor) for a in recording.aidings)
+    )
 
 
 class Score(NamedTuple):
