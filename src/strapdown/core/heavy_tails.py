@@ -17,7 +17,7 @@ its terms differ by. The influence of a fix goes back to nothing as its error gr
 import math
 
 from ..typing import Array, Ints
-from .contract import CORRECT, MEMORY, OBSERVE, ROBUST, Belief, Cursor, Fixes
+from .contract import CORRECT, KEPT, MEMORY, OBSERVE, ROBUST, Belief, Cursor, Fixes
 from .followed_noise import follow
 from .innovation_moments import known, moments, solved
 from .jit import caller, helper
@@ -67,6 +67,7 @@ def weigh(
         work[WIDENED],
         1.0,
     )
+    own[KEPT] = 1.0  # what faded since the fix before has faded once
     if own[MEMORY] > 0 or robust and suspicious(innovation, nis):
         for i in range(3):
             wide[i] = 2 * sd[i]
