@@ -115,10 +115,11 @@ T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 standard deviations, status; then a filter's own, then the states that aidings brought along and
 their standard deviations."""
 F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, F_ROOT = 0, 1, 2, 5, 6, 7, 10
-F_WEIGHT, F_FACTOR, FIX_WIDTH = 16, 17, 20
-"""Columns of Output.fix; use is one of the next four; F_ROOT is L of the contract (6); F_WEIGHT the
+F_WEIGHT, F_FACTOR, F_V, FIX_WIDTH = 16, 17, 20, 23
+"""Columns of Output.fix; use is one of the next five; F_ROOT is L of the contract (6); F_WEIGHT the
 stated variance over that with which it was used, 0 where it was not; F_FACTOR what an adaptive
-source had made of the stated standard deviations of each row."""
+source had made of the stated standard deviations of each row; F_V the velocity of the belief after
+the fix (3)."""
 NOT_ASKED, UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -2.0, -1.0, 0.0, 1.0, 2.0
 
 BRIDGE = 1.0  # s
@@ -376,6 +377,7 @@ def _use_fix(
     row[F_NIS], row[F_USE] = nis, use
     for i in range(3):
         row[F_INNOVATION + i], row[F_WHITENED + i] = innovation[i], innovation[3 + i]
+        row[F_V + i] = belief.v[i]
     for i in range(6):
         row[F_ROOT + i] = innovation[6 + i]
     row[F_WEIGHT] = weight if robust and believable else 1.0 * (use > 0)
