@@ -37,6 +37,8 @@ from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
 from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades
 from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios as scenarios
 from .sim.synthesis import simulate as simulate
+from .tuning.findings import Tuning as Tuning
+from .tuning.tune import tune as tune
 from .vehicle import Vehicle as Vehicle
 from .verdict import Reason as Reason, Verdict as Verdict
 
