@@ -39,6 +39,7 @@ from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as gra
 from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios as scenarios
 from .sim.synthesis import simulate as simulate
 from .tuning.findings import Tuning as Tuning
+from .tuning.tune import tune as tune
 from .vehicle import Vehicle as Vehicle
 from .verdict import Reason as Reason, Verdict as Verdict
 
