@@ -247,7 +247,7 @@ class Cursor(NamedTuple):
     since: Array
     # int64 per source: how many of them were used so, positions and velocities apart
     lifts: Ints
-    last: Array  # per source: time up to which its own states have walked
+    last: Array  # per source: time of its last fix, up to which its own states have walked
     limits: Array  # what samples, fixes and the belief never exceed
     watched: Array  # (6, WATCHED): repeated values of each axis
     floor: Array  # (sources, 3): least standard deviations
@@ -292,8 +292,8 @@ of then and the angular acceleration. BEND: standard deviations of what the cloc
 CORRELATED_STATE, CORRELATED_SD, CORRELATION_TIME, KEPT = 59, 62, 65, 66
 """Of a source with correlated errors, first-order Gauss-Markov processes that add to its rows:
 index of the state of each row, or 0 where the filter has none for it; their stationary standard
-deviations, SI; their correlation time, s; and exp(-dt / time) since the fix before, as the loop
-leaves it."""
+deviations, SI; their correlation time, s; and the share of them that is left of the fix before,
+exp(-dt / time), as the loop leaves it: 1 for a fix that is tried again."""
 ROBUST, MEMORY, PARAMETERS = 67, 68, 69
 """1 where a heavy-tailed likelihood stands in place of the gate; s over which the measurement noise is
 followed, 0 where it is as given."""

@@ -26,10 +26,12 @@ from .contract import (
     CLOCK_AT,
     CLOCK_STATE,
     CORRECT,
+    CORRELATION_TIME,
     DELAY,
     DOUBTFUL,
     FIRST,
     INVALID,
+    KEPT,
     OBSERVE,
     POSITION_KIND,
     PREDICT,
@@ -46,6 +48,7 @@ from .contract import (
     Noise,
     Output,
 )
+from .correlated import fade, widened
 from .coupling import couple, read
 from .cursor import (
     BELIEF_TOO_FAST,
@@ -274,7 +277,6 @@ def _use_fix(
     )
     if fixes.parameters[s, WALK] > 0:
         _walk(belief.P, fixes.parameters, s, t - cursor.last[s])
-        cursor.last[s] = t
     believable = measured(fixes, k, belief, cursor)
     if not believable:
         nis = math.nan
@@ -288,6 +290,11 @@ def _use_fix(
         sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[SLIPPING])
     if fixes.parameters[s, CLOCK_STATE] > 0:
         sd = _unbent(sd, fixes.kind[s], fixes.parameters[s], cursor.work[SLIPPING])
+    if believable:
+        if fixes.parameters[s, CORRELATION_TIME] > 0:
+            _fade(cursor, belief, fixes.parameters[s], t - cursor.last[s], out.record)
+            sd = widened(sd, fixes.parameters[s], cursor.work[SLIPPING])
+        cursor.last[s] = t
     while believable:  # once, or a second time with the gate lifted
         for i in range(9):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -321,7 +328,7 @@ def _use_fix(
         if tests[LIFTED_AT] == 0:
             say(cursor, LIFTED, s, t, length(innovation))
         _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
-        gate, lifted = math.inf, True
+        gate, lifted, fixes.parameters[s, KEPT] = math.inf, True, 1.0
     use = ACCEPTED if believable else NOT_ASKED
     if believable and math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
@@ -404,6 +411,17 @@ def _couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
         couple(cursor, belief, dt, record[cursor.at[RECORDED]])
     else:
         couple(cursor, belief, dt, record)
+    cursor.at[RECORDED] += 1
+
+
+@helper
+def _fade(cursor: Cursor, belief: Belief, parameters: Array, seconds: float, record: Array) -> None:
+    """What becomes of the correlated errors of a source up to its fix; a call of its own to the
+    smoother."""
+    if record.ndim == 2:
+        fade(belief.P, belief.extra_states, parameters, seconds, record[cursor.at[RECORDED]])
+    else:
+        fade(belief.P, belief.extra_states, parameters, seconds, record)
     cursor.at[RECORDED] += 1
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..checks import DataError, check_choice, located
+from ..data import Correlated
 from ..files import read_toml
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
@@ -112,6 +113,16 @@ def _start(value: Any, where: str) -> dict[str, Any]:
     return {"start_sd": tuple(sd), "biases_known": given.get("biases_known", False)}
 
 
+def _correlated(unit: str) -> Read:
+    """How correlated errors in that unit are read."""
+    keys = {
+        f"sd_{unit}": Key("sd", three, ""),
+        "time_s": Key("time", number, ""),
+        "states": Key("states", flag),
+    }
+    return made(Correlated, keys)
+
+
 GNSS_KEYS = {
     "interval_s": Key("interval", number),
     "position_sd_m": Key("position_sd", three),
@@ -119,6 +130,9 @@ GNSS_KEYS = {
     "lever_arm_m": Key("lever_arm", three),
     "outages_s": Key("outages", listed(listed(number))),
     "latency_s": Key("latency", number),
+    "position_correlated": Key("position_correlated", _correlated("m")),
+    "velocity_correlated": Key("velocity_correlated", _correlated("m_s")),
+    "stated": Key("stated", flag),
 }
 DISTURBANCE_KEYS = {
     "start_s": Key("start", number, ""),
