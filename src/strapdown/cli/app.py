@@ -15,7 +15,7 @@ import typer
 
 import strapdown as sd
 
-from . import calibrate, compare, diagnose, fly, simulation
+from . import calibrate, compare, diagnose, fly, simulation, tune
 from .console import (
     ESTIMATE,
     FORMATS,
@@ -23,6 +23,7 @@ from .console import (
     IMU,
     NOT_TRUSTED,
     OPTION,
+    SOURCES,
     STRICT,
     TAKE,
     TO,
@@ -208,6 +209,7 @@ def fuse(
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
     imu: IMU = None,
+    sources: SOURCES = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
@@ -276,7 +278,7 @@ def fuse(
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
     check_draft(write, recording)
-    whole, grade = read_given(recording, imu, take)
+    whole, grade = read_given(recording, imu, take, sources)
     if utc and whole.utc is None:
         raise sd.DataError(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
@@ -482,6 +484,7 @@ for command in (
     *simulation.COMMANDS,
     compare.compare,
     diagnose.diagnose,
+    tune.tune,
     fly.fly,
 ):
     app.command(cls=Reads)(command)
