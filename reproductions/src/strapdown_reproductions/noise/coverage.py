@@ -62,8 +62,8 @@ def ways(recording: Recording, span: tuple[float, float]) -> list[Way]:
     halves = ((span[0], middle), (middle, span[1]))
     found = [Way(DEFAULT, recording, None, span), Way(TUNED, whole.tuned, whole.imu, span)]
     for own, other in (halves, halves[::-1]):
-        part = tune(recording, window=other)
-        found.append(Way(OTHER_HALF, part.applied(recording), part.imu, own))
+        part = tune(recording, start_s=other[0], stop_s=other[1])
+        found.append(Way(OTHER_HALF, part.tuned, part.imu, own))
     return found
 
 
