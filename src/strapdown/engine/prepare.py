@@ -31,6 +31,7 @@ from ..core.contract import (
     ROBUST,
     SLIP,
     STATES,
+    VEL,
     WALK,
     Belief,
     Cursor,
@@ -276,17 +277,45 @@ def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brou
 
 def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
     """(the sources that `filter` can use, notes about the others and about having none)."""
+    aidings, widened = followed(filter, aidings)
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
-    if not filter.installation:  # correlated errors widen the standard deviations there
-        aidings = [
-            replace(a, correlated=a.correlated._replace(states=False)) if a.correlated else a
-            for a in aidings
-        ]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
+    aidings, said = weighable(filter, aidings)
+    notes += widened + said
     return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
+
+
+def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aiding], list[str]]:
+    """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
+    note about that."""
+    names = dict.fromkeys(a.name or a.kind for a in aidings if a.robust or a.adaptive)
+    if filter.weighs or not names:
+        return aidings, []
+    return [replace(a, robust=False, adaptive=0.0) for a in aidings], [
+        f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
+        f"{', '.join(names)} are left out, its gate stays"
+    ]
+
+
+def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
+    """(these sources with their correlated errors as states only where `filter` can have them,
+    notes about the others)."""
+    if filter.installation:
+        return tuple(aidings), []
+    found, changed = [], dict[str, None]()
+    for a in aidings:
+        if a.correlated is not None and a.correlated.states:
+            changed[a.name or a.kind] = None
+            a = replace(a, correlated=a.correlated._replace(states=False))
+        found.append(a)
+    return tuple(found), [
+        f"{filter.name} does not estimate the correlated errors of {name}: they add to its standard "
+        f"deviations, and the errors that last are larger than it claims"
+        for name in changed
+    ]
 
 
 def check_needs(
@@ -326,7 +355,7 @@ def new_cursor(
         np.zeros(places.CURSOR_SIZE, np.int64),
         np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
-        np.zeros(loop.INNOVATION.stop),
+        np.zeros(loop.WORK_SIZE),
         count(),
         count(),
         count(),
@@ -349,6 +378,8 @@ def new_cursor(
     at[places.DOUBTFUL_CONDITIONS] = sum(1 << k for k in doubtful)
     cursor.watched[:, places.STEP] = np.inf
     cursor.tests[:, places.TESTED], cursor.tests[:, places.LAST_USED] = -np.inf, t
+    cursor.tests[:, places.FACTOR] = cursor.tests[:, [places.POWER]] = 1.0
+    cursor.tests[:, places.FOLLOWED_AT] = t
     return cursor
 
 
@@ -603,7 +634,23 @@ def new_belief(
             ) from error
         raise
     installation.correlate(belief.P, start, found, [a.kind for a in aidings])
+    if start.motion:
+        _correlate_start(belief.P, aidings)
     return belief
+
+
+def _correlate_start(P: Array, aidings: Sequence[Aiding]) -> None:
+    """Add to P at a start that was made of the first fixes what these err by with the correlated
+    errors of their source: true - estimate has these less."""
+    rows = merge(aidings).parameters
+    for kind, first in (("position", POS.start), ("velocity", VEL.start)):
+        s = next((s for s, a in enumerate(aidings) if a.kind == kind), None)
+        for i in range(0 if s is None else 3):
+            variance, state = rows[s, CORRELATED_SD + i] ** 2, int(rows[s, CORRELATED_STATE + i])
+            P[first + i, first + i] += variance
+            if state > 0:
+                P[first + i, state] -= variance
+                P[state, first + i] -= variance
 
 
 def fitted(
