@@ -82,7 +82,7 @@ def _root(rows: Array, sd: Array) -> Array:
     """(m, 3, 3) L of the innovations; where a filter gives none, of the stated deviations, and with
     unit diagonals where nothing was measured."""
     root = np.zeros((len(rows), 3, 3))
-    root[:, *np.tril_indices(3)] = rows[:, loop.F_ROOT : loop.F_V]
+    root[:, *np.tril_indices(3)] = rows[:, loop.F_ROOT : loop.F_WEIGHT]
     diagonal = root[:, range(3), range(3)]
     stated = np.where(sd > 0, sd, 1.0)
     diagonal = np.where(diagonal > 0, diagonal, stated)
