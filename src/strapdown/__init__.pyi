@@ -36,6 +36,7 @@ from .registration import register as register
 from .reports.page import report as report
 from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
 from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades
+from .sensor_models.receiver import receiver as receiver, receivers as receivers
 from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios as scenarios
 from .sim.synthesis import simulate as simulate
 from .tuning.findings import Tuning as Tuning

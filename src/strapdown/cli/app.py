@@ -425,6 +425,20 @@ def imus() -> None:
 
 
 @app.command()
+def receivers() -> None:
+    """List the GNSS receivers that can be simulated, with their standard deviations north, east,
+    down."""
+    from ..sensor_models.receiver import receiver_grade, receivers
+
+    sheets = {name: receiver_grade(name).sheet() for name in receivers()}
+    terms = next(iter(sheets.values()))
+    table(
+        ("", *sheets),
+        [(term, *(sheet[term] or "-" for sheet in sheets.values())) for term in terms],
+    )
+
+
+@app.command()
 def plugins() -> None:
     """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
     from ..registration import brought

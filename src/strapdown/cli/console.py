@@ -24,6 +24,13 @@ if TYPE_CHECKING:
     from ..reports.shell import Page
     from ..typing import Array
 
+GNSS = Annotated[
+    str | None,
+    typer.Option(
+        help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: the "
+        "scenario's]."
+    ),
+]
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[
     str | None,

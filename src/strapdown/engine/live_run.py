@@ -179,6 +179,8 @@ class LiveRun:
         """All events so far."""
         self.events.take(self.cursor)
         self.seen = 0
+        fix = int(self.cursor.at[places.FIX])
+        self.events.look_at(self._room.out.fix[:fix], self._room.fixes.sd[:fix])
         return self.events
 
     # ---- looking back
@@ -194,6 +196,7 @@ class LiveRun:
         first = max(int(np.searchsorted(imu.t[:row], end, side="right")), 1)
         first_fix = int(np.searchsorted(fixes.t[:fix], imu.t[first - 1] + loop.SAME_TIME, "right"))
         self.start = start_at(out.nav[first - 1])
+        self.events.look_at(out.fix[:fix], fixes.sd[:fix], float(imu.t[first - 1]))
         by_sample: list[Any] = [*imu, out.nav]
         by_fix: list[Any] = [fixes.t, fixes.source, fixes.y, fixes.sd, room.stamp, sd, out.fix]
         for column in [*by_sample, out.covariance] if len(out.covariance) else by_sample:

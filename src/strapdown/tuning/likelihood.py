@@ -43,7 +43,7 @@ def seen(run: Run, counted: Ints) -> Seen:
     measured = np.isfinite(whitened)
     root = np.zeros((len(fix), 3, 3))
     below = np.tril_indices(3)
-    root[:, below[0], below[1]] = fix[:, loop.F_ROOT :]
+    root[:, below[0], below[1]] = fix[:, loop.F_ROOT : loop.F_WEIGHT]
     both = measured[:, :, None] & measured[:, None, :]
     root = np.where(both & np.isfinite(root), root, np.eye(3))
     diagonal = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)

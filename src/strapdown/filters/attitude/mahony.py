@@ -344,4 +344,5 @@ MAHONY = Filter(
     unaided_note=UNAIDED,
     conditions=attitude_mekf.CONDITIONS,
     condition=HOLDS,
+    weighs=False,
 )
