@@ -3,7 +3,7 @@ decide."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -66,6 +66,11 @@ class Parameter(NamedTuple):
         return next(text for name, text in MEANINGS.items() if self.name.startswith(name))
 
     @property
+    def stays(self) -> bool:
+        """Whether it is used as given."""
+        return isclose(self.value, self.given, rel_tol=1e-6)
+
+    @property
     def agrees(self) -> bool:
         """Whether what was given lies within the interval."""
         return self.given > 0 and self.low <= self.given <= self.high
@@ -87,7 +92,7 @@ class Parameter(NamedTuple):
         value = f"{self.shown(self.value)} {self.unit}"
         if self.status == TUNED:
             return f"{value}, 95 % {self.interval}; {self._beside_given()}"
-        used = f"{value} stays as given" if self.value == self.given else f"{value} is used"
+        used = f"{value} stays as given" if self.stays else f"{value} is used"
         if self.status == KEPT:
             return (
                 f"{used}; the likelihood would take {self.interval or 'any value'}, but innovations "
@@ -95,7 +100,7 @@ class Parameter(NamedTuple):
             )
         if self.status == OPEN:
             return f"the data do not decide it, any value fits; {used}"
-        given = "" if self.value == self.given else f"; {self._beside_given()}"
+        given = "" if self.stays else f"; {self._beside_given()}"
         return f"the data say {self.interval} {self.unit} (95 %), not how much; {used}{given}"
 
     def _beside_given(self) -> str:
@@ -103,7 +108,9 @@ class Parameter(NamedTuple):
         if not self.given > 0:
             return "none was given"
         ratio = self.value / self.given
-        size = f"{max(ratio, 1 / ratio):.2g} times too {'small' if ratio > 1 else 'large'}"
+        more = max(ratio, 1 / ratio)
+        times = f"{more:.2g} times" if more > 1.1 else f"{100 * (more - 1):.1g} %"
+        size = f"{times} too {'small' if ratio > 1 else 'large'}"
         return f"given {self.shown(self.given)}, {'which fits too' if self.agrees else size}"
 
     def shown(self, value: float) -> str:
@@ -181,14 +188,18 @@ class Tuning:
         """What the data do not decide beyond single parameters, and why, a line each."""
         return [
             *(each.text for each in self.directions),
-            *(
-                f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix "
-                "apart) for reasons that the model lacks: noise factors mean nothing there, and none "
-                "was made smaller"
-                for fit in self.fits
-                if fit.unexplained
-            ),
+            *(self._unexplained(fit) for fit in self.fits if fit.unexplained),
         ]
+
+    def _unexplained(self, fit: Fit) -> str:
+        """That the noise of a source cannot be told."""
+        own = (p for p in self.parameters if p.source == fit.source and p.name.startswith("noise"))
+        smaller = any(p.value < p.given and not p.stays for p in own)
+        return (
+            f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix apart) for "
+            f"reasons that the model lacks: noise factors mean nothing there"
+            f"{'' if smaller else ', and none was made smaller'}"
+        )
 
     @property
     def lines(self) -> list[str]:

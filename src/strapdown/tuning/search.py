@@ -17,7 +17,7 @@ from ..typing import Array, Mask
 from .counted import passed, rough, used
 from .lasting import with_lasting
 from .likelihood import Likelihood
-from .part import check_length, part
+from .part import check_length, part, smoothed_start
 from .scoring import Profile, Top, climb, profile
 from .unknowns import APART, imu_with, noise_with, of_imu, of_source, sources_with
 
@@ -26,6 +26,7 @@ LEAST_OF_SOURCE = 20
 AGAIN = 0.005
 """Share of the fixes that must change sides between outliers and others for another search."""
 MOST_CLIMBS = 3  # from a better place that a profile met
+SMOOTHED = 2  # times that the start is taken from a smoother
 CORRELATED_FROM = 0.1
 """Correlation one fix apart from which correlated errors are tried in sources of any kind."""
 CLIPPED = 4.0
@@ -106,6 +107,23 @@ class Search:
         _, start = part(solution, *self.seconds)
         self.run = self._begun(self.run.recording, start)
         self._climb(self.theta, self._kept())
+        for _ in range(SMOOTHED if self.filter.smoother else 0):
+            self._smooth_start()
+
+    def _smooth_start(self) -> None:
+        """Begin where the smoother says, as uncertain as before, if that is likelier: from far off,
+        the filter would keep wrong covariances for minutes."""
+        before, theta = self.run, self.theta
+        start = smoothed_start(self.likelihood.ready(theta), self.asked)
+        self.run = self._begun(before.recording, start)
+        likelihood = Likelihood(
+            self.run, self.asked, self.unknowns, self.counted, self.likelihood.kept
+        )
+        self._runs += 1
+        if likelihood.at(theta).mean > self.top.point.mean:
+            self._climb(theta, self._kept())
+        else:
+            self.run = before
 
     def _kept(self) -> list[Mask]:
         return used(passed(self.run, self.asked, self.unknowns, self.theta))

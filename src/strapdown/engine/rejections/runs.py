@@ -22,6 +22,7 @@ FEW = 3  # rejections: fewer are single outliers
 AT_ONCE = 4  # rejections in a row that can stand out
 STANDS_OUT = 1e-3  # how often so many in a row may be expected by the share of the others
 UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
+INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
 MOST_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
 WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
 """What can explain rejections with good fixes between them."""
@@ -52,7 +53,7 @@ def joined(before: Sequence[Run], now: Sequence[Run]) -> list[Run]:
 
 
 def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
-    found, single = [], list[int]()
+    found, single = list[Run](), list[int]()
     chains = _apart(own, np.flatnonzero(own.rejected), CHAIN)
     whole = _together(own, every, kind, chains)
     if whole is not None:
@@ -94,6 +95,8 @@ def _explained(
         yield bad, found
         return
     before = 0
+    if len(parts) > MOST_RUNS:
+        parts[MOST_RUNS - 1 :] = [np.concatenate(parts[MOST_RUNS - 1 :])]
     for part in parts:
         cause = None
         if len(part) >= FEW:
@@ -154,5 +157,5 @@ def _by_chance(own: Fixes, bad: Ints) -> bool:
     rows = own.measured
     expected = chdtrc(rows, own.nis[own.rejected].min()).sum()
     farthest = chdtrc(rows[bad], own.nis[bad]).min() * len(rows)
-    many = 1 - pdtr(len(bad) - 1, expected)
+    many = 1 - pdtr(len(bad) - 1, INEXACT * expected)
     return bool(many > UNLIKELY and farthest > UNLIKELY)
