@@ -207,6 +207,26 @@ class Innovations:
     root: Array | None = None
 
 
+class Rejected(NamedTuple):
+    """A run of rejected fixes of a source, and why they were probably rejected."""
+
+    source: str
+    start: float  # s, of the first and of the last of them
+    stop: float
+    number: int  # rejected
+    of: int  # fixes of the source meanwhile
+    # jump, drift, clock, noise too small, other sources disagree, single outliers or not known
+    cause: str
+    seen: str  # what was seen, with number and unit
+    remedy: str
+
+    def __str__(self) -> str:
+        fixes = "fix" if self.of == 1 else "fixes"
+        many = f"{self.number} of {self.of}" if self.number < self.of else f"{self.number}"
+        when = f"from {self.start:.1f} to {self.stop:.1f} s" if self.number > 1 else "here"
+        return f"{self.source}: {many} {fixes} rejected {when}: {self.seen}; {self.remedy}"
+
+
 @dataclass(frozen=True)
 class Solution:
     """What a filter made of a recording: n rows, SI and radians, in NED."""
@@ -243,6 +263,12 @@ class Solution:
         from .diagnosis.judge import judge
 
         return judge(self)
+
+    @property
+    def rejected(self) -> tuple[Rejected, ...]:
+        """Runs of rejected fixes with their probable cause, in the order of time; none of what the
+        gates reject by chance."""
+        return tuple(Rejected(**run) for run in self.meta.get("rejected", ()))
 
     @property
     def t(self) -> Array:

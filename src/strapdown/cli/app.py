@@ -15,7 +15,7 @@ import typer
 
 import strapdown as sd
 
-from . import calibrate, compare, diagnose, fly, simulation
+from . import calibrate, compare, diagnose, fly, simulation, tune
 from .console import (
     ESTIMATE,
     FORMATS,
@@ -23,6 +23,7 @@ from .console import (
     IMU,
     NOT_TRUSTED,
     OPTION,
+    SOURCES,
     STRICT,
     TAKE,
     TO,
@@ -208,6 +209,7 @@ def fuse(
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
     imu: IMU = None,
+    sources: SOURCES = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
@@ -276,7 +278,7 @@ def fuse(
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
     check_draft(write, recording)
-    whole, grade = read_given(recording, imu, take)
+    whole, grade = read_given(recording, imu, take, sources)
     if utc and whole.utc is None:
         raise sd.DataError(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
@@ -423,6 +425,20 @@ def imus() -> None:
 
 
 @app.command()
+def receivers() -> None:
+    """List the GNSS receivers that can be simulated, with their standard deviations north, east,
+    down."""
+    from ..sensor_models.receiver import receiver_grade, receivers
+
+    sheets = {name: receiver_grade(name).sheet() for name in receivers()}
+    terms = next(iter(sheets.values()))
+    table(
+        ("", *sheets),
+        [(term, *(sheet[term] or "-" for sheet in sheets.values())) for term in terms],
+    )
+
+
+@app.command()
 def plugins() -> None:
     """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
     from ..registration import brought
@@ -468,6 +484,7 @@ for command in (
     *simulation.COMMANDS,
     compare.compare,
     diagnose.diagnose,
+    tune.tune,
     fly.fly,
 ):
     app.command(cls=Reads)(command)

@@ -13,6 +13,7 @@ from .console import (
     ESTIMATE,
     FROM,
     IMU,
+    SOURCES,
     STRICT,
     TAKE,
     TO,
@@ -60,6 +61,7 @@ def compare(
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,
+    sources: SOURCES = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,
     kinds: KINDS = None,
@@ -81,7 +83,7 @@ def compare(
 ) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
-    whole, grade = read_given(recording, imu, take)
+    whole, grade = read_given(recording, imu, take, sources)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (

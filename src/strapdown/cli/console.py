@@ -24,12 +24,27 @@ if TYPE_CHECKING:
     from ..reports.shell import Page
     from ..typing import Array
 
+GNSS = Annotated[
+    str | None,
+    typer.Option(
+        help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: the "
+        "scenario's]."
+    ),
+]
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[
     str | None,
     typer.Option(
         help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
         "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical."
+    ),
+]
+SOURCES = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Noise of the sources, as `strapdown tune` wrote it (NAME-sources.toml); default: as "
+        "the recording has it.",
     ),
 ]
 TAKE = Annotated[
@@ -133,15 +148,18 @@ def recording_argument(note: str = "") -> Any:
 
 
 def read_given(
-    paths: Sequence[Path], imu: str | None = None, take: Sequence[str] | None = None
+    paths: Sequence[Path],
+    imu: str | None = None,
+    take: Sequence[str] | None = None,
+    sources: Path | None = None,
 ) -> "tuple[sd.Recording, str | None]":
-    """The Recording of what a command was given, and the grade that --imu names. Prints what was
-    taken from logs, assumed and left."""
+    """The Recording of what a command was given, with the noise of --sources, and the grade that
+    --imu names. Prints what was taken from logs, assumed and left."""
     number, grade = asked_imu(imu)
     recording = sd.read(*paths, **instances(number, take))
     for line in recording.meta.get("read", []):
         print(line)
-    return recording, grade
+    return (recording if sources is None else sd.with_noise(recording, sources)), grade
 
 
 def asked_imu(text: str | None) -> tuple[int | None, str | None]:

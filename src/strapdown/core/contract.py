@@ -238,7 +238,7 @@ class Cursor(NamedTuple):
     now: Array  # time of the belief, s, and of the last cause of doubt
     previous: Array  # the last sample: increments (6), seconds
     # increments in use (6), a part of them (6), increments as read (6), standard deviations with
-    # slip (3), innovation (12)
+    # slip (3), innovation (12), and the places of core/heavy_tails.py
     work: Array
     accepted: Ints  # int64 per source
     rejected: Ints  # int64 per source
@@ -509,6 +509,9 @@ class Filter(NamedTuple):
     condition: int | None = None
     # whether states that are parameters of the installation may stand behind its own
     installation: bool = False
+    # whether it gates, and the standard deviations of a fix decide what it does with it, so that
+    # sources can be robust and adaptive
+    weighs: bool = True
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied

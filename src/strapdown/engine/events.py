@@ -1,4 +1,5 @@
-"""What a run says while it goes on, in words: the rows of the loop's log as events (t, text)."""
+"""What a run says while it goes on, in words: the rows of the loop's log and the runs of rejected
+fixes as events (t, text)."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,10 +9,14 @@ from .. import aiding, quantities
 from ..core import cursor as log, loop
 from ..core.contract import POS, Cursor, Filter
 from ..core.integrity import MOST_NIS, MOST_WHITENED
-from ..data import Aiding
+from ..data import Aiding, Rejected
 from ..preprocessing.origin import counted
 from ..typing import Array
 from ..vehicle import Vehicle
+from .rejections import runs
+from .rejections.contradictions import Run
+from .rejections.windows import Fixes
+from .rejections.words import rejected
 
 MOST_OF_A_KIND = 20
 """Events of one kind and source that are kept apart; the last one takes in all that follow."""
@@ -49,6 +54,9 @@ class Events:
         self.because: dict[int, str] = {}  # by code: what the words of that event add
         self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
         self._counts: dict[tuple[float, float], list[Array]] = {}
+        self.rejected: list[Rejected] = []  # as `look_at` found them
+        self._runs: list[Run] = []  # of fixes that are no longer kept
+        self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
 
     def take(self, cursor: Cursor) -> None:
         """Take over what the log holds, and empty it."""
@@ -62,6 +70,16 @@ class Events:
         for rows in np.split(np.arange(len(t)), apart) if len(t) else ():
             first, last = t[rows[0]], t[rows[-1]]
             self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
+
+    def look_at(self, fixes: Array, sd: Array, before: float = -np.inf) -> None:
+        """Find the runs of rejections in what the loop wrote of fixes, (m, FIX_WIDTH) with their
+        standard deviations (m, 3); those that begin before that time (s) are kept for good."""
+        found = runs.find(Fixes(fixes, sd, self._known), self._aidings)
+        self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
+        kept = [run for run in found if run.start < before]
+        self._runs = runs.joined(self._runs, kept)
+        for run in kept:
+            self._known[run.source] = max(self._known[run.source], run.stop)
 
     def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
         """Write what happens outside the loop; whether it is new and no more of the same."""
@@ -108,7 +126,8 @@ class Events:
     @property
     def all(self) -> list[tuple[float, str]]:
         """[(t, text)] in the order of time."""
-        return sorted((float(row[log.T]), self.text(row)) for row in self.rows)
+        said = [(float(row[log.T]), self.text(row)) for row in self.rows]
+        return sorted(said + [(run.start, str(run)) for run in self.rejected])
 
     def name(self, s: int) -> str:
         """The source as tables show it."""

@@ -19,6 +19,7 @@ def solution(run: Run) -> Solution:
     why."""
     recording, samples, filter, _, start, noise, spec, belief, fixes, cursor, out, *_ = run
     nav, used = out.nav[: cursor.at[places.OUT]], out.fix[: cursor.at[places.FIX]]
+    run.events.look_at(used, fixes.sd[: len(used)])
     events = run.events.all
     meta = {
         "filter": filter.name,
@@ -36,6 +37,8 @@ def solution(run: Run) -> Solution:
     } | told(recording, belief.P)
     # the absolute clock, and what was taken from the files
     meta |= {key: recording.meta[key] for key in ("epoch", "read") if recording.meta.get(key)}
+    if run.events.rejected:
+        meta["rejected"] = [each._asdict() for each in run.events.rejected]
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
         meta["stopped"] = stopped(t)
@@ -106,5 +109,5 @@ def innovations(used: Array, aidings: Sequence[Aiding], gates: Iterable[float]) 
         tuple(a.name or a.kind for a in aidings),
         tuple(float(gate) for gate in gates),
         used[:, loop.F_WHITENED : loop.F_ROOT],
-        used[:, loop.F_ROOT :],
+        used[:, loop.F_ROOT : loop.F_WEIGHT],
     )

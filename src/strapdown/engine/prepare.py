@@ -281,10 +281,23 @@ def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
-    notes += widened
+    aidings, said = weighable(filter, aidings)
+    notes += widened + said
     return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
+
+
+def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aiding], list[str]]:
+    """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
+    note about that."""
+    names = dict.fromkeys(a.name or a.kind for a in aidings if a.robust or a.adaptive)
+    if filter.weighs or not names:
+        return aidings, []
+    return [replace(a, robust=False, adaptive=0.0) for a in aidings], [
+        f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
+        f"{', '.join(names)} are left out, its gate stays"
+    ]
 
 
 def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
@@ -343,7 +356,7 @@ def new_cursor(
         np.zeros(places.CURSOR_SIZE, np.int64),
         np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
-        np.zeros(loop.INNOVATION.stop),
+        np.zeros(loop.WORK_SIZE),
         count(),
         count(),
         count(),
@@ -366,6 +379,8 @@ def new_cursor(
     at[places.DOUBTFUL_CONDITIONS] = sum(1 << k for k in doubtful)
     cursor.watched[:, places.STEP] = np.inf
     cursor.tests[:, places.TESTED], cursor.tests[:, places.LAST_USED] = -np.inf, t
+    cursor.tests[:, places.FACTOR] = cursor.tests[:, [places.POWER]] = 1.0
+    cursor.tests[:, places.FOLLOWED_AT] = t
     return cursor
 
 

@@ -271,7 +271,8 @@ FIGURES: list[Figure] = [
         "innovations",
         "Innovations",
         lambda s, reference: fix_figures.innovations(s),
-        "Fix − estimate: around zero and without pattern when all is well.",
+        "Fix − estimate: around zero and without pattern when all is well. Rejected fixes are crossed, "
+        "coloured by their probable cause.",
         "Fixes",
     ),
     Figure(

@@ -218,7 +218,7 @@ class Scenario:
             "motion": self.motion.name,
             "duration_s": float(self.duration),
             "rate_hz": float(self.rate),
-            "gnss": self.gnss._asdict(),
+            "gnss": self.gnss.described(),
             "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
             "start_sd": list(self.start_sd),
             "accel_offset_m_s2": list(self.accel_offset),

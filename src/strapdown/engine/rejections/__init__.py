@@ -1,0 +1,1 @@
+"""Why fixes were rejected."""

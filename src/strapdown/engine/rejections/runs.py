@@ -1,0 +1,161 @@
+"""Runs of rejected fixes of each source, from the rows that the loop wrote.
+
+Rejections less than FOLD s apart belong together, unless some in a row stand out from the others.
+Single ones of which nothing more is to be said are gathered over the whole recording; where the gate
+rejects as many right ones, they are chance.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ...core.cursor import FOLD
+from ...core.loop import F_SOURCE
+from ...data import Aiding
+from ...typing import Ints, Mask
+from . import causes
+from .causes import Found
+from .contradictions import CHAIN, Run, blamed, merged
+from .windows import Fixes, window
+
+FEW = 3  # rejections: fewer are single outliers
+AT_ONCE = 4  # rejections in a row that can stand out
+STANDS_OUT = 1e-3  # how often so many in a row may be expected by the share of the others
+UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
+INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
+MOST_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
+WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
+"""What can explain rejections with good fixes between them."""
+
+
+def find(fixes: Fixes, aidings: Sequence[Aiding]) -> list[Run]:
+    """The runs of all sources, in the order of their beginning; what is chance is left out."""
+    runs: list[Run] = []
+    for s in np.unique(fixes.rows[fixes.rejected, F_SOURCE].astype(int)).tolist():
+        runs += _of_source(s, fixes.of(s), fixes, aidings[s].kind)
+    return blamed(sorted(runs, key=lambda run: (run.start, run.source)))
+
+
+def joined(before: Sequence[Run], now: Sequence[Run]) -> list[Run]:
+    """Runs found earlier and those after them: single outliers of a source are one run, and so is
+    all that comes after MOST_RUNS of it."""
+    found: dict[int, list[Run]] = {}
+    for run in (*before, *now):
+        own = found.setdefault(run.source, [])
+        single = run.found.shape == causes.OUTLIERS
+        alike = [k for k, each in enumerate(own) if single and each.found.shape == causes.OUTLIERS]
+        if alike or len(own) > MOST_RUNS:
+            k = alike[0] if alike else len(own) - 1
+            own[k] = merged([own[k], run])
+        else:
+            own.append(run)
+    return sorted((run for own in found.values() for run in own), key=lambda r: (r.start, r.source))
+
+
+def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
+    found, single = list[Run](), list[int]()
+    chains = _apart(own, np.flatnonzero(own.rejected), CHAIN)
+    whole = _together(own, every, kind, chains)
+    if whole is not None:
+        return [_run(s, own, np.concatenate(chains), whole)]
+    for bad in chains:
+        if len(found) >= MOST_RUNS:
+            found[-1] = merged([found[-1], _run(s, own, bad, found[-1].found)])
+            continue
+        for part, cause in _explained(own, every, kind, bad):
+            if cause is None or cause.shape == causes.OUTLIERS:
+                single += part.tolist()
+            else:
+                found.append(_run(s, own, part, cause))
+    if single and not _by_chance(own, np.array(single)):
+        nothing = Found(causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0)
+        found.append(_run(s, own, np.array(single), nothing))
+    return found
+
+
+def _together(own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found | None:
+    """What explains chains of rejections all at once: something that lasts."""
+    long = [chain for chain in chains if len(chain) >= FEW]
+    if len(long) < 2:
+        return None
+    found = _without_onset(causes.find(window(own, every, kind, long)), own)
+    return found if found.shape in WHOLE else None
+
+
+def _explained(
+    own: Fixes, every: Fixes, kind: str, bad: Ints
+) -> Iterator[tuple[Ints, Found | None]]:
+    """What explains a chain of rejections, or each of its parts; None where they are few."""
+    if len(bad) < FEW:
+        yield bad, None
+        return
+    parts = list(_parts(own, bad))
+    found = _without_onset(causes.find(window(own, every, kind, parts)), own)
+    if len(parts) == 1 or found.shape in WHOLE:
+        yield bad, found
+        return
+    before = 0
+    if len(parts) > MOST_RUNS:
+        parts[MOST_RUNS - 1 :] = [np.concatenate(parts[MOST_RUNS - 1 :])]
+    for part in parts:
+        cause = None
+        if len(part) >= FEW:
+            cause = causes.find(window(own, every, kind, [part], before))
+            before = int(part[-1]) + 1
+        yield part, cause
+
+
+def _without_onset(found: Found, own: Fixes) -> Found:
+    """A drift that was there from the beginning may as well be that of the others."""
+    early = found.shape == causes.DRIFT and found.since < own.t[0] + CHAIN
+    return found._replace(shape=causes.ALWAYS) if early else found
+
+
+def _apart(own: Fixes, bad: Ints, seconds: float) -> list[Ints]:
+    """Rejections that are further than that from each other."""
+    return np.split(bad, np.flatnonzero(np.diff(own.t[bad]) > seconds) + 1)
+
+
+def _parts(own: Fixes, bad: Ints) -> Iterator[Ints]:
+    """Rejections that belong together."""
+    rejected = own.rejected
+    for part in _apart(own, bad, FOLD):
+        for first, last in _split(rejected, int(part[0]), int(part[-1])):
+            yield bad[(bad >= first) & (bad <= last)]
+
+
+def _split(rejected: Mask, first: int, last: int) -> Iterator[tuple[int, int]]:
+    """Parts of [first, last], where its longest row of rejections stands out from the others."""
+    inside = rejected[first : last + 1]
+    edges = np.flatnonzero(np.diff(np.r_[0, inside.astype(int), 0]))
+    starts, ends = edges[::2], edges[1::2]
+    longest = int(np.argmax(ends - starts))
+    begin, end = int(starts[longest]), int(ends[longest])
+    length, others = end - begin, len(inside) - (end - begin)
+    share = (inside.sum() - length + 1) / (others + 2)
+    if length < AT_ONCE or not others or others * share**length > STANDS_OUT:
+        yield first, last
+        return
+    if begin:
+        yield from _split(rejected, first, first + int(ends[longest - 1]) - 1)
+    yield first + begin, first + end - 1
+    if end < len(inside):
+        yield from _split(rejected, first + int(starts[longest + 1]), last)
+
+
+def _run(s: int, own: Fixes, bad: Ints, found: Found) -> Run:
+    first, last = int(bad[0]), int(bad[-1])
+    off = float(np.sqrt((own.nis[bad] / np.maximum(own.measured[bad], 1)).max()))
+    start, stop = float(own.t[first]), float(own.t[last])
+    return Run(s, start, stop, len(bad), last - first + 1, off, found)
+
+
+def _by_chance(own: Fixes, bad: Ints) -> bool:
+    """Whether right fixes are rejected as often, and as far off, by the distribution of the NIS."""
+    from scipy.special import chdtrc, pdtr
+
+    rows = own.measured
+    expected = chdtrc(rows, own.nis[own.rejected].min()).sum()
+    farthest = chdtrc(rows[bad], own.nis[bad]).min() * len(rows)
+    many = 1 - pdtr(len(bad) - 1, INEXACT * expected)
+    return bool(many > UNLIKELY and farthest > UNLIKELY)

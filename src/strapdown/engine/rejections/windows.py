@@ -1,0 +1,100 @@
+"""The fixes that the loop wrote, and those about a run of rejections."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core import loop
+from ...typing import Array, Ints, Mask
+from .causes import Window
+
+BEFORE, AFTER = 60.0, 5.0  # s of fixes about a run in which its cause is looked for
+MOST_BEFORE, MOST_INSIDE, MOST_AFTER = 150, 600, 20  # fixes of them
+MOVED = 0.5  # s to either side over which accelerations are taken
+
+
+class Fixes(NamedTuple):
+    """Fixes as the loop wrote them, in their order."""
+
+    rows: Array  # (m, FIX_WIDTH)
+    sd: Array  # (m, 3) stated
+    after: Array  # (sources,) s: rejections up to then are known already
+
+    def of(self, s: int) -> "Fixes":
+        """Those of a source that were tested."""
+        own = (self.rows[:, loop.F_SOURCE] == s) & np.isfinite(self.rows[:, loop.F_NIS])
+        return Fixes(self.rows[own], self.sd[own], self.after)
+
+    @property
+    def t(self) -> Array:
+        """Times (m,), s."""
+        return self.rows[:, loop.F_T]
+
+    @property
+    def nis(self) -> Array:
+        """(m,)"""
+        return self.rows[:, loop.F_NIS]
+
+    @property
+    def measured(self) -> Ints:
+        """Rows of each innovation (m,)."""
+        known = np.isfinite(self.rows[:, loop.F_INNOVATION : loop.F_NIS])
+        return known.sum(axis=1, dtype=np.int64)
+
+    @property
+    def rejected(self) -> Mask:
+        """(m,)"""
+        new = self.t > self.after[self.rows[:, loop.F_SOURCE].astype(int)]
+        return new & (self.rows[:, loop.F_USE] == loop.REJECTED_FIX)
+
+
+def window(own: Fixes, every: Fixes, kind: str, parts: Sequence[Ints], before: int = 0) -> Window:
+    """The fixes of a source about these parts of a run, none before number `before`."""
+    first, last = int(parts[0][0]), int(parts[-1][-1])
+    begin = int(np.searchsorted(own.t, own.t[first] - BEFORE))
+    begin = max(begin, first - MOST_BEFORE, before)
+    stop = min(last, first + MOST_INSIDE)
+    end = int(np.searchsorted(own.t, own.t[stop] + AFTER, "right"))
+    rows = own.rows[begin : min(end, stop + 1 + MOST_AFTER)]
+    t, use = rows[:, loop.F_T], rows[:, loop.F_USE]
+    sd = own.sd[begin : begin + len(rows)]
+    used = use != loop.REJECTED_FIX
+    return Window(
+        t,
+        rows[:, loop.F_INNOVATION : loop.F_NIS],
+        _root(rows, sd),
+        np.nan_to_num(sd),
+        used,
+        used & (use != loop.REACQUIRED),
+        np.nan_to_num(rows[:, loop.F_V : loop.FIX_WIDTH]),
+        _acceleration(every, t),
+        kind,
+        tuple(
+            (int(part[0]) - begin, min(int(part[-1]), stop) - begin)
+            for part in parts
+            if part[0] <= stop
+        ),
+    )
+
+
+def _root(rows: Array, sd: Array) -> Array:
+    """(m, 3, 3) L of the innovations; where a filter gives none, of the stated deviations, and with
+    unit diagonals where nothing was measured."""
+    root = np.zeros((len(rows), 3, 3))
+    root[:, *np.tril_indices(3)] = rows[:, loop.F_ROOT : loop.F_WEIGHT]
+    diagonal = root[:, range(3), range(3)]
+    stated = np.where(sd > 0, sd, 1.0)
+    diagonal = np.where(diagonal > 0, diagonal, stated)
+    root = np.nan_to_num(root)
+    root[:, range(3), range(3)] = diagonal
+    return root
+
+
+def _acceleration(every: Fixes, t: Array) -> Array:
+    """(m, 3) m/s^2 of the filter at these times."""
+    near = slice(*np.searchsorted(every.t, [t[0] - 10 * MOVED, t[-1] + 10 * MOVED]))
+    times, v = every.t[near], np.nan_to_num(every.rows[near, loop.F_V : loop.FIX_WIDTH])
+    low, high = np.clip(t - MOVED, times[0], times[-1]), np.clip(t + MOVED, times[0], times[-1])
+    change = [np.interp(high, times, axis) - np.interp(low, times, axis) for axis in v.T]
+    return np.column_stack(change) / np.maximum(high - low, 1e-3)[:, None]

@@ -1,0 +1,95 @@
+"""What is said of a run of rejections: its cause, what was seen of it, and what to do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ... import aiding, quantities
+from ...data import Aiding, Rejected
+from ...typing import Array
+from .causes import (
+    ALWAYS,
+    CLOCK,
+    DISAGREE,
+    DRIFT,
+    JUMP,
+    NOISE,
+    OFFSET,
+    OUTLIERS,
+    SCALE,
+    UNKNOWN,
+)
+from .contradictions import Run
+
+VERTICAL = 0.3  # part of a vector from which its vertical component is said too
+WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+REMEDIES = {
+    JUMP: "see which is right, they or what was before, and leave the others out",
+    DRIFT: "leave them out from there on if another source contradicts them too",
+    CLOCK: "run `strapdown diagnose`, which finds its `time.offset`",
+    NOISE: "give it a larger sd, or run `strapdown tune`",
+    DISAGREE: "run `strapdown inspect` and `strapdown diagnose`",
+    OUTLIERS: "nothing to do for a few; give it `robust = true` for many",
+    UNKNOWN: "look at these times in the report",
+}
+
+
+def rejected(runs: Sequence[Run], aidings: Sequence[Aiding]) -> list[Rejected]:
+    """The runs in words."""
+    names = [a.name or a.kind for a in aidings]
+    return [_said(run, aidings[run.source], names) for run in runs]
+
+
+def _said(run: Run, source: Aiding, names: Sequence[str]) -> Rejected:
+    cause = DISAGREE if run.found.shape in (OFFSET, SCALE, ALWAYS) else run.found.shape
+    seen = _seen(run, source)
+    if cause == DISAGREE:
+        others = ", ".join(names[s] for s in run.others)
+        also = f"fixes of {others} were rejected too" if others else "fixes of others were not"
+        seen = f"{', '.join(filter(None, [seen, also]))}: the sources contradict each other"
+    span = run.start, run.stop, run.number, run.of
+    return Rejected(names[run.source], *span, cause, seen, REMEDIES[cause])
+
+
+def _seen(run: Run, source: Aiding) -> str:
+    found, size = run.found, run.found.size
+    if found.shape == JUMP:
+        lasted = found.until - found.since
+        stayed = "and stayed" if np.isinf(lasted) else f"for {lasted:.3g} s"
+        return f"they jumped by {_amount(size, source)} {stayed}"
+    if found.shape in (DRIFT, ALWAYS):
+        return f"they drift by {_amount(size, source, '/s')} from {found.since:.1f} s on"
+    if found.shape == CLOCK:
+        what = "velocity" if source.kind == "position" else "acceleration"
+        return (
+            f"their errors follow the {what}, as of time stamps about {abs(size[0]):.2g} s "
+            f"{'late' if size[0] < 0 else 'early'}"
+        )
+    if found.shape == OFFSET:
+        return f"they are off by {_amount(size, source)} as long as they are there"
+    if found.shape == SCALE:
+        return f"their errors are {100 * size[0]:.2g} % of the speed"
+    return {
+        NOISE: f"all of them scatter {found.spread:.2g} times their standard deviations",
+        OUTLIERS: f"single ones, up to {run.largest:.3g} standard deviations off",
+        UNKNOWN: f"up to {run.largest:.3g} standard deviations off, for no cause that is known",
+    }.get(found.shape, "")
+
+
+def _amount(size: Array, source: Aiding, per: str = "") -> str:
+    """A vector or a number with its unit and direction."""
+    sensor = aiding.find(source.kind)
+    unit, shown = quantities.shown_unit(sensor.quantities[0])
+    unit, per = ("m/s^2", "") if per and unit == "m/s" else (unit, per)
+    if source.kind not in ("position", "velocity"):
+        width = len(sensor.quantities)
+        values = ", ".join(f"{value * shown:+.3g}" for value in size[:width])
+        return f"{values} {unit}{per}"
+    level, down = float(np.hypot(size[0], size[1])), float(size[2])
+    said, whole = [], float(np.hypot(level, down))
+    if level > VERTICAL * whole:
+        wind = WINDS[round(float(np.degrees(np.arctan2(size[1], size[0]))) / 45) % 8]
+        said.append(f"{level:.3g} {unit}{per} to the {wind}")
+    if abs(down) > VERTICAL * whole or not said:
+        said.append(f"{abs(down):.3g} {unit}{per} {'down' if down > 0 else 'up'}")
+    return " and ".join(said)
