@@ -307,7 +307,8 @@ def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, .
         return tuple(aidings), []
     found, changed = [], dict[str, None]()
     for a in aidings:
-        if a.correlated is not None and a.correlated.states:
+        used = filter.uses is None or a.kind in filter.uses
+        if used and a.correlated is not None and a.correlated.states:
             changed[a.name or a.kind] = None
             a = replace(a, correlated=a.correlated._replace(states=False))
         found.append(a)
