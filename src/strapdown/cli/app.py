@@ -17,12 +17,14 @@ import strapdown as sd
 
 from . import calibrate, compare, diagnose, fly, simulation
 from .console import (
+    ADAPTIVE,
     ESTIMATE,
     FORMATS,
     FROM,
     IMU,
     NOT_TRUSTED,
     OPTION,
+    ROBUST,
     STRICT,
     TAKE,
     TO,
@@ -36,6 +38,7 @@ from .console import (
     estimates,
     grade_of,
     instances,
+    memories,
     option_values,
     print_errors,
     print_outages,
@@ -43,6 +46,7 @@ from .console import (
     read_given,
     recording_argument,
     results_folder,
+    robust_sources,
     save_draft,
     save_page,
     summarise,
@@ -222,6 +226,8 @@ def fuse(
     ] = None,
     option: OPTION = None,
     estimate: ESTIMATE = None,
+    robust: ROBUST = None,
+    adaptive: ADAPTIVE = None,
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
     ahrs: Annotated[
         str | None,
@@ -307,6 +313,8 @@ def fuse(
                 ahrs=ahrs,
                 ahrs_rate=ahrs_rate,
                 estimate=asked,
+                robust=robust_sources(robust),
+                adaptive=memories(adaptive),
                 **options,
             )
         if windows:
