@@ -32,7 +32,14 @@ SPREAD = 1.8
 a gate leaves 2.4 of the 4 of a standard deviation half as large as it is."""
 IN_A_ROW = 5  # rejections: so many are no single outliers
 MOST_STEPS = 12  # parts of a run that may each begin with a jump
-ONSETS = (0.0, 2.0, 5.0, 10.0, 20.0, 40.0)  # s before the first rejection at which a drift may begin
+ONSETS = (
+    0.0,
+    2.0,
+    5.0,
+    10.0,
+    20.0,
+    40.0,
+)  # s before the first rejection at which a drift may begin
 OFFSET, SCALE, ALWAYS = "offset", "scale", "drift from the beginning"
 """Shapes of a source that contradicts others as long as it is there."""
 LASTING = (DRIFT, CLOCK, OFFSET, SCALE)
@@ -182,8 +189,12 @@ def _seen(window: Window, shapes: list[_Shape]) -> Iterator[Array]:
     gain[~window.used] = 0.0
     errors = np.concatenate([shape.basis for shape in shapes], axis=2)
     # what was there before the first of these fixes has been followed
-    x = np.where([shape.followed for shape in shapes for _ in range(shape.basis.shape[2])], errors[0], 0.0)
-    follow = np.array([shape.followed for shape in shapes for _ in range(shape.basis.shape[2])], float)
+    x = np.where(
+        [shape.followed for shape in shapes for _ in range(shape.basis.shape[2])], errors[0], 0.0
+    )
+    follow = np.array(
+        [shape.followed for shape in shapes for _ in range(shape.basis.shape[2])], float
+    )
     K = gain[:, :, None] * follow
     for d, k in zip(errors, K):
         d -= x

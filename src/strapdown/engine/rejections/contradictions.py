@@ -9,7 +9,9 @@ import numpy as np
 from .causes import ALWAYS, CLOCK, DISAGREE, DRIFT, JUMP, NOISE, OFFSET, OUTLIERS, SCALE, Found
 
 CHAIN = 30.0  # s within which rejections may have one cause
-MOST = 0.5  # part of what is to be explained that one run must explain to be the cause of the others
+MOST = (
+    0.5  # part of what is to be explained that one run must explain to be the cause of the others
+)
 
 
 class Run(NamedTuple):
@@ -79,6 +81,4 @@ def merged(runs: list[Run]) -> Run:
     count, of = sum(run.count for run in runs), sum(run.of for run in runs)
     if len(runs) > 1 and spans:  # those between them were good
         of = max(of, round(float(np.median(spans)) * (stop - start)) + 1)
-    return runs[0]._replace(
-        stop=stop, count=count, of=of, largest=max(run.largest for run in runs)
-    )
+    return runs[0]._replace(stop=stop, count=count, of=of, largest=max(run.largest for run in runs))
