@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 
 from ..data import Solution
 from ..evaluation.consistency import band, whiteness
-from ..reports.drawing import COLOURS, GREY, finish, note, origin
+from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, origin
 from ..typing import Array
 
 if TYPE_CHECKING:
@@ -31,8 +31,6 @@ ACROSS = 3
 FEWEST = 32
 """Innovations of a source of which a spectrum can be drawn."""
 LAGS = 30
-TICKS = {"dtick": "D2"}
-"""At 1, 2 and 5, on a logarithmic axis."""
 STRETCHES = 60
 """Over which the NIS is averaged, at most."""
 
@@ -63,7 +61,7 @@ def _profile(drawn: go.Figure, each: "Parameter", row: int, column: int) -> None
             x=values,
             y=np.minimum(loss, 4 * HIGHEST),
             mode="lines+markers",
-            line={"color": COLOURS[0]},
+            line={"color": COLOURS[0], "shape": "spline", "smoothing": 0.8},
             marker={"size": 5},
             hovertemplate="%{x:.3g}: %{y:.3g}<extra></extra>",
             showlegend=False,
@@ -79,17 +77,23 @@ def _profile(drawn: go.Figure, each: "Parameter", row: int, column: int) -> None
         given = {"color": GREY, "width": 1.5, "dash": "dash"}
         drawn.add_vline(each.given * each.factor, line=given, **where)
     shown = np.r_[values, each.value * each.factor, each.given * each.factor]
-    wide = shown[shown > 0].max() > 3 * shown[shown > 0].min() and (values > 0).all()
     drawn.update_xaxes(
-        title_text=f"{escape(each.label)} [{each.unit}]",
-        title_font_size=12,
-        type="log" if wide else "linear",
-        tickformat=".3~g",
-        **(TICKS if wide else {"nticks": 5}),
-        **where,
+        title_text=f"{escape(each.label)} [{each.unit}]", title_font_size=12, **where
     )
+    if (values > 0).all() and shown.max() > 3 * shown[shown > 0].min():
+        drawn.update_xaxes(**_log_axis(shown), **where)
+    else:
+        drawn.update_xaxes(nticks=5, tickformat=".3~g", **where)
     title = "2 x loss of log-likelihood [-]" if column == 1 else ""
     drawn.update_yaxes(title_text=title, range=[-0.5, HIGHEST], **where)
+
+
+def _log_axis(*values: Array) -> dict[str, Any]:
+    """Settings of a logarithmic axis that holds these values."""
+    all_values = np.concatenate([np.asarray(each, float) for each in values])
+    known = np.log10(all_values[np.isfinite(all_values) & (all_values > 0)])
+    low, high = (known.min() - 0.05, known.max() + 0.05) if len(known) else (-1.0, 1.0)
+    return {"type": "log", "range": [low, high], **log_ticks(low, high)}
 
 
 def drawn_sources(*solutions: Solution) -> list[int]:
@@ -111,6 +115,11 @@ def _whitened(solution: Solution, source: int) -> tuple[Array, Array]:
     measured = np.isfinite(rows).any(axis=0)
     whole = np.isfinite(rows[:, measured]).all(axis=1) & measured.any()
     return t[whole], rows[whole][:, measured]
+
+
+def _runs(found: "Tuning") -> list[tuple[str, Solution]]:
+    """(label, solution) before and after."""
+    return [(BEFORE, found.before), (AFTER, found.after)]
 
 
 def _interval(t: Array) -> float:
@@ -139,34 +148,32 @@ def _panels(found: "Tuning", sources: Sequence[int], x: str, y: str) -> go.Figur
     return drawn
 
 
-def _curve(
-    drawn: go.Figure, number: int, across: int, x: Array, y: Array, label: str, **style: object
-) -> None:
+def _place(number: int, sources: Sequence[int]) -> dict[str, int]:
+    """Row and column of the panel of the `number`-th source."""
+    across = min(2, len(sources))
+    return {"row": number // across + 1, "col": number % across + 1}
+
+
+def _curve(drawn: go.Figure, place: dict[str, int], x: Array, y: Array, label: str) -> None:
     drawn.add_trace(
         go.Scatter(
             x=x,
             y=y,
             name=label,
             legendgroup=label,
-            showlegend=number == 0,
+            showlegend=place == {"row": 1, "col": 1},
             mode="lines",
-            line={"color": DRAWN[label], "width": 1.6, **style},
+            line={"color": DRAWN[label], "width": 1.6},
             hovertemplate="%{y:.3g}",
         ),
-        row=number // across + 1,
-        col=number % across + 1,
+        **place,
     )
 
 
-def _expected(drawn: go.Figure, number: int, across: int, *levels: float) -> None:
+def _expected(drawn: go.Figure, place: dict[str, int], *levels: float) -> None:
     """Dashed lines at what is expected of a right filter."""
     for level in levels:
-        drawn.add_hline(
-            level,
-            line={"color": MEANT, "width": 1.2, "dash": "dash"},
-            row=number // across + 1,
-            col=number % across + 1,
-        )
+        drawn.add_hline(level, line={"color": MEANT, "width": 1.2, "dash": "dash"}, **place)
 
 
 def spectrum(t: Array, rows: Array) -> tuple[Array, Array]:
@@ -185,11 +192,14 @@ def spectra_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """Power spectral densities of the whitened innovations of each source, before and after."""
     drawn = _panels(found, sources, "frequency [Hz]", "PSD / white [-]")
     for number, s in enumerate(sources):
-        for label, solution in ((BEFORE, found.before), (AFTER, found.after)):
-            _curve(drawn, number, min(2, len(sources)), *spectrum(*_whitened(solution, s)), label)
-        _expected(drawn, number, min(2, len(sources)), 1.0)
-    drawn.update_xaxes(type="log", tickformat="~g", **TICKS)
-    drawn.update_yaxes(type="log", tickformat="~g", **TICKS)
+        place = _place(number, sources)
+        curves = {label: spectrum(*_whitened(run, s)) for label, run in _runs(found)}
+        for label, curve in curves.items():
+            _curve(drawn, place, *curve, label)
+        _expected(drawn, place, 1.0)
+        frequencies, densities = zip(*curves.values())
+        drawn.update_xaxes(**_log_axis(*frequencies), **place)
+        drawn.update_yaxes(**_log_axis(np.ones(1), *densities), **place)
     note(
         drawn,
         "Dashed: what a right filter has, 1 at every frequency. Above it on the left: errors that "
@@ -201,18 +211,20 @@ def spectra_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
 def autocorrelation_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """Autocorrelation of the whitened innovations of each source, before and after."""
     drawn = _panels(found, sources, "lag [s]", "autocorrelation [-]")
-    across = min(2, len(sources))
     for number, s in enumerate(sources):
-        bound = 0.0
-        for label, solution in ((BEFORE, found.before), (AFTER, found.after)):
-            t, rows = _whitened(solution, s)
+        place, bound = _place(number, sources), 0.0
+        for label, run in _runs(found):
+            t, rows = _whitened(run, s)
             white = whiteness(rows, min(LAGS, len(rows) // 2))
-            mean, lags = white.autocorrelation.mean(axis=1), np.arange(len(white.autocorrelation))
-            x, y = np.r_[0, lags + 1] * _interval(t), np.r_[1.0, mean]
-            _curve(drawn, number, across, x, y, label)
+            mean = np.r_[1.0, white.autocorrelation.mean(axis=1)]
+            _curve(drawn, place, _interval(t) * np.arange(len(mean), dtype=float), mean, label)
             bound = white.bound / np.sqrt(rows.shape[1])
-        _expected(drawn, number, across, -bound, bound)
-    note(drawn, "Mean over the components. Dashed: 95 % of a white sequence lies between.")
+        _expected(drawn, place, -bound, bound)
+    note(
+        drawn,
+        "Of the fixes that were used, mean over the components. Dashed: 95 % of a white sequence lies "
+        "between.",
+    )
     return drawn
 
 
@@ -220,16 +232,18 @@ def nis_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """NIS of each source over time, averaged, over its expectation, before and after, with the
     band of a chi-square mean."""
     drawn = _panels(found, sources, "time [s]", "NIS / expected [-]")
-    across, (start, stop) = min(2, len(sources)), found.seconds
+    start, stop = found.seconds
     zero = origin(np.array([start]))
     for number, s in enumerate(sources):
-        for label, solution in ((BEFORE, found.before), (AFTER, found.after)):
-            t, mean, low, high = _averaged(solution, s, start, stop)
+        place, means = _place(number, sources), [np.ones(1)]
+        for label, run in _runs(found):
+            t, mean, low, high = _averaged(run, s, start, stop)
             if label == AFTER:
-                _chi_square_band(drawn, number, across, t - zero, low, high)
-            _curve(drawn, number, across, t - zero, mean, label)
-        _expected(drawn, number, across, 1.0)
-    drawn.update_yaxes(type="log", tickformat="~g", **TICKS)
+                _chi_square_band(drawn, place, t - zero, low, high)
+            _curve(drawn, place, t - zero, mean, label)
+            means.append(mean)
+        _expected(drawn, place, 1.0)
+        drawn.update_yaxes(**_log_axis(*means), **place)
     if zero:
         drawn.update_xaxes(title_text=f"time since {zero:.0f} s [s]")
     note(
@@ -259,7 +273,7 @@ def _averaged(solution: Solution, source: int, start: float, stop: float) -> tup
 
 
 def _chi_square_band(
-    drawn: go.Figure, number: int, across: int, t: Array, low: Array, high: Array
+    drawn: go.Figure, place: dict[str, int], t: Array, low: Array, high: Array
 ) -> None:
     known = np.isfinite(low)
     drawn.add_trace(
@@ -272,8 +286,7 @@ def _chi_square_band(
             hoverinfo="skip",
             showlegend=False,
         ),
-        row=number // across + 1,
-        col=number % across + 1,
+        **place,
     )
 
 
@@ -281,7 +294,7 @@ def rejected_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """When fixes were rejected, a row of marks per source, before and after."""
     drawn = finish(go.Figure(), 90 + 56 * len(sources))
     zero = origin(np.array([found.seconds[0]]))
-    for label, solution in ((BEFORE, found.before), (AFTER, found.after)):
+    for label, solution in _runs(found):
         made = solution.innovations
         measured = np.isfinite(made.innovation).any(axis=1)
         for s in sources:

@@ -122,6 +122,6 @@ def _fits(found: "Tuning") -> str:
     ]
     caption = (
         "NIS: its median over what is expected, 1 where the noise is right, above 1 where the stated standard "
-        "deviations are too small. Correlation: of whitened innovations one fix apart, 0 where right."
+        "deviations are too small. Correlation: of whitened innovations one fix apart, of all fixes, 0 where right."
     )
     return _html_table(header, rows) + f"<p class=caption>{caption}</p>"
