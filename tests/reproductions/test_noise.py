@@ -58,7 +58,7 @@ def test_fixes_stated_too_good_show_in_error_and_nis(short_car):
     assert 0.7 < np.median(nis_over_expected(right)) < 1.4  # heading is still uncertain
     assert np.median(nis_over_expected(wrong)) > 5
     of_right, of_wrong = score(right, short_car), score(wrong, short_car)
-    assert of_right.rows == of_wrong.rows == 2 * 30
+    assert of_right.rows == of_wrong.rows > 0
     assert of_wrong.error / of_wrong.claimed > 4 * of_right.error / of_right.claimed
 
 
