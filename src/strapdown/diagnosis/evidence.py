@@ -333,7 +333,12 @@ def doubts(solution: Solution) -> Iterator[Reason]:
         return
     seconds, share = span[doubtful].sum(), span[doubtful].sum() / span[settled].sum()
     first = t[np.argmax(doubtful)]
-    said = [text for at, text in solution.events if at <= first and not text.startswith("IMU gap")]
+    others = {str(run) for run in solution.rejected}  # which need not make rows doubtful
+    said = [
+        text
+        for at, text in solution.events
+        if at <= first and not text.startswith("IMU gap") and text not in others
+    ]
     text = said[-1] if said else "contradictions"
     sources = [
         name for name in solution.innovations.names if text.startswith((f"{name}:", f"{name} "))

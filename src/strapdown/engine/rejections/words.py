@@ -17,6 +17,7 @@ from .causes import (
     OFFSET,
     OUTLIERS,
     SCALE,
+    START,
     UNKNOWN,
 )
 from .contradictions import Run
@@ -41,7 +42,8 @@ def rejected(runs: Sequence[Run], aidings: Sequence[Aiding]) -> list[Rejected]:
 
 
 def _said(run: Run, source: Aiding, names: Sequence[str]) -> Rejected:
-    cause = DISAGREE if run.found.shape in (OFFSET, SCALE, ALWAYS) else run.found.shape
+    shape = run.found.shape
+    cause = DISAGREE if shape in (OFFSET, SCALE, ALWAYS) else UNKNOWN if shape == START else shape
     seen = _seen(run, source)
     if cause == DISAGREE:
         others = ", ".join(names[s] for s in run.others)
@@ -72,6 +74,7 @@ def _seen(run: Run, source: Aiding) -> str:
     return {
         NOISE: f"all of them scatter {found.spread:.2g} times their standard deviations",
         OUTLIERS: f"single ones, up to {run.largest:.3g} standard deviations off",
+        START: f"up to {run.largest:.3g} standard deviations off, while the filter found its start",
         UNKNOWN: f"up to {run.largest:.3g} standard deviations off, for no cause that is known",
     }.get(found.shape, "")
 
