@@ -73,3 +73,27 @@ def test_more_states_than_there_is_room_for_are_refused():
     )
     with pytest.raises(DataError, match="at most 30 can be estimated: leave"):
         fused(replace(recording, aidings=many), start)
+
+
+@pytest.mark.parametrize(
+    "bad, said",
+    [
+        (
+            Correlated((1.0,) * 4, 30.0),
+            "position: sd of its correlated errors is (1.0, 1.0, 1.0, 1.0);",
+        ),
+        (Correlated((1.0, 1.0, -1.0), 30.0), "position: sd of its correlated errors is"),
+        (Correlated((0.0,) * 3, 30.0), "one must be above 0"),
+        (Correlated((1.0,) * 3, 0.0), "position: time of its correlated errors is 0.0 s"),
+        (Correlated((1.0,) * 3, 30.0, "no"), "position: states of its correlated errors is 'no'"),
+        ({"sd": 1.0, "time": 30.0}, "it must be a Correlated, sd and time"),
+    ],
+)
+def test_correlated_errors_that_cannot_be_are_refused(bad, said):
+    recording, start = straight(2.0)
+    aidings = (replace(recording.aidings[0], correlated=bad), recording.aidings[1])
+    with pytest.raises(DataError) as batch:
+        fused(replace(recording, aidings=aidings), start)
+    with pytest.raises(DataError) as live:
+        Stream("closed-loop", start, noise=EXACT, aidings=aidings)
+    assert said in str(batch.value) and str(batch.value) == str(live.value)

@@ -47,7 +47,7 @@ from ..core.contract import (
 )
 from ..core.earth import LATITUDE_LIMIT
 from ..core.recent_motion import new_recent
-from ..data import Aiding
+from ..data import Aiding, Correlated
 from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
@@ -162,7 +162,7 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
             parameters[s, BROUGHT] = len(sensor.states)
             states += len(sensor.states)
         parameters[s, SLIP] = checked_slip(a, sensor)
-        states += _place_noise(parameters[s], checked_noise(a), states)
+        states += _place_noise(parameters[s], a, states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
     t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
@@ -215,14 +215,17 @@ def checked_noise(a: Aiding) -> Aiding:
     check_flag(a.robust, f"{what}: robust")
     check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=1e6)
     if a.correlated is not None:
+        if not isinstance(a.correlated, Correlated):
+            raise DataError(
+                f"{what}: correlated is {brief(a.correlated)}; it must be a Correlated, sd and time"
+            )
         sd, time, states = a.correlated
         check_number(time, f"{what}: time of its correlated errors", "s", above=0, most=1e6)
         check_flag(states, f"{what}: states of its correlated errors")
-        check_array(sd, f"{what}: sd of its correlated errors", (many,), what="numbers, SI, by row")
-        if not (min(sd) >= 0 and any(sd)):
-            raise DataError(
-                f"{what}: sd of its correlated errors is {tuple(sd)}; none is below 0, and one above"
-            )
+        errors = f"{what}: sd of its correlated errors"
+        check_array(sd, errors, (many,), least=0, most=1e6, what="numbers, SI, by row")
+        if not any(sd):
+            raise DataError(f"{errors} is {tuple(sd)}; one must be above 0")
     return a
 
 
@@ -302,16 +305,13 @@ def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aidin
 
 def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
     """(these sources with their correlated errors as states only where `filter` can have them,
-    notes about the others)."""
-    if filter.installation:
-        return tuple(aidings), []
-    found, changed = [], dict[str, None]()
-    for a in aidings:
+    notes about the others). Raises DataError for such that cannot be."""
+    found, changed = [checked_noise(a) for a in aidings], dict[str, None]()
+    for k, a in enumerate(found):
         used = filter.uses is None or a.kind in filter.uses
-        if used and a.correlated is not None and a.correlated.states:
+        if used and not filter.installation and a.correlated is not None and a.correlated.states:
             changed[a.name or a.kind] = None
-            a = replace(a, correlated=a.correlated._replace(states=False))
-        found.append(a)
+            found[k] = replace(a, correlated=a.correlated._replace(states=False))
     return tuple(found), [
         f"{filter.name} does not estimate the correlated errors of {name}: they add to its standard "
         f"deviations, and the errors that last are larger than it claims"
