@@ -9,9 +9,9 @@ import numpy as np
 from ..data import Solution
 from ..typing import Array
 from .findings import AT_LEAST, AT_MOST, IMU, KEPT, OPEN, TUNED, Direction, Fit, Parameter
+from .fix_statistics import counts
 from .scoring import CHI_SQUARE, Profile, Top, climb
 from .search import Search
-from .fix_statistics import counts
 from .unknowns import Unknown
 
 UNEXPLAINED = 0.3

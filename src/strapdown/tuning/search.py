@@ -16,11 +16,11 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
 from .counted import passed, rough, used
 from .findings import IMU, UNEXPLAINED
+from .fix_statistics import correlation, counts
 from .lasting import with_lasting
 from .likelihood import Likelihood
 from .part import check_length, part, smoothed_start
 from .scoring import Profile, Top, climb, profile
-from .fix_statistics import correlation, counts
 from .unknowns import (
     APART,
     TIME,
