@@ -73,11 +73,14 @@ def test_arms_mounting_and_scale_change_innovations_as_said(filter):
 
 
 def test_lever_arms_change_innovations_as_said_beside_correlated_errors():
+    """Of the positions, which have these errors; the vertical arm hardly shows in them."""
     recording = told(without_gates(car(1001, seconds=120.0)), (1.0, 1.0, 2.0), 20.0)
     arm = [one.kind == ARM for one in constants(recording.aidings)]
-    for j in np.flatnonzero(arm):
-        slope, _ = slopes(recording, np.eye(len(arm))[j], STEPS[ARM])[0]
-        assert slope == pytest.approx(1.0, abs=0.03)
+    directions = np.eye(len(arm))[arm]
+    made = [slopes(recording, direction, STEPS[ARM])[0] for direction in directions]
+    largest = max(size for _, size in made)
+    shown = [slope for slope, size in made if size > 0.4 * largest]
+    assert shown == pytest.approx([1.0, 1.0], abs=0.01)
 
 
 def test_the_clock_changes_innovations_as_said():

@@ -67,7 +67,7 @@ def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
             if cause is None or cause.shape == causes.OUTLIERS:
                 single += part.tolist()
             else:
-                found.append(_settling(_run(s, own, part, cause), float(own.t[0])))
+                found.append(_settling(_run(s, own, part, cause), own.began))
     if single and not _by_chance(own, np.array(single)):
         nothing = Found(causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0)
         found.append(_run(s, own, np.array(single), nothing))
@@ -108,7 +108,7 @@ def _explained(
 
 def _without_onset(found: Found, own: Fixes) -> Found:
     """A drift that was there from the beginning may as well be that of the others."""
-    early = found.shape == causes.DRIFT and found.since < own.t[0] + CHAIN
+    early = found.shape == causes.DRIFT and found.since < own.began + CHAIN
     return found._replace(shape=causes.ALWAYS) if early else found
 
 
