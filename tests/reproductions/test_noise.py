@@ -37,9 +37,9 @@ def test_a_tenth_of_the_fixes_is_off_by_twenty_standard_deviations(short_car):
     for a, b in zip(whole.aidings, off.aidings):
         moved = displacement(b.y, a.y) if a.kind == "position" else b.y - a.y
         changed = np.abs(moved[:, 0]) > 1e-6
-        assert not changed[a.t < a.t[0] + 10].any()
+        assert not changed[a.t < a.t[0] + outliers.BEGUN].any()
         # 400 fixes: five standard deviations of a share and of a root mean square
-        assert changed.mean() == pytest.approx(outliers.SHARE * 8 / 9, abs=0.075)
+        assert changed.mean() == pytest.approx(outliers.SHARE * 2 / 3, abs=0.075)
         sizes = np.sqrt(np.mean((moved[changed] / a.sd[changed]) ** 2))
         assert sizes == pytest.approx(outliers.SIZE, rel=0.45)
 
