@@ -38,7 +38,7 @@ def test_units_become_si(build):
             "[imu] mounting": [0.0, 0.0, 0.0],
             "[imu] lever_arm": [0.0, 0.0, 0.0],
             "[[aiding]] 1 (position) lever_arm": [0.0, 0.0, 0.0],
-            "[[aiding]] 1 (position) sd": [1.5, 1.5, 1.5],
+            "[[aiding]] 1 (position) sd": [1.0, 1.0, 1.0],
             "[[aiding]] 1 (position) correlated": [],
             "[[aiding]] 1 (position) time offset": [0.0],
             "[[aiding]] 1 (position) scale": [1.0, 1.0, 1.0],
