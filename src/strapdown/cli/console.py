@@ -88,10 +88,19 @@ ESTIMATE = Annotated[
         "recording names]",
     ),
 ]
+def _no_option(values: list[str] | None) -> list[str] | None:
+    """The values of an option, none of which is an option that was taken for one."""
+    for value in values or ():
+        if value.startswith("-"):
+            raise typer.BadParameter(f"it takes a value, and is followed by {value}; write all")
+    return values
+
+
 ROBUST = Annotated[
     list[str] | None,
     typer.Option(
         metavar="SOURCE,...",
+        callback=_no_option,
         help="Sources whose fixes have a heavy-tailed likelihood in place of the gate, by name or kind; "
         "all, or none.  [default: what the recording says]",
     ),

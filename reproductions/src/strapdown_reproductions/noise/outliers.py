@@ -16,6 +16,9 @@ from .worlds import recorded, score
 
 SHARE, SIZE = 0.1, 20.0
 """Part of the fixes that are replaced, and the standard deviations of what they err by then."""
+BEGUN = 30.0
+"""s from which fixes are replaced: by then a run has found its start, which one of them would
+spoil."""
 MEMORY = 60.0
 """s of the adaptive sources."""
 WAYS: dict[str, dict[str, Any]] = {
@@ -45,7 +48,7 @@ def rows(world: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
 
 def spoiled(recording: Recording, seed: int) -> Recording:
     """The recording with SHARE of each source's fixes replaced by ones that err by SIZE standard
-    deviations, normally distributed; none of the first ten seconds, which the start is made of."""
+    deviations, normally distributed, from BEGUN on."""
     streams = np.random.default_rng([seed, 23]).spawn(len(recording.aidings))
     return replace(
         recording,
@@ -54,6 +57,6 @@ def spoiled(recording: Recording, seed: int) -> Recording:
 
 
 def _spoiled(a: Aiding, rng: np.random.Generator) -> Aiding:
-    off = (rng.random(len(a.t)) < SHARE) & (a.t > a.t[0] + 10)
+    off = (rng.random(len(a.t)) < SHARE) & (a.t > a.t[0] + BEGUN)
     error = SIZE * a.sd * rng.standard_normal(a.sd.shape) * off[:, None]
     return replace(a, y=displaced(a.y, error) if a.kind == "position" else a.y + error)
