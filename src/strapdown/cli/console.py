@@ -88,6 +88,8 @@ ESTIMATE = Annotated[
         "recording names]",
     ),
 ]
+
+
 def _no_option(values: list[str] | None) -> list[str] | None:
     """The values of an option, none of which is an option that was taken for one."""
     for value in values or ():
