@@ -138,6 +138,7 @@ LONG = (
         "outages.md",
         "compare.md",
         "open-or-closed-loop.md",
+        "tune.md",
     ),
 )
 """Pages whose examples take more than three seconds; what they show has tests of its own."""

@@ -29,14 +29,18 @@ from .flight.aircraft.trim import trim as trim
 from .flight.fly import Flight as Flight, fly as fly
 from .flight.plan import FlightPlan as FlightPlan
 from .io import read as read, write_recording as write_recording
+from .io.noise_file import with_noise as with_noise
 from .io.solution import read_solution as read_solution, write_solution as write_solution
 from .recording import Recording as Recording
 from .registration import register as register
 from .reports.page import report as report
 from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
 from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades
+from .sensor_models.receiver import receiver as receiver, receivers as receivers
 from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios as scenarios
 from .sim.synthesis import simulate as simulate
+from .tuning.findings import Tuning as Tuning
+from .tuning.tune import tune as tune
 from .vehicle import Vehicle as Vehicle
 from .verdict import Reason as Reason, Verdict as Verdict
 

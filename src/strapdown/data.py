@@ -205,6 +205,12 @@ class Innovations:
     whitened: Array | None = None
     # (m, 6) rows of L (00, 10, 11, 20, 21, 22), L L' the covariance of the innovation; as whitened
     root: Array | None = None
+    # (m,) stated variance over that with which it was used: 1 as stated, 0 not used, between them of
+    # a robust source; None of a file
+    weight: Array | None = None
+    # (m, 3) standard deviations that an adaptive source had found, over those stated; else 1. NIS,
+    # whitened and root are by them; None of a file
+    followed: Array | None = None
 
 
 class Rejected(NamedTuple):

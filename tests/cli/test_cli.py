@@ -153,6 +153,13 @@ def test_lists(good):
     assert float(noise.split()[-1]) == 0.15 and "6012" in out
 
 
+def test_receivers_are_listed(good):
+    header, _, *rows = good("receivers").splitlines()
+    assert header.split() == sd.receivers()
+    (white,) = [row for row in rows if row.startswith("position, white, m")]
+    assert "0.15 0.15 0.3" in white and len(rows) == 7
+
+
 def test_demo_writes_a_page(good, tmp_path):
     out = good("demo", "--out", tmp_path / "new" / "page.html", "--seed", "3")
     rows = {
@@ -447,6 +454,7 @@ BAD = [
     (["demo", "--imu", "bogus", "--out", "result/page.html"], TOML, "unknown IMU grade 'bogus'"),
     (["fus"], TOML, "No such command 'fus'"),
     (["imus", "more"], TOML, "more"),
+    (["receivers", "more"], TOML, "more"),
 ]
 
 

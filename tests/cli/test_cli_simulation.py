@@ -36,6 +36,23 @@ def test_a_simulated_recording_is_read_and_fused(hop, command):
     assert len(sd.read("short.nc").imu.t) == 200 and sd.read("short.nc").meta["grade"] == "consumer"
 
 
+def test_a_receiver_by_name_rides_on_the_scenario(hop, command):
+    (hop / "mine.toml").write_text("interval_s = 2\nposition_sd_m = 0.3\n")
+    for gnss, fixes in (("rtk-float", 50), ("mine.toml", 5)):
+        code, out, err = command(
+            "simulate", "hop.toml", "--gnss", gnss, "--duration", 10, "--out", "short.nc"
+        )
+        assert code == 0 and f"{fixes} GNSS position" in out
+        made = sd.read("short.nc").aidings[0]
+        assert made.correlated == sd.receiver(gnss).position_correlated
+    words = "study", "hop.toml", "--gnss", "sbas", "--filter", "closed-loop", "--runs", 1
+    assert command(*words, "--out", "table", "--workers", 1)[0] == 0
+    told = json.loads((hop / "table" / "manifest.json").read_text())["cells"][0]["scenario"]["gnss"]
+    assert told["position_correlated"] == [[0.4, 0.4, 0.85], 120.0, True]
+    code, _, err = command("simulate", "hop.toml", "--gnss", "sbass", "--out", "no.nc")
+    assert (code, len(err)) == (2, 1) and "did you mean 'sbas'" in err[0]
+
+
 def test_what_a_recording_notes_is_printed(hop, command):
     (hop / "silent.toml").write_text(SCENARIO.replace("interval_s = 1", "interval_s = 60"))
     code, out, err = command("simulate", "silent.toml", "--out", "silent.nc")

@@ -14,7 +14,16 @@ from scipy.spatial.transform import Rotation
 from test_kalman import covariance
 
 from strapdown.core.adjoint import adjoint_step, save_step, width
-from strapdown.core.contract import CORRECT, OBSERVE, PREDICT, Noise, Start, compile_kernel, kernel
+from strapdown.core.contract import (
+    CORRECT,
+    OBSERVE,
+    PARAMETERS,
+    PREDICT,
+    Noise,
+    Start,
+    compile_kernel,
+    kernel,
+)
 from strapdown.core.error_state import (
     DX,
     ERROR_STATE,
@@ -172,7 +181,7 @@ def corrected(made, y, gate=np.inf):
     n, sd = len(made.P), np.array([0.5, 1.0, 2.0])
     compile_kernel(correct)
     compile_kernel(observe)
-    nis = correct(made, np.array(y), sd, 0, observe, np.zeros(8), gate, np.empty(3))
+    nis = correct(made, np.array(y), sd, 0, observe, np.zeros(PARAMETERS), gate, np.empty(3))
     H = np.array(
         [
             [

@@ -560,7 +560,7 @@ BAD = {
     "start_sd is .*; it must be 15 finite numbers": dict(start_sd=["a"] * 15),
     "barometer is True; it must be a Barometer": dict(barometer=True),
     "barometer: 500 a second come faster": dict(barometer=Barometer(rate=500.0)),
-    "gnss is None; it must be a Gnss": dict(gnss=None),
+    "gnss is None; give a Gnss": dict(gnss=None),
     "model_noise is": dict(model_noise=3.0),
     "no filter is called": dict(filter="closed"),
 }

@@ -357,7 +357,7 @@ def test_the_fingerprint_changes_when_anything_does():
 
 
 def test_the_file_in_the_documentation_works(tmp_path):
-    text, _ = re.findall(
+    text, *_ = re.findall(
         r"^```toml\n(.*?)^```", DOCS.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )
     valley = scenario(written(tmp_path, text))

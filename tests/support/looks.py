@@ -229,3 +229,17 @@ def calibration(paths, also_slow):
         if not (np.isfinite(at).all() and np.isfinite(found.matrix).all()):
             return f"{name} is not finite"
     return ""
+
+
+def noise(paths, also_slow):
+    """Of a recording whose sources the file names."""
+    from flat_noise import RECORDING
+
+    from strapdown.io.noise_file import with_noise
+
+    for a in with_noise(RECORDING, paths[0]).aidings:
+        if not (np.isfinite(a.sd).all() and (a.sd > 0).all()):
+            return f"{a.name}: deviations that are not above 0"
+        if a.correlated and not (np.isfinite(a.correlated.sd).all() and a.correlated.time > 0):
+            return f"{a.name}: correlated errors {a.correlated}"
+    return ""

@@ -116,6 +116,21 @@ def calibration_case(tmp_path: Path) -> Case:
     return settings(looks.calibration, (tmp_path / "c.toml").read_text(encoding="utf-8"))
 
 
+def noise_case(_: Path) -> Case:
+    return settings(looks.noise, NOISE)
+
+
+NOISE = """# found by hand
+[GNSS]
+sd_factor = [1.9, 1.9, 2.4]  # 95 %
+correlated = { sd = [1.5, 1.5, 3.0], time = 30.0, states = false }
+
+["heading"]
+sd_factor = 0.5
+correlated = { sd = 2, time = 9 }
+"""
+
+
 def described_case(_: Path) -> Case:
     """A description with a magnetometer and its calibration, attitudes, and a reference."""
     files = {"calibration.toml": b"[magnetometer]\nbias = [1e-6, 0, 0]\n"}
@@ -191,6 +206,7 @@ OWN: dict[str, Callable[[Path], Case]] = {
     "aircraft": aircraft_case,
     "grade": grade_case,
     "calibration": calibration_case,
+    "noise of sources": noise_case,
     "nine axes": described_case,
     "european table": european_case,
     "headerless table": headerless_case,

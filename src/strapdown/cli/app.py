@@ -15,14 +15,17 @@ import typer
 
 import strapdown as sd
 
-from . import calibrate, compare, diagnose, fly, simulation
+from . import calibrate, compare, diagnose, fly, simulation, tune
 from .console import (
+    ADAPTIVE,
     ESTIMATE,
     FORMATS,
     FROM,
     IMU,
     NOT_TRUSTED,
     OPTION,
+    ROBUST,
+    SOURCES,
     STRICT,
     TAKE,
     TO,
@@ -36,6 +39,7 @@ from .console import (
     estimates,
     grade_of,
     instances,
+    memories,
     option_values,
     print_errors,
     print_outages,
@@ -43,6 +47,7 @@ from .console import (
     read_given,
     recording_argument,
     results_folder,
+    robust_sources,
     save_draft,
     save_page,
     summarise,
@@ -208,6 +213,7 @@ def fuse(
         str, typer.Option(help="Architecture; see `strapdown filters`.")
     ] = "closed-loop",
     imu: IMU = None,
+    sources: SOURCES = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
@@ -222,6 +228,8 @@ def fuse(
     ] = None,
     option: OPTION = None,
     estimate: ESTIMATE = None,
+    robust: ROBUST = None,
+    adaptive: ADAPTIVE = None,
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
     ahrs: Annotated[
         str | None,
@@ -276,7 +284,7 @@ def fuse(
     options: dict[str, Any] = option_values(option)
     asked = estimates(estimate)
     check_draft(write, recording)
-    whole, grade = read_given(recording, imu, take)
+    whole, grade = read_given(recording, imu, take, sources)
     if utc and whole.utc is None:
         raise sd.DataError(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
@@ -307,6 +315,8 @@ def fuse(
                 ahrs=ahrs,
                 ahrs_rate=ahrs_rate,
                 estimate=asked,
+                robust=robust_sources(robust),
+                adaptive=memories(adaptive),
                 **options,
             )
         if windows:
@@ -423,6 +433,20 @@ def imus() -> None:
 
 
 @app.command()
+def receivers() -> None:
+    """List the GNSS receivers that can be simulated, with their standard deviations north, east,
+    down."""
+    from ..sensor_models.receiver import receiver_grade, receivers
+
+    sheets = {name: receiver_grade(name).sheet() for name in receivers()}
+    terms = next(iter(sheets.values()))
+    table(
+        ("", *sheets),
+        [(term, *(sheet[term] or "-" for sheet in sheets.values())) for term in terms],
+    )
+
+
+@app.command()
 def plugins() -> None:
     """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
     from ..registration import brought
@@ -468,6 +492,7 @@ for command in (
     *simulation.COMMANDS,
     compare.compare,
     diagnose.diagnose,
+    tune.tune,
     fly.fly,
 ):
     app.command(cls=Reads)(command)

@@ -10,9 +10,12 @@ import typer
 import strapdown as sd
 
 from .console import (
+    ADAPTIVE,
     ESTIMATE,
     FROM,
     IMU,
+    ROBUST,
+    SOURCES,
     STRICT,
     TAKE,
     TO,
@@ -20,11 +23,13 @@ from .console import (
     Progress,
     end,
     estimates,
+    memories,
     number,
     print_verdicts,
     read_given,
     recording_argument,
     results_folder,
+    robust_sources,
     table,
     triple,
 )
@@ -60,12 +65,15 @@ def compare(
     filters: FILTERS = None,
     outages: OUTAGES = "30/300",
     imu: IMU = None,
+    sources: SOURCES = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,
     kinds: KINDS = None,
     start: FROM = None,
     stop: TO = None,
     estimate: ESTIMATE = None,
+    robust: ROBUST = None,
+    adaptive: ADAPTIVE = None,
     ahrs: Annotated[
         str | None,
         typer.Option(
@@ -81,7 +89,7 @@ def compare(
 ) -> None:
     """Compare filters in the same GNSS outages, with the same start and noise: writes index.html
     and CSV tables."""
-    whole, grade = read_given(recording, imu, take)
+    whole, grade = read_given(recording, imu, take, sources)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     given: dict[str, Any] = {"kinds": tuple(words(kinds))} if kinds is not None else {}
     with (
@@ -98,6 +106,8 @@ def compare(
             vehicle=vehicle,
             ahrs=ahrs,
             estimate=estimates(estimate),
+            robust=robust_sources(robust),
+            adaptive=memories(adaptive),
             say=progress.say,
             progress=progress.track("compare"),
             **given,

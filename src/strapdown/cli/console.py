@@ -24,12 +24,27 @@ if TYPE_CHECKING:
     from ..reports.shell import Page
     from ..typing import Array
 
+GNSS = Annotated[
+    str | None,
+    typer.Option(
+        help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: the "
+        "scenario's]."
+    ),
+]
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[
     str | None,
     typer.Option(
         help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
         "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical."
+    ),
+]
+SOURCES = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Noise of the sources, as `strapdown tune` wrote it (NAME-sources.toml); default: as "
+        "the recording has it.",
     ),
 ]
 TAKE = Annotated[
@@ -71,6 +86,33 @@ ESTIMATE = Annotated[
         "that name or kind alone; clock=0.05 with its prior standard deviation, in s, m, deg or none, "
         "mounting=0/1/2 of each component; none for nothing. May be repeated.  [default: what the "
         "recording names]",
+    ),
+]
+
+
+def _no_option(values: list[str] | None) -> list[str] | None:
+    """The values of an option, none of which is an option that was taken for one."""
+    for value in values or ():
+        if value.startswith("-"):
+            raise typer.BadParameter(f"it takes a value, and is followed by {value}; write all")
+    return values
+
+
+ROBUST = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SOURCE,...",
+        callback=_no_option,
+        help="Sources whose fixes have a heavy-tailed likelihood in place of the gate, by name or kind; "
+        "all, or none.  [default: what the recording says]",
+    ),
+]
+ADAPTIVE = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Follow the noise of the sources with this memory; SOURCE=SECONDS of one, 0 for none. May "
+        "be repeated.  [default: what the recording says]",
     ),
 ]
 FROM = Annotated[
@@ -133,15 +175,18 @@ def recording_argument(note: str = "") -> Any:
 
 
 def read_given(
-    paths: Sequence[Path], imu: str | None = None, take: Sequence[str] | None = None
+    paths: Sequence[Path],
+    imu: str | None = None,
+    take: Sequence[str] | None = None,
+    sources: Path | None = None,
 ) -> "tuple[sd.Recording, str | None]":
-    """The Recording of what a command was given, and the grade that --imu names. Prints what was
-    taken from logs, assumed and left."""
+    """The Recording of what a command was given, with the noise of --sources, and the grade that
+    --imu names. Prints what was taken from logs, assumed and left."""
     number, grade = asked_imu(imu)
     recording = sd.read(*paths, **instances(number, take))
     for line in recording.meta.get("read", []):
         print(line)
-    return recording, grade
+    return (recording if sources is None else sd.with_noise(recording, sources)), grade
 
 
 def asked_imu(text: str | None) -> tuple[int | None, str | None]:
@@ -455,6 +500,34 @@ def estimates(items: Sequence[str] | None) -> "dict[str, Prior] | None":
     """What `fuse` takes as `estimate`, from NAME and NAME=SD as `standard_deviations` reads them;
     None where nothing is given. Raises DataError."""
     return standard_deviations(items, "--estimate") if items else None
+
+
+def robust_sources(items: Sequence[str] | None) -> bool | list[str] | None:
+    """What `fuse` takes as `robust`, from names between commas, `all` or `none`; None where nothing is
+    given."""
+    if not items:
+        return None
+    names = [piece.strip() for item in items for piece in item.split(",")]
+    return names == ["all"] if names in (["all"], ["none"]) else names
+
+
+def memories(items: Sequence[str] | None) -> float | dict[str, float] | None:
+    """What `fuse` takes as `adaptive`, from SECONDS, or SOURCE=SECONDS between commas; None where
+    nothing is given. Raises DataError."""
+    if not items:
+        return None
+    pieces = [piece.strip() for item in items for piece in item.split(",")]
+    try:
+        if len(pieces) == 1 and "=" not in pieces[0]:
+            return float(pieces[0])
+        return {
+            name.strip(): float(seconds)
+            for name, _, seconds in (piece.rpartition("=") for piece in pieces)
+        }
+    except ValueError:
+        raise DataError(
+            f"--adaptive {', '.join(pieces)}: write seconds, such as 60, or SOURCE=60"
+        ) from None
 
 
 def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]":

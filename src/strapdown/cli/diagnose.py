@@ -12,6 +12,7 @@ from .console import (
     FROM,
     IMU,
     OPTION,
+    SOURCES,
     TAKE,
     TO,
     VEHICLE,
@@ -32,6 +33,7 @@ def diagnose(
         str, typer.Option(help="The closed loop or one of its relatives.")
     ] = "closed-loop",
     imu: IMU = None,
+    sources: SOURCES = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,
     start: FROM = None,
@@ -40,7 +42,7 @@ def diagnose(
 ) -> None:
     """Say what of the installation is wrong: clock offset and lever arm of the GNSS, mounting of
     the IMU, scale of the odometer; what is right; and what the motion does not show."""
-    whole, grade = read_given(recording, imu, take)
+    whole, grade = read_given(recording, imu, take, sources)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     show(part, filter, grade or grade_of(whole), vehicle, None, option_values(option))
 

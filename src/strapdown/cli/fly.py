@@ -53,6 +53,13 @@ def fly(
     imu: Annotated[
         str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")
     ] = "industrial",
+    gnss: Annotated[
+        str | None,
+        typer.Option(
+            help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: "
+            "five fixes a second with white noise]."
+        ),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(metavar="S", help="Seconds to fly [default: the plan's].")
     ] = None,
@@ -85,6 +92,8 @@ def fly(
     from ..sensor_models.barometer import Barometer
 
     given: dict[str, Any] = {} if duration is None else {"duration": duration}
+    if gnss is not None:
+        given["gnss"] = gnss
     if barometer:
         given["barometer"] = Barometer(rate=10.0)
     with (

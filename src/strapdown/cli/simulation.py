@@ -11,6 +11,7 @@ import typer
 import strapdown as sd
 
 from .console import (
+    GNSS,
     OUT,
     SCHEDULER,
     SEED,
@@ -38,6 +39,7 @@ def simulate(
     imu: Annotated[
         str | None, typer.Option(help="IMU grade or file [default: the scenario's].")
     ] = None,
+    gnss: GNSS = None,
     seed: SEED = 0,
     duration: Annotated[
         float | None,
@@ -50,7 +52,7 @@ def simulate(
         raise sd.DataError(
             f"--out {out}: a recording is written as NetCDF; name a file that ends in .nc"
         )
-    recording = sd.simulate(sd.scenario(scenario), duration, imu, seed)
+    recording = sd.simulate(sd.scenario(scenario), duration, imu, seed, gnss=gnss)
     with results_folder(out.parent):
         sd.write_recording(recording, out)
     for note in recording.meta["notes"]:
@@ -70,6 +72,7 @@ def study(
         list[str] | None,
         typer.Option(help="IMU grade or file; may be repeated [default: the scenario's]."),
     ] = None,
+    gnss: GNSS = None,
     filter: Annotated[
         list[str] | None,
         typer.Option(
@@ -97,7 +100,7 @@ def study(
     """Run filters many times on the same simulated data and score them; an interrupted study
     goes on where it was."""
     made = sd.Study(
-        tuple(scenario),
+        tuple(_carrying(sd.scenario(name), gnss) for name in scenario),
         tuple(filter or ("closed-loop", "open-loop")),
         tuple(imu or ()),
         runs,
@@ -120,6 +123,11 @@ def study(
         )
     print_summary(campaign.summary)
     print(f"wrote {out}/summary.csv, runs.csv and the chunk files in chunks")
+
+
+def _carrying(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
+    """The scenario with the receiver of that name or file; without one as it is."""
+    return scenario if gnss is None else scenario.replace(gnss=sd.receiver(gnss, scenario.gnss))
 
 
 def print_summary(summary: "pd.DataFrame") -> None:

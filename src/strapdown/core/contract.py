@@ -238,7 +238,7 @@ class Cursor(NamedTuple):
     now: Array  # time of the belief, s, and of the last cause of doubt
     previous: Array  # the last sample: increments (6), seconds
     # increments in use (6), a part of them (6), increments as read (6), standard deviations with
-    # slip (3), innovation (12)
+    # slip (3), innovation (12), and the places of core/heavy_tails.py
     work: Array
     accepted: Ints  # int64 per source
     rejected: Ints  # int64 per source
@@ -247,7 +247,7 @@ class Cursor(NamedTuple):
     since: Array
     # int64 per source: how many of them were used so, positions and velocities apart
     lifts: Ints
-    last: Array  # per source: time up to which its own states have walked
+    last: Array  # per source: time of its last fix, up to which its own states have walked
     limits: Array  # what samples, fixes and the belief never exceed
     watched: Array  # (6, WATCHED): repeated values of each axis
     floor: Array  # (sources, 3): least standard deviations
@@ -292,8 +292,8 @@ of then and the angular acceleration. BEND: standard deviations of what the cloc
 CORRELATED_STATE, CORRELATED_SD, CORRELATION_TIME, KEPT = 59, 62, 65, 66
 """Of a source with correlated errors, first-order Gauss-Markov processes that add to its rows:
 index of the state of each row, or 0 where the filter has none for it; their stationary standard
-deviations, SI; their correlation time, s; and exp(-dt / time) since the fix before, as the loop
-leaves it."""
+deviations, SI; their correlation time, s; and the share of them that is left of the fix before,
+exp(-dt / time), as the loop leaves it: 1 for a fix that is tried again."""
 ROBUST, MEMORY, PARAMETERS = 67, 68, 69
 """1 where a heavy-tailed likelihood stands in place of the gate; s over which the measurement noise is
 followed, 0 where it is as given."""
@@ -509,6 +509,9 @@ class Filter(NamedTuple):
     condition: int | None = None
     # whether states that are parameters of the installation may stand behind its own
     installation: bool = False
+    # whether it gates, and the standard deviations of a fix decide what it does with it, so that
+    # sources can be robust and adaptive
+    weighs: bool = True
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied

@@ -65,12 +65,19 @@ row alone: the mean difference of an interval and the one before, over it."""
 CHANNELS = 7
 SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)
 WHITENED, WHITENED_COUNT = slice(21, 24), slice(24, 27)
-NIS_SUM, NIS_COUNT, TESTED, REJECTING, LIFTED_AT, LAST_USED, TESTS = range(27, 34)
+NIS_SUM, NIS_COUNT, TESTED, REJECTING, LIFTED_AT, LAST_USED = range(27, 33)
+FACTOR, WHITENED_BEFORE, ALIKE, POWER, FOLLOWED_AT, TESTS = (
+    slice(33, 36),
+    slice(36, 39),
+    *range(39, 43),
+)
 """Columns of Cursor.tests, one row per source. Of each of seven tests (whitened innovations above
 and below what is allowed, by component, and the NIS): the cumulative sum, its terms, whether it
 fails. Sums and counts of the present second, and when the last one ended. Whether its fixes are
 rejected for so long that the gate was or must be lifted (1), or it is left out (-1), rejections in
-a row when the gate was lifted last, 0 since a fix passed, time of the last fix that was used."""
+a row when the gate was lifted last, 0 since a fix passed, time of the last fix that was used. Of an
+adaptive source: factors on the variances of its rows, the whitened innovation of the fix before, mean
+products of one with that before and with itself, time of the last fix."""
 
 T, UNTIL, CODE, WHICH, COUNT, VALUE, LOG_WIDTH = range(7)
 """Columns of Cursor.log: first and last time (s), what it is, of which source, axis or condition,

@@ -9,6 +9,7 @@ from .contract import (
     ATT,
     BA,
     BG,
+    CORRELATION_TIME,
     MOST_STATES,
     POS,
     STATES,
@@ -18,6 +19,7 @@ from .contract import (
     Observe,
     Slots,
 )
+from .correlated import see
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .jit import helper, inlined, matrix
@@ -158,13 +160,17 @@ def measure(
 def observed(
     belief: Belief, y: Array, observe: Observe, parameters: Array, innovation: Array, H: Array
 ) -> int:
-    """What `observe` makes of a fix: innovation and H, cleared before. Returns the rows."""
+    """What `observe` makes of a fix, and the correlated errors of its source: innovation and H,
+    cleared before. Returns the rows."""
     for i in range(innovation.size):
         innovation[i] = math.nan
     for i in range(3):
         for j in range(H.shape[1]):
             H[i, j] = 0.0
-    return observe(belief, y, parameters, innovation, H)
+    rows = observe(belief, y, parameters, innovation, H)
+    if parameters[CORRELATION_TIME] > 0:
+        see(belief.extra_states, parameters, innovation, H)
+    return rows
 
 
 @inlined

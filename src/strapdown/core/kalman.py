@@ -417,9 +417,12 @@ def _update(
         if innovation.size > 3:
             innovation[3 + i] = e
         if innovation.size > 6:
-            innovation[6 + i * (i + 1) // 2 + i] = 1 / scale
+            root = 6 + i * (i + 1) // 2
+            for k in range(i):
+                innovation[root + k] = 0.0
             for k in range(m):
-                innovation[6 + i * (i + 1) // 2 + int(work[used + 7 + k])] = work[used + 9 + m + k]
+                innovation[root + int(work[used + 7 + k])] = work[used + 9 + m + k]
+            innovation[root + i] = 1 / scale
         nis += e * e
         e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
         m += 1

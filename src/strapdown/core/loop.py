@@ -25,14 +25,16 @@ from .contract import (
     BROUGHT,
     CLOCK_AT,
     CLOCK_STATE,
-    CORRECT,
+    CORRELATION_TIME,
     DELAY,
     DOUBTFUL,
     FIRST,
     INVALID,
-    OBSERVE,
+    KEPT,
+    MEMORY,
     POSITION_KIND,
     PREDICT,
+    ROBUST,
     RUN,
     RUN_RECORDED,
     SLIP,
@@ -46,6 +48,7 @@ from .contract import (
     Noise,
     Output,
 )
+from .correlated import fade, widened
 from .coupling import couple, read
 from .cursor import (
     BELIEF_TOO_FAST,
@@ -85,6 +88,8 @@ from .cursor import (
     say,
 )
 from .earth import LATITUDE_LIMIT
+from .followed_noise import followed
+from .heavy_tails import WIDENED, correct_at, observe_at, weigh
 from .integrity import (
     CONFIRM,
     LEFT,
@@ -109,10 +114,12 @@ T, LLA, V, Q, BIASES, SD, ROW_STATUS, NAV_WIDTH = 0, 1, 4, 7, 11, 17, 32, 33
 """Columns of Output.nav: time, position, velocity, quaternion, biases (accelerometer, gyro), 15
 standard deviations, status; then a filter's own, then the states that aidings brought along and
 their standard deviations."""
-F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, F_ROOT, F_V = 0, 1, 2, 5, 6, 7, 10, 16
-FIX_WIDTH = 19
-"""Columns of Output.fix; use is one of the next five; F_ROOT is L of the contract (6), F_V the
-velocity of the belief after the fix (3)."""
+F_T, F_SOURCE, F_INNOVATION, F_NIS, F_USE, F_WHITENED, F_ROOT = 0, 1, 2, 5, 6, 7, 10
+F_WEIGHT, F_FACTOR, F_V, FIX_WIDTH = 16, 17, 20, 23
+"""Columns of Output.fix; use is one of the next five; F_ROOT is L of the contract (6); F_WEIGHT the
+stated variance over that with which it was used, 0 where it was not; F_FACTOR what an adaptive
+source had made of the stated standard deviations of each row; F_V the velocity of the belief after
+the fix (3)."""
 NOT_ASKED, UNMEASURED, REJECTED_FIX, ACCEPTED, REACQUIRED = -2.0, -1.0, 0.0, 1.0, 2.0
 
 BRIDGE = 1.0  # s
@@ -125,15 +132,10 @@ LONGEST_HOLD = (
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
-SLIPPING, INNOVATION = slice(18, 21), slice(21, 33)  # of Cursor.work
+SLIPPING, INNOVATION, WORK_SIZE = slice(18, 21), slice(21, 33), WIDENED.stop  # of Cursor.work
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
-predict_at, correct_at, observe_at, save_step_at = (
-    caller(PREDICT),
-    caller(CORRECT),
-    caller(OBSERVE),
-    caller(contract.SAVE_STEP),
-)
+predict_at, save_step_at = caller(PREDICT), caller(contract.SAVE_STEP)
 
 
 @kernel(RUN)
@@ -276,7 +278,6 @@ def _use_fix(
     )
     if fixes.parameters[s, WALK] > 0:
         _walk(belief.P, fixes.parameters, s, t - cursor.last[s])
-        cursor.last[s] = t
     believable = measured(fixes, k, belief, cursor)
     if not believable:
         nis = math.nan
@@ -290,6 +291,19 @@ def _use_fix(
         sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[SLIPPING])
     if fixes.parameters[s, CLOCK_STATE] > 0:
         sd = _unbent(sd, fixes.kind[s], fixes.parameters[s], cursor.work[SLIPPING])
+    if believable:
+        if fixes.parameters[s, CORRELATION_TIME] > 0:
+            _fade(cursor, belief, fixes.parameters[s], t - cursor.last[s], out.record)
+            sd = widened(sd, fixes.parameters[s], cursor.work[SLIPPING])
+        cursor.last[s] = t
+    robust, weight = fixes.parameters[s, ROBUST] > 0, 1.0
+    weighed = robust or fixes.parameters[s, MEMORY] > 0
+    for i in range(3):
+        row[F_FACTOR + i] = 1.0
+    if fixes.parameters[s, MEMORY] > 0:
+        sd = followed(sd, tests, cursor.floor[s], cursor.work[SLIPPING], row[F_FACTOR:])
+    if weighed:
+        gate = -1.0  # ask first
     while believable:  # once, or a second time with the gate lifted
         for i in range(9):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -303,27 +317,32 @@ def _use_fix(
             gate,
             innovation,
         )
+        lift = (
+            not lifted
+            and found > fixes.gate[s]
+            and cursor.in_a_row[s] >= REJECTED
+            and t - cursor.since[s] >= LIFT_AFTER
+            and cursor.lifts[s] < LIFTS
+        )
+        if weighed and not lift and found > gate:
+            weight = weigh(correct, observers, belief, fixes, k, sd, innovation, found, cursor)
         _save_step(belief, at, out.record)
         if lifted:
             break
         nis = found
         test(cursor, s, innovation, nis, t)
-        if not (
-            nis > gate
-            and cursor.in_a_row[s] >= REJECTED
-            and t - cursor.since[s] >= LIFT_AFTER
-            and cursor.lifts[s] < LIFTS
-        ):
+        if not lift:
             break
         tests[REJECTING] = 1.0
         doubt(cursor, t)
         if fixes.kind[s] == POSITION_KIND and not reachable(belief, innovation, s, t, cursor):
             say(cursor, TOO_FAR, s, t, length(innovation))
+            weight = 0.0
             break
         if tests[LIFTED_AT] == 0:
             say(cursor, LIFTED, s, t, length(innovation))
-        _doubt(belief.P, nis / gate, fixes.kind[s] == POSITION_KIND, innovation)
-        gate, lifted = math.inf, True
+        _doubt(belief.P, nis / fixes.gate[s], fixes.kind[s] == POSITION_KIND, innovation)
+        gate, lifted, fixes.parameters[s, KEPT] = math.inf, True, 1.0
     use = ACCEPTED if believable else NOT_ASKED
     if believable and math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
@@ -362,6 +381,7 @@ def _use_fix(
         row[F_V + i] = belief.v[i]
     for i in range(6):
         row[F_ROOT + i] = innovation[6 + i]
+    row[F_WEIGHT] = weight if robust and believable else 1.0 * (use > 0)
     at[FIX] += 1
 
 
@@ -407,6 +427,17 @@ def _couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
         couple(cursor, belief, dt, record[cursor.at[RECORDED]])
     else:
         couple(cursor, belief, dt, record)
+    cursor.at[RECORDED] += 1
+
+
+@helper
+def _fade(cursor: Cursor, belief: Belief, parameters: Array, seconds: float, record: Array) -> None:
+    """What becomes of the correlated errors of a source up to its fix; a call of its own to the
+    smoother."""
+    if record.ndim == 2:
+        fade(belief.P, belief.extra_states, parameters, seconds, record[cursor.at[RECORDED]])
+    else:
+        fade(belief.P, belief.extra_states, parameters, seconds, record)
     cursor.at[RECORDED] += 1
 
 

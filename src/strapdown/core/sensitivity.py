@@ -24,6 +24,7 @@ from .adjoint import (
     kept_rows,
 )
 from .contract import MOST_STATES, RUN_SENSITIVITY, SAVE_STEP, Belief
+from .correlated import FADED
 from .error_state import DX, PREDICTED, WORK
 from .jit import helper, inlined, kernel, matrix
 from .kalman import decay, transition, used_rows, whiten_rows
@@ -90,6 +91,15 @@ def _predicted(V: Array, step: Array) -> None:
         V[12 * LANES + j] *= keep_g
 
 
+@helper
+def _faded(V: Array, call: Array) -> None:
+    """V <- Phi V where correlated errors of a source have faded."""
+    for i in range(3):
+        k = int(call[2 + i])
+        for j in range(LANES if k > 0 else 0):
+            V[LANES * k + j] *= call[1]
+
+
 @inlined
 def _corrected(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
     """J = L^-1 (H V + h) of a fix and, where it was used, V <- V - U' J."""
@@ -139,6 +149,8 @@ def run_sensitivity(n: int, record: Array, h: Array, V: Array, J: Array) -> None
         call = record[c]
         if call[0] == PREDICTED:
             _predicted(V, call)
+        elif call[0] == FADED:
+            _faded(V, call)
         else:
             if call[0] > 0:
                 _corrected(n, V, call, h[fix], J[fix])

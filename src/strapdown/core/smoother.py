@@ -12,6 +12,7 @@ import math
 
 from ..typing import Array, Ints
 from .contract import ADJOINT_STEP, RUN_BACK
+from .correlated import FADED, unfade
 from .coupling import COUPLED, uncouple
 from .earth import displace
 from .jit import caller, flatten, helper, inlined, kernel
@@ -64,6 +65,8 @@ def _undo(adjoint_step: int, call: Array, lam: Array, Lam: Array, work: Array) -
     """The adjoint of a call of the filter, or of what the loop did beside it."""
     if call[0] == COUPLED:
         uncouple(call, lam, Lam)
+    elif call[0] == FADED:
+        unfade(call, lam, Lam)
     else:
         adjoint_step_at(adjoint_step)(call, lam, Lam, work)
 

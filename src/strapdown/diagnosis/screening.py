@@ -92,17 +92,23 @@ def window(solution: Solution) -> tuple[Recording, Start]:
     end = float(some.t[best]) + WINDOW
     if best == 0:
         return recording.between(stop=start.t + WINDOW), start
-    rows = np.searchsorted(made.t, some.t[best])
-    there = start._replace(
-        t=float(made.t[rows]),
-        lla=tuple(made.lla[rows].tolist()),
-        v=tuple(made.v_n[rows].tolist()),
-        rph=tuple(made.rph[rows].tolist()),
-        ba=tuple(np.nan_to_num(solution.b_a[rows]).tolist()),
-        bg=tuple(np.nan_to_num(solution.b_g[rows]).tolist()),
-        sd=tuple(np.where(np.isfinite(made.sd[rows]), made.sd[rows], start.sd[:STATES]).tolist()),
-    )
+    there = started(solution, int(np.searchsorted(made.t, some.t[best])))
     return recording.between(there.t, end), there
+
+
+def started(solution: Solution, row: int) -> Start:
+    """A Start at a row of a solution of all states, from what it says there."""
+    start, made = Start(**solution.meta["start"]), solution.trajectory
+    assert made.v_n is not None and made.sd is not None
+    return start._replace(
+        t=float(made.t[row]),
+        lla=tuple(made.lla[row].tolist()),
+        v=tuple(made.v_n[row].tolist()),
+        rph=tuple(made.rph[row].tolist()),
+        ba=tuple(np.nan_to_num(solution.b_a[row]).tolist()),
+        bg=tuple(np.nan_to_num(solution.b_g[row]).tolist()),
+        sd=tuple(np.where(np.isfinite(made.sd[row]), made.sd[row], start.sd[:STATES]).tolist()),
+    )
 
 
 def as_found(solution: Solution, recording: Recording, start: Start) -> tuple[Recording, Start]:

@@ -56,8 +56,8 @@ class Events:
         self._counts: dict[tuple[float, float], list[Array]] = {}
         self.rejected: list[Rejected] = []  # as `look_at` found them
         self._runs: list[Run] = []  # of fixes that are no longer kept
-        # s, by source: until when they are known, and when its first fix was
-        self._known, self._first = (np.full(len(aidings), end) for end in (-np.inf, np.inf))
+        self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
+        self._begin = np.full(len(aidings), np.inf)  # s, the first fix that was tested, by source
 
     def take(self, cursor: Cursor) -> None:
         """Take over what the log holds, and empty it."""
@@ -75,8 +75,9 @@ class Events:
     def look_at(self, fixes: Array, sd: Array, before: float = -np.inf) -> None:
         """Find the runs of rejections in what the loop wrote of fixes, (m, FIX_WIDTH) with their
         standard deviations (m, 3); those that begin before that time (s) are kept for good."""
-        np.minimum.at(self._first, fixes[:, loop.F_SOURCE].astype(int), fixes[:, loop.F_T])
-        found = runs.find(Fixes(fixes, sd, self._known, self._first), self._aidings)
+        tested = fixes[np.isfinite(fixes[:, loop.F_NIS])]
+        np.minimum.at(self._begin, tested[:, loop.F_SOURCE].astype(int), tested[:, loop.F_T])
+        found = runs.find(Fixes(fixes, sd, self._known, self._begin), self._aidings)
         self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
         kept = [run for run in found if run.start < before]
         self._runs = runs.joined(self._runs, kept)

@@ -109,5 +109,7 @@ def innovations(used: Array, aidings: Sequence[Aiding], gates: Iterable[float]) 
         tuple(a.name or a.kind for a in aidings),
         tuple(float(gate) for gate in gates),
         used[:, loop.F_WHITENED : loop.F_ROOT],
-        used[:, loop.F_ROOT : loop.F_V],
+        used[:, loop.F_ROOT : loop.F_WEIGHT],
+        used[:, loop.F_WEIGHT],
+        used[:, loop.F_FACTOR : loop.F_V],
     )

@@ -31,6 +31,7 @@ from ..core.contract import (
     ROBUST,
     SLIP,
     STATES,
+    VEL,
     WALK,
     Belief,
     Cursor,
@@ -46,7 +47,7 @@ from ..core.contract import (
 )
 from ..core.earth import LATITUDE_LIMIT
 from ..core.recent_motion import new_recent
-from ..data import Aiding
+from ..data import Aiding, Correlated
 from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
@@ -161,7 +162,7 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
             parameters[s, BROUGHT] = len(sensor.states)
             states += len(sensor.states)
         parameters[s, SLIP] = checked_slip(a, sensor)
-        states += _place_noise(parameters[s], checked_noise(a), states)
+        states += _place_noise(parameters[s], a, states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
     t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
@@ -214,14 +215,17 @@ def checked_noise(a: Aiding) -> Aiding:
     check_flag(a.robust, f"{what}: robust")
     check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=1e6)
     if a.correlated is not None:
+        if not isinstance(a.correlated, Correlated):
+            raise DataError(
+                f"{what}: correlated is {brief(a.correlated)}; it must be a Correlated, sd and time"
+            )
         sd, time, states = a.correlated
         check_number(time, f"{what}: time of its correlated errors", "s", above=0, most=1e6)
         check_flag(states, f"{what}: states of its correlated errors")
-        check_array(sd, f"{what}: sd of its correlated errors", (many,), what="numbers, SI, by row")
-        if not (min(sd) >= 0 and any(sd)):
-            raise DataError(
-                f"{what}: sd of its correlated errors is {tuple(sd)}; none is below 0, and one above"
-            )
+        errors = f"{what}: sd of its correlated errors"
+        check_array(sd, errors, (many,), least=0, most=1e6, what="numbers, SI, by row")
+        if not any(sd):
+            raise DataError(f"{errors} is {tuple(sd)}; one must be above 0")
     return a
 
 
@@ -276,17 +280,43 @@ def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brou
 
 def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
     """(the sources that `filter` can use, notes about the others and about having none)."""
+    aidings, widened = followed(filter, aidings)
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
-    if not filter.installation:  # correlated errors widen the standard deviations there
-        aidings = [
-            replace(a, correlated=a.correlated._replace(states=False)) if a.correlated else a
-            for a in aidings
-        ]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
+    aidings, said = weighable(filter, aidings)
+    notes += widened + said
     return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
+
+
+def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aiding], list[str]]:
+    """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
+    note about that."""
+    names = dict.fromkeys(a.name or a.kind for a in aidings if a.robust or a.adaptive)
+    if filter.weighs or not names:
+        return aidings, []
+    return [replace(a, robust=False, adaptive=0.0) for a in aidings], [
+        f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
+        f"{', '.join(names)} are left out, its gate stays"
+    ]
+
+
+def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
+    """(these sources with their correlated errors as states only where `filter` can have them,
+    notes about the others). Raises DataError for such that cannot be."""
+    found, changed = [checked_noise(a) for a in aidings], dict[str, None]()
+    for k, a in enumerate(found):
+        used = filter.uses is None or a.kind in filter.uses
+        if used and not filter.installation and a.correlated is not None and a.correlated.states:
+            changed[a.name or a.kind] = None
+            found[k] = replace(a, correlated=a.correlated._replace(states=False))
+    return tuple(found), [
+        f"{filter.name} does not estimate the correlated errors of {name}: they add to its standard "
+        f"deviations, and the errors that last are larger than it claims"
+        for name in changed
+    ]
 
 
 def check_needs(
@@ -326,7 +356,7 @@ def new_cursor(
         np.zeros(places.CURSOR_SIZE, np.int64),
         np.array([float(t), -np.inf, 0.0]),
         np.zeros(7),
-        np.zeros(loop.INNOVATION.stop),
+        np.zeros(loop.WORK_SIZE),
         count(),
         count(),
         count(),
@@ -349,6 +379,8 @@ def new_cursor(
     at[places.DOUBTFUL_CONDITIONS] = sum(1 << k for k in doubtful)
     cursor.watched[:, places.STEP] = np.inf
     cursor.tests[:, places.TESTED], cursor.tests[:, places.LAST_USED] = -np.inf, t
+    cursor.tests[:, places.FACTOR] = cursor.tests[:, [places.POWER]] = 1.0
+    cursor.tests[:, places.FOLLOWED_AT] = t
     return cursor
 
 
@@ -603,7 +635,23 @@ def new_belief(
             ) from error
         raise
     installation.correlate(belief.P, start, found, [a.kind for a in aidings])
+    if start.motion:
+        _correlate_start(belief.P, aidings)
     return belief
+
+
+def _correlate_start(P: Array, aidings: Sequence[Aiding]) -> None:
+    """Add to P at a start that was made of the first fixes what these err by with the correlated
+    errors of their source: true - estimate has these less."""
+    rows = merge(aidings).parameters
+    for kind, first in (("position", POS.start), ("velocity", VEL.start)):
+        s = next((s for s, a in enumerate(aidings) if a.kind == kind), None)
+        for i in range(0 if s is None else 3):
+            variance, state = rows[s, CORRELATED_SD + i] ** 2, int(rows[s, CORRELATED_STATE + i])
+            P[first + i, first + i] += variance
+            if state > 0:
+                P[first + i, state] -= variance
+                P[state, first + i] -= variance
 
 
 def fitted(

@@ -15,6 +15,7 @@ from ..checks import DataError
 from ..core import cursor as places, loop
 from ..core.adjoint import INNOVATION, SMOOTHER, width
 from ..core.contract import COMPILED, Filter, Imu, address, compile_kernel, is_cached
+from ..core.correlated import FADED
 from ..core.error_state import PREDICTED
 from ..core.sensitivity import (
     BEHIND,
@@ -136,21 +137,21 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
 
 
 def most_calls(run: Run, stop: int) -> int:
-    """Calls of predict and correct to the end of the sample before row `stop`, or more: a fix
-    splits a sample and is tried twice at most, and a gap has its steps."""
+    """Calls on the record to the end of the sample before row `stop`, or more: a fix splits a
+    sample, lets correlated errors fade and is tried twice at most, and a gap has its steps."""
     row, k = run.cursor.at[[places.ROW, places.FIX]]
     t, dt = run.samples.t[row:stop], run.samples.dt[row:stop]
     gaps = t - dt - np.r_[run.cursor.now[0], t[:-1]]
     steps = np.ceil(np.clip(gaps, 0.0, loop.LONGEST_HOLD) / loop.LONGEST_STEP) + 1
     fixes = np.searchsorted(run.fixes.t, t[-1] + 2 * loop.SAME_TIME, side="right") - k
-    return int(len(t) + 3 * fixes + steps[gaps > 0].sum())
+    return int(len(t) + 4 * fixes + steps[gaps > 0].sum())
 
 
 def _corrections(fix: Array, record: Array, n: int, forces: "_Forces") -> Corrections:
     """Those on a record, whose rows of the loop are `fix`. Of the two of a fix whose gate is
     lifted, the first is marked so that it does not count; of one that the filter was not asked about
     there is none."""
-    calls = np.flatnonzero(record[:, 0] != PREDICTED)
+    calls = np.flatnonzero((record[:, 0] != PREDICTED) & (record[:, 0] != FADED))
     use = fix[:, loop.F_USE]
     asked = np.where(use == loop.NOT_ASKED, 0, 1 + (use == loop.REACQUIRED))
     row = np.repeat(np.arange(len(fix)), asked)

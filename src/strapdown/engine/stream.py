@@ -56,6 +56,7 @@ from .prepare import (
     check_options,
     check_start,
     fitted,
+    followed,
     usable,
 )
 from .telling import BEYOND, OnEvent, Telling
@@ -127,6 +128,7 @@ class Stream:
         whole = isinstance(start, Start) and not left_open(start)
         self.noise, self._spec = assumed_noise(imu, noise, needed=not whole, without="")
         self._filter = filter = filters.find(filter)
+        aidings, widened = followed(filter, aidings)
         first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
         self._ahrs = None
         if first is not None:
@@ -136,7 +138,7 @@ class Stream:
             more["on_event"] = self._hear
             stream = Stream(first, beside, imu, noise, own, lag, say, vehicle, **more)
             self._ahrs = _Ahrs(stream, aidings, ahrs_rate)
-        self.notes = self._ahrs.notes if self._ahrs else []
+        self.notes = (self._ahrs.notes if self._ahrs else []) + widened
         if estimate is None or (estimate and not of_imu):
             of_imu, said = of_grade(filter, self._spec)
             self.notes += said

@@ -72,8 +72,9 @@ def cramer_rao(recording: Recording, start: Start, noise: Noise, every: int = 1)
     Kalman filter whose Jacobians are taken at the truth. The closed loop on ideal data is the
     device: with every innovation zero its belief stays on the truth, and its P is that covariance.
     The source's expectation over trajectories falls away because one is given. The bound is on the
-    mean square over prior, IMU and fixes, all Gaussian and as stated: white fixes, biases that walk
-    or decay as `noise` says. One run, or a filter in a lucky minute, may be below it.
+    mean square over prior, IMU and fixes, all Gaussian and as stated: fixes whose errors are white,
+    with Gauss-Markov ones beside them where `Aiding.correlated` says so, and biases that walk or
+    decay as `noise` says. One run, or a filter in a lucky minute, may be below it.
 
     Raises DataError where the belief leaves the truth: position by more than 0.1 of its standard
     deviation (and 1 cm), attitude by more than 0.1 of its own (and 0.1 mrad), per axis; or where a

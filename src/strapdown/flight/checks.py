@@ -12,7 +12,8 @@ from ..data import Aiding
 from ..engine.prepare import check_needs, positioned
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
-from ..sensor_models.gnss import Gnss, check_rate
+from ..sensor_models.gnss import Gnss
+from ..sensor_models.sampling import check_rate
 from ..typing import Array, File
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import TURBULENCE_LEVELS
@@ -72,8 +73,6 @@ def check(asked: Request) -> None:
 def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, rate: float) -> None:
     """Raise DataError for a receiver, a gate of its fixes or a barometer that cannot be flown
     with an IMU of `rate` (Hz)."""
-    if not isinstance(gnss, Gnss):
-        raise DataError(f"gnss is {gnss!r}; it must be a Gnss")
     gnss.check(rate)
     if gate is not None:
         check_number(gate, "gate", above=0, infinite=True)

@@ -23,6 +23,7 @@ from ..recording import Recording
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
+from ..sensor_models.receiver import receiver
 from ..sim.scenario_model import START_SD, start_deviations
 from ..sim.synthesis import draw_start
 from ..typing import Array, File, Progress, Say
@@ -161,7 +162,7 @@ def fly(
     turbulence: str = "none",
     wind: Sequence[float] | Array = (0.0, 0.0, 0.0),
     told_wind: Sequence[float] | Array | None = None,
-    gnss: Gnss = RECEIVER,
+    gnss: Gnss | File = RECEIVER,
     gate: float | None = None,
     rate: float = 100.0,
     duration: float | None = None,
@@ -179,7 +180,7 @@ def fly(
     """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML
     file or a FlightPlan) on the estimates of `filter`.
 
-    imu: grade, file or ImuSpec; gnss: a Gnss, `gate` that of its fixes; rate: IMU samples per
+    imu: grade, file or ImuSpec; gnss: a Gnss, or the name or file of a receiver, `gate` that of its fixes; rate: IMU samples per
     second; outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a list of
     (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of it (None:
     all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
@@ -203,6 +204,7 @@ def fly(
     check(
         Request(seed, feedback, prediction, earth, turbulence, wind, told_wind, rate, model_noise)
     )
+    gnss = receiver(gnss)
     check_sensors(gnss, gate, barometer, rate)
     filter = checked_filter(filter, feedback, prediction, barometer, inputs)
     plan, spec, craft = flight_plan(plan), grade(imu), find_aircraft(aircraft)

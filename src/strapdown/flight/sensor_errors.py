@@ -127,7 +127,7 @@ def fix_errors(
             else error
         )
     lever_arm = tuple(map(float, gnss.lever_arm))
-    aidings = tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in exact)
+    aidings = tuple(replace(a, y=np.zeros_like(a.y), parameters=lever_arm) for a in noisy)
     return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
 
 

@@ -283,6 +283,14 @@ FIGURES: list[Figure] = [
         "Fixes",
     ),
     Figure(
+        "weights",
+        "Robust and adaptive sources",
+        lambda s, reference: fix_figures.weights(s),
+        "Weight: the stated variance of a fix over that with which it was used. Noise: the standard "
+        "deviations that a source was found to have, over those stated.",
+        "Fixes",
+    ),
+    Figure(
         "extra",
         "Columns of the filter",
         lambda s, reference, colour: figures.extra(s, colour),

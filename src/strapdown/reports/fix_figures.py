@@ -35,7 +35,7 @@ CAUSES = {
     "clock": "#1098ad",
     "noise too small": "#5c940d",
     "other sources disagree": "#364fc7",
-    "single outliers": "#862e9c",
+    "single outliers": "#8d5524",
     "not known": "#495057",
 }
 """Colours of rejected fixes by their probable cause; none: chance."""
@@ -142,6 +142,34 @@ def _rejected(cause: str) -> tuple[str, dict[str, Any]]:
     line = {"width": 1.5, "color": colour}
     style = {"color": colour, "size": 7, "symbol": "x-thin", "line": line}
     return f"rejected: {cause}" if cause else "rejected", style
+
+
+def weights(solution: Solution) -> go.Figure | None:
+    """Weights of the fixes of robust sources, and standard deviations of adaptive ones over those
+    stated, over time; None without such a source, and of a file."""
+    fixes, zero = solution.innovations, origin(solution.t)
+    shown: list[tuple[int, str, Array, tuple[str, ...]]] = []
+    if fixes.weight is None or fixes.followed is None:
+        return None
+    for source in _used(solution):
+        own = fixes.source == source
+        weight, ratio = fixes.weight[own], fixes.followed[own]
+        if ((weight > 0) & (weight < 1)).any():
+            shown.append((source, "weight [1]", weight[:, None], ("weight",)))
+        if (ratio != 1).any():
+            rows = unit(solution, fixes.names[source])[2]
+            seen = np.flatnonzero(np.isfinite(fixes.innovation[own]).any(axis=0))
+            names = tuple(rows[i] for i in seen) if len(seen) > 1 else ("single component",)
+            shown.append((source, "noise over stated [1]", ratio[:, seen], names))
+    if not shown:
+        return None
+    figure = panels([f"{escape(fixes.names[source])}: {what}" for source, what, *_ in shown], 190)
+    for row, (source, _, values, names) in enumerate(shown, start=1):
+        t = fixes.t[fixes.source == source] - zero
+        for i, name in enumerate(names):
+            _points(figure, row, t, values[:, i], name, {"color": COLOURS[i], "size": 4})
+        figure.update_yaxes(rangemode="tozero", row=row, col=1)
+    return time_axis(figure, solution, zero)
 
 
 def _used(solution: Solution) -> list[int]:

@@ -281,7 +281,8 @@ def rejection_table(solutions: Mapping[str, Solution]) -> str:
         for run in solution.rejected
     ]
     head = ["source", "time [s]", "rejected", "probable cause", "what was seen", "what to do"]
-    return f"<h3>Why fixes were rejected</h3>{table(head, rows)}" if rows else ""
+    shown = f"<div class=said>{table(head, rows)}</div>"
+    return f"<h3>Why fixes were rejected</h3>{shown}" if rows else ""
 
 
 def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors]) -> str:

@@ -1,5 +1,11 @@
 """Error model of a GNSS receiver: fixes of position and velocity at the antenna with white
-noise, outages and latency, as Aiding."""
+noise, errors that last, outages and latency, as Aiding.
+
+    y = h(truth) + c + w
+
+w is white; c, where there is one, is a stationary first-order Gauss-Markov process of each axis,
+drawn exactly over whatever time is between two fixes.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -7,18 +13,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_number, is_number
-from ..data import Aiding, Trajectory
+from ..checks import DataError, check_array, check_flag, check_number
+from ..data import Aiding, Correlated, Trajectory
 from ..geodesy import radii, wrap
 from ..typing import Array, Ints
+from .noise import gauss_markov
+from .sampling import (
+    arm_in_navigation,
+    check_interval,
+    check_lever_arm,
+    check_rate,
+    fix_times,
+    interpolated,
+    spread,
+)
 
 
 class Kept(NamedTuple):
-    """Which fixes of a plan are measured, and how they are stamped and gated."""
+    """Which fixes of a plan are measured, how they are stamped and gated, and what they state."""
 
     rows: Ints | None = None  # None: all
     latency: float = 0.0  # s, as of Gnss
     gate: float | None = None  # as of Aiding
+    stated: bool = True  # as of Gnss
 
 
 _ALL = Kept()
@@ -35,6 +52,12 @@ class Gnss(NamedTuple):
     # (start, stop) of windows in which no fix is measured, s; the stop itself is outside
     outages: tuple[tuple[float, ...], ...] = ()
     latency: float = 0.0  # s: each fix is stamped that much later than the instant it was measured
+    # errors that last beside the white ones, standard deviations north, east, down; None: none
+    position_correlated: Correlated | None = None  # m
+    velocity_correlated: Correlated | None = None  # m/s
+    # whether the fixes state them as such; else their `sd` is that of both parts together, as if
+    # all were white
+    stated: bool = True
 
     def fixes(self, trajectory: Trajectory, rng: np.random.Generator) -> tuple[Aiding, ...]:
         """The aidings of a flight, position and velocity each from a random stream of its own.
@@ -46,7 +69,7 @@ class Gnss(NamedTuple):
         Raises DataError."""
         self.check()
         rows = self._kept(fix_times(trajectory, self.interval), trajectory.t[-1])
-        kept = Kept(rows, self.latency, gate)
+        kept = Kept(rows, self.latency, gate, self.stated)
         position = velocity = None
         if self.position_sd is not None:
             position = PositionPlan.of(
@@ -55,6 +78,7 @@ class Gnss(NamedTuple):
                 self.position_sd,
                 self.lever_arm,
                 kept=kept,
+                correlated=self.position_correlated,
             )
         if self.velocity_sd is not None:
             velocity = VelocityPlan.of(
@@ -63,6 +87,7 @@ class Gnss(NamedTuple):
                 self.velocity_sd,
                 self.lever_arm,
                 kept=kept,
+                correlated=self.velocity_correlated,
             )
         return Plan(position, velocity)
 
@@ -72,11 +97,16 @@ class Gnss(NamedTuple):
         if np.ndim(self.interval):
             check_array(self.interval, "times of the fixes", (None,), what="numbers, s")
         else:
-            check_rate(1 / _interval(self.interval), rate, "fixes")
-        for sd, name in ((self.position_sd, "GNSS position"), (self.velocity_sd, "GNSS velocity")):
+            check_rate(1 / check_interval(self.interval), rate, "fixes")
+        for sd, correlated, name in (
+            (self.position_sd, self.position_correlated, "GNSS position"),
+            (self.velocity_sd, self.velocity_correlated, "GNSS velocity"),
+        ):
             if sd is not None:
                 _deviations(sd, name)
-        _lever_arm(self.lever_arm, "GNSS")
+            _check_correlated(correlated, name, sd is not None)
+        check_flag(self.stated, "stated (whether GNSS fixes state their correlated errors)")
+        check_lever_arm(self.lever_arm, "GNSS")
         check_number(self.latency, "latency of the fixes", "s", least=0)
         for window in self.outages:
             start, stop = check_array(
@@ -86,6 +116,17 @@ class Gnss(NamedTuple):
                 raise DataError(
                     f"outage {window!r}: write (start, stop) in s, the start before the stop"
                 )
+
+    def described(self) -> dict[str, Any]:
+        """{field: value} for a manifest; without those of correlated errors where there are none,
+        so that a receiver of before is described as before."""
+        values = self._asdict()
+        later = ("position_correlated", "velocity_correlated", "stated")
+        return {
+            name: value
+            for name, value in values.items()
+            if name not in later or value != self._field_defaults[name]
+        }
 
     def _kept(self, t: Array, end: float) -> Ints | None:
         """Rows of the fixes that are measured and, with their latency, come before the end; None
@@ -110,8 +151,20 @@ class Plan(NamedTuple):
         )
 
     def exact(self) -> tuple[Aiding, ...]:
-        """The aidings with the noise left out but its standard deviations stated."""
+        """The aidings with the noise left out but its standard deviations stated, and its
+        correlated part as states whatever the noisy ones say of it: what a bound needs."""
         return tuple(part.fixes(None) for part in self if part is not None)
+
+
+class Lasting(NamedTuple):
+    """The correlated errors of a plan, which go on while no fix is measured."""
+
+    correlated: Correlated
+    step: Array  # (n - 1,) correlation times from fix to fix
+
+    def drawn(self, rng: np.random.Generator) -> Array:
+        """Those of one run, (n, 3)."""
+        return gauss_markov(self.step, rng) * self.correlated.sd
 
 
 class PositionPlan(NamedTuple):
@@ -123,6 +176,7 @@ class PositionPlan(NamedTuple):
     metres: Array  # (n, 3) per rad north, per rad east, per metre up
     sd: Array  # (3,) m
     keep: Ints | None  # rows that become fixes; None: all
+    lasting: Lasting | None = None
 
     @classmethod
     def of(
@@ -133,8 +187,9 @@ class PositionPlan(NamedTuple):
         lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
         name: str = "GNSS position",
         kept: Kept = _ALL,
+        correlated: Correlated | None = None,
     ) -> "PositionPlan":
-        """For a trajectory; arguments as in `position_fixes`."""
+        """For a trajectory; arguments as in `position_fixes`, `correlated` as of Gnss."""
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
         antenna, lla = (
             arm_in_navigation(trajectory, t, lever_arm, name),
@@ -144,25 +199,21 @@ class PositionPlan(NamedTuple):
         metres = np.stack(
             [R_M + lla[:, 2], (R_N + lla[:, 2]) * np.cos(lla[:, 0]), -np.ones(len(t))], axis=1
         )
+        lasting = _lasting(correlated, t, name)
+        aiding = _without_values("position", t, sd, lever_arm, name, kept)
         return cls(
-            _without_values("position", t, sd, lever_arm, name, kept),
-            lla,
-            antenna,
-            metres,
-            sd,
-            kept.rows,
+            _stating(aiding, lasting, kept.stated), lla, antenna, metres, sd, kept.rows, lasting
         )
 
     def fixes(self, rng: np.random.Generator | None) -> Aiding:
-        """Aiding of the antenna's position, white noise added; without `rng` the exact one."""
-        offset = self.antenna if rng is None else rng.standard_normal(self.antenna.shape)
+        """Aiding of the antenna's position, errors added; without `rng` the exact one."""
+        offset = self.antenna if rng is None else _errors(self, rng)
         if rng is not None:
-            offset *= self.sd
             offset += self.antenna
         y = offset / self.metres
         y += self.lla
         y[:, 1] = wrap(y[:, 1])
-        return _with_values(self.aiding, y, self.keep)
+        return _with_values(self, y, rng is None)
 
 
 class VelocityPlan(NamedTuple):
@@ -172,6 +223,7 @@ class VelocityPlan(NamedTuple):
     v_n: Array  # (n, 3) m/s NED
     sd: Array  # (3,) m/s
     keep: Ints | None  # rows that become fixes; None: all
+    lasting: Lasting | None = None
 
     @classmethod
     def of(
@@ -182,8 +234,9 @@ class VelocityPlan(NamedTuple):
         lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
         name: str = "GNSS velocity",
         kept: Kept = _ALL,
+        correlated: Correlated | None = None,
     ) -> "VelocityPlan":
-        """For a trajectory; arguments as in `velocity_fixes`."""
+        """For a trajectory; arguments as in `velocity_fixes`, `correlated` as of Gnss."""
         if trajectory.v_n is None:
             raise DataError(f"{name}: the trajectory has no velocity")
         t, sd = fix_times(trajectory, times), _deviations(sd, name)
@@ -196,21 +249,16 @@ class VelocityPlan(NamedTuple):
                 trajectory, early, lever_arm, name
             )
             velocity = velocity + moved / (late - early)[:, None]
-        return cls(
-            _without_values("velocity", t, sd, lever_arm, name, kept),
-            velocity,
-            sd,
-            kept.rows,
-        )
+        lasting = _lasting(correlated, t, name)
+        aiding = _without_values("velocity", t, sd, lever_arm, name, kept)
+        return cls(_stating(aiding, lasting, kept.stated), velocity, sd, kept.rows, lasting)
 
     def fixes(self, rng: np.random.Generator | None) -> Aiding:
-        """Aiding of the antenna's velocity, white noise added; without `rng` the exact one."""
-        if rng is None:
-            return _with_values(self.aiding, self.v_n.copy(), self.keep)
-        y = rng.standard_normal(self.v_n.shape)
-        y *= self.sd
-        y += self.v_n
-        return _with_values(self.aiding, y, self.keep)
+        """Aiding of the antenna's velocity, errors added; without `rng` the exact one."""
+        y = self.v_n.copy() if rng is None else _errors(self, rng)
+        if rng is not None:
+            y += self.v_n
+        return _with_values(self, y, rng is None)
 
 
 def position_fixes(
@@ -248,29 +296,6 @@ def velocity_fixes(
     return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
-def interpolated(trajectory: Trajectory, t: Array) -> Trajectory:
-    """Position and velocity at times t (n,) s within the trajectory, as data.Trajectory: its rows
-    at their own times, else cubic splines. Raises DataError."""
-    if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
-        raise DataError(
-            f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to "
-            f"{trajectory.t[-1]:g} s"
-        )
-    row = np.searchsorted(trajectory.t, t)
-    if np.array_equal(trajectory.t[row], t):
-        lla, v_n = trajectory.lla[row], None if trajectory.v_n is None else trajectory.v_n[row]
-    else:
-        from scipy.interpolate import CubicSpline
-
-        lla = CubicSpline(
-            trajectory.t,
-            np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]],
-        )(t)
-        v_n = None if trajectory.v_n is None else CubicSpline(trajectory.t, trajectory.v_n)(t)
-    lla[:, 1] = wrap(lla[:, 1])
-    return Trajectory(t, lla, v_n)
-
-
 def _without_values(
     kind: str,
     t: Array,
@@ -292,39 +317,44 @@ def _without_values(
     )
 
 
-def _with_values(aiding: Aiding, y: Array, keep: Ints | None) -> Aiding:
+def _with_values(plan: PositionPlan | VelocityPlan, y: Array, exact: bool) -> Aiding:
+    aiding, keep = plan.aiding, plan.keep
+    if exact and plan.lasting is not None:
+        told = plan.lasting.correlated._replace(states=True)
+        aiding = replace(aiding, sd=np.tile(plan.sd, (len(aiding.t), 1)), correlated=told)
     return replace(aiding, y=y if keep is None else y[keep])
 
 
-def arm_in_navigation(
-    trajectory: Trajectory, t: Array, lever_arm: Sequence[float] | Array, name: str
-) -> Array:
-    """C_nb lever_arm, (n, 3) m NED; the attitude turns at a constant rate between samples."""
-    _lever_arm(lever_arm, name)
-    if not np.any(lever_arm):
-        return np.zeros((len(t), 3))
-    if trajectory.q_nb is None:
-        raise DataError(f"{name}: a lever arm needs the trajectory's attitude, and it has none")
-    from scipy.spatial.transform import Slerp
-
-    return Slerp(trajectory.t, trajectory.rotation)(t).apply(lever_arm)
-
-
-def fix_times(trajectory: Trajectory, times: float | Array) -> Array:
-    """Times (n,) s of the fixes, at samples of the trajectory where rounding alone parts them;
-    `times` as in `position_fixes`. Raises DataError."""
-    if np.ndim(times):
-        t = np.asarray(times, float)
-    else:
-        start, stop, interval = trajectory.t[0], trajectory.t[-1], _interval(times)
-        t = start + interval * np.arange(1, int((stop - start) / interval + 1e-9) + 1)
-    after = np.clip(np.searchsorted(trajectory.t, t), 1, len(trajectory.t) - 1)
-    nearest = np.where(
-        t - trajectory.t[after - 1] < trajectory.t[after] - t,
-        trajectory.t[after - 1],
-        trajectory.t[after],
+def _errors(plan: PositionPlan | VelocityPlan, rng: np.random.Generator) -> Array:
+    """Errors of the fixes of a plan, (n, 3) m or m/s NED. The correlated ones have a stream of
+    their own, so that the white ones do not depend on them."""
+    errors = rng.standard_normal(
+        plan.lla.shape if isinstance(plan, PositionPlan) else plan.v_n.shape
     )
-    return np.where(np.abs(nearest - t) < 1e-9 * (1 + np.abs(t)), nearest, t)
+    errors *= plan.sd
+    if plan.lasting is not None and len(errors):
+        errors += plan.lasting.drawn(rng.spawn(1)[0])
+    return errors
+
+
+def _lasting(correlated: Correlated | None, t: Array, name: str) -> Lasting | None:
+    """The correlated errors of fixes at times t (n,) s. Raises DataError."""
+    _check_correlated(correlated, name)
+    if correlated is None:
+        return None
+    between = np.diff(t)
+    if np.any(between < 0):
+        raise DataError(f"{name}: correlated errors need fixes in order of time; sort their times")
+    sd = tuple(np.asarray(spread(correlated.sd), float).tolist())
+    return Lasting(correlated._replace(sd=sd), between / correlated.time)
+
+
+def _stating(aiding: Aiding, lasting: Lasting | None, stated: bool) -> Aiding:
+    """An aiding of white noise with the correlated errors beside it: told as such or, not `stated`,
+    as so much more white noise."""
+    if lasting is None or stated:
+        return replace(aiding, correlated=lasting.correlated) if lasting else aiding
+    return replace(aiding, sd=np.hypot(aiding.sd, lasting.correlated.sd))
 
 
 def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
@@ -338,33 +368,6 @@ def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
     ]
 
 
-def sample_times(trajectory: Trajectory, rate: float | None) -> Array:
-    """Times (n,) s at which a sensor of that `rate` (Hz) measures: None is with every sample."""
-    return trajectory.t[1:] if rate is None else fix_times(trajectory, 1 / rate)
-
-
-def check_rate(rate: float | None, most: float, what: str) -> None:
-    """Raise DataError where the samples of a sensor come faster than the `most` (Hz) of the IMU."""
-    if (rate or 0.0) > most * (1 + 1e-9):
-        raise DataError(
-            f"{what}: {rate:g} a second come faster than the IMU's samples, {most:g} a second; give "
-            f"it a lower rate, or the IMU a higher one"
-        )
-
-
-def spread(value: Any) -> Any:
-    """Three of one number; else what it is."""
-    return (value,) * 3 if is_number(value) else value
-
-
-def _interval(seconds: float | Array) -> float:
-    return check_number(seconds, "interval between fixes", "s", above=0)
-
-
-def _lever_arm(lever_arm: Sequence[float] | Array, name: str) -> None:
-    check_array(lever_arm, f"{name}: lever arm", (3,), what="numbers: forward, right, down, m")
-
-
 def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
     return check_array(
         spread(sd),
@@ -373,3 +376,25 @@ def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:
         what="numbers: north, east, down, or one for all",
         above=0,
     )
+
+
+def _check_correlated(correlated: Correlated | None, name: str, measured: bool = True) -> None:
+    """Raise DataError for correlated errors that no receiver has."""
+    if correlated is None:
+        return
+    what = f"{name}: correlated errors"
+    if not isinstance(correlated, Correlated):
+        raise DataError(f"{what} are {correlated!r}; write Correlated((north, east, down), time)")
+    if not measured:
+        raise DataError(f"{what} are given, and no white noise; give both, or neither")
+    check_number(correlated.time, f"{what}, time", "s", above=0, most=1e6)
+    check_flag(correlated.states, f"{what}, states")
+    sd = check_array(
+        spread(correlated.sd),
+        f"{what}, standard deviations",
+        (3,),
+        what="numbers: north, east, down, or one for all",
+        least=0,
+    )
+    if not sd.any():
+        raise DataError(f"{what}: all standard deviations are 0; leave them out")

@@ -12,8 +12,8 @@ from ..checks import DataError, check_choice, located
 from ..files import read_toml
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
-from ..sensor_models.gnss import Gnss
 from ..sensor_models.magnetometer import Disturbance, Magnetometer
+from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
 from ..sensor_models.simulated import Simulated
 from ..toml_keys import (
     Key,
@@ -112,14 +112,6 @@ def _start(value: Any, where: str) -> dict[str, Any]:
     return {"start_sd": tuple(sd), "biases_known": given.get("biases_known", False)}
 
 
-GNSS_KEYS = {
-    "interval_s": Key("interval", number),
-    "position_sd_m": Key("position_sd", three),
-    "velocity_sd_m_s": Key("velocity_sd", three),
-    "lever_arm_m": Key("lever_arm", three),
-    "outages_s": Key("outages", listed(listed(number))),
-    "latency_s": Key("latency", number),
-}
 DISTURBANCE_KEYS = {
     "start_s": Key("start", number, ""),
     "stop_s": Key("stop", number, ""),
@@ -180,8 +172,7 @@ TOP_KEYS = {
     "gravity": Key("gravity", text),
     "date": Key("date", _date),
     "motion": Key("motion", section(entries), "write a section [motion] with its kind"),
-    # what [gnss] does not name, the receiver does not measure
-    "gnss": Key("gnss", section(made(Gnss, GNSS_KEYS, position_sd=None, velocity_sd=None))),
+    "gnss": Key("gnss", section(made(dict, GNSS_KEYS | {"receiver": Key("receiver", text)}))),
     "magnetometer": Key("magnetometer", section(made(Magnetometer, MAGNETOMETER_KEYS))),
     "barometer": Key("barometer", section(made(Barometer, BAROMETER_KEYS))),
     "attitude": Key("attitude", section(made(Ahrs, ATTITUDE_KEYS))),
@@ -200,7 +191,7 @@ def read(path: File) -> Scenario:
 
 def from_table(table: dict[str, Any], path: Path) -> Scenario:
     """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an
-    IMU file. Raises DataError naming the key."""
+    IMU's or receiver's file. Raises DataError naming the key."""
     values = {"name": path.stem} | read_table(table, TOP_KEYS)
     motion = _motion(values["motion"], values.get("duration"))
     values["motion"] = motion = motion._replace(name=values["name"])
@@ -210,9 +201,19 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
         if math.isinf(motion.end):
             raise DataError(NO_END)
         values["duration"] = math.floor(motion.end * rate) / rate
-    if values.get("imu", "").endswith(".toml"):
-        values["imu"] = str(path.parent / values["imu"])
+    if "imu" in values:
+        values["imu"] = _beside(path, values["imu"])
+    if "gnss" in values:
+        named = values["gnss"].pop("receiver", None)
+        # what [gnss] does not name, the receiver does not measure
+        carried = NOTHING if named is None else receiver(_beside(path, named))
+        values["gnss"] = carried._replace(**values["gnss"])
     return Scenario(**values | values.pop("start", {}))
+
+
+def _beside(path: Path, name: str) -> str:
+    """A name, or the path of a file that is named beside the scenario's."""
+    return str(path.parent / name) if name.endswith(".toml") else name
 
 
 def _motion(table: dict[str, Any], duration: float | None) -> Motion:

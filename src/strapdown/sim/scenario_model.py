@@ -17,9 +17,10 @@ from ..data import Trajectory
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.geomagnetism import geomagnetic_field
-from ..sensor_models.gnss import Gnss, check_rate
+from ..sensor_models.gnss import Gnss
 from ..sensor_models.imu import ImuSpec, grade
 from ..sensor_models.magnetometer import Magnetometer
+from ..sensor_models.sampling import check_rate
 from ..sensor_models.simulated import Simulated
 from ..typing import Array, File
 from .trajectory import DEG, Motion, sample
@@ -218,7 +219,7 @@ class Scenario:
             "motion": self.motion.name,
             "duration_s": float(self.duration),
             "rate_hz": float(self.rate),
-            "gnss": self.gnss._asdict(),
+            "gnss": self.gnss.described(),
             "imu": asdict(self.imu) if isinstance(self.imu, ImuSpec) else str(self.imu),
             "start_sd": list(self.start_sd),
             "accel_offset_m_s2": list(self.accel_offset),

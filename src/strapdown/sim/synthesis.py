@@ -19,6 +19,7 @@ from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.magnetometer import Magnetometer
+from ..sensor_models.receiver import receiver
 from ..sensor_models.simulated import Simulated
 from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find
@@ -226,7 +227,7 @@ def simulate(
     imu: ImuSpec | dict[str, Any] | File | None = None,
     seed: int = 0,
     rate: float | None = None,
-    gnss: Gnss | None = None,
+    gnss: Gnss | File | None = None,
     magnetometer: Magnetometer | None = None,
     barometer: Barometer | None = None,
     date: str | None = None,
@@ -238,7 +239,8 @@ def simulate(
 
     motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the
     path of its TOML file, whose values hold where no other is given. imu: grade, file or ImuSpec;
-    rate: IMU samples per second, else 100; gnss: a Gnss; magnetometer: a Magnetometer, which needs
+    rate: IMU samples per second, else 100; gnss: a Gnss, or the name or file of a
+    receiver, which the scenario carries as its own; magnetometer: a Magnetometer, which needs
     a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer;
     attitude: an Ahrs; sensors: Simulated, sensors of any kind of aiding. meta holds the grade, the seed, the place where it begins ([rad, rad, m]),
     the date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. Each
@@ -246,11 +248,13 @@ def simulate(
     DataError.
     """
     check_number(seed, "seed", least=0, whole=True)
+    known = None if isinstance(motion, Motion) else find(motion)
+    carried = Gnss() if known is None else known.gnss
     given: dict[str, Any] = {
         "duration": duration,
         "imu": imu,
         "rate": rate,
-        "gnss": gnss,
+        "gnss": None if gnss is None else receiver(gnss, carried),
         "magnetometer": magnetometer,
         "barometer": barometer,
         "date": date,
@@ -258,7 +262,8 @@ def simulate(
         "sensors": sensors,
     }
     given = {key: value for key, value in given.items() if value is not None}
-    if isinstance(motion, Motion):
+    if known is None:
+        assert isinstance(motion, Motion)
         if duration is None or imu is None:
             raise DataError(
                 "to simulate a Motion, give its duration in s and an imu; a scenario has them of "
@@ -266,7 +271,7 @@ def simulate(
             )
         scenario = Scenario(motion.name, motion, **given)
     else:
-        scenario = find(motion).replace(**given)
+        scenario = known.replace(**given)
     recording = Simulator(scenario).recording(scenario.imu, np.random.default_rng(seed))
     recording.meta["seed"] = seed
     return recording

@@ -3,12 +3,20 @@ decide."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from math import inf, isclose
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..data import Solution
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
-from ..typing import Array
+from ..typing import Array, File
+from .files import change, difference, name_of, write
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ..reports.shell import Page
 
 TUNED, AT_MOST, AT_LEAST, OPEN, KEPT = "tuned", "at most", "at least", "open", "kept"
 """Status of a Parameter: both ends of its interval are there; only the upper; only the lower; none;
@@ -16,6 +24,18 @@ or its innovations are correlated for reasons that the model lacks, so that a sm
 mean nothing, and the given one stays."""
 IMU = "imu"
 """What names the IMU where a source could stand."""
+UNEXPLAINED = 0.3
+"""Correlation of whitened innovations one fix apart above which noise factors mean nothing."""
+MEANINGS = {
+    "gyro noise": "white noise of the turn rate",
+    "accel noise": "white noise of the specific force",
+    "gyro bias walk": "how fast the gyro bias wanders",
+    "accel bias walk": "how fast the accelerometer bias wanders",
+    "noise": "sd of errors that are new with each fix",
+    "correlated error": "sd of errors that last over many fixes",
+    "correlation time": "how long those errors last",
+}
+"""{name of a Parameter, or how it begins: what it is}."""
 
 
 class Parameter(NamedTuple):
@@ -35,6 +55,69 @@ class Parameter(NamedTuple):
     # the scan of the profile: values and twice the loss of log-likelihood, (k,) each
     scan: tuple[Array, Array]
 
+    @property
+    def label(self) -> str:
+        """Source and name; of the IMU the name alone, which says the sensor."""
+        return self.name if self.source == IMU else f"{self.source} {self.name}"
+
+    @property
+    def meaning(self) -> str:
+        """What it is, in a few words."""
+        return next(text for name, text in MEANINGS.items() if self.name.startswith(name))
+
+    @property
+    def stays(self) -> bool:
+        """Whether it is used as given."""
+        return isclose(self.value, self.given, rel_tol=1e-6)
+
+    @property
+    def agrees(self) -> bool:
+        """Whether what was given lies within the interval."""
+        return self.given > 0 and self.low <= self.given <= self.high
+
+    @property
+    def interval(self) -> str:
+        """The 95 % interval in words, without its unit; "" where both ends are open."""
+        low, high = self.shown(self.low), self.shown(self.high)
+        if self.low > 0 and self.high < inf:
+            return f"{low} to {high}"
+        if self.high < inf:
+            return f"at most {high}"
+        return f"at least {low}" if self.low > 0 else ""
+
+    def __str__(self) -> str:
+        return f"{self.label} ({self.meaning}): {self._found()}"
+
+    def _found(self) -> str:
+        value = f"{self.shown(self.value)} {self.unit}"
+        if self.status == TUNED:
+            return f"{value}, 95 % {self.interval}; {self._beside_given()}"
+        used = f"{value} stays as given" if self.stays else f"{value} is used"
+        if self.status == KEPT:
+            return (
+                f"{used}; the likelihood would take a smaller one, but innovations stay correlated, so "
+                f"that it would mean nothing"
+            )
+        if self.status == OPEN:
+            return f"the data do not decide it, any value fits; {used}"
+        given = "" if self.stays else f"; {self._beside_given()}"
+        return f"the data say {self.interval} {self.unit} (95 %), not how much; {used}{given}"
+
+    def _beside_given(self) -> str:
+        """What was given, beside what was found."""
+        if not self.given > 0:
+            return "none was given"
+        ratio = self.value / self.given
+        more = max(ratio, 1 / ratio)
+        times = f"{more:.2g} times" if more > 1.1 else f"{100 * (more - 1):.2g} %"
+        size = f"{times} too {'small' if ratio > 1 else 'large'}"
+        return f"given {self.shown(self.given)}, {'which fits too' if self.agrees else size}"
+
+    def shown(self, value: float) -> str:
+        """An SI value with three digits in its unit, which is not told."""
+        shown = value * self.factor
+        return f"{shown:.0f}" if 999.5 <= abs(shown) < 1e6 else f"{shown:.3g}"
+
 
 class Direction(NamedTuple):
     """A way in which several parameters can change together without the data minding."""
@@ -53,6 +136,19 @@ class Fit(NamedTuple):
     correlation: tuple[float, float]  # of whitened innovations one fix apart
     rejected: tuple[float, float]  # share of its fixes
 
+    @property
+    def unexplained(self) -> bool:
+        """Whether its innovations stay correlated for reasons that the model lacks."""
+        return abs(self.correlation[1]) > UNEXPLAINED
+
+    def __str__(self) -> str:
+        nis, correlation, rejected = self.nis, self.correlation, self.rejected
+        return (
+            f"{self.source}, before and after: median NIS {nis[0]:.2f} and {nis[1]:.2f} of its "
+            f"expectation, correlation one fix apart {correlation[0]:.2f} and {correlation[1]:.2f}, "
+            f"rejected {100 * rejected[0]:.1f} and {100 * rejected[1]:.1f} %"
+        )
+
 
 @dataclass(frozen=True)
 class Tuning:
@@ -70,3 +166,109 @@ class Tuning:
     before: Solution
     after: Solution
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def summary(self) -> str:
+        """One sentence: how many numbers the data tell, and how many they do not."""
+        counts = [
+            (sum(each.status in states for each in self.parameters), text)
+            for text, states in (
+                ("only bounded", (AT_MOST, AT_LEAST)),
+                ("not decided", (OPEN,)),
+                ("kept as given because innovations stay correlated", (KEPT,)),
+            )
+        ]
+        more = ", ".join(f"{n} {'is' if n == 1 else 'are'} {text}" for n, text in counts if n)
+        tuned = sum(each.status == TUNED for each in self.parameters)
+        told = f"{tuned} of {len(self.parameters)} numbers are told by the data"
+        return f"{told}; {more}" if more else told
+
+    @property
+    def undecided(self) -> list[str]:
+        """What the data do not decide beyond single parameters, and why, a line each."""
+        return [
+            *(each.text for each in self.directions),
+            *(self._unexplained(fit) for fit in self.fits if fit.unexplained),
+        ]
+
+    def _unexplained(self, fit: Fit) -> str:
+        """That the noise of a source cannot be told."""
+        own = (p for p in self.parameters if p.source == fit.source and p.name.startswith("noise"))
+        smaller = any(p.value < p.given and not p.stays for p in own)
+        return (
+            f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix apart) for "
+            f"reasons that the model lacks: noise factors mean nothing there"
+            f"{'' if smaller else ', and none was made smaller'}"
+        )
+
+    @property
+    def lines(self) -> list[str]:
+        """For people: the summary, every parameter, what is not decided, how it fits, notes."""
+        parameters = map(str, self.parameters)
+        fits = map(str, self.fits)
+        return [self.summary, *parameters, *self.undecided, *fits, *self.notes, self.used]
+
+    @property
+    def used(self) -> str:
+        """What of the recording was used, and what it came to."""
+        (start, stop), (before, after) = self.seconds, self.log_likelihood
+        return (
+            f"used: {start:.1f} to {stop:.1f} s, {stop - start:.0f} s, in {self.runs} runs of the "
+            f"filter; the log-likelihood rose by {after - before:.1f}"
+        )
+
+    def table(self) -> "pd.DataFrame":
+        """pandas DataFrame of the parameters, a row each, in the unit of the row."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "source": each.source,
+                    "parameter": each.name,
+                    "unit": each.unit,
+                    "given": each.given * each.factor,
+                    "found": each.value * each.factor,
+                    "low": each.low * each.factor,
+                    "high": each.high * each.factor,
+                    "status": each.status,
+                    "meaning": each.meaning,
+                }
+                for each in self.parameters
+            ]
+        )
+
+    @property
+    def name(self) -> str:
+        """Of the recording: how the names of its files begin."""
+        return name_of(self.recording)
+
+    def write(self, folder: File) -> list[Path]:
+        """Write NAME-imu.toml, which serves as `imu`, and NAME-sources.toml, for `with_noise`,
+        into a folder; the paths. Raises DataError where one is there already or cannot be
+        written; then none is."""
+        return write(self, Path(folder))
+
+    def diff(self, path: File) -> list[str]:
+        """The lines of a recording.toml that `change` would change, with their numbers: - as they
+        are, + as they would be. Raises DataError where it is another file, or cannot be changed."""
+        return difference(self, Path(path))
+
+    def change(self, path: File) -> tuple[Path, Path]:
+        """Write what was found into the recording.toml that the recording was read from, with
+        comments that have interval and date, and NAME-imu.toml beside it, which it then names as
+        `grade`; (that file, the copy of the old recording.toml that is kept beside it).
+
+        Raises DataError where it is another file, cannot be changed, or where the IMU file is there
+        already; then nothing is changed.
+        """
+        return change(self, Path(path))
+
+    def page(self) -> "Page":
+        """The page: numbers, likelihood, and innovations before and after."""
+        from .page import page
+
+        return page(self)
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)

@@ -149,5 +149,7 @@ def test_a_recorded_drive_with_wrong_fixes(data_folder):
     assert (found.cause, found.start) == ("jump", pytest.approx(250.0, abs=0.5))
     assert found.seen == "they jumped by 15 m to the east and stayed"
     small = changed(drive, "velocity", lambda a: replace(a, sd=a.sd / 5))
-    found = {r.source: r for r in sd.fuse(small).rejected}["velocity"]
-    assert found.cause == "noise too small" and found.number > 100
+    both = changed(small, "position", lambda a: replace(a, sd=a.sd / 5))
+    for recording in (small, both):
+        found = {r.source: r for r in sd.fuse(recording).rejected}["velocity"]
+        assert found.cause == "noise too small" and found.number > 100

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise, Start, compile_kernel
+from strapdown.core.contract import PARAMETERS, Noise, Start, compile_kernel
 from strapdown.data import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
@@ -170,7 +170,7 @@ def test_a_rejected_and_a_missing_height_change_nothing():
             np.array([1.0, np.nan, np.nan]),
             3,
             aiding.find("altitude").observe,
-            np.zeros(8),
+            np.zeros(PARAMETERS),
             gate,
             innovation,
         )

@@ -17,6 +17,7 @@ from .causes import (
     OUTLIERS,
     SCALE,
     START,
+    UNKNOWN,
     Found,
 )
 
@@ -66,19 +67,24 @@ def _judged(runs: list[Run]) -> list[Run]:
         return runs
     gain, count = sum(run.found.gain for run in runs), sum(run.number for run in runs)
     best = max((run.found for run in runs), key=lambda found: found.gain)
+    shaped = sum(run.number for run in runs if run.found.shape not in (NOISE, UNKNOWN))
 
     def explains(run: Run) -> bool:
         shape = run.found.shape
         if shape == CLOCK:  # which both position and velocity show
             return best.shape == CLOCK
-        if shape in (NOISE, OFFSET, SCALE, ALWAYS):
+        if shape == NOISE:  # of each source by itself
+            return run.number > MOST * (shaped + run.number)
+        if shape in (OFFSET, SCALE, ALWAYS):
             return run.number > MOST * count
         return shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
 
-    kept = [run for run in runs if explains(run)]
+    kept = list[Run]()
     for s in sources:
-        if others := [run for run in runs if run.source == s and not explains(run)]:
-            kept.append(_one(others, tuple(sorted(sources - {s}))))
+        others, own = tuple(sorted(sources - {s})), [run for run in runs if run.source == s]
+        kept += [run._replace(others=others) for run in own if explains(run)]
+        if rest := [run for run in own if not explains(run)]:
+            kept.append(_one(rest, others))
     return kept
 
 

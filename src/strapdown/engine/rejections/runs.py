@@ -56,42 +56,42 @@ def joined(before: Sequence[Run], now: Sequence[Run]) -> list[Run]:
 def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
     found, single = list[Run](), list[int]()
     chains = _apart(own, np.flatnonzero(own.rejected), CHAIN)
-    whole = _together(s, own, every, kind, chains)
+    whole = _together(own, every, kind, chains)
     if whole is not None:
         return [_run(s, own, np.concatenate(chains), whole)]
     for bad in chains:
         if len(found) >= MOST_RUNS:
             found[-1] = merged([found[-1], _run(s, own, bad, found[-1].found)])
             continue
-        for part, cause in _explained(s, own, every, kind, bad):
+        for part, cause in _explained(own, every, kind, bad):
             if cause is None or cause.shape == causes.OUTLIERS:
                 single += part.tolist()
             else:
-                found.append(_settling(_run(s, own, part, cause), own.first[s]))
+                found.append(_settling(_run(s, own, part, cause), own.began))
     if single and not _by_chance(own, np.array(single)):
         nothing = Found(causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0)
         found.append(_run(s, own, np.array(single), nothing))
     return found
 
 
-def _together(s: int, own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found | None:
+def _together(own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found | None:
     """What explains chains of rejections all at once: something that lasts."""
     long = [chain for chain in chains if len(chain) >= FEW]
     if len(long) < 2:
         return None
-    found = _without_onset(causes.find(window(own, every, kind, long)), own.first[s])
+    found = _without_onset(causes.find(window(own, every, kind, long)), own)
     return found if found.shape in WHOLE else None
 
 
 def _explained(
-    s: int, own: Fixes, every: Fixes, kind: str, bad: Ints
+    own: Fixes, every: Fixes, kind: str, bad: Ints
 ) -> Iterator[tuple[Ints, Found | None]]:
     """What explains a chain of rejections, or each of its parts; None where they are few."""
     if len(bad) < FEW:
         yield bad, None
         return
     parts = list(_parts(own, bad))
-    found = _without_onset(causes.find(window(own, every, kind, parts)), own.first[s])
+    found = _without_onset(causes.find(window(own, every, kind, parts)), own)
     if len(parts) == 1 or found.shape in WHOLE:
         yield bad, found
         return
@@ -106,9 +106,9 @@ def _explained(
         yield part, cause
 
 
-def _without_onset(found: Found, begin: float) -> Found:
+def _without_onset(found: Found, own: Fixes) -> Found:
     """A drift that was there from the beginning may as well be that of the others."""
-    early = found.shape == causes.DRIFT and found.since < begin + CHAIN
+    early = found.shape == causes.DRIFT and found.since < own.began + CHAIN
     return found._replace(shape=causes.ALWAYS) if early else found
 
 

@@ -20,7 +20,7 @@ class Fixes(NamedTuple):
     rows: Array  # (m, FIX_WIDTH)
     sd: Array  # (m, 3) stated
     after: Array  # (sources,) s: rejections up to then are known already
-    first: Array  # (sources,) s: when the first fix of each was, of which no row may be left
+    begin: Array  # (sources,) s: the first that was tested, kept or not
 
     def of(self, s: int) -> "Fixes":
         """Those of a source that were tested."""
@@ -31,6 +31,11 @@ class Fixes(NamedTuple):
     def t(self) -> Array:
         """Times (m,), s."""
         return self.rows[:, loop.F_T]
+
+    @property
+    def began(self) -> float:
+        """Of fixes of one source: when its first was tested, s."""
+        return float(self.begin[int(self.rows[0, loop.F_SOURCE])])
 
     @property
     def nis(self) -> Array:
@@ -83,7 +88,7 @@ def _root(rows: Array, sd: Array) -> Array:
     """(m, 3, 3) L of the innovations; where a filter gives none, of the stated deviations, and with
     unit diagonals where nothing was measured."""
     root = np.zeros((len(rows), 3, 3))
-    root[:, *np.tril_indices(3)] = rows[:, loop.F_ROOT : loop.F_V]
+    root[:, *np.tril_indices(3)] = rows[:, loop.F_ROOT : loop.F_WEIGHT]
     diagonal = root[:, range(3), range(3)]
     stated = np.where(sd > 0, sd, 1.0)
     diagonal = np.where(diagonal > 0, diagonal, stated)

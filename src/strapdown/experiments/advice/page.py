@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ... import __version__
+from ...data import Correlated
 from ...evaluation.consistency import Interval
 from ...reports.shell import Page, listed, placed, shell
 from ...reports.summary import enumerated, number, table
@@ -149,9 +150,19 @@ def _about(advice: Advice) -> str:
     def axes(sd: ArrayLike) -> str:
         return " ".join(f"{value:g}" for value in np.atleast_1d(np.asarray(sd, float)))
 
-    receiver = (("position", gnss.position_sd, "m"), ("velocity", gnss.velocity_sd, "m/s"))
+    def lasting(correlated: Correlated | None, unit: str) -> str:
+        if correlated is None:
+            return ""
+        return f", and {axes(correlated.sd)} {unit} correlated over {correlated.time:g} s"
+
+    receiver = (
+        ("position", gnss.position_sd, gnss.position_correlated, "m"),
+        ("velocity", gnss.velocity_sd, gnss.velocity_correlated, "m/s"),
+    )
     measured = [
-        f"{what} (sd {axes(sd)} {unit} NED)" for what, sd, unit in receiver if sd is not None
+        f"{what} (sd {axes(sd)} {unit} NED{lasting(correlated, unit)})"
+        for what, sd, correlated, unit in receiver
+        if sd is not None
     ]
     return (
         f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at "

@@ -23,6 +23,7 @@ from .known_attitude import (
     correct_angles,
     corrected,
     euler_rates,
+    fade_shared,
     gentle,
     know,
     predict_fed,
@@ -131,6 +132,7 @@ def correct(
     innovation: Array,
 ) -> float:
     """Correct P and the states. A measured attitude also is the known one from now on."""
+    fade_shared(belief, parameters)
     weigh(belief, sd, kind)
     nis = correct_angles(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:

@@ -332,4 +332,5 @@ FIXED_GAIN = Filter(
     estimates=tuple(range(12)),
     uses=("position", "velocity", "altitude", "attitude"),
     needs=("attitude",),
+    weighs=False,
 )

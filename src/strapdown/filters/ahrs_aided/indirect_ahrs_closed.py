@@ -5,7 +5,15 @@ from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, S
 from ...core.error_state import DV, DX, TRANSPORT, allocate, inject_all, measure
 from ...core.rotation import rotate_left, rotate_right
 from ...typing import Array
-from .known_attitude import KNOWN_ATTITUDE, bias_model, corrected, know, predict_fed, weigh
+from .known_attitude import (
+    KNOWN_ATTITUDE,
+    bias_model,
+    corrected,
+    fade_shared,
+    know,
+    predict_fed,
+    weigh,
+)
 
 
 def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
@@ -36,6 +44,7 @@ def correct(
 ) -> float:
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known
     one from now on."""
+    fade_shared(belief, parameters)
     weigh(belief, sd, kind)
     nis = measure(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:

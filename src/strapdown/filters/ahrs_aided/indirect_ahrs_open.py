@@ -35,7 +35,16 @@ from ..ins.open_loop import (
     correct_beside,
     products,
 )
-from .known_attitude import KNOWN, KNOWN_ATTITUDE, bias_model, corrected, know, move, weigh
+from .known_attitude import (
+    KNOWN,
+    KNOWN_ATTITUDE,
+    bias_model,
+    corrected,
+    fade_shared,
+    know,
+    move,
+    weigh,
+)
 
 SLOTS = Slots(after=KNOWN_ATTITUDE)
 SLOTS.outputs(*open_loop.SLOTS.columns)  # which `compose` writes
@@ -95,6 +104,7 @@ def correct(
 ) -> float:
     """Correct P and the error beside the INS. A measured attitude also is the known one from now
     on."""
+    fade_shared(belief, parameters)
     weigh(belief, sd, kind)
     nis = correct_beside(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
     if nis <= gate:

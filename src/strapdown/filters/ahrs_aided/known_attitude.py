@@ -16,6 +16,8 @@ from collections.abc import Mapping
 from ...checks import check_choice, check_number
 from ...core.contract import (
     ATTITUDE_KIND,
+    CORRELATED_STATE,
+    KEPT,
     MOST_STATES,
     Belief,
     Noise,
@@ -153,6 +155,17 @@ def _go_on(workspace: Array, variance: float) -> float:
     workspace[ERROR_DD] = keep * workspace[ERROR_DD] + max(variance - before, 0.0)
     workspace[DRIFT_HEADING] *= math.sqrt(keep)
     return keep
+
+
+@helper
+def fade_shared(belief: Belief, parameters: Array) -> None:
+    """Before a fix: what its correlated errors have in common with the errors of the known attitude
+    fades as they did."""
+    S = matrix(belief.workspace, SHARED, 3, belief.P.shape[0])
+    for i in range(3):
+        state = int(parameters[CORRELATED_STATE + i])
+        for k in range(3 if state > 0 else 0):
+            S[k, state] *= parameters[KEPT]
 
 
 @helper

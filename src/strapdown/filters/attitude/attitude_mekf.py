@@ -35,7 +35,7 @@ from ...core.contract import (
 )
 from ...core.earth import GRAVITY_EQUATOR, RATE, gravity
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
-from ...core.kalman import decay
+from ...core.kalman import LEAST_NOISE, decay
 from ...core.rotation import turned
 from ...typing import Array
 from .attitude_error_state import (
@@ -474,6 +474,9 @@ def _used(
     count_bias(P, sensitivity, biases, 1.0)
     if innovation.size > 3:
         innovation[3] = math.copysign(math.sqrt(nis), e)
+    if innovation.size > 6:
+        prior = known - variance
+        innovation[6] = math.sqrt((prior + max(variance, LEAST_NOISE * prior)) * wider)
     inject(belief, dx)
     return nis
 

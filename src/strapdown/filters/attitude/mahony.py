@@ -255,6 +255,8 @@ def _heading_pulled(belief: Belief, variance: float, innovation: Array) -> None:
     count_bias(belief.P, sensitivity, biases, 1.0)
     if innovation.size > 3 and known + variance > 0:
         innovation[3] = innovation[0] / math.sqrt(known + variance)
+    if innovation.size > 6:
+        innovation[6] = math.sqrt(known + variance)
 
 
 @kernel(CORRECT)
@@ -342,4 +344,5 @@ MAHONY = Filter(
     unaided_note=UNAIDED,
     conditions=attitude_mekf.CONDITIONS,
     condition=HOLDS,
+    weighs=False,
 )

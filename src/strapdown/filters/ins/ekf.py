@@ -186,6 +186,12 @@ def correct(
         if not math.isnan(innovation[i]):
             if innovation.size > 3:
                 innovation[3 + i] = e[used]
+            if innovation.size > 6:
+                b = 0
+                for k in range(i + 1):
+                    missing = math.isnan(innovation[k])
+                    innovation[6 + i * (i + 1) // 2 + k] = 0.0 if missing else L[used, b]
+                    b += not missing
             used += 1
     if nis <= gate:
         _joseph(P, H, used, variance, U, K, matrix(workspace, LEFT, n, n))

@@ -109,4 +109,5 @@ NLO = Filter(
     configure=configure,
     conditions=(SLOW, UNEXCITED),
     condition=CONDITION,
+    weighs=False,
 )

@@ -101,7 +101,7 @@ def correct_own(
                 innovation[i] = wrap(innovation[i])
             H[i, 6], H[i, 7] = rotated(H[i, 6], H[i, 7], 0.5 * z)
     nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
-    if nis == nis:
+    if nis == nis and gate >= 0:  # not where it is only asked
         by_rows = min(nis / workspace[WORK.start + used_rows(n)], LARGEST_NIS)
         own[DOUBT] += SHARE * (by_rows - own[DOUBT])
     if nis <= gate:

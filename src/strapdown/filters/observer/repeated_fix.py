@@ -11,22 +11,23 @@ MEMORY = Slots()
 """What to remember a fix by."""
 KIND = MEMORY.number("KIND")  # of the one that was rejected last, or FORGOTTEN
 Y = MEMORY.array("Y", 3)  # what it measured
-SD = MEMORY.array("SD", 3)
 FORGOTTEN = -1.0
 
 
 @helper
-def repeated(memory: Array, y: Array, sd: Array, kind: int, gate: float, nis: float) -> bool:
+def repeated(memory: Array, y: Array, kind: int, gate: float, nis: float) -> bool:
     """Whether this call brings the fix of the call before once more; remembers it in `memory`
     (of MEMORY) where its `nis` is above `gate`.
 
-    The loop does so only where it lifts a gate: right after a rejection, with `gate` infinite.
-    Other sources may measure the same at the same time.
+    The loop does so where it lifts a gate, right after a rejection, with `gate` infinite; and where
+    it asks what the filter makes of a fix, with `gate` -1, before it hands it over with other
+    standard deviations. Other sources may measure the same at the same time.
     """
-    same, its_y, its_sd = memory[KIND] == kind and gate == math.inf, memory[Y], memory[SD]
+    asked = gate == math.inf or gate < 0
+    same, its_y = memory[KIND] == kind and asked, memory[Y]
     for i in range(3):
-        same = same and _alike(its_y[i], y[i]) and _alike(its_sd[i], sd[i])
-        its_y[i], its_sd[i] = y[i], sd[i]
+        same = same and _alike(its_y[i], y[i])
+        its_y[i] = y[i]
     memory[KIND] = kind if nis > gate else FORGOTTEN
     return same
 

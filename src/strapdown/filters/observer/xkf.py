@@ -322,7 +322,7 @@ def correct(
         or kind == HEADING_KIND
         or kind == MAGNETIC_KIND
     ):
-        if not repeated(workspace[RECENT], y, sd, kind, gate, nis):
+        if not repeated(workspace[RECENT], y, kind, gate, nis):
             inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION])
             follow(bar, belief)
     relate(belief, bar)

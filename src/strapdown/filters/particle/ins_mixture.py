@@ -291,6 +291,8 @@ def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
         e = innovation[i]
         for r in range(i + 1):
             if math.isnan(innovation[r]):
+                if innovation.size > 6:
+                    innovation[6 + i * (i + 1) // 2 + r] = 0.0
                 continue
             value = s[3 * i + r] / total - s[9 + i] * s[9 + r]
             for k in range(r):
@@ -308,4 +310,6 @@ def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
                 nis += s[12 + i] * s[12 + i]
                 if innovation.size > 3:
                     innovation[3 + i] = s[12 + i]
+            if innovation.size > 6:
+                innovation[6 + i * (i + 1) // 2 + r] = s[3 * i + r]
     return nis if any else math.nan

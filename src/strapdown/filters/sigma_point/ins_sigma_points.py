@@ -396,7 +396,7 @@ def correct(
         for lane in range(lanes):
             dx[lane] = scale * factored[lanes * j + lane]
         _moved(belief, point, dx)
-        observe(point, y, parameters, innovation, H)
+        observed(point, y, observe, parameters, innovation, H)
         _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
     nis, repaired = corrected(
         workspace[ROOT],

@@ -261,7 +261,13 @@ def corrected(
     nis = _gains(n, rows, used, work)
     for a in range(used):
         if innovation.size > 3:
-            innovation[3 + int(work[own + 4 * rows + a])] = work[own + a]
+            i = int(work[own + 4 * rows + a])
+            innovation[3 + i] = work[own + a]
+            for k in range(i if innovation.size > 6 else 0):
+                innovation[6 + i * (i + 1) // 2 + k] = 0.0
+            for b in range(a + 1 if innovation.size > 6 else 0):
+                k = int(work[own + 4 * rows + b])
+                innovation[6 + i * (i + 1) // 2 + k] = work[rows * n + rows * a + b]
     for j in range(n):
         dx[j] = 0.0
     if nis <= gate:
@@ -286,8 +292,9 @@ def corrected(
 @helper
 def _gains(n: int, rows: int, used: int, work: Array) -> float:
     """Row by row of the whitened G and innovations: e / size and 1 / (size + sqrt(size)), with
-    those before taken into account; e is divided by sqrt(size). Returns the NIS."""
-    e = rows * n + rows * rows
+    those before taken into account; e is divided by sqrt(size), and the square root of the noise
+    becomes that of the innovation's covariance. Returns the NIS."""
+    L, e = rows * n, rows * n + rows * rows
     share, c, nis = e + rows, e + 2 * rows, 0.0 if used > 0 else math.nan
     for a in range(used):
         size = 1.0
@@ -296,10 +303,14 @@ def _gains(n: int, rows: int, used: int, work: Array) -> float:
         work[share + a], work[c + a] = work[e + a] / size, 1 / (size + math.sqrt(size))
         work[e + a] /= math.sqrt(size)
         nis += work[e + a] * work[e + a]
+        for b in range(a, used):
+            work[L + rows * b + a] *= math.sqrt(size)
         for b in range(a + 1, used):
             overlap = 0.0
             for j in range(n):
                 overlap += work[n * b + j] * work[n * a + j]
+            for row in range(b, used):
+                work[L + rows * row + a] += work[L + rows * row + b] * overlap / math.sqrt(size)
             work[e + b] -= overlap * work[share + a]
             for j in range(n):
                 work[n * b + j] -= overlap * work[c + a] * work[n * a + j]

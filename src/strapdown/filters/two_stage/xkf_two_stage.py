@@ -213,7 +213,7 @@ def correct(
         or kind == HEADING_KIND
         or kind == MAGNETIC_KIND
     ):
-        if not repeated(workspace[RECENT], y, sd, kind, gate, nis):
+        if not repeated(workspace[RECENT], y, kind, gate, nis):
             leave(belief, bar)
             inject(bar, y, sd, kind, observe, parameters, workspace[UNUSED])
             relate(belief, bar)

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import is_number
 from .schema import Description
+from .schema_aiding import AidingPart
 
 INSTALLED = "installed"
 """Where the meta of a Recording has it; not of one whose set-up was changed after reading."""
@@ -16,7 +18,8 @@ LOOK_THE_SAME = 1e-9
 
 def installed(description: Description) -> dict[str, list[float]]:
     """{"[section] key": numbers}: offsets of time, s; lever arms, m; mounting, roll, pitch, heading,
-    rad; scales. In plain values, each as it is or, where it is not given, as it is taken."""
+    rad; scales; standard deviations, or the scales of their columns; correlated errors, sd and time.
+    In plain values, each as it is or, where it is not given, as it is taken."""
     imu = description.imu
     found = {
         "[imu] time offset": [imu.time.offset],
@@ -26,19 +29,38 @@ def installed(description: Description) -> dict[str, list[float]]:
     for number, part in enumerate(description.aiding, 1):
         where = f"[[aiding]] {number} ({part.kind})"
         found[f"{where} lever_arm"] = list(part.lever_arm or [0.0] * 3)
+        found[f"{where} sd"] = [_size(entry) for entry, _, _ in part.deviations]
+        found[f"{where} correlated"] = _lasting(part)
         if part.time is not None:
             found[f"{where} time offset"] = [part.time.offset]
             found[f"{where} scale"] = [float(scale) for scale in part.scales]
     return found
 
 
+def _size(entry: Any) -> float:
+    """A number of `sd`, or the scale of its column."""
+    if isinstance(entry, dict):
+        entry = entry.get("scale", 1.0)
+    return float(entry) if is_number(entry) else 1.0
+
+
+def _lasting(part: AidingPart) -> list[float]:
+    """Standard deviations and time of its correlated errors, SI; none: []."""
+    errors = part.correlated_errors
+    return [] if errors is None else [*errors.sd, errors.time]
+
+
 def difference(there: dict[str, Any], read: dict[str, Any]) -> str:
     """The first key of two installations that differs, with both values; "" where none does."""
     for key in [*read, *there]:
         one, other = there.get(key), read.get(key)
-        if one is None or other is None or not np.allclose(one, other, 0.0, LOOK_THE_SAME):
+        if one is None or other is None or len(one) != len(other) or not _same(one, other):
             return f"{key} is {_shown(one)}, and {_shown(other)} where the recording was read"
     return ""
+
+
+def _same(one: Sequence[float], other: Sequence[float]) -> bool:
+    return bool(np.allclose(one, other, 0.0, LOOK_THE_SAME))
 
 
 def _shown(numbers: Sequence[float] | None) -> str:

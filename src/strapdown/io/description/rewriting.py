@@ -4,9 +4,9 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
@@ -25,6 +25,18 @@ FEWEST = {TIME: 3, LEVER_ARM: 2, MOUNTING: 3, SCALE: 4}
 """{key: digits behind the point that are always written}."""
 
 
+class Keyed(Protocol):
+    """What changes one key of a section."""
+
+    @property
+    def source(self) -> int | None:
+        """[[aiding]], from 0; None: [imu]."""
+
+    @property
+    def key(self) -> str:
+        """Of the section."""
+
+
 class Edit(NamedTuple):
     """One key of a section, with a new value."""
 
@@ -35,9 +47,36 @@ class Edit(NamedTuple):
     sd: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
 
 
-def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) -> str:
+def change_installation(section: Any, edit: Edit, mark: str) -> None:
+    """Set the key of a section, and its comment."""
+    if edit.key == TIME:
+        time, sd = section[TIME], edit.sd[0]
+        put(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, TIME), TIME)
+        inline = isinstance(time, InlineTable)
+        where, key = (section, TIME) if inline else (section[TIME], "offset")
+        said = f"{'offset ' if where is section else ''}+- {_sd(sd)} s"
+    elif edit.key == MOUNTING:
+        where, key, said = section, MOUNTING, _of_each(ANGLES, edit)
+        _set_mounting(section, edit)
+    elif edit.key == LEVER_ARM:
+        where, key, said = section, LEVER_ARM, _of_each(ARM_AXES, edit)
+        _set_arm(section, edit)
+    else:
+        where, key, said = section, SCALE, f"+- {_sd(edit.sd[0])} of it"
+        _set_scale(section, edit)
+    say(where[key], f"{said}, {mark}", mark)
+
+
+def rewritten(
+    path: File,
+    edits: Iterable[Keyed],
+    kinds: Sequence[str],
+    mark: str,
+    change: Callable[[Any, Any, str], None] = change_installation,
+) -> str:
     """The text of a description with its values changed; `mark` ends the comment of each, behind
-    their standard deviations. kinds: those of [[aiding]] that it must have.
+    their standard deviations. kinds: those of [[aiding]] that it must have; change: of a section of
+    tomlkit by an edit and the mark.
 
     Raises DataError where the file is another one, or cannot be changed and stay what it is.
     """
@@ -46,7 +85,7 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     edits = list(edits)
     for edit in edits:
         own = [name for name in ("gyro", "accel") if TIME in old["imu"].get(name, {})]
-        if own and edit.source is None and edit.key == TIME:
+        if own and isinstance(edit, Edit) and edit.source is None and edit.key == TIME:
             raise DataError(
                 f"{path}: [imu] {own[0]} has a time of its own; add {edit.value[0]:+.4g} s to the "
                 f"offset of each time of [imu] by hand"
@@ -54,15 +93,15 @@ def rewritten(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str
     try:
         for edit in edits:
             section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]
-            _change(section, edit, mark)
+            change(section, edit, mark)
         # tomlkit ends lines of its own with \n
         ends = "\r\n" if "\r\n" in text else "\n"
         new = tomlkit.dumps(content).replace("\r\n", "\n").replace("\n", ends)
         made = tomllib.loads(new)
     except (TOMLKitError, tomllib.TOMLDecodeError, TypeError, AttributeError, KeyError):
-        raise _unable(path) from None
+        raise _unable(path, edits) from None
     if _others(made, edits) != _others(old, edits) or not all(_there(made, e) for e in edits):
-        raise _unable(path)
+        raise _unable(path, edits)
     return new
 
 
@@ -84,13 +123,18 @@ def told(edit: Edit) -> str:
     return f"scale: multiply by {numbers[0]}"
 
 
-def rewrite(path: File, edits: Iterable[Edit], kinds: Sequence[str], mark: str) -> Path:
+def rewrite(
+    path: File,
+    edits: Iterable[Keyed],
+    kinds: Sequence[str],
+    mark: str,
+    change: Callable[[Any, Any, str], None] = change_installation,
+) -> Path:
     """Change a description on disk (see `rewritten`); the path of the copy of the old one beside
     it, NAME.before or NAME.before-2, ... Raises DataError, and then nothing is changed."""
-    new = rewritten(path, edits, kinds, mark)
+    new = rewritten(path, edits, kinds, mark, change)
+    check_writable(path)
     target = Path(os.path.realpath(path))
-    if not target.stat().st_mode & stat.S_IWUSR:
-        raise DataError(f"{path}: is read-only; make it writable, or change it by hand")
     copy = _free_name(target)
     with together():
         with replacing(copy) as part:
@@ -113,6 +157,12 @@ def _text(path: File) -> str:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from None
     except UnicodeDecodeError:
         raise DataError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+
+
+def check_writable(path: File) -> None:
+    """Refuse a file that its owner wants to stay as it is. Raises DataError."""
+    if not Path(os.path.realpath(path)).stat().st_mode & stat.S_IWUSR:
+        raise DataError(f"{path}: is read-only; make it writable, or change it by hand")
 
 
 def _free_name(target: Path) -> Path:
@@ -147,34 +197,12 @@ def _check_sections(path: File, text: str, kinds: Sequence[str]) -> tuple[dict[s
     return old, content
 
 
-def _unable(path: File) -> DataError:
+def _unable(path: File, edits: Iterable[Keyed]) -> DataError:
+    keys = dict.fromkeys(edit.key for edit in edits)
     return DataError(
         f"{path}: is written in a way that cannot be changed in place; change it by hand, or write "
-        f"`time`, `mounting`, `lever_arm` and `scale` as keys of their section"
+        f"{' and '.join(f'`{key}`' for key in keys)} as keys of their section"
     )
-
-
-def _change(section: Any, edit: Edit, mark: str) -> None:
-    """Set the key of a section, and its comment."""
-    if edit.key == TIME:
-        time, sd = section[TIME], edit.sd[0]
-        _put(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, TIME), TIME)
-        inline = isinstance(time, InlineTable)
-        where, key = (section, TIME) if inline else (section[TIME], "offset")
-        said = f"{'offset ' if where is section else ''}+- {_sd(sd)} s"
-    elif edit.key == MOUNTING:
-        where, key, said = section, MOUNTING, _of_each(ANGLES, edit)
-        _set_mounting(section, edit)
-    elif edit.key == LEVER_ARM:
-        where, key, said = section, LEVER_ARM, _of_each(ARM_AXES, edit)
-        _set_arm(section, edit)
-    else:
-        where, key, said = section, SCALE, f"+- {_sd(edit.sd[0])} of it"
-        _set_scale(section, edit)
-    item = where[key]
-    if isinstance(item, Table):  # a section of its own
-        item = next(reversed(list(item.values())))
-    _say(item, f"{said}, {mark}", mark)
 
 
 def _of_each(names: Sequence[str], edit: Edit) -> str:
@@ -187,14 +215,14 @@ def _of_each(names: Sequence[str], edit: Edit) -> str:
 
 def _set_mounting(section: Any, edit: Edit) -> None:
     if MOUNTING not in section:
-        _put(section, MOUNTING, tomlkit.value('{ unit = "deg" }'))
+        put(section, MOUNTING, tomlkit.value('{ unit = "deg" }'))
     given = section[MOUNTING]
     unit = DEG if given["unit"] == "deg" else 1.0
     sd = min(each for each in edit.sd if each) / unit
     for name, angle in zip(ANGLES, edit.value):
         number = _number(angle / unit, sd, MOUNTING)
         if name in given or float(number.as_string()):
-            _put(section, name, number, MOUNTING)
+            put(section, name, number, MOUNTING)
 
 
 def _set_arm(section: Any, edit: Edit) -> None:
@@ -202,7 +230,7 @@ def _set_arm(section: Any, edit: Edit) -> None:
     numbers = [_number(x, sd or least, LEVER_ARM) for x, sd in zip(edit.value, edit.sd)]
     if LEVER_ARM not in section:
         texts = ", ".join(number.as_string() for number in numbers)
-        _put(section, LEVER_ARM, tomlkit.value(f"[{texts}]"))
+        put(section, LEVER_ARM, tomlkit.value(f"[{texts}]"))
         return
     for axis, (number, sd) in enumerate(zip(numbers, edit.sd)):
         if sd:
@@ -216,10 +244,10 @@ def _set_scale(section: Any, edit: Edit) -> None:
         for i, each in enumerate(old):
             old[i] = _number(each * by, abs(each) * sd, SCALE)
     else:
-        _put(section, SCALE, _number(old * by, abs(old) * sd, SCALE))
+        put(section, SCALE, _number(old * by, abs(old) * sd, SCALE))
 
 
-def _put(section: Any, key: str, item: Item, within: str | None = None) -> None:
+def put(section: Any, key: str, item: Item, within: str | None = None) -> None:
     """Set a key of a section, or of its table `within`; a new one behind the last that is there,
     before comments at the end."""
     table = section if within is None else section[within]
@@ -261,23 +289,26 @@ def _digits(sd: float) -> int:
     return max(0, -int(magnitude) + (first == "1"))
 
 
-def _say(item: Item, text: str, mark: str) -> None:
-    """Put `text` behind the comment of an item, in the place of what was put there before."""
+def say(item: Item, text: str, mark: str) -> None:
+    """Put `text`, which has `+-` or `95 %` and ends with the mark, behind the comment of an item or
+    of the last in a section, in the place of what was put there before."""
+    if isinstance(item, Table):  # a section of its own
+        item = next(reversed(list(item.values())))
     kind = re.escape(mark.partition(", ")[2])
-    own = rf"(?:^|; )[^;]*\+- [^;]*, \d{{4}}-\d\d-\d\d, {kind}$"
+    own = rf"(?:^|; )[^;]*(?:\+-|95 %) [^;]*, \d{{4}}-\d\d-\d\d, {kind}$"
     before = re.sub(own, "", item.trivia.comment.lstrip("#").strip())
     space = item.trivia.comment_ws
     item.comment("; ".join(filter(None, [before, text])))
     item.trivia.comment_ws = space or "  "
 
 
-def _path(edit: Edit) -> tuple[Any, ...]:
+def _path(edit: Keyed) -> tuple[Any, ...]:
     """Where the value of an edit lies."""
     section: tuple[Any, ...] = ("imu",) if edit.source is None else ("aiding", edit.source)
     return (*section, "time", "offset") if edit.key == TIME else (*section, edit.key)
 
 
-def _others(content: dict[str, Any], edits: Iterable[Edit]) -> Any:
+def _others(content: dict[str, Any], edits: Iterable[Keyed]) -> Any:
     """All that the edits leave as it is."""
     left = tomllib.loads(tomlkit.dumps(content))  # a copy
     for edit in edits:
@@ -289,7 +320,7 @@ def _others(content: dict[str, Any], edits: Iterable[Edit]) -> Any:
     return left
 
 
-def _there(made: dict[str, Any], edit: Edit) -> bool:
+def _there(made: dict[str, Any], edit: Keyed) -> bool:
     """Whether the content that was made has the key of an edit."""
     place: Any = made
     for step in _path(edit):

@@ -1,0 +1,119 @@
+"""The command tune: the noise of the IMU and of each source, told by a recording."""
+
+from contextlib import nullcontext
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import strapdown as sd
+
+from .console import (
+    FROM,
+    IMU,
+    OPTION,
+    TAKE,
+    TO,
+    VEHICLE,
+    Progress,
+    grade_of,
+    option_values,
+    read_given,
+    recording_argument,
+    results_folder,
+    save_page,
+)
+
+if TYPE_CHECKING:
+    from ..tuning.findings import Tuning
+
+
+def tune(
+    recording: Annotated[list[Path], recording_argument()],
+    filter: Annotated[
+        str, typer.Option(help="The closed loop or one of its relatives.")
+    ] = "closed-loop",
+    imu: IMU = None,
+    take: TAKE = None,
+    vehicle: VEHICLE = None,
+    start: FROM = None,
+    stop: TO = None,
+    correlated: Annotated[
+        bool,
+        typer.Option(
+            "--correlated/--no-correlated",
+            help="Look for errors of the sources that last over many fixes.",
+        ),
+    ] = True,
+    option: OPTION = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for the IMU file, the sources' noise and the page.  [default: NAME-tune; "
+            "none with --write]"
+        ),
+    ] = None,
+    write: Annotated[
+        bool,
+        typer.Option(
+            "--write",
+            help="Change recording.toml in place and put the IMU file beside it; the old one is kept "
+            "as recording.toml.before.",
+        ),
+    ] = False,
+) -> None:
+    """Find the noise of the IMU and of each source, and how long errors of GNSS last, from a log;
+    write them for --imu and --sources, or into its recording.toml."""
+    from ..tuning.files import check_absent, check_changeable, imu_file, name_of, sources_file
+
+    whole, grade = read_given(recording, imu, take)
+    part = whole.between(-inf if start is None else start, inf if stop is None else stop)
+    named = grade or grade_of(whole)
+    folder = out if write else out or Path(f"{name_of(part)}-tune")
+    if write:
+        check_changeable(part, recording[0])
+        check_absent(recording[0].with_name(imu_file(part)))
+    elif folder:
+        check_absent(folder / imu_file(part), folder / sources_file(part))
+    with results_folder(folder) if folder else nullcontext(), Progress() as progress:
+        found = sd.tune(
+            part,
+            filter,
+            imu=named,
+            vehicle=vehicle,
+            correlated=correlated,
+            say=progress.say,
+            progress=progress.track("tune"),
+            **_options(option),
+        )
+        for line in found.lines:
+            print(line)
+        for line in _written(found, recording[0], folder, write):
+            print(line)
+
+
+def _options(option: list[str] | None) -> dict[str, Any]:
+    return dict(option_values(option))
+
+
+def _written(found: "Tuning", path: Path, folder: Path | None, write: bool) -> list[str]:
+    """Write what was asked for, all or nothing; lines that say what, and how to use it."""
+    from ..files import together
+
+    lines: list[str] = []
+    with together():
+        if write:
+            changes = found.diff(path)
+            imu, kept = found.change(path)
+            lines = [f"changed in {path}:", *(f"  {line}" for line in changes)]
+            lines += [f"the old file is {kept}", f"wrote {imu}, which it names as grade"]
+        elif folder:
+            imu, sources = found.write(folder)
+            lines = [
+                f"wrote {folder}/{imu.name}, {sources.name}, tune.html",
+                f"to use them: strapdown fuse {path} --imu {imu} --sources {sources}",
+            ]
+        if folder:
+            save_page(found.page(), folder / "tune.html")
+    return lines + [f"wrote {folder}/tune.html"] * bool(write and folder)

@@ -1,0 +1,106 @@
+"""The noise in a `recording.toml` changed in place: standard deviations of sources, their correlated
+errors, and the file that describes the IMU."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import tomlkit
+from tomlkit.items import Float, InlineTable, Item, Trivia
+
+from ...checks import DataError, is_number
+from ...quantities import dimension, innovation_dimension
+from ...typing import File
+from ...units import spread_factor
+from .complaints import load
+from .rewriting import put, say
+from .schema_aiding import AidingPart
+
+SD, CORRELATED, GRADE = "sd", "correlated", "grade"
+
+
+class NoiseEdit(NamedTuple):
+    """One key of a section, with a new value."""
+
+    source: int | None  # [[aiding]], from 0; None: [imu]
+    key: str  # SD, CORRELATED or GRADE
+    values: tuple[str, ...]  # TOML: of an `sd` that is a list one per entry, else one
+    said: str  # which the comment says before its date, with `95 %` in it
+
+
+def scaled_deviations(path: File, source: int, factors: Sequence[float], said: str) -> NoiseEdit:
+    """The edit that multiplies the standard deviations of a source of a description by factors, one
+    per row of its innovation: numbers change, columns get another scale. Raises DataError."""
+    part = load(path).aiding[source]
+    entries = part.sd if isinstance(part.sd, list) else [part.sd]
+    same = len(set(factors)) == 1
+    if not same and (part.ecef or (part.form is not None and len(entries) == 1)):
+        raise DataError(
+            f"{path}: [[aiding]] {source + 1} ({part.kind}): its sd is in other axes, so that the "
+            f"horizontal ones alone cannot be changed; take the sources from a file of their own"
+        )
+    if same:
+        factors = [factors[0]] * len(entries)
+    elif len(entries) == 1:
+        entries = entries * len(factors)
+    texts = [_scaled(part, *each) for each in zip(range(len(entries)), entries, factors)]
+    one = same or isinstance(part.sd, list)
+    return NoiseEdit(source, SD, tuple(texts) if one else (f"[{', '.join(texts)}]",), said)
+
+
+def _scaled(part: AidingPart, number: int, entry: Any, factor: float) -> str:
+    """TOML of an entry of `sd` that is `factor` times as large."""
+    if is_number(entry):
+        return _number(entry * factor)
+    _, quantity, unit = part.deviations[number]
+    if isinstance(entry, str):  # a plain column is in the unit of its component
+        own = innovation_dimension(quantity) != dimension(quantity)
+        entry = {"column": entry, "unit": "m" if own else unit}
+    squared = spread_factor(entry["unit"], innovation_dimension(quantity))[1]
+    scale = entry.get("scale", 1.0) * (factor**2 if squared else factor)
+    column, unit = (tomlkit.item(entry[key]).as_string() for key in ("column", "unit"))
+    return f"{{ column = {column}, unit = {unit}, scale = {_number(scale)} }}"
+
+
+def change_noise(section: Any, edit: NoiseEdit, mark: str) -> None:
+    """Set the key of a section, and its comment."""
+    given = section.get(edit.key)
+    if edit.key == SD and isinstance(given, list):
+        for number, text in enumerate(edit.values):
+            if _content(given[number]) != _content(tomlkit.value(text)):
+                _replace(given, number, text)
+    elif edit.key == SD and isinstance(given, dict):
+        _replace(section, SD, edit.values[0])
+    else:
+        put(section, edit.key, _item(edit.values[0]))
+    say(section[edit.key], f"{edit.said}, {mark}", mark)
+
+
+def _replace(holder: Any, key: Any, text: str) -> None:
+    """Put a value in the place of one; where both are tables the new scale goes into the old one."""
+    old: Any = holder[key]
+    new: Any = tomlkit.value(text)
+    if not (isinstance(old, dict) and isinstance(new, dict)):
+        holder[key] = _item(text)
+    elif isinstance(old, InlineTable) and "scale" not in old:
+        head = old.as_string().rstrip("}")
+        space = head[len(head.rstrip()) :]
+        scale = new["scale"].as_string()
+        holder[key] = tomlkit.value(f"{head.rstrip()}, scale = {scale}{space}}}")
+    else:
+        put(old, "scale", _item(new["scale"].as_string()))
+
+
+def _item(text: str) -> Item:
+    """An item of tomlkit that is written as it stands; of a number with its own digits."""
+    item = tomlkit.value(text)
+    return Float(float(text), Trivia(), text) if is_number(item) else item
+
+
+def _content(item: Any) -> Any:
+    return item.unwrap() if hasattr(item, "unwrap") else item
+
+
+def _number(value: float) -> str:
+    """Four digits that count, as TOML has a float."""
+    text = f"{value:.4g}"
+    return text if set(text) & set(".en") else f"{text}.0"

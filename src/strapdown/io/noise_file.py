@@ -1,0 +1,155 @@
+"""Files that change the noise of a recording's sources, whatever the format of the recording: a
+factor on their standard deviations and their correlated errors, as `tune` found them."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from ..aiding import find
+from ..checks import DataError, check_number, did_you_mean, located
+from ..data import Aiding, Correlated
+from ..files import read_toml, replacing
+from ..quantities import shown_unit
+from ..recording import Recording, check_recording
+from ..toml_keys import Key, flag, items, read_table, section
+from ..typing import File
+from .description.installed import INSTALLED
+
+FACTOR, CORRELATED = "sd_factor", "correlated"
+"""Keys of a section."""
+LARGEST_FACTOR = 1e6
+LONGEST_TIME = 1e6
+"""s"""
+
+
+class SourceNoise(NamedTuple):
+    """What a section says of the source whose name it has."""
+
+    factor: tuple[float, ...] = (1.0,)  # on its standard deviations: one, or one per row
+    # sd in the units of tables, one or one per row; None: as the recording has them
+    correlated: Correlated | None = None
+    said: str = ""  # comment behind the factor
+
+
+def read_noise(path: File) -> dict[str, SourceNoise]:
+    """{name of a source: SourceNoise} of a file. Raises DataError."""
+    table = read_toml(path, "give the file that `strapdown tune` wrote")
+    with located(path):
+        return {
+            name: SourceNoise(**section(_section)(content, name)) for name, content in table.items()
+        }
+
+
+def with_noise(recording: Recording, file: File) -> Recording:
+    """The recording with the noise of its sources as a file says, which `strapdown tune` wrote
+    (NAME-sources.toml); sources that it does not name stay as they are.
+
+    Raises DataError where the file cannot be read, or names a source that the recording has not, or
+    has twice.
+    """
+    check_recording(recording)
+    found = read_noise(file)
+    names = [a.name or a.kind for a in recording.aidings]
+    for name in found:
+        if names.count(name) != 1:
+            there = "several sources" if name in names else "no source"
+            raise DataError(
+                f"{file}: [{name}]: the recording has {there} of that name"
+                f"{did_you_mean(name, names)}; it has {', '.join(names) or 'none'}"
+            )
+    noises = [found.get(name) for name in names]
+    aidings = [
+        a if noise is None else _changed(a, noise, f"{file}: [{name}]")
+        for a, name, noise in zip(recording.aidings, names, noises)
+    ]
+    # it is no longer as its own file has it
+    meta = {key: value for key, value in recording.meta.items() if key != INSTALLED}
+    return replace(recording, aidings=tuple(aidings), meta=meta)
+
+
+def write_noise(path: File, noises: Mapping[str, SourceNoise], comments: Iterable[str]) -> None:
+    """Write {name of a source: SourceNoise} as a file that `read_noise` reads. Raises DataError
+    where it cannot be written."""
+    lines = [f"# {comment}" for comment in comments]
+    for name, noise in noises.items():
+        said = f"  # {noise.said}" if noise.said else ""
+        lines += ["", f"[{_quoted(name)}]", f"{FACTOR} = {_factors_text(noise.factor)}{said}"]
+        if noise.correlated is not None:
+            lines.append(f"{CORRELATED} = {correlated_text(noise.correlated)}")
+    with replacing(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def in_tables(correlated: Correlated, kind: str) -> Correlated:
+    """Correlated errors of a kind of source in the units of tables, of SI."""
+    sizes = [shown_unit(quantity)[1] for quantity in find(kind).quantities]
+    return correlated._replace(sd=tuple(sd * size for sd, size in zip(correlated.sd, sizes)))
+
+
+def correlated_text(correlated: Correlated) -> str:
+    """The value of the key `correlated` in TOML, of standard deviations in the units of tables."""
+    sd = ", ".join(f"{each:.4g}" for each in correlated.sd)
+    states = "" if correlated.states else ", states = false"
+    return f"{{ sd = [{sd}], time = {correlated.time:.4g}{states} }}"
+
+
+def _factors_text(factor: tuple[float, ...]) -> str:
+    texts = [f"{each:.4g}" for each in factor]
+    return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
+
+
+def _quoted(name: str) -> str:
+    """A name as a key of TOML; a Recording's are printable, being checked."""
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _section(value: Any, where: str) -> dict[str, Any]:
+    return read_table(value, KEYS, where)
+
+
+def _factor(value: Any, where: str) -> tuple[float, ...]:
+    values = items(value, where) if isinstance(value, list) else [value]
+    return tuple(float(check_number(each, where, above=0, most=LARGEST_FACTOR)) for each in values)
+
+
+def _correlated(value: Any, where: str) -> Correlated:
+    return Correlated(**{"states": True} | read_table(value, OF_CORRELATED, where))
+
+
+def _deviations(value: Any, where: str) -> tuple[float, ...]:
+    values = items(value, where) if isinstance(value, list) else [value]
+    return tuple(float(check_number(each, where, least=0)) for each in values)
+
+
+def _time(value: Any, where: str) -> float:
+    return float(check_number(value, where, "s", above=0, most=LONGEST_TIME))
+
+
+OF_CORRELATED = {
+    "sd": Key("sd", _deviations, "write sd = [1.5, 1.5, 3.0], in the units of tables"),
+    "time": Key("time", _time, "write time = 30.0, in s"),
+    "states": Key("states", flag),
+}
+KEYS = {FACTOR: Key("factor", _factor), CORRELATED: Key("correlated", _correlated)}
+"""Keys of a section."""
+
+
+def _changed(a: Aiding, noise: SourceNoise, where: str) -> Aiding:
+    """A source with that noise. Raises DataError."""
+    sizes = [shown_unit(quantity)[1] for quantity in find(a.kind).quantities]
+    factor = _of_each(noise.factor, len(sizes), f"{where} {FACTOR}", a.kind)
+    a = replace(a, sd=a.sd * factor)
+    if noise.correlated is None:
+        return a
+    sd = _of_each(noise.correlated.sd, len(sizes), f"{where} {CORRELATED}, sd", a.kind)
+    if not any(sd):
+        raise DataError(f"{where} {CORRELATED}, sd: none is above zero; leave {CORRELATED} out")
+    si = tuple(each / size for each, size in zip(sd, sizes))
+    return replace(a, correlated=noise.correlated._replace(sd=si))
+
+
+def _of_each(values: tuple[float, ...], many: int, where: str, kind: str) -> tuple[float, ...]:
+    """As many values, which may be given as one. Raises DataError."""
+    if len(values) not in (1, many):
+        raise DataError(f"{where}: {len(values)} given; {kind} has {many}")
+    return values * many if len(values) == 1 else values

@@ -1,0 +1,116 @@
+"""Grades of GNSS receivers, which ship with the package or are described in a TOML file."""
+
+import os
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..checks import DataError, brief, did_you_mean, located
+from ..data import Correlated
+from ..files import find_shipped, read_toml, shipped
+from ..toml_keys import Key, Read, flag, listed, made, number, read_table, text, three
+from ..typing import File
+from .gnss import Gnss
+
+
+def _correlated(unit: str) -> Read:
+    """How correlated errors in that unit are read."""
+    keys = {
+        f"sd_{unit}": Key("sd", three, ""),
+        "time_s": Key("time", number, ""),
+        "states": Key("states", flag),
+    }
+    return made(Correlated, keys)
+
+
+ERROR_KEYS = {
+    "interval_s": Key("interval", number),
+    "position_sd_m": Key("position_sd", three),
+    "velocity_sd_m_s": Key("velocity_sd", three),
+    "latency_s": Key("latency", number),
+    "position_correlated": Key("position_correlated", _correlated("m")),
+    "velocity_correlated": Key("velocity_correlated", _correlated("m_s")),
+    "stated": Key("stated", flag),
+}
+"""Keys of what a receiver itself does."""
+GNSS_KEYS = ERROR_KEYS | {
+    "lever_arm_m": Key("lever_arm", three),
+    "outages_s": Key("outages", listed(listed(number))),
+}
+"""Those and the keys of where and when it is carried."""
+GRADE_KEYS = {"name": Key("name", text), "source": Key("source", text)} | ERROR_KEYS
+"""Keys of a receiver's file."""
+NOTHING = Gnss(position_sd=None, velocity_sd=None)
+"""A receiver that measures only what is added."""
+
+
+class ReceiverGrade(NamedTuple):
+    """A receiver, and where its figures come from."""
+
+    name: str
+    gnss: Gnss
+    source: str = ""
+
+    def sheet(self) -> dict[str, str]:
+        """{"position, white, m": "0.5 0.5 1", ...}: its terms, north, east, down."""
+        gnss, none = self.gnss, Correlated((), 0.0)
+        terms: dict[str, Any] = {"rate, Hz": 1 / gnss.interval}
+        for what, unit, sd, lasting in (
+            ("position", "m", gnss.position_sd, gnss.position_correlated or none),
+            ("velocity", "m/s", gnss.velocity_sd, gnss.velocity_correlated or none),
+        ):
+            terms[f"{what}, white, {unit}"] = sd or ()
+            terms[f"{what}, correlated, {unit}"] = lasting.sd
+            terms[f"{what}, correlation time, s"] = lasting.time or ()
+        return {
+            term: " ".join(f"{each:g}" for each in (value if isinstance(value, tuple) else [value]))
+            for term, value in terms.items()
+        }
+
+
+def receivers(others: bool = True) -> list[str]:
+    """Names of the receivers that ship with this and, with `others`, with other installed
+    packages, sorted."""
+    return list(shipped("receivers", __package__, others))
+
+
+def receiver_grade(name: File) -> ReceiverGrade:
+    """The ReceiverGrade of a name, or of a file's path (ends in .toml or contains a folder). Raises
+    DataError naming file, key and remedy."""
+    if not isinstance(name, (str, os.PathLike)):
+        raise DataError(
+            f"gnss is {brief(name)}; give a Gnss, a receiver's name ({', '.join(receivers())}) or "
+            f"the path of a .toml file"
+        )
+    name = str(name)
+    if resource := find_shipped("receivers", __package__, name):
+        return _from_table(
+            tomllib.loads(resource.read_text(encoding="utf-8")), f"receiver {name}", name
+        )
+    if name.endswith(".toml") or len(Path(name).parts) > 1:
+        hint = "give a receiver's name or the path of a .toml file"
+        return _from_table(read_toml(name, hint), name, Path(name).stem)
+    raise DataError(
+        f"unknown receiver {name!r}{did_you_mean(name, receivers())}; receivers: "
+        f"{', '.join(receivers())}; or give the path of a .toml file"
+    )
+
+
+def receiver(name: Gnss | File, like: Gnss = NOTHING) -> Gnss:
+    """The Gnss of a receiver's name or file, carried as `like` is: with its lever arm and its
+    outages; a Gnss is returned as it is. Raises DataError."""
+    if isinstance(name, Gnss):
+        return name
+    found = receiver_grade(name).gnss
+    return found._replace(lever_arm=like.lever_arm, outages=like.outages)
+
+
+def _from_table(table: dict[str, Any], where: str, name: str) -> ReceiverGrade:
+    with located(where):
+        fields = {"name": name, "source": ""} | read_table(table, GRADE_KEYS)
+        name, source = fields.pop("name"), fields.pop("source")
+        gnss = NOTHING._replace(**fields)
+        gnss.check()
+        if gnss.position_sd is None and gnss.velocity_sd is None:
+            raise DataError("it measures nothing; write position_sd_m, velocity_sd_m_s or both")
+    return ReceiverGrade(name, gnss, source)

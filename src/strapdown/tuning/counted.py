@@ -1,0 +1,80 @@
+"""Rough factors of the sources by robust statistics, and which fixes count: outliers would make any
+noise large, and a gate that noise too small closes would hide what is right."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core import cursor as places, loop
+from ..engine.prepare import Asked, Run, ready
+from ..recording import Recording
+from ..typing import Array, Mask
+from .likelihood import seen
+from .unknowns import WHITE, Unknown, noise_with, sources_with
+
+MEDIAN_SQUARE = 0.4549
+"""Median of chi-square with one degree of freedom."""
+ROUNDS, SETTLED = 6, 0.1
+LARGEST = np.log(30.0)
+"""Of a rough factor: what is further off shows by the likelihood."""
+
+
+class Rough(NamedTuple):
+    """Where the search can begin, and with what."""
+
+    theta: Array  # (p,) logarithms
+    kept: list[Mask]  # by source: fixes that count
+
+
+def rough(run: Run, asked: Asked, unknowns: Sequence[Unknown]) -> Rough:
+    """Factors with which the median square of each group of whitened innovations is that of right
+    ones, the first by a run whose gates are open, and which fixes pass their gates then."""
+    theta = np.log([each.begin for each in unknowns])
+    begin = theta.copy()
+    last = passed(run, asked, unknowns, theta, gated=False)
+    for _ in range(ROUNDS):
+        found = seen(last, np.arange(len(run.recording.aidings)))
+        change = np.zeros(len(theta))
+        for j, each in enumerate(unknowns):
+            if each.what == WHITE:
+                squares = found.whitened[found.source == each.place][:, list(each.rows)] ** 2
+                squares = squares[np.isfinite(squares)]
+                if len(squares):
+                    change[j] = 0.5 * np.log(np.median(squares) / MEDIAN_SQUARE)
+        theta = np.clip(theta + change, begin - LARGEST, begin + LARGEST)
+        last = passed(run, asked, unknowns, theta)
+        if np.abs(change).max() < SETTLED:
+            break
+    return Rough(theta, used(last))
+
+
+def passed(
+    run: Run, asked: Asked, unknowns: Sequence[Unknown], theta: Array, gated: bool = True
+) -> Run:
+    """A run at a place, with gates as given or open, that has ended."""
+    aidings = sources_with(run.recording.aidings, unknowns, theta)
+    aidings = tuple(
+        replace(a, gate=a.gate if gated else np.inf, robust=False, adaptive=0.0) for a in aidings
+    )
+    recording: Recording = replace(run.recording, aidings=aidings)
+    noise = noise_with(run.noise, unknowns, theta)
+    asked = asked._replace(every=len(run.samples.t), covariance=False)
+    again = ready(recording, run.filter, run.start, noise, run.spec, asked)
+    again.complete()
+    return again
+
+
+def used(run: Run) -> list[Mask]:
+    """By source: which of its fixes a run that has ended did not reject."""
+    fix = run.out.fix[: run.cursor.at[places.FIX]]
+    masks = []
+    for s, a in enumerate(run.recording.aidings):
+        own = fix[fix[:, loop.F_SOURCE] == s, loop.F_USE] != loop.REJECTED_FIX
+        # those up to the start are not used at all
+        before = int((a.t <= run.start.t + loop.SAME_TIME).sum())
+        kept = np.ones(len(a.t), bool)
+        kept[before : before + len(own)] = own
+        masks.append(kept)
+    return masks

@@ -1,0 +1,217 @@
+"""The files of a Tuning: a description of the IMU, the noise of the sources, and a recording.toml
+that is changed to have both."""
+
+import datetime
+import difflib
+import os
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..checks import DataError
+from ..files import together
+from ..io.description.complaints import load
+from ..io.description.installed import INSTALLED, difference as differing, installed
+from ..io.description.rewriting import check_sections, check_writable, rewrite, rewritten
+from ..io.description.rewriting_noise import (
+    CORRELATED,
+    GRADE,
+    NoiseEdit,
+    change_noise,
+    scaled_deviations,
+)
+from ..io.noise_file import SourceNoise, correlated_text, in_tables, write_noise
+from ..opening import settings_text
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array
+
+if TYPE_CHECKING:
+    from .findings import Parameter, Tuning
+
+MARK = "tune"
+"""Behind the date in the comments that it writes."""
+
+
+def name_of(recording: Recording) -> str:
+    """How the names of the files of a recording begin."""
+    return Path(str(recording.meta.get("name") or "recording")).name
+
+
+def imu_file(recording: Recording) -> str:
+    """Name of the file that describes the IMU."""
+    return f"{name_of(recording)}-imu.toml"
+
+
+def sources_file(recording: Recording) -> str:
+    """Name of the file with the noise of the sources."""
+    return f"{name_of(recording)}-sources.toml"
+
+
+def check_absent(*paths: Path) -> None:
+    """Refuse to write where a file is already. Raises DataError."""
+    for path in paths:
+        if os.path.lexists(path):
+            raise DataError(
+                f"{path}: is there already, and is not overwritten; choose another folder, or move it"
+            )
+
+
+def write(found: "Tuning", folder: Path) -> list[Path]:
+    """Write the IMU and the noise of the sources into a folder; the paths. Raises DataError."""
+    imu, sources = folder / imu_file(found.recording), folder / sources_file(found.recording)
+    check_absent(imu, sources)
+    comments = [
+        f"Noise of the sources, {_origin(found)}.",
+        f"Use: strapdown fuse RECORDING --imu {imu.name} --sources {sources.name}",
+        "sd_factor multiplies the standard deviations of a source. correlated can be copied into a "
+        "recording.toml.",
+    ]
+    with together():
+        described(found).to_toml(imu)
+        write_noise(sources, _noises(found), comments)
+    return [imu, sources]
+
+
+def described(found: "Tuning") -> ImuSpec:
+    """The IMU as found, with its name and where its numbers are from."""
+    of_imu = [each for each in found.parameters if each.source == "imu"]
+    said = "; ".join(
+        f"{each.name} 95 % {each.interval} {each.unit}"
+        if each.interval
+        else f"{each.name} not decided"
+        for each in of_imu
+    )
+    return replace(
+        found.imu,
+        name=f"{name_of(found.recording)}-tuned",
+        source=f"{_origin(found)}{said and ': '}{said}",
+    )
+
+
+def _origin(found: "Tuning") -> str:
+    start, stop = found.seconds
+    date = datetime.date.today().isoformat()
+    return f"found by strapdown tune on {date} in {name_of(found.recording)}, {start:.1f} to {stop:.1f} s"
+
+
+def _noises(found: "Tuning") -> dict[str, SourceNoise]:
+    """What changes of the sources. Raises DataError where two have one name."""
+    noises: dict[str, SourceNoise] = {}
+    for number, (old, new) in enumerate(zip(found.recording.aidings, found.tuned.aidings)):
+        name = old.name or old.kind
+        if name in noises:
+            raise DataError(
+                f"two sources are called {name}; give them names of their own, so that a file can "
+                f"say which is meant"
+            )
+        factors = _factors(found, number)
+        one = factors[:1] if len(set(factors)) == 1 else factors
+        lasting = new.correlated if new.correlated != old.correlated else None
+        shown = None if lasting is None else in_tables(lasting, old.kind)
+        if shown is not None or set(factors) != {1.0}:
+            noises[name] = SourceNoise(one, shown, _said(found, name))
+    return noises
+
+
+def _factors(found: "Tuning", number: int) -> tuple[float, ...]:
+    """By which the standard deviations of a source have changed, by row."""
+    old, new = (
+        np.asarray(each.aidings[number].sd, float) for each in (found.recording, found.tuned)
+    )
+    with np.errstate(all="ignore"):
+        ratio = np.where((old > 0) & np.isfinite(old), new / old, np.nan)
+    return tuple(_median(column) for column in ratio.T)
+
+
+def _median(ratio: Array) -> float:
+    """Four digits of the median, as files have it; 1 without any."""
+    known = ratio[np.isfinite(ratio)]
+    return float(f"{np.median(known):.4g}") if known.size else 1.0
+
+
+def _said(found: "Tuning", source: str) -> str:
+    """What a comment says of the standard deviations of a source: factors with their intervals."""
+    own = [p for p in found.parameters if p.source == source and p.name.startswith("noise")]
+    told = [f"{p.name.removeprefix('noise').strip()} {_times(p)}".strip() for p in own if p.given]
+    return f"95 % {', '.join(told) or 'not decided'}"
+
+
+def _times(noise: "Parameter") -> str:
+    """The interval of a factor."""
+    low = f"{noise.low / noise.given:.3g}" if noise.low > 0 else "0"
+    high = f"{noise.high / noise.given:.3g} times" if noise.high < inf else "any factor"
+    return f"{low} to {high}"
+
+
+def _parameter(found: "Tuning", source: str, name: str) -> "Parameter | None":
+    own = (each for each in found.parameters if (each.source, each.name) == (source, name))
+    return next(own, None)
+
+
+def difference(found: "Tuning", path: Path) -> list[str]:
+    """The lines of a recording.toml that `change` would change. Raises DataError."""
+    edits = _edits(found, path)
+    new = rewritten(path, edits, _kinds(found), _mark(), change_noise).splitlines()
+    old, lines = settings_text(path).splitlines(), []
+    matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
+    for step, i, j, k, m in matcher.get_opcodes():
+        if step != "equal":
+            lines += [f"{row + 1:4d} - {old[row]}" for row in range(i, j)]
+            lines += [f"{row + 1:4d} + {new[row]}" for row in range(k, m)]
+    return lines
+
+
+def change(found: "Tuning", path: Path) -> tuple[Path, Path]:
+    """Change a recording.toml and write the IMU file beside it; (that, the copy of the old file).
+    Raises DataError, and then nothing is changed."""
+    imu = path.with_name(imu_file(found.recording))
+    check_absent(imu)
+    edits = _edits(found, path)
+    with together():
+        described(found).to_toml(imu)
+        kept = rewrite(path, edits, _kinds(found), _mark(), change_noise)
+    return imu, kept
+
+
+def check_changeable(recording: Recording, path: Path) -> None:
+    """Refuse what is no recording.toml, or has other values than the recording was read with.
+    Raises DataError."""
+    check_sections(path, [a.kind for a in recording.aidings])
+    read = recording.meta.get(INSTALLED)
+    differs = (
+        "the recording was not read as a recording.toml has it"
+        if read is None
+        else differing(installed(load(path)), read)
+    )
+    if differs:
+        raise DataError(f"{path}: {differs}; read that file and tune it")
+    check_writable(path)
+
+
+def _edits(found: "Tuning", path: Path) -> list[NoiseEdit]:
+    """What changes in a recording.toml. Raises DataError where it is another file."""
+    check_changeable(found.recording, path)
+    named = f'"{imu_file(found.recording)}"'
+    edits = [NoiseEdit(None, GRADE, (named,), "95 % intervals in that file")]
+    for number, (old, new) in enumerate(zip(found.recording.aidings, found.tuned.aidings)):
+        name, factors = old.name or old.kind, _factors(found, number)
+        if set(factors) != {1.0}:
+            edits.append(scaled_deviations(path, number, factors, _said(found, name)))
+        if new.correlated is not None and new.correlated != old.correlated:
+            text = correlated_text(in_tables(new.correlated, old.kind))
+            time = _parameter(found, name, "correlation time")
+            said = f"95 % time {f'{time.interval} s' if time and time.interval else 'not decided'}"
+            edits.append(NoiseEdit(number, CORRELATED, (text,), said))
+    return edits
+
+
+def _kinds(found: "Tuning") -> list[str]:
+    return [a.kind for a in found.recording.aidings]
+
+
+def _mark() -> str:
+    return f"{datetime.date.today().isoformat()}, {MARK}"

@@ -1,0 +1,70 @@
+"""What of a recording is used: all of a short one, of a longer one the part with the most motion,
+with samples of at most about 100 Hz."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..checks import DataError, check_number
+from ..core.contract import Imu, Start
+from ..data import Solution
+from ..diagnosis.screening import started, window
+from ..engine.prepare import Asked, Run
+from ..engine.smoothing import smooth
+from ..recording import Recording
+
+STEP = 0.01
+"""s: shorter samples are summed to this."""
+LEARNT = 300.0
+"""s of fixes from which a start is smoothed."""
+LEAST_SECONDS, LEAST_FIXES = 60.0, 100
+
+
+def part(before: Solution, start_s: float | None, stop_s: float | None) -> tuple[Recording, Start]:
+    """The part to use, thinned, of the recording of a Solution, and the Start there. Raises
+    DataError."""
+    assert before.recording is not None
+    first, last = before.t[0], before.recording.span[1]
+    if start_s is None and stop_s is None:
+        recording, start = window(before)
+    else:
+        begin, end = first if start_s is None else start_s, last if stop_s is None else stop_s
+        check_number(begin, "start_s", "s", most=last)
+        check_number(end, "stop_s", "s", least=begin)
+        row = int(np.searchsorted(before.t, begin))
+        start = Start(**before.meta["start"]) if begin <= first else started(before, row)
+        recording = before.recording.between(start.t, end)
+    return replace(recording, imu=thinned(recording.imu)), start
+
+
+def smoothed_start(run: Run, asked: Asked) -> Start:
+    """The Start of a run, its values from a smoother over its first `LEARNT` s."""
+    recording = run.recording.between(stop=run.start.t + LEARNT)
+    solution = smooth(recording, run.filter, run.spec, run.start, run.noise, **asked.options)
+    return started(solution, 0)._replace(sd=run.start.sd)
+
+
+def thinned(imu: Imu) -> Imu:
+    """Samples of at least about STEP. Nothing is summed across a gap."""
+    if np.median(imu.dt) > 0.75 * STEP:
+        return imu
+    number = np.floor((imu.t - imu.t[0] + 0.5 * np.median(imu.dt)) / STEP)
+    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
+    first = np.flatnonzero(np.r_[True, (number[1:] != number[:-1]) | gap])
+    last = np.r_[first[1:], len(imu.t)] - 1
+    return Imu(imu.t[last], *(np.add.reduceat(column, first) for column in imu[1:]))
+
+
+def check_length(recording: Recording, start: Start, fixes: int) -> None:
+    """Refuse what is too short to tell a noise. Raises DataError."""
+    seconds = recording.span[1] - start.t
+    if seconds < LEAST_SECONDS:
+        raise DataError(
+            f"{seconds:.0f} s are left after the start at {start.t:.1f} s; the noise needs "
+            f"{LEAST_SECONDS:.0f} s or more: give a longer recording"
+        )
+    if fixes < LEAST_FIXES:
+        raise DataError(
+            f"there are {fixes} fixes in {seconds:.0f} s; the noise needs {LEAST_FIXES} or more: "
+            f"give a longer recording"
+        )

@@ -1,0 +1,260 @@
+"""The search for the maximum of the likelihood over a recording, in steps that `tune` takes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from ..aiding import find
+from ..checks import DataError
+from ..core.contract import Filter, Start
+from ..data import Aiding, Solution
+from ..engine.batch import begin, fuse
+from ..engine.prepare import Asked, Run
+from ..recording import Recording
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array, Mask
+from .counted import passed, rough, used
+from .findings import IMU, UNEXPLAINED
+from .fix_statistics import correlation, counts
+from .lasting import with_lasting
+from .likelihood import Likelihood
+from .part import check_length, part, smoothed_start
+from .scoring import Profile, Top, climb, profile
+from .unknowns import (
+    APART,
+    TIME,
+    WHITE,
+    Unknown,
+    imu_with,
+    noise_with,
+    of_imu,
+    of_source,
+    sources_with,
+)
+
+LEAST_OF_SOURCE = 20
+"""Fixes: of a source with fewer nothing is sought."""
+AGAIN = 0.005
+"""Share of the fixes that must change sides between outliers and others for another search."""
+MOST_CLIMBS = 3  # from a better place that a profile met
+SMOOTHED = 2  # times that the start is taken from a smoother
+CORRELATED_FROM = 0.1
+"""Correlation one fix apart from which correlated errors are tried in sources of any kind."""
+
+
+class Search:
+    """What was found so far: `likelihood` and its maximum `top`."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        filter: Filter,
+        spec: ImuSpec,
+        asked: Asked,
+        seconds: tuple[float | None, float | None],
+    ) -> None:
+        self.recording, self.filter, self.spec, self.asked = recording, filter, spec, asked
+        self.before = self.fused(recording, spec)
+        self.run = self._begun(*part(self.before, *seconds))
+        self.seconds = (self.run.start.t, self.run.recording.span[1])
+        aidings = self.run.recording.aidings
+        self.given = [_index(a, recording.aidings) for a in aidings]
+        recorded = [s for s, a in enumerate(aidings) if find(a.kind).recorded]
+        self.counted = np.array([s for s in recorded if self.given[s] >= 0])
+        fixes = {int(s): int((aidings[s].t > self.run.start.t).sum()) for s in self.counted}
+        self._check(sum(fixes.values()))
+        self.unknowns = of_imu(self.run.noise)
+        for s, many in fixes.items():
+            if many >= LEAST_OF_SOURCE:
+                self.unknowns += of_source(aidings[s], s)
+        self._runs = 0  # of likelihoods that are left
+        self.lasting: set[int] = set()  # sources whose innovations stay correlated
+        self._least: Array  # (p,) below which no logarithm is made then
+        self.likelihood: Likelihood
+        self.top: Top
+
+    def fused(self, recording: Recording, spec: ImuSpec) -> Solution:
+        """A Solution, as it was asked for."""
+        asked = self.asked
+        return fuse(
+            recording,
+            self.filter,
+            spec,
+            asked.start,
+            say=asked.say,
+            vehicle=asked.vehicle,
+            **asked.options,
+        )
+
+    def _begun(self, recording: Recording, start: Start) -> Run:
+        return begin(recording, self.filter, self.asked._replace(start=start))
+
+    def _check(self, fixes: int) -> None:
+        """Refuse what is too short, and a filter without a likelihood. Raises DataError."""
+        check_length(self.run.recording, self.run.start, fixes)
+        root = self.before.innovations.root
+        if root is None or not np.isfinite(root).any():
+            raise DataError(
+                f"{self.filter.name} does not say the covariance of its innovations, so there is no "
+                f"likelihood; take closed-loop"
+            )
+
+    @property
+    def runs(self) -> int:
+        """Of the filter."""
+        return self._runs + self.likelihood.runs
+
+    @property
+    def theta(self) -> Array:
+        """(p,) the logarithms found so far."""
+        return self.top.point.theta
+
+    def first(self) -> None:
+        """Rough factors and a maximum; then the start anew with the noise found, and the maximum
+        of the fixes that are no outliers by it."""
+        begun = rough(self.run, self.asked, self.unknowns)
+        self._climb(begun.theta, begun.kept)
+        solution = self.fused(*self.tuned(self.theta))
+        _, start = part(solution, *self.seconds)
+        self.run = self._begun(self.run.recording, start)
+        self._climb(self.theta, self._kept())
+        for _ in range(SMOOTHED if self.filter.smoother else 0):
+            self._smooth_start()
+
+    def _smooth_start(self) -> None:
+        """Begin where the smoother says, as uncertain as before, if that is likelier: from far off,
+        the filter would keep wrong covariances for minutes."""
+        before, theta = self.run, self.theta
+        start = smoothed_start(self.likelihood.ready(theta), self.asked)
+        self.run = self._begun(before.recording, start)
+        likelihood = Likelihood(
+            self.run, self.asked, self.unknowns, self.counted, self.likelihood.kept
+        )
+        self._runs += 1
+        if likelihood.at(theta).mean > self.top.point.mean:
+            self._climb(theta, self._kept())
+        else:
+            self.run = before
+
+    def explain(self) -> None:
+        """Where the innovations of a source stay correlated, the model lacks something: correlated
+        errors that were found do not explain it and are left out, and neither its noise nor that of
+        the IMU is made smaller."""
+        self.lasting = self._unexplained()
+        if not self.lasting:
+            return
+        stays = [
+            j
+            for j, each in enumerate(self.unknowns)
+            if each.place not in self.lasting or each.what == WHITE or each.given
+        ]
+        theta, self.unknowns = self.theta[stays], [self.unknowns[j] for j in stays]
+        self._least = np.array(
+            [
+                np.log(each.given) if each.given and self._of_lasting(each) else -np.inf
+                for each in self.unknowns
+            ]
+        )
+        self._climb(np.maximum(theta, self._least), self.likelihood.kept)
+
+    def _of_lasting(self, each: Unknown) -> bool:
+        return each.source == IMU or (each.place in self.lasting and each.what != TIME)
+
+    def _unexplained(self) -> set[int]:
+        """The sources whose whitened innovations stay correlated, among the fixes that count or
+        among all that the filter uses."""
+        solution, found = self.fused(*self.tuned(self.theta)), set[int]()
+        for s in map(int, self.counted):
+            a = self.likelihood.aidings[s]
+            _, used, _ = counts(solution.innovations, a.name or a.kind, *self.seconds)
+            counted = correlation(self.top.point.seen.whitened[self._of(s)])
+            if max(abs(counted), abs(np.nan_to_num(used))) > UNEXPLAINED:
+                found.add(s)
+        return found
+
+    def held(self, theta: Array) -> list[int]:
+        """Unknowns that would be smaller, but stay as given."""
+        if not self.lasting:
+            return []
+        return [int(j) for j in np.flatnonzero(theta <= self._least + 1e-9)]
+
+    def _kept(self) -> list[Mask]:
+        return used(passed(self.run, self.asked, self.unknowns, self.theta))
+
+    def _climb(self, theta: Array, kept: Sequence[Mask]) -> None:
+        self._go_on(Likelihood(self.run, self.asked, self.unknowns, self.counted, kept))
+        if self.lasting:
+            self.likelihood.low = np.maximum(self.likelihood.low, self._least)
+        self.top = climb(self.likelihood, theta, np.arange(len(self.unknowns)))
+
+    def _go_on(self, likelihood: Likelihood) -> None:
+        self._runs += self.likelihood.runs if hasattr(self, "likelihood") else 0
+        self.likelihood = likelihood
+
+    def correlate(self) -> list[str]:
+        """Give sources correlated errors where the likelihood pays for them. Returns notes."""
+        notes, tried = [], []
+        if not self.filter.installation:
+            return [f"{self.filter.name} has no states of correlated errors: none were sought"]
+        for s in self.counted:
+            a = self.likelihood.aidings[s]
+            known = any(each.place == s for each in self.unknowns)
+            lasts = abs(correlation(self.top.point.seen.whitened[self._of(s)])) > CORRELATED_FROM
+            if known and a.correlated is None and (a.kind in APART or lasts):
+                tried.append(s)
+        for s in tried:
+            found = with_lasting(self.likelihood, self.top, s)
+            if found.pays:
+                self._go_on(found.likelihood)
+                self.top, self.unknowns = found.top, list(found.likelihood.unknowns)
+            else:
+                self._runs += found.likelihood.runs
+                a = self.likelihood.aidings[s]
+                notes.append(f"{a.name or a.kind}: no correlated errors are seen")
+        kept = self._kept()
+        changed = sum(int((k != b).sum()) for k, b in zip(kept, self.likelihood.kept))
+        if changed > AGAIN * sum(len(k) for k in kept):
+            self._climb(self.theta, kept)
+        return notes
+
+    def _of(self, s: int) -> Mask:
+        return self.top.point.seen.source == s
+
+    def profiles(self, tell: Callable[[float], None]) -> list[Profile]:
+        """The Profile of each unknown; where one meets a better place, from there again."""
+        free = np.arange(len(self.unknowns))
+        for climbs in range(MOST_CLIMBS):
+            found = []
+            for j in free:
+                found.append(profile(self.likelihood, self.top, int(j)))
+                tell((j + 1) / len(free))
+                if (better := found[-1].better) and climbs < MOST_CLIMBS - 1:
+                    self.top = climb(self.likelihood, better.theta, free, point=better)
+                    break
+            else:
+                break
+        return found
+
+    def tuned(self, theta: Array) -> tuple[Recording, ImuSpec]:
+        """The recording and the IMU with these logarithms, the recording naming this IMU."""
+        unknowns = [
+            each._replace(place=self.given[each.place]) if each.place >= 0 else each
+            for each in self.unknowns
+        ]
+        aidings = sources_with(self.recording.aidings, unknowns, theta)
+        noise = noise_with(self.spec.noise(), unknowns, theta)
+        said = f"noise tuned on {self.recording.meta.get('name', 'a recording')}"
+        spec = imu_with(self.spec, noise, said)
+        meta = self.recording.meta | {"grade": asdict(spec)}
+        return replace(self.recording, aidings=aidings, meta=meta), spec
+
+    def left_out(self) -> int:
+        """Fixes that do not count."""
+        return sum(int((~self.likelihood.kept[s]).sum()) for s in self.counted)
+
+
+def _index(a: Aiding, aidings: Sequence[Aiding]) -> int:
+    """Where a source of a run stands in a recording; -1 where it was made on the way."""
+    same = [i for i, b in enumerate(aidings) if (a.kind, a.name) == (b.kind, b.name)]
+    return same[0] if same else -1

@@ -1,0 +1,105 @@
+"""`tune`: the noise of the IMU and of each source, told by a recording."""
+
+from typing import Any
+
+import numpy as np
+
+from .. import filters
+from ..aiding import find
+from ..checks import DataError, check_flag
+from ..core.contract import Filter, Start
+from ..engine.prepare import Asked, GivenImu, assumed_noise
+from ..recording import Recording, check_recording
+from ..typing import Progress, Say
+from ..vehicle import GivenVehicle
+from .findings import AT_LEAST, OPEN, Tuning
+from .judged import directions, fits, judge, parameters
+from .search import Search
+
+MOVES = ("position", "velocity", "speed")
+"""Kinds of which one is needed: what the others say of each other tells no noise."""
+
+
+def tune(
+    recording: Recording,
+    filter: str | Filter = "closed-loop",
+    imu: GivenImu | None = None,
+    start: Start | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+    vehicle: GivenVehicle | None = None,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    correlated: bool = True,
+    **options: Any,
+) -> Tuning:
+    """The noise of the IMU and of each source of `recording`, by maximum likelihood of the
+    innovations of `filter` (Mehra 1970; Gupta and Mehra 1974), with 95 % profile intervals.
+
+    Sought are white noise and bias walk of gyros and accelerometers; of each recorded source the
+    standard deviation, of positions and velocities horizontally and vertically apart, keeping the
+    shape of what it states; and, with `correlated`, size and time of errors that last, where the
+    likelihood pays for them. Scale, misalignment and turn-on bias of the IMU, and the standard
+    deviations of constraints, stay. Fixes that are outliers do not count.
+    start_s, stop_s: part of the recording to use, s (default: all, of a long one the 1000 s with the
+    most motion); the other arguments are those of `fuse`. Raises DataError.
+    """
+    check_recording(recording)
+    check_flag(correlated, "correlated")
+    _check_sources(recording)
+    tell = progress or (lambda done: None)
+    _, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, None, True)
+    assert spec is not None  # it was needed
+    asked = Asked(options, spec, start, say=say, vehicle=vehicle)
+    search = Search(recording, filters.find(filter), spec, asked, (start_s, stop_s))
+    tell(0.05)
+    search.first()
+    tell(0.25)
+    notes = search.correlate() if correlated else []
+    search.explain()
+    tell(0.5)
+    profiles = search.profiles(lambda done: tell(0.5 + 0.4 * done))
+    judged = judge(search, profiles)
+    tell(0.95)
+    if all(status in (OPEN, AT_LEAST) for status in judged.status):
+        raise DataError(
+            "the likelihood has no maximum: no noise of these sources shows in this motion; give a "
+            "longer recording, or one with more motion"
+        )
+    given = np.array([each.given or each.least for each in search.unknowns])
+    before = search.likelihood.at(np.log(given)).log_likelihood
+    tuned, spec = search.tuned(judged.theta)
+    after = search.fused(tuned, spec)
+    tell(1.0)
+    return Tuning(
+        parameters(search, profiles, judged),
+        directions(search.top, search.unknowns),
+        fits(search, after),
+        recording,
+        tuned,
+        spec,
+        (before, judged.log_likelihood),
+        search.runs,
+        search.seconds,
+        search.before,
+        after,
+        tuple(notes + _notes(search)),
+    )
+
+
+def _check_sources(recording: Recording) -> None:
+    recorded = [a for a in recording.aidings if find(a.kind).recorded]
+    if not any(a.kind in MOVES and len(a.t) for a in recorded):
+        has = ", ".join(a.name or a.kind for a in recording.aidings) or "no source"
+        raise DataError(
+            f"the recording has {has}; the noise shows against measured positions or velocities: add "
+            f"a source of one of {', '.join(MOVES)}"
+        )
+
+
+def _notes(search: Search) -> list[str]:
+    notes = []
+    if out := search.left_out():
+        many = sum(len(search.likelihood.kept[s]) for s in search.counted)
+        notes.append(f"{out} of {many} fixes are outliers and do not count")
+    return notes

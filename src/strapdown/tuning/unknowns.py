@@ -1,0 +1,196 @@
+"""The numbers of the noise model that are sought, and what a run takes in their place."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import quantities
+from ..aiding import find
+from ..core.contract import Noise
+from ..data import Aiding, Correlated
+from ..sensor_models.errors import Triad
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array
+from ..units import SHEET, in_units
+from .findings import IMU
+
+OF_IMU = {
+    "gyro noise": ("gyro", "rad/sqrt(s)"),
+    "accel noise": ("accel", "m/s/sqrt(s)"),
+    "gyro bias walk": ("gyro_bias", "rad/s/sqrt(s)"),
+    "accel bias walk": ("accel_bias", "m/s^2/sqrt(s)"),
+}
+"""{name: (field of Noise, SI unit)}."""
+WIDE = 100.0
+"""Factor, up and down, within which a number is sought."""
+WITHOUT_WALK = 0.01
+"""1/s: where no bias walk is given, the search begins with this times the white noise."""
+APART = ("position", "velocity")
+"""Kinds whose vertical errors have numbers of their own."""
+WHITE, LASTING, TIME = "noise", "correlated error", "correlation time"
+
+
+class Unknown(NamedTuple):
+    """A number that is sought; its logarithm is what varies."""
+
+    source: str  # name of the source, or IMU
+    name: str
+    unit: str  # as shown
+    factor: float  # from SI to it
+    given: float  # SI; 0: none
+    begin: float  # SI, where the search begins
+    least: float  # SI
+    most: float
+    place: int = -1  # of the source among the aidings
+    rows: tuple[int, ...] = ()  # of its innovation
+
+    @property
+    def what(self) -> str:
+        """WHITE, LASTING, TIME, or the name of one of the IMU."""
+        return next(
+            (each for each in (WHITE, LASTING, TIME) if self.name.startswith(each)), self.name
+        )
+
+
+def of_imu(noise: Noise) -> list[Unknown]:
+    """Those of the IMU."""
+    found = []
+    for name, (field, si) in OF_IMU.items():
+        given = getattr(noise, field)
+        begin = given or WITHOUT_WALK * getattr(noise, field.removesuffix("_bias"))
+        scale = in_units(1.0, si)
+        found.append(Unknown(IMU, name, SHEET[si], scale, given, begin, begin / WIDE, begin * WIDE))
+    return found
+
+
+def groups(a: Aiding) -> dict[str, tuple[int, ...]]:
+    """{words after a name: rows of the innovation that share a number}."""
+    rows = tuple(range(np.shape(a.sd)[1]))
+    return {" horizontal": rows[:2], " vertical": rows[2:]} if a.kind in APART else {"": rows}
+
+
+def of_source(a: Aiding, index: int) -> list[Unknown]:
+    """Those of a source's white errors, and of its correlated ones where it has some."""
+    found = []
+    for words, rows in groups(a).items():
+        unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
+        given = typical_sd(a, rows)
+        of = (_name(a), WHITE + words, unit, factor)
+        found.append(Unknown(*of, given, given, given / WIDE, given * WIDE, index, rows))
+    return found + (lasting(a, index, a.correlated, a.correlated) if a.correlated else [])
+
+
+def lasting(
+    a: Aiding, index: int, begin: Correlated, given: Correlated | None = None
+) -> list[Unknown]:
+    """Those of a source's correlated errors."""
+    found = []
+    seconds = float(np.ptp(a.t))
+    for words, rows in groups(a).items():
+        unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
+        size, white = _rms(begin.sd, rows), typical_sd(a, rows)
+        before = _rms(given.sd, rows) if given else 0.0
+        of = (_name(a), LASTING + words, unit, factor)
+        bounds = (min(size, white) / WIDE, max(size, white) * WIDE)
+        found.append(Unknown(*of, before, size or white / WIDE, *bounds, index, rows))
+    before = given.time if given else 0.0
+    least = min(float(np.median(np.diff(a.t))), begin.time)
+    of = (_name(a), TIME, "s", 1.0)
+    found.append(Unknown(*of, before, begin.time, least, max(seconds, begin.time), index))
+    return found
+
+
+def typical_sd(a: Aiding, rows: Sequence[int]) -> float:
+    """The stated standard deviation of these rows: rms over them, median over the fixes."""
+    sd = np.asarray(a.sd, float).reshape(len(a.t), -1)[:, list(rows)]
+    return float(np.median(np.sqrt(np.mean(sd**2, axis=1))))
+
+
+def _rms(sd: Sequence[float], rows: Sequence[int]) -> float:
+    return float(np.sqrt(np.mean([sd[i] ** 2 for i in rows])))
+
+
+def _name(a: Aiding) -> str:
+    return a.name or a.kind
+
+
+def noise_with(noise: Noise, unknowns: Iterable[Unknown], theta: Array) -> Noise:
+    """The Noise with these logarithms in it."""
+    values = {
+        OF_IMU[each.name][0]: float(np.exp(x))
+        for each, x in zip(unknowns, theta)
+        if each.source == IMU
+    }
+    return noise._replace(**values)
+
+
+def sources_with(
+    aidings: Sequence[Aiding], unknowns: Sequence[Unknown], theta: Array
+) -> tuple[Aiding, ...]:
+    """The sources with these logarithms in them: stated standard deviations keep their shape."""
+    changed = list(aidings)
+    values = list(zip(unknowns, np.exp(theta)))
+    for index in {each.place for each in unknowns if each.place >= 0}:
+        own = [(each, value) for each, value in values if each.place == index]
+        changed[index] = _source_with(aidings[index], own)
+    return tuple(changed)
+
+
+def _source_with(a: Aiding, own: Sequence[tuple[Unknown, float]]) -> Aiding:
+    sd = np.array(a.sd, float).reshape(len(a.t), -1)
+    lasts, time = np.zeros(sd.shape[1]), 0.0
+    for each, value in own:
+        rows = list(each.rows)
+        if each.what == WHITE:
+            sd[:, rows] *= value / each.given
+        elif each.what == LASTING:
+            lasts[rows] = value
+        else:
+            time = value
+    correlated = Correlated(tuple(lasts.tolist()), float(time)) if time else a.correlated
+    return replace(a, sd=sd, correlated=correlated)
+
+
+def imu_with(spec: ImuSpec, noise: Noise, source: str) -> ImuSpec:
+    """An ImuSpec whose `noise()` is this one; its initial bias, scale and misalignment stay.
+
+    Where one bias state is not exactly what the description has, what wanders becomes a random
+    walk of the bias. A bias that decays keeps its time constant. source: what to add to that of
+    the spec.
+    """
+    before = spec.noise()
+    triads = {
+        sensor: _triad_with(
+            spec,
+            getattr(spec, sensor),
+            (getattr(before, sensor), getattr(before, f"{sensor}_bias")),
+            (getattr(noise, sensor), getattr(noise, f"{sensor}_bias")),
+        )
+        for sensor in ("gyro", "accel")
+    }
+    warm_up = spec.warm_up if any(each.temperature for each in triads.values()) else None
+    said = f"{spec.source}; {source}" if spec.source else source
+    return replace(spec, name=f"{spec.name}-tuned", source=said, warm_up=warm_up, **triads)
+
+
+def _triad_with(
+    spec: ImuSpec, triad: Triad, before: tuple[float, float], after: tuple[float, float]
+) -> Triad:
+    white, walk = after
+    if after == before:
+        return triad
+    if triad.bias_model(spec.warm_up)[1]:  # a Gauss-Markov bias alone
+        size = walk * float(np.sqrt(triad.time_constant / 2))
+        return replace(triad, noise=white, gauss_markov=size)
+    return replace(
+        triad,
+        noise=white,
+        turn_on_bias=triad.bias_sd(spec.warm_up),
+        bias_walk=walk,
+        gauss_markov=0.0,
+        time_constant=0.0,
+        flicker=0.0,
+        temperature=(),
+    )
