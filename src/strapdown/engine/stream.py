@@ -56,9 +56,9 @@ from .prepare import (
     check_options,
     check_start,
     fitted,
-    followed,
     usable,
 )
+from .source_noise import followed
 from .telling import BEYOND, OnEvent, Telling
 
 AHEAD = 10.0
