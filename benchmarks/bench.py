@@ -45,6 +45,8 @@ from strapdown_reproductions.installation import main as installation  # noqa: E
 from strapdown_reproductions.installation.summary import (  # noqa: E402
     TARGETS as INSTALLATION_TARGETS,
 )
+from strapdown_reproductions.noise import main as noise  # noqa: E402
+from strapdown_reproductions.noise.summary import TARGETS as NOISE_TARGETS  # noqa: E402
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
 from strapdown_reproductions.vehicle_kit import on_drive  # noqa: E402
 from strapdown_reproductions.wrong_setups import main as wrong_setups  # noqa: E402
@@ -429,6 +431,47 @@ def calibration_figures(book):
     book.measure(["calibrate installation, 10 minutes at 100 Hz"], log)
 
 
+NOISE = {
+    "correlated errors as states, lowest": "correlated low, states",
+    "correlated errors as states, highest": "correlated high, states",
+    "correlated errors tuned, lowest": "correlated low, tuned",
+    "correlated errors tuned, highest": "correlated high, tuned",
+    "white errors tuned": "white, tuned",
+    "noise stated wrongly, tuned": "misstated rms",
+    "noise stated wrongly, NIS lowest": "misstated NIS low",
+    "noise stated wrongly, NIS highest": "misstated NIS high",
+    "robust, a tenth of the fixes wrong": "robust outliers",
+    "robust, clean fixes": "robust clean",
+    "adaptive, clean fixes": "adaptive clean",
+    "hidden fixes within 1 sd, tuned": "coverage 1",
+    "hidden fixes within 3 sd, tuned": "coverage 3",
+}
+"""{figure: name of its target in `strapdown reproduce noise`}."""
+NOISE_SEEDS = 2
+TUNE_FIGURE = "tune, 10 minutes at 100 Hz"
+
+
+def noise_figures(book):
+    """Of correlated errors, tune, robust and adaptive sources."""
+    claimed(
+        book,
+        NOISE,
+        NOISE_TARGETS,
+        lambda out: noise.reproduce(out, runs=NOISE_SEEDS),
+        f"strapdown reproduce noise --runs {NOISE_SEEDS}",
+    )
+
+    def log():
+        car = scenario("car").replace(duration=CAR, imu="industrial")
+        recording = Simulator(car).recording("industrial", np.random.default_rng(1))
+        sd.tune(recording.between(0, 60))  # compiles
+        before = time.perf_counter()
+        found = sd.tune(recording)
+        return [(time.perf_counter() - before, f"{found.runs} runs of the filter")]
+
+    book.measure([TUNE_FIGURE], log)
+
+
 def claimed(book, figures, targets, reproduce, note):
     """The values of a reproduction's claims; figures: {figure: name of its target}."""
 
@@ -519,6 +562,7 @@ def main():
         consistency_figures(book)
         installation_figures(book)
         calibration_figures(book)
+        noise_figures(book)
         attitude_figures(book)
         navigation_figures(book)
         exogenous_figures(book)

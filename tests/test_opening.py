@@ -63,6 +63,7 @@ ALLOWED = {
     "flight/aircraft/parameters.py": {"tomllib.loads", "folder.joinpath().read_text"},
     "experiments/advice/mission.py": {"tomllib.loads", "resource.read_text"},
     "sensor_models/imu.py": {"tomllib.loads", "resource.read_text"},
+    "sensor_models/receiver.py": {"tomllib.loads", "resource.read_text"},
     "experiments/monte_carlo/sources.py": {"file.read_bytes"},
     "sensor_models/geoid.py": {"files().joinpath().read_bytes"},
     "time_scales.py": {"files().joinpath().read_text"},

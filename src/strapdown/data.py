@@ -205,6 +205,12 @@ class Innovations:
     whitened: Array | None = None
     # (m, 6) rows of L (00, 10, 11, 20, 21, 22), L L' the covariance of the innovation; as whitened
     root: Array | None = None
+    # (m,) stated variance over that with which it was used: 1 as stated, 0 not used, between them of
+    # a robust source; None of a file
+    weight: Array | None = None
+    # (m, 3) standard deviations that an adaptive source had found, over those stated; else 1. NIS,
+    # whitened and root are by them; None of a file
+    followed: Array | None = None
 
 
 class Rejected(NamedTuple):
@@ -213,7 +219,7 @@ class Rejected(NamedTuple):
     source: str
     start: float  # s, of the first and of the last of them
     stop: float
-    count: int  # rejected
+    number: int  # rejected
     of: int  # fixes of the source meanwhile
     # jump, drift, clock, noise too small, other sources disagree, single outliers or not known
     cause: str
@@ -222,8 +228,8 @@ class Rejected(NamedTuple):
 
     def __str__(self) -> str:
         fixes = "fix" if self.of == 1 else "fixes"
-        many = f"{self.count} of {self.of}" if self.count < self.of else f"{self.count}"
-        when = f"from {self.start:.1f} to {self.stop:.1f} s" if self.count > 1 else "here"
+        many = f"{self.number} of {self.of}" if self.number < self.of else f"{self.number}"
+        when = f"from {self.start:.1f} to {self.stop:.1f} s" if self.number > 1 else "here"
         return f"{self.source}: {many} {fixes} rejected {when}: {self.seen}; {self.remedy}"
 
 

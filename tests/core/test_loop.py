@@ -224,10 +224,9 @@ def test_a_fix_50_m_off_is_rejected_and_leaves_no_trace():
     clean = with_position(flight(), lambda a: a._where(np.arange(20) != 11))
     solution, without = fused(spoiled), fused(clean)
     np.testing.assert_array_equal(rows(solution), rows(without))
-    assert (
-        solution.counts() == {"GNSS position": (19, 1), "GNSS velocity": (20, 0)}
-        and solution.events == ()
-    )
+    assert solution.counts() == {"GNSS position": (19, 1), "GNSS velocity": (20, 0)}
+    assert [run.cause for run in solution.rejected] == ["single outliers"]
+    assert [t for t, _ in solution.events] == [12.0]
     [rejected] = np.flatnonzero(~solution.innovations.accepted)
     assert (
         solution.innovations.t[rejected] == pytest.approx(12.0)
@@ -256,8 +255,10 @@ def test_what_stays_away_is_reacquired(interval, rejected):
             "receiver: gate lifted after 5 or more rejections in a row over 3 s",
         ),
     ]
+    [refused] = said(solution, f"{rejected} fixes rejected from {first:.1f} to")
     # before the first of them nothing is doubted, and no other source is
-    assert min(solution.events)[0] > 8 and said(solution, "receiver") == list(solution.events)
+    assert min(solution.events) == refused and refused[0] == pytest.approx(first)
+    assert said(solution, "receiver") == list(solution.events)
     assert (solution.status[solution.t < first - 1e-6] == VALID).all()
     assert (solution.status[np.abs(solution.t - lifted - 0.5) < 0.5] == DOUBTFUL).all()
     assert solution.counts()["receiver"] == (len(t) - rejected, rejected)

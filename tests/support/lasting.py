@@ -3,10 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+from flat_flight import NOISE, flight
 
+import strapdown as sd
 from strapdown.data import Correlated
 from strapdown.geodesy import displaced
 from strapdown.sensor_models.noise import gauss_markov
+
+EXACT = NOISE._replace(gyro=1e-8)
+POSITION, VELOCITY, TIME = (1.5, 0.0, 2.5), (0.3, 0.2, 0.1), 4.0
+"""Of the correlated errors: of the second component of a position there are none."""
 
 
 def erring(recording, deviation, time, seed, kind="position"):
@@ -30,3 +36,24 @@ def told(recording, deviation, time, states=True, kind="position"):
             replace(a, correlated=correlated) if a.kind == kind else a for a in recording.aidings
         ),
     )
+
+
+def straight(seconds=20.0, rate=20.0, states=True, known=False):
+    """(recording of a straight flight at known attitude, its start): positions and velocities err
+    for long, and say so."""
+    made, start, _ = flight(seconds, rate, turning=False, gps=0.5, noisy=False)
+    made = erring(made, POSITION, TIME, 1005)
+    made = erring(made, VELOCITY, TIME, 1006, "velocity")
+    if known:
+        path = alone(made, start)
+        rows = np.arange(9, len(path.t), 10)
+        right = sd.Aiding("attitude", path.t[rows], path.rph[rows], np.full((len(rows), 3), 1e-5))
+        made = replace(made, aidings=(*made.aidings, right))
+    made = replace(made, aidings=tuple(replace(a, gate=np.inf) for a in made.aidings))
+    made = told(made, POSITION, TIME, states)
+    return told(made, VELOCITY, TIME, states, "velocity"), start
+
+
+def alone(recording, start):
+    """The path of an INS without fixes."""
+    return sd.fuse(replace(recording, aidings=()), start=start, noise=EXACT).trajectory

@@ -25,8 +25,8 @@ def test_every_number_has_a_line_with_unit_interval_and_meaning(found):
         "GNSS position noise horizontal (sd of errors that are new with each fix): 1.02 m, 95 % "
         "0.918 to 1.12; given 0.5, 2 times too small",
         "GNSS position noise vertical (sd of errors that are new with each fix): 0.75 m stays as "
-        "given; the likelihood would take 0.3 to 0.6, but innovations stay correlated, so that a "
-        "smaller one would mean nothing",
+        "given; the likelihood would take a smaller one, but innovations stay correlated, so that "
+        "it would mean nothing",
         "GNSS position correlated error horizontal (sd of errors that last over many fixes): 1.5 m, "
         "95 % 1.2 to 1.9; none was given",
         "GNSS position correlation time (how long those errors last): the data say at least 12 s "

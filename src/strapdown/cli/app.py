@@ -17,12 +17,14 @@ import strapdown as sd
 
 from . import calibrate, compare, diagnose, fly, simulation, tune
 from .console import (
+    ADAPTIVE,
     ESTIMATE,
     FORMATS,
     FROM,
     IMU,
     NOT_TRUSTED,
     OPTION,
+    ROBUST,
     SOURCES,
     STRICT,
     TAKE,
@@ -37,6 +39,7 @@ from .console import (
     estimates,
     grade_of,
     instances,
+    memories,
     option_values,
     print_errors,
     print_outages,
@@ -44,6 +47,7 @@ from .console import (
     read_given,
     recording_argument,
     results_folder,
+    robust_sources,
     save_draft,
     save_page,
     summarise,
@@ -224,6 +228,8 @@ def fuse(
     ] = None,
     option: OPTION = None,
     estimate: ESTIMATE = None,
+    robust: ROBUST = None,
+    adaptive: ADAPTIVE = None,
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
     ahrs: Annotated[
         str | None,
@@ -309,6 +315,8 @@ def fuse(
                 ahrs=ahrs,
                 ahrs_rate=ahrs_rate,
                 estimate=asked,
+                robust=robust_sources(robust),
+                adaptive=memories(adaptive),
                 **options,
             )
         if windows:

@@ -10,9 +10,11 @@ import typer
 import strapdown as sd
 
 from .console import (
+    ADAPTIVE,
     ESTIMATE,
     FROM,
     IMU,
+    ROBUST,
     SOURCES,
     STRICT,
     TAKE,
@@ -21,11 +23,13 @@ from .console import (
     Progress,
     end,
     estimates,
+    memories,
     number,
     print_verdicts,
     read_given,
     recording_argument,
     results_folder,
+    robust_sources,
     table,
     triple,
 )
@@ -68,6 +72,8 @@ def compare(
     start: FROM = None,
     stop: TO = None,
     estimate: ESTIMATE = None,
+    robust: ROBUST = None,
+    adaptive: ADAPTIVE = None,
     ahrs: Annotated[
         str | None,
         typer.Option(
@@ -100,6 +106,8 @@ def compare(
             vehicle=vehicle,
             ahrs=ahrs,
             estimate=estimates(estimate),
+            robust=robust_sources(robust),
+            adaptive=memories(adaptive),
             say=progress.say,
             progress=progress.track("compare"),
             **given,

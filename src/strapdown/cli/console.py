@@ -88,6 +88,33 @@ ESTIMATE = Annotated[
         "recording names]",
     ),
 ]
+
+
+def _no_option(values: list[str] | None) -> list[str] | None:
+    """The values of an option, none of which is an option that was taken for one."""
+    for value in values or ():
+        if value.startswith("-"):
+            raise typer.BadParameter(f"it takes a value, and is followed by {value}; write all")
+    return values
+
+
+ROBUST = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SOURCE,...",
+        callback=_no_option,
+        help="Sources whose fixes have a heavy-tailed likelihood in place of the gate, by name or kind; "
+        "all, or none.  [default: what the recording says]",
+    ),
+]
+ADAPTIVE = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Follow the noise of the sources with this memory; SOURCE=SECONDS of one, 0 for none. May "
+        "be repeated.  [default: what the recording says]",
+    ),
+]
 FROM = Annotated[
     float | None,
     typer.Option("--from", metavar="T", help="First second of the recording to use."),
@@ -473,6 +500,34 @@ def estimates(items: Sequence[str] | None) -> "dict[str, Prior] | None":
     """What `fuse` takes as `estimate`, from NAME and NAME=SD as `standard_deviations` reads them;
     None where nothing is given. Raises DataError."""
     return standard_deviations(items, "--estimate") if items else None
+
+
+def robust_sources(items: Sequence[str] | None) -> bool | list[str] | None:
+    """What `fuse` takes as `robust`, from names between commas, `all` or `none`; None where nothing is
+    given."""
+    if not items:
+        return None
+    names = [piece.strip() for item in items for piece in item.split(",")]
+    return names == ["all"] if names in (["all"], ["none"]) else names
+
+
+def memories(items: Sequence[str] | None) -> float | dict[str, float] | None:
+    """What `fuse` takes as `adaptive`, from SECONDS, or SOURCE=SECONDS between commas; None where
+    nothing is given. Raises DataError."""
+    if not items:
+        return None
+    pieces = [piece.strip() for item in items for piece in item.split(",")]
+    try:
+        if len(pieces) == 1 and "=" not in pieces[0]:
+            return float(pieces[0])
+        return {
+            name.strip(): float(seconds)
+            for name, _, seconds in (piece.rpartition("=") for piece in pieces)
+        }
+    except ValueError:
+        raise DataError(
+            f"--adaptive {', '.join(pieces)}: write seconds, such as 60, or SOURCE=60"
+        ) from None
 
 
 def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]":

@@ -337,6 +337,7 @@ def _use_fix(
         doubt(cursor, t)
         if fixes.kind[s] == POSITION_KIND and not reachable(belief, innovation, s, t, cursor):
             say(cursor, TOO_FAR, s, t, length(innovation))
+            weight = 0.0
             break
         if tests[LIFTED_AT] == 0:
             say(cursor, LIFTED, s, t, length(innovation))

@@ -5,7 +5,7 @@ The bounds are beyond what recordings with a right set-up reached, recorded ones
 with other random numbers than those of any published figure (docs/verdict.md).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from ..core.contract import ATT, BA, BG, DOUBTFUL
 from ..core.loop import BRIDGE
 from ..core.rotation import quaternion_to_euler
-from ..data import Solution
+from ..data import Rejected, Solution
 from ..typing import Array, Mask
 from ..vehicle import VEHICLES
 from ..verdict import GRAVE, Reason
@@ -29,6 +29,7 @@ NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, an
 FEWEST_PARTS = 5
 LASTING = 0.5  # correlation of one innovation with the next
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
+MOST_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
 LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
@@ -206,6 +207,17 @@ def _bad_parts(source: Fixes) -> tuple[float, float, float] | None:
     return float(first), float(last), float(ratios[bad].max())
 
 
+def explained(reason: Reason, runs: Iterable[Rejected]) -> Reason:
+    """A Reason of rejections with what the cause says of most of them, where there is one."""
+    own = [run for run in runs if run.source == reason.source]
+    largest = max(own, key=lambda run: run.number, default=None)
+    if largest is None or largest.number < MOST_OF_THEM * sum(run.number for run in own):
+        return reason
+    if largest.cause == "not known":
+        return reason
+    return reason._replace(seen=f"{reason.seen}: {largest.seen}", remedy=largest.remedy)
+
+
 def rejections(source: Fixes) -> Iterator[Reason]:
     """Too many fixes that the filter did not believe, or none accepted for long."""
     if len(source.t) < GATED:
@@ -321,7 +333,12 @@ def doubts(solution: Solution) -> Iterator[Reason]:
         return
     seconds, share = span[doubtful].sum(), span[doubtful].sum() / span[settled].sum()
     first = t[np.argmax(doubtful)]
-    said = [text for at, text in solution.events if at <= first and not text.startswith("IMU gap")]
+    others = {str(run) for run in solution.rejected}  # which need not make rows doubtful
+    said = [
+        text
+        for at, text in solution.events
+        if at <= first and not text.startswith("IMU gap") and text not in others
+    ]
     text = said[-1] if said else "contradictions"
     sources = [
         name for name in solution.innovations.names if text.startswith((f"{name}:", f"{name} "))

@@ -81,12 +81,12 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
         return
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
     yield from (*biases, *smoother)
-    of_sources = []
+    of_sources, runs = [], solution.rejected
     for source in sources:
         found = [
             *evidence.noise(source),
-            *evidence.rejections(source),
-            *evidence.jumps(source),
+            *(evidence.explained(each, runs) for each in evidence.rejections(source)),
+            *(evidence.explained(each, runs) for each in evidence.jumps(source)),
         ]
         of_sources += sorted(found, key=lambda reason: -reason.weight)[:1]
     yield from of_sources

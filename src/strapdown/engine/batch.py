@@ -25,6 +25,7 @@ from .prepare import (
     positioned,
     ready,
 )
+from .weighed import Adaptive, Robust, with_weights
 
 
 def fuse(
@@ -41,6 +42,8 @@ def fuse(
     ahrs_rate: float = 10.0,
     vehicle: GivenVehicle | None = None,
     estimate: Estimate | None = None,
+    robust: Robust | None = None,
+    adaptive: Adaptive | None = None,
     **options: Any,
 ) -> Solution:
     """Run `filter` over `recording` and return the Solution.
@@ -56,10 +59,13 @@ def fuse(
     estimate: parameters of the installation that become states, such as ["clock", "lever-arm"], or
     {name: prior standard deviation} (default: what the recording names, else scale and misalignment
     of the IMU where its grade states them; [] for none);
+    robust: sources whose fixes have a heavy-tailed likelihood in place of the gate, True for all, or
+    names or kinds; adaptive: s of memory with which the noise of sources is followed, of all or
+    {name or kind: s} (default of both: what the sources of the recording say);
     options: the filter's own. Raises DataError.
     """
     run = begin(
-        recording,
+        with_weights(recording, robust, adaptive),
         filter,
         Asked(
             options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate

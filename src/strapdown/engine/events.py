@@ -57,6 +57,7 @@ class Events:
         self.rejected: list[Rejected] = []  # as `look_at` found them
         self._runs: list[Run] = []  # of fixes that are no longer kept
         self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
+        self._begin = np.full(len(aidings), np.inf)  # s, the first fix that was tested, by source
 
     def take(self, cursor: Cursor) -> None:
         """Take over what the log holds, and empty it."""
@@ -74,7 +75,9 @@ class Events:
     def look_at(self, fixes: Array, sd: Array, before: float = -np.inf) -> None:
         """Find the runs of rejections in what the loop wrote of fixes, (m, FIX_WIDTH) with their
         standard deviations (m, 3); those that begin before that time (s) are kept for good."""
-        found = runs.find(Fixes(fixes, sd, self._known), self._aidings)
+        tested = fixes[np.isfinite(fixes[:, loop.F_NIS])]
+        np.minimum.at(self._begin, tested[:, loop.F_SOURCE].astype(int), tested[:, loop.F_T])
+        found = runs.find(Fixes(fixes, sd, self._known, self._begin), self._aidings)
         self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
         kept = [run for run in found if run.start < before]
         self._runs = runs.joined(self._runs, kept)

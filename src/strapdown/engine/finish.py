@@ -110,4 +110,6 @@ def innovations(used: Array, aidings: Sequence[Aiding], gates: Iterable[float]) 
         tuple(float(gate) for gate in gates),
         used[:, loop.F_WHITENED : loop.F_ROOT],
         used[:, loop.F_ROOT : loop.F_WEIGHT],
+        used[:, loop.F_WEIGHT],
+        used[:, loop.F_FACTOR : loop.F_V],
     )

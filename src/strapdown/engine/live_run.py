@@ -27,6 +27,7 @@ from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prep
 
 INCREMENTS = Struct("3d")
 ROW_BYTES = INCREMENTS.size
+TELL = 10.0  # s from the first of rejected fixes on until their cause is looked for
 
 
 class _Room:
@@ -112,6 +113,9 @@ class LiveRun:
         )
         self.events = events or Events(filter, self.aidings, vehicle)
         self.seen = 0  # rows of the log that were looked at
+        # s, since when fixes of a source have been rejected that nothing was said of; what was told
+        self._refusing: dict[int, float] = {}
+        self._told: set[tuple[str, float]] = set()
         parts = (filter, self.kernels, self.belief, self.aidings, noise, self.cursor)
         self._room = _Room(*parts, rows, covariance, of_imu)
         self._ahead = _Room(*parts, 1, of_imu=of_imu)
@@ -182,6 +186,24 @@ class LiveRun:
         fix = int(self.cursor.at[places.FIX])
         self.events.look_at(self._room.out.fix[:fix], self._room.fixes.sd[:fix])
         return self.events
+
+    def refused(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
+        """Events of rejections that began TELL s ago or earlier, with the newest fixes, so many; of
+        all where the stream is `over`. Each is told once."""
+        rows, refusing = self._room.out.fix, self._refusing
+        for row in rows[self._room.at[places.FIX] - fixes : self._room.at[places.FIX]]:
+            t, s = float(row[loop.F_T]), int(row[loop.F_SOURCE])
+            if row[loop.F_USE] == loop.REJECTED_FIX:
+                refusing.setdefault(s, t)
+        now = self.t
+        due = [s for s, first in refusing.items() if over or now > first + TELL]
+        if not due:
+            return []
+        for s in due:
+            del refusing[s]
+        new = [run for run in self.told().rejected if (run.source, run.start) not in self._told]
+        self._told |= {(run.source, run.start) for run in new}
+        return [(run.start, str(run)) for run in new]
 
     # ---- looking back
 

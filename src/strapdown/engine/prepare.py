@@ -12,23 +12,19 @@ import numpy as np
 
 from .. import aiding, filters, quantities
 from ..alignment.completed import MOST_HEADING, PARTS
-from ..checks import DataError, brief, check_array, check_flag, check_number, shown
+from ..checks import DataError, brief, check_number, shown
 from ..core import cursor as places, loop
 from ..core.contract import (
     BROUGHT,
     COMPILED,
     CORRELATED_SD,
     CORRELATED_STATE,
-    CORRELATION_TIME,
     DELAY,
     FIRST,
-    KEPT,
-    MEMORY,
     MOST_STATES,
     OF_KIND,
     PARAMETERS,
     POS,
-    ROBUST,
     SLIP,
     STATES,
     VEL,
@@ -57,6 +53,7 @@ from . import installation
 from .events import Events
 from .installation import Estimate, OfImu
 from .limits import floors, limits
+from .source_noise import correlated_rows, followed, place_noise, weighable
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
@@ -162,7 +159,7 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
             parameters[s, BROUGHT] = len(sensor.states)
             states += len(sensor.states)
         parameters[s, SLIP] = checked_slip(a, sensor)
-        states += _place_noise(parameters[s], checked_noise(a), states)
+        states += place_noise(parameters[s], a, states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
     t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
@@ -186,44 +183,6 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
         parameters,
         gate,
     )
-
-
-def _place_noise(row: Array, a: Aiding, first: int) -> int:
-    """Write into the parameters `row` of a source how its errors are followed; the states of its
-    correlated ones begin with `first`. Returns how many they are."""
-    row[ROBUST], row[MEMORY], row[KEPT] = a.robust, a.adaptive, 1.0
-    if a.correlated is None:
-        return 0
-    sd = np.asarray(a.correlated.sd)
-    row[CORRELATION_TIME], row[CORRELATED_SD : CORRELATED_SD + len(sd)] = a.correlated.time, sd
-    rows = _correlated_rows(a)
-    for k, i in enumerate(rows):
-        row[CORRELATED_STATE + i] = first + k
-    return len(rows)
-
-
-def _correlated_rows(a: Aiding) -> list[int]:
-    """The rows of a source whose correlated errors are states."""
-    if a.correlated is None or not a.correlated.states:
-        return []
-    return [i for i, sd in enumerate(a.correlated.sd) if sd > 0]
-
-
-def checked_noise(a: Aiding) -> Aiding:
-    """A source whose `correlated`, `robust` and `adaptive` can be. Raises DataError."""
-    what, many = a.name or a.kind, np.shape(a.sd)[1] if np.ndim(a.sd) == 2 else 1
-    check_flag(a.robust, f"{what}: robust")
-    check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=1e6)
-    if a.correlated is not None:
-        sd, time, states = a.correlated
-        check_number(time, f"{what}: time of its correlated errors", "s", above=0, most=1e6)
-        check_flag(states, f"{what}: states of its correlated errors")
-        check_array(sd, f"{what}: sd of its correlated errors", (many,), what="numbers, SI, by row")
-        if not (min(sd) >= 0 and any(sd)):
-            raise DataError(
-                f"{what}: sd of its correlated errors is {tuple(sd)}; none is below 0, and one above"
-            )
-    return a
 
 
 def checked_slip(a: Aiding, sensor: Measurement) -> float:
@@ -257,7 +216,7 @@ def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brou
         states += [Brought(f"{name} {each}", sensor.state_sd) for each in sensor.states]
         states += [
             Brought(f"{name} correlated error{axis} [{unit}]", a.correlated.sd[i], shown)
-            for i in _correlated_rows(a)
+            for i in correlated_rows(a)
             if a.correlated is not None
             for unit, shown in [quantities.shown_unit(sensor.quantities[i])]
             for axis in [f" {axes_of_rows(sensor)[i]}" if np.shape(a.sd)[1] > 1 else ""]
@@ -286,36 +245,6 @@ def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...
     return tuple(a for a, fit in zip(aidings, fits) if fit), notes + (
         [f"{filter.name}: {filter.unaided_note}"] if filter.unaided_note and not any(fits) else []
     )
-
-
-def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aiding], list[str]]:
-    """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
-    note about that."""
-    names = dict.fromkeys(a.name or a.kind for a in aidings if a.robust or a.adaptive)
-    if filter.weighs or not names:
-        return aidings, []
-    return [replace(a, robust=False, adaptive=0.0) for a in aidings], [
-        f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
-        f"{', '.join(names)} are left out, its gate stays"
-    ]
-
-
-def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
-    """(these sources with their correlated errors as states only where `filter` can have them,
-    notes about the others)."""
-    if filter.installation:
-        return tuple(aidings), []
-    found, changed = [], dict[str, None]()
-    for a in aidings:
-        if a.correlated is not None and a.correlated.states:
-            changed[a.name or a.kind] = None
-            a = replace(a, correlated=a.correlated._replace(states=False))
-        found.append(a)
-    return tuple(found), [
-        f"{filter.name} does not estimate the correlated errors of {name}: they add to its standard "
-        f"deviations, and the errors that last are larger than it claims"
-        for name in changed
-    ]
 
 
 def check_needs(

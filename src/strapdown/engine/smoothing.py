@@ -43,6 +43,7 @@ from .events import Events
 from .finish import solution
 from .installation import Estimate
 from .prepare import Asked, GivenImu, Run, new_output
+from .weighed import Adaptive, Robust, with_weights
 
 RECORDED_ROWS = 512 if COMPILED else 250
 """IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
@@ -68,6 +69,8 @@ def smooth(
     ahrs_rate: float = 10.0,
     vehicle: GivenVehicle | None = None,
     estimate: Estimate | None = None,
+    robust: Robust | None = None,
+    adaptive: Adaptive | None = None,
     **options: Any,
 ) -> Solution:
     """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
@@ -83,7 +86,7 @@ def smooth(
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")
     run = begin(
-        recording,
+        with_weights(recording, robust, adaptive),
         filter,
         Asked(
             options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate

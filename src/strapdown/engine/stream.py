@@ -56,9 +56,9 @@ from .prepare import (
     check_options,
     check_start,
     fitted,
-    followed,
     usable,
 )
+from .source_noise import followed
 from .telling import BEYOND, OnEvent, Telling
 
 AHEAD = 10.0
@@ -453,6 +453,8 @@ class Stream:
                 self._stop(t, str(error))
             if said:
                 self._telling.add(live.new_events())
+            if fixes and self._telling.listens:
+                self._telling.say(live.refused(len(fixes)))
             if self._row is not None:
                 self._row(self, live)
             if t >= self._look_at:
@@ -516,6 +518,8 @@ class Stream:
             self._compare_clocks(fix)
         if self._live is None:
             self.begin()
+        if self._live is not None and self._telling.listens:
+            self._telling.say(self._live.refused(0, over=True))
         self._telling.tell(self._when(self.t))
         return self.belief
 

@@ -25,7 +25,7 @@ class Telling:
         self.events = events
         self.dropped_by = dict.fromkeys(DROPPED, 0)
         self.waits = False  # whether there is something to tell
-        self._on_event, self._deaf, self._news = on_event, False, list[Array]()
+        self._on_event, self._deaf, self._news = on_event, False, list[tuple[float, str]]()
 
     def note(self, code: int, which: int, t: float, value: float = 0.0, because: str = "") -> None:
         """Write an event that the loop does not see."""
@@ -42,19 +42,28 @@ class Telling:
 
     def add(self, rows: Sequence[Array]) -> None:
         """Events that began, to be told with the next `tell`."""
-        if self._on_event is not None:
-            self._news += rows
+        self.say([(float(row[log.T]), self.events.text(row)) for row in rows if self.listens])
+
+    def say(self, news: Sequence[tuple[float, str]]) -> None:
+        """The same of events (t in s, text) in words."""
+        if self.listens:
+            self._news += news
             self.waits = bool(self._news)
+
+    @property
+    def listens(self) -> bool:
+        """Whether there is anyone to tell."""
+        return self._on_event is not None
 
     def tell(self, t: float) -> None:
         """Hand over what began; `t` s is now."""
         news, self._news, self.waits = self._news, [], False
-        for row in news:
+        for event in news:
             if self._deaf or self._on_event is None:
                 self.events.note(words.CALLBACK, 0, t)
                 continue
             try:
-                self._on_event(float(row[log.T]), self.events.text(row))
+                self._on_event(*event)
             except Exception as error:
                 self._deaf = True
                 self.events.because[words.CALLBACK] = one_line(error)

@@ -12,7 +12,8 @@ from ..data import Aiding
 from ..engine.prepare import check_needs, positioned
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
-from ..sensor_models.gnss import Gnss, check_rate
+from ..sensor_models.gnss import Gnss
+from ..sensor_models.sampling import check_rate
 from ..typing import Array, File
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import TURBULENCE_LEVELS

@@ -271,7 +271,8 @@ FIGURES: list[Figure] = [
         "innovations",
         "Innovations",
         lambda s, reference: fix_figures.innovations(s),
-        "Fix − estimate: around zero and without pattern when all is well.",
+        "Fix − estimate: around zero and without pattern when all is well. Rejected fixes are crossed, "
+        "coloured by their probable cause.",
         "Fixes",
     ),
     Figure(
@@ -279,6 +280,14 @@ FIGURES: list[Figure] = [
         "Normalised innovation squared",
         lambda s, reference: fix_figures.nis(s),
         "A fix above the gate is rejected.",
+        "Fixes",
+    ),
+    Figure(
+        "weights",
+        "Robust and adaptive sources",
+        lambda s, reference: fix_figures.weights(s),
+        "Weight: the stated variance of a fix over that with which it was used. Noise: the standard "
+        "deviations that a source was found to have, over those stated.",
         "Fixes",
     ),
     Figure(

@@ -28,7 +28,17 @@ from .drawing import (
     time_axis,
 )
 
-CROSS = {"color": RED, "size": 7, "symbol": "x-thin", "line": {"width": 1.5, "color": RED}}
+CAUSES = {
+    "": RED,
+    "jump": "#ae3ec9",
+    "drift": "#e67700",
+    "clock": "#1098ad",
+    "noise too small": "#5c940d",
+    "other sources disagree": "#364fc7",
+    "single outliers": "#862e9c",
+    "not known": "#495057",
+}
+"""Colours of rejected fixes by their probable cause; none: chance."""
 
 
 def kind(solution: Solution, name: str) -> str:
@@ -66,8 +76,8 @@ def _innovations(solution: Solution, name: str) -> Array:
 
 
 def innovations(solution: Solution) -> go.Figure | None:
-    """Innovation (fix - estimate) of every source over time, rejected fixes crossed in red; None
-    without fixes."""
+    """Innovation (fix - estimate) of every source over time, rejected fixes crossed in the colour of
+    their probable cause; None without fixes."""
     fixes, used = solution.innovations, _used(solution)
     if not used:
         return None
@@ -82,8 +92,9 @@ def innovations(solution: Solution) -> go.Figure | None:
         for i, name in enumerate(names):
             mark = {"color": COLOURS[i], "size": 4}
             _points(figure, row, t, np.where(good, values[:, i], np.nan), name, mark)
-        for i in range(len(names)):
-            _points(figure, row, t, np.where(good, np.nan, values[:, i]), "rejected", CROSS)
+        for cause, why in _causes(solution, fixes.names[source], fixes.t[own], good).items():
+            for i in range(len(names)):
+                _points(figure, row, t, np.where(why, values[:, i], np.nan), *_rejected(cause))
         _range(figure, values, good, row, fixes.names[source], named)
     return time_axis(figure, solution, zero)
 
@@ -103,7 +114,8 @@ def nis(solution: Solution) -> go.Figure | None:
         t, values, good = fixes.t[own] - zero, fixes.nis[own], fixes.accepted[own]
         accepted = {"color": COLOURS[0], "size": 4}
         _points(figure, row, t, np.where(good, values, np.nan), "accepted", accepted)
-        _points(figure, row, t, np.where(good, np.nan, values), "rejected", CROSS)
+        for cause, why in _causes(solution, fixes.names[source], fixes.t[own], good).items():
+            _points(figure, row, t, np.where(why, values, np.nan), *_rejected(cause))
         gate = fixes.gates[source] if source < len(fixes.gates) else None
         if gate is not None and np.isfinite(gate):
             dashed = {"color": GREY, "dash": "dash", "width": 1.5}
@@ -112,6 +124,51 @@ def nis(solution: Solution) -> go.Figure | None:
         top = max(peak(values), peak(np.array([gate or 0.0]))) or 1.0
         low = np.quantile(values, 0.02) if len(values) else 0.01
         log_range(figure, max(low, top * 1e-7), top, row)
+    return time_axis(figure, solution, zero)
+
+
+def _causes(solution: Solution, name: str, t: Array, good: Mask) -> dict[str, Mask]:
+    """The rejected fixes (m,) of a source at these times by their probable cause; of "" without."""
+    cause = np.full(len(t), "", dtype=object)
+    for run in sorted(solution.rejected, key=lambda run: -run.of):  # the shortest over all
+        if run.source == name:
+            cause[(t >= run.start) & (t <= run.stop)] = run.cause
+    return {each: ~good & (cause == each) for each in CAUSES}
+
+
+def _rejected(cause: str) -> tuple[str, dict[str, Any]]:
+    """(name, style) of fixes that were rejected for a cause."""
+    colour = CAUSES[cause]
+    line = {"width": 1.5, "color": colour}
+    style = {"color": colour, "size": 7, "symbol": "x-thin", "line": line}
+    return f"rejected: {cause}" if cause else "rejected", style
+
+
+def weights(solution: Solution) -> go.Figure | None:
+    """Weights of the fixes of robust sources, and standard deviations of adaptive ones over those
+    stated, over time; None without such a source, and of a file."""
+    fixes, zero = solution.innovations, origin(solution.t)
+    shown: list[tuple[int, str, Array, tuple[str, ...]]] = []
+    if fixes.weight is None or fixes.followed is None:
+        return None
+    for source in _used(solution):
+        own = fixes.source == source
+        weight, ratio = fixes.weight[own], fixes.followed[own]
+        if ((weight > 0) & (weight < 1)).any():
+            shown.append((source, "weight [1]", weight[:, None], ("weight",)))
+        if (ratio != 1).any():
+            rows = unit(solution, fixes.names[source])[2]
+            seen = np.flatnonzero(np.isfinite(fixes.innovation[own]).any(axis=0))
+            names = tuple(rows[i] for i in seen) if len(seen) > 1 else ("single component",)
+            shown.append((source, "noise over stated [1]", ratio[:, seen], names))
+    if not shown:
+        return None
+    figure = panels([f"{escape(fixes.names[source])}: {what}" for source, what, *_ in shown], 190)
+    for row, (source, _, values, names) in enumerate(shown, start=1):
+        t = fixes.t[fixes.source == source] - zero
+        for i, name in enumerate(names):
+            _points(figure, row, t, values[:, i], name, {"color": COLOURS[i], "size": 4})
+        figure.update_yaxes(rangemode="tozero", row=row, col=1)
     return time_axis(figure, solution, zero)
 
 

@@ -226,7 +226,7 @@ def _summary(
             scores, window, {name: installation(s).of_reference for name, s in solutions.items()}
         ),
     ]
-    parts += [summary.withheld_table(solutions, scores)]
+    parts += [summary.withheld_table(solutions, scores), summary.rejection_table(solutions)]
     notes = list(
         dict.fromkeys(
             str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())

@@ -266,6 +266,24 @@ def fix_table(solutions: Mapping[str, Solution]) -> str:
     )
 
 
+def rejection_table(solutions: Mapping[str, Solution]) -> str:
+    """Runs of rejected fixes of {name: Solution} with their probable cause; "" without any."""
+    rows = [
+        [
+            f"{name}: {run.source}" if len(solutions) > 1 else run.source,
+            f"{run.start:.1f} to {run.stop:.1f}",
+            f"{run.number} of {run.of}",
+            run.cause,
+            run.seen,
+            run.remedy,
+        ]
+        for name, solution in solutions.items()
+        for run in solution.rejected
+    ]
+    head = ["source", "time [s]", "rejected", "probable cause", "what was seen", "what to do"]
+    return f"<h3>Why fixes were rejected</h3>{table(head, rows)}" if rows else ""
+
+
 def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors]) -> str:
     """The windows, s, whose fixes were withheld from {name: Solution}, by meta["withheld"], with
     the errors inside where `found`, {name: metrics.Errors}, knows them; "" without any."""

@@ -18,8 +18,8 @@ import numpy as np
 from ..checks import DataError, check_array, check_number
 from ..data import Aiding, Trajectory
 from ..typing import Array
-from .gnss import sample_times, spread
 from .magnetometer import rotation_at
+from .sampling import sample_times, spread
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

@@ -25,8 +25,8 @@ from .atmosphere import (
     pressure_gradient,
     standard_pressure,
 )
-from .gnss import arm_in_navigation, interpolated, sample_times
 from .noise import gauss_markov
+from .sampling import arm_in_navigation, interpolated, sample_times
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""

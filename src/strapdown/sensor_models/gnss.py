@@ -13,11 +13,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_flag, check_number, is_number
+from ..checks import DataError, check_array, check_flag, check_number
 from ..data import Aiding, Correlated, Trajectory
 from ..geodesy import radii, wrap
 from ..typing import Array, Ints
 from .noise import gauss_markov
+from .sampling import (
+    arm_in_navigation,
+    check_interval,
+    check_lever_arm,
+    check_rate,
+    fix_times,
+    interpolated,
+    spread,
+)
 
 
 class Kept(NamedTuple):
@@ -88,7 +97,7 @@ class Gnss(NamedTuple):
         if np.ndim(self.interval):
             check_array(self.interval, "times of the fixes", (None,), what="numbers, s")
         else:
-            check_rate(1 / _interval(self.interval), rate, "fixes")
+            check_rate(1 / check_interval(self.interval), rate, "fixes")
         for sd, correlated, name in (
             (self.position_sd, self.position_correlated, "GNSS position"),
             (self.velocity_sd, self.velocity_correlated, "GNSS velocity"),
@@ -97,7 +106,7 @@ class Gnss(NamedTuple):
                 _deviations(sd, name)
             _check_correlated(correlated, name, sd is not None)
         check_flag(self.stated, "stated (whether GNSS fixes state their correlated errors)")
-        _lever_arm(self.lever_arm, "GNSS")
+        check_lever_arm(self.lever_arm, "GNSS")
         check_number(self.latency, "latency of the fixes", "s", least=0)
         for window in self.outages:
             start, stop = check_array(
@@ -287,29 +296,6 @@ def velocity_fixes(
     return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
 
 
-def interpolated(trajectory: Trajectory, t: Array) -> Trajectory:
-    """Position and velocity at times t (n,) s within the trajectory, as data.Trajectory: its rows
-    at their own times, else cubic splines. Raises DataError."""
-    if len(trajectory.t) < 2 or not np.all((t >= trajectory.t[0]) & (t <= trajectory.t[-1])):
-        raise DataError(
-            f"fixes are wanted at times outside the trajectory, which covers {trajectory.t[0]:g} to "
-            f"{trajectory.t[-1]:g} s"
-        )
-    row = np.searchsorted(trajectory.t, t)
-    if np.array_equal(trajectory.t[row], t):
-        lla, v_n = trajectory.lla[row], None if trajectory.v_n is None else trajectory.v_n[row]
-    else:
-        from scipy.interpolate import CubicSpline
-
-        lla = CubicSpline(
-            trajectory.t,
-            np.c_[trajectory.lla[:, 0], np.unwrap(trajectory.lla[:, 1]), trajectory.lla[:, 2]],
-        )(t)
-        v_n = None if trajectory.v_n is None else CubicSpline(trajectory.t, trajectory.v_n)(t)
-    lla[:, 1] = wrap(lla[:, 1])
-    return Trajectory(t, lla, v_n)
-
-
 def _without_values(
     kind: str,
     t: Array,
@@ -371,37 +357,6 @@ def _stating(aiding: Aiding, lasting: Lasting | None, stated: bool) -> Aiding:
     return replace(aiding, sd=np.hypot(aiding.sd, lasting.correlated.sd))
 
 
-def arm_in_navigation(
-    trajectory: Trajectory, t: Array, lever_arm: Sequence[float] | Array, name: str
-) -> Array:
-    """C_nb lever_arm, (n, 3) m NED; the attitude turns at a constant rate between samples."""
-    _lever_arm(lever_arm, name)
-    if not np.any(lever_arm):
-        return np.zeros((len(t), 3))
-    if trajectory.q_nb is None:
-        raise DataError(f"{name}: a lever arm needs the trajectory's attitude, and it has none")
-    from scipy.spatial.transform import Slerp
-
-    return Slerp(trajectory.t, trajectory.rotation)(t).apply(lever_arm)
-
-
-def fix_times(trajectory: Trajectory, times: float | Array) -> Array:
-    """Times (n,) s of the fixes, at samples of the trajectory where rounding alone parts them;
-    `times` as in `position_fixes`. Raises DataError."""
-    if np.ndim(times):
-        t = np.asarray(times, float)
-    else:
-        start, stop, interval = trajectory.t[0], trajectory.t[-1], _interval(times)
-        t = start + interval * np.arange(1, int((stop - start) / interval + 1e-9) + 1)
-    after = np.clip(np.searchsorted(trajectory.t, t), 1, len(trajectory.t) - 1)
-    nearest = np.where(
-        t - trajectory.t[after - 1] < trajectory.t[after] - t,
-        trajectory.t[after - 1],
-        trajectory.t[after],
-    )
-    return np.where(np.abs(nearest - t) < 1e-9 * (1 + np.abs(t)), nearest, t)
-
-
 def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
     """Sentences for the notes of a recording: the receiver's measurements of which not one falls
     into it; none where all are there."""
@@ -411,33 +366,6 @@ def without_fixes(aidings: Iterable[Aiding]) -> list[str]:
         for aiding in aidings
         if not len(aiding.t)
     ]
-
-
-def sample_times(trajectory: Trajectory, rate: float | None) -> Array:
-    """Times (n,) s at which a sensor of that `rate` (Hz) measures: None is with every sample."""
-    return trajectory.t[1:] if rate is None else fix_times(trajectory, 1 / rate)
-
-
-def check_rate(rate: float | None, most: float, what: str) -> None:
-    """Raise DataError where the samples of a sensor come faster than the `most` (Hz) of the IMU."""
-    if (rate or 0.0) > most * (1 + 1e-9):
-        raise DataError(
-            f"{what}: {rate:g} a second come faster than the IMU's samples, {most:g} a second; give "
-            f"it a lower rate, or the IMU a higher one"
-        )
-
-
-def spread(value: Any) -> Any:
-    """Three of one number; else what it is."""
-    return (value,) * 3 if is_number(value) else value
-
-
-def _interval(seconds: float | Array) -> float:
-    return check_number(seconds, "interval between fixes", "s", above=0)
-
-
-def _lever_arm(lever_arm: Sequence[float] | Array, name: str) -> None:
-    check_array(lever_arm, f"{name}: lever arm", (3,), what="numbers: forward, right, down, m")
 
 
 def _deviations(sd: float | Sequence[float] | Array, name: str) -> Array:

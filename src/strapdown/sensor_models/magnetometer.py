@@ -18,7 +18,7 @@ import numpy as np
 from ..checks import DataError, check_array, check_choice, check_number, is_number
 from ..data import Aiding, Trajectory
 from ..typing import Array, ArrayLike
-from .gnss import sample_times, spread
+from .sampling import sample_times, spread
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

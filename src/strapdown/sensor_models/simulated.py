@@ -28,8 +28,8 @@ from ..core.contract import (
 )
 from ..data import Aiding, Trajectory
 from ..typing import Array, Mask
-from .gnss import interpolated, sample_times
 from .magnetometer import rotation_at
+from .sampling import interpolated, sample_times
 
 STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
 """By which y is changed to see what it does to the innovation; 1 of any other quantity."""

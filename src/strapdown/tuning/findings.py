@@ -95,8 +95,8 @@ class Parameter(NamedTuple):
         used = f"{value} stays as given" if self.stays else f"{value} is used"
         if self.status == KEPT:
             return (
-                f"{used}; the likelihood would take {self.interval or 'any value'}, but innovations "
-                "stay correlated, so that a smaller one would mean nothing"
+                f"{used}; the likelihood would take a smaller one, but innovations stay correlated, so "
+                f"that it would mean nothing"
             )
         if self.status == OPEN:
             return f"the data do not decide it, any value fits; {used}"
@@ -109,7 +109,7 @@ class Parameter(NamedTuple):
             return "none was given"
         ratio = self.value / self.given
         more = max(ratio, 1 / ratio)
-        times = f"{more:.2g} times" if more > 1.1 else f"{100 * (more - 1):.1g} %"
+        times = f"{more:.2g} times" if more > 1.1 else f"{100 * (more - 1):.2g} %"
         size = f"{times} too {'small' if ratio > 1 else 'large'}"
         return f"given {self.shown(self.given)}, {'which fits too' if self.agrees else size}"
 

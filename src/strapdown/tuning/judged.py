@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Innovations, Solution
-from ..typing import Array, Mask
+from ..data import Solution
+from ..typing import Array
 from .findings import AT_LEAST, AT_MOST, IMU, KEPT, OPEN, TUNED, Direction, Fit, Parameter
+from .fix_statistics import counts
 from .scoring import CHI_SQUARE, Profile, Top, climb
-from .search import Search, correlation
+from .search import Search
 from .unknowns import Unknown
 
 UNEXPLAINED = 0.3
@@ -19,8 +20,6 @@ SPREAD = 3.0
 """Factor of a 95 % spread from which a direction is named."""
 TOGETHER = 0.3
 """Weight from which an unknown belongs to a direction."""
-MEDIANS = {1: 0.4549, 2: 1.3863, 3: 2.3660}
-"""Of chi-square, by its degrees of freedom."""
 
 
 class Judged(NamedTuple):
@@ -34,21 +33,14 @@ class Judged(NamedTuple):
 def judge(search: Search, profiles: Sequence[Profile]) -> Judged:
     """A value for each unknown. What has no lower end is the given value where that lies within
     the interval, else the upper end, and the others follow it."""
-    top, unknowns = search.top, search.unknowns
     bounds = [(np.isfinite(each.low), np.isfinite(each.high)) for each in profiles]
     status = [
         {(True, True): TUNED, (False, True): AT_MOST, (True, False): AT_LEAST}.get(each, OPEN)
         for each in bounds
     ]
     theta = _stated(search, profiles, status)
-    lasts = {
-        int(s): abs(correlation(top.point.seen.whitened[top.point.seen.source == s])) > UNEXPLAINED
-        for s in search.counted
-    }
-    for j, each in enumerate(unknowns):
-        unexplained = any(lasts.values()) if each.source == IMU else lasts[each.place]
-        if unexplained and each.given and theta[j] < np.log(each.given):
-            theta[j], status[j] = np.log(each.given), KEPT
+    for j in search.held(theta):
+        status[j] = KEPT
     return Judged(theta, status, search.likelihood.at(theta).log_likelihood)
 
 
@@ -144,19 +136,7 @@ def fits(search: Search, after: Solution) -> tuple[Fit, ...]:
     for s in search.counted:
         a = search.run.recording.aidings[s]
         name = a.name or a.kind
-        both = [_of(each.innovations, name, first, last) for each in (search.before, after)]
+        both = [counts(each.innovations, name, first, last) for each in (search.before, after)]
         (nis0, r0, out0), (nis1, r1, out1) = both
         found.append(Fit(name, (nis0, nis1), (r0, r1), (out0, out1)))
     return tuple(found)
-
-
-def _of(i: Innovations, name: str, first: float, last: float) -> tuple[float, float, float]:
-    """(median NIS over its expectation, correlation one fix apart, share rejected) of a source."""
-    rows: Mask = (i.source == i.names.index(name)) & (i.t > first) & (i.t <= last)
-    rows &= np.isfinite(i.nis)
-    if not rows.any() or i.whitened is None:
-        return np.nan, np.nan, np.nan
-    degrees = np.isfinite(i.innovation[rows]).sum(axis=1)
-    expected = np.array([MEDIANS[k] for k in degrees])
-    nis = float(np.median(i.nis[rows] / expected))
-    return nis, correlation(i.whitened[rows]), float(np.mean(~i.accepted[rows]))

@@ -20,6 +20,9 @@ from ..typing import Array, Ints, Mask
 from .unknowns import Unknown, noise_with, sources_with
 
 THREADS = min(2, os.cpu_count() or 1)
+SETTLING, SETTLING_SHARE = 60.0, 0.2
+"""s, or share of the run, in which a filter settles: while it turns by large angles and learns large
+biases, its innovations are not what it says, so they tell no noise."""
 LEAST_STEP = 1e-2
 """Of a logarithm, for differences between two runs."""
 
@@ -35,10 +38,15 @@ class Seen(NamedTuple):
     whole: bool  # whether the run came to its end
 
 
+def settled(run: Run) -> float:
+    """Time (s) from which fixes count."""
+    return run.start.t + min(SETTLING, SETTLING_SHARE * (float(run.samples.t[-1]) - run.start.t))
+
+
 def seen(run: Run, counted: Ints) -> Seen:
-    """What a run that has ended says of the fixes of these sources."""
+    """What a run that has ended says of the fixes of these sources, once it has settled."""
     fix = run.out.fix[: run.cursor.at[places.FIX]]
-    fix = fix[np.isin(fix[:, loop.F_SOURCE], counted)]
+    fix = fix[np.isin(fix[:, loop.F_SOURCE], counted) & (fix[:, loop.F_T] > settled(run))]
     whitened = fix[:, loop.F_WHITENED : loop.F_ROOT]
     measured = np.isfinite(whitened)
     root = np.zeros((len(fix), 3, 3))
@@ -63,6 +71,11 @@ class Point(NamedTuple):
     theta: Array  # (p,) logarithms
     seen: Seen
     log_likelihood: float
+
+    @property
+    def mean(self) -> float:
+        """log L per fix, to compare runs from different starts."""
+        return self.log_likelihood / max(len(self.seen.log), 1)
 
 
 class Likelihood:

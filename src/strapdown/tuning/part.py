@@ -9,10 +9,14 @@ from ..checks import DataError, check_number
 from ..core.contract import Imu, Start
 from ..data import Solution
 from ..diagnosis.screening import started, window
+from ..engine.prepare import Asked, Run
+from ..engine.smoothing import smooth
 from ..recording import Recording
 
 STEP = 0.01
 """s: shorter samples are summed to this."""
+LEARNT = 300.0
+"""s of fixes from which a start is smoothed."""
 LEAST_SECONDS, LEAST_FIXES = 60.0, 100
 
 
@@ -31,6 +35,13 @@ def part(before: Solution, start_s: float | None, stop_s: float | None) -> tuple
         start = Start(**before.meta["start"]) if begin <= first else started(before, row)
         recording = before.recording.between(start.t, end)
     return replace(recording, imu=thinned(recording.imu)), start
+
+
+def smoothed_start(run: Run, asked: Asked) -> Start:
+    """The Start of a run, its values from a smoother over its first `LEARNT` s."""
+    recording = run.recording.between(stop=run.start.t + LEARNT)
+    solution = smooth(recording, run.filter, run.spec, run.start, run.noise, **asked.options)
+    return started(solution, 0)._replace(sd=run.start.sd)
 
 
 def thinned(imu: Imu) -> Imu:

@@ -15,21 +15,32 @@ from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
 from .counted import passed, rough, used
+from .findings import IMU, UNEXPLAINED
+from .fix_statistics import correlation, counts
 from .lasting import with_lasting
 from .likelihood import Likelihood
-from .part import check_length, part
+from .part import check_length, part, smoothed_start
 from .scoring import Profile, Top, climb, profile
-from .unknowns import APART, imu_with, noise_with, of_imu, of_source, sources_with
+from .unknowns import (
+    APART,
+    TIME,
+    WHITE,
+    Unknown,
+    imu_with,
+    noise_with,
+    of_imu,
+    of_source,
+    sources_with,
+)
 
 LEAST_OF_SOURCE = 20
 """Fixes: of a source with fewer nothing is sought."""
 AGAIN = 0.005
 """Share of the fixes that must change sides between outliers and others for another search."""
 MOST_CLIMBS = 3  # from a better place that a profile met
+SMOOTHED = 2  # times that the start is taken from a smoother
 CORRELATED_FROM = 0.1
 """Correlation one fix apart from which correlated errors are tried in sources of any kind."""
-CLIPPED = 4.0
-"""Standard deviations that count of a whitened innovation where their correlation is taken."""
 
 
 class Search:
@@ -58,6 +69,8 @@ class Search:
             if many >= LEAST_OF_SOURCE:
                 self.unknowns += of_source(aidings[s], s)
         self._runs = 0  # of likelihoods that are left
+        self.lasting: set[int] = set()  # sources whose innovations stay correlated
+        self._least: Array  # (p,) below which no logarithm is made then
         self.likelihood: Likelihood
         self.top: Top
 
@@ -106,12 +119,73 @@ class Search:
         _, start = part(solution, *self.seconds)
         self.run = self._begun(self.run.recording, start)
         self._climb(self.theta, self._kept())
+        for _ in range(SMOOTHED if self.filter.smoother else 0):
+            self._smooth_start()
+
+    def _smooth_start(self) -> None:
+        """Begin where the smoother says, as uncertain as before, if that is likelier: from far off,
+        the filter would keep wrong covariances for minutes."""
+        before, theta = self.run, self.theta
+        start = smoothed_start(self.likelihood.ready(theta), self.asked)
+        self.run = self._begun(before.recording, start)
+        likelihood = Likelihood(
+            self.run, self.asked, self.unknowns, self.counted, self.likelihood.kept
+        )
+        self._runs += 1
+        if likelihood.at(theta).mean > self.top.point.mean:
+            self._climb(theta, self._kept())
+        else:
+            self.run = before
+
+    def explain(self) -> None:
+        """Where the innovations of a source stay correlated, the model lacks something: correlated
+        errors that were found do not explain it and are left out, and neither its noise nor that of
+        the IMU is made smaller."""
+        self.lasting = self._unexplained()
+        if not self.lasting:
+            return
+        stays = [
+            j
+            for j, each in enumerate(self.unknowns)
+            if each.place not in self.lasting or each.what == WHITE or each.given
+        ]
+        theta, self.unknowns = self.theta[stays], [self.unknowns[j] for j in stays]
+        self._least = np.array(
+            [
+                np.log(each.given) if each.given and self._of_lasting(each) else -np.inf
+                for each in self.unknowns
+            ]
+        )
+        self._climb(np.maximum(theta, self._least), self.likelihood.kept)
+
+    def _of_lasting(self, each: Unknown) -> bool:
+        return each.source == IMU or (each.place in self.lasting and each.what != TIME)
+
+    def _unexplained(self) -> set[int]:
+        """The sources whose whitened innovations stay correlated, among the fixes that count or
+        among all that the filter uses."""
+        solution, found = self.fused(*self.tuned(self.theta)), set[int]()
+        for s in map(int, self.counted):
+            a = self.likelihood.aidings[s]
+            _, used, _ = counts(solution.innovations, a.name or a.kind, *self.seconds)
+            counted = correlation(self.top.point.seen.whitened[self._of(s)])
+            if max(abs(counted), abs(np.nan_to_num(used))) > UNEXPLAINED:
+                found.add(s)
+        return found
+
+    def held(self, theta: Array) -> list[int]:
+        """Unknowns that would be smaller, but stay as given."""
+        if not self.lasting:
+            return []
+        return [int(j) for j in np.flatnonzero(theta <= self._least + 1e-9)]
 
     def _kept(self) -> list[Mask]:
         return used(passed(self.run, self.asked, self.unknowns, self.theta))
 
     def _climb(self, theta: Array, kept: Sequence[Mask]) -> None:
         self._go_on(Likelihood(self.run, self.asked, self.unknowns, self.counted, kept))
+        if self.lasting:
+            self.likelihood.low = np.maximum(self.likelihood.low, self._least)
         self.top = climb(self.likelihood, theta, np.arange(len(self.unknowns)))
 
     def _go_on(self, likelihood: Likelihood) -> None:
@@ -184,16 +258,3 @@ def _index(a: Aiding, aidings: Sequence[Aiding]) -> int:
     """Where a source of a run stands in a recording; -1 where it was made on the way."""
     same = [i for i, b in enumerate(aidings) if (a.kind, a.name) == (b.kind, b.name)]
     return same[0] if same else -1
-
-
-def correlation(whitened: Array) -> float:
-    """Of whitened innovations (m, 3) of a source and those one fix later: that of the row where it
-    is largest."""
-    w = np.clip(whitened, -CLIPPED, CLIPPED)
-    found = [0.0]
-    for row in w.T:
-        both = np.isfinite(row[1:]) & np.isfinite(row[:-1])
-        square = np.nansum(row**2)
-        if both.sum() > 2 and square > 0:
-            found.append(float((row[1:][both] * row[:-1][both]).sum() / square))
-    return max(found, key=abs)

@@ -56,6 +56,7 @@ def tune(
     search.first()
     tell(0.25)
     notes = search.correlate() if correlated else []
+    search.explain()
     tell(0.5)
     profiles = search.profiles(lambda done: tell(0.5 + 0.4 * done))
     judged = judge(search, profiles)

@@ -7,7 +7,7 @@ from strapdown.filters.observer.repeated_fix import FORGOTTEN, KIND, MEMORY, rep
 
 pytestmark = pytest.mark.short
 POSITION, VELOCITY = 0.0, 1.0
-FIX = dict(y=np.array([1.0, np.nan, 3.0]), sd=np.array([0.5, np.nan, 2.0]), kind=POSITION)
+FIX = dict(y=np.array([1.0, np.nan, 3.0]), kind=POSITION)
 
 
 def after(gate, nis):
@@ -34,10 +34,9 @@ def test_after_an_accepted_one_it_is_another(gate, nis):
         dict(kind=VELOCITY),
         dict(y=np.array([1.0, np.nan, 3.1])),
         dict(y=np.array([1.0, 2.0, 3.0])),
-        dict(sd=np.array([0.5, np.nan, 2.1])),
     ],
 )
-def test_another_gate_kind_value_or_deviation_is_another_fix(other):
+def test_another_gate_kind_or_value_is_another_fix(other):
     assert not repeated(after(16.0, 17.0), **{**FIX, "gate": np.inf, "nis": 2.0, **other})
 
 

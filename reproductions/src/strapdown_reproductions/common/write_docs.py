@@ -23,6 +23,7 @@ PAGES = {
     "hager-bryne": ("findings.md", "open-or-closed-loop.md"),
     "installation": ("table.md", "installation-figures.md"),
     "mollaei": ("findings.md", "mollaei.md"),
+    "noise": ("table.md", "noise.md"),
     "recordings": ("table.md", "every-filter.md"),
     "vehicle-kit": ("table.md", "vehicle.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),

@@ -21,10 +21,11 @@ from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs, AhrsPlan
 from strapdown.sensor_models.errors import Triad
-from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan, fix_times
+from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sensor_models.magnetometer import Magnetometer, MagnetometerPlan
 from strapdown.sensor_models.noise import recursion
+from strapdown.sensor_models.sampling import fix_times
 from strapdown.sim.analytic import waves
 from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, normal_gravity, radii, records
 from strapdown.typing import Array, ArrayLike

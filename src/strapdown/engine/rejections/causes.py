@@ -12,7 +12,7 @@ the gate and the others each their own; p parameters cost p ln N (Schwarz 1978).
 lowers it most, by MARGIN at least.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,13 +23,15 @@ JUMP, DRIFT, CLOCK, NOISE = "jump", "drift", "clock", "noise too small"
 DISAGREE, OUTLIERS, UNKNOWN = "other sources disagree", "single outliers", "not known"
 MARGIN = 10.0
 """By which a shape lowers the deviance: "very strong" by Kass and Raftery (1995)."""
-PART_OF_JUMP, PART_OF_LASTING = 0.5, 0.15
-"""Part of the chi-square beyond what is expected that a shape must explain. What lasts shakes the
+PARTS = {JUMP: 0.5, CLOCK: 0.1}
+PART_OF_LASTING = 0.2
+"""Part of the chi-square of rejected fixes, beyond what is expected, that a shape must explain. What lasts shakes the
 filter each time that a gate is lifted, which no shape follows."""
 LEAST_SPREAD = 0.25  # of the claimed variance: rows that share the filter's error scatter less
 SPREAD = 1.8
 """Variance, over the claimed one, of innovations that passed the gate, from which noise is too small:
 a gate leaves 2.4 of the 4 of a standard deviation half as large as it is."""
+BLOCK = 32  # rows
 IN_A_ROW = 5  # rejections: so many are no single outliers
 MOST_STEPS = 12  # parts of a run that may each begin with a jump
 ONSETS = (
@@ -42,6 +44,8 @@ ONSETS = (
 )  # s before the first rejection at which a drift may begin
 OFFSET, SCALE, ALWAYS = "offset", "scale", "drift from the beginning"
 """Shapes of a source that contradicts others as long as it is there."""
+START = "start"
+"""No shape: the filter may be wrong."""
 LASTING = (DRIFT, CLOCK, OFFSET, SCALE)
 """Shapes that explain rejections with good fixes between them."""
 
@@ -86,16 +90,21 @@ def find(window: Window) -> Found:
     measured = np.isfinite(window.innovation)
     e = whitened(window.root, np.where(measured, window.innovation, 0.0)[:, :, None])[:, :, 0]
     passed, e = np.broadcast_to(window.passed[:, None], e.shape)[measured], e[measured]
-    count, plain, whole = len(e), _deviance(e, passed), float(e @ e)
-    found = [_without(window, e, passed)]
     shapes = list(_shapes(window))
-    for shape, basis in zip(shapes, _seen(window, shapes)):
-        size = _fit(basis[measured], e)
-        left = e - basis[measured] @ size
-        spread, gain = float(left @ left), plain - _deviance(left, passed)
-        gain -= (basis.shape[2] + shape.more) * np.log(count)
-        least = PART_OF_LASTING if shape.name in LASTING else PART_OF_JUMP
-        if gain > MARGIN and whole - spread > least * (whole - count):
+    basis = _seen(window, shapes)[measured]
+    sums = [_Sums.of(e[part], basis[part]) for part in (passed, ~passed)]
+    count, plain = len(e), _deviance(sums)
+    found, last = [_without(window, e, passed)], 0
+    for shape in shapes:
+        own = slice(last, last + shape.basis.shape[2])
+        last = own.stop
+        size = _fit(sums, own)
+        left = [each.less(own, size) for each in sums]
+        gain = plain - _deviance(left) - (len(size) + shape.more) * np.log(count)
+        spread = sum(each.squares for each in left)
+        least = PARTS.get(shape.name, PART_OF_LASTING)
+        refused = (sums[1].squares - left[1].squares) / max(sums[1].squares - sums[1].rows, 1.0)
+        if gain > MARGIN and refused > least:
             spread = float(np.sqrt(spread / count))
             found.append(Found(shape.name, size, shape.since, shape.until, spread, gain))
     return max(found, key=lambda each: each.gain)
@@ -112,13 +121,47 @@ def whitened(root: Array, values: Array) -> Array:
     return z
 
 
-def _deviance(e: Array, passed: Mask) -> float:
-    """Of normal rows whose spread is free, one of those that passed the gate, one of the others."""
-    total = 0.0
-    for part in (e[passed], e[~passed]):
-        if len(part):
-            total += len(part) * (np.log(max(part @ part / len(part), LEAST_SPREAD)) + 1.0)
-    return total
+class _Sums(NamedTuple):
+    """Of n whitened innovations e and of what p parameters do to them, A: e'e, A'e and A'A."""
+
+    rows: int
+    squares: float
+    right: Array  # (p,)
+    normal: Array  # (p, p)
+
+    @classmethod
+    def of(cls, e: Array, A: Array) -> "_Sums":
+        """Their sums, BLOCK rows at a time: for so few no library starts threads, which take longer
+        than the sums."""
+        blocks = np.zeros((-(-len(e) // BLOCK) * BLOCK, 1 + A.shape[1]))
+        blocks[: len(e), 0], blocks[: len(e), 1:] = e, A
+        blocks = blocks.reshape(-1, BLOCK, blocks.shape[1])
+        total = (blocks.transpose(0, 2, 1) @ blocks).sum(axis=0)
+        return cls(len(e), float(total[0, 0]), total[0, 1:], total[1:, 1:])
+
+    def less(self, own: slice, size: Array) -> "_Sums":
+        """Without what these values of some of the parameters do."""
+        explained = 2 * size @ self.right[own] - size @ self.normal[own, own] @ size
+        return self._replace(squares=self.squares - float(explained))
+
+
+def _deviance(sums: Sequence[_Sums]) -> float:
+    """Of normal rows whose spread is free, one for each of the sums."""
+    return sum(
+        each.rows * (float(np.log(max(each.squares / each.rows, LEAST_SPREAD))) + 1.0)
+        for each in sums
+        if each.rows
+    )
+
+
+def _fit(sums: Sequence[_Sums], own: slice) -> Array:
+    """Some of the parameters by least squares, 0 where nothing shows them."""
+    normal = sum((each.normal[own, own] for each in sums), np.zeros(()))
+    right = sum((each.right[own] for each in sums), np.zeros(()))
+    seen = np.diagonal(normal) > 1e-9
+    size = np.zeros(len(normal))
+    size[seen] = np.linalg.lstsq(normal[np.ix_(seen, seen)], right[seen], rcond=1e-10)[0]
+    return size
 
 
 def _without(window: Window, e: Array, passed: Mask) -> Found:
@@ -182,32 +225,17 @@ def _jumps(t: Array, bad: Mask, first: int, last: int) -> Iterator[_Shape]:
             yield _Shape(JUMP, since, until, _each(inside * 1.0), True, 2)
 
 
-def _seen(window: Window, shapes: list[_Shape]) -> Iterator[Array]:
-    """Of each shape what an innovation shows, the filter having followed it so far, whitened."""
+def _seen(window: Window, shapes: list[_Shape]) -> Array:
+    """(m, 3, p) of all parameters of the shapes what an innovation shows, the filter having followed
+    the error so far, whitened."""
     variance = (window.root**2).sum(axis=2)
     gain = np.clip(1 - window.sd**2 / variance, 0.0, 1.0)
     gain[~window.used] = 0.0
     errors = np.concatenate([shape.basis for shape in shapes], axis=2)
-    # what was there before the first of these fixes has been followed
-    x = np.where(
-        [shape.followed for shape in shapes for _ in range(shape.basis.shape[2])], errors[0], 0.0
-    )
-    follow = np.array(
-        [shape.followed for shape in shapes for _ in range(shape.basis.shape[2])], float
-    )
-    K = gain[:, :, None] * follow
-    for d, k in zip(errors, K):
+    widths = [shape.basis.shape[2] for shape in shapes]
+    follow = np.repeat([float(shape.followed) for shape in shapes], widths)
+    x = errors[0] * follow  # what was there before the first of these fixes has been followed
+    for d, k in zip(errors, gain[:, :, None] * follow):
         d -= x
         x += k * d
-    errors = whitened(window.root, errors)
-    ends = np.cumsum([shape.basis.shape[2] for shape in shapes])[:-1]
-    yield from np.split(errors, ends, axis=2)
-
-
-def _fit(basis: Array, e: Array) -> Array:
-    """Parameters of least squares, 0 where nothing shows them."""
-    normal, right = basis.T @ basis, basis.T @ e
-    seen = np.diagonal(normal) > 1e-9
-    size = np.zeros(len(normal))
-    size[seen] = np.linalg.lstsq(normal[np.ix_(seen, seen)], right[seen], rcond=1e-10)[0]
-    return size
+    return whitened(window.root, errors)

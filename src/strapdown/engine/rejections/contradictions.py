@@ -6,8 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .causes import ALWAYS, CLOCK, DISAGREE, DRIFT, JUMP, NOISE, OFFSET, OUTLIERS, SCALE, Found
+from .causes import (
+    ALWAYS,
+    CLOCK,
+    DISAGREE,
+    DRIFT,
+    JUMP,
+    NOISE,
+    OFFSET,
+    OUTLIERS,
+    SCALE,
+    START,
+    UNKNOWN,
+    Found,
+)
 
+BY_THEMSELVES = (OUTLIERS, START)
+"""Shapes that say nothing of other sources."""
 CHAIN = 30.0  # s within which rejections may have one cause
 MOST = (
     0.5  # part of what is to be explained that one run must explain to be the cause of the others
@@ -20,7 +35,7 @@ class Run(NamedTuple):
     source: int
     start: float  # s, of the first and of the last of them
     stop: float
-    count: int  # rejected
+    number: int  # rejected
     of: int  # fixes of the source meanwhile
     largest: float  # how far off, standard deviations
     found: Found
@@ -30,8 +45,8 @@ class Run(NamedTuple):
 def blamed(runs: list[Run]) -> list[Run]:
     """Runs in order of time. Of those at the same time some keep their own cause, the others of
     each source become one that contradicts."""
-    alone = [run for run in runs if run.found.shape == OUTLIERS]
-    for together in _together([run for run in runs if run.found.shape != OUTLIERS]):
+    alone = [run for run in runs if run.found.shape in BY_THEMSELVES]
+    for together in _together([run for run in runs if run.found.shape not in BY_THEMSELVES]):
         alone += _judged(together)
     return sorted(alone, key=lambda run: (run.start, run.source))
 
@@ -50,27 +65,32 @@ def _judged(runs: list[Run]) -> list[Run]:
     sources = {run.source for run in runs}
     if len(sources) < 2:
         return runs
-    gain, count = sum(run.found.gain for run in runs), sum(run.count for run in runs)
+    gain, count = sum(run.found.gain for run in runs), sum(run.number for run in runs)
     best = max((run.found for run in runs), key=lambda found: found.gain)
+    shaped = sum(run.number for run in runs if run.found.shape not in (NOISE, UNKNOWN))
 
     def explains(run: Run) -> bool:
         shape = run.found.shape
         if shape == CLOCK:  # which both position and velocity show
             return best.shape == CLOCK
-        if shape in (NOISE, OFFSET, SCALE, ALWAYS):
-            return run.count > MOST * count
-        return run is runs[0] and shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
+        if shape == NOISE:  # of each source by itself
+            return run.number > MOST * (shaped + run.number)
+        if shape in (OFFSET, SCALE, ALWAYS):
+            return run.number > MOST * count
+        return shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
 
-    kept = [run for run in runs if explains(run)]
+    kept = list[Run]()
     for s in sources:
-        if others := [run for run in runs if run.source == s and not explains(run)]:
-            kept.append(_one(others, tuple(sorted(sources - {s}))))
+        others, own = tuple(sorted(sources - {s})), [run for run in runs if run.source == s]
+        kept += [run._replace(others=others) for run in own if explains(run)]
+        if rest := [run for run in own if not explains(run)]:
+            kept.append(_one(rest, others))
     return kept
 
 
 def _one(runs: list[Run], others: tuple[int, ...]) -> Run:
     """Runs of a source that say no more than that it and others contradict each other."""
-    biggest = max(runs, key=lambda run: run.count)
+    biggest = max(runs, key=lambda run: run.number)
     return merged(runs)._replace(found=biggest.found._replace(shape=DISAGREE), others=others)
 
 
@@ -78,7 +98,9 @@ def merged(runs: list[Run]) -> Run:
     """Runs of a source, in order of time, as one with the cause of the first."""
     spans = [(run.of - 1) / (run.stop - run.start) for run in runs if run.stop > run.start]
     start, stop = runs[0].start, max(run.stop for run in runs)
-    count, of = sum(run.count for run in runs), sum(run.of for run in runs)
+    count, of = sum(run.number for run in runs), sum(run.of for run in runs)
     if len(runs) > 1 and spans:  # those between them were good
         of = max(of, round(float(np.median(spans)) * (stop - start)) + 1)
-    return runs[0]._replace(stop=stop, count=count, of=of, largest=max(run.largest for run in runs))
+    return runs[0]._replace(
+        stop=stop, number=count, of=of, largest=max(run.largest for run in runs)
+    )

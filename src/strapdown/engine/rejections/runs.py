@@ -22,6 +22,8 @@ FEW = 3  # rejections: fewer are single outliers
 AT_ONCE = 4  # rejections in a row that can stand out
 STANDS_OUT = 1e-3  # how often so many in a row may be expected by the share of the others
 UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
+INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
+SETTLED = 25.0  # s after its first fix in which a filter may still be wrong about its start
 MOST_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
 WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
 """What can explain rejections with good fixes between them."""
@@ -52,7 +54,7 @@ def joined(before: Sequence[Run], now: Sequence[Run]) -> list[Run]:
 
 
 def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
-    found, single = [], list[int]()
+    found, single = list[Run](), list[int]()
     chains = _apart(own, np.flatnonzero(own.rejected), CHAIN)
     whole = _together(own, every, kind, chains)
     if whole is not None:
@@ -65,7 +67,7 @@ def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
             if cause is None or cause.shape == causes.OUTLIERS:
                 single += part.tolist()
             else:
-                found.append(_run(s, own, part, cause))
+                found.append(_settling(_run(s, own, part, cause), own.began))
     if single and not _by_chance(own, np.array(single)):
         nothing = Found(causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0)
         found.append(_run(s, own, np.array(single), nothing))
@@ -94,6 +96,8 @@ def _explained(
         yield bad, found
         return
     before = 0
+    if len(parts) > MOST_RUNS:
+        parts[MOST_RUNS - 1 :] = [np.concatenate(parts[MOST_RUNS - 1 :])]
     for part in parts:
         cause = None
         if len(part) >= FEW:
@@ -104,8 +108,16 @@ def _explained(
 
 def _without_onset(found: Found, own: Fixes) -> Found:
     """A drift that was there from the beginning may as well be that of the others."""
-    early = found.shape == causes.DRIFT and found.since < own.t[0] + CHAIN
+    early = found.shape == causes.DRIFT and found.since < own.began + CHAIN
     return found._replace(shape=causes.ALWAYS) if early else found
+
+
+def _settling(run: Run, begin: float) -> Run:
+    """A run that is over soon after the filter began shows an error of its start as well as one of
+    the fixes."""
+    if run.found.shape == causes.NOISE or run.stop > begin + SETTLED:
+        return run
+    return run._replace(found=run.found._replace(shape=causes.START))
 
 
 def _apart(own: Fixes, bad: Ints, seconds: float) -> list[Ints]:
@@ -154,5 +166,5 @@ def _by_chance(own: Fixes, bad: Ints) -> bool:
     rows = own.measured
     expected = chdtrc(rows, own.nis[own.rejected].min()).sum()
     farthest = chdtrc(rows[bad], own.nis[bad]).min() * len(rows)
-    many = 1 - pdtr(len(bad) - 1, expected)
+    many = 1 - pdtr(len(bad) - 1, INEXACT * expected)
     return bool(many > UNLIKELY and farthest > UNLIKELY)

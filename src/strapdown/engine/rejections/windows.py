@@ -20,16 +20,22 @@ class Fixes(NamedTuple):
     rows: Array  # (m, FIX_WIDTH)
     sd: Array  # (m, 3) stated
     after: Array  # (sources,) s: rejections up to then are known already
+    begin: Array  # (sources,) s: the first that was tested, kept or not
 
     def of(self, s: int) -> "Fixes":
         """Those of a source that were tested."""
         own = (self.rows[:, loop.F_SOURCE] == s) & np.isfinite(self.rows[:, loop.F_NIS])
-        return Fixes(self.rows[own], self.sd[own], self.after)
+        return self._replace(rows=self.rows[own], sd=self.sd[own])
 
     @property
     def t(self) -> Array:
         """Times (m,), s."""
         return self.rows[:, loop.F_T]
+
+    @property
+    def began(self) -> float:
+        """Of fixes of one source: when its first was tested, s."""
+        return float(self.begin[int(self.rows[0, loop.F_SOURCE])])
 
     @property
     def nis(self) -> Array:

@@ -17,6 +17,7 @@ from .causes import (
     OFFSET,
     OUTLIERS,
     SCALE,
+    START,
     UNKNOWN,
 )
 from .contradictions import Run
@@ -41,13 +42,14 @@ def rejected(runs: Sequence[Run], aidings: Sequence[Aiding]) -> list[Rejected]:
 
 
 def _said(run: Run, source: Aiding, names: Sequence[str]) -> Rejected:
-    cause = DISAGREE if run.found.shape in (OFFSET, SCALE, ALWAYS) else run.found.shape
+    shape = run.found.shape
+    cause = DISAGREE if shape in (OFFSET, SCALE, ALWAYS) else UNKNOWN if shape == START else shape
     seen = _seen(run, source)
     if cause == DISAGREE:
-        others = " and ".join(names[s] for s in run.others)
-        also = [f"{others} rejected in the same time" if others else "the other sources fit"]
-        seen = f"{', '.join([seen] * bool(seen) + also)}: they contradict each other"
-    span = run.start, run.stop, run.count, run.of
+        others = ", ".join(names[s] for s in run.others)
+        also = f"fixes of {others} were rejected too" if others else "fixes of others were not"
+        seen = f"{', '.join(filter(None, [seen, also]))}: the sources contradict each other"
+    span = run.start, run.stop, run.number, run.of
     return Rejected(names[run.source], *span, cause, seen, REMEDIES[cause])
 
 
@@ -71,7 +73,8 @@ def _seen(run: Run, source: Aiding) -> str:
         return f"their errors are {100 * size[0]:.2g} % of the speed"
     return {
         NOISE: f"all of them scatter {found.spread:.2g} times their standard deviations",
-        OUTLIERS: f"single ones are up to {run.largest:.3g} standard deviations off",
+        OUTLIERS: f"single ones, up to {run.largest:.3g} standard deviations off",
+        START: f"up to {run.largest:.3g} standard deviations off, while the filter found its start",
         UNKNOWN: f"up to {run.largest:.3g} standard deviations off, for no cause that is known",
     }.get(found.shape, "")
 
@@ -80,6 +83,7 @@ def _amount(size: Array, source: Aiding, per: str = "") -> str:
     """A vector or a number with its unit and direction."""
     sensor = aiding.find(source.kind)
     unit, shown = quantities.shown_unit(sensor.quantities[0])
+    unit, per = ("m/s^2", "") if per and unit == "m/s" else (unit, per)
     if source.kind not in ("position", "velocity"):
         width = len(sensor.quantities)
         values = ", ".join(f"{value * shown:+.3g}" for value in size[:width])

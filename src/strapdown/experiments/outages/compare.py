@@ -20,6 +20,7 @@ from ...data import Trajectory
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import Estimate, with_estimates
 from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
+from ...engine.weighed import Adaptive, Robust, with_weights
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress, Say
@@ -55,6 +56,8 @@ def compare(
     progress: Progress | None = None,
     vehicle: GivenVehicle | None = None,
     estimate: Estimate | None = None,
+    robust: Robust | None = None,
+    adaptive: Adaptive | None = None,
 ) -> Comparison:
     """Run filters through the same outages of a recording with a reference, and return the
     Comparison of their errors.
@@ -64,7 +67,7 @@ def compare(
     list of (start, stop) in s; kinds: of the fixes withheld. imu, noise, vehicle: as of `fuse`, for all
     filters; estimate: parameters of the installation that become states, as of `fuse`, of every
     filter whose label does not say so itself, as "NAME:estimate=clock+lever-arm" or
-    "NAME:estimate=none"; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
+    "NAME:estimate=none"; robust, adaptive: as of `fuse`; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
     feeds those that need an attitude (default: as `fuse` has it). threads: at a time (default: one
     per core); say: told of slow compilation; progress: called with the fraction done. A filter that
     cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
@@ -73,7 +76,7 @@ def compare(
     if not isinstance(recording, Recording):
         raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
     entrants, kinds = _entrants(filters), _kinds(kinds)
-    recording = with_estimates(recording, estimate)
+    recording = with_weights(with_estimates(recording, estimate), robust, adaptive)
     if threads is not None:
         check_number(threads, "threads", least=1, whole=True)
     if start is not None and not isinstance(start, Start):

@@ -24,6 +24,19 @@ class StartRules(Said):
     note: Line = ""
 
 
+class RejectedRules(Only):
+    """A run of rejected fixes."""
+
+    source: Name
+    start: Finite
+    stop: Finite
+    number: Annotated[int, Field(ge=0)]
+    of: Annotated[int, Field(ge=0)]
+    cause: Name
+    seen: Line
+    remedy: Line
+
+
 class SolutionMeta(Said):
     """`Solution.meta`, as far as the library asks for it."""
 
@@ -43,6 +56,7 @@ class SolutionMeta(Said):
     point: Name = "imu"
     withheld: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = []
     installation: dict[str, Any] | None = None
+    rejected: list[RejectedRules] = []
 
 
 class ReasonRules(Only):

@@ -1,0 +1,62 @@
+"""Fixes of which some are replaced by gross errors: what the gate, robust and adaptive sources make
+of them, and what they cost where all fixes are right."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from strapdown.data import Aiding
+from strapdown.engine.batch import fuse
+from strapdown.geodesy import displaced
+from strapdown.recording import Recording
+
+from .worlds import recorded, score
+
+SHARE, SIZE = 0.1, 20.0
+"""Part of the fixes that are replaced, and the standard deviations of what they err by then."""
+BEGUN = 30.0
+"""s from which fixes are replaced: by then a run has found its start, which one of them would
+spoil."""
+MEMORY = 60.0
+"""s of the adaptive sources."""
+WAYS: dict[str, dict[str, Any]] = {
+    "gate": {},
+    "no gate": {"gate": np.inf},
+    "robust": {"robust": True},
+    "adaptive": {"adaptive": MEMORY},
+    "both": {"robust": True, "adaptive": MEMORY},
+}
+CLEAN, DIRTY = "clean", "outliers"
+
+
+def rows(world: str, seeds: Iterable[int]) -> Iterator[dict[str, Any]]:
+    """A row per seed, fixes and way."""
+    for seed in seeds:
+        right = recorded(world, seed)
+        for fixes, recording in ((CLEAN, right), (DIRTY, spoiled(right, seed))):
+            for way, options in WAYS.items():
+                asked = replace(
+                    recording, aidings=tuple(replace(a, **options) for a in recording.aidings)
+                )
+                solution = fuse(asked)
+                yield {"world": world, "fixes": fixes, "way": way, "seed": seed} | score(
+                    solution, recording
+                )._asdict()
+
+
+def spoiled(recording: Recording, seed: int) -> Recording:
+    """The recording with SHARE of each source's fixes replaced by ones that err by SIZE standard
+    deviations, normally distributed, from BEGUN on."""
+    streams = np.random.default_rng([seed, 23]).spawn(len(recording.aidings))
+    return replace(
+        recording,
+        aidings=tuple(_spoiled(a, rng) for a, rng in zip(recording.aidings, streams)),
+    )
+
+
+def _spoiled(a: Aiding, rng: np.random.Generator) -> Aiding:
+    off = (rng.random(len(a.t)) < SHARE) & (a.t > a.t[0] + BEGUN)
+    error = SIZE * a.sd * rng.standard_normal(a.sd.shape) * off[:, None]
+    return replace(a, y=displaced(a.y, error) if a.kind == "position" else a.y + error)

@@ -1,0 +1,248 @@
+"""The figures, their targets and tables."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ..common import markdown
+from . import correlated, coverage, misstated, outliers
+
+TITLE = "Noise, told by the data"
+INTRODUCTION = (
+    "What errors that last, noise that is stated wrongly and gross errors do to a filter, and what "
+    "states, `tune`, robust and adaptive sources make of it. Simulated runs are scored horizontally, "
+    "a row a second from the 60th on, all seeds together; of the recorded ones fixes are hidden.",
+)
+WITHIN = {1.0: 0.683, 3.0: 0.997}
+"""{standard deviations: share of a normal distribution}."""
+
+
+class Target(NamedTuple):
+    """What is asked for."""
+
+    text: str
+    comparison: str  # <= or >=
+    bound: float
+    unit: str = ""
+
+
+TARGETS = {
+    "correlated low, states": Target(
+        "errors correlated over 0, 30, 120 s, states: rms error over claimed sd, lowest", ">=", 0.9
+    ),
+    "correlated high, states": Target(
+        "errors correlated over 0, 30, 120 s, states: rms error over claimed sd, highest", "<=", 1.1
+    ),
+    "correlated low, tuned": Target(
+        "errors correlated over 0, 30, 120 s, tuned: rms error over claimed sd, lowest", ">=", 0.9
+    ),
+    "correlated high, tuned": Target(
+        "errors correlated over 0, 30, 120 s, tuned: rms error over claimed sd, highest", "<=", 1.1
+    ),
+    "white, tuned": Target(
+        "white errors: rms error with tuned values over that with the right ones", "<=", 1.02
+    ),
+    "misstated rms": Target(
+        "noise stated five times wrong: rms error after tune over that of the right noise, worst",
+        "<=",
+        1.1,
+    ),
+    "misstated NIS low": Target(
+        "noise stated five times wrong: median NIS after tune over its expectation, lowest",
+        ">=",
+        0.8,
+    ),
+    "misstated NIS high": Target(
+        "noise stated five times wrong: median NIS after tune over its expectation, highest",
+        "<=",
+        1.25,
+    ),
+    "robust outliers": Target(
+        "a tenth of the fixes off by 20 sd: rms error of robust over that of clean fixes, worst",
+        "<=",
+        1.1,
+    ),
+    "robust clean": Target(
+        "clean fixes: rms error of robust over that of the gate, worst", "<=", 1.02
+    ),
+    "adaptive clean": Target(
+        "clean fixes: rms error of adaptive over that of the gate, worst", "<=", 1.02
+    ),
+    "coverage 1": Target(
+        "hidden fixes of drive0708 and thor75 within one sd, tuned: off 68.3 %, worst",
+        "<=",
+        10,
+        "%",
+    ),
+    "coverage 3": Target(
+        "hidden fixes of drive0708 and thor75 within three sd, tuned: off 99.7 %, worst",
+        "<=",
+        10,
+        "%",
+    ),
+}
+"""The targets, by name."""
+
+
+class Evidence(NamedTuple):
+    """Tables of all runs."""
+
+    correlated: pd.DataFrame
+    misstated: pd.DataFrame
+    outliers: pd.DataFrame
+    coverage: pd.DataFrame
+
+
+def pooled(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
+    """A row per cell: seeds, rms error and rms claimed sd, m, of all its runs together."""
+    rows = []
+    for key, own in table.groupby(keys, sort=False):
+        many = own["rows"].sum()
+        rows.append(
+            dict(zip(keys, key))
+            | {
+                "seeds": own["seed"].nunique(),
+                "rms, m": float(np.sqrt(own["error"].sum() / many)),
+                "claimed, m": float(np.sqrt(own["claimed"].sum() / many)),
+            }
+        )
+    found = pd.DataFrame(rows, columns=[*keys, "seeds", "rms, m", "claimed, m"])
+    found["rms/claimed"] = found["rms, m"] / found["claimed, m"]
+    return found
+
+
+def of_correlated(table: pd.DataFrame) -> pd.DataFrame:
+    """A row per world, correlation time and way."""
+    return pooled(table, ["world", "time", "way"])
+
+
+def of_misstated(table: pd.DataFrame) -> pd.DataFrame:
+    """A row per world, mistake and way: rms error over that of the right noise, and the median over
+    the runs of the median NIS over its expectation."""
+    keys = ["world", "mistake", "way"]
+    found = pooled(table, keys)
+    right = found[found["way"] == misstated.RIGHT].set_index(["world", "mistake"])["rms, m"]
+    index = pd.MultiIndex.from_frame(found[["world", "mistake"]])
+    found["over right"] = found["rms, m"].to_numpy() / right.reindex(index).to_numpy()
+    nis = table.groupby(keys, sort=False)["nis"].median()
+    found["NIS/expected"] = nis.reindex(pd.MultiIndex.from_frame(found[keys])).to_numpy()
+    return found
+
+
+def of_outliers(table: pd.DataFrame) -> pd.DataFrame:
+    """A row per world, fixes and way: rms error over that of clean fixes with the gate."""
+    found = pooled(table, ["world", "fixes", "way"])
+    base = found[(found["fixes"] == outliers.CLEAN) & (found["way"] == "gate")]
+    base = base.set_index("world")["rms, m"]
+    found["over clean gate"] = found["rms, m"] / found["world"].map(base)
+    return found
+
+
+def of_coverage(table: pd.DataFrame) -> pd.DataFrame:
+    """A row per recording, length of outage and way: shares of hidden fixes within one and three
+    standard deviations, north and east together, and their rms error and sd, m."""
+    rows = []
+    keys = ["recording", "length", "way"]
+    for key, own in table.groupby(keys, sort=False):
+        size = own["error"].abs() / own["sd"]
+        rows.append(
+            dict(zip(keys, key))
+            | {"fixes": len(own) // 2}
+            | {f"within {k:g} sd": float((size <= k).mean()) for k in WITHIN}
+            | {
+                "rms, m": float(np.sqrt((own["error"] ** 2).mean())),
+                "sd, m": float(np.sqrt((own["sd"] ** 2).mean())),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def figures(found: Evidence) -> dict[str, float]:
+    """{name of a target: figure}; NaN where the runs do not decide."""
+    values: dict[str, float] = {}
+    if len(found.correlated):
+        table = of_correlated(found.correlated)
+        for name in (correlated.STATES, correlated.TUNED):
+            own = table.loc[table["way"] == name, "rms/claimed"]
+            values[f"correlated low, {name}"] = float(own.min())
+            values[f"correlated high, {name}"] = float(own.max())
+        white = table[table["time"] == 0].pivot(index="world", columns="way", values="rms, m")
+        if correlated.TUNED in white:
+            ratio = white[correlated.TUNED] / white[correlated.AS_WHITE]
+            values["white, tuned"] = float(ratio.max())
+    if len(found.misstated):
+        table = of_misstated(found.misstated)
+        own = table[table["way"] == misstated.TUNED]
+        values["misstated rms"] = float(own["over right"].max())
+        values["misstated NIS low"] = float(own["NIS/expected"].min())
+        values["misstated NIS high"] = float(own["NIS/expected"].max())
+    if len(found.outliers):
+        ratio = of_outliers(found.outliers).set_index(["fixes", "way"])["over clean gate"]
+        values["robust outliers"] = float(ratio[outliers.DIRTY, "robust"].max())
+        values["robust clean"] = float(ratio[outliers.CLEAN, "robust"].max())
+        values["adaptive clean"] = float(ratio[outliers.CLEAN, "adaptive"].max())
+    if len(found.coverage):
+        table = of_coverage(found.coverage)
+        own = table[table["way"] == coverage.TUNED]
+        for k, share in WITHIN.items():
+            off = (own[f"within {k:g} sd"] - share).abs()
+            values[f"coverage {k:g}"] = 100 * float(off.max())
+    return values
+
+
+def claims(found: Evidence) -> list[dict[str, Any]]:
+    """The claims that the runs at hand decide: what was asked for, what was measured, whether it
+    holds."""
+    return [
+        {
+            "claim": target.text,
+            "target": f"{target.comparison} {target.bound:g} {target.unit}".rstrip(),
+            "figure": f"{figure:.3g} {target.unit}".rstrip(),
+            "value": figure,
+            "bound": target.bound,
+            "holds": bool(
+                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
+            ),
+        }
+        for name, figure in figures(found).items()
+        for target in [TARGETS[name]]
+        if np.isfinite(figure)
+    ]
+
+
+def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
+    """{name: (caption, DataFrame)}."""
+    of = {
+        "correlated": ("Position errors that last, s of correlation", of_correlated),
+        "misstated": ("Noise stated five times wrong", of_misstated),
+        "outliers": ("A tenth of the fixes off by 20 sd, and none", of_outliers),
+        "coverage": ("Fixes hidden in outages, s", of_coverage),
+    }
+    return {
+        name: (caption, make(getattr(found, name)))
+        for name, (caption, make) in of.items()
+        if len(getattr(found, name))
+    }
+
+
+def in_docs(
+    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
+) -> str:
+    """Markdown for docs/noise.md."""
+    head = pd.DataFrame(
+        [
+            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
+            for c in claims
+        ],
+        columns=["figure", "target", "measured", ""],
+    )
+    headed = [(f"### {caption}", table.map(_rounded)) for caption, table in tables.values()]
+    return markdown.tables([("### Figures", head), *headed])
+
+
+def _rounded(value: object) -> object:
+    if not isinstance(value, (float, np.floating)):
+        return value
+    return "–" if np.isnan(value) else f"{value:.3g}"

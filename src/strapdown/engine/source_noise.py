@@ -1,0 +1,89 @@
+"""How the errors of sources are followed in a run: correlated, robust, adaptive. What is refused, what a
+filter cannot do, and the numbers that its loop gets."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..checks import DataError, brief, check_array, check_flag, check_number
+from ..core.contract import (
+    CORRELATED_SD,
+    CORRELATED_STATE,
+    CORRELATION_TIME,
+    KEPT,
+    MEMORY,
+    ROBUST,
+    Filter,
+)
+from ..data import Aiding, Correlated
+from ..typing import Array
+
+
+def place_noise(row: Array, a: Aiding, first: int) -> int:
+    """Write into the parameters `row` of a source how its errors are followed; the states of its
+    correlated ones begin with `first`. Returns how many they are."""
+    row[ROBUST], row[MEMORY], row[KEPT] = a.robust, a.adaptive, 1.0
+    if a.correlated is None:
+        return 0
+    sd = np.asarray(a.correlated.sd)
+    row[CORRELATION_TIME], row[CORRELATED_SD : CORRELATED_SD + len(sd)] = a.correlated.time, sd
+    rows = correlated_rows(a)
+    for k, i in enumerate(rows):
+        row[CORRELATED_STATE + i] = first + k
+    return len(rows)
+
+
+def correlated_rows(a: Aiding) -> list[int]:
+    """The rows of a source whose correlated errors are states."""
+    if a.correlated is None or not a.correlated.states:
+        return []
+    return [i for i, sd in enumerate(a.correlated.sd) if sd > 0]
+
+
+def checked_noise(a: Aiding) -> Aiding:
+    """A source whose `correlated`, `robust` and `adaptive` can be. Raises DataError."""
+    what, many = a.name or a.kind, np.shape(a.sd)[1] if np.ndim(a.sd) == 2 else 1
+    check_flag(a.robust, f"{what}: robust")
+    check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=1e6)
+    if a.correlated is not None:
+        if not isinstance(a.correlated, Correlated):
+            raise DataError(
+                f"{what}: correlated is {brief(a.correlated)}; it must be a Correlated, sd and time"
+            )
+        sd, time, states = a.correlated
+        check_number(time, f"{what}: time of its correlated errors", "s", above=0, most=1e6)
+        check_flag(states, f"{what}: states of its correlated errors")
+        errors = f"{what}: sd of its correlated errors"
+        check_array(sd, errors, (many,), least=0, most=1e6, what="numbers, SI, by row")
+        if not any(sd):
+            raise DataError(f"{errors} is {tuple(sd)}; one must be above 0")
+    return a
+
+
+def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aiding], list[str]]:
+    """These sources, none of them robust or adaptive where `filter` cannot weigh their fixes, and a
+    note about that."""
+    names = dict.fromkeys(a.name or a.kind for a in aidings if a.robust or a.adaptive)
+    if filter.weighs or not names:
+        return aidings, []
+    return [replace(a, robust=False, adaptive=0.0) for a in aidings], [
+        f"{filter.name} has gains that the noise of a fix does not change: robust and adaptive of "
+        f"{', '.join(names)} are left out, its gate stays"
+    ]
+
+
+def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
+    """(these sources with their correlated errors as states only where `filter` can have them,
+    notes about the others). Raises DataError for such that cannot be."""
+    found, changed = [checked_noise(a) for a in aidings], dict[str, None]()
+    for k, a in enumerate(found):
+        used = filter.uses is None or a.kind in filter.uses
+        if used and not filter.installation and a.correlated is not None and a.correlated.states:
+            changed[a.name or a.kind] = None
+            found[k] = replace(a, correlated=a.correlated._replace(states=False))
+    return tuple(found), [
+        f"{filter.name} does not estimate the correlated errors of {name}: they add to its standard "
+        f"deviations, and the errors that last are larger than it claims"
+        for name in changed
+    ]

@@ -1,0 +1,40 @@
+"""Runs of rejections of two sources at the same time: which of them keep their own cause."""
+
+import numpy as np
+
+from strapdown.engine.rejections import causes
+from strapdown.engine.rejections.causes import Found
+from strapdown.engine.rejections.contradictions import Run, blamed
+
+
+def run(source, shape, number, gain=0.0):
+    return Run(
+        source,
+        100.0,
+        150.0,
+        number,
+        2 * number,
+        6.0,
+        Found(shape, np.zeros(3), 100.0, np.inf, 2.0, gain),
+    )
+
+
+def found(*runs):
+    """[(cause, sources that were rejected too)]"""
+    return [(each.found.shape, each.others) for each in blamed(list(runs))]
+
+
+def test_noise_is_too_small_of_each_source_by_itself():
+    few, many = run(0, causes.NOISE, 40), run(1, causes.NOISE, 60)
+    assert found(few, many) == [(causes.NOISE, (1,)), (causes.NOISE, (0,))]
+    assert found(run(0, causes.UNKNOWN, 70), many) == [
+        (causes.DISAGREE, (1,)),
+        (causes.NOISE, (0,)),
+    ]
+
+
+def test_noise_that_a_larger_shape_explains_is_none():
+    assert found(run(0, causes.NOISE, 40), run(1, causes.OFFSET, 60, 90.0)) == [
+        (causes.DISAGREE, (1,)),
+        (causes.OFFSET, (0,)),  # which says of whom fixes were rejected too
+    ]
