@@ -56,7 +56,7 @@ def check_absent(*paths: Path) -> None:
     for path in paths:
         if os.path.lexists(path):
             raise DataError(
-                f"{path}: is there already, and is not overwritten; choose another folder, or move it"
+                f"{path}: is there already, and is not overwritten; move it away, or choose another folder"
             )
 
 
