@@ -114,11 +114,11 @@ def test_the_factor_becomes_that_of_the_true_noise(true):
 
 def test_a_change_is_learned_within_about_the_memory():
     changed = lambda t: 1.0 if t < 300.0 else 2.0
-    runs = np.mean([watched(changed, 30.0, 0.2, fixes=4000, seed=s) for s in range(8)], axis=0)
+    runs = np.mean([watched(changed, 30.0, 0.4, fixes=1600, seed=s) for s in range(8)], axis=0)
     share = (runs - 1) / (4 - 1)
-    assert abs(share[:1500].mean()) < 0.07  # before
-    assert 0.3 < share[1500 + 150] < 0.9  # one memory after
-    assert share[-500:].mean() == pytest.approx(1, abs=0.12)
+    assert abs(share[:750].mean()) < 0.07  # before
+    assert 0.3 < share[750 + 75] < 0.9  # one memory after
+    assert share[-300:].mean() == pytest.approx(1, abs=0.12)
 
 
 def test_ten_fixes_decide_at_least_and_nothing_leaves_its_bounds():
