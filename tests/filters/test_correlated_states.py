@@ -145,6 +145,20 @@ def test_without_states_they_widen_the_standard_deviations():
     alike(found, fused(replace(recording, aidings=wider), start), 1e-9)
 
 
+@pytest.mark.parametrize("name", [SHORT, *(name for name in ABLE if name != "closed-loop")])
+def test_errors_that_are_forgotten_between_fixes_are_white(name):
+    """Also where a known attitude errs, for the time of four fixes."""
+    recording, start = straight(known=bool(filters.find(name).needs))
+    *gnss, last = recording.aidings
+    if last.kind == "attitude":
+        last = replace(last, sd=np.full_like(last.sd, 0.02))._where(np.arange(len(last.t)) % 4 == 3)
+    recording = replace(recording, aidings=(*gnss, last))
+    recording = told(recording, POSITION, 1e-3)
+    white = told(recording, POSITION, 1e-3, False)
+    found, expected = (fused(each, start, filter=name) for each in (recording, white))
+    alike(found, expected, 1e-3)
+
+
 @pytest.mark.short
 def test_errors_that_are_next_to_nothing_change_nothing():
     recording, start = straight()
