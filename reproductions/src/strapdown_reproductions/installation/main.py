@@ -1,11 +1,7 @@
 """What of an installation is found, and whether its intervals hold: `strapdown reproduce
 installation`."""
 
-import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,6 +12,8 @@ from strapdown.typing import File, Progress
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.pages import write_page
+from ..common.processes import on_processes
+from ..common.targets import in_docs
 from . import drive, misses, simulated, summary
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN
 from .summary import FILTER, Evidence
@@ -99,18 +97,6 @@ def batches(name: str, filter: str, start: str, seed: int, count: int) -> list[T
     ]
 
 
-def on_processes(
-    run: Any, tasks: Sequence[Task], workers: int
-) -> Iterator[dict[str, pd.DataFrame]]:
-    """What `run` makes of each task, in their order, by so many processes; 0: the processors."""
-    workers = min(workers or os.cpu_count() or 1, len(tasks))
-    if workers == 1:
-        yield from map(run, tasks)
-        return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        yield from pool.map(run, tasks)
-
-
 def work(folder: Path, task: Task) -> dict[str, pd.DataFrame]:
     """{name of a table of Evidence: its rows} of a task."""
     what, given = task
@@ -145,6 +131,6 @@ def write(out: Path, found: Evidence) -> list[dict[str, Any]]:
         summary.INTRODUCTION,
         claims,
         {"runs": (None, found.parameters), **tables},
-        texts={"table.md": summary.in_docs(claims, tables)},
+        texts={"table.md": in_docs(claims, tables)},
     )
     return claims

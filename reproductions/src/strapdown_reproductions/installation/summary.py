@@ -1,6 +1,5 @@
 """The figures: errors, intervals, NEES, what is called found; their targets and tables."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +7,7 @@ import pandas as pd
 
 from strapdown.evaluation.consistency import band
 
-from ..common import markdown
+from ..common.targets import Target, judged
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
 from .drive import NOTHING, RIGHT
 from .misses import BOUNDS, STATES, UNITS
@@ -33,15 +32,6 @@ FIVE_MINUTES = 300.0
 DRIVEN = {"clock": 0.01, "lever-arm": 0.05, "mounting": 0.2}
 ASIDE = "lever-arm down"
 """Of the drive: its motion hardly shows it."""
-
-
-class Target(NamedTuple):
-    """What is asked for."""
-
-    text: str
-    comparison: str  # <= or >=
-    bound: float
-    unit: str = ""
 
 
 def _of_starts(name: str, text: str, *rest: Any) -> dict[str, Target]:
@@ -249,21 +239,7 @@ def figures(found: Evidence) -> dict[str, float]:
 def claims(found: Evidence) -> list[dict[str, Any]]:
     """The claims that the runs at hand decide: what was asked for, what was measured, whether it
     holds."""
-    return [
-        {
-            "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} {target.unit}".rstrip(),
-            "figure": f"{figure:.3g} {target.unit}".rstrip(),
-            "value": figure,
-            "bound": target.bound,
-            "holds": bool(
-                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
-            ),
-        }
-        for name, figure in figures(found).items()
-        for target in [TARGETS[name]]
-        if np.isfinite(figure)
-    ]
+    return judged(figures(found), TARGETS)
 
 
 def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
@@ -286,25 +262,3 @@ def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
         "misses": ("Missed figures of recorded data, with what is found", found.misses),
     }
     return {name: (caption, table) for name, (caption, table) in shown.items() if len(table)}
-
-
-def in_docs(
-    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
-) -> str:
-    """Markdown for docs/installation-figures.md."""
-    columns = ["figure", "target", "measured", ""]
-    head = pd.DataFrame(
-        [
-            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims
-        ],
-        columns=columns,
-    )
-    headed = [(f"### {caption}", table.map(_rounded)) for caption, table in tables.values()]
-    return markdown.tables([("### Figures", head), *headed])
-
-
-def _rounded(value: object) -> object:
-    if not isinstance(value, (float, np.floating)):
-        return value
-    return "–" if np.isnan(value) else f"{value:.3g}"

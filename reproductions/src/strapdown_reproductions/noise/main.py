@@ -1,10 +1,7 @@
 """What noise that a filter was not told of does, and what helps: `strapdown reproduce noise`."""
 
-import os
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,6 +12,8 @@ from strapdown.typing import File, Progress
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.pages import write_page
+from ..common.processes import on_processes
+from ..common.targets import in_docs
 from . import correlated, coverage, misstated, outliers, summary
 from .summary import Evidence
 from .worlds import CAR, WORLDS
@@ -49,7 +48,7 @@ def reproduce(
     seeds = range(seed, seed + count)
     tasks = quick_tasks(seeds) if quick else all_tasks(folder, seeds)
     found: dict[str, list[pd.DataFrame]] = {}
-    for done, (name, table) in enumerate(_on_processes(partial(work, folder), tasks, workers), 1):
+    for done, (name, table) in enumerate(on_processes(partial(work, folder), tasks, workers), 1):
         found.setdefault(name, []).append(table)
         if progress:
             progress(done / len(tasks))
@@ -95,17 +94,6 @@ def work(folder: Path, task: Task) -> tuple[str, pd.DataFrame]:
     return name, pd.DataFrame(list(rows))
 
 
-def _on_processes(
-    run: Any, tasks: Sequence[Task], workers: int
-) -> Iterator[tuple[str, pd.DataFrame]]:
-    workers = min(workers or os.cpu_count() or 1, len(tasks))
-    if workers == 1:
-        yield from map(run, tasks)
-        return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        yield from pool.map(run, tasks)
-
-
 def evidence(found: dict[str, list[pd.DataFrame]]) -> Evidence:
     """The tables of all tasks."""
     empty = pd.DataFrame()
@@ -126,6 +114,6 @@ def write(out: Path, found: Evidence) -> list[dict[str, Any]]:
         summary.INTRODUCTION,
         claims,
         tables,
-        texts={"table.md": summary.in_docs(claims, tables)},
+        texts={"table.md": in_docs(claims, tables)},
     )
     return claims

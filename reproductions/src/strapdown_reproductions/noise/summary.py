@@ -1,12 +1,11 @@
 """The figures, their targets and tables."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ..common import markdown
+from ..common.targets import Target, judged
 from . import correlated, coverage, misstated, outliers
 
 TITLE = "Noise, told by the data"
@@ -17,15 +16,6 @@ INTRODUCTION = (
 )
 WITHIN = {1.0: 0.683, 3.0: 0.997}
 """{standard deviations: share of a normal distribution}."""
-
-
-class Target(NamedTuple):
-    """What is asked for."""
-
-    text: str
-    comparison: str  # <= or >=
-    bound: float
-    unit: str = ""
 
 
 TARGETS = {
@@ -206,21 +196,7 @@ def _white_tuned(table: pd.DataFrame) -> float:
 def claims(found: Evidence) -> list[dict[str, Any]]:
     """The claims that the runs at hand decide: what was asked for, what was measured, whether it
     holds."""
-    return [
-        {
-            "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} {target.unit}".rstrip(),
-            "figure": f"{figure:.3g} {target.unit}".rstrip(),
-            "value": figure,
-            "bound": target.bound,
-            "holds": bool(
-                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
-            ),
-        }
-        for name, figure in figures(found).items()
-        for target in [TARGETS[name]]
-        if np.isfinite(figure)
-    ]
+    return judged(figures(found), TARGETS)
 
 
 def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
@@ -236,24 +212,3 @@ def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
         for name, (caption, make) in of.items()
         if len(getattr(found, name))
     }
-
-
-def in_docs(
-    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
-) -> str:
-    """Markdown for docs/noise.md."""
-    head = pd.DataFrame(
-        [
-            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims
-        ],
-        columns=["figure", "target", "measured", ""],
-    )
-    headed = [(f"### {caption}", table.map(_rounded)) for caption, table in tables.values()]
-    return markdown.tables([("### Figures", head), *headed])
-
-
-def _rounded(value: object) -> object:
-    if not isinstance(value, (float, np.floating)):
-        return value
-    return "–" if np.isnan(value) else f"{value:.3g}"

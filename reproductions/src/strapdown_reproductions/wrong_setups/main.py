@@ -4,11 +4,7 @@ Each mistake is made on each recording; the solution says how much harm it does,
 verdict whether anyone notices, and the first reason whether the cause is named.
 """
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,6 +15,7 @@ from strapdown.typing import File, Progress
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.pages import write_page
+from ..common.processes import on_processes
 from . import diagnosed, summary
 from .cases import MOTIONS, recorded, simulated
 from .cells import cells, right_row, table
@@ -79,18 +76,6 @@ def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
 def quick_tasks(seed: int, count: int) -> list[Task]:
     """One simulated motion alone."""
     return [(SIMULATED, next(iter(MOTIONS)), s) for s in range(seed, seed + count)]
-
-
-def on_processes(
-    run: Callable[[Task], list[dict[str, Any]]], tasks: Sequence[Task], workers: int
-) -> Iterator[list[dict[str, Any]]]:
-    """What `run` makes of each task, in their order, by so many processes; 0: the processors."""
-    workers = min(workers or os.cpu_count() or 1, len(tasks))
-    if workers == 1:
-        yield from map(run, tasks)
-        return
-    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
-        yield from pool.map(run, tasks)
 
 
 def work(folder: Path, task: Task) -> list[dict[str, Any]]:
