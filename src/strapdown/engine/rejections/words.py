@@ -30,7 +30,7 @@ REMEDIES = {
     CLOCK: "run `strapdown diagnose`, which finds its `time.offset`",
     NOISE: "give it a larger sd, or run `strapdown tune`",
     DISAGREE: "run `strapdown inspect` and `strapdown diagnose`",
-    OUTLIERS: "nothing to do for a few; give it `robust = true` for many",
+    OUTLIERS: "nothing to do for a few; of many, ask why the receiver makes them",
     UNKNOWN: "look at these times in the report",
 }
 
