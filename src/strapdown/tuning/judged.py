@@ -14,8 +14,6 @@ from .scoring import CHI_SQUARE, Profile, Top, climb
 from .search import Search
 from .unknowns import Unknown
 
-UNEXPLAINED = 0.3
-"""Correlation of whitened innovations one fix apart above which noise factors mean nothing."""
 SPREAD = 3.0
 """Factor of a 95 % spread from which a direction is named."""
 TOGETHER = 0.3
