@@ -8,7 +8,6 @@ from strapdown import aiding
 from strapdown.aiding.course import LEAST_SPEED, SURELY
 from strapdown.aiding.pressure import pressure_altitude
 from strapdown.core.contract import PARAMETERS, Belief, compile_kernel
-from strapdown.core.jit import plain
 
 pytestmark = pytest.mark.short
 
@@ -62,7 +61,7 @@ def test_nor_where_the_speed_may_be_none(sd):
 
 @pytest.mark.parametrize("p", [0.0, -1.0, np.nan])
 def test_a_pressure_that_is_none_has_no_height(p):
-    assert np.isnan(plain(pressure_altitude)(p))
+    assert np.isnan(pressure_altitude(p))
 
 
 @pytest.mark.parametrize(
@@ -70,4 +69,4 @@ def test_a_pressure_that_is_none_has_no_height(p):
 )
 def test_heights_of_the_standard_atmosphere(p, height):
     """ICAO Doc 7488, geopotential heights."""
-    assert plain(pressure_altitude)(p) == pytest.approx(height, abs=0.5)
+    assert pressure_altitude(p) == pytest.approx(height, abs=0.5)

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from strapdown import read
 from strapdown.alignment.static_attitude import gyrocompass, level, levelled, static_attitude
 from strapdown.core import earth
-from strapdown.core.jit import plain
 from strapdown.geodesy import gravity, gravity_ned
 from strapdown.preprocessing.stationary import motionless
 from strapdown_reproductions.recordings.main import earth_rate
@@ -180,7 +179,7 @@ def test_gravity_of_arrays_is_that_of_the_filters(h):
     latitudes = np.linspace(-89, 89, 13) * DEG
     np.testing.assert_allclose(
         gravity(latitudes, h),
-        [plain(earth.gravity)(np.sin(lat), h) for lat in latitudes],
+        [earth.gravity(np.sin(lat), h) for lat in latitudes],
         rtol=1e-15,
     )
 
@@ -189,7 +188,7 @@ def test_gravity_of_arrays_is_that_of_the_filters(h):
 def test_the_vector_of_gravity_is_that_of_the_filters(h):
     latitudes = np.linspace(-89, 89, 13) * DEG
     found = gravity_ned(latitudes, h)
-    north = [plain(earth.gravity_north)(np.sin(lat), np.cos(lat), h) for lat in latitudes]
+    north = [earth.gravity_north(np.sin(lat), np.cos(lat), h) for lat in latitudes]
     np.testing.assert_allclose(found[:, 0], north, rtol=1e-14)
     assert np.all(found[:, 1] == 0) and np.array_equal(found[:, 2], gravity(latitudes, h))
     assert np.array_equal(gravity_ned(latitudes[3], h), found[3])

@@ -13,7 +13,6 @@ from scripted_filter import SCRIPTED, scripted
 import strapdown as sd
 from strapdown import quantities
 from strapdown.core import cursor as log, integrity, loop
-from strapdown.core.jit import plain
 from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine.events import MOST_OF_A_KIND, Events
 from strapdown.engine.limits import AT_FULL_SCALE, limits
@@ -341,7 +340,7 @@ def test_it_does_not_matter_when_the_log_is_emptied(seed, pause):
         (at, int(rng.integers(log.FULL_SCALE, log.STUCK + 1)), int(rng.integers(3)), rng.normal())
         for at in t
     ]
-    say = plain(log.say)
+    say = log.say
     for every in (1, 7, 50):
         cursor, events = empty_cursor(), events_of()
         for number, (at, code, which, value) in enumerate(told):
@@ -355,7 +354,7 @@ def test_it_does_not_matter_when_the_log_is_emptied(seed, pause):
 
 def test_a_full_log_still_counts():
     """What the loop cannot do, because it stops at half of it."""
-    cursor, say = empty_cursor(), plain(log.say)
+    cursor, say = empty_cursor(), log.say
     for k in range(log.LOG_ROWS + 10):
         say(cursor, log.STUCK, k, 1.0, 2.0)
     say(cursor, log.STUCK, 5, 1000.0, -3.0)

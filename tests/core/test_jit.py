@@ -20,7 +20,6 @@ from strapdown.core.jit import (
     is_cached,
     kernel,
     matrix,
-    plain,
 )
 
 PACKAGE = Path(strapdown.__file__).parent

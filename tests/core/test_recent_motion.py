@@ -22,7 +22,6 @@ from strapdown.core.contract import (
     Belief,
 )
 from strapdown.core.earth import gravity
-from strapdown.core.jit import plain
 from strapdown.core.recent_motion import AHEAD, BEHIND, ROWS, keep, look_back
 from strapdown.data import Aiding
 from strapdown.engine.limits import limits
@@ -33,7 +32,7 @@ from strapdown.vehicle import find
 
 pytestmark = pytest.mark.short
 LLA = np.array([0.7, 0.2, 300.0])
-G = np.array([0.0, 0.0, plain(gravity)(np.sin(LLA[0]), LLA[2])])
+G = np.array([0.0, 0.0, gravity(np.sin(LLA[0]), LLA[2])])
 TURNING = np.array([0.3, -0.4, 0.8])  # rad/s, body
 C0 = Rotation.from_euler("ZYX", [1.0, 0.1, -0.3])
 V0 = np.array([12.0, -5.0, 0.5])

@@ -8,9 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.jit import plain
 from strapdown.flight import autopilot as p
-from strapdown.flight.aircraft.dynamics import ready, step
+from strapdown.flight.aircraft.dynamics import step
 from strapdown.flight.aircraft.modes import linearise
 from strapdown.flight.aircraft.parameters import GRAVITY, aircraft
 from strapdown.flight.aircraft.trim import trim
@@ -52,7 +51,7 @@ def feedback(craft, steady, k):
             Rotation.from_euler("ZYX", [0.0, steady.pitch + pitch, roll]).as_matrix(),
         )
         memory[p.HEIGHT], memory[p.AIRSPEED] = 500.0, 25.0
-        plain(p.hold)(
+        p.hold(
             pilot,
             memory,
             500.0,
@@ -115,9 +114,7 @@ def test_turns_are_fed_forward_to_their_trim(roll):
         np.zeros(4),
     )
     memory[p.ROLL] = turned.roll
-    plain(p._surfaces)(
-        pilot, memory, turned.roll, turned.pitch, turned.state[10:13], 25.0, commands
-    )
+    p._surfaces(pilot, memory, turned.roll, turned.pitch, turned.state[10:13], 25.0, commands)
     assert (
         abs(turned.commands[0] - steady.commands[0]) > 0.01 and turned.pitch - steady.pitch > 1e-3
     )
@@ -180,7 +177,7 @@ def test_roll_follows_a_step(asked):
         steady.commands.copy(),
         np.zeros(6),
     )
-    advance, surfaces, rolls = ready(step), plain(p._surfaces), []
+    advance, surfaces, rolls = step, p._surfaces, []
     memory[p.ROLL] = asked
     for _ in range(300):
         a, b, c, d = state[6:10]
@@ -291,7 +288,7 @@ def test_routes_are_continuous(plan):
     """Where a segment ends the next one begins: same place, course and height; arcs have the
     radius that bank and ground speed give."""
     rows, seconds = route(plan, (3.0, 4.0, 0.0), G)
-    deviation, height_along = plain(p.deviation), plain(p.height_along)
+    deviation, height_along = p.deviation, p.height_along
     for row, after in zip(rows, rows[1:]):
         end = row[[p.TO_N, p.TO_E]]
         right, along, course = deviation(row, *end)
@@ -327,7 +324,7 @@ def test_routes_are_continuous(plan):
 def test_deviation_has_the_signs_of_right_and_along():
     line = np.zeros(p.ROUTE_WIDTH)
     line[[p.ALONG_N, p.LENGTH]] = 1.0, 100.0
-    assert plain(p.deviation)(line, 30.0, 5.0) == pytest.approx((5.0, 30.0, 0.0))
+    assert p.deviation(line, 30.0, 5.0) == pytest.approx((5.0, 30.0, 0.0))
     arc = np.zeros(p.ROUTE_WIDTH)
     # clockwise from the origin, northwards
     arc[[p.KIND, p.FROM_E, p.RADIUS, p.ANGLE, p.LENGTH]] = (
@@ -337,8 +334,8 @@ def test_deviation_has_the_signs_of_right_and_along():
         -math.pi / 2,
         100.0,
     )
-    assert plain(p.deviation)(arc, 0.0, 2.0) == pytest.approx((2.0, 0.0, 0.0))
-    right, along, course = plain(p.deviation)(arc, 53.0, 50.0)
+    assert p.deviation(arc, 0.0, 2.0) == pytest.approx((2.0, 0.0, 0.0))
+    right, along, course = p.deviation(arc, 53.0, 50.0)
     assert (right, along, course) == pytest.approx((-3.0, 25 * math.pi, math.pi / 2))
 
 

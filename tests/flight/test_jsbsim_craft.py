@@ -6,8 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.jit import plain
-from strapdown.flight.aircraft.dynamics import evaluate, ready, step
+from strapdown.flight.aircraft.dynamics import evaluate, step
 from strapdown.flight.aircraft.forces import density
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.jsbsim_craft import INTEGRATORS, _place, fly_jsbsim
@@ -64,7 +63,7 @@ def commands(t):
 def flown(craft, duration=20.0, dt=DT, wind=(0.0, 0.0)):
     """States of `step` on the geodetic Earth, (n, 17), commands held for DT."""
     go, parameters, state, increments = (
-        ready(step),
+        step,
         craft.array("geodetic"),
         state_of(25.0, 0.0, 0.05, 0.5, 0.05),
         np.zeros(6),
@@ -180,7 +179,7 @@ def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
         np.zeros(19),
         np.zeros(12),
     )
-    path, go = jsbsim_definition(AEROSONDE, tmp_path), ready(evaluate)
+    path, go = jsbsim_definition(AEROSONDE, tmp_path), evaluate
     with session() as (executive, _):
         executive.set_aircraft_path(str(tmp_path))
         assert executive.load_model(path.stem)
@@ -239,10 +238,8 @@ def test_the_standard_atmosphere_is_that_of_the_aircraft(height, tmp_path):
         executive.set_aircraft_path(str(tmp_path))
         assert executive.load_model(path.stem)
         _place(executive, state, state[13:], (0.0, 0.0), INTEGRATORS)
-        ready(evaluate)(craft.array("geodetic"), state, NOTHING, np.zeros(19), outputs)
-        assert executive["craft/rho"] == pytest.approx(
-            plain(density)(craft.array(), height), rel=1e-9
-        )
+        evaluate(craft.array("geodetic"), state, NOTHING, np.zeros(19), outputs)
+        assert executive["craft/rho"] == pytest.approx(density(craft.array(), height), rel=1e-9)
         force = [executive[f"forces/fb{axis}-total-lbs"] * POUND for axis in "xyz"]
         assert np.allclose(force, outputs[:3], rtol=1e-8, atol=1e-8)
 

@@ -13,7 +13,6 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.earth import gravity
-from strapdown.core.jit import plain
 from strapdown.engine import stream as live
 from strapdown.vehicle import Vehicle
 from strapdown_reproductions.mollaei.six_state import filters
@@ -78,7 +77,7 @@ def dense(made, density=None, q=None, r=None):
         )
         for a in recording.aidings
     ]
-    weight = plain(gravity)(np.sin(start.lla[0]), start.lla[2]) * dt
+    weight = gravity(np.sin(start.lla[0]), start.lla[2]) * dt
     for t, dv in zip(recording.imu.t, velocity_increments(recording, start)[0] + [0, 0, weight]):
         x, P = Phi @ x + np.r_[dt / 2 * dv, dv], Phi @ P @ Phi.T + Q
         for times, y, sigma, H in fixes:

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import PARAMETERS, Start, plain
+from strapdown.core.contract import PARAMETERS, Start
 from strapdown.data import Trajectory
 from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording
@@ -72,7 +72,7 @@ def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
     path, sd = truth(600, 3), (0.02, 0.02, 0.05)
     fixes = Ahrs(rate=None, sd=sd).measure(path, np.random.default_rng(4))
     observe, belief = (
-        plain(aiding.find("attitude").observe),
+        aiding.find("attitude").observe.py_func,
         Start(0.0, PLACE, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (0.0,) * 3, (1.0,) * 15).belief(
             np.zeros(1)
         ),

@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 from strapdown import Start, Trajectory
 from strapdown.core.contract import Imu, Noise
 from strapdown.core.earth import gravity
-from strapdown.core.jit import plain
 from strapdown.data import Aiding
 from strapdown.recording import Recording
 
@@ -16,7 +15,7 @@ ORIGIN = np.array([np.radians(47.0), np.radians(8.0), 500.0])
 NOISE = Noise(gyro=1e-5, accel=2e-3, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
 # m per rad of latitude and of longitude
 RADII = np.array(pyins.earth.principal_radii(np.degrees(ORIGIN[0]), ORIGIN[2])[0::2])
-GRAVITY = float(plain(gravity)(np.sin(ORIGIN[0]), ORIGIN[2]))
+GRAVITY = float(gravity(np.sin(ORIGIN[0]), ORIGIN[2]))
 
 
 def motion(t, turning=True):

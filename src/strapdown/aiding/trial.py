@@ -11,7 +11,6 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.contract import FIRST, PARAMETERS, STATES, Belief, Measurement, Observe
-from ..core.jit import entry_point
 from ..typing import Array
 
 TYPICAL = {
@@ -90,7 +89,7 @@ def _called(
     parameters[:3] = (2e-5, 1e-6, 4e-5) if sensor.parameters == "field" else (1.0, -0.5, 0.3)
     parameters[FIRST] = STATES if sensor.states else 0.0
     before = [part.copy() for part in belief]
-    found = entry_point(observe)(belief, y, parameters, innovation, H)
+    found = observe(belief, y, parameters, innovation, H)
     if found is None or int(found) not in (0, rows):
         raise DataError(
             f"observe returns {found}; it must return the number of its rows, {rows}, one for each "

@@ -15,7 +15,6 @@ import numpy as np
 from ..checks import DataError, brief
 from ..core.contract import Imu, Start
 from ..core.earth import GRAVITY_EQUATOR, gravity
-from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding
 from ..geodesy import displaced, displacement
@@ -197,7 +196,7 @@ def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Sta
 
 def _motion(moment: _Moment, C: Array, lla: Array, v: Array) -> tuple[float, ...]:
     """`Start.motion`."""
-    down, omega = np.array([0.0, 0.0, plain(gravity)(np.sin(lla[0]), lla[2])]), moment.omega
+    down, omega = np.array([0.0, 0.0, gravity(np.sin(lla[0]), lla[2])]), moment.omega
     swing = np.cross(omega, _arm(moment.fixes))
     arm = _arm(moment.velocity)
     whirl = np.cross(omega, np.cross(omega, arm)) + np.cross(moment.spin, arm)
@@ -349,7 +348,7 @@ def _turned(
 
     turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1].as_matrix()
     C = body_to_navigation(rph[0], rph[1], np.nan_to_num(rph[2])) @ (turn.T if back else turn)
-    roll, pitch, heading = plain(matrix_to_euler)(C)
+    roll, pitch, heading = matrix_to_euler(C)
     return roll, pitch, heading if np.isfinite(rph[2]) else np.nan
 
 

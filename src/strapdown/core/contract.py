@@ -9,22 +9,21 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
-from numba import types as numba_types
 
 from ..typing import Array, Ints, Mask, Vector
 from .jit import (
     COMPILED,
     address,
+    bound,
     caller,
     compile_kernel,
-    entry_point,
     helper,
     is_cached,
     kernel,
     matrix,
-    plain,
 )
 from .rotation import euler_to_matrix, quaternion_to_euler
+from .signatures import REAL, WHOLE, Function, reals, record, signature, wholes
 from .workspace import MOST_STATES, Slots
 
 __all__ = [
@@ -114,7 +113,7 @@ __all__ = [
     "helper",
     "matrix",
     "address",
-    "entry_point",
+    "bound",
     "caller",
     "compile_kernel",
     "is_cached",
@@ -195,7 +194,7 @@ class Start(NamedTuple):
 
         C = np.empty((3, 3))
         roll, pitch, heading = (float(angle) for angle in self.rph)
-        plain(euler_to_matrix)(roll, pitch, heading, C)
+        euler_to_matrix(roll, pitch, heading, C)
         return Belief(
             column(self.lla),
             column(self.v),
@@ -332,74 +331,127 @@ an aircraft makes pressures itself. Kernels know them by their number, which is 
     COURSE_KIND,
 ) = range(len(NUMBERED))
 
-OBSERVE: Any
-PREDICT: Any
-CORRECT: Any
-RUN: Any
-RUN_RECORDED: Any
-SAVE_STEP: Any
-ADJOINT_STEP: Any
-RUN_BACK: Any
-RUN_SENSITIVITY: Any
-if COMPILED:
-    types: Any = numba_types  # whose own annotations are not complete
-    _f8, _i8 = types.float64, types.int64
-    _line, _table, _cube = (
-        types.Array(_f8, 1, "C"),
-        types.Array(_f8, 2, "C"),
-        types.Array(_f8, 3, "C"),
+BELIEF = record(
+    Belief,
+    lla=reals(3),
+    v=reals(3),
+    C=reals(3, 3),
+    ba=reals(3),
+    bg=reals(3),
+    P=reals("n", "n"),
+    omega=reals(3),
+    f=reals(3),
+    workspace=reals("workspace"),
+    extra_states=reals("extra_states"),
+)
+NOISE = record(Noise, **dict.fromkeys(Noise._fields, REAL))
+IMU = record(
+    Imu, t=reals("samples"), dt=reals("samples"), dtheta=reals("samples", 3), dv=reals("samples", 3)
+)
+FIXES = record(
+    Fixes,
+    t=reals("fixes"),
+    source=wholes("fixes"),
+    y=reals("fixes", 3),
+    sd=reals("fixes", 3),
+    kind=wholes("sources"),
+    parameters=reals("sources", PARAMETERS),
+    gate=reals("sources"),
+)
+CURSOR = record(
+    Cursor,
+    at=wholes("places"),
+    now=reals("moments"),
+    previous=reals(7),
+    work=reals("work"),
+    accepted=wholes("sources"),
+    rejected=wholes("sources"),
+    in_a_row=wholes("sources"),
+    since=reals("sources"),
+    lifts=wholes("sources"),
+    last=reals("sources"),
+    limits=reals("limits"),
+    watched=reals("axes", "watched"),
+    floor=reals("sources", 3),
+    tests=reals("sources", "tests"),
+    log=reals("log_rows", "log_width"),
+    recent=reals("recent_rows", "recent_width"),
+    coupled=wholes("couplings", 3),
+)
+OUTPUT, RECORDED_OUTPUT = (
+    record(
+        Output,
+        nav=reals("rows", "columns"),
+        covariance=reals("covariances", "states", "states"),
+        fix=reals("fix_rows", "fix_columns"),
+        record=what,
+        mark=wholes("marks"),
     )
-    _count, _counts = types.Array(_i8, 1, "C"), types.Array(_i8, 2, "C")
+    for what in (reals("numbers"), reals("calls", "width"))
+)
 
-    def _named(cls: type, *fields: Any) -> Any:
-        return types.NamedTuple(fields, cls)
-
-    BELIEF = _named(Belief, _line, _line, _table, _line, _line, _table, _line, _line, _line, _line)
-    NOISE = types.NamedUniTuple(_f8, len(Noise._fields), Noise)
-    IMU = _named(Imu, _line, _line, _table, _table)
-    FIXES = _named(Fixes, _line, _count, _table, _table, _count, _table, _line)
-    CURSOR = _named(
-        Cursor,
-        *(_count, _line, _line, _line, _count, _count, _count, _line, _count, _line),
-        *(_line, _table, _table, _table, _table, _table, _counts),
+OBSERVE = signature(
+    "observe",
+    WHOLE,
+    belief=BELIEF,
+    y=reals(3),
+    parameters=reals(PARAMETERS),
+    innovation=reals(3),
+    H=reals(3, "n"),
+)
+PREDICT = signature("predict", belief=BELIEF, u=reals(6), dt=REAL, noise=NOISE)
+CORRECT = signature(
+    "correct",
+    REAL,
+    belief=BELIEF,
+    y=reals(3),
+    sd=reals(3),
+    kind=WHOLE,
+    observe=Function(OBSERVE),
+    parameters=reals(PARAMETERS),
+    gate=REAL,
+    innovation=reals(12),
+)
+RUN, RUN_RECORDED = (
+    signature(
+        name,
+        predict=WHOLE,
+        correct=WHOLE,
+        observers=wholes("kinds"),
+        belief=BELIEF,
+        imu=IMU,
+        fixes=FIXES,
+        noise=NOISE,
+        cursor=CURSOR,
+        out=output,
     )
-    OUTPUT, RECORDED_OUTPUT = (
-        _named(Output, _table, _cube, _table, record, _count) for record in (_line, _table)
-    )
-
-    OBSERVE = _i8(BELIEF, _line, _line, _line, _table)
-    PREDICT = types.void(BELIEF, _line, _f8, NOISE)
-    CORRECT = _f8(BELIEF, _line, _line, _i8, types.FunctionType(OBSERVE), _line, _f8, _line)
-    RUN, RUN_RECORDED = (
-        types.void(_i8, _i8, _count, BELIEF, IMU, FIXES, NOISE, CURSOR, output)
-        for output in (OUTPUT, RECORDED_OUTPUT)
-    )
-    SAVE_STEP = types.void(BELIEF, _line)
-    ADJOINT_STEP = types.void(_line, _line, _table, _line)
-    RUN_BACK = types.void(_i8, _table, _count, _cube, _count, _line, _table, _line, _table, _cube)
-    RUN_SENSITIVITY = types.void(_i8, _table, _cube, _line, _cube)
-else:
-    (
-        OBSERVE,
-        PREDICT,
-        CORRECT,
-        RUN,
-        RUN_RECORDED,
-        SAVE_STEP,
-        ADJOINT_STEP,
-        RUN_BACK,
-        RUN_SENSITIVITY,
-    ) = (
-        "observe",
-        "predict",
-        "correct",
-        "run",
-        "run recorded",
-        "save step",
-        "adjoint step",
-        "run back",
-        "run sensitivity",
-    )
+    for name, output in (("run", OUTPUT), ("run_recorded", RECORDED_OUTPUT))
+)
+SAVE_STEP = signature("save_step", belief=BELIEF, record=reals("width"))
+ADJOINT_STEP = signature(
+    "adjoint_step", call=reals("width"), lam=reals("k"), Lam=reals("k", "k"), work=reals("work")
+)
+RUN_BACK = signature(
+    "run_back",
+    adjoint_step=WHOLE,
+    record=reals("calls", "width"),
+    mark=wholes("rows"),
+    P=reals("rows", "n", "n"),
+    estimated=wholes("k"),
+    lam=reals("k"),
+    Lam=reals("k", "k"),
+    work=reals("work"),
+    nav=reals("rows", "columns"),
+    covariance=reals("covariances", "n", "n"),
+)
+RUN_SENSITIVITY = signature(
+    "run_sensitivity",
+    n=WHOLE,
+    record=reals("calls", "width"),
+    h=reals("fixes", 3, "lanes"),
+    V=reals("columns"),
+    J=reals("fixes", 3, "lanes"),
+)
 
 
 class Source(Protocol):

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from ..typing import Array
 from .contract import Noise
 from .error_dynamics import PP, TP, TV, VP, VV
-from .jit import flatten, helper, inlined, plain
+from .jit import flatten, helper, inlined
 from .workspace import MOST_STATES
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
@@ -311,7 +311,7 @@ def used_rows(n: int) -> int:
     return n * n + 3 * n + 4
 
 
-WORKSPACE = max(WIDE_END, plain(used_rows)(MOST_STATES) + 13)
+WORKSPACE = max(WIDE_END, used_rows(MOST_STATES) + 13)
 """Numbers of the flat workspace of `propagate`, and of `update`, which uses it in its own way."""
 
 

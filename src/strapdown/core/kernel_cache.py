@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import llvmlite
 import numba
 from numba.core import compiler, config as numba_config, serialize
+from numba.core.registry import cpu_target
 
 from ..file_locks import part_of
 
@@ -38,6 +39,8 @@ WITHOUT_EFFECT = re.compile(
 )
 """Settings of numba that leave machine code as it is. Any other, also one that a later numba
 brings, makes another key."""
+COMPILER = f"{__package__}.compiler"
+"""The module that makes the C functions around kernels, which no kernel imports."""
 CHECKSUM = hashlib.sha256().digest_size
 
 
@@ -184,22 +187,23 @@ def closure_digest(name: str) -> str:
     return digest.hexdigest()
 
 
-def key(dispatcher: Any) -> str:
+def key(kernel: Any, options: dict[str, Any]) -> str:
     """Digest of all that the machine code of a kernel comes from."""
-    options = sorted(
+    said = sorted(
         (name, sorted(value) if isinstance(value, set) else value)
-        for name, value in dispatcher.targetoptions.items()
+        for name, value in options.items()
     )
-    processor = dispatcher.targetctx.codegen().magic_tuple()
+    processor = cpu_target.target_context.codegen().magic_tuple()
     parts = (
-        closure_digest(dispatcher.py_func.__module__),
+        closure_digest(kernel.__module__),
+        closure_digest(COMPILER),
         numba.__version__,
         llvmlite.__version__,
         sys.implementation.cache_tag,
         processor,
         _settings(),
-        options,
-        str(dispatcher.signature),
+        said,
+        repr(kernel.signature),
     )
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
@@ -214,17 +218,16 @@ class KernelCache:
     """What numba asks of a cache, for one kernel. Where nothing can be read or written the
     kernel is compiled anew, and that is all."""
 
-    def __init__(self, dispatcher: Any) -> None:
-        function = dispatcher.py_func
-        self._stem = f"{function.__module__}.{function.__qualname__}"
+    def __init__(self, kernel: Any, options: dict[str, Any]) -> None:
+        self._stem = kernel.stem
         # what is defined in a function or typed into a shell has no code of its own to be known by
-        module = sys.modules.get(function.__module__)
+        module = sys.modules.get(kernel.__module__)
         known = "<" not in self._stem and getattr(module, "__file__", None)
         place = folder()
         self.path: Path | None = None
         with suppress(OSError):  # its file is gone
-            if known and place and not _edited_since(function.__module__, dispatcher.declared):
-                self.path = place / f"{self._stem}-{key(dispatcher)}.kernel"
+            if known and place and not _edited_since(kernel.__module__, kernel.declared):
+                self.path = place / f"{self._stem}-{key(kernel, options)}.kernel"
 
     @property
     def cache_path(self) -> str:

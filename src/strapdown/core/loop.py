@@ -105,7 +105,7 @@ from .integrity import (
     reachable,
     test,
 )
-from .jit import caller, flatten, helper, inlined, kernel, plain
+from .jit import caller, flatten, helper, inlined, kernel
 from .mechanization import compensate, stationary_increments
 from .recent_motion import keep, look_back
 from .rotation import matrix_to_quaternion
@@ -211,7 +211,7 @@ def run(
             return
 
 
-run_recorded = kernel(RUN_RECORDED)(plain(run))
+run_recorded = kernel(RUN_RECORDED, "run_recorded")(run.py_func)  # type: ignore[attr-defined]
 
 
 @inlined

@@ -10,7 +10,6 @@ import numpy as np
 
 from .. import estimable
 from ..checks import DataError, brief
-from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Solution
 from ..estimable import Estimable
@@ -156,7 +155,7 @@ def _values(solution: Solution, known: list[dict[str, Any]]) -> list[float]:
         if facts["name"] == "mounting":
             turn[facts["component"]] = error
     C = rotation_matrix(*solution.meta["installation"]["mounting"]) if known else np.eye(3)
-    angles = plain(matrix_to_euler)(rotation(turn) @ C)
+    angles = matrix_to_euler(rotation(turn) @ C)
 
     def value(facts: dict[str, Any], error: float) -> float:
         if facts["name"] == "mounting":

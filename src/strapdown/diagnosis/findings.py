@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding, Solution
 from ..preprocessing.axes import rotation_matrix
@@ -175,7 +174,7 @@ def settings(
             made.append(Setting(ARM, i, of_imu + given + arm))
     if turn.any():
         C = rotation(turn) @ rotation_matrix(*recording.meta.get("imu_mounting", (0.0, 0.0, 0.0)))
-        made.append(Setting(MOUNTING, None, np.array(plain(matrix_to_euler)(C))))
+        made.append(Setting(MOUNTING, None, np.array(matrix_to_euler(C))))
     return made
 
 

@@ -17,7 +17,6 @@ from ..aiding import find
 from ..core.contract import Imu
 from ..core.earth import gravity
 from ..core.error_dynamics import cross_matrix
-from ..core.jit import plain
 from ..data import Aiding
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
@@ -116,7 +115,7 @@ class Model:
         self.arms = np.array([_arm(a) for a in aidings])
         # what the turning Earth adds to an acceleration, 0.015 m/s^2 at 100 m/s, is left out
         latitude, height = run.start.lla[0], run.start.lla[2]
-        self.g = np.array([0.0, 0.0, plain(gravity)(np.sin(latitude), height)])
+        self.g = np.array([0.0, 0.0, gravity(np.sin(latitude), height)])
         self.start = np.zeros((len(run.belief.P), len(self.found)))
         if aligned:
             self._start(run)

@@ -10,7 +10,6 @@ import numpy as np
 from .. import filters
 from ..core import cursor as places, loop
 from ..core.contract import POS, STATES, VEL, Imu, Noise, Start
-from ..core.jit import plain
 from ..core.rotation import matrix_to_euler
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
@@ -129,7 +128,7 @@ def as_found(solution: Solution, recording: Recording, start: Start) -> tuple[Re
         R = rotation(turn)
         C = rotation_matrix(*start.rph) @ R.T
         start = start._replace(
-            rph=tuple(plain(matrix_to_euler)(C)),
+            rph=tuple(matrix_to_euler(C)),
             ba=tuple((R @ start.ba).tolist()),
             bg=tuple((R @ start.bg).tolist()),
         )

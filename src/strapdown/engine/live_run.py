@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core import cursor as places, loop
-from ..core.contract import DELAY, STATES, Belief, Cursor, Filter, Imu, Noise, Start, entry_point
+from ..core.contract import DELAY, STATES, Belief, Cursor, Filter, Imu, Noise, Start, bound
 from ..core.rotation import quaternion_to_euler
 from ..data import Aiding, Solution, Trajectory
 from ..recording import Recording
@@ -58,7 +58,7 @@ class _Room:
         self.stamp, self.sd = np.empty(most), np.empty((most, 3))
         self.waits = self.fixes.parameters[:, DELAY].tolist()
         self.out = new_output(filter, belief, rows, covariance, most)
-        self.arguments = (*kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
+        self.run = bound(loop.run, *kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
         columns: list[Any] = [cursor.at, *self.imu]
         views: list[Any] = [memoryview(column) for column in columns]
         self.at, self.t, self.dt, self.dtheta, self.dv = views
@@ -120,7 +120,6 @@ class LiveRun:
         self._room = _Room(*parts, rows, covariance, of_imu)
         self._ahead = _Room(*parts, 1, of_imu=of_imu)
         self._rows = rows
-        self._run = entry_point(loop.run)
 
     # ---- going on
 
@@ -149,7 +148,7 @@ class LiveRun:
         INCREMENTS.pack_into(room.dv, ROW_BYTES * row, *sample[3])
         at[places.STOP] = row + 1
         try:
-            self._run(*room.arguments)
+            room.run()
         except Exception as error:
             blame(error, self.filter, self.aidings)
             raise

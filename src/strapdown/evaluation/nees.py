@@ -3,13 +3,16 @@ states scaled to their standard deviations."""
 
 import math
 
-from numba import types
-
 from ..core.jit import kernel
+from ..core.signatures import reals, signature
 from ..typing import Array
 
-NORMALISED_ROWS = types.void(
-    types.float64[:, ::1], types.float64[:, :, ::1], types.float64[:, ::1], types.float64[::1]
+NORMALISED_ROWS = signature(
+    "normalised_rows",
+    error=reals("rows", "s"),
+    covariance=reals("rows", "s", "s"),
+    work=reals("lines", "s"),
+    out=reals("rows"),
 )
 
 

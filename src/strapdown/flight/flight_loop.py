@@ -6,9 +6,7 @@ every other run, and `fuse` on the flight's recording gives the flight's own sol
 """
 
 import math
-from typing import Any, NamedTuple
-
-from numba import types
+from typing import NamedTuple
 
 from ..aiding.pressure import (
     EXPONENT,
@@ -22,6 +20,12 @@ from ..aiding.pressure import (
 )
 from ..core import cursor as places, loop
 from ..core.contract import (
+    BELIEF,
+    CURSOR,
+    FIXES,
+    IMU,
+    NOISE,
+    OUTPUT,
     POSITION_KIND,
     PRESSURE_ALTITUDE_KIND,
     PRESSURE_KIND,
@@ -35,23 +39,25 @@ from ..core.contract import (
     Slots,
 )
 from ..core.earth import radii
-from ..core.jit import COMPILED, caller, helper, inlined, kernel, matrix
+from ..core.jit import caller, helper, inlined, kernel, matrix
 from ..core.rotation import matrix_to_quaternion, turned, wrap
+from ..core.signatures import WHOLE, reals, record, signature, wholes
 from ..typing import Array, Ints
 from . import inputs
 from .aircraft.dynamics import (
     AIRSPEED as AIR_SPEED,
     ALPHA,
     CONTROLS,
-    EVALUATE_SIGNATURE,
+    EVALUATE,
     OMEGA,
     OUTPUTS,
     PROPELLER,
     QUATERNION,
-    STEP_SIGNATURE,
+    STATE_SIZE,
+    STEP,
     VELOCITY,
 )
-from .aircraft.wind import GUST_SIGNATURE, SD_U
+from .aircraft.wind import GUST, SD_U
 from .autopilot import (
     AIRSPEED,
     COURSE,
@@ -160,46 +166,65 @@ class Journal(NamedTuple):
     at: Ints  # int64
 
 
-if COMPILED:
-    from ..core.contract import BELIEF, CURSOR, FIXES, IMU, NOISE, OUTPUT
-
-    _i8 = types.int64
-    _line, _table, _count = (
-        types.Array(types.float64, 1, "C"),
-        types.Array(types.float64, 2, "C"),
-        types.Array(_i8, 1, "C"),
-    )
-
-    def _named(cls: type, *fields: Any) -> Any:
-        return types.NamedTuple(fields, cls)  # type: ignore[no-untyped-call]  # numba's own
-
-    FLY: Any = types.void(
-        _i8,
-        _i8,
-        _i8,
-        _i8,
-        _i8,
-        _i8,
-        _count,
-        BELIEF,
-        IMU,
-        FIXES,
-        NOISE,
-        NOISE,
-        CURSOR,
-        OUTPUT,
-        _named(Vehicle, _line, _line, _line, _line, _line, _line, _line, _table, _line, _line),
-        _named(Steering, _line, _line, _table, _line),
-        _named(Errors, _table, _table, _line, _table, _line, _count),
-        _named(Journal, _table, _table, _table, _table, _count, _count),
-    )
-else:
-    FLY = "fly"
+VEHICLE = record(
+    Vehicle,
+    parameters=reals("parameters"),
+    state=reals(STATE_SIZE),
+    commands=reals(4),
+    wind=reals(9),
+    model=reals(STATE_SIZE),
+    turbulence=reals("turbulence"),
+    gusts=reals("gusts"),
+    normals=reals("draws", "normals"),
+    limits=reals(2),
+    work=reals("vehicle_work"),
+)
+STEERING = record(
+    Steering,
+    pilot=reals("pilot"),
+    memory=reals("memory"),
+    route=reals("legs", "leg"),
+    wind=reals(3),
+)
+ERRORS = record(
+    Errors,
+    dtheta=reals("flown", 3),
+    dv=reals("flown", 3),
+    numbers=reals("imu_errors"),
+    fix=reals("measured", 3),
+    measured=reals("measured"),
+    order=wholes("measured"),
+)
+JOURNAL = record(
+    Journal,
+    lla=reals("moments_flown", 3),
+    v=reals("moments_flown", 3),
+    q=reals("moments_flown", 4),
+    log=reals("flown", LOG_WIDTH),
+    cut=wholes("flown"),
+    at=wholes(AT_SIZE),
+)
+FLY = signature(
+    "fly",
+    **dict.fromkeys(("step", "evaluate", "gust", "run", "predict", "correct"), WHOLE),
+    observers=wholes("kinds"),
+    belief=BELIEF,
+    imu=IMU,
+    fixes=FIXES,
+    noise=NOISE,
+    model_noise=NOISE,
+    cursor=CURSOR,
+    out=OUTPUT,
+    vehicle=VEHICLE,
+    steering=STEERING,
+    errors=ERRORS,
+    journal=JOURNAL,
+)
 run_at, step_at, evaluate_at, gust_at = (
     caller(RUN),
-    caller(STEP_SIGNATURE),
-    caller(EVALUATE_SIGNATURE),
-    caller(GUST_SIGNATURE),
+    caller(STEP),
+    caller(EVALUATE),
+    caller(GUST),
 )
 
 

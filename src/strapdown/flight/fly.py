@@ -13,7 +13,7 @@ import numpy as np
 from ..checks import DataError
 from ..core import loop
 from ..core.contract import Filter, Fixes, Imu, Noise, Start
-from ..core.jit import address, compile_kernel, entry_point
+from ..core.jit import address, bound
 from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
@@ -442,27 +442,26 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> 
         underway.errors.numbers,
         *in_loop_order(run.fixes, run.recording.aidings, underway.made),
     )
-    for each in (step, evaluate, gust, kernels.fly):
-        compile_kernel(each)
-    go, at, rows = entry_point(kernels.fly), journal.at, len(run.samples.t)
-    addresses = [address(each) for each in (step, evaluate, gust, loop.run)]
+    at, rows = journal.at, len(run.samples.t)
+    go = bound(
+        kernels.fly,
+        *(address(each) for each in (step, evaluate, gust, loop.run)),
+        *run.kernels,
+        run.belief,
+        run.samples,
+        run.fixes,
+        run.noise,
+        model_noise,
+        run.cursor,
+        run.out,
+        underway.vehicle,
+        underway.steering,
+        errors,
+        journal,
+    )
     while at[kernels.ROW] < rows and at[kernels.CAUSE] == kernels.FLYING:
         at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, rows)
-        go(
-            *addresses,
-            *run.kernels,
-            run.belief,
-            run.samples,
-            run.fixes,
-            run.noise,
-            model_noise,
-            run.cursor,
-            run.out,
-            underway.vehicle,
-            underway.steering,
-            errors,
-            journal,
-        )
+        go()
         run.events.take(run.cursor)
         if progress:
             progress(at[kernels.ROW] / rows)

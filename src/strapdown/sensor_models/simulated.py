@@ -24,7 +24,7 @@ from ..core.contract import (
     Belief,
     Imu,
     Measurement,
-    entry_point,
+    bound,
 )
 from ..data import Aiding, Trajectory
 from ..typing import Array, Mask
@@ -141,16 +141,21 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
     """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
     method; NaN where the kind measures nothing. Raises DataError, also where it never does."""
     kind = sensor.measurement
-    observe, size = entry_point(compiled(kind.name)), len(kind.quantities)
+    size = len(kind.quantities)
     parameters, innovation = np.zeros(PARAMETERS), np.zeros(3)
     parameters[: len(sensor.parameters)] = sensor.parameters
     parameters[FIRST] = STATES if kind.states else parameters[FIRST]
     H = np.zeros((3, STATES + len(kind.states)))
+    seen, measured = Belief(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
+    observe = bound(compiled(kind.name), seen, measured, parameters, innovation, H)
 
     def innovations(y: Array) -> Array:
         rows = np.empty((len(beliefs), size))
-        for row, belief, measured in zip(rows, beliefs, y):
-            observe(belief, measured, parameters, innovation, H)
+        for row, belief, given in zip(rows, beliefs, y):
+            for part, value in zip(seen, belief):
+                part[...] = value
+            measured[:size] = given
+            observe()
             row[:] = innovation[:size]
         return rows
 

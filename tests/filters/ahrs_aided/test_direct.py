@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.core.contract import Imu, Noise, Start, compile_kernel
-from strapdown.core.jit import plain
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
 from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
 from strapdown.geodesy import displaced, displacement
@@ -279,9 +278,7 @@ def test_what_angles_err_by_at_the_known_attitude(rph, correlation):
     belief.workspace[known_attitude.ERROR_DD] = 0.0
     belief.workspace[known_attitude.SINCE_TILT] = since = 0.3
     _, pitch, heading = T(rph) @ rate
-    plain(direct_ahrs._doubt_rates)(
-        belief, pitch, heading, belief.C.ravel().copy(), np.cos(rph[1]), dt
-    )
+    direct_ahrs._doubt_rates(belief, pitch, heading, belief.C.ravel().copy(), np.cos(rph[1]), dt)
     growth = (2 * max(since - dt, correlation) + dt) / dt
     expected = growth * J @ derivative @ off @ derivative.T @ J.T
     expected[:2, :2] += estimate

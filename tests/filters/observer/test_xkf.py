@@ -15,7 +15,6 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.contract import CORRECT, PARAMETERS, PREDICT, compile_kernel, kernel
-from strapdown.core.jit import plain
 from strapdown.data import Aiding
 from strapdown.filters.observer import nlo, xkf
 from strapdown.filters.observer.equations import embedded
@@ -60,7 +59,7 @@ def put(belief, state):
     """Set the observer, as if it had come there by itself."""
     for own, given in zip(observer(belief), state):
         own[...] = given
-    plain(xkf.relate)(belief, observer(belief))
+    xkf.relate(belief, observer(belief))
 
 
 @cache

@@ -12,7 +12,7 @@ from ...core.contract import COURSE_KIND, HEADING_KIND, MOST_STATES, STATES, Bel
 from ...core.earth import place
 from ...core.embedded import NAVIGATION, navigation, take_over
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
-from ...core.jit import flatten, helper, inlined, matrix, plain
+from ...core.jit import flatten, helper, inlined, matrix
 from ...core.kalman import LEAST_NOISE
 from ...core.rotation import rotation_between, wrap
 from ...typing import Array
@@ -32,10 +32,10 @@ RANDOM = SLOTS.array("RANDOM", STREAM)  # see threefry.py
 # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
 FORESEEN = SLOTS.array("FORESEEN", 15)
 LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)  # (n, n) covariance as the last call left it
-SUMS = SLOTS.array("SUMS", plain(moments_size)(MOST_STATES))  # see there
+SUMS = SLOTS.array("SUMS", moments_size(MOST_STATES))  # see there
 MEAN = SLOTS.array("MEAN", MOST_STATES)  # n numbers
 PHI = SLOTS.matrix("PHI", MOST_STATES, MOST_STATES)  # (n, n)
-DRAWING = SLOTS.array("DRAWING", plain(resample_size)(MOST_STATES))  # see there
+DRAWING = SLOTS.array("DRAWING", resample_size(MOST_STATES))  # see there
 COMPONENTS = SLOTS.rest("COMPONENTS")  # what `places` says
 
 

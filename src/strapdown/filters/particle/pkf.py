@@ -39,7 +39,7 @@ from ...core.error_state import (
     publish_rates,
     take_over,
 )
-from ...core.jit import flatten, inlined, matrix, plain
+from ...core.jit import flatten, inlined, matrix
 from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
 from ...typing import Array
@@ -103,7 +103,7 @@ def start(
     belief = start.belief(np.empty(0))
     deviations, Phi, random = begin(belief.P, components, kernel, seed)
     N = len(deviations)
-    logs, _, _, first, width = plain(places)(n, N)
+    logs, _, _, first, width = places(n, N)
     workspace = allocate(SLOTS, rest=first + N * width)
     workspace[EFFECTIVE] = workspace[COUNT] = N
     workspace[KERNEL], workspace[LEAST], workspace[RANDOM] = kernel, resample * N, random
@@ -112,7 +112,7 @@ def start(
     rest[:logs], own = 1 / N, rest[first:].reshape(N, width)
     belief = belief._replace(workspace=workspace)
     own[:] = np.concatenate([as_numbers(belief), belief.extra_states, Phi.ravel()])
-    M, E = np.add(plain(curvature)(math.sin(belief.lla[0])), belief.lla[2])
+    M, E = np.add(curvature(math.sin(belief.lla[0])), belief.lla[2])
     own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
     own[:, 3:6] += deviations[:, 3:6]

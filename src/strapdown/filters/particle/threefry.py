@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...core.jit import helper, plain
+from ...core.jit import helper
 from ...typing import Array, Ints
 
 KEY, COUNTER, STREAM = 0, 2, 3
@@ -90,9 +90,7 @@ def normal_rows(stream: Array, rows: int, size: int) -> Array:
     pairs = (size + 1) // 2
     count = np.arange(int(stream[COUNTER]), int(stream[COUNTER]) + rows * pairs, dtype=np.int64)
     drawn = np.stack(
-        plain(box_muller)(
-            *plain(threefry)(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)
-        ),
+        box_muller(*threefry(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)),
         axis=-1,
     )
     stream[COUNTER] += rows * pairs

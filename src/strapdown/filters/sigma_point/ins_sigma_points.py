@@ -38,7 +38,7 @@ from ...core.error_state import (
     publish_rates,
     turn_half,
 )
-from ...core.jit import flatten, helper, inlined, matrix, plain
+from ...core.jit import flatten, helper, inlined, matrix
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.mechanization import mechanize
 from ...core.rotation import nearest_turn, rotation_between, wrap
@@ -55,7 +55,7 @@ def width(n: int) -> int:
 NOISES = 12
 """Components of the process noise: white noise of gyros and accelerometers, driving noise of
 their biases."""
-MOST_LANES = plain(width)(MOST_STATES)
+MOST_LANES = width(MOST_STATES)
 MOST_ROWS = 2 * (STATES + 6) + 2 + NOISES + MOST_STATES - STATES
 """Of the table of propagated errors: pairs of points, their centre, noise and other states, and
 one of workspace."""

@@ -6,15 +6,14 @@ singularity at rest or at any attitude.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from ...checks import DataError, check_number
 from ...core.contract import Imu
 from ...core.earth import gravity, gravity_north, place, rotation_rates
-from ...core.jit import COMPILED, compile_kernel, entry_point, helper, inlined, kernel
+from ...core.jit import helper, inlined, kernel
+from ...core.signatures import REAL, reals, signature
 from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
 from .parameters import (
@@ -230,18 +229,26 @@ def actuated(
     )
 
 
-STEP_SIGNATURE = None
-EVALUATE_SIGNATURE = None
-if COMPILED:
-    from numba import float64, void
+STEP = signature(
+    "step",
+    parameters=reals("parameters"),
+    state=reals(STATE_SIZE),
+    commands=reals(4),
+    wind=reals(9),
+    dt=REAL,
+    increments=reals(6),
+)
+EVALUATE = signature(
+    "evaluate",
+    parameters=reals("parameters"),
+    state=reals(STATE_SIZE),
+    wind=reals(9),
+    rates=reals(19),
+    outputs=reals(OUTPUTS),
+)
 
-    STEP_SIGNATURE = void(
-        float64[::1], float64[::1], float64[::1], float64[::1], float64, float64[::1]
-    )
-    EVALUATE_SIGNATURE = void(float64[::1], float64[::1], float64[::1], float64[::1], float64[::1])
 
-
-@kernel(STEP_SIGNATURE)
+@kernel(STEP)
 def step(
     parameters: Array, state: Array, commands: Array, wind: Array, dt: float, increments: Array
 ) -> None:
@@ -301,7 +308,7 @@ def step(
     )
 
 
-@kernel(EVALUATE_SIGNATURE)
+@kernel(EVALUATE)
 def evaluate(parameters: Array, state: Array, wind: Array, rates: Array, outputs: Array) -> None:
     """At one instant: `rates` (19,) of the 13 numbers of motion and of the increments
     (omega_ib_b, f_ib_b), and `outputs` (OUTPUTS,)."""
@@ -342,13 +349,6 @@ def evaluate(parameters: Array, state: Array, wind: Array, rates: Array, outputs
     outputs[THRUST], outputs[TORQUE], outputs[PROPELLER] = propeller(
         parameters, rho, outputs[AIRSPEED], state[16]
     )
-
-
-def ready(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel as Python calls it: compiled or loaded on first use; arguments must have the
-    declared types."""
-    compile_kernel(function)
-    return entry_point(function)
 
 
 def checked_state(state: ArrayLike, what: str) -> Array:
@@ -394,12 +394,12 @@ def respond(
         checked_state(state, "respond"),
     )
     check_number(dt, "respond: dt", "s", above=0, most=LONGEST_HELD)
-    array, go, n = aircraft.array(earth, state[:3]), ready(step), len(commands)
+    array, n = aircraft.array(earth, state[:3]), len(commands)
     winds = _winds(wind, n)
     states, increments = np.empty((n + 1, STATE_SIZE)), np.empty((n, 6))
     states[0] = state
     for k in range(n):
-        go(array, state, commands[k], winds[k], float(dt), increments[k])
+        step(array, state, commands[k], winds[k], float(dt), increments[k])
         if not np.isfinite(state).all():
             raise DataError(
                 f"respond: {aircraft.name!r} does not stay finite after {k * dt:g} s; take shorter "

@@ -10,10 +10,9 @@ from typing import TypeAlias
 import numpy as np
 
 from ...checks import DataError, check_number
-from ...core.jit import plain
 from ...core.rotation import euler_terms
 from ...typing import Array, File
-from .dynamics import OUTPUTS, STATE_SIZE, evaluate, ready
+from .dynamics import OUTPUTS, STATE_SIZE, evaluate
 from .parameters import Aircraft, aircraft as find
 from .trim import Trim, quaternion
 
@@ -134,10 +133,10 @@ def _rates(array: Array, origin: tuple[float, float, float], x: Array, controls:
     """x' of the eight numbers, from the compiled model, on the flat Earth and heading north."""
     velocity, omega, (roll, pitch) = x[0:3], x[3:6], x[6:8]
     state, rates = np.zeros(STATE_SIZE), np.zeros(19)
-    C = np.reshape(plain(euler_terms)(roll, pitch, 0.0), (3, 3))
+    C = np.reshape(euler_terms(roll, pitch, 0.0), (3, 3))
     state[0:3], state[3:6], state[6:10] = origin, C @ velocity, quaternion(roll, pitch, 0.0)
     state[10:13], state[13:17] = omega, controls
-    ready(evaluate)(array, state, np.zeros(9), rates, np.zeros(OUTPUTS))
+    evaluate(array, state, np.zeros(9), rates, np.zeros(OUTPUTS))
     p, q, r = omega
     across = q * math.sin(roll) + r * math.cos(roll)
     return np.r_[

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...checks import DataError, check_array, check_number
 from ...typing import Array, File
-from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate, ready
+from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate
 from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
 
 SURFACES = ("elevator", "aileron", "rudder", "throttle")
@@ -158,7 +158,7 @@ class _Balance:
             np.zeros(19),
             np.zeros(OUTPUTS),
             np.zeros(9),
-            ready(evaluate),
+            evaluate,
         )
 
     def state(self, z: Array) -> tuple[Array, tuple[float, float, float]]:
@@ -282,7 +282,7 @@ def _frame_rate(array: Array, state: Array) -> Array:
     """omega_in in body axes (rad/s) at a state, from the attitude's rate without any body rate."""
     rates, still = np.zeros(19), state.copy()
     still[10:13] = 0.0
-    ready(evaluate)(array, still, np.zeros(9), rates, np.zeros(OUTPUTS))
+    evaluate(array, still, np.zeros(9), rates, np.zeros(OUTPUTS))
     a, b, c, d = state[6:10]
     to_body = np.array([[-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
     return -2 * to_body @ rates[6:10]

@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from ...checks import check_choice, check_number
-from ...core.jit import COMPILED, helper, kernel
+from ...core.jit import helper, kernel
+from ...core.signatures import REAL, reals, signature
 from ...typing import Array
 
 TURBULENCE_LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
@@ -82,14 +83,18 @@ def roll_sd(turbulence: Array) -> float:
     )
 
 
-GUST_SIGNATURE = None
-if COMPILED:
-    from numba import float64, void
+GUST = signature(
+    "gust",
+    turbulence=reals("turbulence"),
+    state=reals("states"),
+    normals=reals("normals"),
+    airspeed=REAL,
+    dt=REAL,
+    wind=reals(9),
+)
 
-    GUST_SIGNATURE = void(float64[::1], float64[::1], float64[::1], float64, float64, float64[::1])
 
-
-@kernel(GUST_SIGNATURE)
+@kernel(GUST)
 def gust(
     turbulence: Array, state: Array, normals: Array, airspeed: float, dt: float, wind: Array
 ) -> None:

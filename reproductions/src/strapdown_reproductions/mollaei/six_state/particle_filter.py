@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from strapdown.checks import check_number
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
-from strapdown.core.jit import helper, inlined, matrix, plain
+from strapdown.core.jit import helper, inlined, matrix
 from strapdown.filters.particle import pkf
 from strapdown.filters.particle.mixture import (
     accumulate,
@@ -55,8 +55,8 @@ RANDOM = SLOTS.array("RANDOM", STREAM)  # stream
 MEAN = SLOTS.array("MEAN", 6)
 LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
 PHI = SLOTS.matrix("PHI", 6, 6)
-SUMS = SLOTS.array("SUMS", plain(moments_size)(6))
-WORK = SLOTS.array("WORK", plain(resample_size)(6))
+SUMS = SLOTS.array("SUMS", moments_size(6))
+WORK = SLOTS.array("WORK", resample_size(6))
 COMPONENTS = SLOTS.rest("COMPONENTS")  # see `views`
 WIDTH = 42  # of a component: state, covariance
 EACH = WIDTH + 3 + 12

@@ -1,0 +1,372 @@
+"""Kernels compiled by numba, each behind a C function of its signature; `kernel_cache` keeps them on
+disk. Imported only where a kernel must be compiled.
+
+Everything private to numba that the package relies on is in these two files.
+"""
+
+import os
+import threading
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba import types as numba_types
+from numba.core import ccallback, cgutils, cpu, typing as numba_typing
+from numba.core.datamodel import models
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic, lower_builtin, register_model
+
+from .c_calls import hear_of_raised
+from .kernel_cache import KernelCache
+from .signatures import Function, Kind, Number, Numbers, Record, Signature
+
+types: Any = numba_types  # their own annotations are not complete
+_cgutils: Any = cgutils
+typing: Any = numba_typing
+
+CONTRACTION = "STRAPDOWN_CONTRACTION"
+"""Setting that lets multiplications and additions be contracted: a fifth faster, and the last bits
+then depend on the processor and on what is inlined."""
+
+
+def contracted() -> bool:
+    """Whether it is set."""
+    return os.environ.get(CONTRACTION, "0") not in ("", "0")
+
+
+def _reference_counts_can_be_left_out() -> bool:
+    """Whether this numba still knows the private option; without it a sample takes 0.14 us more,
+    otherwise all is the same."""
+    return hasattr(getattr(cpu, "CPUTargetOptions", None), "_nrt")
+
+
+OPTIONS: dict[str, Any] = dict(error_model="numpy")
+if contracted():
+    OPTIONS["fastmath"] = {"contract", "nsz", "arcp"}
+if _reference_counts_can_be_left_out():
+    OPTIONS["_nrt"] = False
+
+
+# ---- functions that kernels call
+
+
+def dispatcher(function: Any) -> Any:
+    """numba's own form of a helper, or of a kernel that another kernel calls by its name."""
+    if "_dispatcher" not in function.__dict__:
+        # said even where it is False: numba hands it down to what an inlined function calls first
+        inlined = getattr(function, "inlined", False)
+        options = {**OPTIONS, **getattr(function, "options", {}), "forceinline": inlined}
+        function.__dict__["_dispatcher"] = numba.njit(**options)(function.py_func)
+    return function.__dict__["_dispatcher"]
+
+
+def type_of(function: Any) -> Any:
+    """numba's type of a helper or kernel."""
+    return types.Dispatcher(dispatcher(function))
+
+
+# ---- kernels and their C functions
+
+
+def compiled(kernel: Any) -> tuple[int, bool]:
+    """(address, whether it was compiled just now) of a kernel's C function."""
+    cached = KernelCache(kernel, _options(kernel))
+    made = _c_function(kernel)
+    made._cache = cached
+    with global_lock:
+        made.compile()
+    if not kernel.__module__.startswith("strapdown."):
+        hear_of_raised()
+    kernel.__dict__["_made"] = made  # which holds the machine code
+    return made.address, not made._cache_hits
+
+
+global_lock = threading.RLock()
+
+
+def is_cached(kernel: Any) -> bool:
+    """Whether its machine code is on disk."""
+    path = KernelCache(kernel, _options(kernel)).path
+    return path is not None and path.exists()
+
+
+def _options(kernel: Any) -> dict[str, Any]:
+    return {**OPTIONS, **kernel.options}
+
+
+def _c_function(kernel: Any) -> Any:
+    """numba's C function of a kernel, not compiled yet. It calls the kernel with what it makes of
+    plain arguments."""
+    signature: Signature = kernel.signature
+    names = [f"a{i}" for i in range(len(signature.arguments) + len(signature.sizes))]
+    listed = ", ".join(names)
+    scope = {"kernel": kernel, "unpacked": unpacked(signature)}
+    entry = eval(f"lambda {listed}: kernel(*unpacked({listed}))", scope)  # numba counts arguments
+    entry.__name__ = entry.__qualname__ = kernel.name
+    entry.__module__ = kernel.__module__
+    result = numba_type(signature.result) if signature.result else types.void
+    return ccallback.CFunc(entry, (c_types(signature), result), {}, _options(kernel))
+
+
+def c_types(signature: Signature) -> tuple[Any, ...]:
+    """numba's types of the C arguments of a kernel."""
+
+    def made(kind: Kind) -> Any:
+        if isinstance(kind, Numbers):
+            return types.CPointer(numba_type(kind.item))
+        if isinstance(kind, Record):
+            return types.voidptr
+        return types.int64 if isinstance(kind, Function) else numba_type(kind)
+
+    return (
+        *map(made, signature.kinds),
+        *(types.int64 for _ in signature.sizes),
+    )
+
+
+# ---- from kinds to numba's types
+
+_I64 = ir.IntType(64)
+
+
+class CFunction(types.Callable):  # type: ignore[misc]
+    """A kernel of a signature, known by its address."""
+
+    def __init__(self, signature: Signature) -> None:
+        self.declared = signature
+        super().__init__(f"CFunction({signature})")
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """As declared."""
+        result = self.declared.result
+        returned = numba_type(result) if result else types.void
+        return typing.signature(returned, *map(numba_type, self.declared.kinds), recvr=self)
+
+    def get_call_signatures(self) -> Any:
+        """None to choose among."""
+        return (), True
+
+    def get_impl_key(self, signature: Any) -> Any:
+        """One implementation for all."""
+        return CFunction
+
+    @property
+    def key(self) -> Any:
+        """Equal where their signatures are."""
+        return self.name
+
+
+@register_model(CFunction)
+class _Address(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _I64)  # type: ignore[no-untyped-call]
+
+
+@cache
+def numba_type(kind: Kind) -> Any:
+    """numba's type of a value of a kind."""
+    if isinstance(kind, Number):
+        return types.float64 if kind.real else types.int64
+    if isinstance(kind, Numbers):
+        return types.Array(numba_type(kind.item), len(kind.shape), "C")
+    if isinstance(kind, Function):
+        return CFunction(kind.signature)
+    parts = [numba_type(each) for each in kind.kinds]
+    if len(set(parts)) == 1:
+        return types.NamedUniTuple(parts[0], len(parts), kind.made)
+    return types.NamedTuple(parts, kind.made)
+
+
+# ---- from kinds to LLVM's types and values
+
+
+def _llvm_number(kind: Number) -> Any:
+    return ir.DoubleType() if kind.real else _I64
+
+
+def _llvm_struct(record: Record) -> Any:
+    """Its fields, arrays as pointers, then its sizes: the target decides how long a pointer is."""
+    return ir.LiteralStructType([*map(_llvm_type, record.kinds), *(_I64 for _ in record.sizes)])
+
+
+def _llvm_type(kind: Kind) -> Any:
+    """Of a C argument."""
+    if isinstance(kind, Number):
+        return _llvm_number(kind)
+    if isinstance(kind, Numbers):
+        return _llvm_number(kind.item).as_pointer()
+    return _I64 if isinstance(kind, Function) else _llvm_struct(kind).as_pointer()
+
+
+def _array(context: Any, builder: Any, kind: Numbers, pointer: Any, sizes: dict[str, Any]) -> Any:
+    """numba's array of the numbers at a pointer; constant sizes are constants for the compiler."""
+    made = context.make_array(numba_type(kind))(context, builder)
+    shape = [
+        sizes[size] if isinstance(size, str) else context.get_constant(types.intp, size)
+        for size in kind.shape
+    ]
+    strides: list[Any] = []
+    step = context.get_constant(types.intp, 8)
+    for length in reversed(shape):
+        strides.insert(0, step)
+        step = builder.mul(step, length)
+    items = shape[0]
+    for length in shape[1:]:
+        items = builder.mul(items, length)
+    made.data = builder.bitcast(pointer, made.data.type)
+    made.nitems, made.itemsize = items, context.get_constant(types.intp, 8)
+    made.shape = _cgutils.pack_array(builder, shape)
+    made.strides = _cgutils.pack_array(builder, strides)
+    made.meminfo, made.parent = made.meminfo.type(None), made.parent.type(None)
+    return made._getvalue()
+
+
+@cache
+def unpacked(signature: Signature) -> Any:
+    """An intrinsic: from the C arguments of a kernel to a tuple of those that it was written for."""
+    whole = types.Tuple([numba_type(kind) for kind in signature.kinds])
+
+    def codegen(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+        given = dict(zip(signature.sizes, arguments[len(signature.arguments) :]))
+        structs = {}
+        for i, kind in enumerate(signature.kinds):
+            if isinstance(kind, Record):
+                pointer = builder.bitcast(arguments[i], _llvm_type(kind))
+                count = len(kind.kinds) + len(kind.sizes)
+                parts = [
+                    builder.load(_cgutils.gep_inbounds(builder, pointer, 0, k))
+                    for k in range(count)
+                ]
+                structs[i] = parts
+                given |= dict(zip(kind.sizes, parts[len(kind.kinds) :]))
+
+        def value(kind: Kind, got: Any, sizes: dict[str, Any]) -> Any:
+            return _array(context, builder, kind, got, sizes) if isinstance(kind, Numbers) else got
+
+        values = []
+        for i, kind in enumerate(signature.kinds):
+            if isinstance(kind, Record):
+                sizes = dict(zip(kind.sizes, structs[i][len(kind.kinds) :]))
+                fields = [value(each, got, sizes) for each, got in zip(kind.kinds, structs[i])]
+                values.append(context.make_tuple(builder, numba_type(kind), fields))
+            else:
+                values.append(value(kind, arguments[i], given))
+        return context.make_tuple(builder, whole, values)
+
+    return _of_arguments(len(c_types(signature)), whole, codegen)
+
+
+def _of_arguments(count: int, result: Any, codegen: Callable[..., Any]) -> Any:
+    """An intrinsic of so many arguments, whatever they are."""
+    names = ", ".join(f"a{i}" for i in range(count))
+    scope: dict[str, Any] = {"result": result, "codegen": codegen}
+    return intrinsic(eval(f"lambda typing, {names}: (result({names}), codegen)", scope))
+
+
+def _call(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+    """A kernel called by its address."""
+    signature = call.args[0].declared
+    sizes: dict[str, Any] = {}
+    values = [
+        _in_c(context, builder, kind, value, sizes)
+        for kind, value in zip(signature.kinds, arguments[1:])
+    ]
+    values += [sizes[name] for name in signature.sizes]
+    result = _llvm_number(signature.result) if signature.result else ir.VoidType()
+    function = ir.FunctionType(result, [value.type for value in values])
+    called = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), values)
+    return called if signature.result else context.get_dummy_value()
+
+
+lower_builtin(CFunction, types.VarArg(types.Any))(_call)  # type: ignore[no-untyped-call]
+
+
+def _in_c(context: Any, builder: Any, kind: Kind, value: Any, sizes: dict[str, Any]) -> Any:
+    """A value as C takes it."""
+    if isinstance(kind, Numbers):
+        made = context.make_array(numba_type(kind))(context, builder, value)
+        shape = _cgutils.unpack_tuple(builder, made.shape, len(kind.shape))
+        for name, size in zip(kind.shape, shape):
+            if isinstance(name, str):
+                sizes.setdefault(name, size)
+        return builder.bitcast(made.data, _llvm_type(kind))
+    if not isinstance(kind, Record):
+        return value
+    own: dict[str, Any] = {}
+    parts = [
+        _in_c(context, builder, each, part, own)
+        for each, part in zip(
+            kind.kinds, _cgutils.unpack_tuple(builder, value, len(kind.kinds)), strict=True
+        )
+    ]
+    sizes |= own
+    block = _cgutils.alloca_once(builder, _llvm_struct(kind))
+    for k, part in enumerate([*parts, *(own[name] for name in kind.sizes)]):
+        builder.store(part, _cgutils.gep_inbounds(builder, block, 0, k))
+    return block
+
+
+# ---- intrinsics that `jit` names
+
+
+def _function_at(signature: Signature) -> Any:
+    """From an address to what compiled code can call."""
+    made = CFunction(signature)
+
+    @intrinsic
+    def function_at(typing_context: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+            return arguments[0]
+
+        return made(types.int64), codegen
+
+    return function_at
+
+
+@intrinsic
+def _matrix(typing_context: Any, flat: Any, first: Any, rows: Any, columns: Any) -> Any:
+    """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
+    view_type = types.Array(flat.dtype, 2, "C")
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        source = context.make_array(signature.args[0])(context, builder, arguments[0])
+        first, rows, columns = (
+            context.cast(builder, value, kind, types.intp)
+            for value, kind in zip(arguments[1:], signature.args[1:])
+        )
+        view = context.make_array(view_type)(context, builder)
+        size = context.get_constant(types.intp, 8)
+        view.data = builder.gep(source.data, [first])
+        view.meminfo, view.parent = source.meminfo, source.parent
+        view.nitems, view.itemsize = builder.mul(rows, columns), size
+        view.shape = _cgutils.pack_array(builder, [rows, columns])
+        view.strides = _cgutils.pack_array(builder, [builder.mul(columns, size), size])
+        return view._getvalue()
+
+    return view_type(flat, first, rows, columns), codegen
+
+
+@intrinsic
+def _flatten(typing_context: Any, table: Any) -> Any:
+    """The numbers of a C-contiguous matrix as one row, a view without allocation."""
+    view_type = types.Array(table.dtype, 1, "C")
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        source = context.make_array(signature.args[0])(context, builder, arguments[0])
+        view = context.make_array(view_type)(context, builder)
+        view.data, view.meminfo, view.parent = source.data, source.meminfo, source.parent
+        view.nitems, view.itemsize = source.nitems, source.itemsize
+        view.shape = _cgutils.pack_array(builder, [source.nitems])
+        view.strides = _cgutils.pack_array(builder, [source.itemsize])
+        return view._getvalue()
+
+    return view_type(table), codegen
+
+
+def type_of_intrinsic(name: str, *arguments: Any) -> Any:
+    """numba's type of the intrinsic that `jit` knows by this name."""
+    made = _function_at(*arguments) if name == "function_at" else globals()[f"_{name}"]
+    cpu_target.typing_context.refresh()  # it may be new
+    return cpu_target.typing_context.resolve_value_type(made)
