@@ -31,9 +31,19 @@ CONTRACTION = "STRAPDOWN_CONTRACTION"
 then depend on the processor and on what is inlined."""
 
 
+SMALL = "STRAPDOWN_SMALL"
+"""Setting of a build for firmware: LLVM alone decides what is inlined. Under strict arithmetic that
+changes no bit."""
+
+
 def contracted() -> bool:
     """Whether it is set."""
     return os.environ.get(CONTRACTION, "0") not in ("", "0")
+
+
+def small() -> bool:
+    """Whether it is set."""
+    return os.environ.get(SMALL, "0") not in ("", "0")
 
 
 def _reference_counts_can_be_left_out() -> bool:
@@ -55,9 +65,12 @@ if _reference_counts_can_be_left_out():
 def dispatcher(function: Any) -> Any:
     """numba's own form of a helper, or of a kernel that another kernel calls by its name."""
     if "_dispatcher" not in function.__dict__:
-        # said even where it is False: numba hands it down to what an inlined function calls first
         inlined = getattr(function, "inlined", False)
-        options = {**OPTIONS, **getattr(function, "options", {}), "forceinline": inlined}
+        options = {**OPTIONS, **getattr(function, "options", {})}
+        # numba hands it down to whatever an inlined function is the first to call, which makes the
+        # loop fast, and large
+        if inlined or small():
+            options["forceinline"] = inlined and not small()
         function.__dict__["_dispatcher"] = numba.njit(**options)(function.py_func)
     return function.__dict__["_dispatcher"]
 
