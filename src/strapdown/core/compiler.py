@@ -31,19 +31,14 @@ CONTRACTION = "STRAPDOWN_CONTRACTION"
 then depend on the processor and on what is inlined."""
 
 
-SMALL = "STRAPDOWN_SMALL"
-"""Setting of a build for firmware: LLVM alone decides what is inlined. Under strict arithmetic that
-changes no bit."""
+small: list[bool] = [False]
+"""Whether LLVM alone decides what is inlined, for firmware. Under strict arithmetic that changes no
+bit."""
 
 
 def contracted() -> bool:
     """Whether it is set."""
     return os.environ.get(CONTRACTION, "0") not in ("", "0")
-
-
-def small() -> bool:
-    """Whether it is set."""
-    return os.environ.get(SMALL, "0") not in ("", "0")
 
 
 def _reference_counts_can_be_left_out() -> bool:
@@ -69,8 +64,8 @@ def dispatcher(function: Any) -> Any:
         options = {**OPTIONS, **getattr(function, "options", {})}
         # numba hands it down to whatever an inlined function is the first to call, which makes the
         # loop fast, and large
-        if inlined or small():
-            options["forceinline"] = inlined and not small()
+        if inlined or small[0]:
+            options["forceinline"] = inlined and not small[0]
         function.__dict__["_dispatcher"] = numba.njit(**options)(function.py_func)
     return function.__dict__["_dispatcher"]
 
@@ -103,6 +98,13 @@ def is_cached(kernel: Any) -> bool:
     """Whether its machine code is on disk."""
     path = KernelCache(kernel, _options(kernel)).path
     return path is not None and path.exists()
+
+
+def intermediate(kernel: Any) -> tuple[str, str]:
+    """(LLVM's intermediate representation of a kernel and all that it calls, name in it of the
+    function that takes the arguments of C behind two pointers, to its result and to an exception)."""
+    made = _c_function(kernel)._compile_uncached()
+    return made.library.get_llvm_str(), made.fndesc.llvm_func_name
 
 
 def _options(kernel: Any) -> dict[str, Any]:

@@ -60,6 +60,11 @@ class Kernel:
         return f"{self.__module__}.{self.__qualname__.rpartition('.')[0]}{self.name}"
 
     @property
+    def symbol(self) -> str:
+        """Its name in a library."""
+        return self.stem.replace(".", "_")
+
+    @property
     def address(self) -> int:
         """Where its machine code begins. The caller answers for what it calls it with."""
         if not self._address:

@@ -1,0 +1,110 @@
+"""LLVM's intermediate representation of kernels, not optimised and the same for every processor, each
+behind one C function.
+
+numba reads its settings when it is imported, so this is a program of its own, which `write` runs:
+`python -m strapdown.native.ir OUT SMALL STEM..`.
+"""
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from ..core.jit import Kernel
+from ..core.signatures import Function, Number, Signature
+
+NEUTRAL = {
+    "NUMBA_OPT": "0",
+    "NUMBA_CPU_NAME": "generic",
+    "NUMBA_CPU_FEATURES": "",
+    "NUMBA_LOOP_VECTORIZE": "0",
+    "NUMBA_SLP_VECTORIZE": "0",
+    "NUMBA_DISABLE_JIT": "0",
+}
+"""Settings of numba under which it leaves optimising, and the processor, to whoever comes after it."""
+C_FUNCTION = """
+define {result} @{symbol}({parameters}) {{
+  %ret = alloca {slot}
+  %exc = alloca ptr
+  %status = call i32 @{inner}(ptr %ret, ptr %exc, {parameters})
+{end}
+}}
+"""
+
+
+def declared(module: str) -> Iterator[Kernel]:
+    """Kernels that a module declares."""
+    for value in vars(importlib.import_module(module)).values():
+        if isinstance(value, Kernel) and value.__module__ == module:
+            yield value
+
+
+def write(kernels: Iterable[Kernel], folder: Path, small: bool = False) -> Iterator[str]:
+    """Write SYMBOL.ll of each kernel into a folder, in a process of its own; the symbols as they
+    are done. Raises RuntimeError with what the compiler said."""
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", __name__, str(folder), str(int(small))]
+    process = subprocess.Popen(
+        [*command, *(kernel.stem for kernel in kernels)],
+        env={**os.environ, **NEUTRAL},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout and process.stderr
+    for line in process.stdout:
+        yield line.strip()
+    said = process.stderr.read().strip()
+    if process.wait():
+        raise RuntimeError(said.splitlines()[-1] if said else "the compiler ended without a word")
+
+
+def c_function(symbol: str, inner: str, signature: Signature) -> str:
+    """The C function around numba's, which returns a status, always 0, and its result through a
+    pointer."""
+    kinds = [
+        ("double" if kind.real else "i64")
+        if isinstance(kind, Number)
+        else "i64"
+        if isinstance(kind, Function)
+        else "ptr"
+        for kind in signature.kinds
+    ]
+    kinds += ["i64"] * len(signature.sizes)
+    result = "void" if signature.result is None else "double" if signature.result.real else "i64"
+    end = f"  %value = load {result}, ptr %ret\n  ret {result} %value"
+    return C_FUNCTION.format(
+        result=result,
+        symbol=symbol,
+        inner=inner,
+        parameters=", ".join(f"{kind} %a{i}" for i, kind in enumerate(kinds)),
+        slot="ptr" if result == "void" else result,
+        end="  ret void" if result == "void" else end,
+    )
+
+
+def _text(kernel: Any) -> str:
+    from ..core import compiler
+
+    text, name = compiler.intermediate(kernel)
+    inner = f'"{name}"' if not re.fullmatch(r"[\w.$]+", name) else name
+    return text + c_function(kernel.symbol, inner, kernel.signature)
+
+
+def _main(folder: str, small: str, *stems: str) -> None:
+    from ..core import compiler
+
+    compiler.small[0] = small == "1"
+    for stem in stems:
+        module = stem.rpartition(".")[0]
+        (kernel,) = (one for one in declared(module) if one.stem == stem)
+        (Path(folder) / f"{kernel.symbol}.ll").write_text(_text(kernel))
+        print(kernel.symbol, flush=True)
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
