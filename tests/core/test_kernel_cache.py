@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numba
 import pytest
+from numba.core.registry import cpu_target
 
 import strapdown
 from strapdown.aiding import heading
-from strapdown.core import jit, kernel_cache
+from strapdown.core import compiler, jit, kernel_cache
 from strapdown.core.contract import OBSERVE
-from strapdown.core.jit import compile_kernel, is_cached, kernel
+from strapdown.core.jit import compile_kernel, kernel
+from strapdown.core.signatures import REAL, signature
 from strapdown.file_locks import PART, lock
 
 PACKAGE = Path(strapdown.__file__).parent
@@ -28,7 +30,7 @@ COMPILE = """
     from strapdown.aiding import heading
     from strapdown.core import jit
     from strapdown.core.contract import PARAMETERS, Belief
-    was_cached = jit.is_cached(heading.observe)
+    was_cached = heading.observe.at_hand
     compiled = jit.compile_kernel(heading.observe)
     z, e = np.zeros(3), np.zeros(3)
     heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), np.zeros(PARAMETERS), e, np.zeros((3, 15)))
@@ -36,11 +38,12 @@ COMPILE = """
     """
 KEYS = """
     from strapdown.aiding import heading, velocity
-    from strapdown.core import kernel_cache, loop
+    from strapdown.core import compiler, loop
     from strapdown.filters.ins import closed_loop, mekf
     for kernel in (heading.observe, velocity.observe, loop.run, closed_loop.correct, mekf.correct):
-        print(kernel_cache.key(kernel))
+        print(compiler.key(kernel))
     """
+ONE = signature("one", REAL, x=REAL)
 HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF = range(5)
 
 
@@ -142,6 +145,7 @@ def test_docstrings_comments_and_annotations_recompile_nothing(copy, edit, keys)
         ("core/mechanization.py", [LOOP, CLOSED_LOOP, MEKF]),
         ("engine/batch.py", []),
         ("core/contract.py", [HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF]),
+        ("core/compiler.py", [HEADING, VELOCITY, LOOP, CLOSED_LOOP, MEKF]),
     ],
 )
 def test_an_edit_recompiles_what_it_touches(copy, edit, keys, name, touched):
@@ -163,9 +167,9 @@ def test_an_edit_recompiles_what_it_touches(copy, edit, keys, name, touched):
     ],
 )
 def test_settings_that_change_machine_code_make_another_kernel(monkeypatch, setting, value):
-    before = kernel_cache.key(heading.observe)
+    before = compiler.key(heading.observe)
     monkeypatch.setattr(numba.config, setting, value, raising=False)
-    assert kernel_cache.key(heading.observe) != before
+    assert compiler.key(heading.observe) != before
 
 
 @pytest.mark.parametrize(
@@ -180,18 +184,18 @@ def test_settings_that_change_machine_code_make_another_kernel(monkeypatch, sett
     ],
 )
 def test_settings_of_no_effect_make_none(monkeypatch, setting, value):
-    before = kernel_cache.key(heading.observe)
+    before = compiler.key(heading.observe)
     monkeypatch.setattr(numba.config, setting, value, raising=False)
-    assert kernel_cache.key(heading.observe) == before
+    assert compiler.key(heading.observe) == before
 
 
 def test_numba_and_processor_belong_to_the_key(monkeypatch):
-    before = kernel_cache.key(heading.observe)
+    before = compiler.key(heading.observe)
     monkeypatch.setattr(kernel_cache.numba, "__version__", "0.0")
-    other = kernel_cache.key(heading.observe)
-    codegen = type(heading.observe.targetctx.codegen())
+    other = compiler.key(heading.observe)
+    codegen = type(cpu_target.target_context.codegen())
     monkeypatch.setattr(codegen, "magic_tuple", lambda self: ("x86_64", "another", ""))
-    assert len({before, other, kernel_cache.key(heading.observe)}) == 3
+    assert len({before, other, compiler.key(heading.observe)}) == 3
 
 
 def test_importing_every_module_with_kernels_makes_and_deletes_nothing(tmp_path):
@@ -213,8 +217,8 @@ def test_a_broken_file_is_compiled_anew(copy, cache):
     assert compiled(copy, cache) == ["1.0", "True", "False"]
     (file,) = cache.iterdir()
     whole = file.read_bytes()
-    place = kernel_cache.KernelCache(heading.observe)
-    context = heading.observe.targetctx
+    place = compiler.cache_of(heading.observe)
+    context = cpu_target.target_context
     for broken in (b"", b"half", whole[:-1], whole[:40] + b"x" + whole[41:]):
         place.path = file
         file.write_bytes(broken)
@@ -300,7 +304,7 @@ def test_numbas_own_setting_of_the_folder_is_respected_and_left_as_found(tmp_pat
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     assert kernel_cache.folder() == tmp_path / "strapdown/kernels"
     with pytest.raises(TypeError):
-        kernel(numba.float64(numba.float64))("not a function")
+        kernel(ONE)("not a function")
     assert numba.config.CACHE_DIR == str(tmp_path)
 
 
@@ -308,7 +312,7 @@ def test_the_versions_used_last_are_kept(tmp_path, monkeypatch):
     from strapdown.aiding import heading
 
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    place = kernel_cache.KernelCache(heading.observe)
+    place = compiler.cache_of(heading.observe)
     place.path.parent.mkdir(parents=True)
     for age in range(10):
         old = place.path.with_name(f"strapdown.aiding.heading.observe-{age}.kernel")
@@ -329,7 +333,7 @@ def test_the_versions_used_last_are_kept(tmp_path, monkeypatch):
 def test_a_kernel_made_inside_a_function_is_not_kept(tmp_path, monkeypatch):
     """Its machine code can depend on what the function was given, which no file says."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    triple = kernel(numba.float64(numba.float64))(lambda x: 3 * x)
+    triple = kernel(ONE)(lambda x: 3 * x)
     assert compile_kernel(triple) and triple(2.0) == 6.0 and not list(tmp_path.rglob("*.kernel"))
 
 
@@ -339,28 +343,28 @@ def test_a_kernel_of_similar_name_does_not_count_as_cached(tmp_path, monkeypatch
 
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     other = kernel(OBSERVE)(velocity.observe.py_func)
-    place = kernel_cache.KernelCache(zero_velocity.observe).path
+    place = compiler.cache_of(zero_velocity.observe).path
     place.parent.mkdir(parents=True)
     place.touch()
-    assert not is_cached(other)
-    kernel_cache.KernelCache(other).path.touch()
-    assert is_cached(other)
+    assert not other.at_hand
+    compiler.cache_of(other).path.touch()
+    assert other.at_hand
 
 
 USER = """
     import sys
     sys.path.insert(0, {folder!r})
-    import numba, mine
-    from strapdown.core import jit, kernel_cache
+    import mine
+    from strapdown.core import compiler, jit, kernel_cache
     jit.compile_kernel(mine.kernel_of_mine)
-    print(mine.kernel_of_mine(1.0), kernel_cache.key(mine.kernel_of_mine), *sorted(kernel_cache.import_closure(mine)[0].values()))
+    print(mine.kernel_of_mine(1.0), compiler.key(mine.kernel_of_mine), *sorted(kernel_cache.import_closure(mine)[0].values()))
     """
 
 
 def test_kernels_of_a_users_own_files_follow_what_these_import(tmp_path):
     (tmp_path / "mine.py").write_text(
-        "import numba\nfrom strapdown.core.jit import kernel\nfrom helpers import scaled\n\n"
-        "@kernel(numba.float64(numba.float64))\ndef kernel_of_mine(x):\n    return scaled(x)\n"
+        "from strapdown.core.jit import kernel\nfrom strapdown.core.signatures import REAL, signature\nfrom helpers import scaled\n\n"
+        "ONE = signature('one', REAL, x=REAL)\n@kernel(ONE)\ndef kernel_of_mine(x):\n    return scaled(x)\n"
     )
     helpers = tmp_path / "helpers.py"
     run = lambda: python(

@@ -123,20 +123,16 @@ def _stop(message: str, code: int = 2) -> NoReturn:
     raise SystemExit(code)
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        print(f"strapdown {sd.__version__}")
-        raise typer.Exit()
-
-
-@app.callback()
+@app.callback(invoke_without_command=True)
 def options(
     context: typer.Context,
     version: Annotated[
         bool,
-        typer.Option(
-            "--version", callback=_version, is_eager=True, help="Print the version and end."
-        ),
+        typer.Option("--version", help="Print the version and end."),
+    ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", help="With --version: also where the kernels come from."),
     ] = False,
     plugin: Annotated[
         list[str] | None,
@@ -161,6 +157,15 @@ def options(
     ] = False,
 ) -> None:
     """Options of the command itself."""
+    if version:
+        print(f"strapdown {sd.__version__}")
+        if verbose:
+            from ..core import library
+
+            print("\n".join(library.told()))
+        raise typer.Exit()
+    if verbose or context.invoked_subcommand is None:
+        context.fail("--verbose goes with --version." if verbose else "Missing command.")
     from ..file_limits import reading_limits
 
     changes: dict[str, float | bool] = {"pipes": pipes, "outside": not inside}

@@ -4,8 +4,6 @@ disk. Imported only where a kernel must be compiled.
 Everything private to numba that the package relies on is in these two files.
 """
 
-import os
-import threading
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -18,27 +16,20 @@ from numba.core.datamodel import models
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic, lower_builtin, register_model
 
+from . import kernel_cache
 from .c_calls import hear_of_raised
 from .kernel_cache import KernelCache
+from .library import contracted
 from .signatures import Function, Kind, Number, Numbers, Record, Signature
 
 types: Any = numba_types  # their own annotations are not complete
 _cgutils: Any = cgutils
 typing: Any = numba_typing
 
-CONTRACTION = "STRAPDOWN_CONTRACTION"
-"""Setting that lets multiplications and additions be contracted: a fifth faster, and the last bits
-then depend on the processor and on what is inlined."""
-
 
 small: list[bool] = [False]
 """Whether LLVM alone decides what is inlined, for firmware. Under strict arithmetic that changes no
 bit."""
-
-
-def contracted() -> bool:
-    """Whether it is set."""
-    return os.environ.get(CONTRACTION, "0") not in ("", "0")
 
 
 def _reference_counts_can_be_left_out() -> bool:
@@ -80,24 +71,29 @@ def type_of(function: Any) -> Any:
 
 def compiled(kernel: Any) -> tuple[int, bool]:
     """(address, whether it was compiled just now) of a kernel's C function."""
-    cached = KernelCache(kernel, _options(kernel))
     made = _c_function(kernel)
-    made._cache = cached
-    with global_lock:
-        made.compile()
+    made._cache = cache_of(kernel)
+    made.compile()
     if not kernel.__module__.startswith("strapdown."):
         hear_of_raised()
     kernel.__dict__["_made"] = made  # which holds the machine code
     return made.address, not made._cache_hits
 
 
-global_lock = threading.RLock()
-
-
 def is_cached(kernel: Any) -> bool:
     """Whether its machine code is on disk."""
-    path = KernelCache(kernel, _options(kernel)).path
+    path = cache_of(kernel).path
     return path is not None and path.exists()
+
+
+def cache_of(kernel: Any) -> KernelCache:
+    """Its place on disk."""
+    return KernelCache(kernel, _options(kernel))
+
+
+def key(kernel: Any) -> str:
+    """`kernel_cache.key` with the options that it is compiled with."""
+    return kernel_cache.key(kernel, _options(kernel))
 
 
 def intermediate(kernel: Any) -> tuple[str, str]:

@@ -14,11 +14,11 @@ from ..typing import Array, Ints, Mask, Vector
 from .jit import (
     COMPILED,
     address,
+    announce,
     bound,
     caller,
     compile_kernel,
     helper,
-    is_cached,
     kernel,
     matrix,
 )
@@ -116,7 +116,7 @@ __all__ = [
     "bound",
     "caller",
     "compile_kernel",
-    "is_cached",
+    "announce",
 ]
 
 POS, VEL, ATT, BA, BG = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15)

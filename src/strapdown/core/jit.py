@@ -8,7 +8,7 @@ alone imports numba. Under NUMBA_DISABLE_JIT=1 the Python functions run themselv
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property, partial, update_wrapper
 from typing import Any, TypeVar, cast
 
@@ -151,9 +151,15 @@ def compile_kernel(kernel: Any) -> bool:
     return bool(kernel.ready())
 
 
-def is_cached(kernel: Any) -> bool:
-    """`Kernel.at_hand`."""
-    return bool(kernel.at_hand)
+def announce(kernels: Iterable[Any], what: str, say: Callable[[str], None] | None) -> None:
+    """Tell `say` once where compiling these kernels would take seconds."""
+    slow = next((kernel for kernel in kernels if not kernel.at_hand), None) if say else None
+    if say and slow:
+        why = library.why_not(slow) if library.there() else ""
+        say(
+            f"compiling {what} for the first time on this machine, about 15 s ..."
+            f"{f' ({why})' if why else ''}"
+        )
 
 
 def address(kernel: Any) -> int:

@@ -39,7 +39,7 @@ from ..core.contract import (
     Output,
     Start,
     address,
-    is_cached,
+    announce,
 )
 from ..core.earth import LATITUDE_LIMIT
 from ..core.recent_motion import new_recent
@@ -111,8 +111,7 @@ def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) 
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run]
-    if say and not all(map(is_cached, slow)):
-        say(f"compiling {filter.name} for the first time on this machine, about 15 s ...")
+    announce(slow, filter.name, say)
     for kernel in slow:
         filters.compiled(filter, kernel)
     for sensor in sensors:

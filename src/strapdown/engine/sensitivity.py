@@ -14,7 +14,7 @@ from .. import filters
 from ..checks import DataError
 from ..core import cursor as places, loop
 from ..core.adjoint import INNOVATION, SMOOTHER, width
-from ..core.contract import COMPILED, Filter, Imu, address, compile_kernel, is_cached
+from ..core.contract import COMPILED, Filter, Imu, address, announce, compile_kernel
 from ..core.correlated import FADED
 from ..core.error_state import PREDICTED
 from ..core.sensitivity import (
@@ -88,8 +88,7 @@ def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
     check_sensitive(filter)
     run = begin(recording, filter, asked._replace(estimate={}))
     kernels: list[Any] = [loop.run_recorded, save_step, run_sensitivity]
-    if asked.say and not all(map(is_cached, kernels)):
-        asked.say("compiling the diagnosis for the first time on this machine, about 15 s ...")
+    announce(kernels, "the diagnosis", asked.say)
     for kernel in kernels:
         compile_kernel(kernel)
     return run

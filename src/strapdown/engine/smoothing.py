@@ -29,8 +29,8 @@ from ..core.contract import (
     Smoother,
     Start,
     address,
+    announce,
     compile_kernel,
-    is_cached,
 )
 from ..core.smoother import run_back, work_size
 from ..data import Solution
@@ -98,8 +98,7 @@ def smooth(
         filter.smoother.adjoint_step,
         filter.smoother.save_step,
     ]
-    if say and not all(map(is_cached, kernels)):
-        say("compiling the smoother for the first time on this machine, about 15 s ...")
+    announce(kernels, "the smoother", say)
     for kernel in kernels:
         compile_kernel(kernel)
     differences = both_ways(run, progress or (lambda done: None))
