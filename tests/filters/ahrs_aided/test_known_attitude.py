@@ -37,7 +37,7 @@ def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_
         for _ in range(round(seconds / dt)):
             stationary_increments(
                 belief.lla,
-                np.zeros(3),
+                np.zeros(12),
                 np.ascontiguousarray(belief.workspace[KNOWN : KNOWN + 9].reshape(3, 3)),
                 dt,
                 u,
@@ -56,7 +56,7 @@ def record(filter, belief, rph, deviation, gate=np.inf):
         aiding.find("attitude").observe,
         np.zeros(PARAMETERS),
         gate,
-        np.zeros(3),
+        np.zeros(12),
     )
 
 
@@ -158,7 +158,7 @@ def test_what_the_gyros_added_in_a_gap_is_not_forgotten_after_it(name):
     for _ in range(500):
         stationary_increments(
             belief.lla,
-            np.zeros(3),
+            np.zeros(12),
             np.ascontiguousarray(belief.workspace[KNOWN : KNOWN + 9].reshape(3, 3)),
             0.02,
             u,
@@ -198,7 +198,7 @@ def test_a_compass_makes_such_a_heading_partly_new(name):
         compass.observe,
         np.zeros(PARAMETERS),
         np.inf,
-        np.zeros(3),
+        np.zeros(12),
     )
     assert belief.P[8, 8] == pytest.approx(0.005, rel=1e-3)
     record(filter, belief, (0.0, 0.0, np.nan), (1e-3, 1e-3, np.nan))
