@@ -37,7 +37,7 @@ def standing(name, heading=0.7, noise=STILL, deviation=(0.01, 0.02, 0.03), bias_
         for _ in range(round(seconds / dt)):
             stationary_increments(
                 belief.lla,
-                np.zeros(12),
+                np.zeros(3),
                 np.ascontiguousarray(belief.workspace[KNOWN : KNOWN + 9].reshape(3, 3)),
                 dt,
                 u,
