@@ -98,7 +98,10 @@ def _rows(path: Path, found: Layout) -> tuple["pd.DataFrame", Ints, list[str]]:
     marks += lines[mark].tolist()
     if not (keep := filled & ~mark).all():
         left = [*marks, *lines[~filled].tolist()]
-        frame, lines = _parsed(path, found, left) if keep.any() else frame[keep], lines[keep]
+        frame, lines = frame[keep], lines[keep]
+        again = _parsed(path, found, left) if len(frame) else frame
+        if len(again) == len(frame):  # pandas skips other lines where they end as on old Macs
+            frame = again
     if not marks:
         return frame, lines + 1, []
     count = counted(len(marks), "line")
