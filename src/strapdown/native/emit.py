@@ -295,7 +295,7 @@ def _called(function: Any) -> Iterator[tuple[str, str]]:
                 *arguments, called = instruction.operands
                 listed = ",".join(str(each.type) for each in arguments)
                 yield (
-                    called.name if called.is_function else "",
+                    called.name if called.value_kind == llvm.ValueKind.function else "",
                     f"{instruction.type}({listed})",
                 )
 
