@@ -12,6 +12,7 @@ import numba
 from llvmlite import ir
 from numba import types as numba_types
 from numba.core import ccallback, cgutils, cpu, typing as numba_typing
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.datamodel import models
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic, lower_builtin, register_model
@@ -99,7 +100,9 @@ def key(kernel: Any) -> str:
 def intermediate(kernel: Any) -> tuple[str, str]:
     """(LLVM's intermediate representation of a kernel and all that it calls, name in it of the
     function that takes the arguments of C behind two pointers, to its result and to an exception)."""
-    made = _c_function(kernel)._compile_uncached()
+    with global_compiler_lock:
+        made = _c_function(kernel)._compile_uncached()
+        made.library.finalize()  # which links what it calls
     return made.library.get_llvm_str(), made.fndesc.llvm_func_name
 
 
