@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.earth import GRAVITY_EQUATOR, RATE
-from ..core.jit import plain
 from ..core.rotation import euler_terms
 from ..typing import Array, ArrayLike
 
@@ -112,7 +111,7 @@ def level(
 
 def body_to_navigation(roll: float, pitch: float, heading: float) -> Array:
     """C_nb (3, 3) of Euler angles, rad."""
-    return np.reshape(plain(euler_terms)(roll, pitch, heading), (3, 3))
+    return np.reshape(euler_terms(roll, pitch, heading), (3, 3))
 
 
 class Gyrocompass(NamedTuple):

@@ -158,7 +158,7 @@ def test_what_the_gyros_added_in_a_gap_is_not_forgotten_after_it(name):
     for _ in range(500):
         stationary_increments(
             belief.lla,
-            np.zeros(12),
+            np.zeros(3),
             np.ascontiguousarray(belief.workspace[KNOWN : KNOWN + 9].reshape(3, 3)),
             0.02,
             u,
