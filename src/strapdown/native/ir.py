@@ -116,7 +116,7 @@ def _main(folder: str, small: str, *stems: str) -> None:
     compiler.small[0] = small == "1"
     for stem in stems:
         kernel = of_stem(stem)
-        (Path(folder) / f"{kernel.symbol}.ll").write_text(text_of(kernel), "utf-8")
+        (Path(folder) / f"{kernel.symbol}.ll").write_text(text_of(kernel), encoding="utf-8")
         print(kernel.symbol, flush=True)
 
 
