@@ -106,3 +106,13 @@ def test_the_command_loads_what_its_files_and_its_page_need(recordings, tmp_path
 def test_help_and_version_load_no_numbers(word):
     heavy = NEVER | PAGE | COMPILER | {"numpy", "pydantic"}
     assert loaded(COMMAND, word) & heavy == {"typer"}
+
+
+def test_verbose_tells_more_of_the_version(command):
+    for words in (("--version", "--verbose"), ("--verbose", "--version")):
+        code, text, errors = command(*words)
+        assert code == 0 and errors == [] and len(text.splitlines()) > 1
+    code, text, errors = command("--verbose", "filters")
+    assert (code, text) == (2, "") and errors[0].startswith(
+        "strapdown: --verbose goes with --version"
+    )
