@@ -72,7 +72,7 @@ class Standing:
             "position": displaced(LLA, off),
             "velocity": off,
             "altitude": np.array([LLA[2] - off[2]]),
-        }[kind]
+            "altitude": np.array([LLA[2] - off[2], np.nan, np.nan]),
         innovation = np.zeros(12)
         nis = self.filter.correct(
             self.belief,
