@@ -123,16 +123,40 @@ def _stop(message: str, code: int = 2) -> NoReturn:
     raise SystemExit(code)
 
 
-@app.callback(invoke_without_command=True)
+def _version(context: typer.Context, given: typer.CallbackParam, wanted: bool) -> bool:
+    """Of --version and --verbose: answers when both are known, before typer looks at any other
+    option, for which it loads pydantic."""
+    said = {**context.params, given.name: wanted}
+    if {"version", "verbose"} <= said.keys():
+        if said["version"]:
+            print(f"strapdown {sd.__version__}")
+            if said["verbose"]:
+                from ..core import library
+
+                print("\n".join(library.told()))
+            raise typer.Exit()
+        if said["verbose"]:
+            context.fail("--verbose goes with --version.")
+    return wanted
+
+
+@app.callback()
 def options(
     context: typer.Context,
     version: Annotated[
         bool,
-        typer.Option("--version", help="Print the version and end."),
+        typer.Option(
+            "--version", callback=_version, is_eager=True, help="Print the version and end."
+        ),
     ] = False,
     verbose: Annotated[
         bool,
-        typer.Option("--verbose", help="With --version: also where the kernels come from."),
+        typer.Option(
+            "--verbose",
+            callback=_version,
+            is_eager=True,
+            help="With --version: also where the kernels come from.",
+        ),
     ] = False,
     plugin: Annotated[
         list[str] | None,
@@ -157,15 +181,6 @@ def options(
     ] = False,
 ) -> None:
     """Options of the command itself."""
-    if version:
-        print(f"strapdown {sd.__version__}")
-        if verbose:
-            from ..core import library
-
-            print("\n".join(library.told()))
-        raise typer.Exit()
-    if verbose or context.invoked_subcommand is None:
-        context.fail("--verbose goes with --version." if verbose else "Missing command.")
     from ..file_limits import reading_limits
 
     changes: dict[str, float | bool] = {"pipes": pipes, "outside": not inside}
