@@ -124,13 +124,18 @@ class Object(NamedTuple):
 
 
 def emit(
-    texts: Iterable[str], target: Target, exported: Sequence[str], versioned: bool = False
+    texts: Iterable[str],
+    target: Target,
+    exported: Sequence[str],
+    versioned: bool = False,
+    inside: Sequence[str] = (),
 ) -> Object:
     """The object of these functions and what they call.
 
     texts: as `ir.write` leaves them, linked into one.
     versioned: ask for the oldest symbols of the C library that there are (`Target.base`), for a
         library that older systems are to load.
+    inside: functions by which the texts call each other, and which the object does not show.
 
     Raises RuntimeError, with the function and the symbol, where arithmetic is not strict or something
     other than the mathematics of C and its memory functions is needed.
@@ -143,17 +148,19 @@ def emit(
         _strict(text, exported)
         one = llvm.parse_assembly(_neutral(text, target, layout, versioned))
         for each in (*one.functions, *one.global_variables):
-            if not each.is_declaration and each.name not in exported:
+            if not each.is_declaration and each.name not in (*exported, *inside):
                 each.linkage = "internal"  # two of a name need not be of one code
         if module is None:
             module = one
         else:
             module.link_in(one)
-    missing = set(exported) - {
+    missing = {*exported, *inside} - {
         one.name for one in (module.functions if module else ()) if not one.is_declaration
     }
     if module is None or missing:
         raise RuntimeError(f"no code of {', '.join(sorted(missing)) or 'anything'}")
+    for name in inside:
+        module.get_function(name).linkage = "internal"
     _optimise(module, machine, target)
     if HERE_ONLY.search(str(module)):
         raise RuntimeError(
