@@ -215,7 +215,7 @@ def _neutral(text: str, target: Target, layout: str, versioned: bool) -> str:
     text = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{layout}"', text, flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
     smaller = OPTIMISED_FOR_SIZE[target.size]
-    text = DEFINITION.sub(rf'\1\2{smaller} "warn-stack-size"="0" {{', text)
+    text = DEFINITION.sub(rf'\1\2 nounwind{smaller} "warn-stack-size"="0" {{', text)
     if versioned and target.base:  # those that the code does not use leave no trace
         text += "".join(
             f'module asm ".symver {name},{name}@{target.base}"\n' for name in sorted(LIBM | MEMORY)

@@ -2,15 +2,16 @@
 behind one C function.
 
 numba reads its settings when it is imported, so this is a program of its own, which `write` runs:
-`python -m strapdown.native.ir OUT SMALL STEM..`.
+`python -m strapdown.native.ir OUT SMALL SIZES STEM..`.
 """
 
 import importlib
+import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +44,18 @@ def declared(module: str) -> Iterator[Kernel]:
             yield value
 
 
-def write(kernels: Iterable[Kernel], folder: Path, small: bool = False) -> Iterator[str]:
+def write(
+    kernels: Iterable[Kernel],
+    folder: Path,
+    small: bool = False,
+    sizes: Mapping[str, int] | None = None,
+) -> Iterator[str]:
     """Write SYMBOL.ll of each kernel into a folder, in a process of its own; the symbols as they
-    are done. Raises RuntimeError with what the compiler said."""
+    are done. small: leave all inlining to LLVM; sizes: those that are constants, by name. Raises
+    RuntimeError with what the compiler said."""
     folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", __name__, str(folder), str(int(small))]
+    constants = json.dumps(dict(sizes or {}))
+    command = [sys.executable, "-m", __name__, str(folder), str(int(small)), constants]
     process = subprocess.Popen(
         [*command, *(kernel.stem for kernel in kernels)],
         env={**os.environ, **NEUTRAL},
@@ -95,10 +103,11 @@ def _text(kernel: Any) -> str:
     return text + c_function(kernel.symbol, inner, kernel.signature)
 
 
-def _main(folder: str, small: str, *stems: str) -> None:
+def _main(folder: str, small: str, sizes: str, *stems: str) -> None:
     from ..core import compiler
 
     compiler.small[0] = small == "1"
+    compiler.fixed.update(json.loads(sizes))
     for stem in stems:
         module = stem.rpartition(".")[0]
         (kernel,) = (one for one in declared(module) if one.stem == stem)
