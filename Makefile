@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test compile deep versions branches mutants bench lint clean
+.PHONY: demo test compile library wheel deep versions branches mutants bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
@@ -18,6 +18,14 @@ KERNEL_TESTS := tests/core tests/aiding tests/filters tests/evaluation
 
 compile: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py
+
+# Kernels as machine code, for the processor of this machine, into the checkout: docs/library.md.
+library: $(VENV)/installed
+	$(BIN)/python -m strapdown.native.build src/strapdown/lib
+
+# A wheel with them, for all processors of this architecture, into dist.
+wheel: $(VENV)/installed
+	$(BIN)/python -m strapdown.native.wheel dist
 
 # What is slow and rarely red. Writes its result to tests/deep.txt, which is committed.
 deep: $(VENV)/installed-test

@@ -173,7 +173,8 @@ def emit(
         raise RuntimeError(
             f"{_listed(exported)}: {', '.join(foreign)} would be needed, and is not of C's libm"
         )
-    return Object(content, tuple(exported), needed, _stack(module, exported, lines, target))
+    stack = _stack(module, exported, inside, lines, target)
+    return Object(content, tuple(exported), needed, stack)
 
 
 def _of_c(name: str) -> bool:
@@ -262,10 +263,14 @@ def _said() -> Iterator[list[str]]:
 
 
 def _stack(
-    module: Any, exported: Sequence[str], lines: Sequence[str], target: Target
+    module: Any,
+    exported: Sequence[str],
+    inside: Sequence[str],
+    lines: Sequence[str],
+    target: Target,
 ) -> dict[str, int]:
-    """Bytes at most, by exported function. A call by address may reach every exported function that
-    takes and returns the same."""
+    """Bytes at most, by exported function. A call by address may reach every function of these names
+    that takes and returns the same."""
     if target.triple.startswith("wasm"):  # of which LLVM tells nothing
         return {}
     frames = {
@@ -279,7 +284,7 @@ def _stack(
             calls[one.name] = {name for name, _ in called if name}
             by_address[one.name] = {kind for name, kind in called if not name}
     kinds: dict[str, set[str]] = {}
-    for name in exported:
+    for name in {*exported, *inside} & calls.keys():
         kinds.setdefault(_kind(module.get_function(name).global_value_type), set()).add(name)
 
     def most(name: str, above: tuple[str, ...] = ()) -> int:
@@ -302,7 +307,7 @@ def _called(function: Any) -> Iterator[tuple[str, str]]:
                 *arguments, called = instruction.operands
                 listed = ",".join(str(each.type) for each in arguments)
                 yield (
-                    called.name if called.is_function else "",
+                    called.name if called.value_kind == llvm.ValueKind.function else "",
                     f"{instruction.type}({listed})",
                 )
 

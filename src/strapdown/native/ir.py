@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ..core.jit import Kernel
@@ -37,11 +38,24 @@ define {result} @{symbol}({parameters}) {{
 """
 
 
+def modules(package: ModuleType) -> Iterator[str]:
+    """Names of the modules of a package that declare kernels."""
+    root = Path(str(package.__file__)).parent
+    for file in sorted(root.rglob("*.py")):
+        if re.search(r"^@kernel\b", file.read_text(encoding="utf-8"), re.MULTILINE):
+            yield ".".join((package.__name__, *file.relative_to(root).with_suffix("").parts))
+
+
 def declared(module: str) -> Iterator[Kernel]:
     """Kernels that a module declares."""
     for value in vars(importlib.import_module(module)).values():
         if isinstance(value, Kernel) and value.__module__ == module:
             yield value
+
+
+def of_stem(stem: str) -> Kernel:
+    """The kernel of this module and name."""
+    return next(one for one in declared(stem.rpartition(".")[0]) if one.stem == stem)
 
 
 def write(
@@ -95,7 +109,8 @@ def c_function(symbol: str, inner: str, signature: Signature) -> str:
     )
 
 
-def _text(kernel: Any) -> str:
+def text_of(kernel: Any) -> str:
+    """The representation of a kernel, in a process that runs under NEUTRAL."""
     from ..core import compiler
 
     text, name = compiler.intermediate(kernel)
@@ -109,9 +124,8 @@ def _main(folder: str, small: str, sizes: str, *stems: str) -> None:
     compiler.small[0] = small == "1"
     compiler.fixed.update(json.loads(sizes))
     for stem in stems:
-        module = stem.rpartition(".")[0]
-        (kernel,) = (one for one in declared(module) if one.stem == stem)
-        (Path(folder) / f"{kernel.symbol}.ll").write_text(_text(kernel))
+        kernel = of_stem(stem)
+        (Path(folder) / f"{kernel.symbol}.ll").write_text(text_of(kernel), "utf-8")
         print(kernel.symbol, flush=True)
 
 

@@ -23,7 +23,7 @@ class Section(NamedTuple):
 
 def undefined(content: bytes) -> tuple[str, ...]:
     """Names of the functions and variables that an object or library asks for, sorted. Raises
-    ValueError where it is neither ELF nor WebAssembly, or ends too early."""
+    ValueError where it is neither ELF nor WebAssembly."""
     if content[:4] == b"\0asm":
         return tuple(sorted(_wasm_imports(content)))
     found = set()
@@ -93,13 +93,10 @@ def _sections(content: bytes) -> list[Section]:
     (at,) = struct.unpack_from("<Q" if wide else "<I", content, 40 if wide else 32)
     size, count = struct.unpack_from("<HH", content, 58 if wide else 46)
     made = []
-    try:
-        for index in range(count):
-            head = struct.unpack_from("<IIQQQQII" if wide else "<8I", content, at + index * size)
-            _, kind, _, _, offset, length, link, info = head
-            made.append(Section(kind, link, info, content[offset : offset + length]))
-    except struct.error as error:
-        raise ValueError(f"the file ends before its list of sections: {error}") from error
+    for index in range(count):
+        head = struct.unpack_from("<IIQQQQII" if wide else "<8I", content, at + index * size)
+        _, kind, _, _, offset, length, link, info = head
+        made.append(Section(kind, link, info, content[offset : offset + length]))
     return made
 
 

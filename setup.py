@@ -1,0 +1,107 @@
+"""The library of kernels in what is built; everything else stands in pyproject.toml.
+
+STRAPDOWN_LIBRARY=1 builds it, the name of a folder takes the one there, else there is none
+(docs/library.md). Where it cannot be built, what is built works without it and says so.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_py import build_py
+
+HERE = Path(__file__).resolve().parent
+PACKAGE = HERE / "src" / "strapdown"
+SAID = os.environ.get("STRAPDOWN_LIBRARY", "").strip()
+WANTED = SAID not in ("", "0")
+MANIFEST = "kernels.json"
+
+
+def requirements() -> list[str]:
+    """What building needs beyond pyproject.toml: kernels are compiled by the package itself."""
+    told = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))
+    return told["project"]["dependencies"] if SAID == "1" else []
+
+
+def build_library(folder: Path, levels: list[str]) -> str:
+    """Build it into a folder; what is missing where that fails."""
+    paths = [str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "strapdown.native.build", str(folder), *levels],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    last = ""
+    for line in process.stderr or ():
+        if line[:1].isdigit():
+            print(line, end="", file=sys.stderr, flush=True)
+        last = line.strip() or last
+    return last if process.wait() else ""
+
+
+def copy_library(source: Path, folder: Path) -> str:
+    """Take the one of a folder; why not, where it is none of these sources."""
+    try:
+        made = json.loads((source / MANIFEST).read_bytes())
+        for file, digest in made["files"].items():
+            if hashlib.sha256((PACKAGE / file).read_bytes()).hexdigest() != digest:
+                return f"{file} is another than the library in {source} was made from"
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in (MANIFEST, *(each["file"] for each in made["libraries"].values())):
+            shutil.copyfile(source / name, folder / name)
+    except (OSError, ValueError, KeyError) as error:
+        return f"{source} holds no library of kernels ({error})"
+    return ""
+
+
+class Build(build_py):
+    """Python files, then the library beside them."""
+
+    def run(self) -> None:
+        """As setuptools asks."""
+        super().run()
+        in_place = getattr(self, "editable_mode", False)
+        folder = PACKAGE / "lib" if in_place else Path(self.build_lib) / "strapdown" / "lib"
+        if not in_place:
+            shutil.rmtree(folder, ignore_errors=True)  # that of a build before
+        if WANTED:
+            why = (
+                build_library(folder, [] if in_place else ["--levels", "all"])
+                if SAID == "1"
+                else copy_library(Path(SAID), folder)
+            )
+            if why:
+                print(f"strapdown: kernels will be compiled on use: {why}", file=sys.stderr)
+
+
+class Wheel(bdist_wheel):
+    """One for every Python on a platform, or for any where it has no library."""
+
+    platform = ""
+
+    def run(self) -> None:
+        """As setuptools asks."""
+        self.run_command("build")
+        manifest = (
+            Path(self.get_finalized_command("build_py").build_lib) / "strapdown/lib" / MANIFEST
+        )
+        if manifest.exists():
+            self.platform = json.loads(manifest.read_bytes())["tag"]
+            self.root_is_pure = False
+            self.distribution.has_ext_modules = lambda: True  # installed where machine code belongs
+        super().run()
+
+    def get_tag(self) -> tuple[str, str, str]:
+        """Python, ABI and platform."""
+        return ("py3", "none", self.platform) if self.platform else super().get_tag()
+
+
+setup(cmdclass={"build_py": Build, "bdist_wheel": Wheel}, setup_requires=requirements())
