@@ -85,9 +85,8 @@ def write(
         raise RuntimeError(said.splitlines()[-1] if said else "the compiler ended without a word")
 
 
-def c_function(symbol: str, inner: str, signature: Signature) -> str:
-    """The C function around numba's, which returns a status, always 0, and its result through a
-    pointer."""
+def c_types(signature: Signature) -> tuple[str, list[str]]:
+    """LLVM's types of the result and of the arguments of a kernel in C."""
     kinds = [
         ("double" if kind.real else "i64")
         if isinstance(kind, Number)
@@ -98,6 +97,13 @@ def c_function(symbol: str, inner: str, signature: Signature) -> str:
     ]
     kinds += ["i64"] * len(signature.sizes)
     result = "void" if signature.result is None else "double" if signature.result.real else "i64"
+    return result, kinds
+
+
+def c_function(symbol: str, inner: str, signature: Signature) -> str:
+    """The C function around numba's, which returns a status, always 0, and its result through a
+    pointer."""
+    result, kinds = c_types(signature)
     end = f"  %value = load {result}, ptr %ret\n  ret {result} %value"
     return C_FUNCTION.format(
         result=result,
