@@ -2,7 +2,7 @@
 compilation, `--help`.
 
 `python benchmarks/processes.py day PERIOD SECONDS` and `... first LOG` are what those processes
-run; each prints one JSON line.
+run; each prints one JSON line, and so does `... start`, the figures of `start_up`.
 """
 
 import json
@@ -20,9 +20,10 @@ DAY = 86400.0
 
 
 def environment(**changes):
-    """This process' environment with strapdown importable from the checkout."""
+    """This process' environment with strapdown importable from the checkout, and its bytecode kept
+    as that of an installed package is."""
     path = os.pathsep.join(filter(None, [str(SOURCE), os.environ.get("PYTHONPATH")]))
-    return {**os.environ, "PYTHONPATH": path, **changes}
+    return {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "", **changes}
 
 
 def child(*arguments, **changes):
@@ -47,13 +48,37 @@ def child(*arguments, **changes):
         return seconds, last
 
 
+COMMAND = "import sys; from strapdown.cli.app import main; sys.exit(main())"
+"""What the console script `strapdown` runs."""
+
+
+def median(times, *arguments):
+    """Median seconds of a process that runs `times` times, after once that does not count."""
+    child(*arguments)
+    return sorted(child(*arguments)[0] for _ in range(times))[times // 2]
+
+
 def help_seconds(times=5):
-    """Median time of `strapdown --help`, as its console script runs it."""
-    runs = sorted(
-        child("-c", "import sys; from strapdown.cli.app import main; sys.exit(main())", "--help")[0]
-        for _ in range(times)
-    )
-    return runs[times // 2]
+    """Median time of `strapdown --help`."""
+    return median(times, "-c", COMMAND, "--help")
+
+
+def start_up(log, times=5):
+    """Median seconds of whole processes, with kernels that are there: the first solution of a
+    recording as NetCDF, the same of `log` (recording.toml and CSV), `strapdown fuse` of that with
+    all its files and its page."""
+    with tempfile.TemporaryDirectory() as folder:
+        whole, out = Path(folder, "recording.nc"), Path(folder, "out")
+        child(
+            "-c",
+            "import sys, strapdown as sd; sd.write_recording(sd.read(sys.argv[1]), sys.argv[2])",
+            *(log, whole),
+        )
+        return (
+            median(times, __file__, "first", whole),
+            median(times, __file__, "first", log),
+            median(times, "-c", COMMAND, "fuse", log, "--out", out),
+        )
 
 
 def first_solution(log, times=3):
@@ -132,5 +157,10 @@ if __name__ == "__main__":
     what, *rest = sys.argv[1:]
     if what == "day":
         run_day(rest[0], float(rest[1]))
-    else:
+    elif what == "first":
         run_first(rest[0])
+    else:
+        import subject
+        import workload
+
+        print(json.dumps(start_up(subject.write_log(workload.load("A").first(600)))))

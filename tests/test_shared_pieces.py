@@ -11,7 +11,7 @@ from strapdown.checks import DataError
 from strapdown.data import Aiding
 from strapdown.files import read_toml
 from strapdown.preprocessing.stationary import stretches
-from strapdown.rotation_products import running_products
+from strapdown.rotation_products import running_matrices, running_products
 
 pytestmark = pytest.mark.short
 NAN = np.nan
@@ -71,6 +71,15 @@ def test_running_products_are_those_one_by_one(n):
     for k in range(n):
         expected = expected @ turns[k].as_matrix()
         np.testing.assert_allclose(found[k].as_matrix(), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 7, 100])
+def test_running_matrices_are_the_running_products(n):
+    rng = np.random.default_rng(n)  # from no turn at all to several whole ones
+    vectors = rng.standard_normal((n, 3)) * 10.0 ** rng.integers(-9, 2, (n, 1))
+    vectors[n // 2 :][:1] = 0.0
+    expected = running_products(Rotation.from_rotvec(vectors)).as_matrix()
+    np.testing.assert_allclose(running_matrices(vectors), expected, atol=1e-13)
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,12 @@ SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, n
 """From SI to the units of the `sd_` columns; its last six also to those of the biases."""
 
 
+def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(columns, index=pd.Index(t, name="t"))
+
+
 def _known(part: Array | None) -> Array:
     """A part of a Trajectory that its maker is sure of: for the type checker, nothing else."""
     return part  # type: ignore[return-value]
@@ -125,8 +131,10 @@ class Trajectory:
 
     def table(self) -> pd.DataFrame:
         """pandas DataFrame indexed by time (s), columns in the units of `UNITS`."""
-        import pandas as pd
+        return _frame(self.t, self.as_columns())
 
+    def as_columns(self) -> dict[str, Array]:
+        """The columns of its table by name, (n,) each."""
         parts = {
             name: np.degrees(self.lla[:, i]) if i < 2 else self.lla[:, 2]
             for i, name in enumerate(NAV_COLUMNS[:3])
@@ -135,7 +143,7 @@ class Trajectory:
             parts |= dict(zip(NAV_COLUMNS[3:6], self.v_n.T))
         if self.q_nb is not None:
             parts |= dict(zip(ATTITUDE_COLUMNS, np.degrees(self.rph).T))
-        return pd.DataFrame(parts, index=pd.Index(self.t, name="t"))
+        return parts
 
     def __repr__(self) -> str:
         span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
@@ -297,16 +305,18 @@ class Solution:
     def table(self) -> pd.DataFrame:
         """pandas DataFrame of state, biases, standard deviations and status, units as in
         `UNITS`."""
-        table = self.trajectory.table()
-        for names, values in (
-            (BIAS_COLUMNS, np.c_[self.b_a, self.b_g] * SD_SCALE[9:]),
-            (SD_COLUMNS, _known(self.trajectory.sd) * SD_SCALE),
-        ):
-            table[names] = values
-        for name, values in self.columns.items():
-            table[name] = values
-        table["status"] = self.status
-        return table
+        return _frame(self.t, self.as_columns())
+
+    def as_columns(self) -> dict[str, NDArray[Any]]:
+        """The columns of its table by name, (n,) each."""
+        biases = np.c_[self.b_a, self.b_g] * SD_SCALE[9:]
+        return {
+            **self.trajectory.as_columns(),
+            **dict(zip(BIAS_COLUMNS, biases.T)),
+            **dict(zip(SD_COLUMNS, (_known(self.trajectory.sd) * SD_SCALE).T)),
+            **self.columns,
+            "status": self.status,
+        }
 
     def counts(self) -> dict[str, tuple[int, int]]:
         """{source: (accepted, rejected)} over all fixes that were measured."""

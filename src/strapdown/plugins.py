@@ -12,6 +12,7 @@ import importlib
 import importlib.util
 import inspect
 import os
+import re
 import sys
 import warnings
 import zlib
@@ -348,6 +349,13 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
         )
 
 
+IN_WORDS = {
+    "NRT required": "it allocates memory, for an array or a list; write a loop over numbers",
+    "No conversion from none": "it returns None; it must return a number",
+}
+"""What numba says of a common mistake, and what it means."""
+
+
 @contextmanager
 def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iterator[None]:
     """Where and why a kernel of `value` does not compile, as a DataError of one line in place of
@@ -357,11 +365,10 @@ def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iter
     except Exception as error:  # numba's own, and what its passes let through
         whose = plugin()
         code = kernel.py_func.__code__
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        text = re.sub(r"\x1b\[\d+m", "", str(error))  # numba shows colours where it can
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
         said = (
-            "it allocates memory, for an array or a list; write a loop over numbers"
-            if "NRT required" in line
-            else line
+            next((ours for theirs, ours in IN_WORDS.items() if theirs in line), line)
             for line in lines
             if not line.startswith(("Failed in", "- Resolution"))
         )

@@ -17,12 +17,6 @@ def test_the_kinds_of_the_library_pass(name):
 
 
 @kernel(OBSERVE)
-def returns_nothing(belief, y, parameters, innovation, H):
-    innovation[0] = y[0] - belief.v[2]
-    H[0, 5] = 1.0
-
-
-@kernel(OBSERVE)
 def two_rows(belief, y, parameters, innovation, H):
     innovation[0] = y[0] - belief.v[2]
     H[0, 5] = 1.0
@@ -85,7 +79,6 @@ def sometimes(belief, y, parameters, innovation, H):
 @pytest.mark.parametrize(
     "observe, said",
     [
-        (returns_nothing, "returns None; it must return the number of its rows, 1"),
         (two_rows, "returns 2; it must return the number of its rows, 1"),
         (beside, "writes beside its arrays|index 400 is out of bounds"),
         (second_row, "writes beside its arrays"),

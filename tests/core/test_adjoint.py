@@ -181,7 +181,7 @@ def corrected(made, y, gate=np.inf):
     n, sd = len(made.P), np.array([0.5, 1.0, 2.0])
     compile_kernel(correct)
     compile_kernel(observe)
-    nis = correct(made, np.array(y), sd, 0, observe, np.zeros(PARAMETERS), gate, np.empty(3))
+    nis = correct(made, np.array(y), sd, 0, observe, np.zeros(PARAMETERS), gate, np.empty(12))
     H = np.array(
         [
             [

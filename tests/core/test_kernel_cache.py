@@ -303,8 +303,6 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch):
 def test_numbas_own_setting_of_the_folder_is_respected_and_left_as_found(tmp_path, monkeypatch):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     assert kernel_cache.folder() == tmp_path / "strapdown/kernels"
-    with pytest.raises(TypeError):
-        kernel(ONE)("not a function")
     assert numba.config.CACHE_DIR == str(tmp_path)
 
 
@@ -388,7 +386,7 @@ def test_the_closure_of_every_kernel_holds_the_modules_of_its_helpers():
     from compile_all import kernels
 
     checked = 0
-    for module in {kernel.__module__ for kernel in kernels()}:
+    for module in {each.__module__ for each in kernels()}:
         loaded = sys.modules[module]
         files = set(kernel_cache.import_closure(loaded)[0].values())
         for value in vars(loaded).values():

@@ -161,3 +161,11 @@ def test_names_that_are_many_times_alike_get_numbers_soon():
     found = distinct(["a", "a.1", *["a"] * 50_000])
     assert found[:4] == ["a", "a.1", "a.2", "a.3"] and len(set(found)) == len(found)
     assert time.process_time() - begin < 2
+
+
+def test_no_row_is_lost_behind_a_line_that_is_left_out(tmp_path):
+    """With ends of old Macs pandas skips a line too many after an empty one."""
+    (tmp_path / "a.csv").write_text("t,x\r1,2\r\r# a,b\r7,8\r9,10\r", newline="")
+    table = read_table(tmp_path / "a.csv")
+    assert table.frame.to_numpy().tolist() == [[1, 2], [7, 8], [9, 10]]
+    assert table.lines.tolist() == [2, 5, 6]

@@ -20,7 +20,7 @@ from ..data import Aiding
 from ..geodesy import displaced, displacement
 from ..preprocessing.lever_arm import swung
 from ..recording import Recording
-from ..rotation_products import running_products
+from ..rotation_products import running_matrices
 from ..typing import Array, Ints
 from ..vehicle import find as find_vehicle
 from .course import SURE, best_instant, courses, heading_of
@@ -344,9 +344,7 @@ def _turned(
 ) -> tuple[float, float, float]:
     """Roll, pitch, heading (rad; a NaN stays) after the rotation increments dtheta (n, 3), rad,
     or before them."""
-    from scipy.spatial.transform import Rotation
-
-    turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1].as_matrix()
+    turn = running_matrices(np.vstack([np.zeros(3), dtheta]))[-1]
     C = body_to_navigation(rph[0], rph[1], np.nan_to_num(rph[2])) @ (turn.T if back else turn)
     roll, pitch, heading = matrix_to_euler(C)
     return roll, pitch, heading if np.isfinite(rph[2]) else np.nan
@@ -592,9 +590,5 @@ def _sways(imu: Imu, rest: list[Ints]) -> bool:
 def _carried(roll: float, pitch: float, dtheta: Array) -> tuple[float, float]:
     """Roll and pitch after the rotation increments dtheta (n, 3), rad: they turn the direction
     of specific force in the body."""
-    from scipy.spatial.transform import Rotation
-
-    turn = running_products(Rotation.from_rotvec(np.vstack([np.zeros(3), dtheta])))[-1]
-    return level(
-        turn.inv().apply(body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR])
-    )
+    turn = running_matrices(np.vstack([np.zeros(3), dtheta]))[-1]
+    return level(turn.T @ body_to_navigation(roll, pitch, 0.0).T @ [0.0, 0.0, -GRAVITY_EQUATOR])

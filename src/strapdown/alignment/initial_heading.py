@@ -12,7 +12,7 @@ from ..data import Aiding
 from ..geodesy import wrap
 from ..preprocessing.stationary import motionless
 from ..recording import Recording
-from ..rotation_products import running_products
+from ..rotation_products import running_matrices
 from ..typing import Array, Mask
 from .static_attitude import PARALLEL, gyrocompass, level, levelled
 
@@ -159,11 +159,7 @@ def mean_force(
 def _turned(dtheta: Array) -> Array:
     """(2 n + 1, 3, 3): from the body at the edges and middles of n samples, in turn, to the body
     at the first edge."""
-    from scipy.spatial.transform import Rotation
-
-    return running_products(
-        Rotation.from_rotvec(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))
-    ).as_matrix()
+    return running_matrices(np.vstack([np.zeros(3), np.repeat(0.5 * dtheta, 2, axis=0)]))
 
 
 def earth_rate_heading(

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.earth import GRAVITY_EQUATOR, RATE
+from ..core.rotation import euler_terms
 from ..typing import Array, ArrayLike
 
 PARALLEL = 1e-6
@@ -110,9 +111,7 @@ def level(
 
 def body_to_navigation(roll: float, pitch: float, heading: float) -> Array:
     """C_nb (3, 3) of Euler angles, rad."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix()
+    return np.reshape(euler_terms(roll, pitch, heading), (3, 3))
 
 
 class Gyrocompass(NamedTuple):

@@ -459,27 +459,33 @@ class Progress:
     otherwise."""
 
     def __enter__(self) -> Self:
-        from rich.console import Console
-        from rich.progress import Progress
+        self.bar = None
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import Progress
 
-        self.console = Console(stderr=True)
-        self.bar = Progress(
-            console=self.console, transient=True, disable=not self.console.is_terminal
-        )
-        self.bar.start()
+            self.bar = Progress(console=Console(stderr=True), transient=True)
+            self.bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.bar.stop()
+        if self.bar is not None:
+            self.bar.stop()
 
     def say(self, text: str) -> None:
         """A line that is seen at once."""
-        self.console.print(text, highlight=False, soft_wrap=True)
+        if self.bar is None:
+            print(text, file=sys.stderr, flush=True)
+        else:
+            self.bar.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def track(self, name: str) -> Callable[[float], None]:
         """A function of the fraction done."""
-        task = self.bar.add_task(name, total=1.0)
-        return lambda done: self.bar.update(task, completed=float(done))
+        bar = self.bar
+        if bar is None:
+            return lambda done: None
+        task = bar.add_task(name, total=1.0)
+        return lambda done: bar.update(task, completed=float(done))
 
 
 def option_values(items: Sequence[str] | None) -> dict[str, float | str]:

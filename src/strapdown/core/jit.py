@@ -31,9 +31,9 @@ class Helper:
         update_wrapper(self, function)
         self.py_func, self.inlined = function, inlined
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """The Python function."""
-        return self.py_func(*arguments)
+        return self.py_func(*arguments, **named)
 
     @property
     def _numba_type_(self) -> Any:

@@ -24,6 +24,7 @@ from ..engine.sensitivity import Corrections, acceleration_at
 from ..io.description.installed import INSTALLED
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
+from ..rotation_products import exponentials
 from ..typing import Array, Ints
 
 CLOCK, ARM, MOUNTING, SCALE = "clock", "lever arm", "mounting", "odometer scale"
@@ -98,9 +99,7 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
 
 def rotation(turn: Array) -> Array:
     """(3, 3) exp(turn x)."""
-    from scipy.spatial.transform import Rotation
-
-    matrix: Array = Rotation.from_rotvec(turn).as_matrix()
+    matrix: Array = exponentials(turn[None])[0]
     return matrix
 
 

@@ -131,7 +131,7 @@ def _main(folder: str, small: str, sizes: str, *stems: str) -> None:
     compiler.fixed.update(json.loads(sizes))
     for stem in stems:
         kernel = of_stem(stem)
-        (Path(folder) / f"{kernel.symbol}.ll").write_text(text_of(kernel), "utf-8")
+        (Path(folder) / f"{kernel.symbol}.ll").write_text(text_of(kernel), encoding="utf-8")
         print(kernel.symbol, flush=True)
 
 

@@ -30,8 +30,8 @@ class Platform(NamedTuple):
 
 def linker() -> list[str]:
     """The command that links: $CC, cc, gcc, clang or zig. Raises DataError where there is none."""
-    if said := os.environ.get("CC", "").split():
-        return shlex.split(os.environ["CC"]) if shutil.which(said[0]) else _none(f"$CC, {said[0]},")
+    if said := shlex.split(os.environ.get("CC", "")):
+        return said if shutil.which(said[0]) else _none(f"$CC, {said[0]}, is not found")
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return [name]
@@ -39,12 +39,12 @@ def linker() -> list[str]:
         return ["zig", "cc"]
     if importlib.util.find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
-    return _none("none of cc, gcc, clang and zig")
+    return _none("none of cc, gcc, clang and zig is found")
 
 
 def _none(what: str) -> list[str]:
     raise DataError(
-        f"no linker: {what} is found; install a C compiler, or `pip install ziglang`, or name one "
+        f"no linker: {what}; install a C compiler, or `pip install ziglang`, or name one "
         f"by CC=COMMAND"
     )
 

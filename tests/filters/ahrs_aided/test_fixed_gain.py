@@ -73,7 +73,7 @@ class Standing:
             "velocity": off,
             "altitude": np.array([LLA[2] - off[2]]),
         }[kind]
-        innovation = np.zeros(3)
+        innovation = np.zeros(12)
         nis = self.filter.correct(
             self.belief,
             y,
@@ -85,7 +85,7 @@ class Standing:
             innovation,
         )
         assert nis >= 0
-        return innovation
+        return innovation[:3]
 
 
 def sampled(observer, steps, axis):
@@ -312,7 +312,7 @@ def test_the_attitude_is_the_measured_one_and_keeps_a_heading_that_is_not():
             observe,
             np.zeros(PARAMETERS),
             np.inf,
-            np.zeros(3),
+            np.zeros(12),
         )
         return Rotation.from_matrix(observer.belief.C).as_euler("ZYX")[::-1]
 
@@ -340,7 +340,7 @@ def test_the_attitude_is_as_uncertain_as_its_records(correlation, T):
             observe,
             np.zeros(PARAMETERS),
             np.inf,
-            np.zeros(3),
+            np.zeros(12),
         )
 
     record(RPH[2])

@@ -56,7 +56,7 @@ def record(filter, belief, rph, deviation, gate=np.inf):
         aiding.find("attitude").observe,
         np.zeros(PARAMETERS),
         gate,
-        np.zeros(3),
+        np.zeros(12),
     )
 
 
@@ -198,7 +198,7 @@ def test_a_compass_makes_such_a_heading_partly_new(name):
         compass.observe,
         np.zeros(PARAMETERS),
         np.inf,
-        np.zeros(3),
+        np.zeros(12),
     )
     assert belief.P[8, 8] == pytest.approx(0.005, rel=1e-3)
     record(filter, belief, (0.0, 0.0, np.nan), (1e-3, 1e-3, np.nan))

@@ -65,12 +65,12 @@ def correct(filter, belief, kind, y, sd, gate=math.inf, field=FIELD):
     """(NIS, innovation) of one fix."""
     sensor = aiding.find(kind)
     compile_kernel(sensor.observe)
-    innovation, parameters = np.zeros(3), np.zeros(PARAMETERS)
+    innovation, parameters = np.zeros(12), np.zeros(PARAMETERS)
     parameters[:3] = field
     y, sd = (np.r_[value, np.full(3 - np.size(value), np.nan)].astype(float) for value in (y, sd))
     return filter.correct(
         belief, y, sd, aiding.number(sensor.name), sensor.observe, parameters, gate, innovation
-    ), innovation
+    ), innovation[:3]
 
 
 def correlated(belief, seed):

@@ -117,7 +117,7 @@ def test_a_correction_is_the_textbooks(kind, rows):
     fixes = preparation.merge((source,))
     preparation.prepare("vru", [kind])
     before = [part.copy() for part in made]
-    innovation = np.empty(3)
+    innovation = np.empty(12)
     nis = VRU.correct(
         made,
         fixes.y[0],
@@ -162,7 +162,7 @@ def test_a_rejected_and_a_missing_height_change_nothing():
     for y, gate, measured in ((4000.0, 10.0, 1.0), (np.nan, np.inf, 1.0), (4000.0, 10.0, 0.0)):
         made, _ = belief(0)
         made.workspace[MEASURED] = measured
-        before, innovation = [part.copy() for part in made], np.empty(3)
+        before, innovation = [part.copy() for part in made], np.empty(12)
         compile_kernel(VRU.correct), compile_kernel(aiding.find("altitude").observe)
         nis = VRU.correct(
             made,

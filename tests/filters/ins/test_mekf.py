@@ -270,7 +270,7 @@ def corrected(a, C, filter=MEKF):
             sensor.observe,
             np.zeros(PARAMETERS),
             np.inf,
-            np.zeros(3),
+            np.zeros(12),
         )
         > 0
     )

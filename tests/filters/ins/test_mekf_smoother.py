@@ -47,7 +47,7 @@ def recorded(filter, n, y, gate=np.inf):
         sensor.observe,
         np.zeros(PARAMETERS),
         gate,
-        np.zeros(3),
+        np.zeros(12),
     )
     record = np.full(filter.smoother.width(n), np.nan)
     filter.smoother.save_step(belief, record)

@@ -55,7 +55,7 @@ def fly(belief, fixes):
                 aiding.find(NAMES[kind]).observe,
                 parameters,
                 np.inf,
-                np.zeros(6),
+                np.zeros(12),
             )
 
 
@@ -212,7 +212,7 @@ def test_a_course_is_one_where_its_deviation_allows_and_what_is_held_is_said():
                 aiding.find("velocity").observe,
                 np.zeros(PARAMETERS),
                 np.inf,
-                np.zeros(6),
+                np.zeros(12),
             )
             said.append(belief.workspace[CONDITION])
         return said
@@ -233,6 +233,6 @@ def test_a_bias_that_was_excited_once_is_not_said_again():
             NLO.predict(belief, np.r_[0, 0, 0, 0, 0, -9.8], 1.0, SILENT)
         belief.workspace[MOMENT] = excitation * np.eye(4)[np.triu_indices(4)]
         fix = belief.lla.copy(), np.ones(3), POSITION_KIND, observe, np.zeros(PARAMETERS), np.inf
-        NLO.correct(belief, *fix, np.zeros(6))
+        NLO.correct(belief, *fix, np.zeros(12))
         said.append(belief.workspace[CONDITION])
     assert said == [2.0, 0.0, 0.0] and "not excited" in NLO.conditions[1].text

@@ -106,7 +106,7 @@ def begun(**options):
 
 def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
     """(NIS, innovation) of a fix by the filter."""
-    sensor, parameters, innovation = aiding.find(kind), np.zeros(PARAMETERS), np.zeros(3)
+    sensor, parameters, innovation = aiding.find(kind), np.zeros(PARAMETERS), np.zeros(12)
     parameters[:3] = ARM
     return correct(
         belief,
@@ -117,7 +117,7 @@ def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
         parameters,
         gate,
         innovation,
-    ), innovation
+    ), innovation[:3]
 
 
 def together(path=None, **dense):
@@ -297,7 +297,7 @@ def test_a_heading_across_the_turn_of_the_compass():
     innovation is those 4 deg."""
     belief, compass = begun(), aiding.find("heading")
     compile_kernel(compass.observe)
-    heading, innovation = float(start(flight()).rph[2]), np.zeros(3)
+    heading, innovation = float(start(flight()).rph[2]), np.zeros(12)
     away = Rotation.from_rotvec([0, 0, np.radians(178.0)]).as_matrix() @ belief.C
     put(belief, State(belief.lla, belief.v, away, belief.ba, belief.bg))
     y = np.array([(heading - np.radians(4.0) + np.pi) % (2 * np.pi) - np.pi, np.nan, np.nan])

@@ -106,7 +106,7 @@ def predict(belief, times=1):
 def fix(belief, kind, y, deviation, gate=np.inf, parameters=()):
     """(NIS, innovation) of one fix."""
     prepare("pkf", [kind])
-    sensor, innovation = aiding.find(kind), np.zeros(3)
+    sensor, innovation = aiding.find(kind), np.zeros(12)
     three = lambda values: np.r_[np.atleast_1d(np.asarray(values, float)), np.full(3, np.nan)][:3]
     parameters = np.r_[parameters, np.zeros(PARAMETERS - len(parameters))]
     return PKF.correct(
@@ -118,7 +118,7 @@ def fix(belief, kind, y, deviation, gate=np.inf, parameters=()):
         parameters,
         gate,
         innovation,
-    ), innovation
+    ), innovation[:3]
 
 
 def position(north, east, down, lla=BEGIN.lla):

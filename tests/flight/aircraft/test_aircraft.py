@@ -15,7 +15,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.contract import Noise, Start
 from strapdown.data import Trajectory
-from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
+from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
 from strapdown.flight.aircraft.parameters import GRAVITY, NAMES, SECTIONS, flat_metres
 from strapdown.recording import Recording
 from strapdown.sim.trajectory import normal_gravity
@@ -29,7 +29,7 @@ CALM = np.zeros(9)
 def told(aircraft, state, wind=CALM, earth="flat"):
     """(rates (19,), outputs (OUTPUTS,)) of the compiled model at a state."""
     rates, outputs = np.zeros(19), np.zeros(OUTPUTS)
-    ready(evaluate)(
+    evaluate(
         aircraft.array(earth, ORIGIN), np.array(state, float), np.array(wind, float), rates, outputs
     )
     return rates, outputs

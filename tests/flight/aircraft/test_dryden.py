@@ -6,7 +6,6 @@ import pytest
 from scipy.signal import welch
 
 from strapdown.checks import DataError
-from strapdown.flight.aircraft.dynamics import ready
 from strapdown.flight.aircraft.wind import NORMALS, begin, gust, turbulence
 
 V, DT, SPAN = 25.0, 0.02, 2.8956
@@ -19,7 +18,7 @@ def record():
     blowing, rng = turbulence("moderate", 80.0, SPAN), np.random.default_rng(8)
     n, advance, state = (
         180_000,
-        ready(gust),
+        gust,
         begin(turbulence("moderate", 80.0, SPAN), rng.standard_normal(6)),
     )
     normals, winds = rng.standard_normal((n, NORMALS)), np.zeros((n, 9))
@@ -134,7 +133,7 @@ def test_steps_as_long_as_the_gusts_are_exact_too():
         np.zeros((n, 9)),
     )
     for k in range(n):
-        ready(gust)(blowing, state, normals[k], V, 100 / V, winds[k])
+        gust(blowing, state, normals[k], V, 100 / V, winds[k])
     for column, neighbours in ((3, np.exp(-1)), (4, np.exp(-1) / 2), (5, np.exp(-1) / 2)):
         gusts = winds[:, column]
         assert gusts.var() == pytest.approx(1, abs=4 * np.sqrt(2.6 / n))
@@ -153,7 +152,7 @@ def test_steps_of_any_length_and_no_airspeed_stay_finite_and_unknown_levels_are_
     )
     for airspeed, dt in ((0.0, 0.01), (25.0, 1e-5), (25.0, 100.0)):
         for _ in range(20):
-            ready(gust)(blowing, state, rng.standard_normal(NORMALS), airspeed, dt, wind)
+            gust(blowing, state, rng.standard_normal(NORMALS), airspeed, dt, wind)
         assert np.isfinite(wind).all() and np.abs(wind).max() < 30
     with pytest.raises(
         DataError,

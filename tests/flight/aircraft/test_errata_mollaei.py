@@ -12,7 +12,7 @@ import pytest
 from textbook_aircraft import gammas, matrix, wind_axes
 
 import strapdown as sd
-from strapdown.flight.aircraft.dynamics import MOMENT, OUTPUTS, TORQUE, evaluate, ready
+from strapdown.flight.aircraft.dynamics import MOMENT, OUTPUTS, TORQUE, evaluate
 from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE
 from strapdown.flight.aircraft.trim import quaternion
 
@@ -44,7 +44,7 @@ class Flown:
             self.controls,
         ]
         rates, out, array = np.zeros(19), np.zeros(OUTPUTS), A.array("flat", ORIGIN)
-        ready(evaluate)(array, state, np.zeros(9), rates, out)
+        evaluate(array, state, np.zeros(9), rates, out)
         # without the propeller's reaction
         self.g, self.m, self.rolling = (
             array[GRAVITY],

@@ -12,7 +12,7 @@ from textbook_aircraft import CONTROLS, motion
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, respond
+from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
 from strapdown.flight.aircraft.modes import MODEL_STATES, Mode, _named, check_step, deviation_point
 from strapdown.flight.aircraft.parameters import GRAVITY, flat_metres
 
@@ -69,9 +69,7 @@ def test_on_the_rotating_earth_the_attitude_turns_as_on_the_flat_one(asked):
     for earth in ("flat", "geodetic"):
         rates = np.zeros(19)
         state = sd.trim(AEROSONDE, origin=ORIGIN, course=1.0, earth=earth, **asked).state
-        ready(evaluate)(
-            AEROSONDE.array(earth, ORIGIN), state, np.zeros(9), rates, np.zeros(OUTPUTS)
-        )
+        evaluate(AEROSONDE.array(earth, ORIGIN), state, np.zeros(9), rates, np.zeros(OUTPUTS))
         turning.append(rates[6:10])
     np.testing.assert_allclose(*turning, rtol=0, atol=1e-15)
 

@@ -15,6 +15,7 @@ from ...data import Aiding
 from ...typing import Ints, Mask
 from . import causes
 from .causes import Found
+from .chance import as_many, farther
 from .contradictions import CHAIN, Run, blamed, merged
 from .windows import Fixes, window
 
@@ -161,10 +162,10 @@ def _run(s: int, own: Fixes, bad: Ints, found: Found) -> Run:
 
 def _by_chance(own: Fixes, bad: Ints) -> bool:
     """Whether right fixes are rejected as often, and as far off, by the distribution of the NIS."""
-    from scipy.special import chdtrc, pdtr
-
-    rows = own.measured
-    expected = chdtrc(rows, own.nis[own.rejected].min()).sum()
-    farthest = chdtrc(rows[bad], own.nis[bad]).min() * len(rows)
-    many = 1 - pdtr(len(bad) - 1, INEXACT * expected)
-    return bool(many > UNLIKELY and farthest > UNLIKELY)
+    rows, nearest = own.measured, float(own.nis[own.rejected].min())
+    expected = sum(
+        count * farther(k, nearest) for k, count in enumerate(np.bincount(rows).tolist())
+    )
+    farthest = min(map(farther, rows[bad].tolist(), own.nis[bad].tolist())) * len(rows)
+    many = as_many(len(bad), INEXACT * expected)
+    return many > UNLIKELY and farthest > UNLIKELY

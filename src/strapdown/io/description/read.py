@@ -389,7 +389,7 @@ def _own_table(
 ) -> tuple[Array, Array, Array | None, Array | None, Origin]:
     """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and
     m/s; units may follow the names in brackets."""
-    known = {str(name).partition(" [")[0]: name for name in table.frame.columns}
+    known = {str(name).partition(" [")[0]: name for name in table.names}
 
     def has(names: list[str]) -> bool:
         return all(name in known for name in names)

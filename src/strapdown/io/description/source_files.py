@@ -174,7 +174,7 @@ class Files:
     def _moments(self, table: Table, time: Time) -> Moments:
         """What the calendar text of a table says, with the day of its `date`; read once, for gyro
         and accelerometer ask for the same."""
-        key = (id(table.frame), time)  # of the rows that count
+        key = (id(table.content), time)  # of the rows that count
         if key not in self._read:
             self._read[key] = table, self._read_moments(table, time)
         return self._read[key][1]
@@ -229,12 +229,12 @@ def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:
     rows = Rows(table.origin, (np.arange(len(left_out)),), []).without(
         left_out, "row", f"of {len(left_out)} left out, which do not have {condition}"
     )
-    return table._replace(frame=table.frame[~left_out], lines=table.lines[~left_out]), rows.notes
+    return table.taking(~left_out), rows.notes
 
 
 def holds(table: Table, condition: Condition) -> Mask:
     """(n,) the rows of which it holds; it holds of no empty cell."""
-    found = np.ones(len(table.frame), bool)
+    found = np.ones(len(table.lines), bool)
     if condition.least is not None or condition.most is not None:
         numbers = table.numbers(condition.column)
         found &= numbers >= (-np.inf if condition.least is None else condition.least)
@@ -260,6 +260,8 @@ def holds(table: Table, condition: Condition) -> Mask:
 
 def _as_numbers(cells: Any) -> Array:
     """(n,) cells as numbers, NaN where they are none."""
+    if cells.dtype.kind in "iuf":
+        return np.asarray(cells, float)
     import pandas as pd
 
     return np.asarray(pd.to_numeric(pd.Series(cells), errors="coerce"), float)

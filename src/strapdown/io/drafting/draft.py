@@ -87,7 +87,7 @@ def _of_table(table: Table, name: str | None) -> Log:
             f"recording.toml what they are, or rename them, as gyro_x, acc_x, lat, lon, height"
         )
     if fixes.made:
-        table = table._replace(frame=table.frame.assign(**fixes.made))
+        table = table._replace(content=table.frame.assign(**fixes.made))
     facts += [*more, *fixes.facts, *of_field, *of_attitude]
     used = [*named([each.keys for each in sections]), *named(clock.keys), *fixes.sources]
     left = _not_taken(columns.without(used), label if name else "")

@@ -219,7 +219,7 @@ def _on_utc(table: Table, zero: float) -> Table:
         unix = table.numbers(utc) * 1e6
     else:
         return table
-    return table._replace(frame=frame.assign(**{UNIX: unix}))
+    return table._replace(content=frame.assign(**{UNIX: unix}))
 
 
 def _date(tables: dict[str, Table]) -> dict[str, str]:
@@ -263,7 +263,7 @@ def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Sectio
             f"Fix: {count} of the provider {str(name)[:20]}, which mixes other sources in"
             for name, count in provider[~use].value_counts().items()
         ]
-        table = table._replace(frame=table.frame[use], lines=table.lines[use])
+        table = table.taking(use)
     if time["column"] not in table.frame.columns:
         return [*left, f"Fix: lacks {CLOCK} and any UTC"]
     tables["Fix"], lines = fixes(table, names, android=True)

@@ -172,7 +172,7 @@ def _on_clock(table: Table, starts: Starts | None) -> Table:
     # whole numbers: POSIX seconds as floats would shake the intervals
     unix = np.round((t - starts.elapsed[run]) * 1e9).astype(np.int64)
     unix += np.round(starts.system * 1e9).astype(np.int64)[run]
-    return table._replace(frame=frame.assign(**{UNIX: unix}), lines=table.lines[use])
+    return table._replace(content=frame.assign(**{UNIX: unix}), lines=table.lines[use])
 
 
 def _is_android(found: Export) -> bool:

@@ -25,7 +25,7 @@ from ..tables.table_file import Table, open_text, reading
 from ..tables.table_text import read_table
 from .number_text import lines
 from .solution_netcdf import SCHEMA
-from .solution_table import state_of, table_of
+from .solution_table import columns_of, state_of
 
 VERDICT_LINE = "# verdict: "
 """Begins the first line of a file whose solution was judged; the word follows, then all as JSON."""
@@ -57,14 +57,13 @@ def _texts(solution: Solution, utc: bool) -> Iterator[bytes]:
     """The header and the rows, some thousands at a time."""
     for k in range(0, max(len(solution.t), 1), ROWS):
         part = _rows(solution, slice(k, k + ROWS))
-        table = table_of(part)
+        columns = columns_of(part)
         if not k:
-            names = ["t", *([UTC] if utc else []), *map(str, table.columns)]
+            names = ["t", *([UTC] if utc else []), *map(str, columns)]
             yield _header(f"{name} [{UNITS[name]}]" if name in UNITS else name for name in names)
         moments = part.utc if utc else None
         stamps = [] if moments is None else [iso_text(moments, 6)]
-        columns = [table[name].to_numpy() for name in table.columns]
-        yield lines([part.t, *stamps, *columns]) if len(part.t) else b""
+        yield lines([part.t, *stamps, *columns.values()]) if len(part.t) else b""
 
 
 def _rows(solution: Solution, rows: slice) -> Solution:

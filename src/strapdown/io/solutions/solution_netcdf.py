@@ -18,7 +18,7 @@ from ...typing import Array
 from ...verdict import NOT_JUDGED
 from ..own.array_rules import Column, check_arrays
 from ..own.hdf5_content import Content, content
-from .solution_table import state_of, table_of
+from .solution_table import columns_of, state_of
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
@@ -117,7 +117,7 @@ def fill(group: Any, variables: Variables, **packing: Any) -> None:
 
 def _variables(solution: Solution) -> Variables:
     """All that the file holds; texts are variables because attributes end at 64 KiB."""
-    fixes, table, q_nb = solution.innovations, table_of(solution), solution.trajectory.q_nb
+    fixes, columns, q_nb = solution.innovations, columns_of(solution), solution.trajectory.q_nb
     clock = _clock(solution)
     found: Variables = {
         "time": (
@@ -127,7 +127,7 @@ def _variables(solution: Solution) -> Variables:
         )
     }
     found |= {
-        name: (("time",), table[name].to_numpy(), _attributes(name))
+        name: (("time",), columns[name], _attributes(name))
         for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS
     }
     if q_nb is not None:

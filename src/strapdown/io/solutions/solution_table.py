@@ -1,21 +1,20 @@
 """The table of a solution, in the units of `UNITS`, and back: what its files have in common."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from ...data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, SD_SCALE, Solution, Trajectory
 from ...typing import Array
 
-if TYPE_CHECKING:
-    import pandas as pd
 
-
-def table_of(solution: Solution) -> "pd.DataFrame":
-    """The table of a solution, with NaN in the columns of what its trajectory does not have."""
+def columns_of(solution: Solution) -> dict[str, Any]:
+    """The columns of a solution's table by name, (n,) each, NaN where its trajectory does not have
+    them; without pandas, which takes 0.3 s to load."""
+    known, none = solution.as_columns(), np.full(len(solution.t), np.nan)
     names = [*NAV_COLUMNS, *BIAS_COLUMNS, *SD_COLUMNS, *solution.columns, "status"]
-    return solution.table().reindex(columns=names)
+    return {name: known.get(name, none) for name in names}
 
 
 def state_of(

@@ -2,9 +2,9 @@
 of the solution."""
 
 import re
+from html import escape
 from pathlib import Path
 from typing import NamedTuple
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -82,4 +82,5 @@ def track_of(solution: Solution, path: Path) -> Track:
 
 def xml(text: str) -> str:
     """Fit for XML 1.0, with ? for what it cannot hold."""
-    return escape(re.sub(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text))
+    fit = re.sub(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "?", text)
+    return escape(fit, quote=False)

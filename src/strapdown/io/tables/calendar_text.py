@@ -134,10 +134,8 @@ def _characters(
 
     Numbers, which have lost their leading zeros, get the digits that the pattern asks for.
     """
-    import pandas as pd
-
-    empty = np.asarray(pd.isna(cells))
     if cells.dtype.kind in "iuf":
+        empty = np.isnan(cells)
         width = sum(DIGITS.get(token[1:], 0) for token in pattern.tokens if token[0] == "%")
         numbers = np.where(np.isfinite(cells.astype(float)), cells, -1)
         whole = np.floor(numbers)
@@ -145,6 +143,9 @@ def _characters(
         digits = np.where(fits, whole, 0).astype(np.int64)[:, None] // 10 ** np.arange(width)[::-1]
         found = np.where(fits[:, None], digits % 10 + ord("0"), ord("?")).astype(np.uint8)
         return found, numbers - whole, empty
+    import pandas as pd
+
+    empty = np.asarray(pd.isna(cells))
     given = np.where(empty, "", cells)
     try:
         text = np.array(given, dtype=f"S{WIDEST}")

@@ -17,6 +17,7 @@ from ...preprocessing.origin import counted
 from ...typing import Ints, Mask
 from .table_file import PACKED, Table, is_number, open_bytes, reading, split_error
 from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
+from .table_numbers import numbers_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,28 +41,36 @@ def read_table(path: Path, header: bool = True) -> Table:
     columns are numbered from 1. A table without a header line, read with one, has its first row as
     names, by which `Table.numbers` says so.
     """
-    import pandas as pd
-
     with reading(path):
         found = layout(path)
-        if path.suffix.lower() not in PACKED:
+        if is_plain := path.suffix.lower() not in PACKED:
             check_lines(path)
         if not header:
             found = found._replace(names=[], units={})
         elif not found.names:
             found = _first_row_as_names(path, found)
-        try:
-            frame, lines, notes = _rows(path, found)
-        except DataError:  # of what is beyond a limit, found while it is read
-            raise
-        except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
-            raise DataError(
-                f"{path}: is not a table of comma-separated values ({split_error(error)}); correct the line, "
-                f"or export a table from the device's own format"
-            ) from error
+        if is_plain and (numbers := numbers_of(path, found)):
+            lines = 1 + found.skipped + np.arange(len(next(iter(numbers.values()))))
+            return Table(str(path), numbers, lines, units=found.units)
+        return _of_any_cells(path, found)
+
+
+def _of_any_cells(path: Path, found: Layout) -> Table:
+    """The Table of a text that holds more than numbers, as pandas parses it."""
+    import pandas as pd
+
+    try:
+        frame, lines, notes = _rows(path, found)
+    except DataError:  # of what is beyond a limit, found while it is read
+        raise
+    except (pd.errors.ParserError, pd.errors.ParserWarning, ValueError) as error:
+        raise DataError(
+            f"{path}: is not a table of comma-separated values ({split_error(error)}); correct the line, "
+            f"or export a table from the device's own format"
+        ) from error
     if not len(frame):
         raise DataError(f"{path}: has a header but no rows of numbers")
-    if not header or not found.names:
+    if not found.names:
         frame.columns = pd.Index(range(1, frame.shape[1] + 1))
     _to_numbers(frame)
     empty = [
@@ -89,7 +98,10 @@ def _rows(path: Path, found: Layout) -> tuple["pd.DataFrame", Ints, list[str]]:
     marks += lines[mark].tolist()
     if not (keep := filled & ~mark).all():
         left = [*marks, *lines[~filled].tolist()]
-        frame, lines = _parsed(path, found, left) if keep.any() else frame[keep], lines[keep]
+        frame, lines = frame[keep], lines[keep]
+        again = _parsed(path, found, left) if len(frame) else frame
+        if len(again) == len(frame):  # pandas skips other lines where they end as on old Macs
+            frame = again
     if not marks:
         return frame, lines + 1, []
     count = counted(len(marks), "line")

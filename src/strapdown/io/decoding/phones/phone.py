@@ -91,7 +91,7 @@ def fixes(table: Table, names: FixColumns, android: bool) -> tuple[Table, list[s
         left.append(f"{far} fixes whose accuracy is worse than {FAR:g} m")
     if unknown := int(np.isnan(accuracy).sum()):
         left.append(f"{unknown} fixes without an accuracy")
-    return table._replace(frame=frame, lines=table.lines[use]), left
+    return table._replace(content=frame, lines=table.lines[use]), left
 
 
 def fix_sections(

@@ -229,7 +229,7 @@ def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[
         assumptions.append(
             f"those of GST raised to at least {LEAST_SD_RTK:g} m for quality 4, else {LEAST_SD:g} m"
         )
-    return table._replace(frame=frame), "; ".join(assumptions)
+    return table._replace(content=frame), "; ".join(assumptions)
 
 
 def _velocities(
