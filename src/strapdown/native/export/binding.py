@@ -26,7 +26,12 @@ def binding(
     """LLVM's intermediate representation of them. observers: by the number of their kind."""
     kinds = max(observers, default=0) + 1
     addresses = [f"i64 ptrtoint (ptr @{one.symbol} to i64)" for one in (predict, correct)]
-    called = [*addresses, "ptr %observers", *(f"ptr %{record}" for record in RECORDS), f"i64 {kinds}"]
+    called = [
+        *addresses,
+        "ptr %observers",
+        *(f"ptr %{record}" for record in RECORDS),
+        f"i64 {kinds}",
+    ]
     return "\n".join(
         [
             HEAD,

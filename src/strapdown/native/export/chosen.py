@@ -97,7 +97,9 @@ class Chosen(NamedTuple):
                 f"filter {self.filter.name!r} stops in {self.recording.meta.get('name')}: nothing to "
                 f"compare with; give another recording"
             )
-        together = np.bincount(np.searchsorted(run.samples.t + SAME_TIME, run.fixes.t)).max(initial=0)
+        together = np.bincount(np.searchsorted(run.samples.t + SAME_TIME, run.fixes.t)).max(
+            initial=0
+        )
         if together > self.waiting:
             raise DataError(
                 f"the recording has {together} fixes up to one sample, over a gap of the IMU; the "

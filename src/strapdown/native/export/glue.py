@@ -48,7 +48,9 @@ def _noise_possible() -> Iterator[str]:
     tested = " && ".join(
         f"finite(values->noise.{name}) && values->noise.{name} >= 0" for name in Noise._fields
     )
-    yield f"    if (!({tested}))".replace(" && values->noise.gyro >=", "\n          && values->noise.gyro >=", 1)
+    yield f"    if (!({tested}))".replace(
+        " && values->noise.gyro >=", "\n          && values->noise.gyro >=", 1
+    )
     yield "        return 0;"
 
 
@@ -88,7 +90,7 @@ def _number(value: float) -> str:
 
 def _known(value: Known) -> str:
     if value.part in HERE:
-        return HERE[value.part].format(value.index)
+        return HERE[value.part].format(value.at)
     if value.part == "noise":
-        return f"values->noise.{Noise._fields[value.index]}"
-    return f"values->{value.part}[{value.index}]"
+        return f"values->noise.{Noise._fields[value.at]}"
+    return f"values->{value.part}[{value.at}]"

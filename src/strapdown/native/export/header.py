@@ -9,7 +9,7 @@ from textwrap import wrap
 from ... import aiding, quantities
 from ...core import loop
 from ...core.contract import Measurement
-from ...engine.prepare import brought
+from ...engine.prepare import axes_of_rows, brought
 from .chosen import GIVEN, Chosen
 from .layout import RECORDS, Layout, Place
 from .texts import ENUMS, FIELDS, SIZES, Name, Names
@@ -23,6 +23,9 @@ PARAMETERS = {
     "field": "magnetic field, T, NED (3)",
 }
 """What the parameters of a source are, by `Measurement.parameters`."""
+
+QUANTITIES = {"length": "height", "speed": "velocity"}
+"""What a quantity of a fix is called in the header."""
 
 
 def template(name: str) -> Template:
@@ -54,7 +57,11 @@ def header(of: Chosen, made: Layout) -> str:
             line for name, value, text in sizes for line in _constant(name, value, text)
         ).removesuffix(","),
         enums="\n\n".join(
-            _enum(each._replace(constants=(*each.constants, *own)) if each.name == "strapdown_row" else each)
+            _enum(
+                each._replace(constants=(*each.constants, *own))
+                if each.name == "strapdown_row"
+                else each
+            )
             for each in (sources, *ENUMS)
         ),
         noise=_struct("noise", made, "    "),
@@ -80,14 +87,17 @@ def columns(of: Chosen) -> list[str]:
 
 def source_text(sensor: Measurement) -> str:
     """What its fixes and parameters are, with units."""
-    y = ", ".join(f"{q} {quantities.si(quantities.dimension(q))}" for q in sensor.quantities)
-    units = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]
-    sd = ", ".join(dict.fromkeys(units))
+    units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
+    named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
+    count = len(named)
+    y = f"{named[0]} ({count})" if len({*named}) == 1 and count > 1 else ", ".join(named)
+    rows = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]
+    sd = f"{rows[0]}, {', '.join(axes_of_rows(sensor))}" if count == 3 else rows[0]
     when = f"; hand one in only {sensor.when}" if sensor.when else ""
     frame = {"n": ", NED", "b": ", body"}.get(sensor.vector, "")
     zero = ": 0" if sensor.name.startswith("zero-") else ""
     return (
-        f"y: {y}{frame}{zero}; sd ({len(units)}): {sd}; parameters: "
+        f"y: {y}{frame}{zero}; sd ({count}): {sd}; parameters: "
         f"{PARAMETERS[sensor.parameters]}{when}"
     )
 
@@ -117,10 +127,12 @@ def _struct(record: str, made: Layout, indent: str) -> str:
     """The fields of a record; of what takes no room only a line."""
     lines: list[str] = []
     for place in made.of(record):
-        if place.count == 0:
+        if place.length == 0:
             continue
         lines += comment(FIELDS[record][place.name], indent)
-        lines.append(f"{indent}{'double' if place.real else 'int64_t'} {place.name}{_shape(place)};")
+        lines.append(
+            f"{indent}{'double' if place.real else 'int64_t'} {place.name}{_shape(place)};"
+        )
     return "\n".join(lines)
 
 
@@ -130,4 +142,3 @@ def _shape(place: Place) -> str:
         f"[{PREFIX}{SIZES[declared][0]}]" if declared in SIZES else f"[{size}]"
         for declared, size in zip(place.sizes, place.shape)
     )
-

@@ -5,7 +5,7 @@ that are copies of parts of it, found by starting it many times.
 than a copy cannot be told in C, and such a filter is refused.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ class Known(NamedTuple):
     """A number of a start, by the name of its part in C."""
 
     part: str
-    index: int
+    at: int
 
 
 class Image(NamedTuple):
@@ -56,13 +56,14 @@ def image(filter: Filter, records: Records, made: Layout, start: Start, noise: N
     else:
         names = ", ".join(dict.fromkeys(_name(filter, made, k) for k in left))
         raise DataError(
-            f"filter {filter.name!r} cannot be exported: its start computes {names}"
+            f"filter {filter.name!r} cannot be exported: its start computes {names}, where an export "
+            f"knows constants and copies alone"
         )
     constants: dict[Place, dict[int, float]] = {}
     copies: dict[Place, dict[int, Known]] = {}
     values, whole, _ = tried[0]
     for place in made.places:
-        for k in range(place.first, place.first + place.count):
+        for k in range(place.first, place.first + place.length):
             if k in copied:
                 copies.setdefault(place, {})[k - place.first] = copied[k]
             elif values[k] or whole[k]:
@@ -77,7 +78,7 @@ def known(start: Start, noise: Noise) -> dict[Known, float]:
     roll, pitch, heading = (float(angle) for angle in start.rph)
     euler_to_matrix(roll, pitch, heading, C)
     sd = np.asarray(start.sd, float)
-    parts = {
+    parts: dict[str, Iterable[float]] = {
         "t": np.array([start.t]),
         "lla": start.lla,
         "v": start.v,
@@ -89,12 +90,12 @@ def known(start: Start, noise: Noise) -> dict[Known, float]:
         "rph": start.rph,
         "noise": np.array(noise),
     }
-    return {Known(part, i): float(x) for part, values in parts.items() for i, x in enumerate(values)}
+    return {
+        Known(part, i): float(x) for part, values in parts.items() for i, x in enumerate(values)
+    }
 
 
-def _probes(
-    start: Start, noise: Noise, fixed: Sequence[str]
-) -> Iterator[tuple[Start, Noise]]:
+def _probes(start: Start, noise: Noise, fixed: Sequence[str]) -> Iterator[tuple[Start, Noise]]:
     """Starts and noises of any size, the parts that are fixed as given."""
     rng = np.random.default_rng(1)
 
@@ -102,8 +103,8 @@ def _probes(
         return tuple((scale * rng.uniform(-1, 1, count)).tolist())
 
     for _ in range(PROBES):
-        drawn = Start(
-            *numbers(1e3, 1),
+        drawn = start._replace(
+            t=numbers(1e3, 1)[0],
             lla=numbers(1.5, 1) + numbers(3.0, 1) + numbers(1e4, 1),
             v=numbers(10.0 ** rng.uniform(-2, 3)),
             rph=numbers(3.0, 1) + numbers(1.5, 1) + numbers(3.0, 1),
@@ -148,7 +149,7 @@ def _copies(tried: Sequence[Tried]) -> dict[int, Known]:
 
 def _name(filter: Filter, made: Layout, k: int) -> str:
     """What a number of the struct is, for people."""
-    place = next(place for place in made.places if place.first <= k < place.first + place.count)
+    place = next(place for place in made.places if place.first <= k < place.first + place.length)
     if place.name == "workspace":
         return _slot(filter.slots, k - place.first)
     return place.name
@@ -156,6 +157,8 @@ def _name(filter: Filter, made: Layout, k: int) -> str:
 
 def _slot(slots: Slots, k: int) -> str:
     found = [(first, name) for name, (first, _) in slots.places.items() if first <= k]
-    first, name = max(found, default=(0, slots.columns[k] if k < len(slots.columns) else "a number"))
+    first, name = max(
+        found, default=(0, slots.columns[k] if k < len(slots.columns) else "a number")
+    )
     layout = slots.places[name][1] if name in slots.places else None
     return f"{name}.{_slot(layout, k - first)}" if isinstance(layout, Slots) else name

@@ -35,7 +35,7 @@ class Place(NamedTuple):
     sizes: tuple[int | str, ...] = ()  # the shape as declared
 
     @property
-    def count(self) -> int:
+    def length(self) -> int:
         """How many numbers."""
         return prod(self.shape)
 
@@ -47,10 +47,10 @@ class Layout(NamedTuple):
     sizes: Mapping[str, int]
 
     @property
-    def count(self) -> int:
+    def length(self) -> int:
         """Numbers in all."""
         last = self.places[-1]
-        return last.first + last.count
+        return last.first + last.length
 
     def of(self, record: str) -> Iterator[Place]:
         """Those of a record."""
@@ -69,7 +69,7 @@ def layout(sizes: Mapping[str, int]) -> Layout:
                 declared, real = kind.shape, kind.item.real
             shape = tuple(sizes[size] if isinstance(size, str) else size for size in declared)
             places.append(Place(record, name, real, shape, first, declared))
-            first += places[-1].count
+            first += places[-1].length
     return Layout(tuple(places), dict(sizes))
 
 
@@ -83,15 +83,17 @@ def sizes_of(values: Mapping[str, Sequence[Any]]) -> dict[str, int]:
                 continue
             for declared, size in zip(kind.shape, np.shape(value), strict=True):
                 if isinstance(declared, str) and found.setdefault(declared, size) != size:
-                    raise RuntimeError(f"{record}.{name}: {declared} is {size} and {found[declared]}")
+                    raise RuntimeError(
+                        f"{record}.{name}: {declared} is {size} and {found[declared]}"
+                    )
     return found
 
 
 def numbers(values: Mapping[str, Sequence[Any]], made: Layout) -> tuple[Array, Ints]:
     """All numbers of the records of a run in the order of the struct: as doubles, and as int64;
     each is 0 in the other."""
-    real, whole = np.zeros(made.count), np.zeros(made.count, np.int64)
+    real, whole = np.zeros(made.length), np.zeros(made.length, np.int64)
     for place in made.places:
         value = values[place.record][RECORDS[place.record].made._fields.index(place.name)]
-        (real if place.real else whole)[place.first : place.first + place.count] = np.ravel(value)
+        (real if place.real else whole)[place.first : place.first + place.length] = np.ravel(value)
     return real, whole

@@ -8,7 +8,6 @@ from ..emit import Target
 from .chosen import Chosen
 from .header import identifier, source_text, template
 from .image import Image
-from .layout import Layout
 
 CORTEX = (
     "arm-none-eabi-gcc -std=c99 -O2 -ffp-contract=off -mthumb -mfloat-abi=hard -mcpu={cpu} -mfpu={fpu} "
@@ -59,9 +58,7 @@ class Sizes(NamedTuple):
         )
 
 
-def readme(
-    of: Chosen, made: Image, target: Target, sizes: Sizes, files: Sequence[str]
-) -> str:
+def readme(of: Chosen, made: Image, target: Target, sizes: Sizes, files: Sequence[str]) -> str:
     """The text of README.md."""
     sources = "\n".join(
         f"| {i} | `STRAPDOWN_SOURCE_{identifier(name)}` | {source_text(aiding.find(a.kind))} |"
@@ -84,7 +81,8 @@ def readme(
         fixed=fixed,
         imu=of.spec.name,
         vehicle=str(of.vehicle),
-        options=", ".join(f"{name} = {value}" for name, value in of.options.items()) or "as they are",
+        options=", ".join(f"{name} = {value}" for name, value in of.options.items())
+        or "as they are",
         code=sizes.code,
         state=sizes.state,
         stack="not known" if sizes.stack is None else f"{sizes.stack} bytes",
