@@ -141,6 +141,8 @@ def _emitted(stem: str, paths: dict[str, Path]) -> None:
         raise RuntimeError(f"{stem}: {' '.join(str(error).split()) or repr(error)}") from None
     for level, path in paths.items():
         made = emit.emit([text], emit.TARGETS[level], [kernel.symbol], versioned=_of_gnu())
+        if path.name != _name(kernel, level):
+            raise DataError(f"{stem} was edited while it was compiled; build the library again")
         with part_of(path) as part:
             part.path.write_bytes(made.content)
             part.rename(path)
