@@ -35,7 +35,7 @@ SLOW = ("core.loop", "xkf", "two_stage", "sigma_point", "particle", "nlo", "flig
 """Parts of the names of kernels that take longest: they come first, so that none of them is left over
 for one core at the end."""
 TASKS = 12
-"""Kernels after which a process is replaced by a new one: numba keeps all that it ever compiled."""
+"""Kernels after which processes are replaced by new ones: numba keeps all that it ever compiled."""
 KEEP = 3
 """Versions of one object that stay in the cache."""
 
@@ -74,7 +74,8 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     """
     for level in levels:
         check_choice(level, "--levels", levels_here())
-    link.linker()  # minutes before it is needed
+    with tempfile.TemporaryDirectory() as temporary:  # minutes before the linker is needed
+        link.link([], Path(temporary) / "nothing.so")
     kernels = kernels_of_package(only)
     sources = {kernel.stem: _sources(kernel) for kernel in kernels}
     files = _digests(sources.values())
@@ -111,17 +112,20 @@ def _objects(
     begin, done = time.perf_counter(), len(paths) - len(todo)
     if done:
         say(f"{done} of {len(paths)} kernels did not change")
-    pool = ProcessPoolExecutor(
-        os.cpu_count(), mp_context=get_context("spawn"), max_tasks_per_child=TASKS
-    )
-    try:
-        running = {pool.submit(_emitted, stem, paths[stem]): stem for stem in todo}
-        for each in as_completed(running):
-            each.result()
-            done += 1
-            say(f"{done} of {len(paths)}: {running[each]}, {time.perf_counter() - begin:.0f} s")
-    finally:
-        pool.shutdown(cancel_futures=True)
+    cores = os.cpu_count() or 1
+    # not max_tasks_per_child, with which Python 3.11 and 3.12 wait for ever
+    for first in range(0, len(todo), TASKS * cores):
+        pool = ProcessPoolExecutor(cores, mp_context=get_context("spawn"))
+        try:
+            batch = todo[first : first + TASKS * cores]
+            running = {pool.submit(_emitted, stem, paths[stem]): stem for stem in batch}
+            for each in as_completed(running):
+                each.result()
+                done += 1
+                seconds = time.perf_counter() - begin
+                say(f"{done} of {len(paths)}: {running[each]}, {seconds:.0f} s")
+        finally:
+            pool.shutdown(cancel_futures=True)
     for by_level in paths.values():
         for path in by_level.values():
             _sweep(path)
@@ -137,6 +141,8 @@ def _emitted(stem: str, paths: dict[str, Path]) -> None:
         raise RuntimeError(f"{stem}: {' '.join(str(error).split()) or repr(error)}") from None
     for level, path in paths.items():
         made = emit.emit([text], emit.TARGETS[level], [kernel.symbol], versioned=_of_gnu())
+        if path.name != _name(kernel, level):
+            raise DataError(f"{stem} was edited while it was compiled; build the library again")
         with part_of(path) as part:
             part.path.write_bytes(made.content)
             part.rename(path)
