@@ -4,7 +4,7 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, helper, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
 from ..typing import Array
 from . import estimated
 
@@ -15,7 +15,7 @@ def along(
 ) -> int:
     """One row: y - velocity of the point `parameters[0:3]` (m, body, from the IMU) along body
     axis 0, 1 or 2."""
-    if parameters[ESTIMATED] > 0:
+    if estimated.any_of(belief, parameters):
         estimated.along(axis, belief, y, parameters, innovation, H)
         return 1
     C, v, w = belief.C, belief.v, belief.omega

@@ -15,6 +15,7 @@ from ..core.contract import (
     BIAS_AT,
     CLOCK_AT,
     CLOCK_STATE,
+    ESTIMATED,
     FORCE,
     LAG,
     MEAN,
@@ -53,6 +54,13 @@ def turned_back(C: Array, a: Three) -> Three:
         C[0, 1] * a[0] + C[1, 1] * a[1] + C[2, 1] * a[2],
         C[0, 2] * a[0] + C[1, 2] * a[1] + C[2, 2] * a[2],
     )
+
+
+@helper
+def any_of(belief: Belief, parameters: Array) -> bool:
+    """Whether any of the installation of a source is a state. Asked of the belief first, because
+    firmware has no such states, and then none of what follows."""
+    return belief.extra_states.size > 0 and parameters[ESTIMATED] > 0
 
 
 @helper

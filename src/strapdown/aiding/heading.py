@@ -3,7 +3,7 @@ every heading (the published compass row is not)."""
 
 import math
 
-from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.rotation import wrap
 from ..typing import Array
 from . import estimated
@@ -12,7 +12,7 @@ from . import estimated
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
-    if parameters[ESTIMATED] > 0:
+    if estimated.any_of(belief, parameters):
         innovation[0] = wrap(y[0] - estimated.heading(belief, parameters, H))
         return 1
     C = belief.C

@@ -2,7 +2,7 @@
 
 import math
 
-from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.earth import radii
 from ..core.rotation import turned, wrap
 from ..typing import Array
@@ -16,7 +16,7 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
     innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2])
     innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * math.cos(belief.lla[0])
     innovation[2] = belief.lla[2] - y[2]
-    if parameters[ESTIMATED] > 0:
+    if estimated.any_of(belief, parameters):
         estimated.position(belief, parameters, innovation, H)
         return 3
     l0, l1, l2 = turned(belief.C, parameters[0], parameters[1], parameters[2])

@@ -1,7 +1,7 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
 lever-arm term (7e-5 rad/s) is left out."""
 
-from ..core.contract import ESTIMATED, OBSERVE, Belief, Measurement, kernel
+from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 from . import estimated
 
@@ -9,7 +9,7 @@ from . import estimated
 @kernel(OBSERVE)
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: antenna velocity y - h, m/s NED."""
-    if parameters[ESTIMATED] > 0:
+    if estimated.any_of(belief, parameters):
         for i in range(3):
             innovation[i] = y[i] - belief.v[i]
         estimated.velocity(belief, parameters, innovation, H)

@@ -15,7 +15,7 @@ import typer
 
 import strapdown as sd
 
-from . import calibrate, compare, diagnose, fly, simulation, tune
+from . import calibrate, compare, diagnose, export, fly, simulation, tune
 from .console import (
     ADAPTIVE,
     ESTIMATE,
@@ -514,6 +514,7 @@ for command in (
     diagnose.diagnose,
     tune.tune,
     fly.fly,
+    export.export,
 ):
     app.command(cls=Reads)(command)
 app.add_typer(calibrate.group)

@@ -31,6 +31,9 @@ typing: Any = numba_typing
 small: list[bool] = [False]
 """Whether LLVM alone decides what is inlined, for firmware. Under strict arithmetic that changes no
 bit."""
+fixed: dict[str, int] = {}
+"""Sizes by name that are constants instead of what C says, for firmware: what they make needless is
+left out."""
 
 
 def _reference_counts_can_be_left_out() -> bool:
@@ -253,6 +256,9 @@ def unpacked(signature: Signature) -> Any:
                     builder.load(_cgutils.gep_inbounds(builder, pointer, 0, k))
                     for k in range(count)
                 ]
+                for k, name in enumerate(kind.sizes, len(kind.kinds)):
+                    if name in fixed:
+                        parts[k] = context.get_constant(types.int64, fixed[name])
                 structs[i] = parts
                 given |= dict(zip(kind.sizes, parts[len(kind.kinds) :]))
 

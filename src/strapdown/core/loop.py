@@ -283,13 +283,14 @@ def _use_fix(
         nis = math.nan
         for i in range(12):
             innovation[i] = math.nan
-    if fixes.parameters[s, CLOCK_STATE] > 0 and not look_back(cursor, belief, fixes.parameters[s]):
+    timed = cursor.recent.shape[0] > 0 and fixes.parameters[s, CLOCK_STATE] > 0
+    if timed and not look_back(cursor, belief, fixes.parameters[s]):
         say(cursor, CLOCK_OFF, s, t, fixes.parameters[s, CLOCK_AT])
         doubt(cursor, t)
     sd = fixes.sd[k]
     if fixes.parameters[s, SLIP] > 0:
         sd = _slipping(sd, belief, fixes.parameters[s, SLIP], cursor.work[SLIPPING])
-    if fixes.parameters[s, CLOCK_STATE] > 0:
+    if timed:
         sd = _unbent(sd, fixes.kind[s], fixes.parameters[s], cursor.work[SLIPPING])
     if believable:
         if fixes.parameters[s, CORRELATION_TIME] > 0:

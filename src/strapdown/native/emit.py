@@ -124,13 +124,18 @@ class Object(NamedTuple):
 
 
 def emit(
-    texts: Iterable[str], target: Target, exported: Sequence[str], versioned: bool = False
+    texts: Iterable[str],
+    target: Target,
+    exported: Sequence[str],
+    versioned: bool = False,
+    inside: Sequence[str] = (),
 ) -> Object:
     """The object of these functions and what they call.
 
     texts: as `ir.write` leaves them, linked into one.
     versioned: ask for the oldest symbols of the C library that there are (`Target.base`), for a
         library that older systems are to load.
+    inside: functions by which the texts call each other, and which the object does not show.
 
     Raises RuntimeError, with the function and the symbol, where arithmetic is not strict or something
     other than the mathematics of C and its memory functions is needed.
@@ -143,17 +148,19 @@ def emit(
         _strict(text, exported)
         one = llvm.parse_assembly(_neutral(text, target, layout, versioned))
         for each in (*one.functions, *one.global_variables):
-            if not each.is_declaration and each.name not in exported:
+            if not each.is_declaration and each.name not in (*exported, *inside):
                 each.linkage = "internal"  # two of a name need not be of one code
         if module is None:
             module = one
         else:
             module.link_in(one)
-    missing = set(exported) - {
+    missing = {*exported, *inside} - {
         one.name for one in (module.functions if module else ()) if not one.is_declaration
     }
     if module is None or missing:
         raise RuntimeError(f"no code of {', '.join(sorted(missing)) or 'anything'}")
+    for name in inside:
+        module.get_function(name).linkage = "internal"
     _optimise(module, machine, target)
     if HERE_ONLY.search(str(module)):
         raise RuntimeError(
@@ -166,7 +173,8 @@ def emit(
         raise RuntimeError(
             f"{_listed(exported)}: {', '.join(foreign)} would be needed, and is not of C's libm"
         )
-    return Object(content, tuple(exported), needed, _stack(module, exported, lines, target))
+    stack = _stack(module, exported, inside, lines, target)
+    return Object(content, tuple(exported), needed, stack)
 
 
 def _of_c(name: str) -> bool:
@@ -208,7 +216,7 @@ def _neutral(text: str, target: Target, layout: str, versioned: bool) -> str:
     text = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{layout}"', text, flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
     smaller = OPTIMISED_FOR_SIZE[target.size]
-    text = DEFINITION.sub(rf'\1\2{smaller} "warn-stack-size"="0" {{', text)
+    text = DEFINITION.sub(rf'\1\2 nounwind{smaller} "warn-stack-size"="0" {{', text)
     if versioned and target.base:  # those that the code does not use leave no trace
         text += "".join(
             f'module asm ".symver {name},{name}@{target.base}"\n' for name in sorted(LIBM | MEMORY)
@@ -255,10 +263,14 @@ def _said() -> Iterator[list[str]]:
 
 
 def _stack(
-    module: Any, exported: Sequence[str], lines: Sequence[str], target: Target
+    module: Any,
+    exported: Sequence[str],
+    inside: Sequence[str],
+    lines: Sequence[str],
+    target: Target,
 ) -> dict[str, int]:
-    """Bytes at most, by exported function. A call by address may reach every exported function that
-    takes and returns the same."""
+    """Bytes at most, by exported function. A call by address may reach every function of these names
+    that takes and returns the same."""
     if target.triple.startswith("wasm"):  # of which LLVM tells nothing
         return {}
     frames = {
@@ -272,7 +284,7 @@ def _stack(
             calls[one.name] = {name for name, _ in called if name}
             by_address[one.name] = {kind for name, kind in called if not name}
     kinds: dict[str, set[str]] = {}
-    for name in exported:
+    for name in {*exported, *inside} & calls.keys():
         kinds.setdefault(_kind(module.get_function(name).global_value_type), set()).add(name)
 
     def most(name: str, above: tuple[str, ...] = ()) -> int:

@@ -2,15 +2,16 @@
 behind one C function.
 
 numba reads its settings when it is imported, so this is a program of its own, which `write` runs:
-`python -m strapdown.native.ir OUT SMALL STEM..`.
+`python -m strapdown.native.ir OUT SMALL SIZES STEM..`.
 """
 
 import importlib
+import json
 import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -57,11 +58,18 @@ def of_stem(stem: str) -> Kernel:
     return next(one for one in declared(stem.rpartition(".")[0]) if one.stem == stem)
 
 
-def write(kernels: Iterable[Kernel], folder: Path, small: bool = False) -> Iterator[str]:
+def write(
+    kernels: Iterable[Kernel],
+    folder: Path,
+    small: bool = False,
+    sizes: Mapping[str, int] | None = None,
+) -> Iterator[str]:
     """Write SYMBOL.ll of each kernel into a folder, in a process of its own; the symbols as they
-    are done. Raises RuntimeError with what the compiler said."""
+    are done. small: leave all inlining to LLVM; sizes: those that are constants, by name. Raises
+    RuntimeError with what the compiler said."""
     folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", __name__, str(folder), str(int(small))]
+    constants = json.dumps(dict(sizes or {}))
+    command = [sys.executable, "-m", __name__, str(folder), str(int(small)), constants]
     process = subprocess.Popen(
         [*command, *(kernel.stem for kernel in kernels)],
         env={**os.environ, **NEUTRAL},
@@ -77,9 +85,8 @@ def write(kernels: Iterable[Kernel], folder: Path, small: bool = False) -> Itera
         raise RuntimeError(said.splitlines()[-1] if said else "the compiler ended without a word")
 
 
-def c_function(symbol: str, inner: str, signature: Signature) -> str:
-    """The C function around numba's, which returns a status, always 0, and its result through a
-    pointer."""
+def c_types(signature: Signature) -> tuple[str, list[str]]:
+    """LLVM's types of the result and of the arguments of a kernel in C."""
     kinds = [
         ("double" if kind.real else "i64")
         if isinstance(kind, Number)
@@ -90,6 +97,13 @@ def c_function(symbol: str, inner: str, signature: Signature) -> str:
     ]
     kinds += ["i64"] * len(signature.sizes)
     result = "void" if signature.result is None else "double" if signature.result.real else "i64"
+    return result, kinds
+
+
+def c_function(symbol: str, inner: str, signature: Signature) -> str:
+    """The C function around numba's, which returns a status, always 0, and its result through a
+    pointer."""
+    result, kinds = c_types(signature)
     end = f"  %value = load {result}, ptr %ret\n  ret {result} %value"
     return C_FUNCTION.format(
         result=result,
@@ -110,10 +124,11 @@ def text_of(kernel: Any) -> str:
     return text + c_function(kernel.symbol, inner, kernel.signature)
 
 
-def _main(folder: str, small: str, *stems: str) -> None:
+def _main(folder: str, small: str, sizes: str, *stems: str) -> None:
     from ..core import compiler
 
     compiler.small[0] = small == "1"
+    compiler.fixed.update(json.loads(sizes))
     for stem in stems:
         kernel = of_stem(stem)
         (Path(folder) / f"{kernel.symbol}.ll").write_text(text_of(kernel), encoding="utf-8")

@@ -12,10 +12,15 @@ WASM_IMPORTS = 2
 WASM_FUNCTION = 0
 
 
+LOADED = 2
+"""Flag of a section that is in memory when the code runs."""
+
+
 class Section(NamedTuple):
     """Of an ELF file."""
 
     kind: int
+    flags: int
     link: int
     info: int
     content: bytes
@@ -81,6 +86,14 @@ def versions(content: bytes) -> dict[str, tuple[str, ...]]:
     return found
 
 
+def loaded(content: bytes) -> int:
+    """Bytes of code and constants of an ELF object; of WebAssembly those of the file. Raises
+    ValueError."""
+    if content[:4] == b"\0asm":
+        return len(content)
+    return sum(len(one.content) for one in _sections(content) if one.flags & LOADED)
+
+
 def _wide(content: bytes) -> bool:
     """Whether an ELF file is one of 64 bits. Raises ValueError."""
     if content[:4] != b"\x7fELF" or len(content) < 64 or content[5] != 1:
@@ -95,8 +108,8 @@ def _sections(content: bytes) -> list[Section]:
     made = []
     for index in range(count):
         head = struct.unpack_from("<IIQQQQII" if wide else "<8I", content, at + index * size)
-        _, kind, _, _, offset, length, link, info = head
-        made.append(Section(kind, link, info, content[offset : offset + length]))
+        _, kind, flags, _, offset, length, link, info = head
+        made.append(Section(kind, flags, link, info, content[offset : offset + length]))
     return made
 
 

@@ -71,7 +71,7 @@ class Standing:
         y = {
             "position": displaced(LLA, off),
             "velocity": off,
-            "altitude": np.array([LLA[2] - off[2]]),
+            "altitude": np.array([LLA[2] - off[2], np.nan, np.nan]),
         }[kind]
         innovation = np.zeros(12)
         nis = self.filter.correct(

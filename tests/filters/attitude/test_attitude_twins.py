@@ -524,7 +524,7 @@ def test_more_magnetometers_than_books_share_the_last_ones(filter):
         filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.1], 0.1, NOISE)
         parameters = np.zeros(PARAMETERS)
         parameters[:3], parameters[OF_KIND] = FIELD, number
-        sensor, innovation = aiding.find("magnetic-field"), np.zeros(3)
+        sensor, innovation = aiding.find("magnetic-field"), np.zeros(12)
         compile_kernel(sensor.observe)
         filter.correct(
             belief,

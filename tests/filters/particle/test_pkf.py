@@ -443,7 +443,7 @@ def bent(components, kernel=None, seed=0):
         horizontal_range,
         parameters,
         np.inf,
-        np.zeros(3),
+        np.zeros(12),
     )
     return ((belief.lla - BEGIN.lla) * [M, east, -1])[:2], belief.P[:2, :2]
 

@@ -1,0 +1,71 @@
+"""The command that exports a filter for firmware and other languages."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import strapdown as sd
+
+from .console import IMU, OPTION, VEHICLE, Progress, option_values, read_given, results_folder
+
+REPLAYED = 60.0
+"""s of the flight that is simulated where no recording is given."""
+
+
+def export(
+    sources: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND,...",
+            help="Kinds of fixes that it shall take, in the order of their numbers; docs/sensors.md "
+            "has them.",
+        ),
+    ],
+    target: Annotated[
+        str,
+        typer.Option(
+            help="host (this machine), aarch64, cortex-m4f, cortex-m7, wasm32, x86-64-v2 or x86-64-v3."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the files.")],
+    filter: Annotated[
+        str, typer.Option(help="Architecture; see `strapdown filters`.")
+    ] = "closed-loop",
+    imu: IMU = None,
+    vehicle: VEHICLE = None,
+    option: OPTION = None,
+    replay: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="RECORDING",
+            help="What the example replays, and whose IMU, lever arms and start are the values to begin "
+            "with; may be repeated for the files of one recording.  [default: a simulated flight of a "
+            "minute]",
+        ),
+    ] = None,
+    waiting: Annotated[
+        int, typer.Option(metavar="N", help="Fixes that there is room for until a sample comes.")
+    ] = 16,
+) -> None:
+    """Write a filter as an object file with a C header, an example and a README, for firmware,
+    WebAssembly and other languages."""
+    from ..native.export import chosen, exported
+
+    options = option_values(option)
+    made_for = exported.find_target(target)
+    if replay:
+        recording, imu = read_given(replay, imu)
+    else:
+        from ..sim.trajectory import demo_flight
+
+        recording = sd.simulate(demo_flight(), REPLAYED, imu or "tactical", 7)
+    kinds = [kind.strip() for kind in sources.split(",") if kind.strip()]
+    what = chosen.chosen(filter, kinds, recording, imu, vehicle, options, waiting)
+    with results_folder(out) as folder:
+        with Progress() as progress:
+            done = exported.export(what, made_for, folder, progress.say)
+    for note in done.notes:
+        print(f"note: {note}")
+    print(done.sizes.text)
+    print(f"wrote {folder}/{', '.join(done.files)}; {folder}/README.md says how to go on")

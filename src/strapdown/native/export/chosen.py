@@ -1,0 +1,173 @@
+"""What is exported: a filter with its options, sources and IMU, checked as a run of it is, and that
+run over a recording."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ... import aiding, filters
+from ...checks import DataError, check_number
+from ...core import cursor as places
+from ...core.contract import WALK, Filter, Noise, Start
+from ...core.loop import SAME_TIME
+from ...data import Aiding
+from ...engine.heading_hypotheses import aligned
+from ...engine.installation import without_estimates
+from ...engine.limits import limits
+from ...engine.prepare import (
+    Asked,
+    GivenImu,
+    Run,
+    check_needs,
+    fitted,
+    merge,
+    new_belief,
+    new_cursor,
+    new_output,
+    positioned,
+    ready,
+    usable,
+)
+from ...recording import Recording
+from ...sensor_models.imu import ImuSpec, grade
+from ...typing import Say
+from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
+
+WAITING = 16
+"""Fixes that an exported filter has room for until the sample that reaches their time, where nobody
+asks for more."""
+MOST_WAITING = 4096
+LOG_ROWS = 32
+"""Rows of its log."""
+REPLAYED = 60.0
+"""s of the flight that is simulated where no recording is given."""
+GIVEN = WALK
+"""Parameters of a source that whoever runs it gives, such as a lever arm; the loop's own follow."""
+
+
+class Chosen(NamedTuple):
+    """What is exported."""
+
+    filter: Filter
+    options: dict[str, Any]
+    aidings: tuple[Aiding, ...]  # the sources, in their order, with the fixes of the recording
+    names: tuple[str, ...]  # of the sources
+    spec: ImuSpec
+    noise: Noise
+    vehicle: Vehicle
+    recording: Recording  # with these sources
+    start: Start  # of the recording
+    notes: tuple[str, ...]
+    waiting: int  # fixes that there is room for
+
+    def records(self, start: Start, noise: Noise | None = None) -> dict[str, Sequence[Any]]:
+        """All records of a run from `start` on before its first sample, by their names in
+        `layout.RECORDS`; with room for one sample and `waiting` fixes. Raises DataError."""
+        noise = noise or self.noise
+        none = [replace(a, t=a.t[:0], y=a.y[:0], sd=a.sd[:0]) for a in self.aidings]
+        belief = new_belief(self.filter, start, noise, self.options, none)
+        cursor = new_cursor(self.filter, start.t, none, limits(self.spec, noise, self.vehicle))
+        room = np.zeros(self.waiting)
+        return {
+            "belief": belief,
+            "imu": (np.zeros(1), np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3))),
+            "fixes": merge(none)._replace(
+                t=room,
+                source=np.zeros(self.waiting, np.int64),
+                y=np.zeros((self.waiting, 3)),
+                sd=np.zeros((self.waiting, 3)),
+            ),
+            "noise": noise,
+            "cursor": cursor._replace(log=cursor.log[:LOG_ROWS]),
+            "out": [
+                np.zeros_like(array)
+                for array in new_output(self.filter, belief, 1, fixes=self.waiting)
+            ],
+        }
+
+    def replayed(self, say: Say | None = None) -> Run:
+        """The run of the filter over the recording, to its end. Raises DataError."""
+        asked = Asked(self.options, say=say, vehicle=self.vehicle)
+        run = ready(self.recording, self.filter, self.start, self.noise, self.spec, asked)
+        run.complete()
+        if run.cursor.at[places.FAULT]:
+            raise DataError(
+                f"filter {self.filter.name!r} stops in {self.recording.meta.get('name')}: nothing to "
+                f"compare with; give another recording"
+            )
+        together = np.bincount(np.searchsorted(run.samples.t + SAME_TIME, run.fixes.t)).max(
+            initial=0
+        )
+        if together > self.waiting:
+            raise DataError(
+                f"the recording has {together} fixes up to one sample, over a gap of the IMU; the "
+                f"filter has room for {self.waiting}: give --waiting {together}, or another recording"
+            )
+        return run
+
+
+def chosen(
+    filter: str | Filter,
+    sources: Sequence[str],
+    recording: Recording,
+    imu: GivenImu | None = None,
+    vehicle: GivenVehicle | None = None,
+    options: Mapping[str, Any] | None = None,
+    waiting: int = WAITING,
+) -> Chosen:
+    """What these arguments, which are those of `fuse`, name.
+
+    sources: kinds of aiding; the second of a kind is the second of the recording. One that the
+    recording does not have is a source without fixes there. waiting: fixes that there is room for.
+
+    Raises DataError.
+    """
+    filter = filters.find(filter)
+    check_number(waiting, "waiting", least=1, most=MOST_WAITING, whole=True)
+    if not sources:
+        raise DataError("sources: there are none; name one or more, as position,velocity")
+    aidings = _of(recording, sources)
+    found, notes = usable(filter, aidings)
+    if len(found) < len(aidings):
+        raise DataError(f"filter {filter.name!r} cannot be exported with them: {notes[0]}")
+    check_needs(filter, found, "name it among the sources")
+    fit, said = fitted(filter, dict(options or {}), found)
+    spec = grade(imu or recording.meta.get("grade") or "tactical")
+    recording = replace(
+        recording,
+        aidings=found,
+        meta={key: value for key, value in recording.meta.items() if key != "estimate"},
+    )
+    vehicle = find_vehicle(vehicle or recording.meta.get("vehicle"))
+    start = aligned(recording, spec, positioned(filter))
+    counts = [[a.kind for a in found[:i]].count(a.kind) for i, a in enumerate(found)]
+    names = tuple(f"{a.kind}-{k + 1}" if k else a.kind for a, k in zip(found, counts))
+    return Chosen(
+        filter,
+        fit,
+        found,
+        names,
+        spec,
+        spec.noise(),
+        vehicle,
+        recording,
+        start._replace(motion=()),  # what it erred by belongs to states that are not exported
+        (*notes, *said),
+        waiting,
+    )
+
+
+def _of(recording: Recording, kinds: Sequence[str]) -> tuple[Aiding, ...]:
+    """The sources of these kinds, of which those that the recording has with their fixes."""
+    rest, found = list(without_estimates(recording.aidings)), []
+    for kind in kinds:
+        sensor = aiding.find(kind)
+        own = next((a for a in rest if a.kind == sensor.name), None)
+        if own is not None:
+            rest.remove(own)
+        width = len(sensor.quantities)
+        none = Aiding(sensor.name, np.empty(0), np.empty((0, width)), np.empty((0, width)))
+        found.append(own or none)
+    return tuple(found)

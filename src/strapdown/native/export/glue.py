@@ -1,0 +1,96 @@
+"""strapdown.c: the start of an exported filter as assignments, in the file that hands samples and fixes
+to its object."""
+
+from collections.abc import Iterator, Mapping
+
+from ... import aiding
+from ...core.contract import Noise, Start
+from ...core.earth import LATITUDE_LIMIT
+from ...core.loop import SAME_TIME
+from ...engine.prepare import LONGEST_GAP
+from ...preprocessing.imu_samples import LONGEST_INTERVAL
+from .chosen import Chosen
+from .header import template
+from .image import Image, Known
+from .layout import Place
+
+HERE = {"C": "C[{}]", "variance": "variance[{}]", "t": "values->t"}
+"""Parts of a start that C computes or has as one number; others are arrays of strapdown_values."""
+
+
+def glue(of: Chosen, made: Image) -> str:
+    """The text of strapdown.c."""
+    components = (len(aiding.find(a.kind).quantities) for a in of.aidings)
+    return template("strapdown.c").substitute(
+        most_latitude=repr(LATITUDE_LIMIT),
+        longest_sample=repr(LONGEST_INTERVAL),
+        longest_gap=repr(LONGEST_GAP),
+        same_time=repr(SAME_TIME),
+        example="\n".join(_example(of.start, of.noise)),
+        components=", ".join(map(str, components)),
+        noise_possible="\n".join(_noise_possible()),
+        fixed="".join(f"{line}\n" for line in _fixed(made)),
+        constants="\n".join(_assigned(made.constants, _number)),
+        copies="\n".join(_assigned(made.copies, _known)),
+    )
+
+
+def _example(start: Start, noise: Noise) -> Iterator[str]:
+    for name in ("t", "lla", "v", "rph", "ba", "bg", "sd"):
+        value = getattr(start, name)
+        numbers = [value] if name == "t" else list(value[:15])
+        listed = ", ".join(repr(float(each)) for each in numbers)
+        yield f"    .{name} = {listed if name == 't' else f'{{{listed}}}'},"
+    yield f"    .noise = {{{', '.join(map(repr, map(float, noise)))}}},"
+
+
+def _noise_possible() -> Iterator[str]:
+    tested = " && ".join(
+        f"finite(values->noise.{name}) && values->noise.{name} >= 0" for name in Noise._fields
+    )
+    yield f"    if (!({tested}))".replace(
+        " && values->noise.gyro >=", "\n          && values->noise.gyro >=", 1
+    )
+    yield "        return 0;"
+
+
+def _fixed(made: Image) -> Iterator[str]:
+    """Refuses a start that differs where the image holds only for one."""
+    for part in made.fixed:
+        parts = [f"noise.{name}" for name in Noise._fields]
+        if part != "noise":
+            parts = [f"{part}[{i}]" for i in range(3)]
+        for name in parts:
+            yield f"    if (values->{name} != strapdown_example.{name})"
+            yield "        return STRAPDOWN_FIXED;"
+
+
+def _assigned(numbers: Mapping[Place, Mapping[int, object]], text: object) -> Iterator[str]:
+    for place, values in numbers.items():
+        for k, value in values.items():
+            yield f"    filter->{place.record}.{place.name}{_index(place, k)} = {text(value)};"  # type: ignore[operator]
+
+
+def _index(place: Place, k: int) -> str:
+    """The number k of a field, in brackets."""
+    found = ""
+    for size in reversed(place.shape):
+        k, i = divmod(k, size)
+        found = f"[{i}]{found}"
+    return found
+
+
+def _number(value: float) -> str:
+    if value in (float("inf"), float("-inf")):
+        return "INFINITE.number" if value > 0 else "-INFINITE.number"
+    if value != value:
+        return "NOT_MEASURED.number"
+    return repr(value)
+
+
+def _known(value: Known) -> str:
+    if value.part in HERE:
+        return HERE[value.part].format(value.at)
+    if value.part == "noise":
+        return f"values->noise.{Noise._fields[value.at]}"
+    return f"values->{value.part}[{value.at}]"

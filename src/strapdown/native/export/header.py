@@ -1,0 +1,144 @@
+"""strapdown.h: the structs, constants and functions of an exported filter, from the tables of fields
+that its object was made by."""
+
+from collections.abc import Iterator
+from importlib.resources import files
+from string import Template
+from textwrap import wrap
+
+from ... import aiding, quantities
+from ...core import loop
+from ...core.contract import Measurement
+from ...engine.prepare import axes_of_rows, brought
+from .chosen import GIVEN, Chosen
+from .layout import RECORDS, Layout, Place
+from .texts import ENUMS, FIELDS, SIZES, Name, Names
+
+PREFIX = "STRAPDOWN_"
+WIDTH = 100
+PARAMETERS = {
+    "": "it takes none",
+    "antenna": "lever arm from the IMU to the antenna, m, body (3)",
+    "reference": "lever arm from the IMU to the reference point of the vehicle, m, body (3)",
+    "field": "magnetic field, T, NED (3)",
+}
+"""What the parameters of a source are, by `Measurement.parameters`."""
+
+QUANTITIES = {"length": "height", "speed": "velocity"}
+"""What a quantity of a fix is called in the header."""
+
+
+def template(name: str) -> Template:
+    """One of the files beside this one."""
+    return Template((files(__package__) / "templates" / name).read_text(encoding="utf-8"))
+
+
+def header(of: Chosen, made: Layout) -> str:
+    """The text of strapdown.h."""
+    sources = Names(
+        "strapdown_source_index",
+        "SOURCE_",
+        "The sources. y and sd are what strapdown_fix takes, parameters what strapdown_source takes.",
+        tuple(
+            Name(identifier(name), i, source_text(aiding.find(a.kind)))
+            for i, (a, name) in enumerate(zip(of.aidings, of.names))
+        ),
+    )
+    sizes = [(text[0], made.sizes[size], text[1]) for size, text in SIZES.items()]
+    sizes.insert(0, ("PARAMETERS", GIVEN, "numbers that strapdown_source takes"))
+    own = [
+        Name(f"OWN_{i}" if i else "OWN", loop.NAV_WIDTH + i, text)
+        for i, text in enumerate(columns(of))
+    ]
+    return template("strapdown.h").substitute(
+        filter=of.filter.name,
+        sources=", ".join(of.names),
+        sizes="\n".join(
+            line for name, value, text in sizes for line in _constant(name, value, text)
+        ).removesuffix(","),
+        enums="\n\n".join(
+            _enum(
+                each._replace(constants=(*each.constants, *own))
+                if each.name == "strapdown_row"
+                else each
+            )
+            for each in (sources, *ENUMS)
+        ),
+        noise=_struct("noise", made, "    "),
+        records="\n".join(
+            f"    strapdown_noise {record};"
+            if record == "noise"
+            else f"    struct {{\n{_struct(record, made, '        ')}\n    }} {record};"
+            for record in RECORDS
+        ),
+    )
+
+
+def identifier(name: str) -> str:
+    """In upper case, as a part of a name in C."""
+    return name.upper().replace("-", "_")
+
+
+def columns(of: Chosen) -> list[str]:
+    """What the columns behind the status are."""
+    states = [each.name for each in brought(of.aidings)]
+    return [*of.filter.columns, *states, *(f"standard deviation of {name}" for name in states)]
+
+
+def source_text(sensor: Measurement) -> str:
+    """What its fixes and parameters are, with units."""
+    units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
+    named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
+    count = len(named)
+    y = f"{named[0]} ({count})" if len({*named}) == 1 and count > 1 else ", ".join(named)
+    rows = [quantities.si(quantities.innovation_dimension(q)) for q in sensor.quantities]
+    sd = f"{rows[0]}, {', '.join(axes_of_rows(sensor))}" if count == 3 else rows[0]
+    when = f"; hand one in only {sensor.when}" if sensor.when else ""
+    frame = {"n": ", NED", "b": ", body"}.get(sensor.vector, "")
+    zero = ": 0" if sensor.name.startswith("zero-") else ""
+    return (
+        f"y: {y}{frame}{zero}; sd ({count}): {sd}; parameters: "
+        f"{PARAMETERS[sensor.parameters]}{when}"
+    )
+
+
+def comment(text: str, indent: str = "") -> list[str]:
+    """Lines of a comment."""
+    lines = wrap(text, WIDTH - len(indent) - 6)
+    return [f"{indent}{'/* ' if not i else '   '}{line}" for i, line in enumerate(lines[:-1])] + [
+        f"{indent}{'/* ' if len(lines) == 1 else '   '}{lines[-1]} */"
+    ]
+
+
+def _constant(name: str, value: int, text: str) -> Iterator[str]:
+    yield from comment(text, "    ")
+    yield f"    {PREFIX}{name} = {value},"
+
+
+def _enum(names: Names) -> str:
+    lines = [*comment(names.text), f"enum {names.name} {{"]
+    for each in names.constants:
+        lines += _constant(names.prefix + each.name.removeprefix("ROW_"), each.value, each.text)
+    lines[-1] = lines[-1].removesuffix(",")
+    return "\n".join([*lines, "};"])
+
+
+def _struct(record: str, made: Layout, indent: str) -> str:
+    """The fields of a record; of what takes no room only a line."""
+    lines: list[str] = []
+    for place in made.of(record):
+        if place.length == 0:
+            continue
+        lines += comment(FIELDS[record][place.name], indent)
+        lines.append(
+            f"{indent}{'double' if place.real else 'int64_t'} {place.name}{_shape(place)};"
+        )
+    return "\n".join(lines)
+
+
+def _shape(place: Place) -> str:
+    """In brackets, sizes that have a name in C by that."""
+    return "".join(
+        f"[{PREFIX}{SIZES[declared][0]}]" if declared in SIZES else f"[{size}]"
+        for declared, size in zip(place.sizes, place.shape)
+    )

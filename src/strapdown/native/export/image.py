@@ -1,0 +1,164 @@
+"""What a filter's start leaves in the struct, as numbers that do not depend on the start and numbers
+that are copies of parts of it, found by starting it many times.
+
+`start` of a filter is plain Python that computes whatever it likes. What it makes of a start other
+than a copy cannot be told in C, and such a filter is refused.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...core.contract import STATES, Filter, Noise, Start
+from ...core.rotation import euler_to_matrix
+from ...core.workspace import Slots
+from ...typing import Array, Ints
+from .layout import Layout, Place, numbers
+
+PROBES = 16
+"""Starts that are tried: enough that no two parts of them agree by chance, from very certain to very
+uncertain ones, so that bounds on standard deviations show."""
+
+
+class Known(NamedTuple):
+    """A number of a start, by the name of its part in C."""
+
+    part: str
+    at: int
+
+
+class Image(NamedTuple):
+    """The struct before the first sample."""
+
+    constants: Mapping[Place, Mapping[int, float]]  # by the number in the place; all others are 0
+    copies: Mapping[Place, Mapping[int, Known]]
+    fixed: tuple[str, ...]  # parts of which it is computed, and which are those of the export
+
+
+Records = Callable[[Start, Noise], Mapping[str, Sequence[Any]]]
+MAY_BE_FIXED = ("noise", "lla")
+"""Of one vehicle these are often the same: its IMU, and where it is, as far as attitude goes."""
+
+
+def image(filter: Filter, records: Records, made: Layout, start: Start, noise: Noise) -> Image:
+    """The image of a filter whose records at a start and a noise are those.
+
+    Raises DataError where its start computes what is no copy, of more than what may be fixed.
+    """
+    for fixed in ((), MAY_BE_FIXED[:1], MAY_BE_FIXED[1:], MAY_BE_FIXED):
+        tried = [_numbers(records, made, *one) for one in _probes(start, noise, fixed)]
+        changes, copied = _changing([numbers for numbers, _, _ in tried]), _copies(tried)
+        left = [int(k) for k in np.flatnonzero(changes) if k not in copied]
+        if not left:
+            break
+    else:
+        names = ", ".join(dict.fromkeys(_name(filter, made, k) for k in left))
+        raise DataError(
+            f"filter {filter.name!r} cannot be exported: its start computes {names}, where an export "
+            f"knows constants and copies alone"
+        )
+    constants: dict[Place, dict[int, float]] = {}
+    copies: dict[Place, dict[int, Known]] = {}
+    values, whole, _ = tried[0]
+    for place in made.places:
+        for k in range(place.first, place.first + place.length):
+            if k in copied:
+                copies.setdefault(place, {})[k - place.first] = copied[k]
+            elif values[k] or whole[k]:
+                value = float(values[k]) if place.real else int(whole[k])
+                constants.setdefault(place, {})[k - place.first] = value
+    return Image(constants, copies, fixed)
+
+
+def known(start: Start, noise: Noise) -> dict[Known, float]:
+    """The numbers of a start that C has at hand."""
+    C = np.empty((3, 3))
+    roll, pitch, heading = (float(angle) for angle in start.rph)
+    euler_to_matrix(roll, pitch, heading, C)
+    sd = np.asarray(start.sd, float)
+    parts: dict[str, Iterable[float]] = {
+        "t": np.array([start.t]),
+        "lla": start.lla,
+        "v": start.v,
+        "C": C.ravel(),
+        "ba": start.ba,
+        "bg": start.bg,
+        "variance": sd**2,
+        "sd": sd,
+        "rph": start.rph,
+        "noise": np.array(noise),
+    }
+    return {
+        Known(part, i): float(x) for part, values in parts.items() for i, x in enumerate(values)
+    }
+
+
+def _probes(start: Start, noise: Noise, fixed: Sequence[str]) -> Iterator[tuple[Start, Noise]]:
+    """Starts and noises of any size, the parts that are fixed as given."""
+    rng = np.random.default_rng(1)
+
+    def numbers(scale: float, count: int = 3) -> tuple[float, ...]:
+        return tuple((scale * rng.uniform(-1, 1, count)).tolist())
+
+    for _ in range(PROBES):
+        drawn = start._replace(
+            t=numbers(1e3, 1)[0],
+            lla=numbers(1.5, 1) + numbers(3.0, 1) + numbers(1e4, 1),
+            v=numbers(10.0 ** rng.uniform(-2, 3)),
+            rph=numbers(3.0, 1) + numbers(1.5, 1) + numbers(3.0, 1),
+            ba=numbers(0.5),
+            bg=numbers(0.05),
+            sd=tuple((10.0 ** rng.uniform(-6, 6, STATES)).tolist()),
+        )
+        assumed = Noise(*(10.0 ** rng.uniform(-6, 0, len(noise))).tolist())
+        yield (
+            drawn._replace(lla=start.lla) if "lla" in fixed else drawn,
+            noise if "noise" in fixed else assumed,
+        )
+
+
+Tried = tuple[Array, Ints, dict[Known, float]]
+
+
+def _numbers(records: Records, made: Layout, start: Start, noise: Noise) -> Tried:
+    return *numbers(records(start, noise), made), known(start, noise)
+
+
+def _changing(arrays: Sequence[Array]) -> Array:
+    stacked = np.array(arrays)
+    return ~((stacked == stacked[0]) | (np.isnan(stacked) & np.isnan(stacked[0]))).all(axis=0)
+
+
+def _copies(tried: Sequence[Tried]) -> dict[int, Known]:
+    """{number of the struct: what it is a copy of in all that was tried}; of what changes."""
+    arrays = [numbers for numbers, _, _ in tried]
+    changes = _changing(arrays)
+    by_value: dict[float, list[Known]] = {}
+    for name, value in tried[0][2].items():
+        by_value.setdefault(value, []).append(name)
+    found = {}
+    for k in np.flatnonzero(changes):
+        for name in by_value.get(float(arrays[0][k]), ()):
+            if all(values[k] == own[name] for values, _, own in tried):
+                found[int(k)] = name
+                break
+    return found
+
+
+def _name(filter: Filter, made: Layout, k: int) -> str:
+    """What a number of the struct is, for people."""
+    place = next(place for place in made.places if place.first <= k < place.first + place.length)
+    if place.name == "workspace":
+        return _slot(filter.slots, k - place.first)
+    return place.name
+
+
+def _slot(slots: Slots, k: int) -> str:
+    found = [(first, name) for name, (first, _) in slots.places.items() if first <= k]
+    first, name = max(
+        found, default=(0, slots.columns[k] if k < len(slots.columns) else "a number")
+    )
+    layout = slots.places[name][1] if name in slots.places else None
+    return f"{name}.{_slot(layout, k - first)}" if isinstance(layout, Slots) else name

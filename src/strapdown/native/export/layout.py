@@ -1,0 +1,99 @@
+"""Where everything stands in the one struct of an exported filter: the fields of the records that
+kernels take, with their sizes as numbers."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...core.contract import BELIEF, CURSOR, FIXES, IMU, NOISE, OUTPUT
+from ...core.signatures import Number, Numbers, Record
+from ...typing import Array, Ints
+
+RECORDS: Mapping[str, Record] = {
+    "belief": BELIEF,
+    "imu": IMU,
+    "fixes": FIXES,
+    "noise": NOISE,
+    "cursor": CURSOR,
+    "out": OUTPUT,
+}
+"""The records in the order in which the loop takes them, by the name of its argument."""
+BYTES = 8
+"""Of every number, so that no compiler leaves a gap between them."""
+
+
+class Place(NamedTuple):
+    """A field of a record."""
+
+    record: str
+    name: str
+    real: bool  # double, else int64_t
+    shape: tuple[int, ...]  # () of a number
+    first: int  # numbers before it in the struct
+    sizes: tuple[int | str, ...] = ()  # the shape as declared
+
+    @property
+    def length(self) -> int:
+        """How many numbers."""
+        return prod(self.shape)
+
+
+class Layout(NamedTuple):
+    """The fields in their order, and the sizes by name."""
+
+    places: tuple[Place, ...]
+    sizes: Mapping[str, int]
+
+    @property
+    def length(self) -> int:
+        """Numbers in all."""
+        last = self.places[-1]
+        return last.first + last.length
+
+    def of(self, record: str) -> Iterator[Place]:
+        """Those of a record."""
+        return (place for place in self.places if place.record == record)
+
+
+def layout(sizes: Mapping[str, int]) -> Layout:
+    """The layout with these sizes. Sizes of one name are the same in all records, but `states` of
+    Output, which is `n` of a Belief."""
+    places, first = [], 0
+    for record, kinds in RECORDS.items():
+        for name, kind in kinds.fields:
+            declared: tuple[int | str, ...] = ()
+            real = isinstance(kind, Number) and kind.real
+            if isinstance(kind, Numbers):
+                declared, real = kind.shape, kind.item.real
+            shape = tuple(sizes[size] if isinstance(size, str) else size for size in declared)
+            places.append(Place(record, name, real, shape, first, declared))
+            first += places[-1].length
+    return Layout(tuple(places), dict(sizes))
+
+
+def sizes_of(values: Mapping[str, Sequence[Any]]) -> dict[str, int]:
+    """{name of a size: number} of the records of a run, by their names in RECORDS. An array may be
+    longer than its kind says."""
+    found: dict[str, int] = {}
+    for record, kinds in RECORDS.items():
+        for (name, kind), value in zip(kinds.fields, values[record], strict=True):
+            if not isinstance(kind, Numbers):
+                continue
+            for declared, size in zip(kind.shape, np.shape(value), strict=True):
+                if isinstance(declared, str) and found.setdefault(declared, size) != size:
+                    raise RuntimeError(
+                        f"{record}.{name}: {declared} is {size} and {found[declared]}"
+                    )
+    return found
+
+
+def numbers(values: Mapping[str, Sequence[Any]], made: Layout) -> tuple[Array, Ints]:
+    """All numbers of the records of a run in the order of the struct: as doubles, and as int64;
+    each is 0 in the other."""
+    real, whole = np.zeros(made.length), np.zeros(made.length, np.int64)
+    for place in made.places:
+        value = values[place.record][RECORDS[place.record].made._fields.index(place.name)]
+        (real if place.real else whole)[place.first : place.first + place.length] = np.ravel(value)
+    return real, whole

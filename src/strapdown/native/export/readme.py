@@ -1,0 +1,93 @@
+"""README.md of an export: what its files are, how to compile and call them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ... import aiding
+from ..emit import Target
+from .chosen import Chosen
+from .header import identifier, source_text, template
+from .image import Image
+
+CORTEX = (
+    "arm-none-eabi-gcc -std=c99 -O2 -ffp-contract=off -mthumb -mfloat-abi=hard -mcpu={cpu} -mfpu={fpu} "
+    "-c strapdown.c"
+)
+COMPILE = {
+    "wasm32": "clang --target=wasm32 -std=c99 -O2 -mbulk-memory -nostdlib -Wl,--no-entry \\\n"
+    "    -Wl,--allow-undefined -Wl,--export-all strapdown.c strapdown.o -o strapdown.wasm\n"
+    "node main.mjs",
+    "cortex-m4f": CORTEX.format(cpu="cortex-m4", fpu="fpv4-sp-d16"),
+    "cortex-m7": CORTEX.format(cpu="cortex-m7", fpu="fpv5-d16"),
+    "aarch64": "aarch64-linux-gnu-gcc -std=c99 -O2 -ffp-contract=off main.c strapdown.c strapdown.o -lm -o main\n"
+    "./main",
+}
+"""How to compile, by target."""
+USUAL = "cc -std=c99 -O2 -ffp-contract=off main.c strapdown.c strapdown.o -lm -o main\n./main"
+ABOUT = {
+    "strapdown.o": "the loop, the filter and the observations of its sources",
+    "strapdown.h": "its structs, constants and functions; each with units, frames and shapes",
+    "strapdown.c": "the functions that lay samples and fixes where the loop finds them",
+    "main.c": "an example that replays replay.bin and compares",
+    "main.mjs": "the same for node, with strapdown.wasm",
+    "strapdown.wasm": "strapdown.c and strapdown.o, linked",
+    "replay.bin": "samples and fixes of a recording, and what Python made of them",
+    "README.md": "this page",
+}
+FIXED = {
+    "noise": "the noise of the IMU",
+    "lla": "latitude, longitude and height",
+}
+
+
+class Sizes(NamedTuple):
+    """What an export takes on its target."""
+
+    code: int  # bytes of code and constants of strapdown.o
+    state: int  # bytes of strapdown_filter
+    stack: int | None  # bytes at most of strapdown_run, the C library's own left out
+    needed: tuple[str, ...]  # functions from outside
+
+    @property
+    def text(self) -> str:
+        """As a line for people."""
+        stack = "not known" if self.stack is None else f"{self.stack} bytes"
+        return (
+            f"{self.code} bytes of code and constants, {self.state} of state, stack at most {stack} "
+            f"beside that of {', '.join(self.needed) or 'nothing'}"
+        )
+
+
+def readme(of: Chosen, made: Image, target: Target, sizes: Sizes, files: Sequence[str]) -> str:
+    """The text of README.md."""
+    sources = "\n".join(
+        f"| {i} | `STRAPDOWN_SOURCE_{identifier(name)}` | {source_text(aiding.find(a.kind))} |"
+        for i, (a, name) in enumerate(zip(of.aidings, of.names))
+    )
+    fixed = "".join(
+        f"\nWith this filter {FIXED[part]} of `strapdown_values` must be those of "
+        f"`strapdown_example`: its start is computed from them at export. "
+        for part in made.fixed
+    )
+    return template("README.md").substitute(
+        filter=of.filter.name,
+        reference=of.filter.reference,
+        target=target.name,
+        about=target.about,
+        compile=COMPILE.get(target.name, USUAL),
+        files="\n".join(f"| `{name}` | {ABOUT[name]} |" for name in ABOUT if name in files),
+        sources=sources,
+        first=identifier(of.names[0]),
+        fixed=fixed,
+        imu=of.spec.name,
+        vehicle=str(of.vehicle),
+        options=", ".join(f"{name} = {value}" for name, value in of.options.items())
+        or "as they are",
+        code=sizes.code,
+        state=sizes.state,
+        stack="not known" if sizes.stack is None else f"{sizes.stack} bytes",
+        needed=", ".join(f"`{name}`" for name in sizes.needed) or "nothing",
+        waiting=of.waiting,
+        notes="".join(f"- {note}\n" for note in of.notes),
+        recording=of.recording.meta.get("name", "a recording"),
+    )

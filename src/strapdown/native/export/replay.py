@@ -1,0 +1,64 @@
+"""replay.bin: the samples and fixes of a recording in the order of time, and what the filter makes of
+them, for the example that comes with an export.
+
+Numbers of eight bytes, the least byte first: doubles, but for whole numbers where it says so.
+
+    whole   MAGIC, numbers of strapdown_values, sources, STRAPDOWN_PARAMETERS, STRAPDOWN_COLUMNS
+    values  strapdown_values
+    sources parameters and gate of each
+    then    whole SAMPLE, t, dt, dtheta (3), dv (3)
+            whole FIX, whole source, t, y (3), sd (3)
+            whole ROW, STRAPDOWN_COLUMNS numbers: out.nav of the filter after the sample before
+            whole END
+"""
+
+from collections.abc import Iterator
+from itertools import chain
+from struct import pack
+
+import numpy as np
+
+from ...core.loop import T
+from ...engine.prepare import Run
+from .chosen import GIVEN, Chosen
+
+MAGIC = 0x4E574F4450415254  # "TRAPDOWN"
+END, SAMPLE, FIX, ROW = range(4)
+
+
+def replay(of: Chosen, run: Run, every: int) -> bytes:
+    """The content of replay.bin, of a run that was completed; a row of each so many samples and the
+    last."""
+    return b"".join(chain(_begin(of, run), _events(run, every)))
+
+
+def _begin(of: Chosen, run: Run) -> Iterator[bytes]:
+    start = of.start
+    values = [start.t, *start.lla, *start.v, *start.rph, *start.ba, *start.bg, *start.sd[:15]]
+    values += of.noise
+    yield pack("<5q", MAGIC, len(values), len(of.aidings), GIVEN, run.out.nav.shape[1])
+    yield _doubles(*values)
+    for parameters, gate in zip(run.fixes.parameters, run.fixes.gate):
+        yield _doubles(*parameters[:GIVEN], gate)
+
+
+def _events(run: Run, every: int) -> Iterator[bytes]:
+    imu, fixes, nav = run.samples, run.fixes, run.out.nav
+    fix, last = 0, len(imu.t) - 1
+    # a fix may be used in the sample before the one whose interval holds it
+    given = np.searchsorted(imu.t, fixes.t - 1e-3)
+    for k in range(run.first, len(imu.t)):
+        while fix < len(fixes.t) and given[fix] <= k:
+            yield pack("<2q", FIX, fixes.source[fix])
+            yield _doubles(fixes.t[fix], *fixes.y[fix], *fixes.sd[fix])
+            fix += 1
+        yield pack("<q", SAMPLE) + _doubles(imu.t[k], imu.dt[k], *imu.dtheta[k], *imu.dv[k])
+        if (k - run.first) % every == 0 or k == last:
+            row = nav[k - run.first]
+            assert row[T] == imu.t[k]
+            yield pack("<q", ROW) + row.tobytes()
+    yield pack("<q", END)
+
+
+def _doubles(*values: float) -> bytes:
+    return np.array(values, "<f8").tobytes()

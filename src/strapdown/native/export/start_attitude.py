@@ -1,0 +1,18 @@
+"""The one thing that the start of an exported filter computes: the attitude of its angles."""
+
+from ...core.contract import kernel
+from ...core.jit import Kernel
+from ...core.rotation import euler_to_matrix
+from ...core.signatures import reals, signature
+from ...typing import Array
+
+ATTITUDE = signature("attitude", rph=reals(3), C=reals(3, 3))
+
+
+def _attitude(rph: Array, C: Array) -> None:
+    """C_nb of roll, pitch and heading, rad."""
+    euler_to_matrix(rph[0], rph[1], rph[2], C)
+
+
+# not above the function: the library of kernels takes what is declared there, and has no use for it
+attitude: Kernel = kernel(ATTITUDE, "attitude")(_attitude)  # type: ignore[assignment]

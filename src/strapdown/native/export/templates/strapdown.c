@@ -1,0 +1,195 @@
+/* strapdown.c: the functions of strapdown.h around strapdown.o.
+
+   Made by `strapdown export`. The filter and its loop are in strapdown.o; here a filter is given its
+   first values, and samples and fixes are laid where the loop finds them. C99. */
+#include "strapdown.h"
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+/* What latitudes and samples can be. */
+static const double MOST_LATITUDE = $most_latitude;
+static const double LONGEST_SAMPLE = $longest_sample, LONGEST_GAP = $longest_gap;
+/* s: times this close are the same */
+static const double SAME_TIME = $same_time;
+
+const strapdown_values strapdown_example = {
+$example
+};
+
+/* The bits of infinity, and of what is not a number. */
+static const union { uint64_t bits; double number; } INFINITE = {UINT64_C(0x7ff0000000000000)};
+static const union { uint64_t bits; double number; } NOT_MEASURED = {UINT64_C(0x7ff8000000000000)};
+
+/* Numbers of a fix, by source. */
+static const int COMPONENTS[STRAPDOWN_SOURCES] = {$components};
+
+static int finite(double x)
+{
+    return x - x == 0.0;
+}
+
+static int all_finite(const double *numbers, int count)
+{
+    for (int i = 0; i < count; i++) {
+        if (!finite(numbers[i]))
+            return 0;
+    }
+    return 1;
+}
+
+static void copy(double *into, const double *from, int count)
+{
+    for (int i = 0; i < count; i++)
+        into[i] = from[i];
+}
+
+static int possible(const strapdown_values *values)
+{
+    const double *sd = values->sd;
+    if (!finite(values->t) || !all_finite(values->lla, 3) || !all_finite(values->v, 3)
+        || !all_finite(values->rph, 3) || !all_finite(values->ba, 3) || !all_finite(values->bg, 3)
+        || !all_finite(sd, 15))
+        return 0;
+    if (!(values->lla[0] <= MOST_LATITUDE && values->lla[0] >= -MOST_LATITUDE))
+        return 0;
+    for (int i = 0; i < 15; i++) {
+        if (sd[i] < 0)
+            return 0;
+    }
+$noise_possible
+    return 1;
+}
+
+int strapdown_start(strapdown_filter *filter, const strapdown_values *values)
+{
+    double C[9], variance[15];
+    if (!possible(values))
+        return STRAPDOWN_BAD_NUMBER;
+$fixed    for (int i = 0; i < 15; i++)
+        variance[i] = values->sd[i] * values->sd[i];
+    strapdown_attitude(values->rph, C);
+
+    unsigned char *bytes = (unsigned char *)filter;
+    for (uint32_t i = 0; i < sizeof *filter; i++)
+        bytes[i] = 0;
+
+    /* What is the same of every start. */
+$constants
+
+    /* What is of this one. */
+$copies
+
+    filter->late = filter->late_fix = values->t + SAME_TIME;
+    return STRAPDOWN_OK;
+}
+
+int strapdown_source(strapdown_filter *filter, int source, const double *parameters, double gate)
+{
+    if (source < 0 || source >= STRAPDOWN_SOURCES)
+        return STRAPDOWN_NO_SOURCE;
+    if (gate != gate || (parameters && !all_finite(parameters, STRAPDOWN_PARAMETERS)))
+        return STRAPDOWN_BAD_NUMBER;
+    if (parameters)
+        copy(filter->fixes.parameters[source], parameters, STRAPDOWN_PARAMETERS);
+    if (gate > 0)
+        filter->fixes.gate[source] = gate;
+    return STRAPDOWN_OK;
+}
+
+int strapdown_fix(strapdown_filter *filter, int source, double t, const double *y, const double *sd)
+{
+    int64_t *at = filter->cursor.at, row = at[STRAPDOWN_AT_FIXES];
+    int measured = 0;
+    if (source < 0 || source >= STRAPDOWN_SOURCES)
+        return STRAPDOWN_NO_SOURCE;
+    for (int i = 0; i < COMPONENTS[source]; i++) {
+        if (finite(y[i])) {
+            measured++;
+            if (!(finite(sd[i]) && sd[i] > 0))
+                return STRAPDOWN_BAD_NUMBER;
+        }
+    }
+    if (!finite(t) || !measured)
+        return STRAPDOWN_BAD_NUMBER;
+    if (!(t > filter->late_fix))
+        return STRAPDOWN_LATE;
+    if (row == STRAPDOWN_WAITING)
+        return STRAPDOWN_FULL;
+
+    /* In the order of time, at the same time in that of the sources. */
+    while (row > 0
+           && (t < filter->fixes.t[row - 1]
+               || (t == filter->fixes.t[row - 1] && source < filter->fixes.source[row - 1]))) {
+        filter->fixes.t[row] = filter->fixes.t[row - 1];
+        filter->fixes.source[row] = filter->fixes.source[row - 1];
+        copy(filter->fixes.y[row], filter->fixes.y[row - 1], 3);
+        copy(filter->fixes.sd[row], filter->fixes.sd[row - 1], 3);
+        row--;
+    }
+    filter->fixes.t[row] = t;
+    filter->fixes.source[row] = source;
+    for (int i = 0; i < 3; i++) {
+        int there = i < COMPONENTS[source];
+        filter->fixes.y[row][i] = there && finite(y[i]) ? y[i] : NOT_MEASURED.number;
+        filter->fixes.sd[row][i] = there ? sd[i] : NOT_MEASURED.number;
+    }
+    at[STRAPDOWN_AT_FIXES]++;
+    return STRAPDOWN_OK;
+}
+
+int strapdown_sample(
+    strapdown_filter *filter, double t, double dt, const double dtheta[3], const double dv[3])
+{
+    int64_t *at = filter->cursor.at;
+    if (at[STRAPDOWN_AT_FAULT])
+        return STRAPDOWN_STOPPED;
+    if (!finite(t) || !(dt > 0 && dt <= LONGEST_SAMPLE) || !all_finite(dtheta, 3)
+        || !all_finite(dv, 3))
+        return STRAPDOWN_BAD_NUMBER;
+    if (!(t > filter->late))
+        return STRAPDOWN_LATE;
+    if (t - filter->late > LONGEST_GAP)
+        return STRAPDOWN_JUMP;
+
+    filter->imu.t[0] = t;
+    filter->imu.dt[0] = dt;
+    copy(filter->imu.dtheta[0], dtheta, 3);
+    copy(filter->imu.dv[0], dv, 3);
+    at[STRAPDOWN_AT_ROW] = at[STRAPDOWN_AT_OUT] = at[STRAPDOWN_AT_FIX] = 0;
+    at[STRAPDOWN_AT_STOP] = 1;
+    strapdown_run(filter);
+
+    /* The fixes that still wait move up. */
+    int64_t used = at[STRAPDOWN_AT_FIX], waiting = at[STRAPDOWN_AT_FIXES] - used;
+    for (int64_t row = 0; used > 0 && row < waiting; row++) {
+        filter->fixes.t[row] = filter->fixes.t[row + used];
+        filter->fixes.source[row] = filter->fixes.source[row + used];
+        copy(filter->fixes.y[row], filter->fixes.y[row + used], 3);
+        copy(filter->fixes.sd[row], filter->fixes.sd[row + used], 3);
+    }
+    at[STRAPDOWN_AT_FIXES] = waiting;
+    filter->used = used;
+    filter->late = t;
+    filter->late_fix = t - SAME_TIME;
+    return at[STRAPDOWN_AT_FAULT] ? STRAPDOWN_STOPPED : (int)at[STRAPDOWN_AT_SHOWN];
+}
+
+int strapdown_next_event(strapdown_filter *filter, strapdown_event *event)
+{
+    double (*log)[STRAPDOWN_LOG_WIDTH] = filter->cursor.log;
+    int64_t *logged = &filter->cursor.at[STRAPDOWN_AT_LOGGED];
+    if (*logged == 0)
+        return 0;
+    event->t = log[0][STRAPDOWN_LOG_T];
+    event->until = log[0][STRAPDOWN_LOG_UNTIL];
+    event->code = (int)log[0][STRAPDOWN_LOG_CODE];
+    event->which = (int)log[0][STRAPDOWN_LOG_WHICH];
+    event->count = (long)log[0][STRAPDOWN_LOG_COUNT];
+    event->value = log[0][STRAPDOWN_LOG_VALUE];
+    --*logged;
+    for (int64_t row = 0; row < *logged; row++)
+        copy(log[row], log[row + 1], STRAPDOWN_LOG_WIDTH);
+    return 1;
+}

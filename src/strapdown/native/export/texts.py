@@ -1,0 +1,289 @@
+"""What the fields of the exported struct are, for people: units, frames, what the numbers of a table
+mean. A test asks that each field and each name has its text."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ...core import contract, cursor, loop
+
+FIELDS: Mapping[str, Mapping[str, str]] = {
+    "belief": {
+        "lla": "latitude rad, longitude rad, height above the ellipsoid m, of the IMU",
+        "v": "velocity north, east, down, m/s",
+        "C": "rotation matrix, body to navigation frame",
+        "ba": "accelerometer bias, body, m/s^2: what it reads too much",
+        "bg": "gyro bias, body, rad/s: what it reads too much",
+        "P": "covariance of the errors true - estimate: position m NED, velocity m/s NED, "
+        "attitude rad (a rotation in the navigation frame), accelerometer bias, gyro bias, "
+        "then the states that sources bring along",
+        "omega": "last angular rate without bias, body against inertial space, rad/s",
+        "f": "last specific force without bias, body, m/s^2",
+        "workspace": "what this filter alone keeps; its own output columns come first",
+        "extra_states": "the states that sources bring along",
+    },
+    "imu": {
+        "t": "end of the sample, s",
+        "dt": "its length, s",
+        "dtheta": "integral of the angular rate over it, body, rad",
+        "dv": "integral of the specific force over it, body, m/s",
+    },
+    "fixes": {
+        "t": "when the fix holds, s; the fixes that wait, in the order of time",
+        "source": "its source",
+        "y": "what was measured; NaN where nothing was",
+        "sd": "standard deviations of its innovation",
+        "kind": "number of the kind of a source",
+        "parameters": "of each source, see strapdown_source; behind the first ones are the loop's own",
+        "gate": "largest normalised innovation squared of a fix that is used; infinite: no gate",
+    },
+    "noise": {
+        "gyro": "angle random walk, rad/sqrt(s)",
+        "accel": "velocity random walk, m/s/sqrt(s)",
+        "gyro_bias": "driving noise of the gyro bias, rad/s/sqrt(s)",
+        "accel_bias": "driving noise of the accelerometer bias, m/s^2/sqrt(s)",
+        "gyro_decay": "1 / time constant of the gyro bias, 1/s; 0 is a random walk",
+        "accel_decay": "1 / time constant of the accelerometer bias, 1/s",
+    },
+    "cursor": {
+        "at": "counts and switches of the loop, see strapdown_at",
+        "now": "time of the belief; of the last cause of doubt; seconds for which samples could not be",
+        "previous": "the last sample: dtheta, dv, dt",
+        "work": "of the loop",
+        "accepted": "fixes of each source that were used",
+        "rejected": "fixes of each source that the gate rejected",
+        "in_a_row": "rejected ones since the last that passed",
+        "since": "s, since when",
+        "lifts": "how many of them were used with the gate lifted",
+        "last": "s, time of the last fix of each source",
+        "limits": "what samples, fixes and the belief never exceed, see strapdown_limit",
+        "watched": "repeated values of each axis, gyro then accelerometer",
+        "floor": "least standard deviations of the fixes of each source",
+        "tests": "of the innovations of each source",
+        "log": "what there is to say; read it by strapdown_next_event",
+        "recent": "motion of the last seconds; not used",
+        "coupled": "scales and misalignments of the IMU; not used",
+    },
+    "out": {
+        "nav": "the row of the last sample, see strapdown_row",
+        "covariance": "not used: belief.P has it",
+        "fix": "the fixes that were used or rejected in the last sample, see strapdown_fix_row",
+        "record": "not used",
+        "mark": "not used",
+    },
+}
+"""{name in layout.RECORDS: {field: text}}."""
+
+SIZES = {
+    "n": ("STATES", "error states; see belief.P"),
+    "sources": ("SOURCES", "sources of fixes"),
+    "fixes": ("WAITING", "fixes that there is room for until the sample that reaches them"),
+    "columns": ("COLUMNS", "of a row of the solution"),
+    "fix_columns": ("FIX_COLUMNS", "of what is said of a fix"),
+    "log_rows": ("LOG_ROWS", "events that there is room for"),
+    "log_width": ("LOG_WIDTH", "numbers of an event"),
+    "workspace": ("WORKSPACE", "numbers that this filter alone keeps"),
+}
+"""{name of a size: (its name in C, what it counts)}; other sizes are numbers there."""
+
+
+class Name(NamedTuple):
+    """A constant."""
+
+    name: str
+    value: int
+    text: str
+
+
+class Names(NamedTuple):
+    """An enum."""
+
+    name: str
+    prefix: str
+    text: str
+    constants: tuple[Name, ...]
+
+
+def _named(module: object, texts: Mapping[str, str]) -> tuple[Name, ...]:
+    return tuple(Name(name, int(getattr(module, name)), text) for name, text in texts.items())
+
+
+STATUS = Names(
+    "strapdown_status",
+    "",
+    "What a row is worth; the result of strapdown_sample.",
+    _named(
+        contract,
+        {
+            "VALID": "computed from samples",
+            "BRIDGED": "over a gap of the IMU of at most 1 s, with the last rates",
+            "INVALID": "after a longer gap, until a position fix is accepted",
+            "DOUBTFUL": "something contradicts it: fixes that are rejected, samples that cannot be",
+        },
+    ),
+)
+USE = Names(
+    "strapdown_use",
+    "",
+    "What became of a fix.",
+    _named(
+        loop,
+        {
+            "NOT_ASKED": "it cannot be one, or the vehicle cannot do that; not used",
+            "UNMEASURED": "nothing was measured",
+            "REJECTED_FIX": "its innovation is beyond the gate; not used",
+            "ACCEPTED": "used",
+            "REACQUIRED": "used although beyond the gate, because its source was rejected for long",
+        },
+    ),
+)
+ROW = Names(
+    "strapdown_row",
+    "ROW_",
+    "Columns of out.nav[0], the solution after a sample.",
+    _named(
+        loop,
+        {
+            "T": "time, s",
+            "LLA": "latitude rad, longitude rad, height above the ellipsoid m",
+            "V": "velocity north, east, down, m/s",
+            "Q": "quaternion, body to navigation frame, scalar first",
+            "BIASES": "accelerometer bias (3) m/s^2, gyro bias (3) rad/s",
+            "SD": "15 standard deviations: position m NED, velocity m/s NED, attitude rad, "
+            "accelerometer bias, gyro bias",
+            "ROW_STATUS": "status",
+        },
+    ),
+)
+FIX_ROW = Names(
+    "strapdown_fix_row",
+    "FIX_",
+    "Columns of out.fix[0] to out.fix[used - 1], what became of the fixes of a sample.",
+    tuple(
+        Name(name.removeprefix("F_"), value, text)
+        for name, value, text in _named(
+            loop,
+            {
+                "F_T": "time, s",
+                "F_SOURCE": "source",
+                "F_INNOVATION": "fix - prediction (3); NaN where nothing was measured",
+                "F_NIS": "innovation squared over its covariance; NaN where the filter does not gate",
+                "F_USE": "what became of it, see strapdown_use",
+                "F_WHITENED": "innovation whitened (3), each N(0, 1) where the filter is right",
+                "F_ROOT": "root L of its covariance L L' by rows: 00, 10, 11, 20, 21, 22",
+                "F_WEIGHT": "stated variance over that with which it was used; 0: not used",
+                "F_FACTOR": "factor on the stated standard deviations (3)",
+                "F_V": "velocity after the fix (3), m/s NED",
+            },
+        )
+    ),
+)
+CODE = Names(
+    "strapdown_code",
+    "",
+    "What an event is.",
+    _named(
+        cursor,
+        {
+            "BRIDGED_GAP": "gap of the IMU of value s, bridged with the last rates",
+            "HELD_GAP": "longer gap of value s: velocity and attitude held",
+            "LIFTED": "gate of source `which` lifted, its fixes were rejected for long; value: distance",
+            "LEFT_OUT": "source `which` left out until one of its fixes passes",
+            "TOO_FAR": "position of source `which` further away than the vehicle can have gone",
+            "OUT_OF_RANGE": "axis `which` (gyro 0-2, accelerometer 3-5) read value, beyond its range",
+            "FULL_SCALE": "axis `which` at full scale",
+            "STUCK": "axis `which` repeats its value",
+            "COARSE": "samples too far apart for this motion; value m/s^2",
+            "JITTERED": "intervals of samples are uneven; value: mean difference over their length",
+            "FLOORED": "a standard deviation of source `which` was raised to the least that can be",
+            "NO_FIX": "source `which` said latitude and longitude 0",
+            "TOO_FAST": "source `which` said a speed that the vehicle cannot have; value m/s",
+            "TOO_HIGH": "source `which` said a height that the vehicle cannot have; value m",
+            "MEAN_OFF": "mean of the innovations of source which / 3, component which % 3, is off",
+            "NIS_OFF": "innovations of source `which` are larger than stated; value: ratio of variances",
+            "BELIEF_TOO_FAST": "the solution is faster than the vehicle can be",
+            "BELIEF_TOO_HIGH": "the solution is higher or lower than the vehicle can be",
+            "IN_CONDITION": "what the filter says of itself; `which` counts its conditions",
+        },
+    ),
+)
+AT = Names(
+    "strapdown_at",
+    "AT_",
+    "Places in cursor.at, the counts and switches of the loop.",
+    _named(
+        cursor,
+        {
+            "ROW": "next sample",
+            "STOP": "sample to stop before",
+            "FIX": "next fix",
+            "FIXES": "fixes that wait",
+            "OUT": "next row of out",
+            "EVERY": "keep each n-th row",
+            "PHASE": "and of these the one with this remainder",
+            "STATUS": "status by gaps alone",
+            "FAULT": "1: the filter stopped, its belief is no longer a number or beyond 89 deg latitude",
+            "POSITIONED": "1: the filter estimates a position",
+            "RECORDED": "calls of predict and correct",
+            "SAVE_STEP": "not used",
+            "SAMPLES": "samples so far",
+            "REPEATING": "axes that repeat their value",
+            "UNCONFIRMED": "fixes that must still confirm the belief",
+            "SHOWN": "status of the last row",
+            "CONDITION": "place of the filter's condition in its workspace, or -1",
+            "DOUBTFUL_CONDITIONS": "bits of those that make rows doubtful",
+            "LOGGED": "events in the log",
+            "LATEST": "not used",
+        },
+    ),
+)
+LIMIT = Names(
+    "strapdown_limit",
+    "LIMIT_",
+    "Places in cursor.limits.",
+    _named(
+        cursor,
+        {
+            "GYRO_RANGE": "rad/s that no sample exceeds",
+            "ACCEL_RANGE": "m/s^2 that no sample exceeds",
+            "GYRO_FULL_SCALE": "rad/s; infinite: not described",
+            "ACCEL_FULL_SCALE": "m/s^2; infinite: not described",
+            "GYRO_NOISE": "rad/sqrt(s)",
+            "ACCEL_NOISE": "m/s/sqrt(s)",
+            "SPEED": "m/s that the vehicle never exceeds",
+            "LOWEST": "m, its least height above the ellipsoid",
+            "HIGHEST": "m, its largest",
+        },
+    ),
+)
+LOG = Names(
+    "strapdown_log",
+    "LOG_",
+    "Columns of cursor.log, the events.",
+    _named(
+        cursor,
+        {
+            "T": "first time, s",
+            "UNTIL": "last time, s",
+            "CODE": "what it is, see strapdown_code",
+            "WHICH": "source, axis or condition",
+            "COUNT": "how often",
+            "VALUE": "largest value",
+        },
+    ),
+)
+RESULTS = Names(
+    "strapdown_result",
+    "",
+    "What functions return. Below 0 nothing was done, but where the filter stopped.",
+    (
+        Name("OK", 0, "done"),
+        Name("BAD_NUMBER", -1, "a number is not finite, or cannot be"),
+        Name("LATE", -2, "not later than what was used already"),
+        Name("FULL", -3, "no room: as many fixes wait as there is room for"),
+        Name("JUMP", -4, "the sample is more than a day after the last one"),
+        Name("NO_SOURCE", -5, "there is no such source"),
+        Name("STOPPED", -6, "the filter stopped: start it again"),
+        Name("FIXED", -7, "a part of the start that is fixed in this export is another"),
+    ),
+)
+ENUMS = (RESULTS, STATUS, USE, ROW, FIX_ROW, CODE, LOG, LIMIT, AT)

@@ -1,0 +1,62 @@
+"""strapdown.wasm and the script that runs it, where the target is WebAssembly."""
+
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from ...checks import DataError
+from ...core import loop
+from .chosen import Chosen
+from .header import template
+from .layout import BYTES, Layout
+
+FUNCTIONS = (
+    "strapdown_start",
+    "strapdown_source",
+    "strapdown_fix",
+    "strapdown_sample",
+    "strapdown_next_event",
+    "strapdown_example",
+    "__heap_base",
+)
+"""What a module shows."""
+OPTIONS = ("--target=wasm32", "-std=c99", "-O2", "-mbulk-memory", "-nostdlib", "-Wl,--no-entry")
+
+
+def linked(contents: Mapping[str, bytes]) -> bytes | None:
+    """The module of these files of an export; None where clang and wasm-ld are not found. Raises
+    DataError with what they say."""
+    if not (shutil.which("clang") and shutil.which("wasm-ld")):
+        return None
+    shown = [f"-Wl,--export={name}" for name in FUNCTIONS]
+    with TemporaryDirectory() as place:
+        for name in ("strapdown.o", "strapdown.h", "strapdown.c"):
+            (Path(place) / name).write_bytes(contents[name])
+        done = subprocess.run(
+            ["clang", *OPTIONS, *shown, "-Wl,--allow-undefined", "strapdown.c", "strapdown.o"]
+            + ["-o", "strapdown.wasm"],
+            cwd=place,
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode:
+            said = " ".join(done.stderr.split())[:500]
+            raise DataError(f"clang links no strapdown.wasm: {said}")
+        return (Path(place) / "strapdown.wasm").read_bytes()
+
+
+def script(of: Chosen, made: Layout, bytes_of_filter: int) -> str:
+    """The text of main.mjs."""
+    (nav,) = (place for place in made.of("out") if place.name == "nav")
+    counts = [place for place in made.of("cursor") if place.name in ("accepted", "rejected")]
+    return template("main.mjs").substitute(
+        filter=bytes_of_filter,
+        nav=BYTES * nav.first,
+        accepted=BYTES * counts[0].first,
+        rejected=BYTES * counts[1].first,
+        sources=len(of.aidings),
+        columns=made.sizes["columns"],
+        sd=loop.SD,
+    )
