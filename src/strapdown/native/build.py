@@ -72,6 +72,8 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     only: stems of kernels, for all of them none. Raises DataError with what is missing, RuntimeError
     where a kernel cannot be in a library, OSError.
     """
+    if not levels:
+        raise DataError(f"this processor is below {levels_here()[-1]}, the least that there is")
     for level in levels:
         check_choice(level, "--levels", levels_here())
     with tempfile.TemporaryDirectory() as temporary:  # minutes before the linker is needed
