@@ -1,4 +1,5 @@
-/* strapdown.h: the navigation filter "$filter" with the sources $sources.
+/* strapdown.h: the navigation filter "$filter".
+   Its sources: $sources.
 
    Made by `strapdown export`, from the fields that the code in strapdown.o was compiled for: the two
    belong together. Everything is in SI units, radians and seconds. The body frame is forward, right,
