@@ -55,7 +55,7 @@ def test_the_example_gives_the_bits_of_python_over_a_rough_flight(made):
         COMPILER,
         *STRICT,
         "main.c",
-        "strapdown.c",
+        "strapdown_calls.c",
         "strapdown.o",
         "-lm",
         "-o",

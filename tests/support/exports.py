@@ -67,7 +67,7 @@ class InC:
             *STRICT,
             "-shared",
             "-fPIC",
-            "strapdown.c",
+            "strapdown_calls.c",
             "strapdown.o",
             "-lm",
             "-o",
