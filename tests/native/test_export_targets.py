@@ -11,6 +11,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.native.export.chosen import chosen
 from strapdown.native.export.exported import export, find_target
+from strapdown.sensor_models.ahrs import Ahrs
 
 pytestmark = pytest.mark.deep
 KINDS = ("position", "velocity", "altitude", "zero-velocity")
@@ -151,7 +152,7 @@ def test_an_hour_has_the_bits_of_python(tmp_path):
 @pytest.mark.parametrize("name", [name for name in filters.own_names() if name not in REFUSED])
 def test_every_filter_has_the_bits_of_python(name, tmp_path):
     needed("cc")
-    recording = sd.simulate("ship", 60.0, seed=4)
+    recording = sd.simulate("ship", 60.0, seed=4, attitude=Ahrs())
     kinds = [a.kind for a in recording.aidings]
     use = filters.find(name).uses
     kinds = SOURCES.get(name) or [kind for kind in kinds if use is None or kind in use]
