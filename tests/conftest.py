@@ -1,10 +1,15 @@
-"""What all tests share: the command line, and the folder of recorded data with one line that
-says so where it is missing."""
+"""What all tests share: the command line, a small library of kernels, and the folder of recorded data
+with one line that says so where it is missing."""
 
+import fcntl
+import os
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+import strapdown
 from strapdown.checks import DataError
 from strapdown.cli import app
 from strapdown.io.locate import data_folder as find_data_folder
@@ -19,6 +24,41 @@ def data_folder():
         return find_data_folder(__file__)
     except DataError:
         pytest.skip(NO_DATA)
+
+
+KERNELS = (
+    *("strapdown.core.loop.run", "strapdown.aiding.position.observe"),
+    *("strapdown.aiding.velocity.observe", "strapdown.filters.ins.closed_loop.predict"),
+    "strapdown.filters.ins.closed_loop.correct",
+)
+
+
+@pytest.fixture(scope="session")
+def kernel_library(tmp_path_factory):
+    """Folder of a library of KERNELS, one for all processes that test; skipped where none can be
+    built."""
+    from strapdown.native import build, link
+
+    try:
+        build.levels_here()
+        link.linker()
+    except DataError as error:
+        pytest.skip(str(error))
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels"
+    with open(f"{folder}.lock", "wb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if not folder.exists():
+            source = str(Path(strapdown.__file__).parents[1])
+            words = ("-m", "strapdown.native.build", str(folder), "--only", ",".join(KERNELS))
+            done = subprocess.run(
+                [sys.executable, *words],
+                env={**os.environ, "PYTHONPATH": source, "NUMBA_DISABLE_JIT": "0"},
+                capture_output=True,
+                text=True,
+            )
+            assert done.returncode == 0, done.stderr
+    return folder
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ import os
 import platform
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +22,8 @@ from ..checks import DataError
 from .signatures import ABI
 
 PACKAGE = Path(__file__).parents[1]
+OWN = PACKAGE / "lib"
+"""Where a wheel has it."""
 SETTING = "STRAPDOWN_LIBRARY"
 """0: no library is used. The name of a folder: the library there. Where the package is built, 1 asks
 for one to be made."""
@@ -82,13 +85,20 @@ def why_not(kernel: Any) -> str:
 
 
 def there() -> bool:
-    """Whether this installation has a library, fit or not."""
-    return (_folder() / MANIFEST).exists()
+    """Whether this installation has a library, fit or not, or is told of one."""
+    folder = _folder()
+    return folder != OWN or os.path.exists(folder / MANIFEST)
 
 
 def _folder() -> Path:
     said = os.environ.get(SETTING, "").strip()
-    return Path(said) if said not in ("", "0", "1") else PACKAGE / "lib"
+    return Path(said) if said not in ("", "0", "1") else OWN
+
+
+_NO_MANIFEST = (
+    *(OSError, ValueError, RecursionError),  # what cannot be read, or is no JSON
+    *(KeyError, TypeError, IndexError, AttributeError),  # what says something else
+)
 
 
 @cache
@@ -102,10 +112,11 @@ def opened() -> Library | str:
     manifest = folder / MANIFEST
     try:
         return _opened(folder, json.loads(manifest.read_bytes()))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return f"{folder} has no library of kernels"
-    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
-        return f"{manifest} is not that of a library of kernels ({error}): install strapdown again"
+    except _NO_MANIFEST as error:
+        why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        return f"{manifest} is not that of a library of kernels ({why}): install strapdown again"
 
 
 def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
@@ -121,7 +132,10 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
             f"processor is {', '.join(_levels()) or platform.machine()}"
         )
     file = folder / made["libraries"][level]["file"]
-    if hashlib.sha256(file.read_bytes()).hexdigest() != made["libraries"][level]["sha256"]:
+    digest = _digest(file)
+    if digest is None:
+        return f"{file} is not there or cannot be read: install strapdown again"
+    if digest != made["libraries"][level]["sha256"]:
         return f"{file} is not whole or not the one that was made: install strapdown again"
     files = list(made["files"])
     kernels = {
@@ -140,15 +154,14 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
 @cache
 def _levels() -> tuple[str, ...]:
     """Levels of this processor, best first; none where they are not known."""
-    if sys.platform != "linux" or sys.maxsize < 2**32:
-        return ()
-    try:
-        told = Path("/proc/cpuinfo").read_text()
-    except OSError:
-        return ()
-    flags = next((line for line in told.splitlines() if line.startswith("flags")), "").split()
-    levels = LEVELS.get(platform.machine(), {})
-    return tuple(level for level, needed in levels.items() if set(needed.split()) <= set(flags))
+    flags = set()
+    if sys.platform == "linux" and sys.maxsize > 2**32:
+        with suppress(OSError), open("/proc/cpuinfo", encoding="ascii", errors="replace") as told:
+            # that of the first processor: there may be hundreds
+            flags = set(next((line for line in told if line.startswith("flags")), "").split())
+        levels = LEVELS.get(platform.machine(), {})
+        return tuple(level for level, needed in levels.items() if set(needed.split()) <= flags)
+    return ()
 
 
 @cache
@@ -156,11 +169,15 @@ def _edited(file: str) -> bool:
     """Whether a file of the package is another than the library was made from."""
     library = opened()
     assert isinstance(library, Library)
+    return _digest(PACKAGE / file) != library.files[file]
+
+
+def _digest(file: Path) -> str | None:
+    """SHA-256, or None where a file cannot be read."""
     try:
-        content = (PACKAGE / file).read_bytes()
+        return hashlib.sha256(file.read_bytes()).hexdigest()
     except OSError:
-        return True
-    return hashlib.sha256(content).hexdigest() != library.files[file]
+        return None
 
 
 def _set(name: str) -> bool:
