@@ -44,7 +44,7 @@ def build_library(folder: Path, levels: list[str]) -> str:
         if line[:1].isdigit():
             print(line, end="", file=sys.stderr, flush=True)
         last = line.strip() or last
-    return last if process.wait() else ""
+    return last.removeprefix("no library of kernels: ") if process.wait() else ""
 
 
 def copy_library(source: Path, folder: Path) -> str:

@@ -72,6 +72,8 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     only: stems of kernels, for all of them none. Raises DataError with what is missing, RuntimeError
     where a kernel cannot be in a library, OSError.
     """
+    if not levels:
+        raise DataError(f"this processor is below {levels_here()[-1]}, the least that there is")
     for level in levels:
         check_choice(level, "--levels", levels_here())
     with tempfile.TemporaryDirectory() as temporary:  # minutes before the linker is needed
@@ -141,6 +143,8 @@ def _emitted(stem: str, paths: dict[str, Path]) -> None:
         raise RuntimeError(f"{stem}: {' '.join(str(error).split()) or repr(error)}") from None
     for level, path in paths.items():
         made = emit.emit([text], emit.TARGETS[level], [kernel.symbol], versioned=_of_gnu())
+        if path.name != _name(kernel, level):
+            raise DataError(f"{stem} was edited while it was compiled; build the library again")
         with part_of(path) as part:
             part.path.write_bytes(made.content)
             part.rename(path)

@@ -70,18 +70,18 @@ def write(
     folder.mkdir(parents=True, exist_ok=True)
     constants = json.dumps(dict(sizes or {}))
     command = [sys.executable, "-m", __name__, str(folder), str(int(small)), constants]
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [*command, *(kernel.stem for kernel in kernels)],
         env={**os.environ, **NEUTRAL},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-    )
-    assert process.stdout and process.stderr
-    for line in process.stdout:
-        yield line.strip()
-    said = process.stderr.read().strip()
-    if process.wait():
+    ) as process:
+        assert process.stdout and process.stderr
+        for line in process.stdout:
+            yield line.strip()
+        said = process.stderr.read().strip()
+    if process.returncode:
         raise RuntimeError(said.splitlines()[-1] if said else "the compiler ended without a word")
 
 

@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -24,20 +25,18 @@ def made(dist: Path) -> Path:
     subprocess.run(
         [sys.executable, "-m", "strapdown.native.build", folder, "--levels", "all"], check=False
     )
-    before = set(dist.glob("*.whl"))
-    for old in before:
-        if old.name.startswith("strapdown-"):
-            old.unlink()
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
-    done = subprocess.run(
-        [*command, "--no-deps", "--wheel-dir", dist, CHECKOUT],
-        env={**os.environ, library.SETTING: str(folder) if folder.exists() else "0"},
-        check=False,
-    )
-    (wheel,) = dist.glob("strapdown-*.whl") if done.returncode == 0 else (None,)
-    if wheel is None:
-        raise RuntimeError("pip made no wheel")
-    return wheel
+    with tempfile.TemporaryDirectory() as temporary:
+        subprocess.run(
+            [*command, "--no-deps", "--wheel-dir", temporary, CHECKOUT],
+            env={**os.environ, library.SETTING: str(folder) if folder.exists() else "0"},
+            check=False,
+        )
+        for new in Path(temporary).glob("strapdown-*.whl"):
+            dist.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(new, dist / new.name)
+            return dist / new.name
+    raise RuntimeError("pip made no wheel")
 
 
 def told(wheel: Path) -> str:

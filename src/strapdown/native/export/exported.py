@@ -38,6 +38,8 @@ HOST = "host"
 HOSTS = {"x86_64": "x86-64-v2", "AMD64": "x86-64-v2", "aarch64": "aarch64", "arm64": "aarch64"}
 KEPT, KEEP = "export-", 12
 """Beginning of the names of kept representations of kernels, and how many stay."""
+OWN = 4
+"""Numbers of strapdown_filter behind those of the loop."""
 EVERY = 10
 """A row of the replay for each so many samples."""
 
@@ -80,14 +82,14 @@ def export(of: Chosen, target: Target, folder: Path, say: Say | None = None) -> 
     code = compiled(of, made, target)
     sizes = Sizes(
         object_files.loaded(code.content),
-        BYTES * (made.length + 3),
+        BYTES * (made.length + OWN),
         code.stack.get(RUN),
         code.needed,
     )
     contents: dict[str, bytes] = {
         "strapdown.o": code.content,
         "strapdown.h": header(of, made).encode(),
-        "strapdown.c": glue(of, first).encode(),
+        "strapdown_calls.c": glue(of, first).encode(),
         "main.c": (files(__package__) / "templates" / "main.c").read_bytes(),
         "replay.bin": replay(of, run, EVERY),
     }

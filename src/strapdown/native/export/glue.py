@@ -1,10 +1,11 @@
-"""strapdown.c: the start of an exported filter as assignments, in the file that hands samples and fixes
+"""strapdown_calls.c: the start of an exported filter as assignments, in the file that hands samples and fixes
 to its object."""
 
 from collections.abc import Iterator, Mapping
 
 from ... import aiding
 from ...core.contract import Noise, Start
+from ...core.cursor import FOLD
 from ...core.earth import LATITUDE_LIMIT
 from ...core.loop import SAME_TIME
 from ...engine.prepare import LONGEST_GAP
@@ -19,13 +20,14 @@ HERE = {"C": "C[{}]", "variance": "variance[{}]", "t": "values->t"}
 
 
 def glue(of: Chosen, made: Image) -> str:
-    """The text of strapdown.c."""
+    """The text of strapdown_calls.c."""
     components = (len(aiding.find(a.kind).quantities) for a in of.aidings)
-    return template("strapdown.c").substitute(
+    return template("strapdown_calls.c").substitute(
         most_latitude=repr(LATITUDE_LIMIT),
         longest_sample=repr(LONGEST_INTERVAL),
         longest_gap=repr(LONGEST_GAP),
         same_time=repr(SAME_TIME),
+        same_event=repr(FOLD),
         example="\n".join(_example(of.start, of.noise)),
         components=", ".join(map(str, components)),
         noise_possible="\n".join(_noise_possible()),

@@ -52,7 +52,7 @@ def header(of: Chosen, made: Layout) -> str:
     ]
     return template("strapdown.h").substitute(
         filter=of.filter.name,
-        sources=", ".join(of.names),
+        sources="\n   ".join(wrap(", ".join(of.names), WIDTH - 16)),
         sizes="\n".join(
             line for name, value, text in sizes for line in _constant(name, value, text)
         ).removesuffix(","),

@@ -11,26 +11,26 @@ from .image import Image
 
 CORTEX = (
     "arm-none-eabi-gcc -std=c99 -O2 -ffp-contract=off -mthumb -mfloat-abi=hard -mcpu={cpu} -mfpu={fpu} "
-    "-c strapdown.c"
+    "-c strapdown_calls.c"
 )
 COMPILE = {
     "wasm32": "clang --target=wasm32 -std=c99 -O2 -mbulk-memory -nostdlib -Wl,--no-entry \\\n"
-    "    -Wl,--allow-undefined -Wl,--export-all strapdown.c strapdown.o -o strapdown.wasm\n"
+    "    -Wl,--allow-undefined -Wl,--export-all strapdown_calls.c strapdown.o -o strapdown.wasm\n"
     "node main.mjs",
     "cortex-m4f": CORTEX.format(cpu="cortex-m4", fpu="fpv4-sp-d16"),
     "cortex-m7": CORTEX.format(cpu="cortex-m7", fpu="fpv5-d16"),
-    "aarch64": "aarch64-linux-gnu-gcc -std=c99 -O2 -ffp-contract=off main.c strapdown.c strapdown.o -lm -o main\n"
+    "aarch64": "aarch64-linux-gnu-gcc -std=c99 -O2 -ffp-contract=off main.c strapdown_calls.c strapdown.o -lm -o main\n"
     "./main",
 }
 """How to compile, by target."""
-USUAL = "cc -std=c99 -O2 -ffp-contract=off main.c strapdown.c strapdown.o -lm -o main\n./main"
+USUAL = "cc -std=c99 -O2 -ffp-contract=off main.c strapdown_calls.c strapdown.o -lm -o main\n./main"
 ABOUT = {
     "strapdown.o": "the loop, the filter and the observations of its sources",
     "strapdown.h": "its structs, constants and functions; each with units, frames and shapes",
-    "strapdown.c": "the functions that lay samples and fixes where the loop finds them",
+    "strapdown_calls.c": "the functions that lay samples and fixes where the loop finds them",
     "main.c": "an example that replays replay.bin and compares",
     "main.mjs": "the same for node, with strapdown.wasm",
-    "strapdown.wasm": "strapdown.c and strapdown.o, linked",
+    "strapdown.wasm": "strapdown_calls.c and strapdown.o, linked",
     "replay.bin": "samples and fixes of a recording, and what Python made of them",
     "README.md": "this page",
 }

@@ -32,10 +32,10 @@ def linked(contents: Mapping[str, bytes]) -> bytes | None:
         return None
     shown = [f"-Wl,--export={name}" for name in FUNCTIONS]
     with TemporaryDirectory() as place:
-        for name in ("strapdown.o", "strapdown.h", "strapdown.c"):
+        for name in ("strapdown.o", "strapdown.h", "strapdown_calls.c"):
             (Path(place) / name).write_bytes(contents[name])
         done = subprocess.run(
-            ["clang", *OPTIONS, *shown, "-Wl,--allow-undefined", "strapdown.c", "strapdown.o"]
+            ["clang", *OPTIONS, *shown, "-Wl,--allow-undefined", "strapdown_calls.c", "strapdown.o"]
             + ["-o", "strapdown.wasm"],
             cwd=place,
             capture_output=True,

@@ -91,8 +91,7 @@ int main(int argc, char **argv)
             if (strapdown_sample(&filter, numbers[0], numbers[1], numbers + 2, numbers + 5) < 0)
                 return failed("the filter stopped, or refuses a sample");
             while (strapdown_next_event(&filter, &event))
-                printf("%.2f s: event %d of %d, %ld times, %g\n", event.t, event.code, event.which,
-                       event.count, event.value);
+                printf("%.2f s: event %d of %d, %g\n", event.t, event.code, event.which, event.value);
         } else {
             if (!read_numbers(file, row, STRAPDOWN_COLUMNS))
                 break;

@@ -1,4 +1,5 @@
-/* strapdown.h: the navigation filter "$filter" with the sources $sources.
+/* strapdown.h: the navigation filter "$filter".
+   Its sources: $sources.
 
    Made by `strapdown export`, from the fields that the code in strapdown.o was compiled for: the two
    belong together. Everything is in SI units, radians and seconds. The body frame is forward, right,
@@ -59,19 +60,19 @@ $records
     double late_fix;
     /* rows of out.fix that are of the last sample */
     int64_t used;
+    /* rows of the log that were told */
+    int64_t told;
 } strapdown_filter;
 
-/* An event: what happens again within 10 s is the same event. */
+/* An event, when it begins. */
 typedef struct {
-    /* first and last time, s */
-    double t, until;
+    /* time, s */
+    double t;
     /* see strapdown_code */
     int code;
     /* source, axis or condition that it is about */
     int which;
-    /* how often */
-    long count;
-    /* its largest value */
+    /* how large */
     double value;
 } strapdown_event;
 
@@ -99,7 +100,8 @@ int strapdown_fix(strapdown_filter *filter, int source, double t, const double *
 int strapdown_sample(
     strapdown_filter *filter, double t, double dt, const double dtheta[3], const double dv[3]);
 
-/* Take the oldest event out of the log. Returns 1, or 0 where there is none. */
+/* The next event that has begun since it was asked last; what happens again within 10 s is the same
+   event. Returns 1, or 0 where there is none. Ask until then after each sample, or now and then. */
 int strapdown_next_event(strapdown_filter *filter, strapdown_event *event);
 
 /* Of strapdown.o, for the functions above. */

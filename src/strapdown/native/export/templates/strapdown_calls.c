@@ -1,4 +1,4 @@
-/* strapdown.c: the functions of strapdown.h around strapdown.o.
+/* strapdown_calls.c: the functions of strapdown.h around strapdown.o.
 
    Made by `strapdown export`. The filter and its loop are in strapdown.o; here a filter is given its
    first values, and samples and fixes are laid where the loop finds them. C99. */
@@ -13,6 +13,8 @@ static const double MOST_LATITUDE = $most_latitude;
 static const double LONGEST_SAMPLE = $longest_sample, LONGEST_GAP = $longest_gap;
 /* s: times this close are the same */
 static const double SAME_TIME = $same_time;
+/* s within which what happens again is the same event */
+static const double SAME_EVENT = $same_event;
 
 const strapdown_values strapdown_example = {
 $example
@@ -176,20 +178,33 @@ int strapdown_sample(
     return at[STRAPDOWN_AT_FAULT] ? STRAPDOWN_STOPPED : (int)at[STRAPDOWN_AT_SHOWN];
 }
 
+/* Leave a row of the log. */
+static void forget(strapdown_filter *filter, int64_t row)
+{
+    double (*log)[STRAPDOWN_LOG_WIDTH] = filter->cursor.log;
+    int64_t rows = --filter->cursor.at[STRAPDOWN_AT_LOGGED];
+    filter->told--;
+    for (; row < rows; row++)
+        copy(log[row], log[row + 1], STRAPDOWN_LOG_WIDTH);
+}
+
 int strapdown_next_event(strapdown_filter *filter, strapdown_event *event)
 {
     double (*log)[STRAPDOWN_LOG_WIDTH] = filter->cursor.log;
-    int64_t *logged = &filter->cursor.at[STRAPDOWN_AT_LOGGED];
-    if (*logged == 0)
+    const int64_t *logged = &filter->cursor.at[STRAPDOWN_AT_LOGGED];
+    /* Rows that were told stay as long as the same again would be the same event, and there is room. */
+    for (int64_t row = filter->told - 1; row >= 0; row--) {
+        if (filter->late - log[row][STRAPDOWN_LOG_UNTIL] > SAME_EVENT)
+            forget(filter, row);
+    }
+    while (filter->told > 0 && *logged >= STRAPDOWN_LOG_ROWS - 1)
+        forget(filter, 0);
+    if (filter->told == *logged)
         return 0;
-    event->t = log[0][STRAPDOWN_LOG_T];
-    event->until = log[0][STRAPDOWN_LOG_UNTIL];
-    event->code = (int)log[0][STRAPDOWN_LOG_CODE];
-    event->which = (int)log[0][STRAPDOWN_LOG_WHICH];
-    event->count = (long)log[0][STRAPDOWN_LOG_COUNT];
-    event->value = log[0][STRAPDOWN_LOG_VALUE];
-    --*logged;
-    for (int64_t row = 0; row < *logged; row++)
-        copy(log[row], log[row + 1], STRAPDOWN_LOG_WIDTH);
+    const double *row = log[filter->told++];
+    event->t = row[STRAPDOWN_LOG_T];
+    event->code = (int)row[STRAPDOWN_LOG_CODE];
+    event->which = (int)row[STRAPDOWN_LOG_WHICH];
+    event->value = row[STRAPDOWN_LOG_VALUE];
     return 1;
 }

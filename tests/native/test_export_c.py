@@ -1,0 +1,169 @@
+"""An exported filter on this machine, compiled by its C compiler: the same as in Python, bit for bit."""
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from exports import STRICT, InC, rough_flight, run
+
+import strapdown as sd
+from strapdown.core.contract import DOUBTFUL, INVALID
+from strapdown.core.loop import ACCEPTED, NOT_ASKED, REACQUIRED, REJECTED_FIX
+from strapdown.native.export.chosen import chosen
+from strapdown.native.export.exported import export, find_target
+from strapdown.native.export.layout import layout, sizes_of
+
+COMPILER = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
+KINDS = ("position", "velocity", "altitude", "zero-velocity")
+
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is found")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """(what was chosen, what was written, its folder); a closed loop over a rough flight."""
+    folder = tmp_path_factory.mktemp("exported")
+    of = chosen("closed-loop", KINDS, rough_flight())
+    return of, export(of, find_target("host"), folder), folder
+
+
+@pytest.fixture
+def in_c(made):
+    of, written, folder = made
+    found = InC(folder, COMPILER, written.sizes.state)
+    places = layout(sizes_of(of.records(of.start))).places
+    found.places = {f"{place.record}.{place.name}": place for place in places}
+    return found
+
+
+def values(of):
+    s = of.start
+    return [s.t, *s.lla, *s.v, *s.rph, *s.ba, *s.bg, *s.sd[:15], *of.noise]
+
+
+def begun(of, in_c):
+    assert in_c.start(values(of)) == 0
+    for s, a in enumerate(of.aidings):
+        assert in_c.source(s, [*a.parameters, 0, 0, 0, 0, 0, 0][:6], 0.0) == 0
+    return in_c
+
+
+def test_the_example_gives_the_bits_of_python_over_a_rough_flight(made):
+    _, written, folder = made
+    code, said = run(
+        COMPILER,
+        *STRICT,
+        "main.c",
+        "strapdown_calls.c",
+        "strapdown.o",
+        "-lm",
+        "-o",
+        "main",
+        folder=folder,
+    )
+    assert code == 0, said
+    code, said = run("./main", folder=folder)
+    rows = said.splitlines()[-1].split()
+    assert code == 0 and rows[0] == rows[2] and int(rows[0]) > 1000, said
+    assert f"{written.sizes.state} bytes of state" in said  # as the README says
+    # a spoiled replay is seen
+    spoiled = bytearray((folder / "replay.bin").read_bytes())
+    at = len(spoiled) - 8 - 33 * 8 + 8 * 3  # the last height
+    spoiled[at + 5] ^= 1
+    (folder / "spoiled.bin").write_bytes(spoiled)
+    code, said = run("./main", "spoiled.bin", folder=folder)
+    assert code == 1, said
+    assert run("./main", "main.c", folder=folder) == (2, "replay.bin is of another export\n")
+
+
+def test_the_flight_shows_the_rules_of_the_loop(made):
+    done = made[0].replayed()
+    uses = {(int(s), use) for s, use in zip(done.out.fix[:, 1], done.out.fix[:, 6])}
+    assert {
+        (0, ACCEPTED),
+        (0, REJECTED_FIX),
+        (0, REACQUIRED),
+        (1, REJECTED_FIX),
+        (2, ACCEPTED),
+        (3, REJECTED_FIX),
+    } <= uses
+    assert {INVALID, DOUBTFUL} <= set(done.out.nav[:, 32])
+
+
+def test_live_with_late_fixes_it_is_what_a_stream_is(made, in_c):
+    """Fixes that come late, beside each other in the wrong order, and twice in one sample."""
+    of = made[0]
+    begun(of, in_c)
+    none = [replace(a, t=a.t[:0], y=a.y[:0], sd=a.sd[:0]) for a in of.aidings]
+    stream = sd.Stream(of.filter, of.start, imu=of.spec, noise=of.noise, aidings=none, estimate=[])
+    rng = np.random.default_rng(5)
+    events = [(t, 1, sample) for t, sample in zip(of.recording.imu.t, zip(*of.recording.imu))]
+    for s, a in enumerate(of.aidings):
+        late = rng.choice([-0.3, -0.02, 0.004, 0.3], len(a.t))
+        events += [(t + by, 0, (t, s, y, w)) for t, y, w, by in zip(a.t, a.y, a.sd, late)]
+    belief, results, compared = None, [], 0
+    for _, kind, event in sorted(events, key=lambda event: event[:2]):
+        if kind == 0:
+            t, s, y, w = event
+            results.append(in_c.fix(s, t, y, w))
+            stream.step(sd.Fix(t, s, tuple(y), tuple(w)))
+        elif event[0] > of.start.t + 1e-6:
+            t, dt, dtheta, dv = event
+            belief = stream.step(sd.Sample(t, dt, tuple(dtheta), tuple(dv)))
+            status = in_c.sample(t, dt, dtheta, dv)
+            assert status == stream.status, t
+            compared += 1
+            if compared % 100 == 0:
+                for name in ("lla", "v", "C", "ba", "bg", "P"):
+                    place = in_c.places[f"belief.{name}"]
+                    np.testing.assert_array_equal(in_c.read(place), getattr(belief, name), f"{t}")
+    counts = zip(
+        in_c.read(in_c.places["cursor.accepted"]), in_c.read(in_c.places["cursor.rejected"])
+    )
+    assert list(counts) == stream.counts()
+    assert results.count(-2) > 50 < results.count(0) and stream.dropped_by["late"] > 50
+    assert NOT_ASKED  # nothing of that in this flight
+
+
+def test_what_it_is_given_wrong_changes_nothing_and_says_why(made, in_c):
+    of = made[0]
+    good = values(of)
+    for place, wrong in ((0, np.nan), (1, 1.6), (16, -1.0), (31, -1e-9), (5, np.inf)):
+        assert in_c.start([*good[:place], wrong, *good[place + 1 :]]) == -1
+    begun(of, in_c)
+    before = bytes(in_c.numbers)
+    t = of.start.t
+    turn, push = [0.0] * 3, [0.0, 0.0, -0.098]
+    y, w = [*of.start.lla], [1.0, 1.0, 1.0]
+    assert in_c.source(4, None, 0.0) == in_c.fix(-1, t + 1, y, w) == -5
+    assert in_c.source(0, [np.nan] * 6, 0.0) == in_c.source(0, None, np.nan) == -1
+    for fix in ((np.nan, y, w), (t + 1, [np.nan] * 3, w), (t + 1, y, [0.0, 1.0, 1.0])):
+        assert in_c.fix(0, *fix) == -1
+    assert in_c.fix(0, t, y, w) == in_c.sample(t, 0.01, turn, push) == -2
+    for sample in ((t + 1, 0.0), (t + 1, 1.01), (np.inf, 0.01)):
+        assert in_c.sample(*sample, turn, push) == -1
+    assert in_c.sample(t + 1, 0.01, [np.nan] * 3, push) == -1
+    assert in_c.sample(t + 86402, 0.01, turn, push) == -4
+    assert bytes(in_c.numbers) == before
+    assert [in_c.fix(0, t + 1, y, w) for _ in range(17)] == [0] * 16 + [-3]
+    # a belief that is no longer a number stops it
+    in_c.numbers[0] = np.nan
+    assert in_c.sample(t + 0.01, 0.01, turn, push) == -6
+    assert in_c.sample(t + 0.02, 0.01, turn, push) == -6
+
+
+def test_a_copy_goes_on_as_the_filter_does(made, in_c):
+    of = made[0]
+    begun(of, in_c)
+    rows = [row for row in zip(*of.recording.imu) if row[0] > of.start.t + 1e-6][:400]
+    for row in rows[:200]:
+        in_c.sample(*row)
+    saved = bytes(in_c.numbers)
+    for row in rows[200:]:
+        in_c.sample(*row)
+    after = bytes(in_c.numbers)
+    in_c.numbers = type(in_c.numbers).from_buffer_copy(saved)
+    for row in rows[200:]:
+        in_c.sample(*row)
+    assert bytes(in_c.numbers) == after != saved

@@ -1,0 +1,106 @@
+"""Recordings that show all rules of the loop, and exported filters called from Python."""
+
+import ctypes
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import strapdown as sd
+from strapdown.core.contract import Imu
+from strapdown.sim.trajectory import demo_flight
+
+STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")
+"""Options of a C compiler that warns of everything."""
+
+
+def rough_flight(seconds=120.0, seed=3):
+    """A flight with gaps of the IMU, wild fixes, a receiver that is off for long, a velocity that
+    nothing explains and wrong claims of standing still, in every two minutes."""
+    recording = sd.simulate(demo_flight(), seconds, "tactical", seed)
+    t = recording.imu.t
+    keep = np.ones(len(t), bool)
+    position, velocity = recording.aidings
+    y, v = position.y.copy(), velocity.y.copy()
+    for begin in np.arange(0.0, seconds - 60, 120.0):
+        for first, last in ((20.0, 20.4), (31.0, 34.25)):
+            keep &= ~((t > begin + first) & (t <= begin + last))
+        y[np.abs(position.t - begin - 25) < 0.3, 0] += 200 / 6.4e6
+        y[(position.t > begin + 45) & (position.t < begin + 60), 1] += 80 / 6.4e6
+        v[(velocity.t > begin + 70) & (velocity.t < begin + 80), 2] += 4.0
+        y[np.abs(position.t - begin - 85) < 0.3, 2] = np.nan
+    still = np.arange(90.0, seconds, 37.0)
+    return replace(
+        recording,
+        imu=Imu(*(column[keep] for column in recording.imu)),
+        aidings=(
+            replace(position, y=y, parameters=(0.4, -0.2, -1.1)),
+            replace(velocity, y=v),
+            sd.Aiding(
+                "altitude",
+                t[777::1000] + 0.0033,
+                recording.reference.lla[777::1000, 2:] + 0.0,
+                np.full((len(t[777::1000]), 1), 2.0),
+            ),
+            sd.Aiding(
+                "zero-velocity", still, np.zeros((len(still), 3)), np.full((len(still), 3), 0.05)
+            ),
+        ),
+    )
+
+
+def run(*command, folder, timeout=500):
+    """(exit code, what it printed) of a command in a folder."""
+    done = subprocess.run(
+        list(map(str, command)), cwd=folder, capture_output=True, text=True, timeout=timeout
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+class InC:
+    """An exported filter, its functions called from Python."""
+
+    def __init__(self, folder, compiler, size):
+        code, said = run(
+            compiler,
+            *STRICT,
+            "-shared",
+            "-fPIC",
+            "strapdown_calls.c",
+            "strapdown.o",
+            "-lm",
+            "-o",
+            "filter.so",
+            folder=folder,
+        )
+        assert code == 0, said
+        self.c = ctypes.CDLL(str(Path(folder) / "filter.so"))
+        self.numbers = (ctypes.c_double * (size // 8))()
+
+    def start(self, values):
+        return self.c.strapdown_start(self.numbers, _doubles(values))
+
+    def source(self, source, parameters, gate):
+        given = None if parameters is None else _doubles(parameters)
+        return self.c.strapdown_source(self.numbers, source, given, ctypes.c_double(gate))
+
+    def fix(self, source, t, y, deviations):
+        return self.c.strapdown_fix(
+            self.numbers, source, ctypes.c_double(t), _doubles(y), _doubles(deviations)
+        )
+
+    def sample(self, t, dt, dtheta, dv):
+        real = ctypes.c_double
+        return self.c.strapdown_sample(
+            self.numbers, real(t), real(dt), _doubles(dtheta), _doubles(dv)
+        )
+
+    def read(self, place):
+        """The numbers of a place of its layout."""
+        whole = np.frombuffer(self.numbers, float if place.real else np.int64)
+        return whole[place.first : place.first + place.length].reshape(place.shape).copy()
+
+
+def _doubles(values):
+    return (ctypes.c_double * len(values))(*map(float, values))
