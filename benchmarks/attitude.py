@@ -72,16 +72,14 @@ def timed_run(recording, name):
     compiled loop, every sample stored; without covariance."""
     from strapdown import filters
     from strapdown.alignment.initial import align
-    from strapdown.engine.prepare import assumed_noise, positioned
+    from strapdown.engine.prepare import Asked, assumed_noise, positioned
 
     start = align(
         recording,
         assumed_noise(recording.meta["grade"], None, True)[1],
         position=positioned(filters.find(name)),
     )
-    return subject.timed(
-        lambda begin: begin(recording, name, None, start, None, 1, False, None, {})
-    )
+    return subject.timed(lambda begin: begin(recording, name, Asked({}, start=start)))
 
 
 def vqf_run(made):

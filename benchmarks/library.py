@@ -284,20 +284,8 @@ def in_c(times=5, seconds=(60.0, 600.0)):
 
 
 def in_python():
-    """us per sample of a stream over the same flight and sources."""
-    import strapdown as sd
-
-    recording = flight(60.0)
-    imu, spec = recording.imu, sd.grade("tactical")
-    stream = sd.Stream(
-        "closed-loop", sd.align(recording, spec), imu=spec, aidings=recording.aidings
-    )
-    columns = (column.tolist() for column in (imu.t, imu.dt, imu.dtheta, imu.dv))
-    samples = [sd.Sample(*row) for row in zip(*columns)]
-    begin = time.perf_counter()
-    for sample in samples:
-        stream.step(sample)
-    return (time.perf_counter() - begin) / len(samples) * 1e6
+    """us per sample of a step of a stream."""
+    return subject.stream_times(workload.load("A").first(300))[0]
 
 
 if __name__ == "__main__":

@@ -124,11 +124,13 @@ class LiveRun:
         """Run over one sample and the fixes up to its end; whether the log has new rows. Raises
         DataError where the filter stops."""
         room, at = self._room, self._room.at
-        if at[places.ROW] == self._rows or at[places.FIX] >= self._rows:
+        row = at[places.ROW]
+        if row == self._rows or at[places.FIX] >= self._rows:
             self._forget()
+            row = at[places.ROW]
         if fixes:
             room.put(fixes, at[places.FIX])
-        self._go(room, sample, at[places.ROW])
+        self._go(room, sample, row)
         return at[places.LOGGED] > self.seen
 
     def look(self, sample: Sample, fixes: Sequence[UsableFix]) -> None:
