@@ -2,7 +2,7 @@
 compilation, `--help`.
 
 `python benchmarks/processes.py day PERIOD SECONDS` and `... first LOG` are what those processes
-run; each prints one JSON line, and so does `... start`, the figures of `start_up`.
+run; each prints one JSON line.
 """
 
 import json
@@ -63,33 +63,13 @@ def help_seconds(times=5):
     return median(times, "-c", COMMAND, "--help")
 
 
-def start_up(log, times=5):
-    """Median seconds of whole processes, with kernels that are there: the first solution of a
-    recording as NetCDF, the same of `log` (recording.toml and CSV), `strapdown fuse` of that with
-    all its files and its page."""
-    with tempfile.TemporaryDirectory() as folder:
-        whole, out = Path(folder, "recording.nc"), Path(folder, "out")
-        child(
-            "-c",
-            "import sys, strapdown as sd; sd.write_recording(sd.read(sys.argv[1]), sys.argv[2])",
-            *(log, whole),
-        )
-        return (
-            median(times, __file__, "first", whole),
-            median(times, __file__, "first", log),
-            median(times, "-c", COMMAND, "fuse", log, "--out", out),
-        )
-
-
 def first_solution(log, times=3):
     """(seconds with nothing cached, median seconds with a warm cache) of a process that reads
-    and fuses `log`."""
+    and fuses `log` with kernels of the compiler."""
     with tempfile.TemporaryDirectory() as empty:
-        cold = child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")
-        runs = sorted(
-            child(__file__, "first", log, XDG_CACHE_HOME=empty, NUMBA_CACHE_DIR="")[0]
-            for _ in range(times)
-        )
+        compiled = {"XDG_CACHE_HOME": empty, "NUMBA_CACHE_DIR": "", "STRAPDOWN_LIBRARY": "0"}
+        cold = child(__file__, "first", log, **compiled)
+        runs = sorted(child(__file__, "first", log, **compiled)[0] for _ in range(times))
     return cold[0], runs[times // 2]
 
 
@@ -157,10 +137,5 @@ if __name__ == "__main__":
     what, *rest = sys.argv[1:]
     if what == "day":
         run_day(rest[0], float(rest[1]))
-    elif what == "first":
-        run_first(rest[0])
     else:
-        import subject
-        import workload
-
-        print(json.dumps(start_up(subject.write_log(workload.load("A").first(600)))))
+        run_first(rest[0])
