@@ -13,9 +13,7 @@ import strapdown as sd
 from strapdown.sim.trajectory import demo_flight
 
 COMPILER = {"numba", "llvmlite", "scipy", "scipy.linalg"}
-"""The compiler, and what it takes of scipy."""
-ALLOWED_YET = COMPILER
-"""The empty set, once kernels come from a library."""
+"""The compiler, and what it takes of scipy; needed only where kernels are not in the library."""
 NEVER = {
     *("scipy.interpolate", "scipy.spatial", "scipy.special", "scipy.stats"),
     *("pandas", "xarray", "pyarrow", "matplotlib", "jinja2", "rich", "ssl"),
@@ -60,13 +58,16 @@ def recordings(tmp_path_factory):
     return folder
 
 
-def loaded(code, *arguments):
-    """The modules of a new process that ran `code`."""
+def loaded(code, *arguments, library="0"):
+    """The modules of a new process that ran `code`, with the kernels of a library where one is
+    named."""
     path = str(Path(sd.__file__).parents[1])
     code += "\nprint(*sys.modules, sep='\\n')"
+    required = "" if library == "0" else "1"
+    kernels = {"STRAPDOWN_LIBRARY": str(library), "STRAPDOWN_REQUIRE_LIBRARY": required}
     done = subprocess.run(
         [sys.executable, "-c", f"import sys\n{code}", *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": path, "PYTHONWARNINGS": "error"},
+        env={**os.environ, "PYTHONPATH": path, "PYTHONWARNINGS": "error"} | kernels,
         capture_output=True,
         text=True,
     )
@@ -91,14 +92,15 @@ except SystemExit as end:
 @pytest.mark.parametrize(
     "name, more", [("recording.nc", set()), ("recording.toml", {"h5py"})], ids=["netcdf", "csv"]
 )
-def test_the_first_solution_loads_what_it_needs(recordings, name, more):
-    heavy = (NEVER | PAGE | COMPILER | more) - ALLOWED_YET
-    assert loaded(SOLUTION, recordings / name) & heavy == set()
+def test_the_first_solution_loads_what_it_needs(recordings, kernel_library, name, more):
+    found = loaded(SOLUTION, recordings / name, library=kernel_library)
+    assert found & (NEVER | PAGE | COMPILER | more) == set()
 
 
-def test_the_command_loads_what_its_files_and_its_page_need(recordings, tmp_path):
-    found = loaded(COMMAND, "fuse", recordings / "recording.toml", "--out", tmp_path / "out")
-    assert found & ((NEVER | COMPILER) - ALLOWED_YET) == set() and found >= PAGE
+def test_the_command_loads_what_its_files_and_its_page_need(recordings, kernel_library, tmp_path):
+    words = ("fuse", recordings / "recording.toml", "--out", tmp_path / "out")
+    found = loaded(COMMAND, *words, library=kernel_library)
+    assert found & (NEVER | COMPILER) == set() and found >= PAGE
     assert (tmp_path / "out" / "report.html").exists()
 
 

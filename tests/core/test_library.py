@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +15,7 @@ import pytest
 import strapdown as sd
 from strapdown.aiding import position
 from strapdown.checks import DataError
-from strapdown.core import jit, library, loop
+from strapdown.core import jit, library
 from strapdown.core.contract import OBSERVE
 from strapdown.core.signatures import ABI
 from strapdown.native import link
@@ -305,7 +304,7 @@ import strapdown as sd
 from strapdown.engine.stream import Fix, Sample
 
 recording = sd.read(sys.argv[1])
-start = sd.align(recording)
+start = sd.align(recording, sd.grade("tactical"))
 solution = sd.fuse(recording, "closed-loop", start=start)
 stream = sd.Stream("closed-loop", start, imu="tactical", aidings=recording.aidings)
 imu = recording.imu
@@ -314,9 +313,10 @@ events = [Sample(*row) for row in zip(*(column.tolist() for column in columns))]
 for source, a in enumerate(recording.aidings):
     fixes = zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
     events += [Fix(t, source, tuple(y), tuple(sd)) for t, y, sd in fixes]
-for event in sorted(events, key=lambda event: (event.t, len(event.dtheta) if len(event) > 4 else 0)):
+for event in sorted(events, key=lambda event: (event.t, type(event) is Sample)):
     stream.step(event)
-live = stream.solution()
+stream.finish()
+live = stream.solution
 path, other = solution.trajectory, live.trajectory
 assert all(np.array_equal(a, b) for a, b in zip(
     (path.lla, path.v_n, path.q_nb, path.sd), (other.lla, other.v_n, other.q_nb, other.sd)))
@@ -342,3 +342,160 @@ def test_batch_and_stream_run_without_the_compiler_and_to_its_bits(
     )
     assert said.split() == []
     assert np.load(tmp_path / "rows.npy").tobytes() == compiled.tobytes()
+
+
+@pytest.mark.parametrize("home", ["", "no home"])
+def test_it_needs_no_home_and_no_writing(kernel_library, recording, compiled, tmp_path, home):
+    """Nothing is written beside it, nor in a cache."""
+    folder = tmp_path / "installed"
+    shutil.copytree(kernel_library, folder)
+    before = {file: file.stat().st_mtime_ns for file in (folder, *folder.iterdir())}
+    folder.chmod(0o555)
+    places = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), str(tmp_path / "nowhere"))
+    printed(
+        *("-c", BLOCK + SOLUTION, recording, tmp_path / "rows.npy"),
+        STRAPDOWN_LIBRARY=str(folder),
+        STRAPDOWN_REQUIRE_LIBRARY="1",
+        **(places if home else {}),
+    )
+    assert np.load(tmp_path / "rows.npy").tobytes() == compiled.tobytes()
+    assert before == {file: file.stat().st_mtime_ns for file in (folder, *folder.iterdir())}
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_what_it_lacks_is_one_line_where_it_is_required(kernel_library, recording, tmp_path):
+    main = "import sys; from strapdown.cli.app import main; sys.exit(main())"
+    words = ("fuse", recording, "--filter", "mekf", "--out", tmp_path / "out")
+    required = {"STRAPDOWN_LIBRARY": str(kernel_library), "STRAPDOWN_REQUIRE_LIBRARY": "1"}
+    done = process("-c", BLOCK + main, *words, **required)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines() == [
+        "strapdown: the kernel strapdown.filters.ins.mekf.correct would have to be compiled, which "
+        "STRAPDOWN_REQUIRE_LIBRARY forbids: strapdown.filters.ins.mekf.correct is not in the "
+        "library of kernels"
+    ]
+    assert not (tmp_path / "out").exists()
+
+
+SENSOR = """
+from strapdown.core.contract import OBSERVE, Measurement, kernel
+from strapdown.registration import register
+
+
+@kernel(OBSERVE)
+def observe(belief, y, parameters, innovation, H):
+    innovation[0] = y[0] - belief.v[2]
+    H[0, 5] = 1.0
+    return 1
+
+
+register(Measurement("vertical-speed", observe, ("speed",)))
+"""
+MIXED = """
+import sys
+import numpy as np
+import strapdown as sd
+from strapdown.core import loop
+
+recording = sd.read(sys.argv[1])
+p, v = recording.aidings
+own = sd.Aiding("vertical-speed", v.t, v.y[:, 2:], v.sd[:, 2:])
+recording = sd.Recording(recording.imu, (p, own), recording.reference, recording.meta)
+found = []
+for name in sys.argv[3:]:
+    solution = sd.fuse(recording, name, imu="tactical")
+    assert solution.counts()["vertical-speed"][0] > 10
+    path = solution.trajectory
+    found.append(np.c_[path.t, path.lla, path.v_n, path.q_nb, path.sd])
+np.save(sys.argv[2], found)
+print("_made" in vars(loop.run), "numba" in sys.modules)
+"""
+
+
+@pytest.mark.parametrize(
+    "filters, required",
+    [(["closed-loop"], "1"), pytest.param(["closed-loop", "mekf"], "", marks=pytest.mark.deep)],
+    ids=["sensor of one's own", "filter that is missing"],
+)
+def test_kernels_of_the_library_and_of_the_compiler_mix(
+    kernel_library, recording, tmp_path, filters, required
+):
+    """A sensor of one's own under the library's loop; a filter whose kernels are missing beside."""
+    plugin = tmp_path / "sensor.py"
+    plugin.write_text(SENSOR, encoding="utf-8")
+    found = {}
+    for folder, needed in (("0", ""), (str(kernel_library), required)):
+        rows = tmp_path / "rows.npy"
+        said = printed(
+            *("-c", MIXED, recording, rows, *filters),
+            STRAPDOWN_PLUGINS=str(plugin),
+            STRAPDOWN_LIBRARY=folder,
+            STRAPDOWN_REQUIRE_LIBRARY=needed,
+        )
+        assert said.split() == [str(folder == "0"), "True"]  # whether the loop was compiled
+        found[folder] = rows.read_bytes()
+    assert len(set(found.values())) == 1
+
+
+NOT_USED = """
+import importlib, json, sys
+from strapdown.core import library
+for symbol in ("core.loop.run", "aiding.position.observe", "aiding.velocity.observe",
+               "filters.ins.closed_loop.predict", "filters.ins.closed_loop.correct"):
+    module, _, name = symbol.rpartition(".")
+    kernel = getattr(importlib.import_module("strapdown." + module), name)
+    if why := library.why_not(kernel):
+        print(symbol, "|", why)
+print(library.opened().path.parent)
+"""
+
+
+def test_two_versions_side_by_side_use_what_is_their_own(kernel_library, tmp_path):
+    """Copies of the package, each with its library: of both, the one that was made from its files."""
+    edits = {"old": "", "sensor": "aiding/velocity.py", "contract": "core/contract.py"}
+    for name, file in edits.items():
+        package = tmp_path / name / "strapdown"
+        shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__", "lib"))
+        shutil.copytree(kernel_library, package / "lib")
+        if file:
+            with open(package / file, "a", encoding="utf-8") as code:
+                code.write("# another version\n")
+
+    def used(name, **more):
+        settings = {"STRAPDOWN_LIBRARY": "", "STRAPDOWN_REQUIRE_LIBRARY": ""} | more
+        done = process("-c", BLOCK + NOT_USED, path=tmp_path / name, **settings)
+        assert done.returncode == 0 and done.stderr == "", done.stderr
+        *lines, folder = done.stdout.splitlines()
+        return dict(line.split(" | ") for line in lines), folder
+
+    assert used("old") == ({}, str(tmp_path / "old/strapdown/lib"))
+    why = "{} is another than the library of kernels was made from"
+    of_sensor = {"aiding.velocity.observe": why.format("aiding/velocity.py")}
+    assert used("sensor") == (of_sensor, str(tmp_path / "sensor/strapdown/lib"))
+    of_contract, _ = used("contract")
+    assert len(of_contract) == 5
+    assert set(of_contract.values()) == {why.format("core/contract.py")}
+    # as if that one were built anew
+    manifest = json.loads((tmp_path / "sensor/strapdown/lib" / library.MANIFEST).read_bytes())
+    edited = tmp_path / "sensor/strapdown/aiding/velocity.py"
+    files = manifest["files"] | {"aiding/velocity.py": digest(edited.read_bytes())}
+    changed(tmp_path / "sensor/strapdown/lib", files=files)
+    assert used("sensor")[0] == {}
+    other = str(tmp_path / "sensor/strapdown/lib")
+    assert used("old", STRAPDOWN_LIBRARY=other) == (of_sensor, other)
+
+
+@pytest.mark.deep
+def test_contraction_is_the_compilers_and_changes_last_bits(
+    kernel_library, recording, compiled, tmp_path
+):
+    done = process(
+        *("-c", SOLUTION + LOADED, recording, tmp_path / "rows.npy"),
+        STRAPDOWN_LIBRARY=str(kernel_library),
+        STRAPDOWN_REQUIRE_LIBRARY="",
+        STRAPDOWN_CONTRACTION="1",
+    )
+    assert done.returncode == 0 and "numba" in done.stdout.split(), done.stderr
+    rows = np.load(tmp_path / "rows.npy")
+    assert rows.tobytes() != compiled.tobytes()
+    assert np.all(np.abs(rows - compiled) <= 1e-7 * np.maximum(np.abs(compiled), 1e-3))

@@ -25,8 +25,11 @@ def prepared(address: int, signature: Signature, arguments: Sequence[Any]) -> Ca
         _in_c(kind, value, f"{signature.name}: {name}", sizes)
         for (name, kind), value in zip(signature.arguments, arguments)
     ]
-    words = [ctypes.byref(one) if isinstance(one, ctypes.Structure) else one for one in kept]
-    words += [ctypes.c_int64(sizes[name]) for name in signature.sizes]
+    # as ctypes passes them, so that no call has to make them
+    words = (
+        *(ctypes.byref(one) if isinstance(one, ctypes.Structure) else one for one in kept),
+        *(ctypes.c_int64.from_param(sizes[name]) for name in signature.sizes),
+    )
     kind = _number(signature.result) if signature.result else None
     # no types of arguments: they are of ctypes already, and are passed as they are
     function = ctypes.CFUNCTYPE(kind)(address)
@@ -60,11 +63,11 @@ def _number(kind: Number) -> Any:
 def _in_c(kind: Kind, value: Any, what: str, sizes: dict[str, int]) -> Any:
     """A value as C takes it."""
     if isinstance(kind, Number):
-        return _number(kind)(value)
+        return _number(kind).from_param(value)
     if isinstance(kind, Function):
-        return ctypes.c_int64(value if isinstance(value, int) else value.address)
+        return ctypes.c_int64.from_param(value if isinstance(value, int) else value.address)
     if isinstance(kind, Numbers):
-        return ctypes.c_void_p(_address(kind, value, what, sizes))
+        return ctypes.c_void_p.from_param(_address(kind, value, what, sizes))
     if len(value) != len(kind.kinds):
         raise TypeError(f"{what} is no {kind.made.__name__}")
     words = [

@@ -4,7 +4,6 @@ made of it: enough for a Solution of that part."""
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import inf
-from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -25,8 +24,6 @@ from .installation import OfImu
 from .limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare
 
-INCREMENTS = Struct("3d")
-ROW_BYTES = INCREMENTS.size
 TELL = 10.0  # s from the first of rejected fixes on until their cause is looked for
 
 
@@ -60,7 +57,7 @@ class _Room:
         self.out = new_output(filter, belief, rows, covariance, most)
         self.run = bound(loop.run, *kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
         columns: list[Any] = [cursor.at, *self.imu]
-        views: list[Any] = [memoryview(column) for column in columns]
+        views: list[Any] = [memoryview(column.reshape(-1)) for column in columns]
         self.at, self.t, self.dt, self.dtheta, self.dv = views
 
     def put(self, fixes: Iterable[UsableFix], k: int) -> None:
@@ -142,10 +139,10 @@ class LiveRun:
         self._go(room, sample, 0)
 
     def _go(self, room: _Room, sample: Sample, row: int) -> None:
-        at = room.at
-        room.t[row], room.dt[row] = sample[0], sample[1]
-        INCREMENTS.pack_into(room.dtheta, ROW_BYTES * row, *sample[2])
-        INCREMENTS.pack_into(room.dv, ROW_BYTES * row, *sample[3])
+        at, dtheta, dv = room.at, room.dtheta, room.dv
+        i = 3 * row
+        j, k = i + 1, i + 2
+        room.t[row], room.dt[row], (dtheta[i], dtheta[j], dtheta[k]), (dv[i], dv[j], dv[k]) = sample
         at[places.STOP] = row + 1
         try:
             room.run()
