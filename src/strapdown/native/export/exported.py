@@ -159,7 +159,7 @@ def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:
         if kept:
             kept.parent.mkdir(parents=True, exist_ok=True)
             with part_of(kept) as part:
-                part.path.write_text(json.dumps(texts), "utf-8")
+                part.path.write_text(json.dumps(texts), encoding="utf-8")
                 part.rename(kept)
             before = sorted(kept.parent.glob(f"{KEPT}*"), key=lambda file: file.stat().st_mtime)
             for old in before[:-KEEP]:
