@@ -23,6 +23,7 @@ import airborne  # noqa: E402
 import attitude  # noqa: E402
 import exogenous  # noqa: E402
 import figures  # noqa: E402
+import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
 import numpy as np  # noqa: E402
@@ -196,6 +197,39 @@ def day(book):
             f"all that comes after building them with numpy; python and numpy take {interpreter:.0f} MB more",
         ),
     ]
+
+
+def library_figures(book):
+    """Of the library of kernels: its wheel, its kernels beside the compiler's, exports as C."""
+    with tempfile.TemporaryDirectory() as place:
+        folder, dist = Path(place, "library"), Path(place, "dist")
+        try:
+            took, levels = library.built(folder)
+        except RuntimeError as error:  # nothing of it can be measured then
+            book.add(figures.informative("library, build", None, "s", str(error)))
+        else:
+            book.add(figures.informative("library, build", took, "s", f"{os.cpu_count()} cores"))
+            for level, size in levels.items():
+                book.add(figures.informative(f"library, {level}", size / 1e3, "kB"))
+        log = subject.write_log(workload.load("A").first(600))
+        book.measure(library.WHEEL, lambda: library.used(library.wheel(folder, dist), log))
+        for name, filter in zip(library.RATIOS, library.FILTERS):
+            book.measure([name], lambda: [library.ratio(alternating, filter, folder, 15)])
+        book.measure(library.STREAM, lambda: library.stream_step(folder))
+    book.measure(library.EXPORTED, lambda: exports(book))
+
+
+def exports(book):
+    """[(kB, note)] for `library.EXPORTED`; what has no target is added."""
+    sizes = library.sizes()
+    for target in library.TARGETS[1:]:
+        size, note = sizes[target]
+        book.add(figures.informative(f"export, four sources on {target}", size / 1e3, "kB", note))
+    in_c, in_python = library.in_c(), library.in_python()
+    note = f"a step of a stream {in_python / in_c:.1f} x as long"
+    book.add(figures.informative("export, a sample in C", in_c, "us", note))
+    size, note = sizes[library.TARGETS[0]]
+    return [(size / 1e3, note)]
 
 
 def study_figures(book):
@@ -554,6 +588,7 @@ def main():
         )
     else:
         process_figures(book)
+        library_figures(book)
         study_figures(book)
         file_figures(book)
         recorded_figures(book)

@@ -16,6 +16,7 @@ import attitude  # noqa: E402
 import bench  # noqa: E402
 import exogenous  # noqa: E402
 import figures  # noqa: E402
+import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
 import smoothing  # noqa: E402
@@ -39,7 +40,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 111
+    assert len(tables) == 129
     assert (
         tables["A closed loop time"]["target"] == 1.0
         and tables["B closed loop time"]["target"] == 1.2
@@ -111,6 +112,15 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(bench.processes, "day", lambda path: (1.0, 100.0, 40.0, 0.5))
     monkeypatch.setattr(bench.processes, "first_solution", lambda log: (3.0, 1.0))
     monkeypatch.setattr(bench.processes, "help_seconds", lambda: 0.2)
+    monkeypatch.setattr(library, "built", lambda folder: (120.0, {"x86-64-v3": 2e6}))
+    monkeypatch.setattr(library, "wheel", lambda folder, dist: dist)
+    monkeypatch.setattr(library, "used", lambda *_: [(0.3, "")] * len(library.WHEEL))
+    monkeypatch.setattr(library, "ratio", lambda *_: (1.01, ""))
+    monkeypatch.setattr(library, "stream_step", lambda folder: [(1.5, "")])
+    sizes = {target: (46e3, "") for target in library.TARGETS}
+    monkeypatch.setattr(library, "sizes", lambda: sizes)
+    monkeypatch.setattr(library, "in_c", lambda: 0.5)
+    monkeypatch.setattr(library, "in_python", lambda: 1.5)
     monkeypatch.setattr(bench.recordings, "reproduce", lambda out: [{"value": 0.45}] * 13)
     found = [{"claim": target.text, "value": 9.0} for target in bench.SETUP_TARGETS.values()]
     monkeypatch.setattr(bench.wrong_setups, "reproduce", lambda out, runs: found)
@@ -182,6 +192,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
         and written["A accuracy position"]["holds"] is False
     )
     assert written["A closed loop time"]["holds"] is False
+    assert written["export, four sources on cortex-m7"]["value"] == 46.0
+    assert written["export, a sample in C"]["note"] == "a step of a stream 3.0 x as long"
     assert (
         written["stream step, fix"]
         | {"value": None, "holds": False, "note": "RuntimeError: no stream today"}
