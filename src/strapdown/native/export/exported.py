@@ -149,12 +149,12 @@ def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:
     kept = folder and folder / f"{KEPT}{digest[:24]}"
     with suppress(OSError, ValueError):
         if kept:
-            texts: list[str] = json.loads(kept.read_text("utf-8"))
+            texts: list[str] = json.loads(kept.read_text(encoding="utf-8"))
             os.utime(kept)
             return texts
     with TemporaryDirectory() as place:
         symbols = list(ir.write(kernels, Path(place), small=True, sizes=sizes))
-        texts = [(Path(place) / f"{symbol}.ll").read_text("utf-8") for symbol in symbols]
+        texts = [(Path(place) / f"{symbol}.ll").read_text(encoding="utf-8") for symbol in symbols]
     with suppress(OSError):
         if kept:
             kept.parent.mkdir(parents=True, exist_ok=True)
