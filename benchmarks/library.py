@@ -78,10 +78,12 @@ def built(folder):
 
 
 def wheel(folder, dist):
-    """Path of a wheel with the library of a folder."""
+    """Path of a wheel with the library of a folder. Raises RuntimeError where it comes without."""
     command = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--disable-pip-version-check"]
     processes.child(*command, "--wheel-dir", dist, CHECKOUT, STRAPDOWN_LIBRARY=str(folder))
     (made,) = dist.glob("strapdown-*.whl")
+    if made.stem.endswith("-any"):
+        raise RuntimeError(f"{made.name} is without the library")
     return made
 
 
@@ -89,7 +91,8 @@ def installed(wheel, folder):
     """Folder of a new virtual environment with the wheel, and the dependencies of this one."""
     processes.child("-m", "venv", "--without-pip", folder)
     words = ("install", "--quiet", "--no-deps", "--no-index", "--disable-pip-version-check")
-    processes.child("-m", "pip", "--python", folder / "bin" / "python", *words, wheel)
+    here = ("-m", "pip", "--python", folder / "bin" / "python")
+    processes.child(*here, *words, wheel, PYTHONPATH="")
     (packages,) = folder.glob("lib/python*/site-packages")
     # folders alone: what .pth files in them add, such as this checkout, is not followed
     (packages / "dependencies.pth").write_text("\n".join(site.getsitepackages()))

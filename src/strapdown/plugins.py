@@ -362,6 +362,8 @@ def blamed(value: Any, kernel: Any, plugin: Callable[[], Plugin | None]) -> Iter
     numba's many."""
     try:
         yield
+    except DataError:  # it may not be compiled
+        raise
     except Exception as error:  # numba's own, and what its passes let through
         whose = plugin()
         code = kernel.py_func.__code__

@@ -369,12 +369,15 @@ def test_what_it_lacks_is_one_line_where_it_is_required(kernel_library, recordin
     required = {"STRAPDOWN_LIBRARY": str(kernel_library), "STRAPDOWN_REQUIRE_LIBRARY": "1"}
     done = process("-c", BLOCK + main, *words, **required)
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.splitlines() == [
-        "strapdown: the kernel strapdown.filters.ins.mekf.correct would have to be compiled, which "
+    line = (
+        "the kernel strapdown.filters.ins.mekf.correct would have to be compiled, which "
         "STRAPDOWN_REQUIRE_LIBRARY forbids: strapdown.filters.ins.mekf.correct is not in the "
         "library of kernels"
-    ]
+    )
+    assert done.stderr.splitlines() == [f"strapdown: {line}"]
     assert not (tmp_path / "out").exists()
+    done = process("-c", BLOCK + SOLUTION.replace("closed-loop", "mekf"), recording, "", **required)
+    assert done.stderr.splitlines()[-1].endswith(f"DataError: {line}")
 
 
 SENSOR = """
