@@ -14,7 +14,7 @@ test: $(VENV)/installed-test
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "short and not deep" $(KERNEL_TESTS)
 
 # Where code differs without the compiler; `make deep` runs all short tests without it.
-KERNEL_TESTS := tests/core tests/aiding tests/filters tests/evaluation
+KERNEL_TESTS := tests/core tests/aiding tests/filters tests/evaluation tests/test_golden.py
 
 compile: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py

@@ -163,7 +163,7 @@ class Kernels:
         observers = (aiding.find(kind).observe for kind in kinds)
         self.kernels = [loop.run, filter.predict, filter.correct, *observers]
         made = json.loads((folder / library.MANIFEST).read_bytes())["libraries"]
-        level = next(level for level in library._levels() if level in made)
+        level = next(level for level in library.levels() if level in made)
         functions = ctypes.CDLL(str(folder / made[level]["file"]))
         of_library = [
             ctypes.cast(getattr(functions, kernel.symbol), ctypes.c_void_p).value

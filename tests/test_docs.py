@@ -133,6 +133,7 @@ LONG = (
     *("attitude-broad.md", "allan.md", "flight.md", "exogenous.md", "fuse.md", "simulate.md"),
     *(
         "advise.md",
+        "firmware.md",
         "fossen.md",
         "smoothing.md",
         "outages.md",

@@ -22,7 +22,7 @@ from strapdown.native import link
 from strapdown.sim.trajectory import demo_flight
 
 PACKAGE = library.PACKAGE
-HERE = library._levels()
+HERE = library.levels()
 pytestmark = pytest.mark.skipif(not HERE, reason="no library runs on this processor")
 COMPILER = ("numba", "llvmlite", "scipy", "pandas")
 KERNEL = SimpleNamespace(
@@ -54,7 +54,7 @@ def digest(content):
 
 
 def forget():
-    for found in (library.opened, library._levels, library._edited):
+    for found in (library.opened, library.levels, library._edited):
         found.cache_clear()
 
 

@@ -11,6 +11,7 @@ from scripted_filter import SCRIPTED, scripted
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.core.jit import Kernel
 from strapdown.data import BRIDGED, INVALID, Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.sensor_models.imu import grades
@@ -470,6 +471,6 @@ def test_no_fixes_at_all():
 @pytest.mark.short
 def test_compiling_tells_which_filter_it_is_for(monkeypatch):
     said = []
-    monkeypatch.setattr("strapdown.engine.prepare.is_cached", lambda kernel: False)
+    monkeypatch.setattr(Kernel, "at_hand", False)
     preparation.prepare("mahony", ["magnetic-field"], said.append)
     assert said == ["compiling mahony for the first time on this machine, about 15 s ..."]

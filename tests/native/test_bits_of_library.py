@@ -40,7 +40,7 @@ def whole(tmp_path_factory):
 def test_every_filter_of_the_library_has_its_bits(whole, tmp_path, level):
     if bits.libm() != bits.kept()["libm"]:
         pytest.skip("another mathematical library than that of bits.json")
-    if level not in library._levels():
+    if level not in library.levels():
         pytest.skip(f"this processor is not {level}")
     made = json.loads((whole / library.MANIFEST).read_bytes())
     made["libraries"] = {level: made["libraries"][level]}

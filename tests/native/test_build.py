@@ -94,7 +94,7 @@ def test_its_functions_give_the_bits_of_the_compiler(small):
     kernel = position.observe
     assert kernel(*ours) == 3 and np.any(ours[-1])
     made = json.loads((folder / "kernels.json").read_bytes())
-    for level in library._levels():
+    for level in library.levels():
         functions = ctypes.CDLL(str(folder / made["libraries"][level]["file"]))
         address = ctypes.cast(getattr(functions, kernel.symbol), ctypes.c_void_p).value
         theirs = state()

@@ -77,6 +77,14 @@ def test_the_example_gives_the_bits_of_python_over_a_rough_flight(made):
     assert run("./main", "main.c", folder=folder) == (2, "replay.bin is of another export\n")
 
 
+def test_the_example_of_the_readme_compiles(made):
+    folder = made[2]
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    (folder / "firmware.c").write_text(text.split("```c\n")[1].split("```")[0])
+    code, said = run(COMPILER, *STRICT, "-c", "firmware.c", folder=folder)
+    assert code == 0, said
+
+
 def test_the_flight_shows_the_rules_of_the_loop(made):
     done = made[0].replayed()
     uses = {(int(s), use) for s, use in zip(done.out.fix[:, 1], done.out.fix[:, 6])}

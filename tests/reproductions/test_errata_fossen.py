@@ -49,7 +49,8 @@ def observed(kind, C, y, f=np.zeros(3)):
         np.zeros(0),
     )
     innovation, H = np.zeros(3), np.zeros((3, 15))
-    rows = sensor.observe(b, np.atleast_1d(np.array(y, float)), np.zeros(PARAMETERS), innovation, H)
+    y = np.r_[np.atleast_1d(np.array(y, float)), np.full(3, np.nan)][:3]
+    rows = sensor.observe(b, y, np.zeros(PARAMETERS), innovation, H)
     return innovation[:rows], H[:rows]
 
 

@@ -9,7 +9,7 @@ from flat_flight import ORIGIN, flat, geodetic
 from strapdown import Start
 from strapdown.core.contract import Imu
 from strapdown.data import Aiding
-from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, ready, step
+from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, step
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.recording import Recording
@@ -35,7 +35,7 @@ def flown(seconds, dt=0.01, wind=(3.0, -2.0, 0.5), fixes=()):
     """From trim at 25 m/s with steps of the four controls, in a steady wind (m/s, NED) that the
     filters are told. fixes: times, s."""
     go, begin = (
-        ready(step),
+        step,
         trim(aircraft("aerosonde"), 25.0, origin=ORIGIN, course=0.6, wind=wind, earth="flat"),
     )
     air, count = np.r_[wind, np.zeros(6)], round(seconds / dt)
@@ -90,7 +90,7 @@ def acceleration(quaternion, omega, controls, wind, v):
     """m/s^2, NED, that `evaluate` of the aircraft finds at that velocity, attitude, rates,
     positions of the controls and wind."""
     rates, outputs = np.empty(19), np.empty(OUTPUTS)
-    ready(evaluate)(
+    evaluate(
         PARAMETERS,
         np.r_[ORIGIN, v, quaternion, omega, controls],
         np.r_[wind, np.zeros(6)],

@@ -41,6 +41,8 @@ WITHOUT_EFFECT = re.compile(
 brings, makes another key."""
 COMPILER = f"{__package__}.compiler"
 """The module that makes the C functions around kernels, which no kernel imports."""
+WITHOUT_CODE = {f"{__package__}.{name}" for name in ("jit", "c_calls", "library")}
+"""Modules that declare, find and call kernels, and put no code into them."""
 CHECKSUM = hashlib.sha256().digest_size
 
 
@@ -149,6 +151,7 @@ def import_closure(module: ModuleType) -> tuple[dict[Path, str], dict[str, str]]
         top = one.__name__.partition(".")[0]
         if (
             one.__name__ in seen
+            or one.__name__ in WITHOUT_CODE
             or top in sys.stdlib_module_names
             or not getattr(one, "__file__", None)
         ):

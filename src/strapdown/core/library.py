@@ -125,11 +125,11 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
             f"the library of kernels in {folder} is called by other rules (ABI {made['abi']}, this "
             f"strapdown has {ABI}): install strapdown again"
         )
-    level = next((each for each in _levels() if each in made["libraries"]), None)
+    level = next((each for each in levels() if each in made["libraries"]), None)
     if level is None:
         return (
             f"the library of kernels in {folder} is for {', '.join(made['libraries'])}; this "
-            f"processor is {', '.join(_levels()) or platform.machine()}"
+            f"processor is {', '.join(levels()) or platform.machine()}"
         )
     file = folder / made["libraries"][level]["file"]
     digest = _digest(file)
@@ -152,7 +152,7 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
 
 
 @cache
-def _levels() -> tuple[str, ...]:
+def levels() -> tuple[str, ...]:
     """Levels of this processor, best first; none where they are not known."""
     flags = set()
     if sys.platform == "linux" and sys.maxsize > 2**32:

@@ -10,7 +10,7 @@ from ..typing import Array
 NORMALISED_ROWS = signature(
     "normalised_rows",
     error=reals("rows", "s"),
-    covariance=reals("rows", "s", "s"),
+    covariance=reals("rows", "n", "n"),
     work=reals("lines", "s"),
     out=reals("rows"),
 )
@@ -18,8 +18,8 @@ NORMALISED_ROWS = signature(
 
 @kernel(NORMALISED_ROWS)
 def normalised_rows(error: Array, covariance: Array, work: Array, out: Array) -> None:
-    """out[k] = e_k' P_k^-1 e_k of errors (n, s) and covariances (n, s, s); NaN where P is not
-    positive definite. `work` is (s + 2, s)."""
+    """out[k] = e_k' P_k^-1 e_k of errors (rows, s) and covariances (rows, n, n) of their states and
+    others behind them; NaN where P is not positive definite. `work` is (s + 2, s)."""
     n, s = error.shape
     scale, y = work[s], work[s + 1]
     for k in range(n):

@@ -277,7 +277,7 @@ def _main(arguments: Sequence[str]) -> int:
         levels = levels_here() if said.levels == "all" else (said.levels or "").split(",")
         runs = build(
             said.folder,
-            levels if any(levels) else library._levels()[:1],
+            levels if any(levels) else library.levels()[:1],
             [stem for stem in said.only.split(",") if stem],
             lambda line: print(line, file=sys.stderr, flush=True),
         )

@@ -149,17 +149,17 @@ def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:
     kept = folder and folder / f"{KEPT}{digest[:24]}"
     with suppress(OSError, ValueError):
         if kept:
-            texts: list[str] = json.loads(kept.read_text("utf-8"))
+            texts: list[str] = json.loads(kept.read_text(encoding="utf-8"))
             os.utime(kept)
             return texts
     with TemporaryDirectory() as place:
         symbols = list(ir.write(kernels, Path(place), small=True, sizes=sizes))
-        texts = [(Path(place) / f"{symbol}.ll").read_text("utf-8") for symbol in symbols]
+        texts = [(Path(place) / f"{symbol}.ll").read_text(encoding="utf-8") for symbol in symbols]
     with suppress(OSError):
         if kept:
             kept.parent.mkdir(parents=True, exist_ok=True)
             with part_of(kept) as part:
-                part.path.write_text(json.dumps(texts), "utf-8")
+                part.path.write_text(json.dumps(texts), encoding="utf-8")
                 part.rename(kept)
             before = sorted(kept.parent.glob(f"{KEPT}*"), key=lambda file: file.stat().st_mtime)
             for old in before[:-KEEP]:

@@ -1,9 +1,9 @@
 /* strapdown.h: the navigation filter "$filter".
    Its sources: $sources.
 
-   Made by `strapdown export`, from the fields that the code in strapdown.o was compiled for: the two
-   belong together. Everything is in SI units, radians and seconds. The body frame is forward, right,
-   down; the navigation frame north, east, down at the IMU. Matrices are stored by rows.
+   Made by `strapdown export`, from the fields that the code in strapdown.o was compiled for: the
+   two belong together. Everything is in SI units, radians and seconds. The body frame is forward,
+   right, down; the navigation frame north, east, down at the IMU. Matrices are stored by rows.
 
    No function allocates, waits, reads a file or keeps anything outside the struct that it is given:
    a filter may be copied, saved and gone on with, and several run beside each other. */
@@ -79,7 +79,7 @@ typedef struct {
 /* Values to begin with: those of the recording that replay.bin holds, with the noise of its IMU. */
 extern const strapdown_values strapdown_example;
 
-/* Begin. The values must be finite, standard deviations 0 or more and the latitude at most 89 deg. */
+/* Begin. Values must be finite, standard deviations 0 or more and the latitude at most 89 deg. */
 int strapdown_start(strapdown_filter *filter, const strapdown_values *values);
 
 /* Set the parameters (STRAPDOWN_PARAMETERS numbers, see strapdown_source_index; null: leave them)
@@ -91,10 +91,11 @@ int strapdown_source(strapdown_filter *filter, int source, const double *paramet
 /* Hand in a fix of a source that holds at t, s: y and sd as strapdown_source_index says, NaN in y
    where nothing was measured. It is used with the sample that reaches its time, so it must come
    before that sample; else the result is STRAPDOWN_LATE and it is not used. */
-int strapdown_fix(strapdown_filter *filter, int source, double t, const double *y, const double *sd);
+int strapdown_fix(
+    strapdown_filter *filter, int source, double t, const double *y, const double *sd);
 
-/* Use a sample of the IMU, which ends at t and lasts dt, s: the integrals over it of the angular rate,
-   rad, and of the specific force, m/s, body. Of a sensor that reports rates: times dt. Then
+/* Use a sample of the IMU, which ends at t and lasts dt, s: the integrals over it of the angular
+   rate, rad, and of the specific force, m/s, body. Of a sensor that reports rates: times dt. Then
    out.nav[0] is the solution at t and out.fix[0] to out.fix[used - 1] tell of the fixes.
    Returns a strapdown_status, or below 0 a strapdown_result. */
 int strapdown_sample(

@@ -100,7 +100,8 @@ int strapdown_source(strapdown_filter *filter, int source, const double *paramet
     return STRAPDOWN_OK;
 }
 
-int strapdown_fix(strapdown_filter *filter, int source, double t, const double *y, const double *sd)
+int strapdown_fix(
+    strapdown_filter *filter, int source, double t, const double *y, const double *sd)
 {
     int64_t *at = filter->cursor.at, row = at[STRAPDOWN_AT_FIXES];
     int measured = 0;
