@@ -211,9 +211,9 @@ def test_no_reason_is_given_where_none_is_there(made, monkeypatch, tmp_path):
 def test_an_old_processor_takes_the_lower_level_and_an_unknown_one_none(made, reason, monkeypatch):
     lowest = list(library.LEVELS[library.platform.machine()])[-1]
     forget()
-    monkeypatch.setattr(library, "_levels", library.cache(lambda: (lowest,)))
+    monkeypatch.setattr(library, "levels", library.cache(lambda: (lowest,)))
     assert library.opened().level == lowest
-    monkeypatch.setattr(library, "_levels", library.cache(lambda: ()))
+    monkeypatch.setattr(library, "levels", library.cache(lambda: ()))
     assert reason().endswith(f"this processor is {library.platform.machine()}")
 
 
