@@ -224,6 +224,19 @@ def _neutral(text: str, target: Target, layout: str, versioned: bool) -> str:
     return text
 
 
+def _prepare(module: Any, machine: Any) -> None:
+    """Optimise once before, as numba does: loops that are turned early make more vector code, which
+    is worth 3 % of the closed loop."""
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = True
+    builder = llvm.create_pass_builder(machine, options)
+    passes = builder.getModulePassManager()
+    passes.add_loop_rotate_pass()
+    passes.add_instruction_combine_pass()
+    passes.add_jump_threading_pass()
+    passes.run(module, builder)
+
+
 def _optimise(module: Any, machine: Any, target: Target) -> None:
     options = llvm.create_pipeline_tuning_options(speed_level=target.speed)
     options.loop_vectorization = options.slp_vectorization = target.speed == 3
@@ -232,6 +245,8 @@ def _optimise(module: Any, machine: Any, target: Target) -> None:
     first.add_global_dead_code_eliminate_pass()
     first.add_merge_functions_pass()  # helpers come once with each kernel
     first.run(module, builder)
+    if target.speed == 3:
+        _prepare(module, machine)
     builder.getModulePassManager().run(module, builder)
     last = llvm.create_new_module_pass_manager()
     last.add_merge_functions_pass()
