@@ -5,13 +5,18 @@ This module is itself the finder, the last one on `sys.meta_path`: it is asked f
 has.
 """
 
+from __future__ import annotations
+
 import sys
 import warnings
-from collections.abc import Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
+
+TYPE_CHECKING = False  # `typing` would be half of what importing the package takes
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
 
 MOVED = {
     "bounds": "evaluation.cramer_rao",
