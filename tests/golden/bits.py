@@ -5,7 +5,7 @@ The recording is made of integers and powers of two, so that every machine has t
 that shakes about a slow turn, fixes that scatter about a slow drift. It is no flight; it takes the
 kernels through predictions, corrections, rejected fixes and a gap. Under strict arithmetic the bits of
 a result then depend on two things alone: on the mathematical library of the C compiler, which `libm`
-tells, and, for the few filters of BY_LAPACK, on that of numpy's matrices.
+tells, and, for the filters of BY_LAPACK, whose start multiplies matrices, on that of numpy.
 """
 
 import hashlib
@@ -22,6 +22,7 @@ from strapdown.core.contract import Noise, Start
 
 FILE = Path(__file__).with_name("bits.json")
 SAMPLES, DT = 600, 1 / 64
+BY_LAPACK = ("pkf",)
 OPTIONS = {"pkf": {"components": 3}}
 SD = (2.0, 2.0, 2.0, 0.5, 0.5, 0.5, 0.0625, 0.0625, 0.125, 0.0625, 0.0625, 0.0625, *[2**-12] * 3)
 NOISE = Noise(2**-14, 2**-10, 2**-20, 2**-16, 0.0, 0.0)
@@ -88,11 +89,19 @@ def libm():
     return hashlib.sha256(np.array(values).tobytes()).hexdigest()
 
 
+def lapack():
+    """Digest of what numpy's library of matrices makes of products and square roots of one."""
+    A = scatter(15, 15, 7)
+    made = [A[:n, :n] @ scatter(n, 3, n) for n in (3, 6, 15)]
+    made += [A @ A.T, np.linalg.cholesky(A @ A.T + np.eye(15)), np.linalg.eigh(A @ A.T)[1]]
+    return hashlib.sha256(b"".join(np.ascontiguousarray(x).tobytes() for x in made)).hexdigest()
+
+
 def kept():
     """What bits.json says."""
     return json.loads(FILE.read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":
-    found = {"libm": libm(), **{name: digest(name) for name in filters.names()}}
+    found = {"libm": libm(), "lapack": lapack(), **{name: digest(name) for name in filters.names()}}
     FILE.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
