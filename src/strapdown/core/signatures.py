@@ -58,7 +58,7 @@ Kind: TypeAlias = Number | Numbers | Record | Function
 
 
 class Signature(NamedTuple):
-    """Of a kernel. `version` 1 is the ABI below; see `ABI`."""
+    """Of a kernel: its arguments by name, and what it returns."""
 
     name: str
     arguments: tuple[tuple[str, Kind], ...]
