@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from exports import STRICT, InC, rough_flight, run
+from exports import STRICT, InC, build_example, rough_flight, run
 
 import strapdown as sd
 from strapdown.core.contract import DOUBTFUL, INVALID
@@ -51,18 +51,7 @@ def begun(of, in_c):
 
 def test_the_example_gives_the_bits_of_python_over_a_rough_flight(made):
     _, written, folder = made
-    code, said = run(
-        COMPILER,
-        *STRICT,
-        "main.c",
-        "strapdown_calls.c",
-        "strapdown.o",
-        "-lm",
-        "-o",
-        "main",
-        folder=folder,
-    )
-    assert code == 0, said
+    build_example(COMPILER, folder)
     code, said = run("./main", folder=folder)
     rows = said.splitlines()[-1].split()
     assert code == 0 and rows[0] == rows[2] and int(rows[0]) > 1000, said

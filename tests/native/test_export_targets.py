@@ -4,7 +4,7 @@ import shutil
 from functools import cache
 
 import pytest
-from exports import STRICT, rough_flight, run
+from exports import STRICT, build_example, rough_flight, run
 from test_export import REFUSED, SOURCES
 
 import strapdown as sd
@@ -128,18 +128,7 @@ def test_without_a_linker_of_webassembly_a_note_says_so(tmp_path, monkeypatch):
 
 def compiled(name, kinds, recording, folder, **options):
     export(chosen(name, kinds, recording, **options), find_target("host"), folder)
-    code, said = run(
-        "cc",
-        *STRICT,
-        "main.c",
-        "strapdown_calls.c",
-        "strapdown.o",
-        "-lm",
-        "-o",
-        "main",
-        folder=folder,
-    )
-    assert code == 0, said
+    build_example("cc", folder)
     return run("./main", "replay.bin", "0", folder=folder)
 
 

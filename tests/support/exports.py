@@ -50,6 +50,13 @@ def rough_flight(seconds=120.0, seed=3):
     )
 
 
+def build_example(compiler, folder):
+    """Compile the example of an export in its folder; warnings are errors."""
+    sources = "main.c", "strapdown_calls.c", "strapdown.o"
+    code, said = run(compiler, *STRICT, *sources, "-lm", "-o", "main", folder=folder)
+    assert code == 0, said
+
+
 def run(*command, folder, timeout=500):
     """(exit code, what it printed) of a command in a folder."""
     done = subprocess.run(

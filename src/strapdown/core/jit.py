@@ -57,7 +57,8 @@ class Kernel:
     @property
     def stem(self) -> str:
         """Module and name."""
-        return f"{self.__module__}.{self.__qualname__.rpartition('.')[0]}{self.name}"
+        inside = self.__qualname__.removesuffix(self.py_func.__name__)
+        return f"{self.__module__}.{inside}{self.name}"
 
     @property
     def symbol(self) -> str:

@@ -17,6 +17,7 @@ from ..aiding import find
 from ..core.contract import Imu
 from ..core.earth import gravity
 from ..core.error_dynamics import cross_matrix
+from ..core.rotation_vectors import exponentials
 from ..data import Aiding
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
@@ -24,7 +25,6 @@ from ..engine.sensitivity import Corrections, acceleration_at
 from ..io.description.installed import INSTALLED
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
-from ..rotation_products import exponentials
 from ..typing import Array, Ints
 
 CLOCK, ARM, MOUNTING, SCALE = "clock", "lever arm", "mounting", "odometer scale"

@@ -1,5 +1,5 @@
 """How often right fixes look wrong, in closed form: scipy.special would take 0.15 s to load in every
-run that rejects a fix."""
+run that rejects a fix. Source: Abramowitz & Stegun (1964), 26.4.4, 26.4.5 and 26.4.21."""
 
 import math
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.contract import ATT, BA, BG, POS, STATES, VEL, compile_kernel
+from ...core.contract import ATT, BA, BG, POS, STATES, VEL
 from ...data import SD_COLUMNS, Innovations, Solution, Trajectory
 from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows
@@ -78,7 +78,6 @@ def score(
         error[:kept], rph[:kept] = _errors(solution, at, b_a, b_g)
         assert solution.trajectory.sd is not None and solution.covariance is not None
         sd[:kept] = solution.trajectory.sd
-        compile_kernel(normalised_rows)
         normalised_rows(
             error[:kept], solution.covariance, np.zeros((STATES + 2, STATES)), nees[:kept]
         )

@@ -42,6 +42,7 @@ from ...core.error_state import (
 from ...core.jit import flatten, inlined, matrix
 from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
+from ...core.rotation_vectors import exponentials
 from ...typing import Array
 from .ins_mixture import (
     COMPONENTS,
@@ -116,20 +117,10 @@ def start(
     own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
     own[:, 3:6] += deviations[:, 3:6]
-    own[:, 6:15] = (exponential(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
+    own[:, 6:15] = (exponentials(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
     own[:, 15:21] += deviations[:, 9:15]
     own[:, TAIL : TAIL + n - STATES] += deviations[:, STATES:]
     return belief
-
-
-def exponential(r: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of rotation vectors (N, 3), rad."""
-    angle, S = np.linalg.norm(r, axis=1)[:, None, None], np.zeros((len(r), 3, 3))
-    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
-    S -= S.transpose(0, 2, 1)
-    return (
-        np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (S @ S)
-    )
 
 
 @kernel(PREDICT)
