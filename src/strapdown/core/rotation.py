@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..typing import Array
+from .choosing import any_of, where
 from .jit import helper
 
 NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -166,14 +167,15 @@ def rotation_between(C: Array, M: NineNumbers) -> tuple[float, float, float]:
         m3 * C[0, 0] + m4 * C[0, 1] + m5 * C[0, 2] - m0 * C[1, 0] - m1 * C[1, 1] - m2 * C[1, 2]
     )
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (d0 + d1 + d2 - 1)
-    if sine < 1e-9 and cosine < 0:  # half a turn, about the axis that moves least, near enough
-        return (
-            (math.pi, 0.0, 0.0)
-            if d0 >= max(d1, d2)
-            else ((0.0, math.pi, 0.0) if d1 >= d2 else (0.0, 0.0, math.pi))
-        )
-    scale = math.atan2(sine, cosine) / sine if sine > 1e-9 else 1.0
-    return scale * x, scale * y, scale * z
+    scale = where(sine > 1e-9, math.atan2(sine, cosine) / max(sine, 1e-9), 1.0)
+    x, y, z = scale * x, scale * y, scale * z
+    half = (sine < 1e-9) & (cosine < 0)
+    if any_of(half):  # half a turn, about the axis that moves least, near enough
+        first = d0 >= max(d1, d2)
+        second = where(first, 0.0, where(d1 >= d2, math.pi, 0.0))
+        x, y = where(half, where(first, math.pi, 0.0), x), where(half, second, y)
+        z = where(half, where(first | (d1 >= d2), 0.0, math.pi), z)
+    return x, y, z
 
 
 @helper
