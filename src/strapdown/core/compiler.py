@@ -385,6 +385,26 @@ def _flatten(typing_context: Any, table: Any) -> Any:
     return view_type(table), codegen
 
 
+@intrinsic
+def _bits(typing_context: Any, x: Any) -> Any:
+    """The bits of a float64 as an int64."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], _I64)
+
+    return types.int64(types.float64), codegen
+
+
+@intrinsic
+def _from_bits(typing_context: Any, i: Any) -> Any:
+    """The float64 of an int64's bits."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.int64), codegen
+
+
 def type_of_intrinsic(name: str, *arguments: Any) -> Any:
     """numba's type of the intrinsic that `jit` knows by this name."""
     made = _function_at(*arguments) if name == "function_at" else globals()[f"_{name}"]

@@ -6,6 +6,7 @@ alone imports numba. Under NUMBA_DISABLE_JIT=1 the Python functions run themselv
 """
 
 import os
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -202,7 +203,19 @@ def _flatten_twin(table: Array) -> Array:
     return table.reshape(-1)
 
 
+def _bits_twin(x: float) -> int:
+    return int(struct.unpack("<q", struct.pack("<d", x))[0])
+
+
+def _from_bits_twin(i: int) -> float:
+    return float(struct.unpack("<d", struct.pack("<Q", int(i) & (1 << 64) - 1))[0])
+
+
 matrix: Callable[[Array, int, int, int], Array] = cast(Any, _Intrinsic(_matrix_twin, "matrix"))
 """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
 flatten: Callable[[Array], Array] = cast(Any, _Intrinsic(_flatten_twin, "flatten"))
 """The numbers of a C-contiguous matrix as one row, a view without allocation."""
+bits: Callable[[float], int] = cast(Any, _Intrinsic(_bits_twin, "bits"))
+"""The bits of a float64 as an int64."""
+from_bits: Callable[[int], float] = cast(Any, _Intrinsic(_from_bits_twin, "from_bits"))
+"""The float64 of the last 64 bits of an integer."""
