@@ -2,24 +2,18 @@
 and a bimodal posterior as oracles."""
 
 import math
-import sys
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 from plain_sigma_points import uncompiled
 from scipy.special import logsumexp
-from scipy.stats import chi2, kstest
 
-from strapdown.filters.particle import mixture as compiled_mixture, threefry as counter_random
+from strapdown.core.threefry import COUNTER, new_stream
+from strapdown.filters.particle import mixture as compiled_mixture
 from strapdown.filters.particle.mixture import MOST_COMPONENTS, begin, kernel_width, silverman
-from strapdown.filters.particle.threefry import COUNTER, new_stream, normal_rows
 
 pytestmark = pytest.mark.short
-random = uncompiled(counter_random)
-with patch.dict(sys.modules, {counter_random.__name__: random}):
-    mixture = uncompiled(compiled_mixture)
-threefry, normals, uniform = random.threefry, random.normals, random.uniform
+mixture = uncompiled(compiled_mixture)
 accumulate, clear, effective, moments, moments_size = (
     mixture.accumulate,
     mixture.clear,
@@ -34,7 +28,6 @@ resample, resample_size, root, systematic, weigh = (
     mixture.systematic,
     mixture.weigh,
 )
-ONES, PI = 0xFFFFFFFF, (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344)
 
 
 def positive(rng, n, zero=False):
@@ -49,51 +42,6 @@ def scaled(difference, S):
     """The largest entry of a difference of covariances in units of standard deviations."""
     sd = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
     return np.abs(difference / np.outer(sd, sd)).max()
-
-
-@pytest.mark.parametrize(
-    "key, counter, words",
-    [
-        ((0, 0), (0, 0), (0x6B200159, 0x99BA4EFE)),
-        ((ONES, ONES), (ONES, ONES), (0x1CB996FC, 0xBB002BE7)),
-        (PI[2:], PI[:2], (0xC4923A9C, 0x483DF7A0)),
-    ],
-)
-def test_threefry_gives_the_known_answers_of_random123(key, counter, words):
-    assert threefry(*key, *counter) == words
-
-
-def test_normals_are_normal_and_the_same_one_by_one_and_in_a_table():
-    """Kolmogorov-Smirnov, and the variance within its 1 in 1e4 band; the same seed gives the
-    same numbers, another one others."""
-    table = normal_rows(new_stream(3), 2000, 15)
-    assert kstest(table.ravel(), "norm").pvalue > 1e-4
-    low, high = chi2.ppf([5e-5, 1 - 5e-5], table.size)
-    assert low < np.sum(table**2) < high and abs(table.sum()) < 4 * np.sqrt(table.size)
-    stream, row = new_stream(3), np.zeros(15)
-    for k in range(20):
-        normals(stream, row, 15)
-        assert np.allclose(row, table[k], rtol=1e-14, atol=0)
-    assert stream[COUNTER] == 20 * 8
-    assert not np.isclose(normal_rows(new_stream(4), 1, 15), table[0]).any()
-    assert not np.isclose(normal_rows(new_stream(3 + 2**32), 1, 15), table[0]).any()
-
-
-def test_uniforms_are_uniform():
-    stream = new_stream(11)
-    drawn = np.array([uniform(stream) for _ in range(2000)])
-    assert (
-        kstest(drawn, "uniform").pvalue > 1e-4
-        and 0 < drawn.min()
-        and drawn.max() < 1
-        and stream[COUNTER] == 2000
-    )
-
-
-@pytest.mark.parametrize("seed", [-1, 0.5, 2**53, math.nan, math.inf])
-def test_seeds_that_are_none(seed):
-    with pytest.raises(ValueError, match="whole number"):
-        new_stream(seed)
 
 
 def test_effective_number_in_closed_form():
@@ -218,7 +166,9 @@ def test_resampling_keeps_mean_and_covariance(N, n, zero):
     )
     sd = np.where(np.diag(S) > 0, np.sqrt(np.diag(S)), 1)
     assert np.abs(drawn.mean(axis=0) / sd).max() < 1e-12
-    assert scaled(drawn.T @ drawn / N + Phi - S, S) < 1e-12
+    # draws that barely span the states are nearly singular: of 20 seeds the worst had 2e-9
+    rounding = 1e-8 if N == n + 1 else 1e-12
+    assert scaled(drawn.T @ drawn / N + Phi - S, S) < rounding
     assert np.allclose(weights, 1 / N) and repairs == (
         1 if N <= n and len(set(ancestors)) > 1 else 0
     )

@@ -15,9 +15,9 @@ from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
 from ...core.jit import flatten, helper, inlined, matrix
 from ...core.kalman import LEAST_NOISE
 from ...core.rotation import rotation_between, wrap
+from ...core.threefry import STREAM
 from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
-from .threefry import STREAM
 
 TAIL = NAVIGATION.size  # where a component's states that aidings brought along begin
 SLOTS = Slots(after=ERROR_STATE)
@@ -28,7 +28,7 @@ REPAIRS = SLOTS.output("repairs")
 DEGENERATE = SLOTS.output("degenerate")
 # how many components there are, h, and below how many effective ones they are drawn anew
 COUNT, KERNEL, LEAST = SLOTS.numbers("COUNT", "KERNEL", "LEAST")
-RANDOM = SLOTS.array("RANDOM", STREAM)  # see threefry.py
+RANDOM = SLOTS.array("RANDOM", STREAM)  # see core/threefry.py
 # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
 FORESEEN = SLOTS.array("FORESEEN", 15)
 LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)  # (n, n) covariance as the last call left it

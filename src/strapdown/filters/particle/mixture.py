@@ -4,7 +4,7 @@ mean and covariance.
 A component is a row of `components` (N, width); its covariance P (n, n) is the n n numbers from
 column `at` on. What its mean is, the filter knows; here it is a row of `deviations` (N, n), the
 errors about the mean of the mixture or another reference. `stream` is one of
-filters/particle/threefry.py.
+core/threefry.py.
 
 Source: Hoteit, Luo & Pham (2012), "Particle Kalman filtering: a nonlinear Bayesian framework for
 ensemble Kalman filters", MWR 140(2); systematic resampling after Kitagawa (1996); the kernel and
@@ -17,8 +17,8 @@ import numpy as np
 
 from ...checks import check_number
 from ...core.jit import flatten, helper, inlined, matrix
+from ...core.threefry import new_stream, normal_rows, normals, uniform
 from ...typing import Array
-from .threefry import new_stream, normal_rows, normals, uniform
 
 MOST_COMPONENTS = 100000
 """Components of a mixture at most; 500 with 15 states take a megabyte."""
@@ -385,7 +385,8 @@ def begin(P: Array, components: float, kernel: float, seed: float) -> tuple[Arra
         P / np.outer(*[scale := np.where(np.diag(P) > 0, np.sqrt(np.diag(P)), 1.0)] * 2)
     )
     half = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    white = normal_rows(stream, N, n)
+    white = np.empty((N, n))
+    normal_rows(stream, white)
     white -= white.mean(axis=0)
     covariance = white.T @ white / N
     if N > n:

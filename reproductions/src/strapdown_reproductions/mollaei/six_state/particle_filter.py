@@ -13,6 +13,7 @@ from typing import NamedTuple
 from strapdown.checks import check_number
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
 from strapdown.core.jit import helper, inlined, matrix
+from strapdown.core.threefry import STREAM
 from strapdown.filters.particle import pkf
 from strapdown.filters.particle.mixture import (
     accumulate,
@@ -26,7 +27,6 @@ from strapdown.filters.particle.mixture import (
     resample_size,
     weigh,
 )
-from strapdown.filters.particle.threefry import STREAM
 from strapdown.flight.aircraft.parameters import Aircraft
 from strapdown.typing import Array, File
 

@@ -4,17 +4,17 @@ from it.
 The n-th number is a function of n and a key, so that a run that keeps its counter in the belief
 repeats bit for bit, wherever it is stopped and taken up again. Source: Salmon, Moraes, Dror & Shaw
 (2011), "Parallel random numbers: as easy as 1, 2, 3", with the known answers of Random123. The
-32-bit arithmetic is done in int64, and the helpers also take numpy arrays of int64: plain Python,
-numpy and compiled code agree.
+32-bit arithmetic is done in int64; plain Python, compiled code and lanes agree to the bit.
 """
 
 import math
-from typing import Any, TypeVar
 
 import numpy as np
 
-from ...core.jit import helper
-from ...typing import Array, Ints
+from ..typing import Array
+from .elementary import ONE_BITS, logarithm_of_normal, sine_cosine_of_turns
+from .jit import from_bits, helper, kernel
+from .signatures import reals, signature
 
 KEY, COUNTER, STREAM = 0, 2, 3
 """Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
@@ -22,13 +22,11 @@ drawn (exact below 2^53), its size."""
 LARGEST_SEED = 2**53 - 1
 MASK, PARITY = 0xFFFFFFFF, 0x1BD11BDA
 TURNS = (13, 15, 26, 6, 17, 29, 16, 24)  # bits by which the rounds turn the second word
-WORD_SCALE = 2.0**-32
-Words = TypeVar("Words", int, Ints)
-"""Words below 2^32: one in compiled code, an array of them in numpy."""
+HALF_WORD, HALF_FRACTION = 1 << 19, 2.0**-53
 
 
 @helper
-def threefry(k0: int, k1: int, c0: Words, c1: Words) -> tuple[Words, Words]:
+def threefry(k0: int, k1: int, c0: int, c1: int) -> tuple[int, int]:
     """Two words below 2^32 from two words of key and two of counter, int64."""
     k2 = PARITY ^ k0 ^ k1
     x, y, a, b, c = (c0 + k0) & MASK, (c1 + k1) & MASK, k0, k1, k2
@@ -43,14 +41,21 @@ def threefry(k0: int, k1: int, c0: Words, c1: Words) -> tuple[Words, Words]:
 
 
 @helper
-def box_muller(x: int | Ints, y: int | Ints) -> tuple[Any, Any]:
+def box_muller(x: int, y: int) -> tuple[float, float]:
     """Two independent standard normals from two words; Box & Muller (1958). None is further out
     than 6.8."""
-    radius, angle = (
-        np.sqrt(-2 * np.log((x + 0.5) * WORD_SCALE)),
-        (2 * math.pi * WORD_SCALE) * (y + 0.5),
+    # a word w behind the point of 1.0 is 1 + w 2^-32; (w + 1/2) 2^-32 lies between 0 and 1
+    radius = math.sqrt(
+        -2.0 * logarithm_of_normal(from_bits(ONE_BITS | (x << 20) | HALF_WORD) - 1.0)
     )
-    return radius * np.cos(angle), radius * np.sin(angle)
+    sine, cosine = sine_cosine_of_turns(from_bits(ONE_BITS | (y << 20) | HALF_WORD) - 1.0)
+    return radius * cosine, radius * sine
+
+
+@helper
+def between(x: int, y: int) -> float:
+    """A number between 0 and 1, neither of them, of 52 bits of two words."""
+    return from_bits(ONE_BITS | (x << 20) | (y >> 12)) - (1.0 - HALF_FRACTION)
 
 
 @helper
@@ -59,7 +64,7 @@ def uniform(stream: Array) -> float:
     count = int(stream[COUNTER])
     x, y = threefry(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)
     stream[COUNTER] += 1
-    return (((x << 20) | (y >> 12)) + 0.5) * 2.0**-52
+    return between(x, y)
 
 
 @helper
@@ -76,22 +81,16 @@ def normals(stream: Array, out: Array, size: int) -> None:
     stream[COUNTER] += (size + 1) // 2
 
 
+@kernel(signature("normal_rows", stream=reals(STREAM), out=reals("rows", "size")))
+def normal_rows(stream: Array, out: Array) -> None:
+    """The next rows of `normals`; advances the stream."""
+    for row in range(out.shape[0]):
+        normals(stream, out[row], out.shape[1])
+
+
 def new_stream(seed: float) -> Array:
     """A stream (STREAM,) that begins at the first number of a seed. Raises ValueError where it
     is no whole number from 0 to 2^53 - 1."""
     if not (0 <= seed <= LARGEST_SEED and seed == int(seed)):
         raise ValueError(f"seed is {seed}; it must be a whole number, at least 0 and below 2^53")
     return np.array([int(seed) & MASK, int(seed) >> 32, 0.0])
-
-
-def normal_rows(stream: Array, rows: int, size: int) -> Array:
-    """What `normals` gives in `rows` calls, as an array (rows, size), in one go; advances the
-    stream."""
-    pairs = (size + 1) // 2
-    count = np.arange(int(stream[COUNTER]), int(stream[COUNTER]) + rows * pairs, dtype=np.int64)
-    drawn = np.stack(
-        box_muller(*threefry(int(stream[KEY]), int(stream[KEY + 1]), count & MASK, count >> 32)),
-        axis=-1,
-    )
-    stream[COUNTER] += rows * pairs
-    return drawn.reshape(rows, 2 * pairs)[:, :size]
