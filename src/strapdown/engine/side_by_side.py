@@ -19,7 +19,6 @@ from ..core.contract import (
     Belief,
     Filter,
     Fixes,
-    Imu,
     Start,
     address,
     side_by_side,
@@ -118,18 +117,21 @@ class SideBySide:
         self._kernels = _addresses(filter, first, keep)
         self._given = true, biases, aligned(scratch, LANES)
 
-    def calls(self, imu: Imu) -> Callable[[int, int], None]:
-        """What processes the samples of these arrays, which hold lanes of increments (count, 3,
-        LANES) and are filled anew for each call, with the IMU row of the first and how many."""
+    def calls(self, t: Array, dt: Array, increments: Array) -> Callable[[int, int], None]:
+        """What processes the samples of these arrays, times and intervals (n,) s and lanes of
+        increments (n, 6, LANES), which are filled anew for each call; it takes the IMU row of the
+        first and how many."""
         predict, correct, observers, keep = self._kernels
         go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
             predict,
             correct,
             observers,
             keep,
+            t,
+            dt,
             self.belief,
-            imu,
             self.fixes,
+            increments,
             self.noise,
             *self._given,
             self.cursor,

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core import lane_loop
 from ...core.c_calls import aligned
-from ...core.contract import Imu, Start
+from ...core.contract import Start
 from ...core.signatures import LANES
 from ...engine.batch import begin
 from ...engine.prepare import Asked
@@ -56,17 +56,15 @@ def run_side_by_side(
         lane_scoring.NUMBERS,
     )
     count = len(first.samples.t)
-    block = Imu(
-        np.empty(SAMPLES), np.empty(SAMPLES), aligned(SAMPLES, 3, LANES), aligned(SAMPLES, 3, LANES)
-    )
-    advance = lanes.calls(block)
+    t, dt, increments = np.empty(SAMPLES), np.empty(SAMPLES), aligned(SAMPLES, 6, LANES)
+    advance = lanes.calls(t, dt, increments)
     for row in range(first.first, count, SAMPLES):
         part = slice(row, min(row + SAMPLES, count))
         size = part.stop - part.start
-        block.t[:size], block.dt[:size] = first.samples.t[part], first.samples.dt[part]
+        t[:size], dt[:size] = first.samples.t[part], first.samples.dt[part]
         for lane, (recording, _) in enumerate(full):
-            block.dtheta[:size, :, lane] = recording.imu.dtheta[part]
-            block.dv[:size, :, lane] = recording.imu.dv[part]
+            increments[:size, :3, lane] = recording.imu.dtheta[part]
+            increments[:size, 3:, lane] = recording.imu.dv[part]
         advance(row, size)
     return [
         None if np.isfinite(lanes.left[lane]) else scored_lane(lanes, lane, at, limits)
