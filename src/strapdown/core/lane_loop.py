@@ -133,8 +133,8 @@ RUN_LANES = signature(
     correct=WHOLE,
     observers=wholes("kinds"),
     keep=WHOLE,
-    t=reals("samples"),
-    dt=reals("samples"),
+    t=reals("rows_of_imu"),
+    dt=reals("rows_of_imu"),
     **dict(_wide.arguments),
     noise=NOISE,
     true=reals("epochs", "known"),
@@ -165,24 +165,23 @@ def run_lanes(
     cursor: LaneCursor,
     out: LaneOutput,
 ) -> None:
-    """Process the samples at[ROW] to at[STOP] and the fixes among them. t, dt (n,) s and the
-    increments (n, 6) of rotation and velocity are those from at[FIRST_ROW] on, which follow each
-    other without a gap."""
+    """Process the samples at[ROW] to at[STOP] and the fixes among them. t, dt (n,) s of all samples,
+    which follow each other without a gap; increments (block, 6) of rotation (rad) and velocity (m/s)
+    of those from at[FIRST_ROW] on."""
     at, now, sample, previous = cursor.at, cursor.now, cursor.work[SAMPLE], cursor.previous
     for row in range(at[ROW], at[STOP]):
-        k = row - at[FIRST_ROW]
-        u = increments[k]
-        _watch(u, dt[k], t[k], cursor)
-        compensated(u[0:3], u[3:6], coning(dt[k], now[1]), previous, sample)
+        u = increments[row - at[FIRST_ROW]]
+        _watch(u, dt[row], t[row], cursor)
+        compensated(u[0:3], u[3:6], coning(dt[row], now[1]), previous, sample)
         for i in range(6):
             previous[i] = u[i]
-        now[1] = dt[k]
-        _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[k], dt[k])
+        now[1] = dt[row]
+        _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[row], dt[row])
         sound = abs(belief.lla[0]) <= LATITUDE_LIMIT
         sound = sound & (belief.P[0, 0] >= 0) & (belief.P[6, 6] >= 0)
-        _leave(~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[k], cursor)
+        _leave(~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[row], cursor)
         if at[CONDITION] >= 0:
-            _note(belief.workspace[at[CONDITION]], t[k], cursor.conditions)
+            _note(belief.workspace[at[CONDITION]], t[row], cursor.conditions)
         if row % at[EVERY] == at[PHASE]:
             keep_at(keep)(belief, at[OUT], true, biases, scratch, out.kept)
             at[OUT] += 1

@@ -90,7 +90,7 @@ class SideBySide:
         y = _lanes([_readings(filter, each, first) for each in recordings])
         sd = np.maximum(fixes.sd, cursor.floor[fixes.source])
         self.fixes = fixes._replace(y=y, sd=sd)
-        self.noise, self.first = first.noise, first.first
+        self.noise, self._samples = first.noise, first.samples
         at = np.zeros(lane_loop.PLACES, np.int64)
         every = int(cursor.at[places.EVERY])
         at[lane_loop.ROW], at[lane_loop.FIX_COUNT] = first.first, len(fixes.t)
@@ -117,18 +117,18 @@ class SideBySide:
         self._kernels = _addresses(filter, first, keep)
         self._given = true, biases, aligned(scratch, LANES)
 
-    def calls(self, t: Array, dt: Array, increments: Array) -> Callable[[int, int], None]:
-        """What processes the samples of these arrays, times and intervals (n,) s and lanes of
-        increments (n, 6, LANES), which are filled anew for each call; it takes the IMU row of the
-        first and how many."""
+    def calls(self, increments: Array) -> Callable[[int, int], None]:
+        """What processes the IMU rows from the first to before the second that it is given;
+        `increments` (block, 6, LANES) has those from the first on, and is filled anew for each
+        call."""
         predict, correct, observers, keep = self._kernels
         go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
             predict,
             correct,
             observers,
             keep,
-            t,
-            dt,
+            self._samples.t,
+            self._samples.dt,
             self.belief,
             self.fixes,
             increments,
@@ -139,8 +139,8 @@ class SideBySide:
         )
         at = self.cursor.at
 
-        def advance(row: int, count: int) -> None:
-            at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, row + count
+        def advance(row: int, stop: int) -> None:
+            at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, stop
             go()
 
         return advance
