@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import threading
-import zlib
 from collections.abc import Collection, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -27,6 +26,7 @@ from ...plugins import Plugin
 from ...quantities import REGISTRY as QUANTITIES
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec, grade
+from ...sensor_models.streams import Stream
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
@@ -93,12 +93,10 @@ def cells(
     return tuple(Cell(s, grade(imu)) for s in known for imu in (imus or (s.imu,)))
 
 
-def seeds(study: Study, cell: Cell, run: int) -> np.random.SeedSequence:
+def seeds(study: Study, cell: Cell, run: int) -> Stream:
     """The random stream of a run: the same for every IMU and every set of filters, its own for
     every scenario."""
-    return np.random.SeedSequence(
-        study.seed, spawn_key=(zlib.crc32(cell.scenario.name.encode()), run)
-    )
+    return Stream.of(study.seed).named(cell.scenario.name).numbered(run)
 
 
 _simulators: dict[tuple[Any, ...], tuple[threading.Lock, list[Simulator]]] = {}
@@ -178,11 +176,8 @@ def wrongly_installed(study: Study, cell: Cell, run: int, recording: Recording) 
     for every IMU and every set of filters."""
     if not study.installation:
         return Installed(recording, (), np.empty(0))
-    of_run = seeds(study, cell, run)
-    stream = np.random.SeedSequence(
-        of_run.entropy, spawn_key=(*of_run.spawn_key, zlib.crc32(b"installation"))
-    )
-    return drawn(recording, study.installation, np.random.default_rng(stream))
+    stream = seeds(study, cell, run).named("installation")
+    return drawn(recording, study.installation, stream)
 
 
 def _bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
