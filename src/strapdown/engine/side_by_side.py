@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import aiding
 from ..core import cursor as places, lane_loop
@@ -86,8 +87,8 @@ class SideBySide:
             for start in starts[1:]
         ]
         self.filter = filter
-        self.belief = Belief(*(_lanes(parts) for parts in zip(*beliefs)))
-        y = _lanes([_readings(filter, each, first) for each in recordings])
+        self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
+        y = alongside([_readings(filter, each, first) for each in recordings])
         sd = np.maximum(fixes.sd, cursor.floor[fixes.source])
         self.fixes = fixes._replace(y=y, sd=sd)
         self.noise, self._samples = first.noise, first.samples
@@ -175,9 +176,9 @@ def _readings(filter: Filter, recording: Recording, first: Run) -> Array:
     return fixes.y
 
 
-def _lanes(parts: Sequence[Array]) -> Array:
-    """Arrays of one shape side by side."""
-    made = aligned(*parts[0].shape, len(parts))
+def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of one shape and type as lanes."""
+    made = aligned(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
     for lane, part in enumerate(parts):
         made[..., lane] = part
     return made
