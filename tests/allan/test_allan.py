@@ -22,9 +22,7 @@ TAU = SIZES * DT
 
 def noisy(triad, seed, n=N, dt=DT):
     """(n, 3) increments of a triad that feels nothing."""
-    return triad.measure(
-        np.zeros((n, 3)), dt * np.arange(1, n + 1), np.full(n, dt), np.random.default_rng(seed)
-    )[0]
+    return recorded(ImuSpec("test", triad, Triad()), seed, n, dt).dtheta
 
 
 def recorded(spec, seed, n=N, dt=DT):

@@ -117,6 +117,7 @@ def reduced(x, out, counts):
             counts[0] += 1
         if all_of(x[i] > -5):
             counts[1] += 1
+        counts[2] += int(x[i] - x[i] + 2.5)
         total += _half(x[i])
         largest = max(largest, x[i])
         out[i] = 2 * x[i]
@@ -132,6 +133,7 @@ def test_arguments_results_and_views():
     total = one(x, out, counts)
     np.testing.assert_allclose(total, 0.5 * x.sum(axis=0), rtol=1e-13)
     assert counts[0] == (x > 3.9).any(axis=1).sum() and counts[1] == 64
+    assert counts[2] == 2 * 64  # of the first run
     np.testing.assert_array_equal(out[32], np.maximum(x.max(axis=0), 0))
     np.testing.assert_array_equal(out[:32], 2 * x[:32])
 

@@ -23,6 +23,14 @@ sum being those of the whole number."""
 ROUNDS_BITS = 0x4338000000000000
 INFINITY, NAN = math.inf, math.nan
 
+
+@helper
+def floor(x: float) -> float:
+    """The next whole number below, |x| < 2^51."""
+    near = (x + ROUNDS) - ROUNDS
+    return where(near > x, near - 1.0, near)
+
+
 # ---- sine and cosine
 
 QUARTERS = 6.36619772367581382433e-01  # 2/pi

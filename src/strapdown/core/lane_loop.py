@@ -17,7 +17,6 @@ from .contract import (
     BELIEF,
     CORRECT,
     FIXES,
-    IMU,
     IN_LANES,
     NOISE,
     OBSERVE,
@@ -27,7 +26,6 @@ from .contract import (
     WALK,
     Belief,
     Fixes,
-    Imu,
     Noise,
 )
 from .cursor import (
@@ -123,7 +121,11 @@ KEEP = signature(
 of each (accelerometer, gyro), `work` for the kernel to write in."""
 KEEP_LANES = in_lanes(KEEP, "true")
 _wide = in_lanes(
-    signature("", belief=BELIEF, imu=IMU, fixes=FIXES), "t", "dt", "sd", "parameters", "gate"
+    signature("", belief=BELIEF, fixes=FIXES, increments=reals("samples", 6)),
+    "t",
+    "sd",
+    "parameters",
+    "gate",
 )
 RUN_LANES = signature(
     "run_lanes",
@@ -131,6 +133,8 @@ RUN_LANES = signature(
     correct=WHOLE,
     observers=wholes("kinds"),
     keep=WHOLE,
+    t=reals("rows_of_imu"),
+    dt=reals("rows_of_imu"),
     **dict(_wide.arguments),
     noise=NOISE,
     true=reals("epochs", "known"),
@@ -149,9 +153,11 @@ def run_lanes(
     correct: int,
     observers: Ints,
     keep: int,
+    t: Array,
+    dt: Array,
     belief: Belief,
-    imu: Imu,
     fixes: Fixes,
+    increments: Array,
     noise: Noise,
     true: Array,
     biases: Array,
@@ -159,24 +165,23 @@ def run_lanes(
     cursor: LaneCursor,
     out: LaneOutput,
 ) -> None:
-    """Process the samples at[ROW] to at[STOP] and the fixes among them; `imu` has those from
-    at[FIRST_ROW] on, which follow each other without a gap."""
+    """Process the samples at[ROW] to at[STOP] and the fixes among them. t, dt (n,) s of all samples,
+    which follow each other without a gap; increments (block, 6) of rotation (rad) and velocity (m/s)
+    of those from at[FIRST_ROW] on."""
     at, now, sample, previous = cursor.at, cursor.now, cursor.work[SAMPLE], cursor.previous
     for row in range(at[ROW], at[STOP]):
-        k = row - at[FIRST_ROW]
-        t, dt = imu.t[k], imu.dt[k]
-        dtheta, dv = imu.dtheta[k], imu.dv[k]
-        _watch(dtheta, dv, dt, t, cursor)
-        compensated(dtheta, dv, coning(dt, now[1]), previous, sample)
-        for i in range(3):
-            previous[i], previous[3 + i] = dtheta[i], dv[i]
-        now[1] = dt
-        _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t, dt)
+        u = increments[row - at[FIRST_ROW]]
+        _watch(u, dt[row], t[row], cursor)
+        compensated(u[0:3], u[3:6], coning(dt[row], now[1]), previous, sample)
+        for i in range(6):
+            previous[i] = u[i]
+        now[1] = dt[row]
+        _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[row], dt[row])
         sound = abs(belief.lla[0]) <= LATITUDE_LIMIT
         sound = sound & (belief.P[0, 0] >= 0) & (belief.P[6, 6] >= 0)
-        _leave(~(sound & (belief.C[0, 0] == belief.C[0, 0])), t, cursor)
+        _leave(~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[row], cursor)
         if at[CONDITION] >= 0:
-            _note(belief.workspace[at[CONDITION]], t, cursor.conditions)
+            _note(belief.workspace[at[CONDITION]], t[row], cursor.conditions)
         if row % at[EVERY] == at[PHASE]:
             keep_at(keep)(belief, at[OUT], true, biases, scratch, out.kept)
             at[OUT] += 1
@@ -268,22 +273,19 @@ def _leave(which: bool, t: float, cursor: LaneCursor) -> None:
 
 
 @inlined
-def _watch(dtheta: Array, dv: Array, dt: float, t: float, cursor: LaneCursor) -> None:
+def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
     """Runs of which `core.integrity.plausible` would look at this sample more closely must go
     alone."""
     limits, previous, before = cursor.limits, cursor.previous, cursor.now[1]
-    gyro, accel = limits[GYRO_RANGE] * dt, limits[ACCEL_RANGE] * dt
-    gyro = min(gyro, limits[GYRO_FULL_SCALE] * dt * (1 - SAME_VALUE))
-    accel = min(accel, limits[ACCEL_FULL_SCALE] * dt * (1 - SAME_VALUE))
-    r0, r1, r2 = abs(dtheta[0]), abs(dtheta[1]), abs(dtheta[2])
-    a0, a1, a2 = abs(dv[0]), abs(dv[1]), abs(dv[2])
-    usual = (r0 <= gyro) & (r1 <= gyro) & (r2 <= gyro)
-    usual = usual & (a0 <= accel) & (a1 <= accel) & (a2 <= accel)
+    gyro = min(limits[GYRO_RANGE], limits[GYRO_FULL_SCALE] * (1 - SAME_VALUE)) * dt
+    accel = min(limits[ACCEL_RANGE], limits[ACCEL_FULL_SCALE] * (1 - SAME_VALUE)) * dt
+    usual = abs(u[0]) <= gyro
+    for i in range(1, 6):
+        usual = usual & (abs(u[i]) <= (gyro if i < 3 else accel))
     if before > 0:
-        for i in range(3):
-            least = SAME_VALUE * before
-            usual = usual & (abs(dtheta[i] * before - previous[i] * dt) > least * abs(dtheta[i]))
-            usual = usual & (abs(dv[i] * before - previous[3 + i] * dt) > least * abs(dv[i]))
+        for i in range(6):
+            change = abs(u[i] * before - previous[i] * dt)
+            usual = usual & (change > SAME_VALUE * before * abs(u[i]))
     _leave(~usual, t, cursor)
 
 

@@ -228,10 +228,8 @@ def _first(builder: Any, a: Any) -> Any:
 _first_of_lane = _operator(LANE, types.float64, 1, _first)
 
 
-@overload(int)
-def _int(x: Any) -> Any:
-    """What is the same in all runs: a mode, a count."""
-    return (lambda x: int(_first_of_lane(x))) if x is LANE else None
+# what is the same in all runs: a mode, a count
+overload(int)(lambda x: (lambda x: int(_first_of_lane(x))) if x is LANE else None)
 
 
 def _by_helper(function: Any, helper: Any, count: int) -> None:

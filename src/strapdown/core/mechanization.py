@@ -8,7 +8,8 @@ Groves (2013) section 5.4.
 import math
 
 from ..typing import Array
-from .earth import displace, gravity, gravity_north, place, rotation_rates
+from .choosing import any_of, where
+from .earth import displaced, gravity, gravity_north, place, rotation_rates
 from .jit import helper
 from .rotation import rotate_left, rotate_right
 
@@ -127,15 +128,18 @@ def _move(
 ) -> None:
     """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
     position is of second order in dt."""
+    lat = lla[0] + north / M
+    lon = lla[1] + east / (N * (cosine - 0.5 * sine * north / M))
+    beyond = abs(lon) > math.pi
+    if any_of(beyond):
+        lon = where(beyond, lon - math.copysign(2 * math.pi, lon), lon)
     # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
-    if abs(lla[0]) > 1.55:
-        displace(lla, north, east, down)
-        return
-    lla[0] += north / M
-    lla[1] += east / (N * (cosine - 0.5 * sine * north / M))
+    polar = abs(lla[0]) > 1.55
+    if any_of(polar):
+        polar_lat, polar_lon = displaced(lla, north, east)
+        lat, lon = where(polar, polar_lat, lat), where(polar, polar_lon, lon)
+    lla[0], lla[1] = lat, lon
     lla[2] -= down
-    if abs(lla[1]) > math.pi:
-        lla[1] -= math.copysign(2 * math.pi, lla[1])
 
 
 @helper

@@ -14,7 +14,7 @@ import numpy as np
 from ..typing import Array
 from .elementary import ONE_BITS, logarithm_of_normal, sine_cosine_of_turns
 from .jit import from_bits, helper, kernel
-from .signatures import reals, signature
+from .signatures import WHOLE, reals, signature
 
 KEY, COUNTER, STREAM = 0, 2, 3
 """Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
@@ -22,6 +22,7 @@ drawn (exact below 2^53), its size."""
 LARGEST_SEED = 2**53 - 1
 MASK, PARITY = 0xFFFFFFFF, 0x1BD11BDA
 TURNS = (13, 15, 26, 6, 17, 29, 16, 24)  # bits by which the rounds turn the second word
+FILL = signature("fill", k0=WHOLE, k1=WHOLE, out=reals("n"))
 HALF_WORD, HALF_FRACTION = 1 << 19, 2.0**-53
 
 
@@ -50,6 +51,31 @@ def box_muller(x: int, y: int) -> tuple[float, float]:
     )
     sine, cosine = sine_cosine_of_turns(from_bits(ONE_BITS | (y << 20) | HALF_WORD) - 1.0)
     return radius * cosine, radius * sine
+
+
+@helper
+def normal_pair(k0: int, k1: int, block: int) -> tuple[float, float]:
+    """The standard normals 2 block and 2 block + 1 of a key."""
+    x, y = threefry(k0, k1, block & MASK, block >> 32)
+    return box_muller(x, y)
+
+
+@kernel(FILL)
+def fill_normals(k0: int, k1: int, out: Array) -> None:
+    """The first standard normals of a key."""
+    size = out.shape[0]
+    for block in range(size // 2):
+        out[2 * block], out[2 * block + 1] = normal_pair(k0, k1, block)
+    if size & 1:
+        out[size - 1], _ = normal_pair(k0, k1, size // 2)
+
+
+@kernel(FILL)
+def fill_uniforms(k0: int, k1: int, out: Array) -> None:
+    """The first numbers between 0 and 1 of a key."""
+    for block in range(out.shape[0]):
+        x, y = threefry(k0, k1, block & MASK, block >> 32)
+        out[block] = between(x, y)
 
 
 @helper

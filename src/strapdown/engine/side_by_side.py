@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import aiding
 from ..core import cursor as places, lane_loop
@@ -19,7 +20,6 @@ from ..core.contract import (
     Belief,
     Filter,
     Fixes,
-    Imu,
     Start,
     address,
     side_by_side,
@@ -87,11 +87,11 @@ class SideBySide:
             for start in starts[1:]
         ]
         self.filter = filter
-        self.belief = Belief(*(_lanes(parts) for parts in zip(*beliefs)))
-        y = _lanes([_readings(filter, each, first) for each in recordings])
+        self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
+        y = alongside([_readings(filter, each, first) for each in recordings])
         sd = np.maximum(fixes.sd, cursor.floor[fixes.source])
         self.fixes = fixes._replace(y=y, sd=sd)
-        self.noise, self.first = first.noise, first.first
+        self.noise, self._samples = first.noise, first.samples
         at = np.zeros(lane_loop.PLACES, np.int64)
         every = int(cursor.at[places.EVERY])
         at[lane_loop.ROW], at[lane_loop.FIX_COUNT] = first.first, len(fixes.t)
@@ -118,18 +118,21 @@ class SideBySide:
         self._kernels = _addresses(filter, first, keep)
         self._given = true, biases, aligned(scratch, LANES)
 
-    def calls(self, imu: Imu) -> Callable[[int, int], None]:
-        """What processes the samples of these arrays, which hold lanes of increments (count, 3,
-        LANES) and are filled anew for each call, with the IMU row of the first and how many."""
+    def calls(self, increments: Array) -> Callable[[int, int], None]:
+        """What processes the IMU rows from the first to before the second that it is given;
+        `increments` (block, 6, LANES) has those from the first on, and is filled anew for each
+        call."""
         predict, correct, observers, keep = self._kernels
         go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
             predict,
             correct,
             observers,
             keep,
+            self._samples.t,
+            self._samples.dt,
             self.belief,
-            imu,
             self.fixes,
+            increments,
             self.noise,
             *self._given,
             self.cursor,
@@ -137,8 +140,8 @@ class SideBySide:
         )
         at = self.cursor.at
 
-        def advance(row: int, count: int) -> None:
-            at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, row + count
+        def advance(row: int, stop: int) -> None:
+            at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, stop
             go()
 
         return advance
@@ -173,9 +176,9 @@ def _readings(filter: Filter, recording: Recording, first: Run) -> Array:
     return fixes.y
 
 
-def _lanes(parts: Sequence[Array]) -> Array:
-    """Arrays of one shape side by side."""
-    made = aligned(*parts[0].shape, len(parts))
+def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of one shape and type as lanes."""
+    made = aligned(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
     for lane, part in enumerate(parts):
         made[..., lane] = part
     return made

@@ -14,6 +14,7 @@ from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.sampling import check_rate
+from ..sensor_models.streams import Stream
 from ..typing import Array, File
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import TURBULENCE_LEVELS
@@ -24,12 +25,12 @@ MOST_FLIGHT_SAMPLES = 2_000_000
 
 
 def handed(
-    filter: Filter, seed: np.random.SeedSequence, aircraft: Aircraft | File, rate: float, earth: str
+    filter: Filter, stream: Stream, aircraft: Aircraft | File, rate: float, earth: str
 ) -> dict[str, Any]:
     """Those of a flight's own that the filter's start has options for, unless they are bound to
-    it already (functools.partial); the seed is a number drawn from a numpy SeedSequence."""
+    it already (functools.partial); the seed is a number of the stream."""
     own = {
-        "seed": int(seed.generate_state(1)[0]),
+        "seed": stream.key[0],
         "aircraft": aircraft if isinstance(aircraft, Aircraft) else str(aircraft),
         "rate": float(rate),
         "earth": earth,

@@ -24,6 +24,7 @@ from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.receiver import receiver
+from ..sensor_models.streams import Stream
 from ..sim.scenario_model import START_SD, start_deviations
 from ..sim.synthesis import draw_start
 from ..typing import Array, File, Progress, Say
@@ -51,7 +52,6 @@ from .sensor_errors import (
     Windows,
     barometer_errors,
     fix_errors,
-    generator,
     imu_errors,
     in_loop_order,
 )
@@ -211,19 +211,19 @@ def fly(
     told = tuple(map(float, wind if told_wind is None else told_wind))
     known = _known(_Case(plan, craft, earth, tuple(map(float, wind)), told, 1 / rate))
     t, dt = times(plan.duration or known.seconds if duration is None else duration, rate)
-    of_imu, of_gnss, of_start, of_air, of_filter, of_barometer = np.random.SeedSequence(seed).spawn(
-        6
-    )
-    options |= handed(filter, of_filter, aircraft, rate, earth)
+    stream = Stream.of(seed)
+    options |= handed(filter, stream.named("filter"), aircraft, rate, earth)
     windows = checked_windows(outage, prediction, float(t[-1]))
     errors, made = (
-        imu_errors(spec, t, dt, of_imu),
-        fix_errors(gnss._replace(outages=(*gnss.outages, *windows)), t, of_gnss, gate),
+        imu_errors(spec, t, dt, stream.named("imu")),
+        fix_errors(gnss._replace(outages=(*gnss.outages, *windows)), t, stream.named("gnss"), gate),
     )
     made = (
         made
         if barometer is None
-        else made.with_those(barometer_errors(barometer, t, plan.place[2], of_barometer))
+        else made.with_those(
+            barometer_errors(barometer, t, plan.place[2], stream.named("barometer"))
+        )
     )
     journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
     truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
@@ -246,10 +246,10 @@ def fly(
         told_wind=list(told),
         filter_options=dict(options),
     )
-    start = _started(start, start_sd, spec, truth, of_start)
+    start = _started(start, start_sd, spec, truth, stream.named("start"))
     asked = Asked(options, spec, start, noise, 1, covariance, say)
     run = begin_run(blank, filter, asked)
-    vehicle = _vehicle(known, plan, wind, told, turbulence, len(t), generator(of_air))
+    vehicle = _vehicle(known, plan, wind, told, turbulence, len(t), stream.named("air"))
     steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
     underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
     _run(underway, model_noise, progress)
@@ -384,14 +384,14 @@ def _started(
     sd: Sequence[float | None],
     spec: ImuSpec,
     truth: Trajectory,
-    of_start: np.random.SeedSequence,
+    of_start: Stream,
 ) -> Start:
     """The filter's Start: as given, or drawn around the truth."""
     if start is not None:
         if isinstance(start, Start) and start.t != 0:
             raise DataError(f"the start is at {start.t:g} s; a flight begins at 0 s")
         return start
-    return draw_start(truth, start_deviations(sd, spec), generator(of_start))
+    return draw_start(truth, start_deviations(sd, spec), of_start)
 
 
 def _vehicle(
@@ -401,7 +401,7 @@ def _vehicle(
     told: tuple[float, ...],
     level: str,
     rows: int,
-    rng: np.random.Generator,
+    of_air: Stream,
 ) -> kernels.Vehicle:
     craft, work = known.trim.aircraft, kernels.WORK.zeros()
     work[kernels.TOLD][:3] = told
@@ -416,8 +416,8 @@ def _vehicle(
         np.r_[np.asarray(wind, float), np.zeros(6)],
         state.copy(),
         numbers,
-        begin(numbers, rng.standard_normal(NORMALS)),
-        rng.standard_normal((rows if blowing else 1, NORMALS)),
+        begin(numbers, of_air.named("begin").standard_normal(NORMALS)),
+        of_air.standard_normal((rows if blowing else 1, NORMALS)),
         np.array([plan.place[2] - plan.clearance, craft["stall_alpha"]]),
         work,
     )

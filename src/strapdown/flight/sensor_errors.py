@@ -3,10 +3,10 @@ sensors' own models and streams.
 
 What does not depend on the motion (biases, noise, the receiver's noise, outages, latency) is drawn
 in advance; what does (scale, misalignment, g-sensitivity, counting, full scale) is given as numbers
-that the loop applies, in the order of `sensors.errors.Triad.measure`.
+that the loop applies, in the order of `sensor_models.imu_errors`.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
@@ -16,9 +16,10 @@ from ..checks import DataError
 from ..core.contract import Fixes, Imu
 from ..data import Aiding, Trajectory
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
-from ..sensor_models.errors import STREAMS, Triad
+from ..sensor_models.errors import Triad
 from ..sensor_models.gnss import Gnss, PositionPlan
 from ..sensor_models.imu import ImuSpec
+from ..sensor_models.streams import Stream
 from ..typing import Array, Ints
 from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_ERRORS, STEP_SIZE
 
@@ -38,58 +39,23 @@ class ImuErrors(NamedTuple):
     b_g: Array  # (n, 3) rad/s
 
 
-def imu_errors(spec: ImuSpec, t: Array, dt: Array, seed: np.random.SeedSequence) -> ImuErrors:
-    """The ImuErrors of `spec` (ImuSpec) at samples t, dt (n,), from a numpy SeedSequence: those
-    that `spec.corrupt` makes of the same stream."""
+def imu_errors(spec: ImuSpec, t: Array, dt: Array, stream: Stream) -> ImuErrors:
+    """The ImuErrors of `spec` (ImuSpec) at samples t, dt (n,): those that `spec.corrupt` makes of the
+    same stream."""
     zeros = np.zeros((len(t), 3))
 
     def smooth(triad: Triad) -> Triad:
         return replace(triad, quantisation=0.0, saturation=0.0)
 
     additive, b_a, b_g = replace(spec, gyro=smooth(spec.gyro), accel=smooth(spec.accel)).corrupt(
-        Imu(t, dt, zeros, zeros), generator(seed)
+        Imu(t, dt, zeros, zeros), stream
     )
-    numbers = IMU_ERRORS.zeros()
-    for i, matrix in enumerate(_distortions(spec, seed)):
-        numbers[DISTORTION][9 * i : 9 * i + 9] = matrix.ravel()
+    own, numbers = spec.drawn(stream), IMU_ERRORS.zeros()
+    numbers[DISTORTION] = own.distortions
     numbers[STEP_SIZE] = spec.gyro.quantisation, spec.accel.quantisation
     numbers[FULL_SCALE] = spec.gyro.saturation, spec.accel.saturation
-    accel, gyro = generator(seed).spawn(2)
-    for i, stream in enumerate((gyro, accel)):
-        numbers[COUNTER][3 * i : 3 * i + 3] = dict(zip(STREAMS, stream.spawn(len(STREAMS))))[
-            "quantisation"
-        ].random(3)
+    numbers[COUNTER] = own.left
     return ImuErrors(additive.dtheta, additive.dv, numbers, b_a, b_g)
-
-
-def _distortions(spec: ImuSpec, seed: np.random.SeedSequence) -> Iterable[Array]:
-    """Three (3, 3): what true rotations and velocity increments add to the measured rotations,
-    and velocity increments to themselves."""
-    if not any(
-        (
-            spec.gyro.scale_factor,
-            spec.gyro.misalignment,
-            spec.gyro.g_sensitivity,
-            spec.accel.scale_factor,
-            spec.accel.misalignment,
-        )
-    ):
-        return np.zeros((3, 3, 3))
-
-    def keep(triad: Triad) -> Triad:
-        return Triad(
-            scale_factor=triad.scale_factor,
-            misalignment=triad.misalignment,
-            g_sensitivity=triad.g_sensitivity,
-        )
-
-    units = np.vstack([np.eye(3), np.zeros((3, 3))])
-    probe = Imu(np.arange(1.0, 7.0), np.ones(6), units, units[::-1].copy())
-    answer = replace(spec, gyro=keep(spec.gyro), accel=keep(spec.accel), warm_up=None).corrupt(
-        probe, generator(seed)
-    )[0]
-    gyro, accel = (answer.dtheta - probe.dtheta), (answer.dv - probe.dv)
-    return gyro[:3].T, gyro[:2:-1].T, accel[:2:-1].T
 
 
 class FixErrors(NamedTuple):
@@ -107,17 +73,15 @@ class FixErrors(NamedTuple):
         )
 
 
-def fix_errors(
-    gnss: Gnss, t: Array, seed: np.random.SeedSequence, gate: float | None = None
-) -> FixErrors:
-    """The FixErrors of a receiver (Gnss) over samples at t (n,), with its outages, from a numpy
-    SeedSequence. Raises DataError."""
+def fix_errors(gnss: Gnss, t: Array, stream: Stream, gate: float | None = None) -> FixErrors:
+    """The FixErrors of a receiver (Gnss) over samples at t (n,), with its outages. Raises
+    DataError."""
     t = np.r_[0.0, t]
     nowhere = Trajectory(
         t, np.zeros((len(t), 3)), np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1))
     )
     plan = gnss._replace(lever_arm=(0.0, 0.0, 0.0)).plan(nowhere, gate)
-    noisy, exact = plan.fixes(generator(seed)), plan.exact()
+    noisy, exact = plan.fixes(stream), plan.exact()
     errors = []
     for part, with_noise, without in zip([part for part in plan if part is not None], noisy, exact):
         error = with_noise.y - without.y
@@ -131,13 +95,9 @@ def fix_errors(
     return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
 
 
-def barometer_errors(
-    barometer: Barometer, t: Array, height: float, seed: np.random.SeedSequence
-) -> FixErrors:
-    """The FixErrors of a Barometer over samples at t (n,), from a numpy SeedSequence; the noise it
-    states in m is that at `height` (m).
-
-    Raises DataError."""
+def barometer_errors(barometer: Barometer, t: Array, height: float, stream: Stream) -> FixErrors:
+    """The FixErrors of a Barometer over samples at t (n,); the noise it states in m is that at
+    `height` (m). Raises DataError."""
     t = np.r_[0.0, t]
     nowhere = Trajectory(
         t,
@@ -146,7 +106,7 @@ def barometer_errors(
         np.tile([1.0, 0, 0, 0], (len(t), 1)),
     )
     plan = replace(barometer, quantity="pressure", lever_arm=(0.0, 0.0, 0.0)).plan(nowhere)
-    measured = plan.measured(generator(seed))[0]
+    measured = plan.measured(stream)[0]
     error = np.zeros((len(measured.t), 3))
     error[:, 0], error[:, 1] = measured.y[:, 0] - plan.pressure, barometer.zero
     aiding = replace(
@@ -201,10 +161,3 @@ def outage_windows(outage: Outage, end: float) -> Windows:
     if any(later[0] < earlier[1] for earlier, later in zip(windows, windows[1:])):
         raise DataError(f"outage {outage!r}: windows overlap; {remedy}")
     return tuple((start, stop if stop < end else np.inf) for start, stop in windows)
-
-
-def generator(seed: np.random.SeedSequence) -> np.random.Generator:
-    """A numpy Generator of a SeedSequence that gives the same streams however often it was used."""
-    return np.random.default_rng(
-        np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key, pool_size=seed.pool_size)
-    )

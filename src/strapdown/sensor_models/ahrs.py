@@ -20,6 +20,7 @@ from ..data import Aiding, Trajectory
 from ..typing import Array
 from .magnetometer import rotation_at
 from .sampling import sample_times, spread
+from .streams import SeedLike, Stream
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -50,10 +51,10 @@ class Ahrs:
         )
         object.__setattr__(self, "sd", tuple(sd.tolist()))
 
-    def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
-        """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, rng: numpy
-        Generator. Raises DataError."""
-        return self.plan(truth).fixes(rng)
+    def measure(self, truth: Trajectory, seed: SeedLike) -> Aiding:
+        """Aiding "attitude" of a flight; truth: data.Trajectory with attitude, `seed` as of
+        `ImuSpec.corrupt`. Raises DataError."""
+        return self.plan(truth).fixes(seed)
 
     def plan(self, truth: Trajectory, gate: float | None = None) -> "AhrsPlan":
         """What all runs over one trajectory share, as an AhrsPlan; `gate` is that of its aiding.
@@ -75,11 +76,11 @@ class AhrsPlan(NamedTuple):
     aiding: Aiding  # all but its y
     attitude: "Rotation"  # (n,), body to navigation
 
-    def fixes(self, rng: np.random.Generator) -> Aiding:
-        """The aiding of one run, with errors from `rng`."""
+    def fixes(self, seed: SeedLike) -> Aiding:
+        """The aiding of one run."""
         from scipy.spatial.transform import Rotation
 
-        error = rng.standard_normal((len(self.aiding.t), 3))
+        error = Stream.of(seed).standard_normal((len(self.aiding.t), 3))
         error *= self.aiding.sd
         if not len(error):
             return self.exact()

@@ -27,6 +27,7 @@ from .atmosphere import (
 )
 from .noise import gauss_markov
 from .sampling import arm_in_navigation, interpolated, sample_times
+from .streams import SeedLike, Stream
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
@@ -65,10 +66,10 @@ class Barometer:
         object.__setattr__(self, "lever_arm", tuple(lever_arm.tolist()))
         check_choice(self.quantity, "barometer: quantity", KIND_OF_QUANTITY)
 
-    def measure(self, truth: Trajectory, rng: np.random.Generator) -> Aiding:
+    def measure(self, truth: Trajectory, seed: SeedLike) -> Aiding:
         """Aiding "pressure" (y in Pa) or "pressure-altitude" (y in m) of a flight, its sd in m;
-        `rng`: numpy Generator. Raises DataError."""
-        return self.plan(truth).fixes(rng)
+        `seed` as of `ImuSpec.corrupt`. Raises DataError."""
+        return self.plan(truth).fixes(seed)
 
     def plan(self, truth: Trajectory, gate: float | None = None) -> "BarometerPlan":
         """What all runs over one trajectory share, as a BarometerPlan; `gate` is that of its
@@ -106,14 +107,14 @@ class BarometerPlan(NamedTuple):
     pressure: Array  # (n,) Pa at it
     barometer: Barometer
 
-    def fixes(self, rng: np.random.Generator) -> Aiding:
+    def fixes(self, seed: SeedLike) -> Aiding:
         """The aiding of one run."""
-        return self.measured(rng)[0]
+        return self.measured(seed)[0]
 
-    def measured(self, rng: np.random.Generator) -> tuple[Aiding, Array]:
+    def measured(self, seed: SeedLike) -> tuple[Aiding, Array]:
         """(aiding of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones
         but for noise); noise and weather a stream each."""
-        noise, weather = rng.spawn(2)
+        noise, weather = map(Stream.of(seed).named, ("noise", "weather"))
         wander = gauss_markov(np.diff(self.aiding.t) / self.barometer.drift_time, weather)[
             : len(self.height), 0
         ]

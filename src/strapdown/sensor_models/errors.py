@@ -1,11 +1,11 @@
-"""Errors of three like axes: what they are (`Triad`), how they corrupt increments, and what one
-bias state of a filter should make of them.
+"""Errors of three like axes: what they are (`Triad`), and what one bias state of a filter should
+make of them.
 
-A further error term is a field of `Triad` with its units, a random stream at the end of `STREAMS`
-and a line in `Triad.bias` or `Triad.measure`.
+A further error term is a field of `Triad` with its units, and some lines with a random stream of its
+name in imu_errors.py.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import Field, dataclass, field, fields
 from typing import Any
 
@@ -14,29 +14,7 @@ import numpy as np
 from ..checks import DataError, check_number
 from ..typing import Array
 from ..units import SHEET
-from .noise import (
-    FLICKER_FLOOR,
-    FLICKER_TIMES,
-    FLICKER_VARIANCE,
-    flicker,
-    gauss_markov,
-    random_walk,
-)
-
-STREAMS = (
-    "noise",
-    "turn_on_bias",
-    "bias_walk",
-    "gauss_markov",
-    "flicker",
-    "scale_factor",
-    "misalignment",
-    "g_sensitivity",
-    "quantisation",
-)
-"""Terms with chance in them, each with a random stream of its own, in the order of their
-streams: a new one goes to the end, or every seed's draws change."""
-
+from .noise import FLICKER_FLOOR, FLICKER_TIMES, FLICKER_VARIANCE
 
 LARGEST_TERMS = (
     ("scale_factor", 1.0, "1 (100 %)"),
@@ -165,70 +143,6 @@ class Triad:
         driving += change**2 / warm_up.time_constant if warm_up and change else 0.0
         return float(np.sqrt(driving)), 1 / self.time_constant if alone else 0.0
 
-    def bias(
-        self,
-        t: Array,
-        streams: Mapping[str, np.random.Generator],
-        since: float = 0.0,
-        warm_up: WarmUp | None = None,
-    ) -> Array:
-        """The bias (n, 3), rad/s or m/s^2, at the sample times `t` (n,) s, held over a sample; it
-        follows its exact discrete law from one to the next."""
-        step, bias = np.diff(t), np.zeros((len(t), 3))
-        if self.turn_on_bias:
-            bias += self.turn_on_bias * streams["turn_on_bias"].standard_normal(3)
-        if self.bias_walk:
-            bias += random_walk(self.bias_walk * np.sqrt(step), streams["bias_walk"])
-        if self.gauss_markov:
-            markov = gauss_markov(step / self.time_constant, streams["gauss_markov"])
-            markov *= self.gauss_markov
-            bias += markov
-        if self.flicker:
-            bias += self.flicker * flicker(step, streams["flicker"])
-        if self.temperature:
-            assert warm_up is not None  # ImuSpec has seen to it
-            bias += self.temperature_bias(warm_up.temperature(t - since))
-        return bias
-
-    def measure(
-        self,
-        true: Array,
-        t: Array,
-        dt: Array,
-        rng: np.random.Generator,
-        force: Array | None = None,
-        warm_up: WarmUp | None = None,
-    ) -> tuple[Array, Array]:
-        """(increments as measured, bias behind them), (n, 3) each, of error-free increments `true`
-        at times `t` over the intervals `dt`.
-
-        `force`: increments of specific force for the g-sensitivity of gyros, m/s. Each term has a
-        random stream of its own, so that two grades with one seed differ by size alone. Order:
-        scale, misalignment and g-sensitivity of the true increments; bias and noise; quantisation;
-        saturation.
-        """
-        streams = dict(zip(STREAMS, rng.spawn(len(STREAMS))))
-        bias = self.bias(t, streams, t[0] - dt[0] if len(t) else 0.0, warm_up)
-        error = bias * dt[:, None]
-        if self.noise:
-            white = streams["noise"].standard_normal((len(t), 3))
-            white *= (self.noise * np.sqrt(dt))[:, None]
-            error += white
-        if self.scale_factor or self.misalignment:
-            error += true @ self._distortion(streams).T
-        if self.g_sensitivity:
-            assert force is not None  # ImuSpec allows it of gyros alone
-            error += (
-                force @ (self.g_sensitivity * streams["g_sensitivity"].standard_normal((3, 3))).T
-            )
-        error += true
-        if self.quantisation:
-            error = self._counted(error, streams["quantisation"])
-        if self.saturation:
-            full = self.saturation * dt[:, None]
-            error = np.clip(error, -full, full)
-        return error, bias
-
     def saturated(self, increments: Array, dt: Array) -> int:
         """Number of samples of which an axis stands at full scale, of `increments` (n, 3), rad or
         m/s, over the intervals `dt` (n,) s."""
@@ -248,19 +162,6 @@ class Triad:
         return np.stack(
             [np.interp(temperature, table[:, 0], column) for column in table[:, 1:].T], axis=1
         )
-
-    def _distortion(self, streams: Mapping[str, np.random.Generator]) -> Array:
-        """(3, 3) what scale and misalignment add to the true increments, as a share of them."""
-        scale = np.diag(self.scale_factor * streams["scale_factor"].standard_normal(3))
-        angles = self.misalignment * streams["misalignment"].standard_normal((3, 3))
-        return scale + angles * (1 - np.eye(3))
-
-    def _counted(self, increments: Array, stream: np.random.Generator) -> Array:
-        """Whole steps only: a counter of the integral, read after every sample, that starts at a
-        random place within a step."""
-        begin = stream.random((1, 3))
-        count = np.floor(np.cumsum(np.concatenate([begin, increments / self.quantisation]), axis=0))
-        return np.diff(count, axis=0) * self.quantisation
 
     def _temperature_effect(self, warm_up: WarmUp | None) -> tuple[float, float]:
         """(rms over the axes of the bias at the start, of its range during the warm-up)."""

@@ -27,6 +27,7 @@ from .sampling import (
     interpolated,
     spread,
 )
+from .streams import SeedLike, Stream
 
 
 class Kept(NamedTuple):
@@ -59,10 +60,10 @@ class Gnss(NamedTuple):
     # all were white
     stated: bool = True
 
-    def fixes(self, trajectory: Trajectory, rng: np.random.Generator) -> tuple[Aiding, ...]:
-        """The aidings of a flight, position and velocity each from a random stream of its own.
-        Raises DataError."""
-        return self.plan(trajectory).fixes(rng)
+    def fixes(self, trajectory: Trajectory, seed: SeedLike) -> tuple[Aiding, ...]:
+        """The aidings of a flight, position and velocity each from a random stream of its own;
+        `seed` as of `ImuSpec.corrupt`. Raises DataError."""
+        return self.plan(trajectory).fixes(seed)
 
     def plan(self, trajectory: Trajectory, gate: float | None = None) -> "Plan":
         """What all runs over one trajectory share, as a Plan; `gate` is that of its aidings.
@@ -143,11 +144,13 @@ class Plan(NamedTuple):
     position: "PositionPlan | None"
     velocity: "VelocityPlan | None"
 
-    def fixes(self, rng: np.random.Generator) -> tuple[Aiding, ...]:
-        """The aidings of one run, with noise from `rng`: position and velocity each from a
-        random stream of its own."""
+    def fixes(self, seed: SeedLike) -> tuple[Aiding, ...]:
+        """The aidings of one run: position and velocity each from a random stream of its own."""
+        stream = Stream.of(seed)
         return tuple(
-            part.fixes(stream) for part, stream in zip(self, rng.spawn(2)) if part is not None
+            part.fixes(stream.named(name))
+            for name, part in self._asdict().items()
+            if part is not None
         )
 
     def exact(self) -> tuple[Aiding, ...]:
@@ -162,9 +165,9 @@ class Lasting(NamedTuple):
     correlated: Correlated
     step: Array  # (n - 1,) correlation times from fix to fix
 
-    def drawn(self, rng: np.random.Generator) -> Array:
+    def drawn(self, stream: Stream) -> Array:
         """Those of one run, (n, 3)."""
-        return gauss_markov(self.step, rng) * self.correlated.sd
+        return gauss_markov(self.step, stream) * self.correlated.sd
 
 
 class PositionPlan(NamedTuple):
@@ -205,15 +208,13 @@ class PositionPlan(NamedTuple):
             _stating(aiding, lasting, kept.stated), lla, antenna, metres, sd, kept.rows, lasting
         )
 
-    def fixes(self, rng: np.random.Generator | None) -> Aiding:
-        """Aiding of the antenna's position, errors added; without `rng` the exact one."""
-        offset = self.antenna if rng is None else _errors(self, rng)
-        if rng is not None:
-            offset += self.antenna
+    def fixes(self, seed: SeedLike | None) -> Aiding:
+        """Aiding of the antenna's position, errors added; without `seed` the exact one."""
+        offset = self.antenna if seed is None else _errors(self, Stream.of(seed)) + self.antenna
         y = offset / self.metres
         y += self.lla
         y[:, 1] = wrap(y[:, 1])
-        return _with_values(self, y, rng is None)
+        return _with_values(self, y, seed is None)
 
 
 class VelocityPlan(NamedTuple):
@@ -253,19 +254,17 @@ class VelocityPlan(NamedTuple):
         aiding = _without_values("velocity", t, sd, lever_arm, name, kept)
         return cls(_stating(aiding, lasting, kept.stated), velocity, sd, kept.rows, lasting)
 
-    def fixes(self, rng: np.random.Generator | None) -> Aiding:
-        """Aiding of the antenna's velocity, errors added; without `rng` the exact one."""
-        y = self.v_n.copy() if rng is None else _errors(self, rng)
-        if rng is not None:
-            y += self.v_n
-        return _with_values(self, y, rng is None)
+    def fixes(self, seed: SeedLike | None) -> Aiding:
+        """Aiding of the antenna's velocity, errors added; without `seed` the exact one."""
+        y = self.v_n.copy() if seed is None else _errors(self, Stream.of(seed)) + self.v_n
+        return _with_values(self, y, seed is None)
 
 
 def position_fixes(
     trajectory: Trajectory,
     times: float | Array,
     sd: float | Sequence[float] | Array,
-    rng: np.random.Generator,
+    seed: SeedLike,
     lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
     name: str = "GNSS position",
 ) -> Aiding:
@@ -273,16 +272,16 @@ def position_fixes(
     (3,) m north, east, down.
 
     `times` is the interval between fixes in s (the first one interval after the start) or the times
-    themselves. The antenna is at p + C_nb lever_arm. Raises DataError.
+    themselves; `seed` as of `ImuSpec.corrupt`. The antenna is at p + C_nb lever_arm. Raises DataError.
     """
-    return PositionPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
+    return PositionPlan.of(trajectory, times, sd, lever_arm, name).fixes(seed)
 
 
 def velocity_fixes(
     trajectory: Trajectory,
     times: float | Array,
     sd: float | Sequence[float] | Array,
-    rng: np.random.Generator,
+    seed: SeedLike,
     lever_arm: Sequence[float] | Array = (0.0, 0.0, 0.0),
     name: str = "GNSS velocity",
 ) -> Aiding:
@@ -293,7 +292,7 @@ def velocity_fixes(
     attitude between neighbouring samples (the turning of the navigation frame, v/R, stays below
     2e-5 m/s per metre of lever arm at 100 m/s and is left out).
     """
-    return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(rng)
+    return VelocityPlan.of(trajectory, times, sd, lever_arm, name).fixes(seed)
 
 
 def _without_values(
@@ -325,15 +324,15 @@ def _with_values(plan: PositionPlan | VelocityPlan, y: Array, exact: bool) -> Ai
     return replace(aiding, y=y if keep is None else y[keep])
 
 
-def _errors(plan: PositionPlan | VelocityPlan, rng: np.random.Generator) -> Array:
+def _errors(plan: PositionPlan | VelocityPlan, stream: Stream) -> Array:
     """Errors of the fixes of a plan, (n, 3) m or m/s NED. The correlated ones have a stream of
     their own, so that the white ones do not depend on them."""
-    errors = rng.standard_normal(
+    errors = stream.standard_normal(
         plan.lla.shape if isinstance(plan, PositionPlan) else plan.v_n.shape
     )
     errors *= plan.sd
     if plan.lasting is not None and len(errors):
-        errors += plan.lasting.drawn(rng.spawn(1)[0])
+        errors += plan.lasting.drawn(stream.named("correlated"))
     return errors
 
 

@@ -17,6 +17,8 @@ from ..toml_keys import Key, Read, made, read_table, section, text
 from ..typing import Array, File
 from ..units import SHEET, factor, in_units, quantity, toml_quantity
 from .errors import Triad, WarmUp, terms
+from .imu_errors import RATES, Own, Shared, drawn, shared, simulate_errors
+from .streams import SeedLike, Stream
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
@@ -94,17 +96,29 @@ class ImuSpec:
                     found[what.name] = (float(sd),) * len(what.components)
         return found
 
-    def corrupt(self, imu: Imu, rng: np.random.Generator) -> tuple[Imu, Array, Array]:
-        """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `rng` is a
-        numpy Generator, the source of all chance.
+    def corrupt(self, imu: Imu, seed: SeedLike) -> tuple[Imu, Array, Array]:
+        """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `seed`, the
+        source of all chance, is a number, several, a numpy Generator or SeedSequence, or a Stream.
 
         The biases are all that adds to specific force and rate but noise: turn-on, walk,
         Gauss-Markov, flicker and temperature.
         """
-        accel, gyro = rng.spawn(2)
-        dv, b_a = self.accel.measure(imu.dv, imu.t, imu.dt, accel, warm_up=self.warm_up)
-        dtheta, b_g = self.gyro.measure(imu.dtheta, imu.t, imu.dt, gyro, imu.dv, self.warm_up)
+        u, bias = np.empty((len(imu.t), 6)), np.empty((len(imu.t), 6))
+        own = self.drawn(Stream.of(seed))
+        rows = np.array([0, len(imu.t)])
+        simulate_errors(rows, self.shared(imu), own, np.zeros(RATES), u, bias)
+        dtheta, dv, b_g, b_a = (
+            np.ascontiguousarray(part) for part in (u[:, :3], u[:, 3:], bias[:, :3], bias[:, 3:])
+        )
         return Imu(imu.t, imu.dt, dtheta, dv), b_a, b_g
+
+    def shared(self, imu: Imu) -> Shared:
+        """What the errors of all runs over an error-free `imu` share, for `simulate_errors`."""
+        return shared(self.gyro, self.accel, self.warm_up, imu)
+
+    def drawn(self, stream: Stream) -> Own:
+        """What chance decides of a run before its first sample."""
+        return drawn(self.gyro, self.accel, stream)
 
     def datasheet(self) -> dict[str, float]:
         """{"gyro noise, deg/sqrt(h)": value, ...}: every term of both triads in the units of

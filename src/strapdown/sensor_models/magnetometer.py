@@ -19,6 +19,7 @@ from ..checks import DataError, check_array, check_choice, check_number, is_numb
 from ..data import Aiding, Trajectory
 from ..typing import Array, ArrayLike
 from .sampling import sample_times, spread
+from .streams import SeedLike, Stream
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -78,15 +79,15 @@ class Magnetometer:
     def measure(
         self,
         truth: Trajectory,
-        rng: np.random.Generator,
+        seed: SeedLike,
         field: Sequence[float] | Array | None = None,
     ) -> Aiding:
         """Aiding "magnetic-field" of a flight, its parameters the reference field: `field` (3,) T
         NED, by default this sensor's own.
 
-        truth: data.Trajectory with attitude; rng: numpy Generator. Raises DataError.
+        truth: data.Trajectory with attitude; `seed` as of `ImuSpec.corrupt`. Raises DataError.
         """
-        return self.plan(truth, field).fixes(rng)
+        return self.plan(truth, field).fixes(seed)
 
     def plan(
         self,
@@ -141,9 +142,9 @@ class MagnetometerPlan(NamedTuple):
     sd: Array  # (3,) T
     saturation: float  # T; 0: none
 
-    def fixes(self, rng: np.random.Generator) -> Aiding:
-        """The aiding of one run, with noise from `rng`."""
-        y = rng.standard_normal(self.distorted.shape)
+    def fixes(self, seed: SeedLike) -> Aiding:
+        """The aiding of one run."""
+        y = Stream.of(seed).standard_normal(self.distorted.shape)
         y *= self.sd
         y += self.distorted
         return self._with(np.clip(y, -self.saturation, self.saturation) if self.saturation else y)

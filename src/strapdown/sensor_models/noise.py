@@ -1,13 +1,15 @@
-"""Random sequences of sensor errors: Gauss-Markov, random walk and flicker (1/f), with exact
-discrete laws and fast recursions.
+"""Random sequences of sensor errors that last: Gauss-Markov, with its exact discrete law, and the
+flicker (1/f) that a sum of them makes."""
 
-The recursions are `scipy.signal.lfilter`, which releases the interpreter lock (numpy's cumulative
-sum does not), so that threads run beside each other.
-"""
+import math
 
 import numpy as np
 
+from ..core.elementary import exponential
+from ..core.jit import helper, kernel
+from ..core.signatures import reals, signature
 from ..typing import Array, ArrayLike
+from .streams import SeedLike, Stream
 
 FLICKER_TIMES = 10.0 ** np.arange(-1, 6)
 """Time constants of the Gauss-Markov processes that make up flicker, s: a decade apart, so that
@@ -23,40 +25,41 @@ FLICKER_FLOOR = np.sqrt(2 * np.log(2) / np.pi)
 """Allan deviation of flicker of bias instability 1: the 0.664 of IEEE Std 952-1997, C.1.3."""
 
 
-def recursion(keep: float, x: Array) -> Array:
-    """y[k] = keep y[k-1] + x[k] along the first axis of (n, 3) `x`, y[0] = x[0]."""
-    from scipy.signal import lfilter
+@helper
+def kept(step: float) -> tuple[float, float]:
+    """(share of a Gauss-Markov process of unit variance that is left after a step, standard
+    deviation of what is new); `step` in time constants, inf where it begins."""
+    keep = exponential(-step)
+    # of the rounded share, so that the variance stays 1
+    return keep, math.sqrt((1.0 - keep) * (1.0 + keep))
 
-    return lfilter([1.0], [1.0, -keep], x, axis=0)
+
+def even(step: Array) -> Array:
+    """Steps that rounding alone tells apart, made the same: what follows of them is then computed
+    once. (n,), of which the first may be inf."""
+    rest = step[np.isfinite(step)]
+    if len(rest) and np.ptp(rest) < 1e-6 * rest[0]:
+        return np.where(np.isfinite(step), rest.mean(), step)
+    return step
 
 
-def gauss_markov(step: Array, rng: np.random.Generator) -> Array:
+def gauss_markov(step: Array, seed: SeedLike) -> Array:
     """Stationary first-order Gauss-Markov sequence of unit variance, (len(step) + 1, 3); `step`
     is in time constants."""
-    keep, drive = np.exp(-step), np.sqrt(-np.expm1(-2 * step))
-    x = rng.standard_normal((len(step) + 1, 3))
-    x[1:] *= drive[:, None]
-    if len(step) and np.ptp(step) < 1e-6 * step[0]:
-        return recursion(keep.mean(), x)
-    for k in range(len(step)):
-        x[k + 1] += keep[k] * x[k]
+    x = Stream.of(seed).standard_normal((len(step) + 1, 3))
+    _gauss_markov(np.ascontiguousarray(even(step), float), x)
     return x
 
 
-def random_walk(drive: Array, rng: np.random.Generator) -> Array:
-    """Random walk from 0, (len(drive) + 1, 3); `drive` is the standard deviation of each step."""
-    x = np.zeros((len(drive) + 1, 3))
-    x[1:] = rng.standard_normal((len(drive), 3)) * drive[:, None]
-    return recursion(1.0, x)
-
-
-def flicker(step: Array, rng: np.random.Generator) -> Array:
-    """Flicker of bias instability 1, (len(step) + 1, 3): the sum of stationary Gauss-Markov
-    sequences of `FLICKER_TIMES`, each with its stream."""
-    streams = zip(FLICKER_TIMES, rng.spawn(len(FLICKER_TIMES)))
-    return np.sqrt(FLICKER_VARIANCE) * sum(
-        gauss_markov(step / time, stream) for time, stream in streams
-    )
+@kernel(signature("gauss_markov", step=reals("steps"), x=reals("rows", 3)))
+def _gauss_markov(step: Array, x: Array) -> None:
+    """From white normals to the sequence, in place."""
+    keep = drive = 0.0
+    for k in range(step.shape[0]):
+        if k == 0 or step[k] != step[k - 1]:
+            keep, drive = kept(step[k])
+        for c in range(3):
+            x[k + 1, c] = keep * x[k, c] + drive * x[k + 1, c]
 
 
 def gauss_markov_variance(tau: ArrayLike, time_constant: float) -> Array:

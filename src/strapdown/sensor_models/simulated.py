@@ -30,6 +30,7 @@ from ..data import Aiding, Trajectory
 from ..typing import Array, Mask
 from .magnetometer import rotation_at
 from .sampling import interpolated, sample_times
+from .streams import SeedLike, Stream
 
 STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
 """By which y is changed to see what it does to the innovation; 1 of any other quantity."""
@@ -103,9 +104,9 @@ class SimulatedPlan(NamedTuple):
     gain: Array  # (n, components, components) what of y a unit of the innovation is
     silent: int  # fixes in which it reads nothing, such as a course at a standstill
 
-    def fixes(self, rng: np.random.Generator) -> Aiding:
-        """The aiding of one run, with noise from `rng`."""
-        noise = rng.standard_normal(self.aiding.sd.shape) * self.aiding.sd
+    def fixes(self, seed: SeedLike) -> Aiding:
+        """The aiding of one run."""
+        noise = Stream.of(seed).standard_normal(self.aiding.sd.shape) * self.aiding.sd
         return replace(self.aiding, y=self.aiding.y + np.einsum("nij,nj->ni", self.gain, noise))
 
     def exact(self) -> Aiding:

@@ -2,10 +2,10 @@
 drawn around that truth."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.receiver import receiver
 from ..sensor_models.simulated import Simulated
+from ..sensor_models.streams import SeedLike, Stream
 from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find
 from .scenario_model import Scenario
@@ -44,12 +45,17 @@ def _known_records(
     )
 
 
+OF_IMU, OF_START = "imu", "start"
+"""Names of the streams of a run; each sensor has one of its own name too."""
+
+
 class Simulator:
     """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an
     exact receiver make of it.
 
     Nothing in it changes afterwards, so that threads may share it. All chance of a run comes from
-    the generator or seed it is given.
+    the `seed` it is given: a number, several, a numpy Generator or SeedSequence, or a
+    sensor_models.streams.Stream. A Generator makes another run each time, all others the same one.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -60,7 +66,7 @@ class Simulator:
         self.truth, self.ideal = known(scenario.motion, count, scenario.rate, scenario.gravity)
         """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU
         (core.contract.Imu) from row to row of it."""
-        self.offset = np.asarray(scenario.accel_offset, float)
+        self._offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
         self.magnetic = (
             None
@@ -79,77 +85,64 @@ class Simulator:
             sensor.plan(self.truth, self.ideal, scenario.gate) for sensor in scenario.sensors
         )
 
-    def recording(
-        self, imu: ImuSpec | dict[str, Any] | File, rng: np.random.Generator
-    ) -> Recording:
-        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, from `rng`
-        (numpy Generator), each sensor with its stream.
+    def recording(self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike) -> Recording:
+        """A Recording with the errors of `imu` (ImuSpec, grade or file) and fixes, each sensor with
+        its own stream of `seed`.
 
         meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s),
         (n, 3) at the IMU samples, and, of a barometer, "b_baro" (m): by how much its heights exceed
         the ellipsoidal ones but for noise, (n,) at its samples.
         """
         spec = grade(imu)
-        of_imu, of_gnss = rng.spawn(2)
-        offset = self._offset(spec)
-        felt = (
-            self.ideal
-            if offset is None
-            else self.ideal._replace(dv=self.ideal.dv + offset * self.ideal.dt[:, None])
-        )
-        samples, b_a, b_g = spec.corrupt(felt, of_imu)
-        b_a = b_a if offset is None else b_a + offset
-        fixes = self.plan.fixes(of_gnss)
-        others, more, notes = self._others(of_gnss)
-        notes = saturated(spec, samples) + without_fixes(fixes) + notes
-        return Recording(
-            samples,
-            (*fixes, *others),
-            self.truth,
-            self._meta(imu, spec, b_a, b_g) | more | {"notes": notes},
-        )
+        stream = Stream.of(seed)
+        samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
+        sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
+        notes = saturated(spec, samples) + sources.meta["notes"]
+        return replace(sources, imu=samples, meta=sources.meta | {"notes": notes})
 
-    def _others(
-        self, of_gnss: np.random.Generator
-    ) -> tuple[list[Aiding], dict[str, Any], list[str]]:
-        """(aidings, meta, notes) of magnetometer, barometer, AHRS and simulated sensors.
+    def felt(self, spec: ImuSpec) -> Imu:
+        """What an IMU without errors feels in the scenario: the ideal increments with its
+        accelerometer offset."""
+        if not self._offset.any():
+            return self.ideal
+        return self.ideal._replace(dv=self.ideal.dv + self.offset(spec) * self.ideal.dt[:, None])
 
-        Their streams come after the receiver's two, and all are taken always: no sensor changes
-        what another one draws. Of the simulated sensors each has the stream of its name.
-        """
-        of_magnetometer, of_barometer, of_attitude, of_sensors = of_gnss.spawn(4)
-        aidings: list[Aiding] = []
+    def sources(
+        self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike, b_a: Array, b_g: Array
+    ) -> Recording:
+        """`recording` with these biases and an IMU without errors, in whose place another one can
+        be."""
+        stream = Stream.of(seed)
+        aidings: list[Aiding] = [*self.plan.fixes(stream.named("gnss"))]
+        notes = without_fixes(aidings)
         more: dict[str, Any] = {}
-        notes: list[str] = []
         if self.magnetic is not None:
-            aidings.append(self.magnetic.fixes(of_magnetometer))
+            aidings.append(self.magnetic.fixes(stream.named("magnetometer")))
             notes += self.magnetic.notes(aidings[-1])
         if self.barometric is not None:
-            aiding, more["b_baro"] = self.barometric.measured(of_barometer)
+            aiding, more["b_baro"] = self.barometric.measured(stream.named("barometer"))
             aidings.append(aiding)
             notes += self.barometric.notes(aiding)
         if self.attitude is not None:
-            aidings.append(self.attitude.fixes(of_attitude))
+            aidings.append(self.attitude.fixes(stream.named("attitude")))
             notes += self.attitude.notes(aidings[-1])
         for plan in self.sensors:
-            aidings.append(plan.fixes(_stream(of_sensors, plan.aiding.name)))
+            aidings.append(plan.fixes(stream.named("sensors").named(plan.aiding.name)))
             notes += plan.notes(aidings[-1])
-        return aidings, more, notes
+        meta = self._meta(imu, grade(imu), b_a, b_g) | more | {"notes": notes}
+        return Recording(self.ideal, tuple(aidings), self.truth, meta)
 
-    def _offset(self, spec: ImuSpec) -> Array | None:
-        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where
-        there is none."""
-        if not self.offset.any():
-            return None
+    def offset(self, spec: ImuSpec) -> Array:
+        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2."""
         if not (self.scenario.offset_decays and spec.accel.time_constant):
-            return self.offset
+            return self._offset
         return (
-            self.offset
+            self._offset
             * np.exp(-(self.ideal.t - self.ideal.t[0]) / spec.accel.time_constant)[:, None]
         )
 
     def start(
-        self, rng: np.random.Generator, imu: ImuSpec | dict[str, Any] | File, recording: Recording
+        self, seed: SeedLike, imu: ImuSpec | dict[str, Any] | File, recording: Recording
     ) -> Start:
         """A Start at 0 s: the truth less an error drawn from the scenario's `start_sd`, biases 0
         or, where they are known, those of `recording`."""
@@ -159,22 +152,14 @@ class Simulator:
             else None
         )
         return draw_start(
-            self.truth, self.scenario.start_deviations(grade(imu)), rng, biases=biases
+            self.truth, self.scenario.start_deviations(grade(imu)), seed, biases=biases
         )
 
-    def run(
-        self, imu: ImuSpec | dict[str, Any] | File, seed_sequence: np.random.SeedSequence
-    ) -> tuple[Recording, Start]:
-        """(Recording, Start) of one numpy SeedSequence; the same one gives the same run, however
-        often it was used."""
-        same = np.random.SeedSequence(
-            seed_sequence.entropy,
-            spawn_key=seed_sequence.spawn_key,
-            pool_size=seed_sequence.pool_size,
-        )
-        rng = np.random.default_rng(same)
-        recording = self.recording(imu, rng)
-        return recording, self.start(rng.spawn(1)[0], imu, recording)
+    def run(self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike) -> tuple[Recording, Start]:
+        """(Recording, Start) of one seed."""
+        stream = Stream.of(seed)
+        recording = self.recording(imu, stream)
+        return recording, self.start(stream.named(OF_START), imu, recording)
 
     def ideal_recording(self) -> Recording:
         """The Recording of an IMU without errors and of exact fixes, which state the standard
@@ -272,29 +257,20 @@ def simulate(
         scenario = Scenario(motion.name, motion, **given)
     else:
         scenario = known.replace(**given)
-    recording = Simulator(scenario).recording(scenario.imu, np.random.default_rng(seed))
+    recording = Simulator(scenario).recording(scenario.imu, seed)
     recording.meta["seed"] = seed
     return recording
-
-
-def _stream(rng: np.random.Generator, name: str) -> np.random.Generator:
-    """The random stream of that name: the same whatever other names there are."""
-    seed = rng.bit_generator.seed_seq
-    assert isinstance(seed, np.random.SeedSequence)
-    return np.random.default_rng(
-        np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, crc32(name.encode())))
-    )
 
 
 def draw_start(
     truth: Trajectory,
     sd: ArrayLike,
-    rng: np.random.Generator,
+    seed: SeedLike,
     t: float | None = None,
     biases: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Start:
     """A Start at the truth's row at `t` (its first by default) less an error drawn from the 15
-    standard deviations `sd` (SI, radians).
+    standard deviations `sd` (SI, radians); `seed` as of Simulator.
 
     Errors are true - estimate, the attitude's in the navigation frame: q_true = dq (x) q_est.
     `biases` are the true (b_a, b_g) there; without them the estimated biases are 0, right where the
@@ -308,7 +284,7 @@ def draw_start(
         truth,
         row,
         sd,
-        sd * rng.standard_normal(STATES),
+        sd * Stream.of(seed).standard_normal(STATES),
         biases,
         "truth less an error drawn from sd",
     )

@@ -24,8 +24,8 @@ from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sensor_models.magnetometer import Magnetometer, MagnetometerPlan
-from strapdown.sensor_models.noise import recursion
 from strapdown.sensor_models.sampling import fix_times
+from strapdown.sensor_models.streams import Stream
 from strapdown.sim.analytic import waves
 from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, normal_gravity, radii, records
 from strapdown.typing import Array, ArrayLike
@@ -233,20 +233,22 @@ def described(rate_hz: float, walking: bool) -> ImuSpec:
     )
 
 
-def biases(walking: bool, count: int, dt: float, rng: np.random.Generator) -> tuple[Array, ...]:
+def biases(walking: bool, count: int, dt: float, stream: Stream) -> tuple[Array, ...]:
     """(b_a (count, 3) m/s^2, b_g rad/s) at the samples: constant, or where `walking` the
     published Gauss-Markov process begun at the constant values."""
     begun = np.array([ACCEL_BIAS, GYRO_BIAS])
     if not walking:
         return tuple(np.tile(value, (count, 1)) for value in begun)
+    from scipy.signal import lfilter
+
     keep = np.exp(-dt / BIAS_TIME)
     steps = (
         np.sqrt(1 - keep * keep)
-        * rng.standard_normal((2, count + 1, 3))
+        * stream.standard_normal((2, count + 1, 3))
         * np.array(BIAS_SD)[:, None, None]
     )
     steps[:, 0] = begun
-    return tuple(recursion(keep, part)[1:] for part in steps)
+    return tuple(lfilter([1.0], [1.0, -keep], part, axis=0)[1:] for part in steps)
 
 
 def recording(
@@ -265,21 +267,20 @@ def recording(
     and rates share no draw by accident of order. meta holds the true biases "b_a" and "b_g".
     """
     truth, imu = ideal(name, float(rate_hz), float(duration))
-    of_imu, of_biases, of_gnss, of_field, of_compass, of_ahrs = np.random.default_rng(
-        [seed, EXCITATIONS.index(name)]
-    ).spawn(6)
-    noisy, _, _ = sensor(rate_hz).corrupt(imu, of_imu)
+    of = Stream.of([seed, EXCITATIONS.index(name)]).named
+    noisy, _, _ = sensor(rate_hz).corrupt(imu, of("imu"))
     walks = name == "signal 2" if walking is None else walking
-    b_a, b_g = biases(walks, len(imu.t), 1 / rate_hz, of_biases)
+    b_a, b_g = biases(walks, len(imu.t), 1 / rate_hz, of("biases"))
     noisy = noisy._replace(
         dv=noisy.dv + b_a * imu.dt[:, None], dtheta=noisy.dtheta + b_g * imu.dt[:, None]
     )
     position, velocity, field, ahrs = plans(name, float(rate_hz), float(duration), float(interval))
     fixes = (
-        *(plan.fixes(stream) for plan, stream in zip((position, velocity), of_gnss.spawn(2))),
-        field.fixes(of_field),
-        _compass(truth, of_compass),
-        ahrs.fixes(of_ahrs),
+        position.fixes(of("position")),
+        velocity.fixes(of("velocity")),
+        field.fixes(of("field")),
+        _compass(truth, of("compass")),
+        ahrs.fixes(of("ahrs")),
         _gravity(position.aiding.t),
     )
     meta = {
@@ -307,10 +308,10 @@ def plans(
     return receiver.position, receiver.velocity, field, Ahrs(AHRS_RATE, AHRS_SD).plan(truth, np.inf)
 
 
-def _compass(truth: Trajectory, rng: np.random.Generator) -> Aiding:
+def _compass(truth: Trajectory, stream: Stream) -> Aiding:
     t = fix_times(truth, 1 / FIELD_RATE)
     rows = np.searchsorted(truth.t, t)
-    y = truth.rph[rows, 2] + COMPASS_SD * rng.standard_normal(len(t))
+    y = truth.rph[rows, 2] + COMPASS_SD * stream.standard_normal(len(t))
     return Aiding(
         "heading", t, y[:, None], np.full((len(t), 1), COMPASS_SD), gate=np.inf, name="compass"
     )

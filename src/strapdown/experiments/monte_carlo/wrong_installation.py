@@ -27,6 +27,7 @@ from ...estimable import (
     prior,
 )
 from ...recording import Recording
+from ...sensor_models.streams import SeedLike, Stream
 from ...typing import Array
 from ..filter_label import check_parameter
 
@@ -70,12 +71,14 @@ def parameters_of(recording: Recording, installation: Installation) -> tuple[Par
     return tuple(parameters(wanted.aidings, wanted.meta.get("estimate", {})))
 
 
-def drawn(recording: Recording, installation: Installation, rng: np.random.Generator) -> Installed:
+def drawn(recording: Recording, installation: Installation, seed: SeedLike) -> Installed:
     """The recording with each of the parameters wrong by an error drawn from its standard deviation.
     Raises DataError."""
     found = parameters_of(recording, installation)
     return installed_wrong(
-        recording, found, np.array([each.sd for each in found]) * rng.standard_normal(len(found))
+        recording,
+        found,
+        np.array([each.sd for each in found]) * Stream.of(seed).standard_normal(len(found)),
     )
 
 
