@@ -14,7 +14,7 @@ from ..typing import Array
 from .choosing import all_of, any_of, where
 from .contract import Noise
 from .error_dynamics import PP, TP, TV, VP, VV
-from .jit import flatten, helper, inlined
+from .jit import are_lanes, flatten, helper, inlined
 from .workspace import MOST_STATES
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
@@ -38,9 +38,9 @@ def transition(
     target_stride: int,
     blocks_of_lanes: tuple[int, ...],
     lanes: int,
-) -> Callable[[Array, Array, Array, Array, float, float, float, float], None]:
-    """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and
-    attitude errors from `source` to `target`.
+) -> Callable[[Array, Array, Array, Array, Array, float, float, float, float], None]:
+    """A helper that applies Phi to columns of numbers: the 9 rows of position, velocity and attitude
+    errors, of one array from `source`, of the other to `target`.
 
     The columns are `lanes` beginning at each of `blocks_of_lanes`. Bias rows, which only decay, are
     left to the caller.
@@ -50,7 +50,8 @@ def transition(
     P, V, T = (tuple(target + (3 * k + i) * target_stride for i in range(3)) for k in range(3))
 
     def apply(
-        work: Array,
+        before: Array,
+        after: Array,
         blocks: Array,
         C: Array,
         dv_n: Array,
@@ -106,11 +107,11 @@ def transition(
         for block in blocks_of_lanes:
             for lane in range(lanes):
                 j = block + lane
-                p0, p1, p2 = work[p[0] + j], work[p[1] + j], work[p[2] + j]
-                v0, v1, v2 = work[v[0] + j], work[v[1] + j], work[v[2] + j]
-                t0, t1, t2 = work[t[0] + j], work[t[1] + j], work[t[2] + j]
-                a0, a1, a2 = work[a[0] + j], work[a[1] + j], work[a[2] + j]
-                g0, g1, g2 = work[g[0] + j], work[g[1] + j], work[g[2] + j]
+                p0, p1, p2 = before[p[0] + j], before[p[1] + j], before[p[2] + j]
+                v0, v1, v2 = before[v[0] + j], before[v[1] + j], before[v[2] + j]
+                t0, t1, t2 = before[t[0] + j], before[t[1] + j], before[t[2] + j]
+                a0, a1, a2 = before[a[0] + j], before[a[1] + j], before[a[2] + j]
+                g0, g1, g2 = before[g[0] + j], before[g[1] + j], before[g[2] + j]
                 # sums in groups that do not wait for each other
                 n0 = (
                     (t0 + w2 * t1 - w1 * t2)
@@ -146,11 +147,11 @@ def transition(
                 u0 += f2 * s1 - f1 * s2
                 u1 += f0 * s2 - f2 * s0
                 u2 += f1 * s0 - f0 * s1
-                work[P[0] + j] = (p0 + pp0 * p0 + pp2 * p2) + half * (v0 + u0)
-                work[P[1] + j] = (p1 + pp3 * p0 + pp4 * p1 + pp5 * p2) + half * (v1 + u1)
-                work[P[2] + j] = p2 + half * (v2 + u2)
-                work[V[0] + j], work[V[1] + j], work[V[2] + j] = u0, u1, u2
-                work[T[0] + j], work[T[1] + j], work[T[2] + j] = n0, n1, n2
+                after[P[0] + j] = (p0 + pp0 * p0 + pp2 * p2) + half * (v0 + u0)
+                after[P[1] + j] = (p1 + pp3 * p0 + pp4 * p1 + pp5 * p2) + half * (v1 + u1)
+                after[P[2] + j] = p2 + half * (v2 + u2)
+                after[V[0] + j], after[V[1] + j], after[V[2] + j] = u0, u1, u2
+                after[T[0] + j], after[T[1] + j], after[T[2] + j] = n0, n1, n2
 
     # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one
     # name for one function.
@@ -169,6 +170,9 @@ _columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)
 _last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)  # its row 8
 _last_wide = transition("_last_wide", WIDE_PRODUCT + 8 * WIDTH, 1, COPY, 1, (0,), 1)
 _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
+# of lanes, which are vectors as they are: from P to 9 rows of Phi P, and the same of each of these
+_nine = transition("_nine", 0, 15, 0, 15, (0,), 15)
+_each = transition("_each", 0, 1, 0, 1, tuple(range(0, 135, 15)), 1)
 
 
 @helper
@@ -201,27 +205,37 @@ def propagate(
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
     numbers, n = flatten(P), P.shape[0]
-    if n == 15:
+    if n == 15 and are_lanes(P):
+        _nine(numbers, work, blocks, C, dv_n, w0, w1, w2, dt)
+        for i in range(9):
+            for j in range(9, 15):
+                P[i, j] = P[j, i] = keep[j - 9] * work[15 * i + j]
+        _each(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+        for i in range(9):
+            for j in range(i + 1):
+                P[i, j] = P[j, i] = work[15 * j + i]
+        _decay_biases(P, keep)
+    elif n == 15:
         for i in range(225):
             work[COPY + i] = numbers[i]
-        _rows(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _rows(work, work, blocks, C, dv_n, w0, w1, w2, dt)
         _transpose(PRODUCT, 16, work)
-        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
-        _last(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _columns(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+        _last(work, work, blocks, C, dv_n, w0, w1, w2, dt)
         _write_back(PRODUCT, 16, P, keep, work)
     else:
         if n <= 23:
             _widen(P, 24, work)
-            _rows_23(work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_23(work, work, blocks, C, dv_n, w0, w1, w2, dt)
         elif n <= 31:
             _widen(P, 32, work)
-            _rows_31(work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_31(work, work, blocks, C, dv_n, w0, w1, w2, dt)
         else:
             _widen(P, 48, work)
-            _rows_47(work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_47(work, work, blocks, C, dv_n, w0, w1, w2, dt)
         _transpose(WIDE_PRODUCT, WIDTH, work)
-        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
-        _last_wide(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _columns(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+        _last_wide(work, work, blocks, C, dv_n, w0, w1, w2, dt)
         _write_back(WIDE_PRODUCT, WIDTH, P, keep, work)
         _write_beyond(P, keep, work)
     for i in range(12):
@@ -245,6 +259,11 @@ def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], wo
         for j in range(6):
             P[i, 9 + j] = P[9 + j, i] = keep[j] * work[product + stride * i + 9 + j]
     P[8, 8] = work[COPY + 8]
+    _decay_biases(P, keep)
+
+
+@inlined
+def _decay_biases(P: Array, keep: tuple[float, ...]) -> None:
     for i in range(6):
         for j in range(6):
             P[9 + i, 9 + j] *= keep[i] * keep[j]
@@ -289,7 +308,7 @@ def propagate_error(
     """x <- Phi x over dt, arguments as for `propagate`."""
     for i in range(15):
         work[COPY + i] = x[i]
-    _single(work, blocks, C, dv_n, w0, w1, w2, dt)
+    _single(work, work, blocks, C, dv_n, w0, w1, w2, dt)
     keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     for i in range(9):
         x[i] = work[PRODUCT + i]

@@ -326,6 +326,16 @@ def _from_bits(typing: Any, i: Any) -> Any:
 
 
 @intrinsic
+def _are_lanes(typing: Any, numbers: Any) -> Any:
+    """Whether an array is one of lanes: a constant."""
+
+    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        return context.get_constant(types.boolean, numbers.dtype is LANE)
+
+    return types.boolean(numbers), codegen
+
+
+@intrinsic
 def _sides(typing: Any) -> Any:
     """All lanes at once."""
     once = types.UniTuple(types.intp, 1)
@@ -360,6 +370,7 @@ def _lanes_of(typing: Any, flat: Any, first: Any, count: Any, side: Any) -> Any:
 
 
 INTRINSICS = {
+    "are_lanes": _are_lanes,
     "sides": _sides,
     "lanes_of": _lanes_of,
     "bits": _bits,

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..typing import Array
 from .choosing import any_of, where
+from .elementary import arctangent2, sine_cosine
 from .jit import helper
 
 NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -167,7 +168,7 @@ def rotation_between(C: Array, M: NineNumbers) -> tuple[float, float, float]:
         m3 * C[0, 0] + m4 * C[0, 1] + m5 * C[0, 2] - m0 * C[1, 0] - m1 * C[1, 1] - m2 * C[1, 2]
     )
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (d0 + d1 + d2 - 1)
-    scale = where(sine > 1e-9, math.atan2(sine, cosine) / max(sine, 1e-9), 1.0)
+    scale = where(sine > 1e-9, arctangent2(sine, cosine) / max(sine, 1e-9), 1.0)
     x, y, z = scale * x, scale * y, scale * z
     half = (sine < 1e-9) & (cosine < 0)
     if any_of(half):  # half a turn, about the axis that moves least, near enough
@@ -203,8 +204,8 @@ def _exponential(x: float, y: float, z: float) -> tuple[float, float]:
     large = square >= 1e-4  # below, the dropped terms are below 1e-16
     if any_of(large):
         angle = math.sqrt(square)
-        a = where(large, math.sin(angle) / angle, a)
-        b = where(large, (1 - math.cos(angle)) / square, b)
+        sine, cosine = sine_cosine(angle)
+        a, b = where(large, sine / angle, a), where(large, (1 - cosine) / square, b)
     return a, b
 
 
