@@ -232,7 +232,7 @@ def corrected(P, H, innovation, sd, rows=3, gate=math.inf):
     """(NIS, dx, P) after `update`, which is given a workspace full of old numbers."""
     n = len(P)
     P, dx = P.copy(), np.full(2 * n, 77.0)
-    nis = update(P, H, innovation, sd, rows, gate, np.full(n * n + 3 * n + 17, 1e3), dx)
+    nis = update(P, H, innovation, sd, rows, gate, np.full(WORKSPACE, 1e3), dx)
     return nis, dx[:n], P
 
 

@@ -470,7 +470,7 @@ def test_filters_say_what_they_need(command):
     place = slice(header.index("needs"), header.index("options"))
     needs = {line.split()[0]: line[place].strip() for line in lines}
     assert (
-        header.split() == ["filter", "needs", "options", "reference"]
+        header.split() == ["filter", "needs", "lanes", "options", "reference"]
         and needs["closed-loop"] == "position"
         and needs["mahony"] == ""
     )

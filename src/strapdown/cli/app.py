@@ -431,8 +431,13 @@ def filters() -> None:
         own = ["position"] if positioned(each) else []
         return ", ".join(dict.fromkeys([*own, *each.needs]))
 
-    head = "filter", "needs", "options", "reference"
-    wrapped_table(head, [(each.name, needs(each), options(each), each.reference) for each in found])
+    head = "filter", "needs", "lanes", "options", "reference"
+    rows = [
+        (each.name, needs(each), "yes" if each.lanes else "", options(each), each.reference)
+        for each in found
+    ]
+    wrapped_table(head, rows)
+    print("\nlanes: studies run it for eight simulated flights at once (docs/lanes.md)")
 
 
 @app.command()

@@ -15,7 +15,7 @@ from .error_dynamics import PP, TP, TV, VP, VV
 from .error_state import CALL, DV, DX, JACOBIAN, PREDICTED, WORK, turn_half
 from .jit import flatten, helper, inlined, kernel, matrix
 from .kalman import decay, used_rows, whiten
-from .rotation import turned
+from .rotation import rotation_terms, turned_by
 
 PREDICTION = DV.stop - CALL
 """Numbers of a record of a prediction: those of workspace from CALL to DV."""
@@ -68,7 +68,7 @@ def kept(belief: Belief, record: Array) -> None:
 def kept_rows(belief: Belief, record: Array, rows: int) -> None:
     """Whitened innovations, U and H of the rows that `measure` found, whether used or not."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    used, first = WORK.start + used_rows(n), WORK.start + n * n + 1
+    used, first = WORK.start + used_rows(n), WORK.start
     whiten(matrix(workspace, JACOBIAN, 3, n), workspace[WORK])
     for k in range(3):
         record[INNOVATION + k] = workspace[used + 1 + k]
@@ -90,7 +90,7 @@ def undone(call: Array, lam: Array, Lam: Array, work: Array) -> None:
     if call[0] == PREDICTED:
         unpropagated(call, lam, Lam, work)
     elif call[0] > 0:
-        _unturned(call, lam, Lam, matrix(work, 0, 3, 3))
+        _unturned(call, lam, Lam)
         if lam.size == 15:  # the same code with constant lengths
             _uncorrected(15, call, lam, Lam, work)
         else:
@@ -248,11 +248,13 @@ def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
 
 
 @inlined
-def _unturned(call: Array, lam: Array, Lam: Array, R: Array) -> None:
+def _unturned(call: Array, lam: Array, Lam: Array) -> None:
     """The adjoint of `turn_half`: lam <- A' lam and Lam <- A' Lam A."""
     theta = call[U + 6 * lam.size :]
-    turn_half(Lam, -theta[0], -theta[1], -theta[2], R)
-    lam[6], lam[7], lam[8] = turned(R, lam[6], lam[7], lam[8])
+    x, y, z = -theta[0], -theta[1], -theta[2]
+    turn_half(Lam, x, y, z)
+    R = rotation_terms(0.5 * x, 0.5 * y, 0.5 * z)
+    lam[6], lam[7], lam[8] = turned_by(R, lam[6], lam[7], lam[8])
 
 
 @inlined

@@ -2,6 +2,7 @@
 a call costs a fraction of a microsecond."""
 
 import ctypes
+import math
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -9,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .signatures import Function, Kind, Number, Numbers, Record, Signature
 
@@ -30,7 +32,10 @@ def prepared(address: int, signature: Signature, arguments: Sequence[Any]) -> Ca
         *(ctypes.byref(one) if isinstance(one, ctypes.Structure) else one for one in kept),
         *(ctypes.c_int64.from_param(sizes[name]) for name in signature.sizes),
     )
-    kind = _number(signature.result) if signature.result else None
+    kind, lanes = _number(signature.result) if signature.result else None, None
+    if signature.result and signature.result.lanes > 1:
+        kind, lanes = None, aligned(signature.result.lanes)
+        words = (*words, ctypes.c_void_p(lanes.ctypes.data))
     # no types of arguments: they are of ctypes already, and are passed as they are
     function = ctypes.CFUNCTYPE(kind)(address)
 
@@ -38,7 +43,7 @@ def prepared(address: int, signature: Signature, arguments: Sequence[Any]) -> Ca
         result = function(*words)
         if _raised:
             _hand_on()
-        return result
+        return result if lanes is None else lanes
 
     # a closure keeps what it names: the structs of `kept`, and the arrays behind their addresses
     call.__dict__["kept"] = kept, arguments
@@ -54,6 +59,14 @@ def struct(record: Record) -> type[ctypes.Structure]:
     ]
     fields += [(f"{name}_size", ctypes.c_int64) for name in record.sizes]
     return type(record.made.__name__, (ctypes.Structure,), {"_fields_": fields})
+
+
+def aligned(*shape: int, dtype: type[Any] = np.float64) -> NDArray[Any]:
+    """Zeros that begin at a multiple of 64 bytes, where the processor reads eight at once."""
+    count = math.prod(shape) * np.dtype(dtype).itemsize
+    block = np.zeros(count + 64, np.uint8)
+    first = -block.ctypes.data % 64
+    return block[first : first + count].view(dtype).reshape(shape)
 
 
 def _number(kind: Number) -> Any:
@@ -80,21 +93,23 @@ def _in_c(kind: Kind, value: Any, what: str, sizes: dict[str, int]) -> Any:
 def _address(kind: Numbers, array: Any, what: str, sizes: dict[str, int]) -> int:
     """Address of the numbers of an array, whose sizes must be those declared; one that is declared
     with a number may be longer where it has one dimension."""
+    shape = kind.shape if kind.item.lanes == 1 else (*kind.shape, kind.item.lanes)
     fits = (
         isinstance(array, np.ndarray)
         and array.dtype == (np.float64 if kind.item.real else np.int64)
-        and array.ndim == len(kind.shape)
+        and array.ndim == len(shape)
         and array.flags.c_contiguous
     )
     if fits:
-        for size, declared in zip(array.shape, kind.shape):
+        for place, (size, declared) in enumerate(zip(array.shape, shape)):
             if isinstance(declared, str):
                 fits &= sizes.setdefault(declared, size) == size
             else:
-                fits &= size == declared or size > declared and array.ndim == 1
+                longer = size > declared and place == 0 and len(kind.shape) == 1
+                fits &= size == declared or longer
     if not fits:
         named = ", ".join(
-            f"{size} = {sizes[size]}" if size in sizes else str(size) for size in kind.shape
+            f"{size} = {sizes[size]}" if size in sizes else str(size) for size in shape
         )
         got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array)
         raise TypeError(

@@ -6,22 +6,23 @@ would have to go both ways: so a helper computes both and takes `where(condition
 may leave out what no lane needs by `if any_of(condition)`.
 """
 
-from .jit import helper
+from collections.abc import Callable
+from typing import Any, cast
+
+from .jit import Intrinsic
 
 
-@helper
-def where(condition: bool, this: float, that: float) -> float:
-    """`this` where the condition holds, else `that`. Both have been computed by then."""
+def _where_twin(condition: bool, this: Any, that: Any) -> Any:
     return this if condition else that
 
 
-@helper
-def any_of(condition: bool) -> bool:
-    """Whether it holds in any lane."""
+def _same(condition: bool) -> bool:
     return condition
 
 
-@helper
-def all_of(condition: bool) -> bool:
-    """Whether it holds in every lane."""
-    return condition
+where: Callable[[bool, float, float], float] = cast(Any, Intrinsic(_where_twin, "where"))
+"""(condition, this, that): `this` where the condition holds, else `that`. Both are computed."""
+any_of: Callable[[bool], bool] = cast(Any, Intrinsic(_same, "any_of"))
+"""Whether a condition holds in any lane."""
+all_of: Callable[[bool], bool] = cast(Any, Intrinsic(_same, "all_of"))
+"""Whether a condition holds in every lane."""

@@ -1,7 +1,7 @@
 """Kernels compiled by numba, each behind a C function of its signature; `kernel_cache` keeps them on
 disk. Imported only where a kernel must be compiled.
 
-Everything private to numba that the package relies on is in these two files.
+Everything private to numba that the package relies on is in these two files and `lane_types`.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from numba.core.datamodel import models
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic, lower_builtin, register_model
 
-from . import kernel_cache
+from . import kernel_cache, lane_types
 from .c_calls import hear_of_raised
 from .kernel_cache import KernelCache
 from .library import contracted
@@ -119,12 +119,21 @@ def _c_function(kernel: Any) -> Any:
     signature: Signature = kernel.signature
     names = [f"a{i}" for i in range(len(signature.arguments) + len(signature.sizes))]
     listed = ", ".join(names)
-    scope = {"kernel": kernel, "unpacked": unpacked(signature)}
-    entry = eval(f"lambda {listed}: kernel(*unpacked({listed}))", scope)  # numba counts arguments
+    scope = {"kernel": kernel, "unpacked": unpacked(signature), "stored": _stored}
+    call = f"kernel(*unpacked({listed}))"
+    result = numba_type(signature.result) if signature.result else types.void
+    if by_address(signature):
+        listed, call, result = f"{listed}, to", f"stored(to, {call})", types.void
+    entry = eval(f"lambda {listed}: {call}", scope)  # numba counts arguments
     entry.__name__ = entry.__qualname__ = kernel.name
     entry.__module__ = kernel.__module__
-    result = numba_type(signature.result) if signature.result else types.void
     return ccallback.CFunc(entry, (c_types(signature), result), {}, _options(kernel))
+
+
+def by_address(signature: Signature) -> bool:
+    """Whether its result is written to an address: how a vector is returned depends on the
+    processor."""
+    return signature.result is not None and signature.result.lanes > 1
 
 
 def c_types(signature: Signature) -> tuple[Any, ...]:
@@ -132,7 +141,7 @@ def c_types(signature: Signature) -> tuple[Any, ...]:
 
     def made(kind: Kind) -> Any:
         if isinstance(kind, Numbers):
-            return types.CPointer(numba_type(kind.item))
+            return types.CPointer(numba_type(kind.item._replace(lanes=1)))
         if isinstance(kind, Record):
             return types.voidptr
         return types.int64 if isinstance(kind, Function) else numba_type(kind)
@@ -140,6 +149,7 @@ def c_types(signature: Signature) -> tuple[Any, ...]:
     return (
         *map(made, signature.kinds),
         *(types.int64 for _ in signature.sizes),
+        *(types.CPointer(types.float64) for _ in range(by_address(signature))),
     )
 
 
@@ -185,9 +195,13 @@ class _Address(models.PrimitiveModel):
 def numba_type(kind: Kind) -> Any:
     """numba's type of a value of a kind."""
     if isinstance(kind, Number):
+        if kind.lanes > 1:
+            return lane_types.LANE if kind.real else lane_types.WORD
         return types.float64 if kind.real else types.int64
     if isinstance(kind, Numbers):
-        return types.Array(numba_type(kind.item), len(kind.shape), "C")
+        # what others have allocated need not begin where a vector would like to
+        alone = kind.item.lanes == 1
+        return types.Array(numba_type(kind.item), len(kind.shape), "C", aligned=alone)
     if isinstance(kind, Function):
         return CFunction(kind.signature)
     parts = [numba_type(each) for each in kind.kinds]
@@ -225,7 +239,8 @@ def _array(context: Any, builder: Any, kind: Numbers, pointer: Any, sizes: dict[
         for size in kind.shape
     ]
     strides: list[Any] = []
-    step = context.get_constant(types.intp, 8)
+    size = context.get_constant(types.intp, 8 * kind.item.lanes)
+    step = size
     for length in reversed(shape):
         strides.insert(0, step)
         step = builder.mul(step, length)
@@ -233,7 +248,7 @@ def _array(context: Any, builder: Any, kind: Numbers, pointer: Any, sizes: dict[
     for length in shape[1:]:
         items = builder.mul(items, length)
     made.data = builder.bitcast(pointer, made.data.type)
-    made.nitems, made.itemsize = items, context.get_constant(types.intp, 8)
+    made.nitems, made.itemsize = items, size
     made.shape = _cgutils.pack_array(builder, shape)
     made.strides = _cgutils.pack_array(builder, strides)
     made.meminfo, made.parent = made.meminfo.type(None), made.parent.type(None)
@@ -275,7 +290,8 @@ def unpacked(signature: Signature) -> Any:
                 values.append(value(kind, arguments[i], given))
         return context.make_tuple(builder, whole, values)
 
-    return _of_arguments(len(c_types(signature)), whole, codegen)
+    count = len(signature.arguments) + len(signature.sizes)
+    return _of_arguments(count, whole, codegen)
 
 
 def _of_arguments(count: int, result: Any, codegen: Callable[..., Any]) -> Any:
@@ -294,10 +310,29 @@ def _call(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
         for kind, value in zip(signature.kinds, arguments[1:])
     ]
     values += [sizes[name] for name in signature.sizes]
-    result = _llvm_number(signature.result) if signature.result else ir.VoidType()
+    result, slot = ir.VoidType(), None
+    if by_address(signature):
+        slot = _cgutils.alloca_once(builder, lane_types.LANE.vector)
+        values.append(builder.bitcast(slot, ir.DoubleType().as_pointer()))
+    elif signature.result:
+        result = _llvm_number(signature.result)
     function = ir.FunctionType(result, [value.type for value in values])
     called = builder.call(builder.inttoptr(arguments[0], function.as_pointer()), values)
+    if slot is not None:
+        return builder.load(slot)
     return called if signature.result else context.get_dummy_value()
+
+
+@intrinsic
+def _stored(typing_context: Any, address: Any, value: Any) -> Any:
+    """Write a lane to an address."""
+
+    def codegen(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
+        pointer = builder.bitcast(arguments[0], arguments[1].type.as_pointer())
+        builder.store(arguments[1], pointer, align=8)
+        return context.get_dummy_value()
+
+    return types.void(address, lane_types.LANE), codegen
 
 
 lower_builtin(CFunction, types.VarArg(types.Any))(_call)  # type: ignore[no-untyped-call]
@@ -348,7 +383,7 @@ def _function_at(signature: Signature) -> Any:
 @intrinsic
 def _matrix(typing_context: Any, flat: Any, first: Any, rows: Any, columns: Any) -> Any:
     """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
-    view_type = types.Array(flat.dtype, 2, "C")
+    view_type = types.Array(flat.dtype, 2, "C", aligned=flat.aligned)
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         source = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -357,7 +392,7 @@ def _matrix(typing_context: Any, flat: Any, first: Any, rows: Any, columns: Any)
             for value, kind in zip(arguments[1:], signature.args[1:])
         )
         view = context.make_array(view_type)(context, builder)
-        size = context.get_constant(types.intp, 8)
+        size = source.itemsize
         view.data = builder.gep(source.data, [first])
         view.meminfo, view.parent = source.meminfo, source.parent
         view.nitems, view.itemsize = builder.mul(rows, columns), size
@@ -371,7 +406,7 @@ def _matrix(typing_context: Any, flat: Any, first: Any, rows: Any, columns: Any)
 @intrinsic
 def _flatten(typing_context: Any, table: Any) -> Any:
     """The numbers of a C-contiguous matrix as one row, a view without allocation."""
-    view_type = types.Array(table.dtype, 1, "C")
+    view_type = types.Array(table.dtype, 1, "C", aligned=table.aligned)
 
     def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         source = context.make_array(signature.args[0])(context, builder, arguments[0])
@@ -385,28 +420,11 @@ def _flatten(typing_context: Any, table: Any) -> Any:
     return view_type(table), codegen
 
 
-@intrinsic
-def _bits(typing_context: Any, x: Any) -> Any:
-    """The bits of a float64 as an int64."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], _I64)
-
-    return types.int64(types.float64), codegen
-
-
-@intrinsic
-def _from_bits(typing_context: Any, i: Any) -> Any:
-    """The float64 of an int64's bits."""
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.int64), codegen
+_INTRINSICS = {"matrix": _matrix, "flatten": _flatten, **lane_types.INTRINSICS}
 
 
 def type_of_intrinsic(name: str, *arguments: Any) -> Any:
     """numba's type of the intrinsic that `jit` knows by this name."""
-    made = _function_at(*arguments) if name == "function_at" else globals()[f"_{name}"]
+    made = _function_at(*arguments) if name == "function_at" else _INTRINSICS[name]
     cpu_target.typing_context.refresh()  # it may be new
     return cpu_target.typing_context.resolve_value_type(made)

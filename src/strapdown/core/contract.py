@@ -23,7 +23,7 @@ from .jit import (
     matrix,
 )
 from .rotation import euler_to_matrix, quaternion_to_euler
-from .signatures import REAL, WHOLE, Function, reals, record, signature, wholes
+from .signatures import REAL, WHOLE, Function, in_lanes, reals, record, signature, wholes
 from .workspace import MOST_STATES, Slots
 
 __all__ = [
@@ -97,6 +97,9 @@ __all__ = [
     "CORRECT",
     "RUN",
     "RUN_RECORDED",
+    "IN_LANES",
+    "SHARED",
+    "side_by_side",
     "SAVE_STEP",
     "ADJOINT_STEP",
     "RUN_BACK",
@@ -427,6 +430,10 @@ RUN, RUN_RECORDED = (
     )
     for name, output in (("run", OUTPUT), ("run_recorded", RECORDED_OUTPUT))
 )
+SHARED = ("sd", "parameters", "noise")
+"""What all runs side by side have in common, beside plain arguments; the rest of these is their own."""
+IN_LANES = {each: in_lanes(each, *SHARED) for each in (OBSERVE, PREDICT, CORRECT)}
+"""Signatures of sensors and filters for eight runs at once."""
 SAVE_STEP = signature("save_step", belief=BELIEF, record=reals("width"))
 ADJOINT_STEP = signature(
     "adjoint_step", call=reals("width"), lam=reals("k"), Lam=reals("k", "k"), work=reals("work")
@@ -452,6 +459,11 @@ RUN_SENSITIVITY = signature(
     V=reals("columns"),
     J=reals("fixes", 3, "lanes"),
 )
+
+
+def side_by_side(kernel: Any) -> Any:
+    """The kernel of a sensor or a filter for eight runs at once."""
+    return kernel.for_runs(IN_LANES[kernel.signature])
 
 
 class Source(Protocol):
@@ -564,6 +576,9 @@ class Filter(NamedTuple):
     # whether it gates, and the standard deviations of a fix decide what it does with it, so that
     # sources can be robust and adaptive
     weighs: bool = True
+    # whether its kernels also compile for eight runs at once: they choose by `core.choosing` and
+    # have no `if` on a value
+    lanes: bool = False
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied
@@ -611,3 +626,4 @@ class Measurement(NamedTuple):
     state_walk: float = 0.0  # their random walk, unit/sqrt(s)
     # parameters of the installation that its observation knows as states: names of `estimable`
     estimable: tuple[str, ...] = ()
+    lanes: bool = False  # whether its kernel also compiles for eight runs at once

@@ -9,7 +9,9 @@ because gravity has no curl.
 import math
 
 from ..typing import Array
+from .choosing import any_of, where
 from .jit import helper
+from .rotation import wrap
 
 A = 6378137.0
 """Equatorial radius, m."""
@@ -76,11 +78,13 @@ def gravity(sine: float, h: float) -> float:
     """Down component of normal gravity, m/s^2, from the sine of latitude; inverse-square beyond
     `FAR_HEIGHT`, where only a raw INS gets."""
     square = sine * sine
-    if abs(h) > FAR_HEIGHT:
-        r = max(A + h, 0.1 * A)
-        return MU / (r * r)
     surface = GRAVITY_EQUATOR * (1 + SOMIGLIANA * square) / math.sqrt(1 - E2 * square)
-    return surface * (1 - 2 / A * (1 + F + M_RATIO - 2 * F * square) * h + 3 / (A * A) * h * h)
+    g = surface * (1 - 2 / A * (1 + F + M_RATIO - 2 * F * square) * h + 3 / (A * A) * h * h)
+    far = abs(h) > FAR_HEIGHT
+    if any_of(far):
+        r = max(A + h, 0.1 * A)
+        g = where(far, MU / (r * r), g)
+    return g
 
 
 @helper
@@ -96,7 +100,7 @@ def gravity_north(sine: float, cosine: float, h: float) -> float:
     potential, 8.14e-5 m/s^2 at 45 deg and 10 km, it is off by 0.3 % of the largest at a height, or
     less, up to 20 km.
     """
-    return -GRAVITY_NORTH_GRADIENT * sine * cosine * h if abs(h) <= FAR_HEIGHT else 0.0
+    return where(abs(h) <= FAR_HEIGHT, -GRAVITY_NORTH_GRADIENT * sine * cosine * h, 0.0)
 
 
 @helper
@@ -124,14 +128,23 @@ def gravity_gradient(sine: float, cosine: float, h: float) -> tuple[float, float
 def displace(lla: Array, north: float, east: float, down: float) -> None:
     """Move a geodetic position by metres NED, in place; longitude stays in [-pi, pi], and a pole
     is crossed, not passed."""
+    lla[0], lla[1] = displaced(lla, north, east)
+    lla[2] -= down
+
+
+@helper
+def displaced(lla: Array, north: float, east: float) -> tuple[float, float]:
+    """Latitude and longitude (rad) of a geodetic position so many metres further, as `displace`
+    says."""
     sine = math.sin(lla[0])
     R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))
     lat = lla[0] + north / (R_M + lla[2])
-    if abs(lat) > 0.5 * math.pi:
-        lat = math.copysign(math.pi, lat) - lat
-        lon += math.pi
-    if abs(lon) > math.pi:
-        lon -= 2 * math.pi * math.floor((lon + math.pi) / (2 * math.pi))
-    lla[0], lla[1] = lat, lon
-    lla[2] -= down
+    across = abs(lat) > 0.5 * math.pi
+    if any_of(across):
+        lat = where(across, math.copysign(math.pi, lat) - lat, lat)
+        lon = where(across, lon + math.pi, lon)
+    beyond = abs(lon) > math.pi
+    if any_of(beyond):
+        lon = where(beyond, wrap(lon), lon)
+    return lat, lon

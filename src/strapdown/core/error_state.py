@@ -5,6 +5,7 @@ import math
 
 from ..checks import check_choice
 from ..typing import Array
+from .choosing import any_of, where
 from .contract import (
     ATT,
     BA,
@@ -22,9 +23,9 @@ from .contract import (
 from .correlated import see
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
-from .jit import helper, inlined, matrix
+from .jit import flatten, helper, inlined, matrix
 from .kalman import WORKSPACE, decay, propagate, propagate_error, update, used_rows
-from .rotation import orthonormalise, rotate_left, turned
+from .rotation import NineNumbers, orthonormalise, rotate_left, rotation_terms, turned_by
 
 PREDICTED = -1.0  # the last call was a prediction
 ERROR_STATE = Slots(room=16)
@@ -42,7 +43,6 @@ DV = ERROR_STATE.array("DV", 3)  # specific-force velocity increment in n, bias-
 DX = ERROR_STATE.array("DX", MOST_STATES)  # the correction that `measure` found, n numbers
 WORK = ERROR_STATE.array("WORK", WORKSPACE)  # of core.kalman
 JACOBIAN = ERROR_STATE.matrix("JACOBIAN", 3, MOST_STATES)  # H (3, n) of a fix
-HALF_TURN = ERROR_STATE.matrix("HALF_TURN", 3, 3)  # half the rotation of the last correction
 
 
 def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Array:
@@ -147,12 +147,11 @@ def measure(
     n = belief.P.shape[0]
     H = matrix(belief.workspace, JACOBIAN, 3, n)
     rows = observed(belief, y, observe, parameters, innovation, H)
-    belief.workspace[CALL] = 0.0
     nis = update(
         belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK], belief.workspace[DX]
     )
-    if nis <= gate:
-        belief.workspace[CALL] = belief.workspace[WORK.start + used_rows(n)]
+    used = belief.workspace[WORK.start + used_rows(n)]
+    belief.workspace[CALL] = where(nis <= gate, used, 0.0)
     return nis
 
 
@@ -178,32 +177,38 @@ def take_over(belief: Belief, dx: Array) -> None:
     """Compose the whole correction into the belief; P becomes that of the errors about it."""
     inject_all(belief, dx)
     theta = dx[ATT]
-    turn_half(belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, HALF_TURN, 3, 3))
+    turn_half(belief.P, theta[0], theta[1], theta[2])
 
 
 @helper
-def turn_half(P: Array, x: float, y: float, z: float, R: Array) -> None:
+def turn_half(P: Array, x: float, y: float, z: float) -> None:
     """P of the attitude error that is left once a correction (x, y, z), a rotation vector in n
-    (rad), was injected: P <- A P A' with A = diag(I, I, R, I, ...), R (3, 3) the rotation by half
-    of it. Symmetric to the last bit.
+    (rad), was injected: P <- A P A' with A = diag(I, I, R, I, ...), R the rotation by half of it.
+    Symmetric to the last bit.
 
     exp(theta) = exp(left) exp(c), so that left = theta - c + c x theta / 2 to second order. Without
     this, what is known of roll and pitch and their errors' correlations stands askew by half of each
     correction. Source: Mueller, Hehn & D'Andrea (2017), J. Guidance 40(9); Sola (2017),
     arXiv:1711.02508, section 6.3.
     """
-    n = P.shape[0]
-    for i in range(3):
-        for j in range(3):
-            R[i, j] = 1.0 if i == j else 0.0
-    rotate_left(0.5 * x, 0.5 * y, 0.5 * z, R)
+    R = rotation_terms(0.5 * x, 0.5 * y, 0.5 * z)
+    if P.shape[0] == 15:  # the same code with constant lengths
+        _turn(15, flatten(P), R)
+    else:
+        _turn(P.shape[0], flatten(P), R)
+
+
+@inlined
+def _turn(n: int, P: Array, R: NineNumbers) -> None:
+    """P <- A P A' of `turn_half`, of the numbers of P."""
+    x, y, z = 6 * n, 7 * n, 8 * n
     for j in range(n):
-        P[6, j], P[7, j], P[8, j] = turned(R, P[6, j], P[7, j], P[8, j])
-    for i in range(3):
-        P[6 + i, 6], P[6 + i, 7], P[6 + i, 8] = turned(R, P[6 + i, 6], P[6 + i, 7], P[6 + i, 8])
+        P[x + j], P[y + j], P[z + j] = turned_by(R, P[x + j], P[y + j], P[z + j])
+    for i in (x + 6, y + 6, z + 6):
+        P[i], P[i + 1], P[i + 2] = turned_by(R, P[i], P[i + 1], P[i + 2])
     for i in range(3):
         for j in range(n):
-            P[j, 6 + i] = P[6 + i, j]
+            P[n * j + 6 + i] = P[x + n * i + j]
 
 
 @inlined
@@ -219,7 +224,10 @@ def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
     is kept: true = estimate (+) error."""
     added(lla, v, C, dx)
-    orthonormalise(C)
+    theta = dx[ATT]
+    turned = (theta[0] != 0) | (theta[1] != 0) | (theta[2] != 0)
+    if any_of(turned):  # a run whose fix was rejected keeps every bit
+        orthonormalise(C, turned)
 
 
 @inlined

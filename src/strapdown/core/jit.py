@@ -54,6 +54,7 @@ class Kernel:
         self.py_func, self.signature, self.name, self.options = function, signature, name, options
         self.declared = time.time_ns()
         self._address = 0  # not known yet
+        self._for_runs: Kernel | None = None
 
     @property
     def stem(self) -> str:
@@ -110,6 +111,13 @@ class Kernel:
     def __call__(self, *arguments: Any) -> Any:
         """Once; `bound` is for many calls."""
         return self.bound(*arguments)()
+
+    def for_runs(self, signature: Signature) -> "Kernel":
+        """The kernel of the same source for several runs at once, of a signature that `in_lanes`
+        made."""
+        if self._for_runs is None:
+            self._for_runs = Kernel(self.py_func, signature, f"{self.name}_in_lanes", self.options)
+        return self._for_runs
 
     @property
     def _numba_type_(self) -> Any:
@@ -174,13 +182,14 @@ def bound(kernel: Any, *arguments: Any) -> Callable[[], Any]:
     return cast(Callable[[], Any], kernel.bound(*arguments))
 
 
-class _Intrinsic:
+class Intrinsic:
     """What compiled code has an intrinsic of the compiler for, and Python a twin."""
 
     def __init__(self, twin: Callable[..., Any], name: str, *arguments: Any) -> None:
         self._twin, self._name, self._arguments = twin, name, arguments
 
     def __call__(self, *arguments: Any) -> Any:
+        """The twin."""
         return self._twin(*arguments)
 
     @cached_property
@@ -192,7 +201,7 @@ class _Intrinsic:
 
 def caller(signature: Signature) -> Callable[[int], Any]:
     """What makes an address into a function of `signature`, callable in compiled code."""
-    return cast(Any, _Intrinsic(_TWINS.__getitem__, "function_at", signature))
+    return cast(Any, Intrinsic(_TWINS.__getitem__, "function_at", signature))
 
 
 def _matrix_twin(flat: Array, first: int, rows: int, columns: int) -> Array:
@@ -211,11 +220,11 @@ def _from_bits_twin(i: int) -> float:
     return float(struct.unpack("<d", struct.pack("<Q", int(i) & (1 << 64) - 1))[0])
 
 
-matrix: Callable[[Array, int, int, int], Array] = cast(Any, _Intrinsic(_matrix_twin, "matrix"))
+matrix: Callable[[Array, int, int, int], Array] = cast(Any, Intrinsic(_matrix_twin, "matrix"))
 """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
-flatten: Callable[[Array], Array] = cast(Any, _Intrinsic(_flatten_twin, "flatten"))
+flatten: Callable[[Array], Array] = cast(Any, Intrinsic(_flatten_twin, "flatten"))
 """The numbers of a C-contiguous matrix as one row, a view without allocation."""
-bits: Callable[[float], int] = cast(Any, _Intrinsic(_bits_twin, "bits"))
+bits: Callable[[float], int] = cast(Any, Intrinsic(_bits_twin, "bits"))
 """The bits of a float64 as an int64."""
-from_bits: Callable[[int], float] = cast(Any, _Intrinsic(_from_bits_twin, "from_bits"))
+from_bits: Callable[[int], float] = cast(Any, Intrinsic(_from_bits_twin, "from_bits"))
 """The float64 of the last 64 bits of an integer."""

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 
 from ..typing import Array
+from .choosing import all_of, any_of, where
 from .contract import Noise
 from .error_dynamics import PP, TP, TV, VP, VV
 from .jit import flatten, helper, inlined
@@ -307,8 +308,8 @@ def decay(a: float) -> float:
 @inlined
 def used_rows(n: int) -> int:
     """Where `update` leaves, in its workspace, how many rows it used and their innovations by
-    L^-1; U = L^-1 H P, rows of n + 1, lies from n n + 1 on."""
-    return n * n + 3 * n + 4
+    L^-1; U = L^-1 H P, rows of n + 1, lies before it, from 0 on."""
+    return 3 * n + 3
 
 
 WORKSPACE = max(WIDE_END, used_rows(MOST_STATES) + 13)
@@ -372,111 +373,74 @@ def _update(
     work: Array,
     dx: Array,
 ) -> float:
-    """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, which is symmetric
-    to the last bit.
-
-    Rows of P in the workspace are worked on with n + 1 lanes: the last one reaches into the next
-    row, where U has a zero.
-    """
-    numbers = flatten(P)
-    for i in range(n * n):
-        work[i] = numbers[i]
-    U, used = n * n + 1, used_rows(n)
-    for i in range(3 * (n + 1)):
-        work[U + i] = 0.0
-    m, nis, e0, e1, e2 = 0, 0.0, 0.0, 0.0, 0.0
+    """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, of which one half
+    is computed and written twice."""
+    numbers, used = flatten(P), used_rows(n)
+    for i in range(used):
+        work[i] = 0.0
+    m, count, nis, e0, e1, e2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(rows):
         e = innovation[i]
-        if math.isnan(e):
+        missing = math.isnan(e)
+        if all_of(missing):
             continue
-        row, terms, first, last = U + m * (n + 1), 0.0, n, 0
+        count += where(missing, 0.0, 1.0)
+        row, terms, first, last = m * (n + 1), 0.0, n, 0
         for j in range(n):
             h = H[i, j]
-            if h != 0:
+            if any_of(h != 0):
                 first, last = min(first, j), j + 1
                 terms += h * h * numbers[n * j + j]
-                for lane in range(n + 1):
-                    work[row + lane] += h * work[n * j + lane]
+                for k in range(n):
+                    work[row + k] += h * numbers[n * j + k]
         for k in range(m):
-            before, overlap = U + k * (n + 1), 0.0
+            before, overlap = k * (n + 1), 0.0
             for j in range(first, last):
                 overlap += H[i, j] * work[before + j]
             e -= overlap * (e0 if k == 0 else e1)
             work[used + 9 + m + k] = overlap
-            for lane in range(n + 1):
-                work[row + lane] -= overlap * work[before + lane]
+            for j in range(n):
+                work[row + j] -= overlap * work[before + j]
         variance = 0.0
         for j in range(first, last):
             variance += H[i, j] * work[row + j]
         scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * terms))
-        for lane in range(n + 1):
-            work[row + lane] *= scale
-        work[row + n] = 0.0
+        e = where(missing, 0.0, e * scale)
+        for j in range(n):
+            work[row + j] = where(missing, 0.0, work[row + j] * scale)
         work[used + 4 + m], work[used + 7 + m] = scale, i
-        e *= scale
         if innovation.size > 3:
-            innovation[3 + i] = e
+            innovation[3 + i] = where(missing, math.nan, e)
         if innovation.size > 6:
             root = 6 + i * (i + 1) // 2
             for k in range(i):
-                innovation[root + k] = 0.0
+                innovation[root + k] = where(missing, math.nan, 0.0)
             for k in range(m):
-                innovation[root + int(work[used + 7 + k])] = work[used + 9 + m + k]
-            innovation[root + i] = 1 / scale
+                place = root + int(work[used + 7 + k])
+                innovation[place] = where(missing, math.nan, work[used + 9 + m + k])
+            innovation[root + i] = where(missing, math.nan, 1 / scale)
         nis += e * e
         e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
         m += 1
-    work[used], work[used + 1], work[used + 2], work[used + 3] = m, e0, e1, e2
+    work[used], work[used + 1], work[used + 2], work[used + 3] = count, e0, e1, e2
+    V, W = n + 1, 2 * n + 2
     for j in range(n):
-        dx[j] = e0 * work[U + j] + e1 * work[U + n + 1 + j] + e2 * work[U + 2 * n + 2 + j]
-    if m == 0:
-        return math.nan
-    if nis <= gate:
-        _subtract_five(n, 0, work)
-        _subtract_five(n, 5, work)
-        _subtract_five(n, 10, work)
-        for i in range(15, n):
-            a, b, c = work[U + i], work[U + n + 1 + i], work[U + 2 * n + 2 + i]
-            for lane in range(n + 1):
-                work[n * i + lane] -= (
-                    a * work[U + lane] + b * work[U + n + 1 + lane] + c * work[U + 2 * n + 2 + lane]
-                )
-        for i in range(n * n):
-            numbers[i] = work[i]
+        dx[j] = e0 * work[j] + e1 * work[V + j] + e2 * work[W + j]
+    nis = where(count == 0, math.nan, nis)
+    taken = nis <= gate
+    if any_of(taken):
+        for j in range(n):
+            dx[j] = where(taken, dx[j], 0.0)
+            a, b, c = work[j], work[V + j], work[W + j]
+            work[j], work[V + j], work[W + j] = (
+                where(taken, a, 0.0),
+                where(taken, b, 0.0),
+                where(taken, c, 0.0),
+            )
+        for i in range(n):
+            a, b, c = work[i], work[V + i], work[W + i]
+            for j in range(i + 1):
+                x = numbers[n * i + j] - (a * work[j] + b * work[V + j] + c * work[W + j])
+                numbers[n * i + j] = x
+                numbers[n * j + i] = x
     return nis
-
-
-@inlined
-def _subtract_five(n: int, i: int, work: Array) -> None:
-    """P - U' U in rows i to i + 4: five at a time, written out, because then the compiler makes
-    vector code of the lanes."""
-    U, V, W = n * n + 1, n * n + n + 2, n * n + 2 * n + 3
-    a0, a1, a2, a3, a4 = (
-        work[U + i],
-        work[U + i + 1],
-        work[U + i + 2],
-        work[U + i + 3],
-        work[U + i + 4],
-    )
-    b0, b1, b2, b3, b4 = (
-        work[V + i],
-        work[V + i + 1],
-        work[V + i + 2],
-        work[V + i + 3],
-        work[V + i + 4],
-    )
-    c0, c1, c2, c3, c4 = (
-        work[W + i],
-        work[W + i + 1],
-        work[W + i + 2],
-        work[W + i + 3],
-        work[W + i + 4],
-    )
-    r = n * i
-    for lane in range(n + 1):
-        u, v, w = work[U + lane], work[V + lane], work[W + lane]
-        work[r + lane] -= a0 * u + b0 * v + c0 * w
-        work[r + n + lane] -= a1 * u + b1 * v + c1 * w
-        work[r + 2 * n + lane] -= a2 * u + b2 * v + c2 * w
-        work[r + 3 * n + lane] -= a3 * u + b3 * v + c3 * w
-        work[r + 4 * n + lane] -= a4 * u + b4 * v + c4 * w

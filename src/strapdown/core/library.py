@@ -154,14 +154,25 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
 @cache
 def levels() -> tuple[str, ...]:
     """Levels of this processor, best first; none where they are not known."""
-    flags = set()
     if sys.platform == "linux" and sys.maxsize > 2**32:
-        with suppress(OSError), open("/proc/cpuinfo", encoding="ascii", errors="replace") as told:
-            # that of the first processor: there may be hundreds
-            flags = set(next((line for line in told if line.startswith("flags")), "").split())
+        flags = set(_of_processor("flags").split())
         levels = LEVELS.get(platform.machine(), {})
         return tuple(level for level, needed in levels.items() if set(needed.split()) <= flags)
     return ()
+
+
+@cache
+def processor() -> str:
+    """Of this machine: model and level."""
+    model = _of_processor("model name") or platform.processor() or platform.machine()
+    return " ".join([model, *levels()[:1]])
+
+
+def _of_processor(what: str) -> str:
+    """What Linux says of the first processor; there may be hundreds."""
+    with suppress(OSError), open("/proc/cpuinfo", encoding="ascii", errors="replace") as told:
+        return next((line for line in told if line.startswith(what)), ":").partition(":")[2].strip()
+    return ""
 
 
 @cache

@@ -277,7 +277,7 @@ def _use_fix(
         cursor.tests[fixes.source[k]],
     )
     if fixes.parameters[s, WALK] > 0:
-        _walk(belief.P, fixes.parameters, s, t - cursor.last[s])
+        walk(belief.P, fixes.parameters, s, t - cursor.last[s])
     believable = measured(fixes, k, belief, cursor)
     if not believable:
         nis = math.nan
@@ -443,7 +443,7 @@ def _fade(cursor: Cursor, belief: Belief, parameters: Array, seconds: float, rec
 
 
 @helper
-def _walk(P: Array, parameters: Array, s: int, seconds: float) -> None:
+def walk(P: Array, parameters: Array, s: int, seconds: float) -> None:
     """The random walk of the states that source `s` brought along; only its fixes see them, so it
     can wait for one."""
     first = int(parameters[s, FIRST])

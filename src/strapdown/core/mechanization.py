@@ -8,7 +8,8 @@ Groves (2013) section 5.4.
 import math
 
 from ..typing import Array
-from .earth import displace, gravity, gravity_north, place, rotation_rates
+from .choosing import any_of, where
+from .earth import displaced, gravity, gravity_north, place, rotation_rates
 from .jit import helper
 from .rotation import rotate_left, rotate_right
 
@@ -22,8 +23,19 @@ def compensate(dtheta: Array, dv: Array, dt: float, previous: Array, u: Array) -
     sculling, m/s. `previous` is the last sample (increments and dt); rate and force are taken as
     linear over the two, also where their dt differ (equal dt give the usual 1/12).
     """
-    before = previous[6]
-    c = dt / (6 * before * (before + dt)) * dt if before > 0 else 0.0
+    compensated(dtheta, dv, coning(dt, previous[6]), previous, u)
+
+
+@helper
+def coning(dt: float, before: float) -> float:
+    """The share of the cross products of a sample of dt seconds with the one before, which lasted
+    `before`; 0 without one."""
+    return dt / (6 * before * (before + dt)) * dt if before > 0 else 0.0
+
+
+@helper
+def compensated(dtheta: Array, dv: Array, c: float, previous: Array, u: Array) -> None:
+    """`compensate` with c from `coning`."""
     a0, a1, a2, b0, b1, b2 = (
         previous[0],
         previous[1],
@@ -116,15 +128,18 @@ def _move(
 ) -> None:
     """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
     position is of second order in dt."""
+    lat = lla[0] + north / M
+    lon = lla[1] + east / (N * (cosine - 0.5 * sine * north / M))
+    beyond = abs(lon) > math.pi
+    if any_of(beyond):
+        lon = where(beyond, lon - math.copysign(2 * math.pi, lon), lon)
     # within 1.2 deg of a pole: only a raw INS gets here, and it must stay finite
-    if abs(lla[0]) > 1.55:
-        displace(lla, north, east, down)
-        return
-    lla[0] += north / M
-    lla[1] += east / (N * (cosine - 0.5 * sine * north / M))
+    polar = abs(lla[0]) > 1.55
+    if any_of(polar):
+        polar_lat, polar_lon = displaced(lla, north, east)
+        lat, lon = where(polar, polar_lat, lat), where(polar, polar_lon, lon)
+    lla[0], lla[1] = lat, lon
     lla[2] -= down
-    if abs(lla[1]) > math.pi:
-        lla[1] -= math.copysign(2 * math.pi, lla[1])
 
 
 @helper

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..typing import Array
+from .choosing import any_of, where
 from .jit import helper
 
 NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -166,14 +167,15 @@ def rotation_between(C: Array, M: NineNumbers) -> tuple[float, float, float]:
         m3 * C[0, 0] + m4 * C[0, 1] + m5 * C[0, 2] - m0 * C[1, 0] - m1 * C[1, 1] - m2 * C[1, 2]
     )
     sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (d0 + d1 + d2 - 1)
-    if sine < 1e-9 and cosine < 0:  # half a turn, about the axis that moves least, near enough
-        return (
-            (math.pi, 0.0, 0.0)
-            if d0 >= max(d1, d2)
-            else ((0.0, math.pi, 0.0) if d1 >= d2 else (0.0, 0.0, math.pi))
-        )
-    scale = math.atan2(sine, cosine) / sine if sine > 1e-9 else 1.0
-    return scale * x, scale * y, scale * z
+    scale = where(sine > 1e-9, math.atan2(sine, cosine) / max(sine, 1e-9), 1.0)
+    x, y, z = scale * x, scale * y, scale * z
+    half = (sine < 1e-9) & (cosine < 0)
+    if any_of(half):  # half a turn, about the axis that moves least, near enough
+        first = d0 >= max(d1, d2)
+        second = where(first, 0.0, where(d1 >= d2, math.pi, 0.0))
+        x, y = where(half, where(first, math.pi, 0.0), x), where(half, second, y)
+        z = where(half, where(first | (d1 >= d2), 0.0, math.pi), z)
+    return x, y, z
 
 
 @helper
@@ -197,42 +199,63 @@ def nearest_turn(
 def _exponential(x: float, y: float, z: float) -> tuple[float, float]:
     """sin(|r|)/|r| and (1 - cos|r|)/|r|^2 of a rotation vector r, with their series near zero."""
     square = x * x + y * y + z * z
-    if square < 1e-4:  # the dropped terms are below 1e-16
-        return 1 - square / 6 * (1 - square / 20), 0.5 - square / 24 * (1 - square / 30)
-    angle = math.sqrt(square)
-    return math.sin(angle) / angle, (1 - math.cos(angle)) / square
+    a, b = 1 - square / 6 * (1 - square / 20), 0.5 - square / 24 * (1 - square / 30)
+    large = square >= 1e-4  # below, the dropped terms are below 1e-16
+    if any_of(large):
+        angle = math.sqrt(square)
+        a = where(large, math.sin(angle) / angle, a)
+        b = where(large, (1 - math.cos(angle)) / square, b)
+    return a, b
+
+
+@helper
+def rotation_terms(x: float, y: float, z: float) -> NineNumbers:
+    """exp([x y z]), a rotation vector (rad), row by row."""
+    a, b = _exponential(x, y, z)
+    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    return (
+        1 - b * (y * y + z * z),
+        xy - a * z,
+        xz + a * y,
+        xy + a * z,
+        1 - b * (x * x + z * z),
+        yz - a * x,
+        xz - a * y,
+        yz + a * x,
+        1 - b * (x * x + y * y),
+    )
+
+
+@helper
+def turned_by(R: NineNumbers, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """`turned` by the nine numbers of a matrix."""
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = R
+    return r0 * x + r1 * y + r2 * z, r3 * x + r4 * y + r5 * z, r6 * x + r7 * y + r8 * z
 
 
 @helper
 def rotate_left(x: float, y: float, z: float, C: Array) -> None:
     """C <- exp([x y z]) C, a rotation vector in the frame on the left of C, rad."""
-    a, b = _exponential(x, y, z)
-    xx, yy, zz = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
-    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    R = rotation_terms(x, y, z)
     for j in range(3):
-        c0, c1, c2 = C[0, j], C[1, j], C[2, j]
-        C[0, j] = xx * c0 + (xy - a * z) * c1 + (xz + a * y) * c2
-        C[1, j] = (xy + a * z) * c0 + yy * c1 + (yz - a * x) * c2
-        C[2, j] = (xz - a * y) * c0 + (yz + a * x) * c1 + zz * c2
+        C[0, j], C[1, j], C[2, j] = turned_by(R, C[0, j], C[1, j], C[2, j])
 
 
 @helper
 def rotate_right(C: Array, x: float, y: float, z: float) -> None:
     """C <- C exp([x y z]), a rotation vector in the frame on the right of C, rad."""
-    a, b = _exponential(x, y, z)
-    xx, yy, zz = 1 - b * (y * y + z * z), 1 - b * (x * x + z * z), 1 - b * (x * x + y * y)
-    xy, xz, yz = b * x * y, b * x * z, b * y * z
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = rotation_terms(x, y, z)
     for i in range(3):
         c0, c1, c2 = C[i, 0], C[i, 1], C[i, 2]
-        C[i, 0] = c0 * xx + c1 * (xy + a * z) + c2 * (xz - a * y)
-        C[i, 1] = c0 * (xy - a * z) + c1 * yy + c2 * (yz + a * x)
-        C[i, 2] = c0 * (xz + a * y) + c1 * (yz - a * x) + c2 * zz
+        C[i, 0] = c0 * r0 + c1 * r3 + c2 * r6
+        C[i, 1] = c0 * r1 + c1 * r4 + c2 * r7
+        C[i, 2] = c0 * r2 + c1 * r5 + c2 * r8
 
 
 @helper
-def orthonormalise(C: Array) -> None:
-    """One Newton step towards the nearest rotation, C <- C (3 I - C'C) / 2: undoes the rounding
-    of many products."""
+def orthonormalise(C: Array, needed: bool = True) -> None:
+    """One Newton step towards the nearest rotation, C <- C (3 I - C'C) / 2, where that is asked
+    for: undoes the rounding of many products."""
     a = C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0] + C[2, 0] * C[2, 0]
     b = C[0, 1] * C[0, 1] + C[1, 1] * C[1, 1] + C[2, 1] * C[2, 1]
     c = C[0, 2] * C[0, 2] + C[1, 2] * C[1, 2] + C[2, 2] * C[2, 2]
@@ -241,6 +264,6 @@ def orthonormalise(C: Array) -> None:
     bc = C[0, 1] * C[0, 2] + C[1, 1] * C[1, 2] + C[2, 1] * C[2, 2]
     for i in range(3):
         c0, c1, c2 = C[i, 0], C[i, 1], C[i, 2]
-        C[i, 0] = 0.5 * (c0 * (3 - a) - c1 * ab - c2 * ac)
-        C[i, 1] = 0.5 * (c1 * (3 - b) - c0 * ab - c2 * bc)
-        C[i, 2] = 0.5 * (c2 * (3 - c) - c0 * ac - c1 * bc)
+        C[i, 0] = where(needed, 0.5 * (c0 * (3 - a) - c1 * ab - c2 * ac), c0)
+        C[i, 1] = where(needed, 0.5 * (c1 * (3 - b) - c0 * ab - c2 * bc), c1)
+        C[i, 2] = where(needed, 0.5 * (c2 * (3 - c) - c0 * ac - c1 * bc), c2)

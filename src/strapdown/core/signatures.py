@@ -6,6 +6,10 @@ fields, addresses and numbers as above, and behind them one `int64_t` for each s
 has a name, in the order in which they first occur. Sizes that have a name and stand in no record of
 the call are `int64_t` arguments behind all others. A kernel as an argument is its address as an
 `int64_t`.
+
+A kernel can also be made for eight runs at once, from the same source: its numbers are then lanes,
+eight numbers side by side, one of each run (`in_lanes`). An array of lanes has a last dimension of
+eight more. A result of lanes is written to an address, which is the very last argument.
 """
 
 from collections.abc import Iterator
@@ -15,17 +19,23 @@ Size: TypeAlias = int | str
 """Of one dimension of an array: a number, or the name of a size that the call says."""
 
 
+LANES = 8
+"""Runs that go side by side: as many on every processor, so that results do not depend on it."""
+
+
 class Number(NamedTuple):
-    """A `double`, or an `int64_t`."""
+    """A `double`, or an `int64_t`; or so many of them side by side."""
 
     real: bool
+    lanes: int = 1
 
 
 REAL, WHOLE = Number(True), Number(False)
 
 
 class Numbers(NamedTuple):
-    """An array of them, C-contiguous, of float64 or int64."""
+    """An array of them, C-contiguous, of float64 or int64; of lanes with LANES for its last
+    dimension, which `shape` does not have."""
 
     item: Number
     shape: tuple[Size, ...]
@@ -63,6 +73,7 @@ class Signature(NamedTuple):
     name: str
     arguments: tuple[tuple[str, Kind], ...]
     result: Number | None = None
+    runs: int = 1  # that a call is for
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
@@ -79,7 +90,7 @@ class Signature(NamedTuple):
         return tuple(size for size in dict.fromkeys(plain) if size not in of_records)
 
 
-ABI = 1
+ABI = 2
 """Goes up whenever the rules above change, so that no library is called by other rules than it was
 made by."""
 
@@ -105,6 +116,34 @@ def record(made: type[Any], **kinds: Kind) -> Record:
 def signature(name: str, result: Number | None = None, /, **arguments: Kind) -> Signature:
     """The Signature of kernels with these arguments."""
     return Signature(name, tuple(arguments.items()), result)
+
+
+def in_lanes(one: Signature, *shared: str, words: tuple[str, ...] = ()) -> Signature:
+    """The Signature of the same kernel for LANES runs at once.
+
+    Arrays of real numbers become arrays of lanes, those of whole numbers where they are named in
+    `words`, and a result that is real becomes a lane. What all runs have in common stays: plain
+    arguments, other whole numbers, and the arrays and records of the names `shared`, also in the
+    signature of a kernel that is an argument.
+    """
+
+    def wide(name: str, kind: Kind) -> Kind:
+        if isinstance(kind, Function):
+            return Function(in_lanes(kind.signature, *shared, words=words))
+        if name in shared or isinstance(kind, Number):
+            return kind
+        if isinstance(kind, Numbers):
+            real = kind.item.real or name in words
+            return kind._replace(item=kind.item._replace(lanes=LANES)) if real else kind
+        return kind._replace(kinds=tuple(wide(*field) for field in kind.fields))
+
+    result = one.result
+    return Signature(
+        f"{one.name}_in_lanes",
+        tuple((name, wide(name, kind)) for name, kind in one.arguments),
+        result._replace(lanes=LANES) if result and result.real else result,
+        LANES,
+    )
 
 
 def _named(kinds: Any) -> Iterator[str]:

@@ -3,7 +3,8 @@ states scaled to their standard deviations."""
 
 import math
 
-from ..core.jit import kernel
+from ..core.choosing import where
+from ..core.jit import helper, kernel
 from ..core.signatures import reals, signature
 from ..typing import Array
 
@@ -20,25 +21,34 @@ NORMALISED_ROWS = signature(
 def normalised_rows(error: Array, covariance: Array, work: Array, out: Array) -> None:
     """out[k] = e_k' P_k^-1 e_k of errors (rows, s) and covariances (rows, n, n) of their states and
     others behind them; NaN where P is not positive definite. `work` is (s + 2, s)."""
-    n, s = error.shape
+    for k in range(error.shape[0]):
+        out[k] = normalised(error[k], covariance[k], work)
+
+
+@helper
+def normalised(error: Array, P: Array, work: Array) -> float:
+    """e' P^-1 e of an error (s,), as `normalised_rows` has it of many."""
+    s, total = error.size, 0.0
     scale, y = work[s], work[s + 1]
-    for k in range(n):
-        total = 0.0
-        for i in range(s):
-            variance = covariance[k, i, i]
-            scale[i] = 1 / math.sqrt(variance) if variance > 0 else math.nan
-        for i in range(s):
-            y[i] = error[k, i] * scale[i]
-            for j in range(i + 1):
-                value = covariance[k, i, j] * scale[i] * scale[j]
-                for m in range(j):
-                    value -= work[i, m] * work[j, m]
-                if j < i:
-                    work[i, j] = value * work[j, j]
-                    y[i] -= work[i, j] * y[j]
-                else:
-                    # the inverse of the diagonal
-                    work[i, i] = 1 / math.sqrt(value) if value > 0 else math.nan
-            y[i] *= work[i, i]
-            total += y[i] * y[i]
-        out[k] = total
+    for i in range(s):
+        scale[i] = _inverse_root(P[i, i])
+        y[i] = error[i] * scale[i]
+        for j in range(i + 1):
+            value = P[i, j] * scale[i] * scale[j]
+            for m in range(j):
+                value -= work[i, m] * work[j, m]
+            if j < i:
+                work[i, j] = value * work[j, j]
+                y[i] -= work[i, j] * y[j]
+            else:
+                work[i, i] = _inverse_root(value)  # the inverse of the diagonal
+        y[i] *= work[i, i]
+        total += y[i] * y[i]
+    return total
+
+
+@helper
+def _inverse_root(x: float) -> float:
+    """1/sqrt(x), NaN where x is not above 0."""
+    above = x > 0
+    return 1 / math.sqrt(where(above, x, 1.0)) + where(above, 0.0, math.nan)

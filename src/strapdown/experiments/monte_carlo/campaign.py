@@ -28,14 +28,16 @@ from numpy.typing import NDArray
 from ... import __version__
 from ...checks import DataError, brief
 from ...core.kernel_cache import closure_digest
+from ...core.library import processor
 from ...file_limits import LimitError, regular
 from ...file_locks import lock
 from ...files import netcdf, replacing, together
+from ...io.own.hdf5_content import content
 from ...opening import json_of, settings_text
 from ...plugins import Plugin
 from ...spreadsheet import inert_table
 from ...typing import File
-from . import sources
+from . import processors, sources
 from .chunk_files import OF_INSTALLATION, fill, read
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
 from .scoring import ERROR_STATE_NAMES
@@ -56,7 +58,10 @@ class Campaign:
     _remover: object  # weakref.finalize of a temporary folder: it goes with the campaign
 
     def __init__(self, folder: File, manifest: dict[str, Any], study: Study | None = None) -> None:
-        self.folder, self.manifest, self.study = Path(folder), manifest, study
+        self.folder, self.manifest, self.study = Path(folder), dict(manifest), study
+        self.processors: dict[str, str] = self.manifest.pop("processors", {})
+        """Those that made the chunks, and how they compare, once it is finished; see
+        `processors`."""
         self._whole: set[Path] = set()  # chunk files whose checksum was looked at
 
     @classmethod
@@ -85,10 +90,14 @@ class Campaign:
                 f"folder"
             )
         if chunks:
-            _same(_manifest(self.folder), self.manifest, self.folder)
+            _same(_study_of(_manifest(self.folder)), self.manifest, self.folder)
         else:
-            with replacing(path) as part:
-                part.write_text(json.dumps(self.manifest, indent=1) + "\n", encoding="utf-8")
+            self._write_manifest()
+
+    def _write_manifest(self) -> None:
+        said = self.manifest | ({"processors": self.processors} if self.processors else {})
+        with replacing(self.folder / "manifest.json") as part:
+            part.write_text(json.dumps(said, indent=1) + "\n", encoding="utf-8")
 
     @classmethod
     def open(cls, folder: File) -> Campaign:
@@ -117,7 +126,7 @@ class Campaign:
 
     def check(self) -> None:
         """Raise DataError where another study has taken the folder since."""
-        _same(_manifest(self.folder), self.manifest, self.folder)
+        _same(_study_of(_manifest(self.folder)), self.manifest, self.folder)
 
     def path(self, chunk: Chunk) -> Path:
         """The file of a chunk."""
@@ -148,7 +157,17 @@ class Campaign:
         with replacing(path) as part, netcdf(part, size) as file:
             fill(file, arrays, self.manifest["filters"], runs)
             file.attrs["format"], file.attrs["identity"] = CAMPAIGN_FORMAT, self._identity(path)
+            file.attrs["processor"] = processor()
         return chunk
+
+    def made_by(self, path: Path) -> str:
+        """The processor that made a chunk file."""
+        return str(content(path, "chunk of a study", ("t",), True).attributes.get("processor", ""))
+
+    def chunk(self, chunk: Chunk, names: Collection[str]) -> Arrays:
+        """Arrays of one chunk, as `read` has those of a cell."""
+        path = self.path(chunk)
+        return read(path, names, self.manifest, self._identity(path), {}, path in self._whole)
 
     def _identity(self, path: Path) -> str:
         """What only the file at `path` of this campaign says: a digest of the manifest, the cell
@@ -157,7 +176,9 @@ class Campaign:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def finish(self) -> None:
-        """Write summary.csv and runs.csv."""
+        """Write summary.csv and runs.csv, and into the manifest which processors have worked."""
+        self.processors = processors.compared(self)
+        self._write_manifest()
         with together():
             for name, table in (("summary", self.summary), ("runs", self.runs)):
                 with replacing(self.folder / f"{name}.csv") as part:
@@ -308,6 +329,11 @@ def _digest(plugin: Plugin) -> str:
         raise DataError(
             f"plugin {plugin.name}: its file cannot be read any more ({error.strerror}); put it back"
         ) from None
+
+
+def _study_of(manifest: dict[str, Any]) -> dict[str, Any]:
+    """What a manifest says of the study, without who has worked on it."""
+    return {key: value for key, value in manifest.items() if key != "processors"}
 
 
 def _manifest(folder: Path) -> dict[str, Any]:

@@ -46,4 +46,5 @@ class ManifestRules(Said):
     installation: dict[Name, Deviation | list[Deviation]] = {}
     chunk_steps: Annotated[int, Field(ge=1)]
     cells: Annotated[list[CellRules], Field(min_length=1)]
+    processors: dict[Name, Line] = {}
     plugins: list[Annotated[list[Name], Field(min_length=2, max_length=2)]] = []

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.contract import ATT, BA, BG, POS, STATES, VEL
-from ...data import SD_COLUMNS, Innovations, Solution, Trajectory
+from ...data import SD_COLUMNS, Solution, Trajectory
 from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...geodesy import displacement, wrap
-from ...typing import Array, Ints
+from ...typing import Array, Ints, Mask
 
 ERROR_STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
 """Names of the 15 error states: position m NED, velocity m/s NED, rotation rad NED, biases m/s^2
@@ -66,38 +66,73 @@ def epochs(truth: Trajectory, every: int) -> Epochs:
     return Epochs(truth.taking(rows + 1), every, rows)
 
 
+class Rows(NamedTuple):
+    """A run at the scored epochs, before anything is made of it; NaN from where the filter
+    stopped."""
+
+    error: Array  # (n, 15) true - estimate, SI, radians
+    rph: Array  # (n, 3) errors of roll, pitch and heading, rad
+    sd: Array  # (n, 15) as the filter states them
+    nees: Array  # (n,) of all 15 states
+
+
+class FixRows(NamedTuple):
+    """The fixes of a run."""
+
+    t: Array  # (m,) s
+    source: Ints  # (m,)
+    innovation: Array  # (m, 3)
+    nis: Array  # (m,)
+    accepted: Mask  # (m,)
+
+
 def score(
     solution: Solution, at: Epochs, b_a: Array, b_g: Array, limits: consistency.Limits
 ) -> Scored:
     """Scored of a Solution kept at the epochs `at` with its covariance; b_a and b_g (n, 3) are
     the true biases there."""
     n, kept = len(at.rows), len(solution.t)
-    error, sd, nees = np.full((n, STATES), np.nan), np.full((n, STATES), np.nan), np.full(n, np.nan)
-    rph = np.full((n, 3), np.nan)
+    rows = Rows(*(np.full((n, *of), np.nan) for of in ((STATES,), (3,), (STATES,), ())))
     with np.errstate(all="ignore"):  # a filter that diverged may have any number
-        error[:kept], rph[:kept] = _errors(solution, at, b_a, b_g)
+        rows.error[:kept], rows.rph[:kept] = _errors(solution, at, b_a, b_g)
         assert solution.trajectory.sd is not None and solution.covariance is not None
-        sd[:kept] = solution.trajectory.sd
+        rows.sd[:kept] = solution.trajectory.sd
         normalised_rows(
-            error[:kept], solution.covariance, np.zeros((STATES + 2, STATES)), nees[:kept]
+            rows.error[:kept],
+            solution.covariance,
+            np.zeros((STATES + 2, STATES)),
+            rows.nees[:kept],
         )
+    seen = solution.innovations
+    fixes = FixRows(seen.t, seen.source, seen.innovation, seen.nis, seen.accepted)
+    return scored(rows, fixes, _left_model(solution), at, limits)
+
+
+def scored(
+    rows: Rows, fixes: FixRows, left_model: float, at: Epochs, limits: consistency.Limits
+) -> Scored:
+    """Scored of what was kept of a run; left_model: when the raw INS of an open loop left its model,
+    s, NaN where it did not."""
+    error, rph, sd, nees = rows
+    n, t = len(at.rows), at.truth.t
+    with np.errstate(all="ignore"):
         distance = np.sqrt((error[:, POS] ** 2).sum(axis=1))
-        rows, reason = consistency.survival(distance, nees, at.truth.t, limits)
+        alive, reason = consistency.survival(distance, nees, t, limits)
         numbers: dict[str, float | Array] = {
-            "rows": rows,
+            "rows": alive,
             "reason": reason,
-            "lasted": float(at.truth.t[rows - 1]) if rows else 0.0,
-            "left_model": _left_model(solution),
-            **_alive(error[:rows], rph[:rows], sd[:rows], nees[:rows]),
+            "lasted": float(t[alive - 1]) if alive else 0.0,
+            "left_model": left_model,
+            **_alive(error[:alive], rph[:alive], sd[:alive], nees[:alive]),
             "censored": float(
                 np.r_[
-                    np.minimum(distance[:rows], limits.distance) ** 2,
-                    np.full(n - rows, limits.distance**2),
+                    np.minimum(distance[:alive], limits.distance) ** 2,
+                    np.full(n - alive, limits.distance**2),
                 ].mean()
             ),
-            **_fixes(solution.innovations, at.truth.t[rows - 1] if rows else -np.inf),
+            **_fixes(fixes, t[alive - 1] if alive else -np.inf),
         }
-    return Scored(error, sd, nees, rows, numbers)
+    return Scored(error, sd, nees, alive, numbers)
 
 
 def score_parameters(
@@ -206,16 +241,16 @@ def _square(vectors: Array) -> Array:
     return (vectors**2).sum(axis=1)
 
 
-def _fixes(innovations: Innovations, end: float) -> dict[str, float]:
+def _fixes(fixes: FixRows, end: float) -> dict[str, float]:
     """Until the abort at `end` s: mean NIS by degree of freedom over the measured rows, lag-1
     correlation of the innovations; and over the whole run how many fixes were used."""
-    measured = np.isfinite(innovations.nis) & (innovations.t <= end)
-    rows = np.isfinite(innovations.innovation[measured]).sum()
-    y = innovations.innovation[measured & (innovations.source == 0)]
+    measured = np.isfinite(fixes.nis) & (fixes.t <= end)
+    rows = np.isfinite(fixes.innovation[measured]).sum()
+    y = fixes.innovation[measured & (fixes.source == 0)]
     moved = np.nansum(y[1:] * y[:-1]) / np.nansum(y**2) if len(y) > 2 else np.nan
     return {
-        "nis": float(innovations.nis[measured].sum() / rows) if rows else np.nan,
+        "nis": float(fixes.nis[measured].sum() / rows) if rows else np.nan,
         "correlation": float(moved),
-        "accepted": int(innovations.accepted.sum()),
-        "rejected": int((~innovations.accepted).sum()),
+        "accepted": int(fixes.accepted.sum()),
+        "rejected": int((~fixes.accepted).sum()),
     }

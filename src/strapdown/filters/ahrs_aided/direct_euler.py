@@ -21,14 +21,12 @@ from ...core.contract import (
 )
 from ...core.error_state import (
     DX,
-    HALF_TURN,
     HEIGHT,
     allocate,
     bias_free,
     linearised_step,
     turn_half,
 )
-from ...core.jit import matrix
 from ...core.mechanization import mechanize
 from ...typing import Array
 from .known_attitude import (
@@ -101,8 +99,8 @@ def correct(
     """Correct P and the states; P is turned by half of the correction, as in a closed loop."""
     nis = correct_angles(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        workspace, theta = belief.workspace, belief.workspace[DX][ATT]
-        turn_half(belief.P, theta[0], theta[1], theta[2], matrix(workspace, HALF_TURN, 3, 3))
+        theta = belief.workspace[DX][ATT]
+        turn_half(belief.P, theta[0], theta[1], theta[2])
     return nis
 
 

@@ -374,11 +374,10 @@ def learn(belief: Belief) -> None:
     """After a correction of P by `measure`: the covariance of the states with the errors of the
     known attitude, corrected alike."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    S, H, work, U = (
+    S, H, work = (
         matrix(workspace, SHARED, 3, n),
         matrix(workspace, JACOBIAN, 3, n),
         workspace[WORK],
-        n * n + 1,
     )
     whiten(H, work)
     for k in range(3):
@@ -388,7 +387,7 @@ def learn(belief: Belief) -> None:
         seen = (x, y, z)
         for m in range(int(work[used_rows(n)])):
             for j in range(n):
-                S[k, j] -= seen[m] * work[U + m * (n + 1) + j]
+                S[k, j] -= seen[m] * work[m * (n + 1) + j]
 
 
 @helper

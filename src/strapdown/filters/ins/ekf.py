@@ -51,7 +51,6 @@ ROOT = SLOTS.matrix("ROOT", 3, 3)  # Cholesky factor of the covariance of the in
 USED = SLOTS.array("USED", 3)  # innovations of the measured rows
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of their noise
 DX = SLOTS.array("DX", MOST_STATES)  # the correction, n numbers
-HALF_TURN = SLOTS.matrix("HALF_TURN", 3, 3)  # half the rotation of a correction
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 
 
@@ -197,7 +196,7 @@ def correct(
         _joseph(P, H, used, variance, U, K, matrix(workspace, LEFT, n, n))
         inject_all(belief, dx)
         theta = dx[ATT]
-        turn_half(P, theta[0], theta[1], theta[2], matrix(workspace, HALF_TURN, 3, 3))
+        turn_half(P, theta[0], theta[1], theta[2])
     return nis
 
 

@@ -33,7 +33,6 @@ from ...core.error_state import (
     BLOCK,
     DX,
     ERROR_STATE,
-    HALF_TURN,
     HEIGHT,
     X,
     added,
@@ -202,7 +201,7 @@ def correct_beside(
         inject_tail(belief, dx)
         compose(belief)
         theta = dx[ATT]
-        turn_half(belief.P, theta[0], theta[1], theta[2], matrix(belief.workspace, HALF_TURN, 3, 3))
+        turn_half(belief.P, theta[0], theta[1], theta[2])
     return nis
 
 

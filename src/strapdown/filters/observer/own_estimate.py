@@ -24,7 +24,6 @@ from ...core.contract import (
 )
 from ...core.error_state import (
     DX,
-    HALF_TURN,
     JACOBIAN,
     WORK,
     X,
@@ -110,7 +109,7 @@ def correct_own(
             turn_tilt(belief.P, 0.5 * dx[8])
             own[TURN] += dx[8]
         else:
-            turn_half(belief.P, dx[6], dx[7], dx[8], matrix(workspace, HALF_TURN, 3, 3))
+            turn_half(belief.P, dx[6], dx[7], dx[8])
         inject(belief.lla, belief.v, C, dx)
         inject_biases(belief, dx)
         for i in range(3):

@@ -67,7 +67,6 @@ AUGMENTED = SLOTS.number("AUGMENTED")  # 1 or 0: white noise has points of its o
 POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and what aidings brought along
 POINT_EXTRA = SLOTS.array("POINT_EXTRA", MOST_STATES - STATES)
 CENTRE = SLOTS.part("CENTRE", NAVIGATION)  # the propagated belief
-HALF_TURN = SLOTS.matrix("HALF_TURN", 3, 3)  # half the rotation of a correction
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of the noise of a fix
 # the square root, n + 1 rows
@@ -418,7 +417,7 @@ def correct(
         _published(belief, n, lanes)
         theta = dx[ATT]
         # the square root follows when it is used next
-        turn_half(belief.P, theta[0], theta[1], theta[2], matrix(workspace, HALF_TURN, 3, 3))
+        turn_half(belief.P, theta[0], theta[1], theta[2])
     return nis
 
 

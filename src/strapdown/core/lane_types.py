@@ -1,0 +1,335 @@
+"""Values of eight runs side by side, as numba and LLVM have them: a Lane of real numbers, a Word of
+whole ones, a Mask of truth values. `compiler` imports it; kernels for eight runs are made of them.
+
+Kernels and helpers are compiled for lanes from the source that they have for one run. What they may
+do to a number is here, each a vector instruction of its own: LLVM splits eight numbers into what the
+processor has, so that results do not depend on it. A truth value of a Mask there is none: numba
+names the line of an `if` that would go both ways; `choosing` has what stands in its place.
+"""
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import numpy as np
+from llvmlite import ir
+from numba import types as numba_types
+from numba.core import cgutils, typeconv
+from numba.extending import intrinsic, lower_cast, models, overload, register_model
+
+from . import elementary
+from .jit import helper
+from .signatures import LANES
+
+types: Any = numba_types  # their own annotations are not complete
+_cgutils: Any = cgutils
+_typeconv: Any = typeconv
+_lower_cast: Any = lower_cast
+_INDEX = ir.IntType(32)
+Given: TypeAlias = tuple[Callable[..., Any], ...]
+"""Functions that mean the same."""
+
+
+class SideBySide(types.Type):  # type: ignore[misc]
+    """Of one item for each run. One number or truth value can stand for all of them."""
+
+    def __init__(self, name: str, one: Any, item: Any) -> None:
+        super().__init__(name)
+        self.one, self.vector = one, ir.VectorType(item, LANES)
+
+    def can_convert_from(self, context: Any, other: Any) -> Any:
+        """From one for all."""
+        return _typeconv.Conversion.safe if isinstance(other, self.one) else None
+
+    def unify(self, context: Any, other: Any) -> Any:
+        """A variable that begins as one number for all."""
+        return self if isinstance(other, self.one) else None
+
+
+class LaneType(SideBySide):
+    """Of real numbers."""
+
+    def can_convert_from(self, context: Any, other: Any) -> Any:
+        """From one for all, and from whole numbers."""
+        return (
+            _typeconv.Conversion.safe if other is WORD else super().can_convert_from(context, other)
+        )
+
+
+class MaskType(SideBySide):
+    """Of truth values."""
+
+
+class WordType(SideBySide):
+    """Of whole numbers of 64 bits, whose shift to the right brings zeros."""
+
+
+LANE = LaneType(f"Lane{LANES}", types.Number, ir.DoubleType())
+MASK = MaskType(f"Mask{LANES}", types.Boolean, ir.IntType(1))
+WORD = WordType(f"Word{LANES}", types.Integer, ir.IntType(64))
+
+
+def _model(of: SideBySide) -> None:
+    class Model(models.PrimitiveModel):
+        def __init__(self, manager: Any, kind: Any) -> None:
+            super().__init__(manager, kind, of.vector)  # type: ignore[no-untyped-call]
+
+    register_model(type(of))(Model)
+
+
+def _of_one(of: SideBySide, single: Any, item: Any) -> None:
+    """How one number becomes one for each run."""
+
+    def cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+        one = context.cast(builder, value, fromty, item)
+        if of is MASK and one.type.width > 1:
+            one = builder.trunc(one, ir.IntType(1))
+        none = ir.Constant(of.vector, ir.Undefined)
+        first = builder.insert_element(none, one, _INDEX(0))
+        every = ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES)
+        return builder.shuffle_vector(first, none, every)
+
+    _lower_cast(single, type(of))(cast)
+
+
+for _each, _single, _item in (
+    (LANE, types.Number, types.float64),
+    (MASK, types.Boolean, types.boolean),
+    (WORD, types.Integer, types.int64),
+):
+    _model(_each)
+    _of_one(_each, _single, _item)
+
+
+def _real(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return builder.sitofp(value, LANE.vector)
+
+
+_lower_cast(WordType, LaneType)(_real)
+
+
+# ---- operators
+
+
+def _both(of: SideBySide, *given: Any) -> bool:
+    """Whether these are values side by side and at least one of them is `of`."""
+    return any(one is of for one in given) and all(
+        one is of or isinstance(one, of.one) for one in given
+    )
+
+
+def _operator(
+    of: SideBySide, result: Any, count: int, emit: Callable[..., Any], *functions: Any
+) -> Any:
+    """Give numba's functions of so many arguments their meaning for `of`: what `emit` makes of a
+    builder and vectors."""
+    names = ("a", "b", "c")[:count]
+
+    def declared(context: Any, *given: Any) -> Any:
+        def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+            wide = [context.cast(builder, v, t, of) for v, t in zip(values, call.args)]
+            return emit(builder, *wide)
+
+        return result(*given), codegen
+
+    listed = ", ".join(names)
+    scope = {"declared": declared, "_both": _both, "of": of}
+    made = intrinsic(eval(f"lambda typing, {listed}: declared(typing, {listed})", scope))
+    scope["made"] = made
+    chosen = eval(
+        f"lambda {listed}: (lambda {listed}: made({listed})) if _both(of, {listed}) else None",
+        scope,
+    )
+    for function in functions:
+        overload(function)(chosen)
+    return made
+
+
+def _instruction(name: str) -> Callable[..., Any]:
+    return lambda builder, *values: getattr(builder, name)(*values)
+
+
+def _compared(kind: str, sign: str) -> Callable[..., Any]:
+    return lambda builder, a, b: getattr(builder, kind)(sign, a, b)
+
+
+def _of_llvm(name: str) -> Callable[..., Any]:
+    """One of LLVM's own functions of vectors of doubles."""
+
+    def emit(builder: Any, *values: Any) -> Any:
+        kind = ir.FunctionType(LANE.vector, [LANE.vector] * len(values))
+        function = _cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
+        return builder.call(function, values)
+
+    return emit
+
+
+_o: Any = operator
+_functions: Given
+for _name, _functions in {
+    "fadd": (_o.add, _o.iadd),
+    "fsub": (_o.sub, _o.isub),
+    "fmul": (_o.mul, _o.imul),
+    "fdiv": (_o.truediv, _o.itruediv),
+}.items():
+    _operator(LANE, LANE, 2, _instruction(_name), *_functions)
+for _name, _functions in {
+    "add": (_o.add, _o.iadd),
+    "sub": (_o.sub, _o.isub),
+    "and_": (_o.and_, _o.iand),
+    "or_": (_o.or_, _o.ior),
+    "xor": (_o.xor, _o.ixor),
+    "shl": (_o.lshift, _o.ilshift),
+    "lshr": (_o.rshift, _o.irshift),
+}.items():
+    _operator(WORD, WORD, 2, _instruction(_name), *_functions)
+for _name, _functions in {
+    "and_": (_o.and_, _o.iand),
+    "or_": (_o.or_, _o.ior),
+    "xor": (_o.ne,),
+}.items():
+    _operator(MASK, MASK, 2, _instruction(_name), *_functions)
+for _sign, _function in {
+    "<": _o.lt,
+    "<=": _o.le,
+    ">": _o.gt,
+    ">=": _o.ge,
+    "==": _o.eq,
+}.items():
+    _operator(LANE, MASK, 2, _compared("fcmp_ordered", _sign), _function)
+    _operator(WORD, MASK, 2, _compared("icmp_signed", _sign), _function)
+_operator(LANE, MASK, 2, _compared("fcmp_unordered", "!="), _o.ne)
+_operator(WORD, MASK, 2, _compared("icmp_signed", "!="), _o.ne)
+_operator(LANE, LANE, 1, _instruction("fneg"), _o.neg)
+_operator(MASK, MASK, 1, _instruction("not_"), _o.invert, _o.not_)
+
+
+# ---- functions of numbers, as math and Python have them
+
+_operator(LANE, LANE, 1, _of_llvm("sqrt"), math.sqrt, np.sqrt)
+_operator(LANE, LANE, 1, _of_llvm("fabs"), abs, math.fabs, np.abs)
+_floor = _operator(LANE, LANE, 1, _of_llvm("floor"), np.floor, math.floor)
+_operator(LANE, LANE, 2, _of_llvm("copysign"), math.copysign)
+_operator(LANE, MASK, 1, lambda builder, a: builder.fcmp_unordered("uno", a, a), math.isnan)
+# as Python has them: the first where the second is not less, or more
+_operator(
+    LANE, LANE, 2, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a), min
+)
+_operator(
+    LANE, LANE, 2, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a), max
+)
+
+
+def _first(builder: Any, a: Any) -> Any:
+    return builder.extract_element(a, _INDEX(0))
+
+
+_first_of_lane = _operator(LANE, types.float64, 1, _first)
+
+
+# what is the same in all runs: a mode, a count
+overload(int)(lambda x: (lambda x: int(_first_of_lane(x))) if x is LANE else None)
+
+
+def _by_helper(function: Any, helper: Any, count: int) -> None:
+    """A function of `math` on lanes is the helper of `elementary`."""
+    scope: dict[str, Any] = {"helper": helper, "_both": _both, "LANE": LANE}
+    listed = ", ".join(("a", "b")[:count])
+    overload(function)(
+        eval(
+            f"lambda {listed}: (lambda {listed}: helper({listed})) if _both(LANE, {listed}) else None",
+            scope,
+        )
+    )
+
+
+for _functions, _helper, _count in (
+    ((math.sin, np.sin), elementary.sine, 1),
+    ((math.cos, np.cos), elementary.cosine, 1),
+    ((math.log, np.log), elementary.logarithm, 1),
+    ((math.exp, np.exp), elementary.exponential, 1),
+    ((math.atan, np.arctan), elementary.arctangent, 1),
+    ((math.atan2, np.arctan2), elementary.arctangent2, 2),
+):
+    for _function in _functions:
+        _by_helper(_function, _helper, _count)
+
+
+@helper
+def _hypotenuse(a: Any, b: Any) -> Any:
+    return math.sqrt(a * a + b * b)
+
+
+_by_helper(math.hypot, _hypotenuse, 2)
+
+
+# ---- choices, and the bits of a number: the intrinsics of `choosing` and `elementary`
+
+
+@intrinsic
+def _where(typing: Any, condition: Any, this: Any, that: Any) -> Any:
+    """One of two values, by a truth value or by those of each run."""
+    result = typing.unify_types(this, that)
+    if condition is MASK and not isinstance(result, SideBySide):
+        result = LANE if isinstance(result, types.Float) else WORD
+
+    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        chosen = values[0]
+        if condition is not MASK:
+            chosen = context.cast(builder, chosen, condition, types.boolean)
+        a, b = (context.cast(builder, v, t, result) for v, t in zip(values[1:], call.args[1:]))
+        return builder.select(chosen, a, b)
+
+    return result(condition, this, that), codegen
+
+
+def _over_runs(of_every: bool) -> Any:
+    """An intrinsic: whether a truth value holds in any run, or in every one."""
+
+    def over_runs(typing: Any, condition: Any) -> Any:
+        def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+            if condition is not MASK:
+                return context.cast(builder, values[0], condition, types.boolean)
+            bits = ir.IntType(LANES)
+            found = builder.bitcast(values[0], bits)
+            none = bits(2**LANES - 1 if of_every else 0)
+            return builder.icmp_unsigned("==" if of_every else "!=", found, none)
+
+        return types.boolean(condition), codegen
+
+    return intrinsic(over_runs)
+
+
+@intrinsic
+def _bits(typing: Any, x: Any) -> Any:
+    """The bits of a number of 64 as a whole number."""
+
+    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        if x is LANE:
+            return builder.bitcast(values[0], WORD.vector)
+        return builder.bitcast(context.cast(builder, values[0], x, types.float64), ir.IntType(64))
+
+    return (WORD if x is LANE else types.int64)(x), codegen
+
+
+@intrinsic
+def _from_bits(typing: Any, i: Any) -> Any:
+    """The number of the bits of a whole one."""
+
+    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        if i is WORD:
+            return builder.bitcast(values[0], LANE.vector)
+        return builder.bitcast(context.cast(builder, values[0], i, types.int64), ir.DoubleType())
+
+    return (LANE if i is WORD else types.float64)(i), codegen
+
+
+INTRINSICS = {
+    "bits": _bits,
+    "from_bits": _from_bits,
+    "where": _where,
+    "any_of": _over_runs(False),
+    "all_of": _over_runs(True),
+}
+"""Of compiled code, by the names that `jit` knows."""

@@ -1,0 +1,184 @@
+"""Eight runs of one filter at once, on recordings that differ in numbers only: the same times, sources
+and options. What leaves the lanes is told, and must be run alone."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import aiding
+from ..core import cursor as places, lane_loop
+from ..core.c_calls import aligned
+from ..core.contract import (
+    COMPILED,
+    CORRELATION_TIME,
+    ESTIMATED,
+    MEMORY,
+    ROBUST,
+    SLIP,
+    Belief,
+    Filter,
+    Fixes,
+    Start,
+    address,
+    side_by_side,
+)
+from ..core.lane_loop import LaneCursor, LaneOutput
+from ..core.loop import SAME_TIME
+from ..core.signatures import LANES
+from ..recording import Recording
+from ..typing import Array
+from .prepare import Run, merge, new_belief, usable
+
+NOT_IN_LANES = {
+    ESTIMATED: "parameters of the installation are estimated",
+    CORRELATION_TIME: "errors of a source are correlated",
+    SLIP: "the side slip of a constraint is allowed for",
+    ROBUST: "a source is robust",
+    MEMORY: "a source is adaptive",
+}
+"""What of a source the lanes do not know."""
+
+
+def why_alone(run: Run) -> str:
+    """Why runs like this one go one by one; "" where they can go side by side."""
+    kinds = [aiding.find(a.kind) for a in run.recording.aidings]
+    alone = [sensor.name for sensor in kinds if not sensor.lanes]
+    if not COMPILED:
+        return "kernels are not compiled"
+    if not run.filter.lanes:
+        return f"{run.filter.name} has no lanes"
+    if alone:
+        return f"{alone[0]} has no lanes"
+    for column, why in NOT_IN_LANES.items():
+        if run.fixes.parameters[:, column].any():
+            return why
+    if run.cursor.coupled.size or run.cursor.recent.size:
+        return NOT_IN_LANES[ESTIMATED]
+    t, dt = run.samples.t[run.first :], run.samples.dt[run.first :]
+    begins = np.r_[run.start.t, t[:-1]]
+    if (np.abs(t - dt - begins) > SAME_TIME).any():
+        return "there are gaps between samples, or the start is inside one"
+    return ""
+
+
+class SideBySide:
+    """Runs of one filter in lanes. `left` says until when each of them is right."""
+
+    def __init__(
+        self,
+        first: Run,
+        starts: Sequence[Start],
+        recordings: Sequence[Recording],
+        keep: Any,
+        true: Array,
+        biases: Array,
+        scratch: int,
+        numbers: int,
+    ) -> None:
+        """first: the Run of the first of LANES `starts` and `recordings`, for which `why_alone` is
+        silent. keep: the kernel that keeps rows, of core.lane_loop.KEEP; true (rows, ...) and lanes
+        of biases (rows, 6, LANES) are handed to it with an array of so many numbers to write in;
+        numbers: how many it writes of a row."""
+        filter, cursor, fixes = first.filter, first.cursor, first.fixes
+        beliefs = [first.belief] + [
+            new_belief(filter, start, first.noise, first.options, first.recording.aidings)
+            for start in starts[1:]
+        ]
+        self.filter = filter
+        self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
+        y = alongside([_readings(filter, each, first) for each in recordings])
+        sd = np.maximum(fixes.sd, cursor.floor[fixes.source])
+        self.fixes = fixes._replace(y=y, sd=sd)
+        self.noise, self._samples = first.noise, first.samples
+        at = np.zeros(lane_loop.PLACES, np.int64)
+        every = int(cursor.at[places.EVERY])
+        at[lane_loop.ROW], at[lane_loop.FIX_COUNT] = first.first, len(fixes.t)
+        at[lane_loop.EVERY], at[lane_loop.PHASE] = every, cursor.at[places.PHASE]
+        at[lane_loop.CONDITION] = -1 if filter.condition is None else filter.condition
+        sources = len(fixes.kind)
+        self.cursor = LaneCursor(
+            at,
+            np.array([first.start.t, 0.0]),
+            np.full(sources, first.start.t),
+            cursor.limits,
+            aligned(6, LANES),
+            aligned(lane_loop.WORK, LANES),
+            aligned(sources, lane_loop.BOOKS, LANES),
+            aligned(len(filter.conditions), LANES),
+            aligned(1, LANES),
+        )
+        self.cursor.conditions[:] = self.cursor.left[:] = np.inf
+        self.out = LaneOutput(
+            aligned(len(fixes.t), lane_loop.FIX_NUMBERS, LANES),
+            aligned(len(true), numbers, LANES),
+        )
+        self.out.kept[:] = np.nan
+        self._kernels = _addresses(filter, first, keep)
+        self._given = true, biases, aligned(scratch, LANES)
+
+    def calls(self, increments: Array) -> Callable[[int, int], None]:
+        """What processes the IMU rows from the first to before the second that it is given;
+        `increments` (block, 6, LANES) has those from the first on, and is filled anew for each
+        call."""
+        predict, correct, observers, keep = self._kernels
+        go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
+            predict,
+            correct,
+            observers,
+            keep,
+            self._samples.t,
+            self._samples.dt,
+            self.belief,
+            self.fixes,
+            increments,
+            self.noise,
+            *self._given,
+            self.cursor,
+            self.out,
+        )
+        at = self.cursor.at
+
+        def advance(row: int, stop: int) -> None:
+            at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, stop
+            go()
+
+        return advance
+
+    @property
+    def left(self) -> Array:
+        """(LANES,) time from which a run must go alone, s; inf of those that need not."""
+        return self.cursor.left[lane_loop.LEFT]
+
+
+def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
+    """Those that lanes of `filter` on sources of these kinds need, the loop among them."""
+    own = [filter.predict, filter.correct, *(aiding.find(kind).observe for kind in kinds)]
+    return [*map(side_by_side, own), keep.for_runs(lane_loop.KEEP_LANES), lane_loop.run_lanes]
+
+
+def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, int]:
+    kinds = [a.kind for a in first.recording.aidings]
+    predict, correct, *observe, keep, _ = map(address, kernels(filter, kinds, keep))
+    observers = np.zeros_like(first.kernels[2])
+    observers[[aiding.number(kind) for kind in kinds]] = observe
+    return predict, correct, observers, keep
+
+
+def _readings(filter: Filter, recording: Recording, first: Run) -> Array:
+    """y of the fixes of a recording, in the order of the first run. Raises ValueError where it
+    has others."""
+    fixes: Fixes = merge(usable(filter, recording.aidings)[0], first.start.t + SAME_TIME)
+    mine = first.fixes
+    if not (np.array_equal(fixes.t, mine.t) and np.array_equal(fixes.source, mine.source)):
+        raise ValueError("runs side by side need fixes of the same times")
+    return fixes.y
+
+
+def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of one shape and type as lanes."""
+    made = aligned(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
+    for lane, part in enumerate(parts):
+        made[..., lane] = part
+    return made

@@ -1,0 +1,208 @@
+"""Runs side by side against the same runs alone, to the bit; and what must leave the lanes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import strapdown as sd
+from strapdown import aiding, filters
+from strapdown.core import lane_loop, loop
+from strapdown.core.c_calls import aligned
+from strapdown.core.contract import kernel
+from strapdown.core.jit import COMPILED
+from strapdown.core.lane_loop import KEEP
+from strapdown.core.signatures import LANES
+from strapdown.engine.batch import begin
+from strapdown.engine.prepare import Asked
+from strapdown.engine.side_by_side import SideBySide, why_alone
+from strapdown.sim.synthesis import Simulator
+
+pytestmark = pytest.mark.skipif(not COMPILED, reason="lanes are compiled")
+FILTERS = [name for name in filters.own_names() if filters.find(name).lanes]
+KEPT = 24 + 15
+
+
+@kernel(KEEP)
+def keep_state(belief, k, true, biases, work, kept):
+    """All that a belief holds of the vehicle."""
+    row = kept[k]
+    for i in range(3):
+        row[i], row[3 + i], row[6 + i], row[9 + i] = (
+            belief.lla[i],
+            belief.v[i],
+            belief.ba[i],
+            belief.bg[i],
+        )
+        for j in range(3):
+            row[12 + 3 * i + j] = belief.C[i, j]
+    for i in range(15):
+        row[24 + i] = belief.P[i, i]
+
+
+class Both:
+    """Eight runs of a scenario, side by side and alone."""
+
+    def __init__(self, scenario, filter, every=10, spoil=None, options=None, seeds=range(LANES)):
+        made = Simulator(sd.scenario(scenario) if isinstance(scenario, str) else scenario)
+        spec = made.scenario.imu
+        drawn = [made.run(spec, seed) for seed in seeds]
+        self.recordings = [r for r, _ in drawn]
+        if spoil:
+            self.recordings = [spoil(lane, r) for lane, r in enumerate(self.recordings)]
+        self.runs = [
+            begin(r, filter, Asked(options or {}, spec, start, every=every, covariance=True))
+            for r, (_, start) in zip(self.recordings, drawn)
+        ]
+        self.starts = [start for _, start in drawn]
+        first = begin(
+            self.recordings[0], filter, Asked(options or {}, spec, self.starts[0], every=every)
+        )
+        self.why = why_alone(first)
+        if self.why:
+            return
+        rows = len(self.runs[0].out.nav)
+        self.lanes = SideBySide(
+            first,
+            self.starts,
+            self.recordings,
+            keep_state,
+            np.zeros((rows, 1)),
+            aligned(rows, 6, LANES),
+            1,
+            KEPT,
+        )
+        count = len(first.samples.t)
+        increments = aligned(count, 6, LANES)
+        for lane, recording in enumerate(self.recordings):
+            increments[:, :3, lane] = recording.imu.dtheta
+            increments[:, 3:, lane] = recording.imu.dv
+        advance, block = self.lanes.calls(increments[:700]), increments[:700]
+        whole = increments.copy()
+        for begins in range(first.first, count, 700):
+            stop = min(begins + 700, count)
+            block[: stop - begins] = whole[begins:stop]
+            advance(begins, stop)
+        for run in self.runs:
+            run.complete()
+
+    def alone(self, lane):
+        """(rows, KEPT) what `keep_state` would have kept."""
+        run = self.runs[lane]
+        nav, P = run.out.nav, run.out.covariance
+        C = np.empty((len(nav), 3, 3))
+        return np.c_[
+            nav[:, loop.LLA : loop.Q],
+            nav[:, loop.BIASES : loop.SD],
+            C.reshape(-1, 9),
+            np.einsum("kii->ki", P[:, :15, :15]),
+        ]
+
+
+NOT_ATTITUDE = np.r_[0:12, 24:KEPT]  # a solution has quaternions
+
+
+@pytest.mark.parametrize("filter", FILTERS)
+@pytest.mark.parametrize("scenario", ["demo", "car"])
+def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
+    both = Both(sd.scenario(scenario).replace(duration=40.0), filter)
+    if both.why:
+        pytest.skip(both.why)
+    kept, fix = both.lanes.out.kept, both.lanes.out.fix
+    assert np.isinf(both.lanes.left).sum() >= LANES - 2
+    for lane in np.flatnonzero(np.isinf(both.lanes.left)):
+        alone = both.alone(lane)
+        np.testing.assert_array_equal(kept[:, NOT_ATTITUDE, lane], alone[:, NOT_ATTITUDE])
+        rows = both.runs[lane].out.fix[: both.runs[lane].cursor.at[2]]
+        np.testing.assert_array_equal(fix[: len(rows), lane_loop.NIS, lane], rows[:, loop.F_NIS])
+        np.testing.assert_array_equal(
+            fix[: len(rows), lane_loop.USED, lane] > 0, rows[:, loop.F_USE] > 0
+        )
+
+
+def test_most_filters_and_sensors_have_lanes():
+    assert {
+        "open-loop",
+        "closed-loop",
+        "closed-loop-error-bias",
+        "periodic-reset",
+        "mekf",
+        "ekf",
+        "xkf",
+    } <= set(FILTERS)
+    wanted = "position", "velocity", "altitude", "heading", "speed", "zero-velocity"
+    assert all(aiding.find(kind).lanes for kind in wanted)
+
+
+def spoiled_sample(value):
+    """One number of one lane's samples replaced."""
+
+    def spoil(lane, recording):
+        if lane != 3:
+            return recording
+        dtheta = recording.imu.dtheta.copy()
+        dtheta[1000, 1] = value
+        return replace(recording, imu=recording.imu._replace(dtheta=dtheta))
+
+    return spoil
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -5.0, 1e300])
+def test_a_lost_run_leaves_and_the_others_keep_every_bit(value):
+    short = sd.scenario("demo").replace(duration=40.0)
+    sound, spoiled = Both(short, "closed-loop"), Both(short, "closed-loop", spoil=spoiled_sample(value))
+    t = spoiled.runs[0].samples.t[1000]
+    assert spoiled.lanes.left[3] == t and np.isinf(np.delete(spoiled.lanes.left, 3)).all()
+    others = np.delete(np.arange(LANES), 3)
+    np.testing.assert_array_equal(
+        sound.lanes.out.kept[..., others], spoiled.lanes.out.kept[..., others]
+    )
+    before = slice(0, 99)
+    np.testing.assert_array_equal(
+        sound.lanes.out.kept[before, :, 3], spoiled.lanes.out.kept[before, :, 3]
+    )
+
+
+def test_a_run_whose_gate_is_to_be_lifted_leaves():
+    def moved(lane, recording):
+        if lane != 5:
+            return recording
+        gnss = recording.aidings[0]
+        y = gnss.y.copy()
+        y[gnss.t > 20, 2] += 500.0
+        return replace(recording, aidings=(replace(gnss, y=y), *recording.aidings[1:]))
+
+    both = Both(sd.scenario("demo").replace(duration=40.0), "closed-loop", spoil=moved)
+    assert 20 < both.lanes.left[5] < 40 and np.isinf(np.delete(both.lanes.left, 5)).all()
+    cursor = both.lanes.cursor
+    assert cursor.books[0, lane_loop.REJECTIONS, 5] >= 5
+
+
+def test_rejected_fixes_stay_in_the_lanes():
+    def wild(lane, recording):
+        gnss = recording.aidings[0]
+        y = gnss.y.copy()
+        y[5 + lane, 2] += 300.0
+        return replace(recording, aidings=(replace(gnss, y=y), *recording.aidings[1:]))
+
+    both = Both(sd.scenario("demo").replace(duration=40.0), "closed-loop", spoil=wild)
+    assert np.isinf(both.lanes.left).all()
+    assert (both.lanes.cursor.books[0, lane_loop.REJECTIONS] >= 1).all()
+    for lane in range(LANES):
+        np.testing.assert_array_equal(
+            both.lanes.out.kept[:, NOT_ATTITUDE, lane], both.alone(lane)[:, NOT_ATTITUDE]
+        )
+
+
+@pytest.mark.parametrize(
+    "change, why",
+    [
+        (lambda r: replace(r, imu=r.imu._replace(t=np.r_[r.imu.t[:500], r.imu.t[500:] + 1])), "gaps"),
+        (lambda r: replace(r, meta=r.meta | {"estimate": {"clock": None}}), "estimated"),
+    ],
+)
+def test_what_lanes_do_not_know_is_said(change, why):
+    made = Simulator(sd.scenario("demo").replace(duration=20.0))
+    recording, start = made.run(made.scenario.imu, 1)
+    run = begin(change(recording), "closed-loop", Asked({}, made.scenario.imu, start))
+    assert why in why_alone(run)
