@@ -11,7 +11,7 @@ from strapdown.core import lane_loop, loop
 from strapdown.core.c_calls import aligned
 from strapdown.core.contract import kernel
 from strapdown.core.jit import COMPILED
-from strapdown.core.lane_loop import KEEP
+from strapdown.core.lane_loop import KEEP, KEEP_LANES
 from strapdown.core.signatures import LANES
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
@@ -66,7 +66,7 @@ class Both:
             first,
             self.starts,
             self.recordings,
-            keep_state,
+            keep_state.for_runs(KEEP_LANES),
             np.zeros((rows, 1)),
             aligned(rows, 6, LANES),
             1,

@@ -78,7 +78,7 @@ class SideBySide:
         numbers: int,
     ) -> None:
         """first: the Run of the first of LANES `starts` and `recordings`, for which `why_alone` is
-        silent. keep: the kernel that keeps rows, of core.lane_loop.KEEP; true (rows, ...) and lanes
+        silent. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; true (rows, ...) and lanes
         of biases (rows, 6, LANES) are handed to it with an array of so many numbers to write in;
         numbers: how many it writes of a row."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
@@ -156,7 +156,7 @@ class SideBySide:
 def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
     """Those that lanes of `filter` on sources of these kinds need, the loop among them."""
     own = [filter.predict, filter.correct, *(aiding.find(kind).observe for kind in kinds)]
-    return [*map(side_by_side, own), keep.for_runs(lane_loop.KEEP_LANES), lane_loop.run_lanes]
+    return [*map(side_by_side, own), keep, lane_loop.run_lanes]
 
 
 def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, int]:

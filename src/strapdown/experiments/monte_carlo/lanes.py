@@ -17,7 +17,7 @@ from ...engine.side_by_side import SideBySide, alongside, kernels, why_alone
 from ...evaluation.consistency import Limits
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...sensor_models.imu import ImuSpec
-from ...sensor_models.imu_errors import RATES, SIMULATE_LANES, Own, simulate_errors
+from ...sensor_models.imu_errors import RATES, Own, simulate_errors_in_lanes
 from ...sensor_models.streams import Stream
 from ...sim.synthesis import OF_IMU, OF_START, Simulator
 from ...typing import Array
@@ -72,7 +72,7 @@ def run_side_by_side(
                 first,
                 starts,
                 recordings,
-                lane_scoring.keep_errors,
+                lane_scoring.keep_errors_in_lanes,
                 true,
                 simulated.biases,
                 lane_scoring.SCRATCH,
@@ -91,8 +91,7 @@ def run_side_by_side(
 def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
     """Those that a filter needs on sources of these kinds, as far as they have lanes."""
     wide = [kind for kind in kinds if find(kind).lanes]
-    simulate: Any = simulate_errors
-    return [*kernels(filter, wide, lane_scoring.keep_errors), simulate.for_runs(SIMULATE_LANES)]
+    return [*kernels(filter, wide, lane_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
 
 
 class Simulated:
@@ -116,10 +115,9 @@ class Simulated:
         self._next = self._bound(self._own)
 
     def _bound(self, own: Own) -> Callable[[], Any]:
-        simulate: Any = simulate_errors
         rates = np.zeros(RATES)
         return bound(
-            simulate.for_runs(SIMULATE_LANES),
+            simulate_errors_in_lanes,
             self._rows,
             self._shared,
             own,
