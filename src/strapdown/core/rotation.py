@@ -83,7 +83,7 @@ def euler_terms(roll: float, pitch: float, heading: float) -> NineNumbers:
 def measured_heading(y: Array, C: Array) -> float:
     """Heading (rad) of a record y = roll, pitch, heading; where that is not measured (NaN), the
     heading of C_nb."""
-    return math.atan2(C[1, 0], C[0, 0]) if math.isnan(y[2]) else y[2]
+    return where(math.isnan(y[2]), math.atan2(C[1, 0], C[0, 0]), y[2])
 
 
 @helper
@@ -141,7 +141,7 @@ def turn_quaternion(x: float, y: float, z: float, q: Array) -> None:
     a, b = _exponential(0.5 * x, 0.5 * y, 0.5 * z)
     w, x, y, z = 1 - 0.25 * b * (x * x + y * y + z * z), 0.5 * a * x, 0.5 * a * y, 0.5 * a * z
     q0, q1, q2, q3 = q[0], q[1], q[2], q[3]
-    sign = 1.0 if w * q0 - x * q1 - y * q2 - z * q3 >= 0 else -1.0
+    sign = where(w * q0 - x * q1 - y * q2 - z * q3 >= 0, 1.0, -1.0)
     w, x, y, z = sign * w, sign * x, sign * y, sign * z
     q[0], q[1] = w * q0 - x * q1 - y * q2 - z * q3, w * q1 + x * q0 + y * q3 - z * q2
     q[2], q[3] = w * q2 - x * q3 + y * q0 + z * q1, w * q3 + x * q2 - y * q1 + z * q0
