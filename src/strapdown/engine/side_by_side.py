@@ -104,7 +104,7 @@ class SideBySide:
             np.array([first.start.t, 0.0]),
             np.full(sources, first.start.t),
             cursor.limits,
-            aligned(6, LANES),
+            aligned(7, LANES),
             aligned(lane_loop.WORK, LANES),
             aligned(sources, lane_loop.BOOKS, LANES),
             aligned(len(filter.conditions), LANES),
