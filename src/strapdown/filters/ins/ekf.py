@@ -294,4 +294,5 @@ EKF = Filter(
     correct,
     slots=SLOTS,
     installation=True,
+    lanes=True,
 )
