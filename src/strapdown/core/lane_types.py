@@ -228,8 +228,9 @@ def _first(builder: Any, a: Any) -> Any:
 _first_of_lane = _operator(LANE, types.float64, 1, _first)
 
 
-# what is the same in all runs: a mode, a count
+# what is the same in all runs: a mode, a count; an option, a time
 overload(int)(lambda x: (lambda x: int(_first_of_lane(x))) if x is LANE else None)
+overload(float)(lambda x: (lambda x: _first_of_lane(x)) if x is LANE else None)
 
 
 def _by_helper(function: Any, helper: Any, count: int) -> None:
@@ -249,6 +250,8 @@ for _functions, _helper, _count in (
     ((math.cos, np.cos), elementary.cosine, 1),
     ((math.log, np.log), elementary.logarithm, 1),
     ((math.exp, np.exp), elementary.exponential, 1),
+    ((math.expm1, np.expm1), elementary.exponential_less_one, 1),
+    ((math.tan, np.tan), elementary.tangent, 1),
     ((math.atan, np.arctan), elementary.arctangent, 1),
     ((math.atan2, np.arctan2), elementary.arctangent2, 2),
 ):
