@@ -11,7 +11,7 @@ from strapdown.core import lane_loop, loop
 from strapdown.core.c_calls import aligned
 from strapdown.core.contract import kernel
 from strapdown.core.jit import COMPILED
-from strapdown.core.lane_loop import KEEP
+from strapdown.core.lane_loop import KEEP, KEEP_LANES
 from strapdown.core.signatures import LANES
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
@@ -66,7 +66,7 @@ class Both:
             first,
             self.starts,
             self.recordings,
-            keep_state,
+            keep_state.for_runs(KEEP_LANES),
             np.zeros((rows, 1)),
             aligned(rows, 6, LANES),
             1,
@@ -150,7 +150,10 @@ def spoiled_sample(value):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -5.0, 1e300])
 def test_a_lost_run_leaves_and_the_others_keep_every_bit(value):
     short = sd.scenario("demo").replace(duration=40.0)
-    sound, spoiled = Both(short, "closed-loop"), Both(short, "closed-loop", spoil=spoiled_sample(value))
+    sound, spoiled = (
+        Both(short, "closed-loop"),
+        Both(short, "closed-loop", spoil=spoiled_sample(value)),
+    )
     t = spoiled.runs[0].samples.t[1000]
     assert spoiled.lanes.left[3] == t and np.isinf(np.delete(spoiled.lanes.left, 3)).all()
     others = np.delete(np.arange(LANES), 3)
@@ -197,7 +200,10 @@ def test_rejected_fixes_stay_in_the_lanes():
 @pytest.mark.parametrize(
     "change, why",
     [
-        (lambda r: replace(r, imu=r.imu._replace(t=np.r_[r.imu.t[:500], r.imu.t[500:] + 1])), "gaps"),
+        (
+            lambda r: replace(r, imu=r.imu._replace(t=np.r_[r.imu.t[:500], r.imu.t[500:] + 1])),
+            "gaps",
+        ),
         (lambda r: replace(r, meta=r.meta | {"estimate": {"clock": None}}), "estimated"),
     ],
 )

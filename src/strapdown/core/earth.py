@@ -10,6 +10,7 @@ import math
 
 from ..typing import Array
 from .choosing import any_of, where
+from .elementary import sine as sine_of
 from .jit import helper
 from .rotation import wrap
 
@@ -39,7 +40,7 @@ metre of position error."""
 @helper
 def radii(lat: float) -> tuple[float, float]:
     """Meridian and normal radius of curvature R_M, R_N, m."""
-    return curvature(math.sin(lat))
+    return curvature(sine_of(lat))
 
 
 @helper
@@ -58,7 +59,7 @@ def place(lat: float, h: float) -> tuple[float, float, float, float]:
     The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept
     above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.
     """
-    sine = math.sin(lat)
+    sine = sine_of(lat)
     R_M, R_N = curvature(sine)
     return sine, max(math.sqrt(1 - sine * sine), 1e-3), R_M + h, R_N + h
 
@@ -136,7 +137,7 @@ def displace(lla: Array, north: float, east: float, down: float) -> None:
 def displaced(lla: Array, north: float, east: float) -> tuple[float, float]:
     """Latitude and longitude (rad) of a geodetic position so many metres further, as `displace`
     says."""
-    sine = math.sin(lla[0])
+    sine = sine_of(lla[0])
     R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))
     lat = lla[0] + north / (R_M + lla[2])

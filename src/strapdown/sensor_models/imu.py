@@ -105,7 +105,8 @@ class ImuSpec:
         """
         u, bias = np.empty((len(imu.t), 6)), np.empty((len(imu.t), 6))
         own = self.drawn(Stream.of(seed))
-        simulate_errors(0, self.shared(imu), own, np.zeros(RATES), u, bias)
+        rows = np.array([0, len(imu.t)])
+        simulate_errors(rows, self.shared(imu), own, np.zeros(RATES), u, bias)
         dtheta, dv, b_g, b_a = (
             np.ascontiguousarray(part) for part in (u[:, :3], u[:, 3:], bias[:, :3], bias[:, 3:])
         )

@@ -19,7 +19,7 @@ from ..core.choosing import where
 from ..core.contract import Imu
 from ..core.elementary import floor
 from ..core.jit import helper, kernel
-from ..core.signatures import WHOLE, reals, record, signature, wholes
+from ..core.signatures import in_lanes, reals, record, signature, wholes
 from ..core.threefry import normal_pair
 from ..typing import Array, Ints
 from .errors import Triad, WarmUp
@@ -60,7 +60,7 @@ FLICKER_BLOCKS = (3 * PROCESSES + 1) // 2  # of random numbers in a sample
 
 
 class Shared(NamedTuple):
-    """What the samples of a block are in all runs."""
+    """What the samples are in all runs."""
 
     dtheta: Array  # (n, 3) rad, ideal
     dv: Array  # (n, 3) m/s, ideal
@@ -102,31 +102,37 @@ SHARED = record(
 OWN = record(Own, keys=wholes(2 * KEYS), constants=reals(2 * CONSTANTS), state=reals(2 * STATE))
 SIMULATE = signature(
     "simulate_errors",
-    first=WHOLE,
+    rows=wholes(2),
     shared=SHARED,
     own=OWN,
     rates=reals(RATES),
-    u=reals("rows", 6),
-    bias=reals("rows", 6),
+    u=reals("block", 6),
+    bias=reals("block", 6),
 )
+SIMULATE_LANES = in_lanes(SIMULATE, "shared", "rates", words=("keys",))
+"""For eight runs at once."""
 
 
 @kernel(SIMULATE)
 def simulate_errors(
-    first: int, shared: Shared, own: Own, rates: Array, u: Array, bias: Array
+    rows: Ints, shared: Shared, own: Own, rates: Array, u: Array, bias: Array
 ) -> None:
-    """The samples `first` to `first` + n of a run, whose state goes on. `rates` (RATES,) is room to
-    work.
+    """The samples rows[0] to before rows[1] of a run, whose state goes on. `rates` (RATES,) is room
+    to work.
 
-    u (n, 6): rotations (rad) and velocity increments (m/s) as measured; bias (n, 6) behind them:
-    rad/s, m/s^2.
+    u (n, 6): rotations (rad) and velocity increments (m/s) as measured, from rows[0] on; bias
+    (n, 6) behind them: rad/s, m/s^2.
     """
-    for i in range(shared.dt.shape[0]):
-        if i == 0 or shared.step[i] != shared.step[i - 1]:
-            _set_rates(shared.step[i], shared.sizes, rates)
+    for row in range(rows[0], rows[1]):
+        if row == rows[0] or shared.step[row] != shared.step[row - 1]:
+            _set_rates(shared.step[row], shared.sizes, rates)
         for triad in range(2):
-            _bias(triad, i, first + i, shared, own, rates, bias)
-            _measured(triad, i, first + i, shared, own, bias, u)
+            _bias(triad, row - rows[0], row, shared, own, rates, bias)
+            _measured(triad, row - rows[0], row, shared, own, bias, u)
+
+
+simulate_errors_in_lanes = simulate_errors.for_runs(SIMULATE_LANES)  # type: ignore[attr-defined]
+"""For eight runs at once."""
 
 
 @helper
@@ -140,11 +146,11 @@ def _bias(
         bias[i, o + c] = constants[triad * CONSTANTS + CONSTANT + c]
     if shared.told.shape[0] > 0:
         for c in range(3):
-            bias[i, o + c] += shared.told[i, o + c]
+            bias[i, o + c] += shared.told[row, o + c]
     if sizes[z + WALK] > 0:
         _draw(triad, OF_WALK, row, own)
         if row > 0:
-            drive = sizes[z + WALK] * math.sqrt(shared.step[i])
+            drive = sizes[z + WALK] * math.sqrt(shared.step[row])
             for c in range(3):
                 state[s + WALKED + c] += drive * state[s + DRAWN + c]
         for c in range(3):
@@ -196,7 +202,7 @@ def _measured(
     triad: int, i: int, row: int, shared: Shared, own: Own, bias: Array, u: Array
 ) -> None:
     """The increments of a triad as measured."""
-    sizes, constants, state, dt = shared.sizes, own.constants, own.state, shared.dt[i]
+    sizes, constants, state, dt = shared.sizes, own.constants, own.state, shared.dt[row]
     z, s, o, d = triad * SIZES, triad * STATE, 3 * triad, triad * CONSTANTS
     for c in range(3):
         u[i, o + c] = bias[i, o + c] * dt
@@ -209,11 +215,11 @@ def _measured(
         for c in range(3):
             at = d + SENSITIVITY + 3 * c
             for e in range(3):
-                u[i, o + c] += constants[at + e] * shared.dv[i, e]
+                u[i, o + c] += constants[at + e] * shared.dv[row, e]
     for c in range(3):
         at = d + DISTORTION + 3 * c
         for e in range(3):
-            true = shared.dtheta[i, e] if triad == GYRO else shared.dv[i, e]
+            true = shared.dtheta[row, e] if triad == GYRO else shared.dv[row, e]
             if sizes[z + DISTORTED] > 0:
                 u[i, o + c] += constants[at + e] * true
             if e == c:

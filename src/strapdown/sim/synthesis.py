@@ -2,6 +2,7 @@
 drawn around that truth."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,10 @@ def _known_records(
     )
 
 
+OF_IMU, OF_START = "imu", "start"
+"""Names of the streams of a run; each sensor has one of its own name too."""
+
+
 class Simulator:
     """A scenario and all that its runs share, computed once: the truth, what an ideal IMU and an
     exact receiver make of it.
@@ -61,7 +66,7 @@ class Simulator:
         self.truth, self.ideal = known(scenario.motion, count, scenario.rate, scenario.gravity)
         """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU
         (core.contract.Imu) from row to row of it."""
-        self.offset = np.asarray(scenario.accel_offset, float)
+        self._offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
         self.magnetic = (
             None
@@ -90,29 +95,27 @@ class Simulator:
         """
         spec = grade(imu)
         stream = Stream.of(seed)
-        offset = self._offset(spec)
-        felt = (
-            self.ideal
-            if offset is None
-            else self.ideal._replace(dv=self.ideal.dv + offset * self.ideal.dt[:, None])
-        )
-        samples, b_a, b_g = spec.corrupt(felt, stream.named("imu"))
-        b_a = b_a if offset is None else b_a + offset
-        fixes = self.plan.fixes(stream.named("gnss"))
-        others, more, notes = self._others(stream)
-        notes = saturated(spec, samples) + without_fixes(fixes) + notes
-        return Recording(
-            samples,
-            (*fixes, *others),
-            self.truth,
-            self._meta(imu, spec, b_a, b_g) | more | {"notes": notes},
-        )
+        samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
+        sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
+        notes = saturated(spec, samples) + sources.meta["notes"]
+        return replace(sources, imu=samples, meta=sources.meta | {"notes": notes})
 
-    def _others(self, stream: Stream) -> tuple[list[Aiding], dict[str, Any], list[str]]:
-        """(aidings, meta, notes) of magnetometer, barometer, AHRS and simulated sensors."""
-        aidings: list[Aiding] = []
+    def felt(self, spec: ImuSpec) -> Imu:
+        """What an IMU without errors feels in the scenario: the ideal increments with its
+        accelerometer offset."""
+        if not self._offset.any():
+            return self.ideal
+        return self.ideal._replace(dv=self.ideal.dv + self.offset(spec) * self.ideal.dt[:, None])
+
+    def sources(
+        self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike, b_a: Array, b_g: Array
+    ) -> Recording:
+        """`recording` with these biases and an IMU without errors, in whose place another one can
+        be."""
+        stream = Stream.of(seed)
+        aidings: list[Aiding] = [*self.plan.fixes(stream.named("gnss"))]
+        notes = without_fixes(aidings)
         more: dict[str, Any] = {}
-        notes: list[str] = []
         if self.magnetic is not None:
             aidings.append(self.magnetic.fixes(stream.named("magnetometer")))
             notes += self.magnetic.notes(aidings[-1])
@@ -126,17 +129,15 @@ class Simulator:
         for plan in self.sensors:
             aidings.append(plan.fixes(stream.named("sensors").named(plan.aiding.name)))
             notes += plan.notes(aidings[-1])
-        return aidings, more, notes
+        meta = self._meta(imu, grade(imu), b_a, b_g) | more | {"notes": notes}
+        return Recording(self.ideal, tuple(aidings), self.truth, meta)
 
-    def _offset(self, spec: ImuSpec) -> Array | None:
-        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2; None where
-        there is none."""
-        if not self.offset.any():
-            return None
+    def offset(self, spec: ImuSpec) -> Array:
+        """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2."""
         if not (self.scenario.offset_decays and spec.accel.time_constant):
-            return self.offset
+            return self._offset
         return (
-            self.offset
+            self._offset
             * np.exp(-(self.ideal.t - self.ideal.t[0]) / spec.accel.time_constant)[:, None]
         )
 
@@ -158,7 +159,7 @@ class Simulator:
         """(Recording, Start) of one seed."""
         stream = Stream.of(seed)
         recording = self.recording(imu, stream)
-        return recording, self.start(stream.named("start"), imu, recording)
+        return recording, self.start(stream.named(OF_START), imu, recording)
 
     def ideal_recording(self) -> Recording:
         """The Recording of an IMU without errors and of exact fixes, which state the standard

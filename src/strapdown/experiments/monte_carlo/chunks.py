@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Collection, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ... import aiding, filters
 from ...checks import DataError
-from ...core.contract import STATES
+from ...core.contract import STATES, Start, announce, compile_kernel
+from ...core.signatures import LANES
 from ...engine.batch import fuse
 from ...engine.installation import Parameter
 from ...engine.prepare import prepare
@@ -31,6 +32,7 @@ from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
 from ..filter_label import Labelled, parsed
+from .lanes import kernels_in_lanes, run_side_by_side
 from .scoring import (
     ERROR_GROUPS,
     PARAMETER_SCALARS,
@@ -128,39 +130,71 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
     at = epochs(made.truth, max(1, round(study.epoch * cell.scenario.rate)))
     wanted = [parsed(label) for label in study.filters]
     arrays = _empty(study, chunk, at, parameters_of(made.ideal_recording(), study.installation))
-    priors = [estimated(study.installation, label) for label in wanted]
-    for place, run in enumerate(range(chunk.first, chunk.stop)):
-        if run in skip:
-            arrays["reason"][:, place] = QUARANTINED
-            continue
-        recording, start = made.run(cell.imu, seeds(study, cell, run))
-        installed = wrongly_installed(study, cell, run, recording)
-        if installed.parameters:
-            recording, start = installed.recording, start_of(installed, start)
-            assert recording.reference is not None
-            own = at._replace(truth=recording.reference.taking(at.rows + 1))
+    arrays["reason"][:, [run - chunk.first for run in skip if run in range(*chunk[1:])]] = (
+        QUARANTINED
+    )
+    runs = [run for run in range(chunk.first, chunk.stop) if run not in skip]
+    for group in (runs[i : i + LANES] for i in range(0, len(runs), LANES)):
+        records = [Record(study, cell, made, at, run) for run in group]
+        if study.side_by_side:
+            streams = [record.stream for record in records]
+            scores, biases = run_side_by_side(wanted, made, cell.imu, streams, at, study.limits)
         else:
-            own = at
-        b_a, b_g = recording.meta["b_a"][at.rows], recording.meta["b_g"][at.rows]
-        arrays["bias"][place] = np.c_[b_a, b_g][arrays["kept"]]
-        for number, (filter, options, _) in enumerate(wanted):
-            solution = fuse(
-                recording,
-                filter,
-                cell.imu,
-                start,
-                every=at.every,
-                covariance=True,
-                estimate=priors[number],
-                **options,
-            )
-            scored = score(solution, own, b_a, b_g, study.limits)
-            if installed.parameters:
-                scored.numbers.update(score_parameters(solution, scored, installed.true))
-            _keep(arrays, number, place, scored)
+            scores, biases = [[None] * len(group)] * len(wanted), None
+        for i, record in enumerate(records):
+            place = record.run - chunk.first
+            for number, label in enumerate(wanted):
+                _keep(arrays, number, place, scores[number][i] or record.scored(label))
+            own = record.biases if biases is None else biases[i]
+            arrays["bias"][place] = own[arrays["kept"]]
     if chunk.first == 0:
         arrays["bound"] = _bound(made, cell, at)[arrays["kept"]]
     return arrays
+
+
+class Record:
+    """A simulated run by itself, as a user would make it; simulated when it is asked for."""
+
+    def __init__(self, study: Study, cell: Cell, made: Simulator, at: Epochs, run: int) -> None:
+        self.study, self.cell, self.made, self.run = study, cell, made, run
+        self._at, self.stream = at, seeds(study, cell, run)
+
+    @cached_property
+    def _drawn(self) -> tuple[Installed, Start, Epochs]:
+        """(recording with what is wrong with its installation, start, truth in its axes)."""
+        recording, start = self.made.run(self.cell.imu, self.stream)
+        installed = wrongly_installed(self.study, self.cell, self.run, recording)
+        if not installed.parameters:
+            return installed, start, self._at
+        reference = installed.recording.reference
+        assert reference is not None
+        truth = reference.taking(self._at.rows + 1)
+        return installed, start_of(installed, start), self._at._replace(truth=truth)
+
+    @cached_property
+    def biases(self) -> Array:
+        """(n, 6) true biases at the epochs: accelerometer, m/s^2, gyro, rad/s."""
+        meta = self._drawn[0].recording.meta
+        return np.c_[meta["b_a"][self._at.rows], meta["b_g"][self._at.rows]]
+
+    def scored(self, label: Labelled) -> Scored:
+        """Scored of a filter on it."""
+        installed, start, at = self._drawn
+        filter, options, _ = label
+        solution = fuse(
+            installed.recording,
+            filter,
+            self.cell.imu,
+            start,
+            every=at.every,
+            covariance=True,
+            estimate=estimated(self.study.installation, label),
+            **options,
+        )
+        scored = score(solution, at, self.biases[:, :3], self.biases[:, 3:], self.study.limits)
+        if installed.parameters:
+            scored.numbers.update(score_parameters(solution, scored, installed.true))
+        return scored
 
 
 def estimated(installation: Installation, label: Labelled) -> Installation | None:
@@ -270,5 +304,12 @@ def _kinds(study: Study) -> list[str]:
 
 def compile_for(study: Study, say: Say | None = None) -> None:
     """Compile the kernels that a study needs, before several threads want them."""
+    kinds = _kinds(study)
     for label in study.filters:
-        prepare(parsed(label)[0], _kinds(study), say)
+        filter = parsed(label)[0]
+        prepare(filter, kinds, say)
+        if study.side_by_side and filter.lanes:
+            wide = kernels_in_lanes(filter, kinds)
+            announce(wide, f"{filter.name} for eight runs at once", say)
+            for kernel in wide:
+                compile_kernel(kernel)

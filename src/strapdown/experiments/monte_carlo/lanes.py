@@ -1,97 +1,182 @@
-"""Runs of a study side by side: eight records at a time through one filter, scored on the way."""
+"""Runs of a study side by side: simulated block after block, eight at once, through each filter that
+has lanes, and scored on the way. Nothing of the size of a recording is made."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...aiding import find
 from ...core import lane_loop
 from ...core.c_calls import aligned
-from ...core.contract import Start
+from ...core.contract import Filter, bound
 from ...core.signatures import LANES
 from ...engine.batch import begin
 from ...engine.prepare import Asked
-from ...engine.side_by_side import SideBySide, why_alone
+from ...engine.side_by_side import SideBySide, alongside, kernels, why_alone
 from ...evaluation.consistency import Limits
 from ...filters.ins.open_loop import LEFT_MODEL
-from ...recording import Recording
+from ...sensor_models.imu import ImuSpec
+from ...sensor_models.imu_errors import RATES, Own, simulate_errors_in_lanes
+from ...sensor_models.streams import Stream
+from ...sim.synthesis import OF_IMU, OF_START, Simulator
+from ...typing import Array
 from ..filter_label import Labelled
 from . import lane_scoring
 from .scoring import Epochs, FixRows, Rows, Scored, scored
 
 SAMPLES = 512
-"""Samples that are simulated at once: they stay in the second cache of a core."""
+"""Samples that are simulated at once: with what a filter works on they stay in the second cache of a
+core."""
 
 
-class Record(NamedTuple):
-    """A simulated run."""
+class SideBySideRuns(NamedTuple):
+    """What became of runs side by side."""
 
-    recording: Recording
-    start: Start
+    scores: list[list[Scored | None]]  # by filter and run; None of what must be run alone
+    biases: Array  # (runs, epochs, 6) true ones, m/s^2 and rad/s
 
 
 def run_side_by_side(
-    wanted: Labelled, imu: Any, records: Sequence[Record], at: Epochs, limits: Limits
-) -> list[Scored | None] | None:
-    """Scored of each of at most LANES records, None of those that must be run alone; None where all
-    must."""
-    label, options, _ = wanted
-    asked = Asked(options, imu, records[0].start, every=at.every)
-    first = begin(records[0].recording, label, asked)
-    if why_alone(first):
-        return None
-    full = [*records, *[records[-1]] * (LANES - len(records))]
-    biases = aligned(len(at.rows), 6, LANES)
-    for lane, (recording, _) in enumerate(full):
-        meta = recording.meta
-        biases[..., lane] = np.c_[meta["b_a"][at.rows], meta["b_g"][at.rows]]
-    lanes = SideBySide(
-        first,
-        [start for _, start in full],
-        [recording for recording, _ in full],
-        lane_scoring.keep_errors,
-        lane_scoring.known(at),
-        biases,
-        lane_scoring.SCRATCH,
-        lane_scoring.NUMBERS,
-    )
-    count = len(first.samples.t)
-    t, dt, increments = np.empty(SAMPLES), np.empty(SAMPLES), aligned(SAMPLES, 6, LANES)
-    advance = lanes.calls(t, dt, increments)
-    for row in range(first.first, count, SAMPLES):
-        part = slice(row, min(row + SAMPLES, count))
-        size = part.stop - part.start
-        t[:size], dt[:size] = first.samples.t[part], first.samples.dt[part]
-        for lane, (recording, _) in enumerate(full):
-            increments[:size, :3, lane] = recording.imu.dtheta[part]
-            increments[:size, 3:, lane] = recording.imu.dv[part]
-        advance(row, size)
-    return [
-        None if np.isfinite(lanes.left[lane]) else scored_lane(lanes, lane, at, limits)
-        for lane in range(len(records))
+    wanted: Sequence[Labelled],
+    made: Simulator,
+    imu: ImuSpec,
+    streams: Sequence[Stream],
+    at: Epochs,
+    limits: Limits,
+) -> SideBySideRuns:
+    """At most LANES runs of a scenario, each from its stream, through these filters."""
+    runs = len(streams)
+    full = [*streams, *[streams[-1]] * (LANES - runs)]
+    simulated = Simulated(made, imu, full, at)
+    recordings = [
+        made.sources(imu, stream, b_a, b_g)
+        for stream, (b_a, b_g) in zip(full, simulated.first_biases())
     ]
+    starts = [
+        made.start(stream.named(OF_START), imu, recording)
+        for stream, recording in zip(full, recordings)
+    ]
+    sides: list[SideBySide | None] = []
+    true = lane_scoring.known(at)
+    for filter, options, estimate in wanted:
+        if not filter.lanes or estimate is not None:
+            sides.append(None)
+            continue
+        first = begin(recordings[0], filter, Asked(options, imu, starts[0], every=at.every))
+        if why_alone(first):
+            sides.append(None)
+            continue
+        sides.append(
+            SideBySide(
+                first,
+                starts,
+                recordings,
+                lane_scoring.keep_errors_in_lanes,
+                true,
+                simulated.biases,
+                lane_scoring.SCRATCH,
+                lane_scoring.NUMBERS,
+            )
+        )
+    advance = [each.calls(simulated.increments) for each in sides if each]
+    for first_row, stop in simulated.blocks():
+        for go in advance:
+            go(first_row, stop)
+    none: list[Scored | None] = [None] * runs
+    scores = [_scored(each, runs, at, limits) if each else none for each in sides]
+    return SideBySideRuns(scores, np.moveaxis(simulated.biases[..., :runs], 2, 0))
 
 
-def scored_lane(lanes: SideBySide, lane: int, at: Epochs, limits: Limits) -> Scored:
-    """Scored of one of the runs."""
-    kept, fix, cursor = lanes.out.kept[..., lane], lanes.out.fix[..., lane], lanes.cursor
+def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
+    """Those that a filter needs on sources of these kinds, as far as they have lanes."""
+    wide = [kind for kind in kinds if find(kind).lanes]
+    return [*kernels(filter, wide, lane_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
+
+
+class Simulated:
+    """The IMU samples of LANES runs, block after block."""
+
+    def __init__(
+        self, made: Simulator, imu: ImuSpec, streams: Sequence[Stream], at: Epochs
+    ) -> None:
+        """Each run has its stream; `at` are the epochs at which the true biases are kept."""
+        self.increments = aligned(SAMPLES, 6, LANES)
+        """Those of the present block: rotations, rad, velocity increments, m/s."""
+        self.biases = aligned(len(at.rows), 6, LANES)
+        """True ones at the epochs: accelerometer, m/s^2, gyro, rad/s."""
+        self._bias = aligned(SAMPLES, 6, LANES)  # at the samples of the block, gyro first
+        self._at, self._rows = at, np.zeros(2, np.int64)
+        self._count = len(made.ideal.t)
+        self._offset = np.broadcast_to(made.offset(imu), (self._count, 3))
+        self._shared = imu.shared(made.felt(imu))
+        drawn = [imu.drawn(stream.named(OF_IMU)) for stream in streams]
+        self._own = Own(*(alongside(parts) for parts in zip(*drawn)))
+        self._next = self._bound(self._own)
+
+    def _bound(self, own: Own) -> Callable[[], Any]:
+        rates = np.zeros(RATES)
+        return bound(
+            simulate_errors_in_lanes,
+            self._rows,
+            self._shared,
+            own,
+            rates,
+            self.increments,
+            self._bias,
+        )
+
+    def first_biases(self) -> Iterator[tuple[Array, Array]]:
+        """True biases (1, 3) of accelerometer and gyro of each run at the first sample."""
+        self._rows[:] = 0, 1
+        self._bound(self._own._replace(state=alongside([*np.moveaxis(self._own.state, -1, 0)])))()
+        for lane in range(LANES):
+            b_g, b_a = self._bias[:1, :3, lane], self._bias[:1, 3:, lane]
+            yield b_a + self._offset[:1], b_g.copy()
+
+    def blocks(self) -> Iterator[tuple[int, int]]:
+        """Simulate blocks one after the other: the first row of each and that behind its last."""
+        for first in range(0, self._count, SAMPLES):
+            stop = min(first + SAMPLES, self._count)
+            self._rows[:] = first, stop
+            self._next()
+            inside = slice(*np.searchsorted(self._at.rows, (first, stop)))
+            rows = self._at.rows[inside]
+            self.biases[inside, :3] = self._bias[rows - first, 3:] + self._offset[rows, :, None]
+            self.biases[inside, 3:] = self._bias[rows - first, :3]
+            yield first, stop
+
+
+def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Scored | None]:
+    """Scored of the first runs of a filter, None of those that left the lanes."""
+    cursor, used = side.cursor, int(side.cursor.at[lane_loop.FIX])
+    kept, fix = (
+        np.ascontiguousarray(np.moveaxis(part[..., :runs], -1, 0))
+        for part in (side.out.kept, side.out.fix[:used])
+    )
     rows = Rows(
-        kept[:, lane_scoring.ERROR],
-        kept[:, lane_scoring.RPH],
-        kept[:, lane_scoring.SD],
-        kept[:, lane_scoring.NEES],
+        kept[..., lane_scoring.ERROR],
+        kept[..., lane_scoring.RPH],
+        kept[..., lane_scoring.SD],
+        kept[..., lane_scoring.NEES],
     )
-    used = int(cursor.at[lane_loop.FIX])
     fixes = FixRows(
-        lanes.fixes.t[:used],
-        lanes.fixes.source[:used],
-        fix[:used, lane_loop.INNOVATION :],
-        fix[:used, lane_loop.NIS],
-        fix[:used, lane_loop.USED] > 0,
+        side.fixes.t[:used],
+        side.fixes.source[:used],
+        fix[..., lane_loop.INNOVATION :],
+        fix[..., lane_loop.NIS],
+        fix[..., lane_loop.USED] > 0,
     )
+    left = [_left_model(side.filter, cursor.conditions[:, lane]) for lane in range(runs)]
+    found = scored(rows, fixes, left, at, limits)
+    return [each if np.isinf(t) else None for each, t in zip(found, side.left)]
+
+
+def _left_model(filter: Filter, first_held: Array) -> float:
+    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is none."""
     held = [
         float(t)
-        for condition, t in zip(lanes.filter.conditions, cursor.conditions[:, lane])
+        for condition, t in zip(filter.conditions, first_held)
         if condition.text.startswith(LEFT_MODEL) and np.isfinite(t)
     ]
-    return scored(rows, fixes, min(held, default=np.nan), at, limits)
+    return min(held, default=np.nan)

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from os import cpu_count
 
 from ...checks import DataError, check_number
-from ...core.contract import Filter
+from ...core.contract import COMPILED, Filter
+from ...core.signatures import LANES
 from ...evaluation.consistency import Limits
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario
@@ -26,6 +27,10 @@ from .chunks import SCALARS, Cell, Chunk, cells, compile_for, run_chunk, seeds, 
 from .wrong_installation import Installation, checked
 
 __all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", "simulator"]
+
+
+MANY_STEPS = 2_000_000
+"""Filter steps from which on a study goes through lanes."""
 
 
 @dataclass(frozen=True)
@@ -99,12 +104,20 @@ class Study:
         """All scenarios with all IMUs."""
         return cells(self.scenarios, self.imus)
 
+    @property
+    def side_by_side(self) -> bool:
+        """Whether its runs go through filters with lanes eight at a time: a study that takes no
+        more than a second or so runs them one by one, and waits for no other kernels."""
+        lanes = any(parsed(label)[0].lanes for label in self.filters)
+        return COMPILED and lanes and not self.installation and self.steps() >= MANY_STEPS
+
     def chunks(self) -> list[Chunk]:
         """All chunks, in the order of the cells."""
         found = []
         for number, cell in enumerate(self.cells):
             steps = cell.scenario.duration * cell.scenario.rate * len(self.filters)
-            size = min(self.runs, max(1, round(self.chunk_steps / steps)))
+            together = LANES if self.side_by_side else 1
+            size = min(self.runs, together * max(1, round(self.chunk_steps / steps / together)))
             found += [
                 Chunk(number, first, min(first + size, self.runs))
                 for first in range(0, self.runs, size)
@@ -117,11 +130,9 @@ class Study:
         def length(cell: Cell) -> int:
             return round(cell.scenario.duration * cell.scenario.rate)
 
-        parts = self.chunks() if chunk is None else [chunk]
-        return sum(
-            (part.stop - part.first) * length(self.cells[part.cell]) * len(self.filters)
-            for part in parts
-        )
+        if chunk is None:
+            return self.runs * sum(map(length, self.cells)) * len(self.filters)
+        return (chunk.stop - chunk.first) * length(self.cells[chunk.cell]) * len(self.filters)
 
     def run(
         self,
