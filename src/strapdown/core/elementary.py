@@ -1,4 +1,4 @@
-"""Elementary functions in plain arithmetic: sine, cosine, logarithm, exponential, arctangent.
+"""Elementary functions in plain arithmetic: sine, cosine, tangent, logarithm, exponential, arctangent.
 
 Each is the same sequence of roundings for a float in plain Python, in compiled code and in each of
 eight lanes, so that all give the same bits, which the C library's functions do not promise. There is
@@ -7,7 +7,8 @@ and made by `bits` and `from_bits`, with shifts and masks that never see a sign.
 
 Reduction of arguments: Cody & Waite (1980), "Software manual for the elementary functions".
 Polynomials and their coefficients: FDLIBM 5.3 (Sun Microsystems 1993). Errors stay below 1 unit in
-the last place, of `sine_cosine_of_turns` and `arctangent2` below 2.
+the last place, of `sine_cosine_of_turns` and `arctangent2` below 2, of `tangent` below 3 and of
+`exponential_less_one` below 4.
 """
 
 import math
@@ -61,6 +62,13 @@ def sine(x: float) -> float:
 def cosine(x: float) -> float:
     """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
     return sine_cosine(x)[1]
+
+
+@helper
+def tangent(x: float) -> float:
+    """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    s, c = sine_cosine(x)
+    return s / c
 
 
 @helper
@@ -172,6 +180,15 @@ def exponential(x: float) -> float:
     power = (bits(rounded) - ROUNDS_BITS + 2 * 1023) & 0xFFF
     first = power >> 1
     return y * from_bits(first << 52) * from_bits((power - first) << 52)
+
+
+@helper
+def exponential_less_one(x: float) -> float:
+    """e^x - 1, also of a small x: corrected for the rounding of e^x, as Kahan does."""
+    e = exponential(x)
+    less = e - 1.0
+    near = (e != 1.0) & (less != -1.0) & (e < INFINITY)
+    return where(near, less * (x / logarithm(where(near, e, 2.0))), where(e == 1.0, x, less))
 
 
 # ---- arctangent

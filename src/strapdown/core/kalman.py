@@ -455,7 +455,8 @@ def propagate_error(
 def decay(a: float) -> float:
     """exp(-a), by its series where a is as small as between two samples; exactly 1 for a random
     walk."""
-    return 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)) if a < 1e-3 else exponential(-a)
+    left, long = 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)), not a < 1e-3
+    return where(long, exponential(-a), left) if any_of(long) else left
 
 
 @inlined

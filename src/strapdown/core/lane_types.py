@@ -228,8 +228,9 @@ def _first(builder: Any, a: Any) -> Any:
 _first_of_lane = _operator(LANE, types.float64, 1, _first)
 
 
-# what is the same in all runs: a mode, a count
+# what is the same in all runs: a mode, a count; an option, a time
 overload(int)(lambda x: (lambda x: int(_first_of_lane(x))) if x is LANE else None)
+overload(float)(lambda x: (lambda x: _first_of_lane(x)) if x is LANE else None)
 
 
 for _function, _helper in HELPERS.items():
