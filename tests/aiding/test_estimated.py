@@ -14,6 +14,7 @@ from strapdown.core.contract import (
     ESTIMATED,
     MOUNTING_STATE,
     PARAMETERS,
+    RATE,
     REST,
     SCALE_STATE,
     TURN,
@@ -210,3 +211,11 @@ def test_a_point_far_off_in_its_clock_sees_the_motion_of_then(kind, clock, param
     y = truth(kind, change, parameters[REST : REST + 3])
     innovation, _ = observed(kind, believed(change), y, parameters)
     np.testing.assert_allclose(innovation, 0.0, atol=0.06)  # 0.1 s of a motion that changes
+
+
+def test_without_a_rate_the_arm_has_no_part_in_a_velocity(parameters):
+    """As before the first sample, when the belief has no rate yet."""
+    resting, row = believed()._replace(omega=np.zeros(3)), parameters.copy()
+    row[RATE : RATE + 3] = 0.0
+    _, H = observed("velocity", resting, V, row)
+    assert not H[:, ARM:SCALE].any() and H[0, 3] == 1.0

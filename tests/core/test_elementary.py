@@ -16,14 +16,16 @@ from strapdown.core.elementary import (
     arctangent2,
     cosine,
     exponential,
+    exponential_less_one,
     logarithm,
     sine,
     sine_cosine_of_turns,
+    tangent,
 )
 from strapdown.core.signatures import reals, signature
 
 pytestmark = pytest.mark.short
-TABLE = signature("of_table", None, x=reals("n", 2), out=reals("n", 8))
+TABLE = signature("of_table", None, x=reals("n", 2), out=reals("n", 10))
 
 
 @kernel(TABLE)
@@ -34,6 +36,7 @@ def of_table(x, out):
         out[k, 2], out[k, 3] = sine_cosine_of_turns(b)
         out[k, 4], out[k, 5] = logarithm(a), exponential(a)
         out[k, 6], out[k, 7] = arctangent(a), arctangent2(a, b)
+        out[k, 8], out[k, 9] = tangent(a), exponential_less_one(b)
 
 
 def spread(seed, lowest, highest, count=4000):
@@ -81,6 +84,13 @@ def test_logarithm_and_exponential_are_right_to_the_last_place():
     assert units(each(logarithm, x), np.log(x.astype(np.longdouble))) < 1
     x = np.r_[spread(6, -60, 9.46), np.linspace(-745.1, -708, 200)]
     assert units(each(exponential, x), np.exp(x.astype(np.longdouble))) < 1
+    less = each(exponential_less_one, x[x < 709])
+    assert units(less, np.expm1(x[x < 709].astype(np.longdouble))) < 4
+
+
+def test_tangents_are_right_to_the_last_places():
+    x = np.r_[spread(15, -40, np.log2(LARGEST_ANGLE)), np.arange(1, 4000) * (np.pi / 2)]
+    assert units(each(tangent, x), np.tan(x.astype(np.longdouble))) < 3
 
 
 def test_arctangents_are_right_to_the_last_place():
@@ -105,6 +115,7 @@ def test_special_values_are_those_of_the_standard(a):
     same(arctangent(a), math.atan(a))
     with np.errstate(all="ignore"):
         same(exponential(a), float(np.exp(a)))
+        same(exponential_less_one(a), float(np.expm1(a)))
         if not (a == 0 and math.copysign(1, a) < 0):
             same(logarithm(a), float(np.log(a)))
     inside = abs(a) <= LARGEST_ANGLE
@@ -123,12 +134,13 @@ def test_compiled_code_and_plain_python_give_the_same_bits():
         np.r_[some, spread(11, -30, 21, 600), spread(12, 0, 9.6, 100)],
         np.r_[spread(13, -30, 40, 804), spread(14, -1000, 1000, 200)],
     ]
-    compiled, plain = np.empty((2, len(x), 8))
+    compiled, plain = np.empty((2, len(x), 10))
     with np.errstate(all="ignore"):  # of numpy's numbers, in plain Python
         of_table(x, compiled)
     for into, (a, b) in zip(plain, x.tolist()):
         into[:4] = sine(a), cosine(a), *sine_cosine_of_turns(b)
-        into[4:] = logarithm(a), exponential(a), arctangent(a), arctangent2(a, b)
+        into[4:8] = logarithm(a), exponential(a), arctangent(a), arctangent2(a, b)
+        into[8:] = tangent(a), exponential_less_one(b)
     assert np.array_equal(np.isnan(compiled), np.isnan(plain))
     known = ~np.isnan(plain)
     assert np.array_equal(compiled[known].view(np.int64), plain[known].view(np.int64))

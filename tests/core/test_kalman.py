@@ -19,7 +19,7 @@ from strapdown.core.error_dynamics import (
     dynamics,
     kinematic_blocks,
 )
-from strapdown.core.kalman import WORKSPACE, propagate, propagate_error, update
+from strapdown.core.kalman import WORKSPACE, propagate, propagate_error, propagate_in_place, update
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 
 pytestmark = pytest.mark.short
@@ -53,7 +53,7 @@ def van_loan(F, Q, dt):
     return Phi, Phi @ E[:n, n:]
 
 
-def step(P, dt, noise=NOISE, C=C, model=CORRECTED, vector=None):
+def step(P, dt, noise=NOISE, C=C, model=CORRECTED, vector=None, by=propagate):
     """One prediction in place of P, or of an error vector."""
     # stale numbers in the workspace must not matter
     blocks, work = (
@@ -62,7 +62,7 @@ def step(P, dt, noise=NOISE, C=C, model=CORRECTED, vector=None):
     )
     w = np.array(kinematic_blocks(LLA, V, model, blocks)) * dt
     if vector is None:
-        propagate(P, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
+        by(P, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
     else:
         propagate_error(vector, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
 
@@ -157,6 +157,17 @@ def test_prediction_is_its_own_transition_twice(n):
     expected = Phi @ P @ Phi.T
     step(P, 0.05, still)
     assert normalised(P - expected, expected) < 1e-13
+
+
+@pytest.mark.parametrize("noise", [NOISE, WALK])
+@pytest.mark.parametrize("n", [15, 17, 26])
+def test_in_place_it_is_the_same_to_the_bit(n, noise):
+    P = covariance(np.random.default_rng(7), np.r_[SD, np.full(n - 15, 2.0)])
+    twin = P.copy()
+    for _ in range(3):
+        step(P, 0.05, noise)
+        step(twin, 0.05, noise, by=propagate_in_place)
+    np.testing.assert_array_equal(twin, P)
 
 
 def test_noise_from_nothing_adds_up_to_the_integral():

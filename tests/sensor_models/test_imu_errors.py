@@ -48,16 +48,9 @@ def simulated(spec, imu, seed=3, ends=(), kernel=simulate_errors):
     """(measured, biases), (n, 6) each, in blocks that end there."""
     shared, own, rates = spec.shared(imu), spec.drawn(Stream.of(seed)), np.zeros(RATES)
     u, bias = np.full((2, len(imu.t), 6), np.nan)
-    for first, stop in zip((0, *ends), (*ends, len(imu.t))):
-        told = shared.told[first:stop]
-        block = shared._replace(
-            dtheta=shared.dtheta[first:stop],
-            dv=shared.dv[first:stop],
-            dt=shared.dt[first:stop],
-            step=shared.step[first:stop],
-            told=told,
-        )
-        kernel(first, block, own, rates, u[first:stop], bias[first:stop])
+    for rows in zip((0, *ends), (*ends, len(imu.t))):
+        block = slice(*rows)
+        kernel(np.array(rows), shared, own, rates, u[block], bias[block])
     return u, bias
 
 

@@ -18,6 +18,7 @@ from strapdown.sensor_models.geomagnetism import geomagnetic_field
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.magnetometer import Magnetometer
+from strapdown.sensor_models.streams import Stream
 from strapdown.sim.motions import hand_held, moored
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, draw_start, simulate
@@ -103,12 +104,11 @@ def test_further_sensors_change_no_draw_of_the_others():
     np.testing.assert_array_equal(runs[2][0].aidings[3].y, runs[3][0].aidings[2].y)
 
 
-def test_the_streams_of_imu_and_receiver_are_the_first_two_of_the_seed():
-    """As they were before there were other sensors: recordings of old seeds are made again bit
-    for bit."""
+def test_imu_and_receiver_have_the_streams_of_their_names():
+    """Whatever other sensors there are."""
     made = simulate("demo", duration=10.0, seed=5, magnetometer=MAGNETOMETER, barometer=BAROMETER)
     simulator = Simulator(scenario("demo").replace(duration=10.0))
-    of_imu, of_gnss = np.random.default_rng(5).spawn(2)
+    of_imu, of_gnss = map(Stream.of(5).named, ("imu", "gnss"))
     np.testing.assert_array_equal(
         grade("tactical").corrupt(simulator.ideal, of_imu)[0].dv, made.imu.dv
     )

@@ -52,7 +52,7 @@ def test_records_made_in_blocks_are_the_same(monkeypatch):
 
 
 def test_a_simulator_and_simulate_make_the_same_recording():
-    one = SHARED.recording("tactical", np.random.default_rng(5))
+    one = SHARED.recording("tactical", 5)
     assert_same(one, simulate(SHORT.motion, 20.0, "tactical", 5, 50.0, SHORT.gnss))
     assert_same(one, simulate(SHORT, seed=5))
     run, start = SHARED.run("tactical", np.random.SeedSequence(5))

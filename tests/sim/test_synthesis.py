@@ -9,6 +9,7 @@ from strapdown.checks import DataError
 from strapdown.core.contract import ATT, BA, BG, POS, VEL
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
+from strapdown.sensor_models.streams import Stream
 from strapdown.sim.synthesis import draw_start, simulate
 from strapdown.sim.trajectory import demo_flight, increments
 
@@ -96,8 +97,8 @@ def test_a_start_is_the_truth_less_the_error_drawn(t):
     made = simulate(FLIGHT, 20, "tactical", seed=3, rate=50.0)
     row = 0 if t is None else 625
     biases = made.meta["b_a"][row - 1], made.meta["b_g"][row - 1]
-    start = draw_start(made.reference, SD, np.random.default_rng(8), t, biases)
-    error = SD * np.random.default_rng(8).standard_normal(15)
+    start = draw_start(made.reference, SD, 8, t, biases)
+    error = SD * Stream.of(8).standard_normal(15)
     truth = made.reference
     assert start.t == truth.t[row] and start.sd == tuple(SD)
     np.testing.assert_allclose(
@@ -115,7 +116,7 @@ def test_a_start_is_the_truth_less_the_error_drawn(t):
 
 def test_without_biases_the_estimates_are_zero():
     made = simulate(FLIGHT, 2, "tactical", seed=3)
-    start = draw_start(made.reference, SD, np.random.default_rng(8))
+    start = draw_start(made.reference, SD, 8)
     assert start.ba == start.bg == (0.0, 0.0, 0.0)
 
 

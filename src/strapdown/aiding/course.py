@@ -9,6 +9,7 @@ standard deviations.
 import math
 
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.elementary import arctangent2
 from ..core.rotation import turned, wrap
 from ..typing import Array
 
@@ -27,7 +28,7 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
     if square < max(LEAST_SPEED * LEAST_SPEED, doubt):
         innovation[0] = math.nan
         return 1
-    innovation[0] = wrap(y[0] - math.atan2(east, north))
+    innovation[0] = wrap(y[0] - arctangent2(east, north))
     of_north, of_east = -east / square, north / square
     H[0, 3], H[0, 4] = of_north, of_east
     H[0, 6], H[0, 7] = -of_east * by_turning[2], of_north * by_turning[2]

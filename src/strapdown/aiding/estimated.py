@@ -139,11 +139,10 @@ def axis_by_mounting(k: int, i: int, belief: Belief, parameters: Array) -> Three
 
 
 @helper
-def along_arm(belief: Belief, parameters: Array, H: Array, rate: Three) -> None:
-    """Columns of the lever arm and of the mounting, which turns it, of a position (rate 0) or of a
-    velocity."""
-    C, M = belief.C, matrix(parameters, TURN, 3, 3)
-    swings, l = rate[0] != 0 or rate[1] != 0 or rate[2] != 0, arm_of_vehicle(belief, parameters)
+def along_arm(belief: Belief, parameters: Array, H: Array, swings: bool, rate: Three) -> None:
+    """Columns of the lever arm and of the mounting, which turns it, of a position or, where the
+    arm `swings` at a rate (rad/s, body), of a velocity."""
+    C, M, l = belief.C, matrix(parameters, TURN, 3, 3), arm_of_vehicle(belief, parameters)
     for k in range(3):
         unit = axis(k)
         arm, turn = unit, cross(l, unit)
@@ -221,7 +220,7 @@ def position(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
             by_clock[2] + v[2] - age * r[2],
         ),
     )
-    along_arm(belief, parameters, H, (0.0, 0.0, 0.0))
+    along_arm(belief, parameters, H, False, (0.0, 0.0, 0.0))
 
 
 @helper
@@ -274,7 +273,7 @@ def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
         CLOCK_STATE,
         (by_clock[0] + r[0], by_clock[1] + r[1], by_clock[2] + r[2]),
     )
-    along_arm(belief, parameters, H, omega)
+    along_arm(belief, parameters, H, True, omega)
 
 
 @helper

@@ -1,9 +1,8 @@
 """Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at
 every heading (the published compass row is not)."""
 
-import math
-
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.elementary import arctangent2
 from ..core.rotation import wrap
 from ..typing import Array
 from . import estimated
@@ -18,7 +17,7 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
     C = belief.C
     # zero where the x axis points up or down
     horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], 1e-12)
-    innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
+    innovation[0] = wrap(y[0] - arctangent2(C[1, 0], C[0, 0]))
     H[0, 6] = -C[2, 0] * C[0, 0] / horizontal
     H[0, 7] = -C[2, 0] * C[1, 0] / horizontal
     H[0, 8] = 1.0
@@ -31,4 +30,5 @@ MEASUREMENT = Measurement(
     ("angle",),
     estimable=("mounting",),
     reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected",
+    lanes=True,
 )

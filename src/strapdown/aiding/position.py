@@ -1,9 +1,8 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
 
-import math
-
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.earth import radii
+from ..core.elementary import cosine
 from ..core.rotation import turned, wrap
 from ..typing import Array
 from . import estimated
@@ -14,7 +13,7 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
     """Three rows: antenna position y - h, m NED."""
     R_M, R_N = radii(belief.lla[0])
     innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2])
-    innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * math.cos(belief.lla[0])
+    innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * cosine(belief.lla[0])
     innovation[2] = belief.lla[2] - y[2]
     if estimated.any_of(belief, parameters):
         estimated.position(belief, parameters, innovation, H)
@@ -37,4 +36,5 @@ MEASUREMENT = Measurement(
     parameters="antenna",
     estimable=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",
+    lanes=True,
 )

@@ -1,10 +1,9 @@
 """Zero angular rate over ground while the vehicle is at rest: what the gyro reads then is its bias
 and the Earth's rate. y = its mean reading over the step before, rad/s, body."""
 
-import math
-
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.earth import RATE
+from ..core.elementary import cosine, sine
 from ..typing import Array
 
 
@@ -12,7 +11,7 @@ from ..typing import Array
 def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
     """Three rows: y - (bg + C' w), w the Earth's rate in n; with true C = exp(theta) C the
     derivative by theta is C' [w x]."""
-    north, down = RATE * math.cos(belief.lla[0]), -RATE * math.sin(belief.lla[0])
+    north, down = RATE * cosine(belief.lla[0]), -RATE * sine(belief.lla[0])
     for i in range(3):
         a, b, c = belief.C[0, i], belief.C[1, i], belief.C[2, i]
         innovation[i] = y[i] - belief.bg[i] - a * north - c * down

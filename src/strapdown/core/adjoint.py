@@ -73,7 +73,7 @@ def kept_rows(belief: Belief, record: Array, rows: int) -> None:
     for k in range(3):
         record[INNOVATION + k] = workspace[used + 1 + k]
         for j in range(n):
-            record[U + k * n + j] = workspace[first + k * (n + 1) + j]
+            record[U + k * n + j] = workspace[first + k * n + j]
             record[U + (3 + k) * n + j] = workspace[JACOBIAN + k * n + j] if k < rows else 0.0
         record[U + 6 * n + k] = workspace[DX][6 + k]
 

@@ -1,4 +1,4 @@
-"""Elementary functions in plain arithmetic: sine, cosine, logarithm, exponential, arctangent.
+"""Elementary functions in plain arithmetic: sine, cosine, tangent, logarithm, exponential, arctangent.
 
 Each is the same sequence of roundings for a float in plain Python, in compiled code and in each of
 eight lanes, so that all give the same bits, which the C library's functions do not promise. There is
@@ -7,13 +7,17 @@ and made by `bits` and `from_bits`, with shifts and masks that never see a sign.
 
 Reduction of arguments: Cody & Waite (1980), "Software manual for the elementary functions".
 Polynomials and their coefficients: FDLIBM 5.3 (Sun Microsystems 1993). Errors stay below 1 unit in
-the last place, of `sine_cosine_of_turns` and `arctangent2` below 2.
+the last place, of `sine_cosine_of_turns` and `arctangent2` below 2, of `tangent` below 3 and of
+`exponential_less_one` below 4.
 """
 
 import math
 
+import numpy as np
+
 from .choosing import where
 from .jit import bits, from_bits, helper
+from .lane_functions import stands_for
 
 SIGN = -(1 << 63)  # the sign of a float64
 MAGNITUDE = (1 << 63) - 1  # all bits but that
@@ -46,16 +50,25 @@ C1, C2, C3 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872
 C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
 
 
+@stands_for(math.sin, np.sin)
 @helper
 def sine(x: float) -> float:
     """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
     return sine_cosine(x)[0]
 
 
+@stands_for(math.cos, np.cos)
 @helper
 def cosine(x: float) -> float:
     """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
     return sine_cosine(x)[1]
+
+
+@helper
+def tangent(x: float) -> float:
+    """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    s, c = sine_cosine(x)
+    return s / c
 
 
 @helper
@@ -125,6 +138,7 @@ SMALLEST, RAISED = (
 )  # the smallest normal number; 2^54 times a smaller one is normal
 
 
+@stands_for(math.log, np.log)
 @helper
 def logarithm(x: float) -> float:
     """Natural; -inf of 0, NaN below it."""
@@ -150,6 +164,7 @@ def logarithm_of_normal(x: float) -> float:
     return k * LN2_HIGH - ((half - (s * (half + r) + k * LN2_LOW)) - f)
 
 
+@stands_for(math.exp, np.exp)
 @helper
 def exponential(x: float) -> float:
     """e^x; inf and 0 where float64 ends."""
@@ -167,6 +182,15 @@ def exponential(x: float) -> float:
     return y * from_bits(first << 52) * from_bits((power - first) << 52)
 
 
+@helper
+def exponential_less_one(x: float) -> float:
+    """e^x - 1, also of a small x: corrected for the rounding of e^x, as Kahan does."""
+    e = exponential(x)
+    less = e - 1.0
+    near = (e != 1.0) & (less != -1.0) & (e < INFINITY)
+    return where(near, less * (x / logarithm(where(near, e, 2.0))), where(e == 1.0, x, less))
+
+
 # ---- arctangent
 
 ATAN_1_2, ATAN_1_2_LOW = 4.63647609000806093515e-01, 2.26987774529616870924e-17
@@ -178,12 +202,14 @@ A6, A7, A8 = 6.66107313738753120669e-02, -5.83357013379057348645e-02, 4.97687799
 A9, A10 = -3.65315727442169155270e-02, 1.62858201153657823623e-02
 
 
+@stands_for(math.atan, np.arctan)
 @helper
 def arctangent(x: float) -> float:
     """Between -pi/2 and pi/2, rad."""
     return _signed(_of_slope(_magnitude(x)), x)
 
 
+@stands_for(math.atan2, np.arctan2)
 @helper
 def arctangent2(y: float, x: float) -> float:
     """Angle of the point (x, y), from -pi to pi, rad; zeros and infinities as in math.atan2."""
@@ -235,3 +261,10 @@ def _magnitude(x: float) -> float:
 def _signed(x: float, like: float) -> float:
     """x >= 0 with the sign of another number, zeros included."""
     return from_bits(bits(x) | (bits(like) & SIGN))
+
+
+@stands_for(math.hypot)
+@helper
+def hypotenuse(x: float, y: float) -> float:
+    """Of a right-angled triangle with these sides."""
+    return math.sqrt(x * x + y * y)

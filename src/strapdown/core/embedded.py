@@ -7,6 +7,7 @@ are given, its own or those of the belief that it is inside of.
 import numpy as np
 
 from ..typing import Array
+from .choosing import where
 from .contract import Belief
 from .jit import inlined, matrix
 from .workspace import Slots
@@ -40,17 +41,16 @@ def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) 
 
 
 @inlined
-def take_over(belief: Belief, other: Belief) -> None:
-    """Position, velocity, attitude and biases of the belief become those of another."""
+def take_over(belief: Belief, other: Belief, wanted: bool = True) -> None:
+    """Position, velocity, attitude and biases of the belief become those of another, where that is
+    wanted."""
     for i in range(3):
-        belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i] = (
-            other.lla[i],
-            other.v[i],
-            other.ba[i],
-            other.bg[i],
-        )
+        belief.lla[i] = where(wanted, other.lla[i], belief.lla[i])
+        belief.v[i] = where(wanted, other.v[i], belief.v[i])
+        belief.ba[i] = where(wanted, other.ba[i], belief.ba[i])
+        belief.bg[i] = where(wanted, other.bg[i], belief.bg[i])
         for j in range(3):
-            belief.C[i, j] = other.C[i, j]
+            belief.C[i, j] = where(wanted, other.C[i, j], belief.C[i, j])
 
 
 def as_numbers(belief: Belief) -> Array:

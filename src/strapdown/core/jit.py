@@ -212,10 +212,6 @@ def _flatten_twin(table: Array) -> Array:
     return table.reshape(-1)
 
 
-def _are_lanes_twin(numbers: Array) -> bool:
-    return False
-
-
 def _sides_twin() -> tuple[int, ...]:
     return tuple(range(LANES))
 
@@ -236,8 +232,6 @@ matrix: Callable[[Array, int, int, int], Array] = cast(Any, Intrinsic(_matrix_tw
 """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
 flatten: Callable[[Array], Array] = cast(Any, Intrinsic(_flatten_twin, "flatten"))
 """The numbers of a C-contiguous matrix as one row, a view without allocation."""
-are_lanes: Callable[[Array], bool] = cast(Any, Intrinsic(_are_lanes_twin, "are_lanes"))
-"""Whether an array is one of lanes, for what is done in another way there, with the same bits."""
 sides: Callable[[], tuple[int, ...]] = cast(Any, Intrinsic(_sides_twin, "sides"))
 """`for side in sides():` is gone through once by compiled code, where `lanes_of` shows eight numbers at
 a time, and by plain Python once for each of the eight."""

@@ -9,12 +9,14 @@ correction with the Joseph form.
 
 import math
 from collections.abc import Callable
+from typing import TypeAlias
 
 from ..typing import Array
-from .choosing import all_of, any_of, where
+from .choosing import all_of, any_of, one_or_several, where
 from .contract import Noise
+from .elementary import exponential
 from .error_dynamics import PP, TP, TV, VP, VV
-from .jit import are_lanes, flatten, helper, inlined
+from .jit import flatten, helper, inlined
 from .workspace import MOST_STATES
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
@@ -30,6 +32,115 @@ LEAST_NOISE = 1e-9
 correlations: below it P would lose its positive sign to rounding."""
 
 
+Nine: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""Errors of position, velocity and attitude."""
+
+
+@inlined
+def coefficients(
+    blocks: Array, C: Array, dv_n: Array, w0: float, w1: float, w2: float, dt: float
+) -> tuple[tuple[float, ...], ...]:
+    """The numbers of Phi, for `column`; arguments as for `propagate`."""
+    return (
+        (w0, w1, w2),
+        # halves: they meet the sum of old and new attitude, and of old and new velocity
+        (0.5 * dv_n[0], 0.5 * dv_n[1], 0.5 * dv_n[2], 0.5 * dt),
+        (
+            dt * blocks[PP],
+            dt * blocks[PP + 2],
+            dt * blocks[PP + 3],
+            dt * blocks[PP + 4],
+            dt * blocks[PP + 5],
+        ),
+        (
+            dt * blocks[VP],
+            dt * blocks[VP + 2],
+            dt * blocks[VP + 3],
+            dt * blocks[VP + 5],
+            dt * blocks[VP + 6],
+            dt * blocks[VP + 8],
+        ),
+        (
+            dt * blocks[VV],
+            dt * blocks[VV + 1],
+            dt * blocks[VV + 2],
+            dt * blocks[VV + 3],
+            dt * blocks[VV + 4],
+            dt * blocks[VV + 5],
+            dt * blocks[VV + 6],
+            dt * blocks[VV + 7],
+        ),
+        (
+            dt * blocks[TP],
+            dt * blocks[TP + 2],
+            dt * blocks[TP + 5],
+            dt * blocks[TP + 6],
+            dt * blocks[TP + 8],
+        ),
+        (dt * blocks[TV + 1], dt * blocks[TV + 3], dt * blocks[TV + 7]),
+        (dt * C[0, 0], dt * C[0, 1], dt * C[0, 2]),
+        (dt * C[1, 0], dt * C[1, 1], dt * C[1, 2]),
+        (dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]),
+    )
+
+
+@inlined
+def column(phi: tuple[tuple[float, ...], ...], errors: Nine, biases: tuple[float, ...]) -> Nine:
+    """Phi times a column of fifteen errors, of which the biases only decay and are left to the
+    caller."""
+    w, half, pp, vp, vv, tp, tv, c0, c1, c2 = phi
+    w0, w1, w2 = w
+    f0, f1, f2, half_dt = half
+    p0, p1, p2, v0, v1, v2, t0, t1, t2 = errors
+    a0, a1, a2, g0, g1, g2 = biases
+    # sums in groups that do not wait for each other
+    n0 = (
+        (t0 + w2 * t1 - w1 * t2)
+        + (tp[0] * p0 + tp[1] * p2 + tv[0] * v1)
+        - (c0[0] * g0 + c0[1] * g1 + c0[2] * g2)
+    )
+    n1 = (
+        (t1 + w0 * t2 - w2 * t0)
+        + (tp[2] * p2 + tv[1] * v0)
+        - (c1[0] * g0 + c1[1] * g1 + c1[2] * g2)
+    )
+    n2 = (
+        (t2 + w1 * t0 - w0 * t1)
+        + (tp[3] * p0 + tp[4] * p2 + tv[2] * v1)
+        - (c2[0] * g0 + c2[1] * g1 + c2[2] * g2)
+    )
+    u0 = (
+        (v0 + vp[0] * p0 + vp[1] * p2)
+        + (vv[0] * v0 + vv[1] * v1 + vv[2] * v2)
+        - (c0[0] * a0 + c0[1] * a1 + c0[2] * a2)
+    )
+    u1 = (
+        (v1 + vp[2] * p0 + vp[3] * p2)
+        + (vv[3] * v0 + vv[4] * v1 + vv[5] * v2)
+        - (c1[0] * a0 + c1[1] * a1 + c1[2] * a2)
+    )
+    u2 = (
+        (v2 + vp[4] * p0 + vp[5] * p2)
+        + (vv[6] * v0 + vv[7] * v1)
+        - (c2[0] * a0 + c2[1] * a1 + c2[2] * a2)
+    )
+    s0, s1, s2 = t0 + n0, t1 + n1, t2 + n2
+    u0 += f2 * s1 - f1 * s2
+    u1 += f0 * s2 - f2 * s0
+    u2 += f1 * s0 - f0 * s1
+    return (
+        (p0 + pp[0] * p0 + pp[1] * p2) + half_dt * (v0 + u0),
+        (p1 + pp[2] * p0 + pp[3] * p1 + pp[4] * p2) + half_dt * (v1 + u1),
+        p2 + half_dt * (v2 + u2),
+        u0,
+        u1,
+        u2,
+        n0,
+        n1,
+        n2,
+    )
+
+
 def transition(
     name: str,
     source: int,
@@ -38,9 +149,9 @@ def transition(
     target_stride: int,
     blocks_of_lanes: tuple[int, ...],
     lanes: int,
-) -> Callable[[Array, Array, Array, Array, Array, float, float, float, float], None]:
-    """A helper that applies Phi to columns of numbers: the 9 rows of position, velocity and attitude
-    errors, of one array from `source`, of the other to `target`.
+) -> Callable[[Array, Array, Array, Array, float, float, float, float], None]:
+    """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and
+    attitude errors from `source` to `target`.
 
     The columns are `lanes` beginning at each of `blocks_of_lanes`. Bias rows, which only decay, are
     left to the caller.
@@ -50,8 +161,7 @@ def transition(
     P, V, T = (tuple(target + (3 * k + i) * target_stride for i in range(3)) for k in range(3))
 
     def apply(
-        before: Array,
-        after: Array,
+        work: Array,
         blocks: Array,
         C: Array,
         dv_n: Array,
@@ -60,98 +170,42 @@ def transition(
         w2: float,
         dt: float,
     ) -> None:
-        half = 0.5 * dt
-        pp0, pp2, pp3, pp4, pp5 = (
-            dt * blocks[PP],
-            dt * blocks[PP + 2],
-            dt * blocks[PP + 3],
-            dt * blocks[PP + 4],
-            dt * blocks[PP + 5],
-        )
-        vp0, vp2, vp3, vp5 = (
-            dt * blocks[VP],
-            dt * blocks[VP + 2],
-            dt * blocks[VP + 3],
-            dt * blocks[VP + 5],
-        )
-        vp6, vp8 = dt * blocks[VP + 6], dt * blocks[VP + 8]
-        vv0, vv1, vv2, vv3 = (
-            dt * blocks[VV],
-            dt * blocks[VV + 1],
-            dt * blocks[VV + 2],
-            dt * blocks[VV + 3],
-        )
-        vv4, vv5, vv6, vv7 = (
-            dt * blocks[VV + 4],
-            dt * blocks[VV + 5],
-            dt * blocks[VV + 6],
-            dt * blocks[VV + 7],
-        )
-        tp0, tp2, tp5, tp6, tp8 = (
-            dt * blocks[TP],
-            dt * blocks[TP + 2],
-            dt * blocks[TP + 5],
-            dt * blocks[TP + 6],
-            dt * blocks[TP + 8],
-        )
-        tv1, tv3, tv7 = dt * blocks[TV + 1], dt * blocks[TV + 3], dt * blocks[TV + 7]
-        c00, c01, c02 = dt * C[0, 0], dt * C[0, 1], dt * C[0, 2]
-        c10, c11, c12 = dt * C[1, 0], dt * C[1, 1], dt * C[1, 2]
-        c20, c21, c22 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
-        # halves: they meet the sum of old and new attitude
-        f0, f1, f2 = (
-            0.5 * dv_n[0],
-            0.5 * dv_n[1],
-            0.5 * dv_n[2],
-        )
+        phi = coefficients(blocks, C, dv_n, w0, w1, w2, dt)
         for block in blocks_of_lanes:
             for lane in range(lanes):
                 j = block + lane
-                p0, p1, p2 = before[p[0] + j], before[p[1] + j], before[p[2] + j]
-                v0, v1, v2 = before[v[0] + j], before[v[1] + j], before[v[2] + j]
-                t0, t1, t2 = before[t[0] + j], before[t[1] + j], before[t[2] + j]
-                a0, a1, a2 = before[a[0] + j], before[a[1] + j], before[a[2] + j]
-                g0, g1, g2 = before[g[0] + j], before[g[1] + j], before[g[2] + j]
-                # sums in groups that do not wait for each other
-                n0 = (
-                    (t0 + w2 * t1 - w1 * t2)
-                    + (tp0 * p0 + tp2 * p2 + tv1 * v1)
-                    - (c00 * g0 + c01 * g1 + c02 * g2)
+                (
+                    work[P[0] + j],
+                    work[P[1] + j],
+                    work[P[2] + j],
+                    work[V[0] + j],
+                    work[V[1] + j],
+                    work[V[2] + j],
+                    work[T[0] + j],
+                    work[T[1] + j],
+                    work[T[2] + j],
+                ) = column(
+                    phi,
+                    (
+                        work[p[0] + j],
+                        work[p[1] + j],
+                        work[p[2] + j],
+                        work[v[0] + j],
+                        work[v[1] + j],
+                        work[v[2] + j],
+                        work[t[0] + j],
+                        work[t[1] + j],
+                        work[t[2] + j],
+                    ),
+                    (
+                        work[a[0] + j],
+                        work[a[1] + j],
+                        work[a[2] + j],
+                        work[g[0] + j],
+                        work[g[1] + j],
+                        work[g[2] + j],
+                    ),
                 )
-                n1 = (
-                    (t1 + w0 * t2 - w2 * t0)
-                    + (tp5 * p2 + tv3 * v0)
-                    - (c10 * g0 + c11 * g1 + c12 * g2)
-                )
-                n2 = (
-                    (t2 + w1 * t0 - w0 * t1)
-                    + (tp6 * p0 + tp8 * p2 + tv7 * v1)
-                    - (c20 * g0 + c21 * g1 + c22 * g2)
-                )
-                u0 = (
-                    (v0 + vp0 * p0 + vp2 * p2)
-                    + (vv0 * v0 + vv1 * v1 + vv2 * v2)
-                    - (c00 * a0 + c01 * a1 + c02 * a2)
-                )
-                u1 = (
-                    (v1 + vp3 * p0 + vp5 * p2)
-                    + (vv3 * v0 + vv4 * v1 + vv5 * v2)
-                    - (c10 * a0 + c11 * a1 + c12 * a2)
-                )
-                u2 = (
-                    (v2 + vp6 * p0 + vp8 * p2)
-                    + (vv6 * v0 + vv7 * v1)
-                    - (c20 * a0 + c21 * a1 + c22 * a2)
-                )
-                s0, s1, s2 = t0 + n0, t1 + n1, t2 + n2
-                u0 += f2 * s1 - f1 * s2
-                u1 += f0 * s2 - f2 * s0
-                u2 += f1 * s0 - f0 * s1
-                after[P[0] + j] = (p0 + pp0 * p0 + pp2 * p2) + half * (v0 + u0)
-                after[P[1] + j] = (p1 + pp3 * p0 + pp4 * p1 + pp5 * p2) + half * (v1 + u1)
-                after[P[2] + j] = p2 + half * (v2 + u2)
-                after[V[0] + j], after[V[1] + j], after[V[2] + j] = u0, u1, u2
-                after[T[0] + j], after[T[1] + j], after[T[2] + j] = n0, n1, n2
 
     # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one
     # name for one function.
@@ -170,13 +224,10 @@ _columns = transition("_columns", TRANSPOSED, 8, TRANSPOSED, 8, (0,), 8)
 _last = transition("_last", PRODUCT + 8 * 16, 1, COPY, 1, (0,), 1)  # its row 8
 _last_wide = transition("_last_wide", WIDE_PRODUCT + 8 * WIDTH, 1, COPY, 1, (0,), 1)
 _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
-# of lanes, which are vectors as they are: from P to 9 rows of Phi P, and the same of each of these
-_nine = transition("_nine", 0, 15, 0, 15, (0,), 15)
-_each = transition("_each", 0, 1, 0, 1, tuple(range(0, 135, 15)), 1)
 
 
 @helper
-def propagate(
+def propagate_by_rows(
     P: Array,
     blocks: Array,
     C: Array,
@@ -194,52 +245,144 @@ def propagate(
     mid-interval, w = omega_in dt (rad). Half of Q_d is added before and half after the transition:
     the trapezoidal rule for its integral.
     """
-    keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
-    keep = (keep_a, keep_a, keep_a, keep_g, keep_g, keep_g)
-    q_v, q_t = noise.accel * noise.accel * 0.5 * dt, noise.gyro * noise.gyro * 0.5 * dt
-    q_a, q_g = (
-        noise.accel_bias * noise.accel_bias * 0.5 * dt,
-        noise.gyro_bias * noise.gyro_bias * 0.5 * dt,
-    )
-    q = (q_v, q_v, q_v, q_t, q_t, q_t, q_a, q_a, q_a, q_g, q_g, q_g)
+    keep, q = _decays(dt, noise), _half_noise(dt, noise)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
     numbers, n = flatten(P), P.shape[0]
-    if n == 15 and are_lanes(P):
-        _nine(numbers, work, blocks, C, dv_n, w0, w1, w2, dt)
-        for i in range(9):
-            for j in range(9, 15):
-                P[i, j] = P[j, i] = keep[j - 9] * work[15 * i + j]
-        _each(work, work, blocks, C, dv_n, w0, w1, w2, dt)
-        for i in range(9):
-            for j in range(i + 1):
-                P[i, j] = P[j, i] = work[15 * j + i]
-        _decay_biases(P, keep)
-    elif n == 15:
+    if n == 15:
         for i in range(225):
             work[COPY + i] = numbers[i]
-        _rows(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+        _rows(work, blocks, C, dv_n, w0, w1, w2, dt)
         _transpose(PRODUCT, 16, work)
-        _columns(work, work, blocks, C, dv_n, w0, w1, w2, dt)
-        _last(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _last(work, blocks, C, dv_n, w0, w1, w2, dt)
         _write_back(PRODUCT, 16, P, keep, work)
     else:
         if n <= 23:
             _widen(P, 24, work)
-            _rows_23(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_23(work, blocks, C, dv_n, w0, w1, w2, dt)
         elif n <= 31:
             _widen(P, 32, work)
-            _rows_31(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_31(work, blocks, C, dv_n, w0, w1, w2, dt)
         else:
             _widen(P, 48, work)
-            _rows_47(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_47(work, blocks, C, dv_n, w0, w1, w2, dt)
         _transpose(WIDE_PRODUCT, WIDTH, work)
-        _columns(work, work, blocks, C, dv_n, w0, w1, w2, dt)
-        _last_wide(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _last_wide(work, blocks, C, dv_n, w0, w1, w2, dt)
         _write_back(WIDE_PRODUCT, WIDTH, P, keep, work)
         _write_beyond(P, keep, work)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
+
+
+@helper
+def propagate_in_place(
+    P: Array,
+    blocks: Array,
+    C: Array,
+    dv_n: Array,
+    w0: float,
+    w1: float,
+    w2: float,
+    dt: float,
+    noise: Noise,
+    work: Array,
+) -> None:
+    """`propagate`, the same to the last bit, for numbers that are vectors themselves: without the
+    copies that make vector code of it."""
+    keep, q = _decays(dt, noise), _half_noise(dt, noise)
+    for i in range(12):
+        P[3 + i, 3 + i] += q[i]
+    phi = coefficients(blocks, C, dv_n, w0, w1, w2, dt)
+    if P.shape[0] == 15:  # the same code with constant lengths
+        _apply_in_place(15, P, phi, keep, work)
+    else:
+        _apply_in_place(P.shape[0], P, phi, keep, work)
+    for i in range(12):
+        P[3 + i, 3 + i] += q[i]
+
+
+propagate = one_or_several(propagate_by_rows, propagate_in_place)
+"""P <- Phi P Phi' + Q_d over dt: see `propagate_by_rows`."""
+
+
+@inlined
+def _apply_in_place(
+    n: int, P: Array, phi: tuple[tuple[float, ...], ...], keep: tuple[float, ...], work: Array
+) -> None:
+    """P <- Phi P Phi', by way of 9 rows of Phi P."""
+    numbers = flatten(P)
+    for j in range(n):  # its column j, from that of P, which is a row
+        y = column(phi, _nine(numbers, n * j), _six(numbers, n * j + 9))
+        for k in range(9):
+            work[n * k + j] = y[k]
+    for i in range(9):
+        y = column(phi, _nine(work, n * i), _six(work, n * i + 9))
+        for k in range(9):
+            if k >= i:
+                P[i, k] = y[k]
+                P[k, i] = y[k]
+        for j in range(6):
+            x = keep[j] * work[n * i + 9 + j]
+            P[i, 9 + j] = x
+            P[9 + j, i] = x
+        for j in range(15, n):
+            x = work[n * i + j]
+            P[i, j] = x
+            P[j, i] = x
+    for i in range(6):
+        for j in range(6):
+            P[9 + i, 9 + j] *= keep[i] * keep[j]
+        for j in range(15, n):
+            x = keep[i] * P[9 + i, j]
+            P[9 + i, j] = x
+            P[j, 9 + i] = x
+
+
+@inlined
+def _nine(numbers: Array, k: int) -> Nine:
+    """Nine numbers from k on."""
+    return (
+        numbers[k],
+        numbers[k + 1],
+        numbers[k + 2],
+        numbers[k + 3],
+        numbers[k + 4],
+        numbers[k + 5],
+        numbers[k + 6],
+        numbers[k + 7],
+        numbers[k + 8],
+    )
+
+
+@inlined
+def _six(numbers: Array, k: int) -> tuple[float, ...]:
+    """Six numbers from k on."""
+    return (
+        numbers[k],
+        numbers[k + 1],
+        numbers[k + 2],
+        numbers[k + 3],
+        numbers[k + 4],
+        numbers[k + 5],
+    )
+
+
+@inlined
+def _decays(dt: float, noise: Noise) -> tuple[float, ...]:
+    """What is left of each bias after dt."""
+    a, g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
+    return (a, a, a, g, g, g)
+
+
+@inlined
+def _half_noise(dt: float, noise: Noise) -> tuple[float, ...]:
+    """Half of Q_d of velocity, attitude and biases."""
+    v, t = noise.accel * noise.accel * 0.5 * dt, noise.gyro * noise.gyro * 0.5 * dt
+    a = noise.accel_bias * noise.accel_bias * 0.5 * dt
+    g = noise.gyro_bias * noise.gyro_bias * 0.5 * dt
+    return (v, v, v, t, t, t, a, a, a, g, g, g)
 
 
 @inlined
@@ -259,11 +402,6 @@ def _write_back(product: int, stride: int, P: Array, keep: tuple[float, ...], wo
         for j in range(6):
             P[i, 9 + j] = P[9 + j, i] = keep[j] * work[product + stride * i + 9 + j]
     P[8, 8] = work[COPY + 8]
-    _decay_biases(P, keep)
-
-
-@inlined
-def _decay_biases(P: Array, keep: tuple[float, ...]) -> None:
     for i in range(6):
         for j in range(6):
             P[9 + i, 9 + j] *= keep[i] * keep[j]
@@ -308,7 +446,7 @@ def propagate_error(
     """x <- Phi x over dt, arguments as for `propagate`."""
     for i in range(15):
         work[COPY + i] = x[i]
-    _single(work, work, blocks, C, dv_n, w0, w1, w2, dt)
+    _single(work, blocks, C, dv_n, w0, w1, w2, dt)
     keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     for i in range(9):
         x[i] = work[PRODUCT + i]
@@ -321,14 +459,15 @@ def propagate_error(
 def decay(a: float) -> float:
     """exp(-a), by its series where a is as small as between two samples; exactly 1 for a random
     walk."""
-    return 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)) if a < 1e-3 else math.exp(-a)
+    left, long = 1 - a * (1 - a * (0.5 - a * (1 - 0.25 * a) / 6)), not a < 1e-3
+    return where(long, exponential(-a), left) if any_of(long) else left
 
 
 @inlined
 def used_rows(n: int) -> int:
     """Where `update` leaves, in its workspace, how many rows it used and their innovations by
-    L^-1; U = L^-1 H P, rows of n + 1, lies before it, from 0 on."""
-    return 3 * n + 3
+    L^-1; U = L^-1 H P (3, n) lies before it, from 0 on."""
+    return 3 * n
 
 
 WORKSPACE = max(WIDE_END, used_rows(MOST_STATES) + 13)
@@ -404,7 +543,7 @@ def _update(
         if all_of(missing):
             continue
         count += where(missing, 0.0, 1.0)
-        row, terms, first, last = m * (n + 1), 0.0, n, 0
+        row, terms, first, last = m * n, 0.0, n, 0
         for j in range(n):
             h = H[i, j]
             if any_of(h != 0):
@@ -413,7 +552,7 @@ def _update(
                 for k in range(n):
                     work[row + k] += h * numbers[n * j + k]
         for k in range(m):
-            before, overlap = k * (n + 1), 0.0
+            before, overlap = k * n, 0.0
             for j in range(first, last):
                 overlap += H[i, j] * work[before + j]
             e -= overlap * (e0 if k == 0 else e1)
@@ -442,7 +581,7 @@ def _update(
         e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
         m += 1
     work[used], work[used + 1], work[used + 2], work[used + 3] = count, e0, e1, e2
-    V, W = n + 1, 2 * n + 2
+    V, W = n, 2 * n
     for j in range(n):
         dx[j] = e0 * work[j] + e1 * work[V + j] + e2 * work[W + j]
     nis = where(count == 0, math.nan, nis)

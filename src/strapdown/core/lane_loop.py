@@ -41,7 +41,7 @@ from .earth import LATITUDE_LIMIT
 from .integrity import NEAR_NULL, SAME_VALUE
 from .jit import caller, helper, inlined, kernel
 from .loop import LIFT_AFTER, REJECTED, SAME_TIME, walk
-from .mechanization import compensated, coning
+from .mechanization import compensate
 from .signatures import (
     LANES,
     WHOLE,
@@ -76,7 +76,7 @@ class LaneCursor(NamedTuple):
     now: Array  # (2,) time of the belief, s; seconds of the sample before, 0 without one
     last: Array  # per source: time of its last fix
     limits: Array  # as Cursor.limits
-    previous: Array  # lanes (6,): increments of the sample before
+    previous: Array  # lanes (7,): increments of the sample before, seconds
     work: Array  # lanes (WORK,)
     books: Array  # lanes (sources, BOOKS)
     conditions: Array  # lanes: when each condition of the filter held first, s; inf: never
@@ -101,7 +101,7 @@ LANE_CURSOR = record(
     now=reals(2),
     last=reals("sources"),
     limits=reals("limits"),
-    previous=lanes(6),
+    previous=lanes(7),
     work=lanes("work"),
     books=lanes("sources", BOOKS),
     conditions=lanes("conditions"),
@@ -172,10 +172,10 @@ def run_lanes(
     for row in range(at[ROW], at[STOP]):
         u = increments[row - at[FIRST_ROW]]
         _watch(u, dt[row], t[row], cursor)
-        compensated(u[0:3], u[3:6], coning(dt[row], now[1]), previous, sample)
+        compensate(u[0:3], u[3:6], dt[row], previous, sample)
         for i in range(6):
             previous[i] = u[i]
-        now[1] = dt[row]
+        now[1] = previous[6] = dt[row]
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[row], dt[row])
         sound = abs(belief.lla[0]) <= LATITUDE_LIMIT
         sound = sound & (belief.P[0, 0] >= 0) & (belief.P[6, 6] >= 0)

@@ -7,6 +7,7 @@ processor has, so that results do not depend on it. A truth value of a Mask ther
 names the line of an `if` that would go both ways; `choosing` has what stands in its place.
 """
 
+import inspect
 import math
 import operator
 from collections.abc import Callable
@@ -18,8 +19,7 @@ from numba import types as numba_types
 from numba.core import cgutils, typeconv
 from numba.extending import intrinsic, lower_cast, models, overload, register_model
 
-from . import elementary
-from .jit import helper
+from .lane_functions import HELPERS
 from .signatures import LANES
 
 types: Any = numba_types  # their own annotations are not complete
@@ -228,40 +228,16 @@ def _first(builder: Any, a: Any) -> Any:
 _first_of_lane = _operator(LANE, types.float64, 1, _first)
 
 
-# what is the same in all runs: a mode, a count
+# what is the same in all runs: a mode, a count; an option, a time
 overload(int)(lambda x: (lambda x: int(_first_of_lane(x))) if x is LANE else None)
+overload(float)(lambda x: (lambda x: _first_of_lane(x)) if x is LANE else None)
 
 
-def _by_helper(function: Any, helper: Any, count: int) -> None:
-    """A function of `math` on lanes is the helper of `elementary`."""
-    scope: dict[str, Any] = {"helper": helper, "_both": _both, "LANE": LANE}
-    listed = ", ".join(("a", "b")[:count])
-    overload(function)(
-        eval(
-            f"lambda {listed}: (lambda {listed}: helper({listed})) if _both(LANE, {listed}) else None",
-            scope,
-        )
-    )
-
-
-for _functions, _helper, _count in (
-    ((math.sin, np.sin), elementary.sine, 1),
-    ((math.cos, np.cos), elementary.cosine, 1),
-    ((math.log, np.log), elementary.logarithm, 1),
-    ((math.exp, np.exp), elementary.exponential, 1),
-    ((math.atan, np.arctan), elementary.arctangent, 1),
-    ((math.atan2, np.arctan2), elementary.arctangent2, 2),
-):
-    for _function in _functions:
-        _by_helper(_function, _helper, _count)
-
-
-@helper
-def _hypotenuse(a: Any, b: Any) -> Any:
-    return math.sqrt(a * a + b * b)
-
-
-_by_helper(math.hypot, _hypotenuse, 2)
+for _function, _helper in HELPERS.items():
+    _listed = ", ".join(("a", "b")[: len(inspect.signature(_helper).parameters)])
+    _scope: dict[str, Any] = {"helper": _helper, "_both": _both, "LANE": LANE}
+    _chosen = f"lambda {_listed}: (lambda {_listed}: helper({_listed})) if _both(LANE, {_listed}) else None"
+    overload(_function)(eval(_chosen, _scope))
 
 
 # ---- choices, and the bits of a number: the intrinsics of `choosing` and `elementary`
@@ -326,16 +302,6 @@ def _from_bits(typing: Any, i: Any) -> Any:
 
 
 @intrinsic
-def _are_lanes(typing: Any, numbers: Any) -> Any:
-    """Whether an array is one of lanes: a constant."""
-
-    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
-        return context.get_constant(types.boolean, numbers.dtype is LANE)
-
-    return types.boolean(numbers), codegen
-
-
-@intrinsic
 def _sides(typing: Any) -> Any:
     """All lanes at once."""
     once = types.UniTuple(types.intp, 1)
@@ -370,7 +336,6 @@ def _lanes_of(typing: Any, flat: Any, first: Any, count: Any, side: Any) -> Any:
 
 
 INTRINSICS = {
-    "are_lanes": _are_lanes,
     "sides": _sides,
     "lanes_of": _lanes_of,
     "bits": _bits,

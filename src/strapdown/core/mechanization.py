@@ -23,19 +23,8 @@ def compensate(dtheta: Array, dv: Array, dt: float, previous: Array, u: Array) -
     sculling, m/s. `previous` is the last sample (increments and dt); rate and force are taken as
     linear over the two, also where their dt differ (equal dt give the usual 1/12).
     """
-    compensated(dtheta, dv, coning(dt, previous[6]), previous, u)
-
-
-@helper
-def coning(dt: float, before: float) -> float:
-    """The share of the cross products of a sample of dt seconds with the one before, which lasted
-    `before`; 0 without one."""
-    return dt / (6 * before * (before + dt)) * dt if before > 0 else 0.0
-
-
-@helper
-def compensated(dtheta: Array, dv: Array, c: float, previous: Array, u: Array) -> None:
-    """`compensate` with c from `coning`."""
+    before = max(previous[6], 1e-30)  # 0 where there is none, which must not divide
+    c = where(previous[6] > 0, dt / (6 * before * (before + dt)) * dt, 0.0)
     a0, a1, a2, b0, b1, b2 = (
         previous[0],
         previous[1],

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..typing import Array
 from .choosing import any_of, where
-from .elementary import arctangent2, sine_cosine
+from .elementary import arctangent2, cosine as cosine_of, sine as sine_of
 from .jit import helper
 
 NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -60,12 +60,12 @@ def euler_to_matrix(roll: float, pitch: float, heading: float, C: Array) -> None
 def euler_terms(roll: float, pitch: float, heading: float) -> NineNumbers:
     """The nine numbers of that matrix, row by row."""
     sr, cr, sp, cp, sh, ch = (
-        math.sin(roll),
-        math.cos(roll),
-        math.sin(pitch),
-        math.cos(pitch),
-        math.sin(heading),
-        math.cos(heading),
+        sine_of(roll),
+        cosine_of(roll),
+        sine_of(pitch),
+        cosine_of(pitch),
+        sine_of(heading),
+        cosine_of(heading),
     )
     return (
         cp * ch,
@@ -84,7 +84,7 @@ def euler_terms(roll: float, pitch: float, heading: float) -> NineNumbers:
 def measured_heading(y: Array, C: Array) -> float:
     """Heading (rad) of a record y = roll, pitch, heading; where that is not measured (NaN), the
     heading of C_nb."""
-    return math.atan2(C[1, 0], C[0, 0]) if math.isnan(y[2]) else y[2]
+    return where(math.isnan(y[2]), arctangent2(C[1, 0], C[0, 0]), y[2])
 
 
 @helper
@@ -92,9 +92,9 @@ def matrix_to_euler(C: Array) -> tuple[float, float, float]:
     """Roll, pitch, heading of C_nb, rad; at pitch +-90 deg roll and heading are not separate and
     roll is what atan2 makes of zeros."""
     return (
-        math.atan2(C[2, 1], C[2, 2]),
+        arctangent2(C[2, 1], C[2, 2]),
         math.asin(min(1.0, max(-1.0, -C[2, 0]))),
-        math.atan2(C[1, 0], C[0, 0]),
+        arctangent2(C[1, 0], C[0, 0]),
     )
 
 
@@ -142,7 +142,7 @@ def turn_quaternion(x: float, y: float, z: float, q: Array) -> None:
     a, b = _exponential(0.5 * x, 0.5 * y, 0.5 * z)
     w, x, y, z = 1 - 0.25 * b * (x * x + y * y + z * z), 0.5 * a * x, 0.5 * a * y, 0.5 * a * z
     q0, q1, q2, q3 = q[0], q[1], q[2], q[3]
-    sign = 1.0 if w * q0 - x * q1 - y * q2 - z * q3 >= 0 else -1.0
+    sign = where(w * q0 - x * q1 - y * q2 - z * q3 >= 0, 1.0, -1.0)
     w, x, y, z = sign * w, sign * x, sign * y, sign * z
     q[0], q[1] = w * q0 - x * q1 - y * q2 - z * q3, w * q1 + x * q0 + y * q3 - z * q2
     q[2], q[3] = w * q2 - x * q3 + y * q0 + z * q1, w * q3 + x * q2 - y * q1 + z * q0
@@ -204,8 +204,8 @@ def _exponential(x: float, y: float, z: float) -> tuple[float, float]:
     large = square >= 1e-4  # below, the dropped terms are below 1e-16
     if any_of(large):
         angle = math.sqrt(square)
-        sine, cosine = sine_cosine(angle)
-        a, b = where(large, sine / angle, a), where(large, (1 - cosine) / square, b)
+        a = where(large, sine_of(angle) / angle, a)
+        b = where(large, (1 - cosine_of(angle)) / square, b)
     return a, b
 
 

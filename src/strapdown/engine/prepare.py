@@ -9,6 +9,7 @@ from numbers import Real
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import aiding, filters, quantities
 from ..alignment.completed import MOST_HEADING, PARTS
@@ -161,27 +162,35 @@ def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | Non
         states += place_noise(parameters[s], a, states)
         gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
     installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
-    t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
+    t, order = used_in_order(aidings, after, parameters[:, DELAY])
     source = np.repeat(np.arange(count), [len(a.t) for a in aidings])
-    later = t > after
-    t += parameters[source, DELAY]
-    order = np.argsort(t, kind="stable")
-    order = order[later[order]]
-    y, sd = (
-        np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])[
-            order
-        ]
-        for part in ("y", "sd")
-    )
     return Fixes(
-        t[order],
+        t,
         source[order].astype(np.int64),
-        y,
-        sd,
+        rows_of(aidings, "y")[order],
+        rows_of(aidings, "sd")[order],
         np.array([aiding.number(a.kind) for a in aidings], np.int64),
         parameters,
         gate,
     )
+
+
+def used_in_order(
+    aidings: Sequence[Aiding], after: float, delay: Array
+) -> tuple[Array, NDArray[np.intp]]:
+    """(times (m,) s at which the fixes later than `after` are used, their places among all fixes of
+    all sources, one source behind the other); `delay` (s) of each source."""
+    t = np.concatenate([np.asarray(a.t, float) for a in aidings] or [np.empty(0)])
+    later = t > after
+    t += np.repeat(delay, [len(a.t) for a in aidings])
+    order = np.argsort(t, kind="stable")
+    order = order[later[order]]
+    return t[order], order
+
+
+def rows_of(aidings: Sequence[Aiding], part: str) -> Array:
+    """ "y" or "sd" of all fixes (m, 3), one source behind the other."""
+    return np.concatenate([_three_columns(getattr(a, part)) for a in aidings] or [np.empty((0, 3))])
 
 
 def checked_slip(a: Aiding, sensor: Measurement) -> float:

@@ -13,13 +13,13 @@ from ..core.c_calls import aligned
 from ..core.contract import (
     COMPILED,
     CORRELATION_TIME,
+    DELAY,
     ESTIMATED,
     MEMORY,
     ROBUST,
     SLIP,
     Belief,
     Filter,
-    Fixes,
     Start,
     address,
     side_by_side,
@@ -29,7 +29,7 @@ from ..core.loop import SAME_TIME
 from ..core.signatures import LANES
 from ..recording import Recording
 from ..typing import Array
-from .prepare import Run, merge, new_belief, usable
+from .prepare import Run, brought, rows_of, usable, used_in_order
 
 NOT_IN_LANES = {
     ESTIMATED: "parameters of the installation are estimated",
@@ -78,17 +78,18 @@ class SideBySide:
         numbers: int,
     ) -> None:
         """first: the Run of the first of LANES `starts` and `recordings`, for which `why_alone` is
-        silent. keep: the kernel that keeps rows, of core.lane_loop.KEEP; true (rows, ...) and lanes
+        silent. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; true (rows, ...) and lanes
         of biases (rows, 6, LANES) are handed to it with an array of so many numbers to write in;
         numbers: how many it writes of a row."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
+        own = tuple(each.sd for each in brought(first.recording.aidings))
         beliefs = [first.belief] + [
-            new_belief(filter, start, first.noise, first.options, first.recording.aidings)
+            filter.begin(start._replace(sd=(*start.sd, *own)), first.noise, **first.options)
             for start in starts[1:]
         ]
         self.filter = filter
         self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
-        y = alongside([_readings(filter, each, first) for each in recordings])
+        y = alongside(_readings(filter, recordings, first))
         sd = np.maximum(fixes.sd, cursor.floor[fixes.source])
         self.fixes = fixes._replace(y=y, sd=sd)
         self.noise, self._samples = first.noise, first.samples
@@ -103,7 +104,7 @@ class SideBySide:
             np.array([first.start.t, 0.0]),
             np.full(sources, first.start.t),
             cursor.limits,
-            aligned(6, LANES),
+            aligned(7, LANES),
             aligned(lane_loop.WORK, LANES),
             aligned(sources, lane_loop.BOOKS, LANES),
             aligned(len(filter.conditions), LANES),
@@ -155,7 +156,7 @@ class SideBySide:
 def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
     """Those that lanes of `filter` on sources of these kinds need, the loop among them."""
     own = [filter.predict, filter.correct, *(aiding.find(kind).observe for kind in kinds)]
-    return [*map(side_by_side, own), keep.for_runs(lane_loop.KEEP_LANES), lane_loop.run_lanes]
+    return [*map(side_by_side, own), keep, lane_loop.run_lanes]
 
 
 def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, int]:
@@ -166,14 +167,18 @@ def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, in
     return predict, correct, observers, keep
 
 
-def _readings(filter: Filter, recording: Recording, first: Run) -> Array:
-    """y of the fixes of a recording, in the order of the first run. Raises ValueError where it
+def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> list[Array]:
+    """y of the fixes of each recording, in the order of the first run. Raises ValueError where one
     has others."""
-    fixes: Fixes = merge(usable(filter, recording.aidings)[0], first.start.t + SAME_TIME)
-    mine = first.fixes
-    if not (np.array_equal(fixes.t, mine.t) and np.array_equal(fixes.source, mine.source)):
-        raise ValueError("runs side by side need fixes of the same times")
-    return fixes.y
+    mine, after = first.recording.aidings, first.start.t + SAME_TIME
+    _, order = used_in_order(mine, after, first.fixes.parameters[:, DELAY])
+    found = []
+    for recording in recordings:
+        aidings = usable(filter, recording.aidings)[0]
+        if not all(np.array_equal(a.t, b.t) and a.kind == b.kind for a, b in zip(aidings, mine)):
+            raise ValueError("runs side by side need fixes of the same times")
+        found.append(rows_of(aidings, "y")[order])
+    return found
 
 
 def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:

@@ -42,6 +42,10 @@ KEEP = 3
 Say = Callable[[str], None]
 
 
+COMPILING = ("compiler", "lane_types", "signatures")
+"""Modules of core that decide what machine code is made of a kernel."""
+
+
 def levels_here() -> tuple[str, ...]:
     """The levels of this machine's architecture, best first. Raises DataError where a library can
     be built on none."""
@@ -198,8 +202,7 @@ def _sweep(path: Path) -> None:
 def _sources(kernel: Kernel) -> tuple[str, ...]:
     """Files of the package that a kernel's code comes from."""
     found = {
-        library.PACKAGE / "core" / "compiler.py",
-        library.PACKAGE / "core" / "signatures.py",
+        *(library.PACKAGE / "core" / f"{name}.py" for name in COMPILING),
         *kernel_cache.import_closure(sys.modules[kernel.__module__])[0],
     }
     return tuple(

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ..core.contract import Filter, Measurement, side_by_side
 from ..core.jit import Kernel
 from ..core.signatures import Function, Number, Signature
 
@@ -47,10 +48,15 @@ def modules(package: ModuleType) -> Iterator[str]:
 
 
 def declared(module: str) -> Iterator[Kernel]:
-    """Kernels that a module declares."""
-    for value in vars(importlib.import_module(module)).values():
-        if isinstance(value, Kernel) and value.__module__ == module:
-            yield value
+    """Kernels that a module declares, those for eight runs at once among them."""
+    values = vars(importlib.import_module(module)).values()
+    found = [value for value in values if isinstance(value, Kernel)]
+    for value in values:
+        if isinstance(value, Filter) and value.lanes:
+            found += map(side_by_side, (value.predict, value.correct))
+        if isinstance(value, Measurement) and value.lanes:
+            found.append(side_by_side(value.observe))
+    yield from (kernel for kernel in dict.fromkeys(found) if kernel.__module__ == module)
 
 
 def of_stem(stem: str) -> Kernel:
@@ -96,6 +102,8 @@ def c_types(signature: Signature) -> tuple[str, list[str]]:
         for kind in signature.kinds
     ]
     kinds += ["i64"] * len(signature.sizes)
+    if signature.result is not None and signature.result.lanes > 1:
+        return "void", [*kinds, "ptr"]
     result = "void" if signature.result is None else "double" if signature.result.real else "i64"
     return result, kinds
 

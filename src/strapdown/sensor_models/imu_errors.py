@@ -131,6 +131,10 @@ def simulate_errors(
             _measured(triad, row - rows[0], row, shared, own, bias, u)
 
 
+simulate_errors_in_lanes = simulate_errors.for_runs(SIMULATE_LANES)  # type: ignore[attr-defined]
+"""For eight runs at once."""
+
+
 @helper
 def _bias(
     triad: int, i: int, row: int, shared: Shared, own: Own, rates: Array, bias: Array

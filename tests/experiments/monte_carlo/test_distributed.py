@@ -9,6 +9,7 @@ from test_study import FLIGHT, study, tables
 import strapdown as sd
 from strapdown.core.jit import COMPILED
 from strapdown.sensor_models.imu import ImuSpec, grade
+from strapdown.sensor_models.streams import Stream
 
 pytestmark = pytest.mark.skipif(
     not COMPILED, reason="worker processes without the compiler are too slow"
@@ -18,20 +19,20 @@ pytestmark = pytest.mark.skipif(
 class Deadly(ImuSpec):
     """An IMU that kills its process in run 3."""
 
-    def corrupt(self, imu, rng):
-        if rng.bit_generator.seed_seq.spawn_key[1] == 3:
+    def corrupt(self, imu, seed):
+        if seed == Stream.of(0).named(FLIGHT.name).numbered(3).named("imu"):
             os.kill(os.getpid(), signal.SIGKILL)
-        return ImuSpec.corrupt(self, imu, rng)
+        return ImuSpec.corrupt(self, imu, seed)
 
 
 class Clumsy(ImuSpec):
     """An IMU that kills its process once."""
 
-    def corrupt(self, imu, rng):
+    def corrupt(self, imu, seed):
         if not os.path.exists(self.source):
             open(self.source, "w").close()
             os.kill(os.getpid(), signal.SIGKILL)
-        return ImuSpec.corrupt(self, imu, rng)
+        return ImuSpec.corrupt(self, imu, seed)
 
 
 def spec(kind, source=""):

@@ -74,7 +74,7 @@ from types import SimpleNamespace
 from strapdown.evaluation.consistency import Limits
 from strapdown.experiments.monte_carlo import chunks
 study = SimpleNamespace(cells=chunks.cells(("demo",), ("tactical",)), filters=("closed-loop",), seed=1,
-    epoch=60.0, keep=1, limits=Limits(), installation={"clock": (0.01,)})
+    epoch=60.0, keep=1, limits=Limits(), installation={"clock": (0.01,)}, side_by_side=False)
 chunks.run_chunk(study, chunks.Chunk(0, 0, 1))
 print(*(name for name in sys.modules if name.partition(".")[0] == "strapdown"))
 """

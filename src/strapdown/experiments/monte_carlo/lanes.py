@@ -17,7 +17,7 @@ from ...engine.side_by_side import SideBySide, alongside, kernels, why_alone
 from ...evaluation.consistency import Limits
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...sensor_models.imu import ImuSpec
-from ...sensor_models.imu_errors import RATES, SIMULATE_LANES, Own, simulate_errors
+from ...sensor_models.imu_errors import RATES, Own, simulate_errors_in_lanes
 from ...sensor_models.streams import Stream
 from ...sim.synthesis import OF_IMU, OF_START, Simulator
 from ...typing import Array
@@ -72,7 +72,7 @@ def run_side_by_side(
                 first,
                 starts,
                 recordings,
-                lane_scoring.keep_errors,
+                lane_scoring.keep_errors_in_lanes,
                 true,
                 simulated.biases,
                 lane_scoring.SCRATCH,
@@ -83,21 +83,15 @@ def run_side_by_side(
     for first_row, stop in simulated.blocks():
         for go in advance:
             go(first_row, stop)
-    scores = [
-        [
-            scored_lane(each, lane, at, limits) if each and np.isinf(each.left[lane]) else None
-            for lane in range(runs)
-        ]
-        for each in sides
-    ]
+    none: list[Scored | None] = [None] * runs
+    scores = [_scored(each, runs, at, limits) if each else none for each in sides]
     return SideBySideRuns(scores, np.moveaxis(simulated.biases[..., :runs], 2, 0))
 
 
 def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
     """Those that a filter needs on sources of these kinds, as far as they have lanes."""
     wide = [kind for kind in kinds if find(kind).lanes]
-    simulate: Any = simulate_errors
-    return [*kernels(filter, wide, lane_scoring.keep_errors), simulate.for_runs(SIMULATE_LANES)]
+    return [*kernels(filter, wide, lane_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
 
 
 class Simulated:
@@ -121,10 +115,9 @@ class Simulated:
         self._next = self._bound(self._own)
 
     def _bound(self, own: Own) -> Callable[[], Any]:
-        simulate: Any = simulate_errors
         rates = np.zeros(RATES)
         return bound(
-            simulate.for_runs(SIMULATE_LANES),
+            simulate_errors_in_lanes,
             self._rows,
             self._shared,
             own,
@@ -154,24 +147,29 @@ class Simulated:
             yield first, stop
 
 
-def scored_lane(side: SideBySide, lane: int, at: Epochs, limits: Limits) -> Scored:
-    """Scored of one of the runs of a filter."""
-    kept, fix, cursor = side.out.kept[..., lane], side.out.fix[..., lane], side.cursor
-    rows = Rows(
-        kept[:, lane_scoring.ERROR],
-        kept[:, lane_scoring.RPH],
-        kept[:, lane_scoring.SD],
-        kept[:, lane_scoring.NEES],
+def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Scored | None]:
+    """Scored of the first runs of a filter, None of those that left the lanes."""
+    cursor, used = side.cursor, int(side.cursor.at[lane_loop.FIX])
+    kept, fix = (
+        np.ascontiguousarray(np.moveaxis(part[..., :runs], -1, 0))
+        for part in (side.out.kept, side.out.fix[:used])
     )
-    used = int(cursor.at[lane_loop.FIX])
+    rows = Rows(
+        kept[..., lane_scoring.ERROR],
+        kept[..., lane_scoring.RPH],
+        kept[..., lane_scoring.SD],
+        kept[..., lane_scoring.NEES],
+    )
     fixes = FixRows(
         side.fixes.t[:used],
         side.fixes.source[:used],
-        fix[:used, lane_loop.INNOVATION :],
-        fix[:used, lane_loop.NIS],
-        fix[:used, lane_loop.USED] > 0,
+        fix[..., lane_loop.INNOVATION :],
+        fix[..., lane_loop.NIS],
+        fix[..., lane_loop.USED] > 0,
     )
-    return scored(rows, fixes, _left_model(side.filter, cursor.conditions[:, lane]), at, limits)
+    left = [_left_model(side.filter, cursor.conditions[:, lane]) for lane in range(runs)]
+    found = scored(rows, fixes, left, at, limits)
+    return [each if np.isinf(t) else None for each, t in zip(found, side.left)]
 
 
 def _left_model(filter: Filter, first_held: Array) -> float:

@@ -1,10 +1,11 @@
 """One run of a study scored against its truth: errors of the 15 states, NEES, abort, and what a
 summary needs of them."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.contract import ATT, BA, BG, POS, STATES, VEL
 from ...data import SD_COLUMNS, Solution, Trajectory
@@ -67,23 +68,23 @@ def epochs(truth: Trajectory, every: int) -> Epochs:
 
 
 class Rows(NamedTuple):
-    """A run at the scored epochs, before anything is made of it; NaN from where the filter
+    """Runs at the scored epochs, before anything is made of them; NaN from where the filter
     stopped."""
 
-    error: Array  # (n, 15) true - estimate, SI, radians
-    rph: Array  # (n, 3) errors of roll, pitch and heading, rad
-    sd: Array  # (n, 15) as the filter states them
-    nees: Array  # (n,) of all 15 states
+    error: Array  # (runs, n, 15) true - estimate, SI, radians
+    rph: Array  # (runs, n, 3) errors of roll, pitch and heading, rad
+    sd: Array  # (runs, n, 15) as the filter states them
+    nees: Array  # (runs, n) of all 15 states
 
 
 class FixRows(NamedTuple):
-    """The fixes of a run."""
+    """The fixes of runs."""
 
     t: Array  # (m,) s
     source: Ints  # (m,)
-    innovation: Array  # (m, 3)
-    nis: Array  # (m,)
-    accepted: Mask  # (m,)
+    innovation: Array  # (runs, m, 3)
+    nis: Array  # (runs, m)
+    accepted: Mask  # (runs, m)
 
 
 def score(
@@ -92,47 +93,49 @@ def score(
     """Scored of a Solution kept at the epochs `at` with its covariance; b_a and b_g (n, 3) are
     the true biases there."""
     n, kept = len(at.rows), len(solution.t)
-    rows = Rows(*(np.full((n, *of), np.nan) for of in ((STATES,), (3,), (STATES,), ())))
+    rows = Rows(*(np.full((1, n, *of), np.nan) for of in ((STATES,), (3,), (STATES,), ())))
+    error, rph, sd, nees = (part[0, :kept] for part in rows)
     with np.errstate(all="ignore"):  # a filter that diverged may have any number
-        rows.error[:kept], rows.rph[:kept] = _errors(solution, at, b_a, b_g)
+        error[:], rph[:] = _errors(solution, at, b_a, b_g)
         assert solution.trajectory.sd is not None and solution.covariance is not None
-        rows.sd[:kept] = solution.trajectory.sd
-        normalised_rows(
-            rows.error[:kept],
-            solution.covariance,
-            np.zeros((STATES + 2, STATES)),
-            rows.nees[:kept],
-        )
+        sd[:] = solution.trajectory.sd
+        normalised_rows(error, solution.covariance, np.zeros((STATES + 2, STATES)), nees)
     seen = solution.innovations
-    fixes = FixRows(seen.t, seen.source, seen.innovation, seen.nis, seen.accepted)
-    return scored(rows, fixes, _left_model(solution), at, limits)
+    each = (seen.innovation[None], seen.nis[None], seen.accepted[None])
+    fixes = FixRows(seen.t, seen.source, *each)
+    return scored(rows, fixes, [_left_model(solution)], at, limits)[0]
 
 
 def scored(
-    rows: Rows, fixes: FixRows, left_model: float, at: Epochs, limits: consistency.Limits
-) -> Scored:
-    """Scored of what was kept of a run; left_model: when the raw INS of an open loop left its model,
-    s, NaN where it did not."""
-    error, rph, sd, nees = rows
-    n, t = len(at.rows), at.truth.t
+    rows: Rows,
+    fixes: FixRows,
+    left_model: Sequence[float],
+    at: Epochs,
+    limits: consistency.Limits,
+) -> list[Scored]:
+    """Scored of each run, of what was kept of it; left_model: when the raw INS of an open loop left
+    its model, s, NaN where it did not."""
+    t, n = at.truth.t, len(at.rows)
     with np.errstate(all="ignore"):
-        distance = np.sqrt((error[:, POS] ** 2).sum(axis=1))
-        alive, reason = consistency.survival(distance, nees, t, limits)
-        numbers: dict[str, float | Array] = {
-            "rows": alive,
-            "reason": reason,
-            "lasted": float(t[alive - 1]) if alive else 0.0,
-            "left_model": left_model,
-            **_alive(error[:alive], rph[:alive], sd[:alive], nees[:alive]),
-            "censored": float(
-                np.r_[
-                    np.minimum(distance[:alive], limits.distance) ** 2,
-                    np.full(n - alive, limits.distance**2),
-                ].mean()
-            ),
-            **_fixes(fixes, t[alive - 1] if alive else -np.inf),
-        }
-    return Scored(error, sd, nees, alive, numbers)
+        distance = np.sqrt(_square(rows.error[..., POS]))
+        ends = [consistency.survival(d, nees, t, limits) for d, nees in zip(distance, rows.nees)]
+        alive: Mask = np.arange(n) < np.array([end for end, _ in ends])[:, None]
+        most = np.where(alive, np.minimum(distance, limits.distance), limits.distance) ** 2
+        means = _means(rows, alive)
+        found = []
+        for run, (end, reason) in enumerate(ends):
+            numbers: dict[str, float | Array] = {
+                "rows": end,
+                "reason": reason,
+                "lasted": float(t[end - 1]) if end else 0.0,
+                "left_model": left_model[run],
+                "censored": float(most[run].mean()),
+                **{name: values[run] for name, values in means.items()},
+                **_fixes(fixes, run, t[end - 1] if end else -np.inf),
+            }
+            parts = rows.error[run], rows.sd[run], rows.nees[run]
+            found.append(Scored(*parts, end, numbers))
+    return found
 
 
 def score_parameters(
@@ -210,47 +213,49 @@ def _left_model(solution: Solution) -> float:
     return next((t for t, text in solution.events if text.startswith(LEFT_MODEL)), np.nan)
 
 
-def _alive(error: Array, rph: Array, sd: Array, nees: Array) -> dict[str, float | Array]:
-    """Means over the epochs before the abort; NaN where there is none."""
-    if not len(error):
-        return {
-            "mean_square": np.full(len(ERROR_GROUPS), np.nan),
-            "nees": np.nan,
-            "nees_inside": np.nan,
-            "coverage": np.full(3, np.nan),
-        }
-    squares = np.c_[
-        _square(error[:, POS]),
-        _square(error[:, VEL]),
-        _square(error[:, ATT]),
-        rph**2,
-        _square(error[:, BA]),
-        _square(error[:, BG]),
-    ]
+def _means(rows: Rows, alive: Mask) -> dict[str, Array]:
+    """{name: (runs, ...)} over the epochs `alive` (runs, n) before the abort; NaN where there is
+    none."""
+    error, rph, sd, nees = rows
+
+    def mean(values: NDArray[Any], which: Mask) -> Array:
+        """(runs, k) of values (runs, n, k)."""
+        chosen = np.where(which[..., None], values, 0.0)
+        return chosen.sum(axis=1) / which.sum(axis=1)[:, None]
+
+    vectors = (error[..., POS], error[..., VEL], error[..., ATT])
+    squares = [_square(each)[..., None] for each in vectors]
+    biases = [_square(error[..., each])[..., None] for each in (BA, BG)]
     low, high = consistency.band(STATES)
-    normal = np.abs(error[:, POS]) / sd[:, POS]
+    inside = (nees >= low) & (nees <= high)
+    normal = np.abs(error[..., POS]) / sd[..., POS]
+    within = np.stack([(normal <= sigma).mean(axis=-1) for sigma in (1, 2, 3)], axis=-1)
     return {
-        "mean_square": squares.mean(axis=0),
-        "nees": float(nees[known].mean()) if (known := np.isfinite(nees)).any() else np.nan,
-        "nees_inside": float(((nees >= low) & (nees <= high)).mean()),
-        "coverage": np.array([(normal <= sigma).mean() for sigma in (1, 2, 3)]),
+        "mean_square": mean(np.concatenate([*squares, rph**2, *biases], axis=-1), alive),
+        "nees": mean(nees[..., None], alive & np.isfinite(nees))[:, 0],
+        "nees_inside": mean(inside[..., None], alive)[:, 0],
+        "coverage": mean(within, alive),
     }
 
 
 def _square(vectors: Array) -> Array:
-    return (vectors**2).sum(axis=1)
+    return np.einsum("...i,...i->...", vectors, vectors)
 
 
-def _fixes(fixes: FixRows, end: float) -> dict[str, float]:
-    """Until the abort at `end` s: mean NIS by degree of freedom over the measured rows, lag-1
-    correlation of the innovations; and over the whole run how many fixes were used."""
-    measured = np.isfinite(fixes.nis) & (fixes.t <= end)
-    rows = np.isfinite(fixes.innovation[measured]).sum()
-    y = fixes.innovation[measured & (fixes.source == 0)]
+def _fixes(fixes: FixRows, run: int, end: float) -> dict[str, float]:
+    """Of a run until the abort at `end` s: mean NIS by degree of freedom over the measured rows,
+    lag-1 correlation of the innovations; and over the whole run how many fixes were used."""
+    until = int(np.searchsorted(fixes.t, end, side="right"))
+    nis, y = fixes.nis[run, :until], fixes.innovation[run, :until]
+    measured, first = np.isfinite(nis), fixes.source[:until] == 0
+    rows = np.isfinite(y).sum(axis=1)[measured].sum()
+    if not (measured & first).all():
+        y = y[measured & first]
     moved = np.nansum(y[1:] * y[:-1]) / np.nansum(y**2) if len(y) > 2 else np.nan
+    used = int(fixes.accepted[run].sum())
     return {
-        "nis": float(fixes.nis[measured].sum() / rows) if rows else np.nan,
+        "nis": float(nis[measured].sum() / rows) if rows else np.nan,
         "correlation": float(moved),
-        "accepted": int(fixes.accepted.sum()),
-        "rejected": int((~fixes.accepted).sum()),
+        "accepted": used,
+        "rejected": fixes.accepted.shape[1] - used,
     }

@@ -116,7 +116,8 @@ class Study:
         found = []
         for number, cell in enumerate(self.cells):
             steps = cell.scenario.duration * cell.scenario.rate * len(self.filters)
-            size = min(self.runs, LANES * max(1, round(self.chunk_steps / steps / LANES)))
+            together = LANES if self.side_by_side else 1
+            size = min(self.runs, together * max(1, round(self.chunk_steps / steps / together)))
             found += [
                 Chunk(number, first, min(first + size, self.runs))
                 for first in range(0, self.runs, size)

@@ -387,7 +387,7 @@ def learn(belief: Belief) -> None:
         seen = (x, y, z)
         for m in range(int(work[used_rows(n)])):
             for j in range(n):
-                S[k, j] -= seen[m] * work[m * (n + 1) + j]
+                S[k, j] -= seen[m] * work[n * m + j]
 
 
 @helper

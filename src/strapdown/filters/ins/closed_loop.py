@@ -2,6 +2,7 @@
 INS. The default filter."""
 
 from ...core.adjoint import SMOOTHER
+from ...core.choosing import any_of
 from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
 from ...core.error_state import (
     DX,
@@ -57,7 +58,7 @@ def correct(
 ) -> float:
     """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate:
+    if any_of(nis <= gate):
         take_over(belief, belief.workspace[DX])
     return nis
 
@@ -71,4 +72,5 @@ CLOSED_LOOP = Filter(
     slots=ERROR_STATE,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

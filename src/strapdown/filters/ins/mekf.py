@@ -15,10 +15,14 @@ the errors it turns back by half of the correction, and P_n forward by as much (
 import math
 
 from ...core.adjoint import SMOOTHER
+from ...core.choosing import any_of
 from ...core.contract import ATT, CORRECT, Belief, Filter, Observe, helper, kernel
+from ...core.elementary import arctangent
 from ...core.error_state import DX, ERROR_STATE, measure, take_over
 from ...typing import Array
 from .closed_loop import predict, start
+
+TINY = 1e-100  # of what is divided by it nothing is left anyway
 
 
 @kernel(CORRECT)
@@ -35,7 +39,7 @@ def correct(
     """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs
     vector."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate:
+    if any_of(nis <= gate):
         dx = belief.workspace[DX]
         rotation_vector(dx[ATT])
         take_over(belief, dx)
@@ -47,10 +51,9 @@ def rotation_vector(a: Array) -> None:
     """From twice a Gibbs vector, a (3,), to the rotation vector (rad) of the same rotation, in
     place: tan(angle/2) = |a|/2."""
     half = 0.5 * math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    if half > 0:
-        scale = math.atan(half) / half
-        for i in range(3):
-            a[i] *= scale
+    scale = arctangent(half) / max(half, TINY)
+    for i in range(3):
+        a[i] *= scale
 
 
 MEKF = Filter(
@@ -62,4 +65,5 @@ MEKF = Filter(
     slots=ERROR_STATE,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

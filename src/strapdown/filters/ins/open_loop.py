@@ -10,6 +10,7 @@ import math
 
 from ...checks import check_choice
 from ...core.adjoint import SMOOTHER
+from ...core.choosing import any_of, where
 from ...core.contract import (
     ATT,
     BA,
@@ -107,8 +108,9 @@ def predict_beside(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     workspace = belief.workspace
     b = workspace[BIAS]
     linearised_step(belief, belief.C, 1.0, u, dt, noise, True)
-    if workspace[MODE] != METRES:
-        products(workspace[X], workspace[BLOCK], belief.lla[0], workspace[MODE] == GEODETIC, dt)
+    mode = int(workspace[MODE])
+    if mode != METRES:
+        products(workspace[X], workspace[BLOCK], belief.lla[0], mode == GEODETIC, dt)
     mechanize(
         workspace[LLA],
         workspace[V],
@@ -134,9 +136,9 @@ def beyond_model(belief: Belief) -> float:
     tilt theta takes more of gravity from the vertical, g theta^2 / 2, than the bias covers."""
     workspace, x = belief.workspace, belief.workspace[X]
     left_out = 0.5 * GRAVITY * (x[6] * x[6] + x[7] * x[7])
-    if not abs(workspace[LLA][2]) <= FAR_HEIGHT:
-        return TOO_HIGH
-    return TOO_TILTED if left_out * left_out > COVERED * COVERED * belief.P[11, 11] else 0.0
+    tilted = left_out * left_out > COVERED * COVERED * belief.P[11, 11]
+    within = abs(workspace[LLA][2]) <= FAR_HEIGHT
+    return where(within, where(tilted, TOO_TILTED, 0.0), TOO_HIGH)
 
 
 @helper
@@ -194,7 +196,7 @@ def correct_beside(
 ) -> float:
     """Correct the error beside the INS: its prior is kept and the correction added to it."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate:
+    if any_of(nis <= gate):
         x, dx = belief.workspace[X], belief.workspace[DX]
         for i in range(x.size):
             x[i] += dx[i]
@@ -237,4 +239,5 @@ OPEN_LOOP = Filter(
     condition=CONDITION,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

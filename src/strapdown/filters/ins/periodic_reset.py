@@ -6,6 +6,7 @@ Interval 0 is the closed loop, an infinite one the open loop.
 
 from ...checks import check_number
 from ...core.adjoint import SMOOTHER
+from ...core.choosing import any_of, where
 from ...core.contract import (
     CORRECT,
     PREDICT,
@@ -77,8 +78,9 @@ def correct(
     is zero again."""
     workspace = belief.workspace
     nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
-    if nis <= gate and workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING:
-        workspace[ELAPSED] = 0.0
+    due = (nis <= gate) & (workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING)
+    if any_of(due):
+        workspace[ELAPSED] = where(due, 0.0, workspace[ELAPSED])
         lla, v, raw, b, x, out = (
             workspace[LLA],
             workspace[V],
@@ -88,12 +90,13 @@ def correct(
             workspace[INS_ERROR],
         )
         for i in range(3):
-            out[i] = 0.0
-            lla[i], v[i], b[i], b[3 + i] = belief.lla[i], belief.v[i], belief.ba[i], belief.bg[i]
+            out[i] = where(due, 0.0, out[i])
+            lla[i], v[i] = where(due, belief.lla[i], lla[i]), where(due, belief.v[i], v[i])
+            b[i], b[3 + i] = where(due, belief.ba[i], b[i]), where(due, belief.bg[i], b[3 + i])
             for j in range(3):
-                raw[i, j] = belief.C[i, j]
+                raw[i, j] = where(due, belief.C[i, j], raw[i, j])
         for i in range(x.size):
-            x[i] = 0.0
+            x[i] = where(due, 0.0, x[i])
     return nis
 
 
@@ -108,4 +111,5 @@ PERIODIC_RESET = Filter(
     condition=CONDITION,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

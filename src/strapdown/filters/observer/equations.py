@@ -16,6 +16,7 @@ the view that `embedded` gives.
 
 import math
 
+from ...core.choosing import any_of, where
 from ...core.contract import (
     ALTITUDE_KIND,
     HEADING_KIND,
@@ -140,17 +141,17 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
         workspace[WORK],
     )  # half a turn back: xi stands still in n, not in the body
     publish_rates(bar, r0, r1, r2, a0, a1, a2, dt)
-    made_up = noise.accel > workspace[TOLD]
-    _clocks(
-        workspace,
-        dt,
-        noise.accel * noise.accel - workspace[TOLD] * workspace[TOLD] if made_up else 0.0,
-    )
-    if not made_up and not outage(workspace):
-        _towards_force(bar, x0, x1, x2, dt)
-        _adapt(bar, x0, x1, x2, dt)
-    elif workspace[MODE] == FROZEN and not made_up and workspace[COURSE] == workspace[COURSE]:
-        _towards_heading(bar, workspace[COURSE], dt)
+    told, course = float(workspace[TOLD]), workspace[COURSE]
+    made_up = noise.accel > told
+    _clocks(workspace, dt, noise.accel * noise.accel - told * told if made_up else 0.0)
+    if made_up:
+        return
+    free = not outage(workspace)
+    if any_of(free):
+        _towards_force(bar, x0, x1, x2, dt, free)
+        _adapt(bar, x0, x1, x2, dt, free)
+    if int(workspace[MODE]) == FROZEN:
+        _towards_heading(bar, course, dt, (not free) & (course == course))
 
 
 @helper
@@ -182,22 +183,20 @@ def _clocks(workspace: Array, dt: float, spread: float) -> None:
         own[AGE][i] += dt
         own[VELOCITY_AGE][i] += dt
     own[SPREAD] += spread * dt
-    heading = (
-        min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]))
-        < TRUSTED
-    )
+    since = min(workspace[SINCE_COURSE], min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]))
     # a start that heading is not part of is none
-    if workspace[FADE] > 1e-3 and (heading or workspace[MODE] == NONE) and not outage(workspace):
-        workspace[FADE] *= decay(2 * dt / workspace[START_TIME])
+    started = (since < TRUSTED) | (int(workspace[MODE]) == NONE)
+    fades = (workspace[FADE] > 1e-3) & started & (not outage(workspace))
+    if any_of(fades):
+        left = decay(2 * dt / float(workspace[START_TIME]))
+        workspace[FADE] *= where(fades, left, 1.0)
 
 
 @helper
 def _assess(workspace: Array) -> None:
     """Which condition holds now; that of the heading comes first."""
-    if workspace[SLOW] >= LONG_HELD:
-        workspace[CONDITION] = 1.0
-    else:
-        workspace[CONDITION] = 2.0 if workspace[UNEXCITED] > FORGETTING else 0.0
+    even = where(workspace[UNEXCITED] > FORGETTING, 2.0, 0.0)
+    workspace[CONDITION] = where(workspace[SLOW] >= LONG_HELD, 1.0, even)
 
 
 @helper
@@ -212,7 +211,7 @@ def gain(workspace: Array, name: int) -> float:
 @inlined
 def turn(bar: Belief, s0: float, s1: float, s2: float) -> None:
     """Turn the attitude by the rotation vector s (rad, body), f_n = C f + xi staying, and
-    outside an outage the gyro bias by - ki s, bounded."""
+    outside an outage the gyro bias by - ki s, bounded. Zeros turn nothing."""
     C, f, xi, workspace = bar.C, bar.f, bar.workspace[XI], bar.workspace
     b0, b1, b2 = turned(C, f[0], f[1], f[2])
     rotate_right(C, s0, s1, s2)
@@ -220,7 +219,7 @@ def turn(bar: Belief, s0: float, s1: float, s2: float) -> None:
     xi[0] += b0 - n0
     xi[1] += b1 - n1
     xi[2] += b2 - n2
-    ki = workspace[LEARNT] = 0.0 if outage(workspace) else gain(workspace, KI)
+    ki = workspace[LEARNT] = where(outage(workspace), 0.0, gain(workspace, KI))
     bounded(bar.bg, -ki * s0, -ki * s1, -ki * s2, workspace[GYRO_BOUND])
 
 
@@ -233,33 +232,37 @@ def bounded(b: Array, d0: float, d1: float, d2: float, bound: float) -> None:
         b[0] * b[0] + b[1] * b[1] + b[2] * b[2],
         bound * bound,
     )
-    if along > 0 and square > limit:
-        less = min(1.0, (square - limit) / (limit * (OUTER * OUTER - 1))) * along / square
+    out = (along > 0) & (square > limit)
+    if any_of(out):
+        less = min(1.0, (square - limit) / (limit * (OUTER * OUTER - 1))) * along
+        less = where(out, less / max(square, limit), 0.0)
         d0, d1, d2 = d0 - less * b[0], d1 - less * b[1], d2 - less * b[2]
     b[0] += d0
     b[1] += d1
     b[2] += d2
     square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-    if square > OUTER * OUTER * limit:  # a step is no derivative
-        scale = OUTER * bound / math.sqrt(square)
+    most = OUTER * OUTER * limit
+    beyond = square > most
+    if any_of(beyond):  # a step is no derivative
+        scale = where(beyond, OUTER * bound / math.sqrt(max(square, most)), 1.0)
         b[0], b[1], b[2] = b[0] * scale, b[1] * scale, b[2] * scale
 
 
 @inlined
-def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
+def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> None:
     """sigma of the first direction: the specific force as measured against that of the
     translational motion observer."""
     f, workspace = bar.f, bar.workspace
     h0, h1, h2 = f[0] + x0, f[1] + x1, f[2] + x2
     size = math.sqrt((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) * (h0 * h0 + h1 * h1 + h2 * h2))
-    if size < FREE_FALL_FORCE * FREE_FALL_FORCE:
-        return
-    k = (1 - decay(gain(workspace, K1) * dt)) / size
+    least = FREE_FALL_FORCE * FREE_FALL_FORCE
+    k = (1 - decay(gain(workspace, K1) * dt)) / max(size, least)
+    k = where(wanted & (size >= least), k, 0.0)
     turn(bar, k * (f[1] * x2 - f[2] * x1), k * (f[2] * x0 - f[0] * x2), k * (f[0] * x1 - f[1] * x0))
 
 
 @inlined
-def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
+def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> None:
     """theta' = Proj(adaptation G phi (y_f - phi' theta) / (phi' G phi)), G = diag(bound^2, 1, 1,
     1): it cannot blow up, however large the force.
 
@@ -277,8 +280,9 @@ def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
         - workspace[SQUARE]
     )
     limit = workspace[ACCEL_BOUND] * workspace[ACCEL_BOUND]
+    rate = where(wanted, workspace[ADAPTATION], 0.0)
     rate = (
-        workspace[ADAPTATION]
+        rate
         * (1 - min(workspace[FADE], 1.0))
         * dt
         * e
@@ -286,9 +290,10 @@ def _adapt(bar: Belief, x0: float, x1: float, x2: float, dt: float) -> None:
     )
     workspace[SQUARE] = min(max(workspace[SQUARE] + rate * limit, 0.0), OUTER * OUTER * limit)
     bounded(ba, -2 * rate * m0, -2 * rate * m1, -2 * rate * m2, workspace[ACCEL_BOUND])
-    share = dt / FORGETTING
-    phi = (1.0, m0 / NOMINAL_GRAVITY, m1 / NOMINAL_GRAVITY, m2 / NOMINAL_GRAVITY)
-    moment, k = workspace[MOMENT], 0
+    share = where(wanted, dt / FORGETTING, 0.0)
+    moment, phi, k = workspace[MOMENT], workspace[WORK], 0
+    phi[0], phi[1] = 1.0, m0 / NOMINAL_GRAVITY
+    phi[2], phi[3] = m1 / NOMINAL_GRAVITY, m2 / NOMINAL_GRAVITY
     for i in range(4):
         for j in range(i, 4):
             moment[k] += share * (phi[i] * phi[j] - moment[k])
@@ -304,10 +309,13 @@ def inject(
     observe: Observe,
     parameters: Array,
     innovation: Array,
+    wanted: bool = True,
 ) -> None:
-    """What a fix changes, without looking whether it is plausible."""
+    """What a fix changes where it is wanted, without looking whether it is plausible."""
     H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
     observed(bar, y, observe, parameters, innovation, H)
+    for i in range(3):
+        innovation[i] = where(wanted, innovation[i], math.nan)
     take(bar, y, sd, kind, parameters, innovation)
 
 
@@ -319,54 +327,46 @@ def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovat
     In an outage only position and velocity, which end it; a heading or field is only remembered as
     one that is there, so that no course takes its place.
     """
-    workspace = bar.workspace
+    workspace, e = bar.workspace, innovation
+    free = (not outage(workspace)) | (kind == POSITION_KIND or kind == VELOCITY_KIND)
     workspace[SHARE] = 0.0
     for i in range(9):
         workspace[GAIN][i] = 0.0
-    if outage(workspace) and kind != POSITION_KIND and kind != VELOCITY_KIND:
-        if innovation[0] == innovation[0]:
-            if kind == HEADING_KIND:
-                workspace[SINCE_HEADING] = 0.0
-            elif kind == MAGNETIC_KIND:
-                workspace[SINCE_FIELD] = 0.0
-        return
     if kind == HEADING_KIND:
-        if innovation[0] == innovation[0]:
-            _towards_heading(bar, y[0], min(workspace[SINCE_HEADING], LONGEST_GAP))
-            workspace[SINCE_HEADING] = workspace[SLOW] = 0.0
+        measured = e[0] == e[0]
+        since = min(workspace[SINCE_HEADING], LONGEST_GAP)
+        _towards_heading(bar, y[0], since, measured & free)
+        workspace[SINCE_HEADING] = where(measured, 0.0, workspace[SINCE_HEADING])
+        workspace[SLOW] = where(measured & free, 0.0, workspace[SLOW])
     elif kind == MAGNETIC_KIND:
-        if (
-            innovation[0] + innovation[1] + innovation[2]
-            == innovation[0] + innovation[1] + innovation[2]
-        ):
-            _towards_field(bar, y, parameters)
+        total = e[0] + e[1] + e[2]
+        _towards_field(bar, y, parameters, (total == total) & free)
+        there = (e[0] == e[0]) & (not free)
+        workspace[SINCE_FIELD] = where(there, 0.0, workspace[SINCE_FIELD])
     elif kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND:
         if kind == VELOCITY_KIND:
-            _course(
-                bar,
-                innovation[0] + bar.v[0],
-                innovation[1] + bar.v[1],
-                math.hypot(sd[0], sd[1]) * math.sqrt(0.5),
-            )
-        _translate(bar, kind, innovation, sd)
+            sd_v = math.hypot(sd[0], sd[1]) * math.sqrt(0.5)
+            _course(bar, e[0] + bar.v[0], e[1] + bar.v[1], sd_v)
+        _translate(bar, kind, e, sd, free)
         workspace[EXCITATION] = smallest(workspace)
-        if workspace[EXCITATION] >= EXCITED:
-            workspace[UNEXCITED] = -math.inf
+        excited = workspace[EXCITATION] >= EXCITED
+        workspace[UNEXCITED] = where(excited, -math.inf, workspace[UNEXCITED])
     _assess(workspace)
-    orthonormalise(bar.C)
+    orthonormalise(bar.C, free)
 
 
 @inlined
-def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
+def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: bool) -> None:
     """Position, velocity and xi by the gains at this fix."""
     workspace = bar.workspace
     change, xi, K = workspace[WORK], workspace[XI], workspace[GAIN]
     for i in range(9):
         change[i] = 0.0
-    used = False
+    since = workspace[SINCE_FIX]
     for row in range(1 if kind == ALTITUDE_KIND else 3):
-        if innovation[row] == innovation[row]:
-            axis, used = 2 if kind == ALTITUDE_KIND else row, True
+        axis, e = 2 if kind == ALTITUDE_KIND else row, innovation[row]
+        measured = (e == e) & wanted
+        if any_of(measured):
             pulled(
                 workspace[MOTION],
                 axis,
@@ -375,15 +375,18 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array) -> None:
                 workspace[TOLD],
                 gain(workspace, WANDER),
                 K[3 * row : 3 * row + 3],
+                measured,
             )
+            since = where(measured, 0.0, since)
+            e = where(measured, e, 0.0)
             for i in range(3):
-                change[3 * axis + i] = K[3 * row + i] * innovation[row]
+                change[3 * axis + i] = K[3 * row + i] * e
     displace(bar.lla, change[0], change[3], change[6])
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
         xi[i] += change[3 * i + 2]
-    if used and kind != ALTITUDE_KIND:
-        workspace[SINCE_FIX] = 0.0
+    if kind != ALTITUDE_KIND:
+        workspace[SINCE_FIX] = since
 
 
 @inlined
@@ -391,44 +394,50 @@ def _course(bar: Belief, north: float, east: float, sd: float) -> None:
     """The direction of the velocity (m/s, each with that sd) as a heading, where it is fast enough
     and nothing better is there."""
     workspace = bar.workspace
-    speed = math.sqrt(north * north + east * east)
-    if (
-        workspace[MODE] == NONE
-        or min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED
-        or not speed == speed
-    ):
+    mode, speed = int(workspace[MODE]), math.sqrt(north * north + east * east)
+    told = min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED
+    wanted = (not told) & (speed == speed)
+    if mode == NONE or not any_of(wanted):
         return
-    if too_slow(speed, sd, workspace[LEAST_SPEED]):
-        held = min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP)
-        workspace[HELD] += held
-        workspace[SLOW] += held
+    slow = too_slow(speed, sd, float(workspace[LEAST_SPEED]))
+    held = where(wanted & slow, min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP), 0.0)
+    fast = wanted & (not slow)
+    workspace[HELD] += held
+    workspace[SLOW] = where(fast, 0.0, workspace[SLOW] + held)
+    if not any_of(fast):
         return
-    workspace[SLOW] = 0.0
-    workspace[COURSE_SD] = sd / speed if speed > 0 else math.inf
-    seconds = min(workspace[SINCE_COURSE], LONGEST_GAP)
-    workspace[COURSE], workspace[SINCE_COURSE] = math.atan2(east, north), 0.0
-    if workspace[MODE] == PRINTED:
+    speed = where(speed > 0, speed, math.inf)
+    course, since = math.atan2(east, north), workspace[SINCE_COURSE]
+    workspace[COURSE_SD] = where(fast, sd / speed, workspace[COURSE_SD])
+    workspace[COURSE] = where(fast, course, workspace[COURSE])
+    workspace[SINCE_COURSE] = where(fast, 0.0, since)
+    seconds = min(since, LONGEST_GAP)
+    if mode == PRINTED:
         C = bar.C
-        _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds)
+        _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds, fast)
     else:
-        _towards_heading(bar, workspace[COURSE], seconds)
+        _towards_heading(bar, course, seconds, fast)
 
 
 @helper
 def too_slow(speed: float, sd: float, least: float) -> bool:
     """Whether a velocity of that speed, each component with that sd (m/s), has no course: below
     `least`, or where that is 0 as the standard deviation of the course says."""
-    return speed < least if least > 0 else not speed * LARGEST_COURSE_SD >= sd
+    if least > 0:
+        return speed < least
+    return not speed * LARGEST_COURSE_SD >= sd
 
 
 @inlined
-def _towards_heading(bar: Belief, heading: float, seconds: float) -> None:
-    """sigma of a heading (rad) at the roll and pitch of the belief, over that time: a turn about
-    the vertical, exact for any angle."""
+def _towards_heading(bar: Belief, heading: float, seconds: float, wanted: bool) -> None:
+    """sigma of a heading (rad) at the roll and pitch of the belief, over that time, where it is
+    wanted: a turn about the vertical, exact for any angle."""
+    if not any_of(wanted):
+        return
     C, workspace = bar.C, bar.workspace
-    angle = wrap(heading - math.atan2(C[1, 0], C[0, 0]))
+    angle = where(wanted, wrap(heading - math.atan2(C[1, 0], C[0, 0])), 0.0)
     left = _left(angle, gain(workspace, K2) * seconds)
-    workspace[SHARE] = 1 - left / angle if angle != 0 else 0.0
+    workspace[SHARE] = where(angle != 0, 1 - left / where(angle != 0, angle, 1.0), 0.0)
     angle -= left
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
 
@@ -440,9 +449,9 @@ def _left(angle: float, time: float) -> float:
 
 
 @inlined
-def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
+def _towards_field(bar: Belief, y: Array, parameters: Array, wanted: bool) -> None:
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
-    since the last.
+    since the last, where it is wanted.
 
     Of both what is across the specific force counts, f x m: a field that dips steeply is almost
     parallel to it and alone holds the heading badly.
@@ -455,7 +464,7 @@ def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
         C[0, 2] * m0 + C[1, 2] * m1 + C[2, 2] * m2,
     )
     b0, b1, b2 = y[0], y[1], y[2]
-    if workspace[FIELD] == ACROSS:
+    if int(workspace[FIELD]) == ACROSS:
         f0, f1, f2 = f[0], f[1], f[2]
         h0 = f0 + C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
         h1 = f1 + C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
@@ -464,37 +473,51 @@ def _towards_field(bar: Belief, y: Array, parameters: Array) -> None:
             LEAST_SINE * LEAST_SINE * (e0 * e0 + e1 * e1 + e2 * e2) * (h0 * h0 + h1 * h1 + h2 * h2)
         )
         e0, e1, e2 = h1 * e2 - h2 * e1, h2 * e0 - h0 * e2, h0 * e1 - h1 * e0
-        if e0 * e0 + e1 * e1 + e2 * e2 < large:
-            return
+        wanted = wanted & (e0 * e0 + e1 * e1 + e2 * e2 >= large)
         b0, b1, b2 = f1 * b2 - f2 * b1, f2 * b0 - f0 * b2, f0 * b1 - f1 * b0
     size, known = math.sqrt(b0 * b0 + b1 * b1 + b2 * b2), math.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-    if size > 0 and known > 0:
-        _towards(
-            bar,
-            b0 / size,
-            b1 / size,
-            b2 / size,
-            e0 / known,
-            e1 / known,
-            e2 / known,
-            min(workspace[SINCE_FIELD], LONGEST_GAP),
-        )
-        workspace[SINCE_FIELD] = workspace[SLOW] = 0.0
+    wanted = wanted & (size > 0) & (known > 0)
+    size, known = where(wanted, size, 1.0), where(wanted, known, 1.0)
+    _towards(
+        bar,
+        b0 / size,
+        b1 / size,
+        b2 / size,
+        e0 / known,
+        e1 / known,
+        e2 / known,
+        min(workspace[SINCE_FIELD], LONGEST_GAP),
+        wanted,
+    )
+    workspace[SINCE_FIELD] = where(wanted, 0.0, workspace[SINCE_FIELD])
+    workspace[SLOW] = where(wanted, 0.0, workspace[SLOW])
 
 
 @inlined
 def _towards(
-    bar: Belief, b0: float, b1: float, b2: float, e0: float, e1: float, e2: float, seconds: float
+    bar: Belief,
+    b0: float,
+    b1: float,
+    b2: float,
+    e0: float,
+    e1: float,
+    e2: float,
+    seconds: float,
+    wanted: bool,
 ) -> None:
     """sigma of a direction measured as b and expected as e, unit vectors in the body, over that
-    time."""
+    time, where it is wanted."""
     c0, c1, c2 = b1 * e2 - b2 * e1, b2 * e0 - b0 * e2, b0 * e1 - b1 * e0
     sine, cosine = math.sqrt(c0 * c0 + c1 * c1 + c2 * c2), b0 * e0 + b1 * e1 + b2 * e2
-    if sine < 1e-12:
+    wanted = wanted & (sine >= 1e-12)
+    if not any_of(wanted):
         return
+    sine = where(wanted, sine, 1.0)
     angle = math.atan2(sine, cosine)
     share = (angle - _left(angle, gain(bar.workspace, K2) * seconds)) / sine
+    share = where(wanted, share, 0.0)
     bar.workspace[SHARE] = share * sine / angle
+    c0, c1, c2 = where(wanted, c0, 0.0), where(wanted, c1, 0.0), where(wanted, c2, 0.0)
     turn(bar, share * c0, share * c1, share * c2)
 
 
@@ -503,14 +526,17 @@ def follow(bar: Belief, belief: Belief) -> None:
     """Without a course for long, of itself holding no heading: heading and gyro bias become those
     of a filter that has them by other means, f_n = C f + xi staying."""
     C, workspace = bar.C, bar.workspace
-    if workspace[SLOW] < LONG_HELD:
+    lost = workspace[SLOW] >= LONG_HELD
+    if not any_of(lost):
         return
     angle = wrap(math.atan2(belief.C[1, 0], belief.C[0, 0]) - math.atan2(C[1, 0], C[0, 0]))
+    angle = where(lost, angle, 0.0)
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
     b, own = belief.bg, bar.bg
     for i in range(3):
-        own[i] = 0.0
-    bounded(own, b[0], b[1], b[2], workspace[GYRO_BOUND])
+        own[i] = where(lost, 0.0, own[i])
+    b0, b1, b2 = where(lost, b[0], 0.0), where(lost, b[1], 0.0), where(lost, b[2], 0.0)
+    bounded(own, b0, b1, b2, workspace[GYRO_BOUND])
 
 
 @helper
@@ -532,10 +558,12 @@ def smallest(workspace: Array) -> float:
 @helper
 def _annihilate(A: Array, p: int, q: int) -> None:
     """One Jacobi rotation that makes A[p, q] of a symmetric matrix zero."""
-    if abs(A[p, q]) < 1e-15:
+    there = abs(A[p, q]) >= 1e-15
+    if not any_of(there):
         return
-    ratio = (A[q, q] - A[p, p]) / (2 * A[p, q])
+    ratio = (A[q, q] - A[p, p]) / where(there, 2 * A[p, q], 1.0)
     t = math.copysign(1.0, ratio) / (abs(ratio) + math.sqrt(ratio * ratio + 1))
+    t = where(there, t, 0.0)
     c = 1 / math.sqrt(t * t + 1)
     s = t * c
     for k in range(4):

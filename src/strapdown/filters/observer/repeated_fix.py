@@ -3,6 +3,7 @@ an observer does, must take it once."""
 
 import math
 
+from ...core.choosing import where
 from ...core.jit import helper
 from ...core.workspace import Slots
 from ...typing import Array
@@ -24,14 +25,14 @@ def repeated(memory: Array, y: Array, kind: int, gate: float, nis: float) -> boo
     standard deviations. Other sources may measure the same at the same time.
     """
     asked = gate == math.inf or gate < 0
-    same, its_y = memory[KIND] == kind and asked, memory[Y]
+    same, its_y = (memory[KIND] == kind) & asked, memory[Y]
     for i in range(3):
-        same = same and _alike(its_y[i], y[i])
+        same = same & _alike(its_y[i], y[i])
         its_y[i] = y[i]
-    memory[KIND] = kind if nis > gate else FORGOTTEN
+    memory[KIND] = where(nis > gate, kind, FORGOTTEN)
     return same
 
 
 @helper
 def _alike(a: float, b: float) -> bool:
-    return a == b or (a != a and b != b)
+    return (a == b) | ((a != a) & (b != b))

@@ -8,6 +8,7 @@ limit at a steady interval is the gain that `observer_gains` prints.
 
 import math
 
+from ...core.choosing import any_of, where
 from ...core.jit import helper
 from ...core.workspace import Slots
 from ...typing import Array
@@ -42,31 +43,26 @@ def pulled(
     accel: float,
     wander: float,
     K: Array,
+    measured: bool = True,
 ) -> None:
     """Into K, which arrives zeroed, the gains on position, velocity and force by which a position
-    or velocity fix with that sd corrects the axis.
+    or velocity fix with that sd corrects the axis, where it is measured.
 
     `accel` is the density of the accelerometer noise, m/s/sqrt(s), `wander` that of the force,
     m/s^2/sqrt(s). Several fixes at one time follow each other, one kind after the other.
     """
-    if own[DESIGN] == RICCATI:
-        _by_riccati(
-            own,
-            own[P][6 * axis : 6 * axis + 6],
-            axis,
-            velocity,
-            max(sd, LEAST_SD),
-            accel,
-            wander,
-            K,
-        )
-    elif own[DESIGN] == BY_POLES:
-        _by_poles(own, axis, velocity, K)
+    design = int(own[DESIGN])
+    if design == RICCATI:
+        A = own[P][6 * axis : 6 * axis + 6]
+        _by_riccati(own, A, axis, velocity, max(sd, LEAST_SD), accel, wander, K, measured)
+    elif design == BY_POLES:
+        _by_poles(own, axis, velocity, K, measured)
     else:
         k = own[VELOCITY_GAINS.start if velocity else GAINS.start :]
-        K[0], K[1], K[2] = k[0], k[1], k[2]
+        for i in range(3):
+            K[i] = where(measured, k[i], 0.0)
     if velocity:
-        own[VELOCITY_AGE][axis] = 0.0
+        own[VELOCITY_AGE][axis] = where(measured, 0.0, own[VELOCITY_AGE][axis])
 
 
 @helper
@@ -79,20 +75,21 @@ def _by_riccati(
     accel: float,
     wander: float,
     K: Array,
+    measured: bool,
 ) -> None:
     """One step of the Riccati equation over the time since the last fix, and the correction by
     it."""
-    spread = own[SPREAD] - own[USED][axis]
-    grow(A, own[AGE][axis], wander * wander, accel * accel, spread)
-    own[AGE][axis], own[USED][axis] = 0.0, own[SPREAD]
+    age, used = own[AGE][axis], own[USED][axis]
+    T, spread = where(measured, age, 0.0), where(measured, own[SPREAD] - used, 0.0)
+    grow(A, T, wander * wander, accel * accel, spread)
+    own[AGE][axis] = where(measured, 0.0, age)
+    own[USED][axis] = where(measured, own[SPREAD], used)
     if velocity:
-        scale = 1 / (A[3] + sd * sd)
-        k0, k1, k2 = scale * A[1], scale * A[3], scale * A[4]
-        h0, h1, h2 = A[1], A[3], A[4]
+        h0, h1, h2, variance = A[1], A[3], A[4], A[3]
     else:
-        scale = 1 / (A[0] + sd * sd)
-        k0, k1, k2 = scale * A[0], scale * A[1], scale * A[2]
-        h0, h1, h2 = A[0], A[1], A[2]
+        h0, h1, h2, variance = A[0], A[1], A[2], A[0]
+    scale = where(measured, 1 / (variance + sd * sd), 0.0)
+    k0, k1, k2 = scale * h0, scale * h1, scale * h2
     A[0] -= k0 * h0
     A[1] -= k0 * h1
     A[2] -= k0 * h2
@@ -119,7 +116,7 @@ def grow(A: Array, T: float, q: float, accel: float, spread: float) -> None:
 
 
 @helper
-def _by_poles(own: Array, axis: int, velocity: bool, K: Array) -> None:
+def _by_poles(own: Array, axis: int, velocity: bool, K: Array, measured: bool) -> None:
     """The gains that multiply the errors by exp(s T) over the time T since the last fix of the
     kind.
 
@@ -128,28 +125,26 @@ def _by_poles(own: Array, axis: int, velocity: bool, K: Array) -> None:
     has all three.
     """
     ages, pair = own[VELOCITY_AGE.start if velocity else AGE.start :], own[PAIR]
-    T = ages[axis]
-    ages[axis] = 0.0
-    if T < SHORTEST_FIX_INTERVAL:
+    fresh = measured & (ages[axis] >= SHORTEST_FIX_INTERVAL)
+    T = where(fresh, ages[axis], 1.0)
+    ages[axis] = where(measured, 0.0, ages[axis])
+    if not any_of(fresh):
         return
-    one, (two, product) = (
-        math.expm1(own[POLE] * T),
-        factors(pair[0], pair[1], pair[2], T),
-    )
+    one, (two, product) = math.expm1(own[POLE] * T), factors(pair[0], pair[1], int(pair[2]), T)
     if velocity:
-        K[1], K[2] = -(two + product), product / T
-    elif own[VELOCITY_AGE][axis] <= own[LOST]:
-        K[0] = -one
-    else:
-        l1, l3 = -one - two, -one * product / (T * T)
-        l2 = (
-            one * two + product
-        ) / T - 0.5 * l3 * T  # of the error before the next prediction; K is of that after it
-        K[0], K[1], K[2] = l1 - T * l2 + 0.5 * T * T * l3, l2 - T * l3, l3
+        K[1], K[2] = where(fresh, -(two + product), 0.0), where(fresh, product / T, 0.0)
+        return
+    helped = own[VELOCITY_AGE][axis] <= own[LOST]
+    l1, l3 = -one - two, -one * product / (T * T)
+    # of the error before the next prediction; K is of that after it
+    l2 = (one * two + product) / T - 0.5 * l3 * T
+    K[0] = where(fresh, where(helped, -one, l1 - T * l2 + 0.5 * T * T * l3), 0.0)
+    K[1] = where(fresh & (not helped), l2 - T * l3, 0.0)
+    K[2] = where(fresh & (not helped), l3, 0.0)
 
 
 @helper
-def factors(a: float, b: float, complex_pair: float, T: float) -> tuple[float, float]:
+def factors(a: float, b: float, complex_pair: int, T: float) -> tuple[float, float]:
     """Sum and product of exp(s T) - 1 of a pair of poles, a and b, or a +- jb."""
     if complex_pair == 0:
         first, second = math.expm1(a * T), math.expm1(b * T)

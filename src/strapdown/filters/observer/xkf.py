@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 from ...checks import check_choice, check_number
+from ...core.choosing import any_of, where
 from ...core.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
@@ -35,7 +36,7 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import place
-from ...core.embedded import take_over
+from ...core.embedded import NAVIGATION, navigation, take_over
 from ...core.error_state import (
     DX,
     ERROR_STATE,
@@ -49,16 +50,28 @@ from ...core.error_state import (
     inject_tail,
     linearised_step,
     observed,
+    turn_half,
 )
 from ...core.jit import helper, inlined
-from ...core.kalman import update
+from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
-from ...core.rotation import rotation_between, wrap
+from ...core.rotation import orthonormalise, rotation_between, wrap
 from ...typing import Array
 from . import nlo
 from .equations import BLOCK, CONDITION, EMBEDDED, OBSERVER, advance, embedded, follow, inject
 from .gains import configure, implant, takes_options
-from .own_estimate import DOUBT, LOST, OWN, TURN, carry_own, correct_own, take_heading
+from .own_estimate import (
+    DOUBT,
+    LARGEST_NIS,
+    LOST,
+    OWN,
+    SHARE,
+    TURN,
+    rotated,
+    take_heading,
+    turn_heading,
+    turn_tilt,
+)
 from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
 SLOTS = Slots(after=ERROR_STATE)
@@ -71,8 +84,7 @@ SAID = SLOTS.outputs(*OBSERVER.columns)  # what the observer says of itself
 # whether Jacobians are then taken at the estimate
 CLOSE, NEAR, ITSELF = SLOTS.numbers("CLOSE", "NEAR", "ITSELF")
 INNOVATION = SLOTS.array("INNOVATION", 3)  # of the observer
-# of the observer at the start of a step: accelerometer, gyro
-BIAS_A, BIAS_G = SLOTS.array("BIAS_A", 3), SLOTS.array("BIAS_G", 3)
+POINT = SLOTS.part("POINT", NAVIGATION)  # where the model is taken
 ORIGIN = SLOTS.array("ORIGIN", 9)  # attitude that delta is counted from, row by row
 RECENT = SLOTS.part("RECENT", MEMORY)
 MINE = SLOTS.part("MINE", OWN)
@@ -105,21 +117,39 @@ def start(
 
 
 @inlined
-def at(belief: Belief, state: Belief, ba: Array, bg: Array) -> Belief:
-    """P, rate, force and workspace of the belief at the state of another, with these biases:
-    what the linear model is taken at."""
+def at(belief: Belief, state: Belief) -> Belief:
+    """P, rate, force and workspace of the belief at the state of another."""
     return Belief(
         state.lla,
         state.v,
         state.C,
-        ba,
-        bg,
+        state.ba,
+        state.bg,
         belief.P,
         belief.omega,
         belief.f,
         belief.workspace,
         belief.extra_states,
     )
+
+
+@inlined
+def at_estimate(belief: Belief) -> bool:
+    """Whether the model is taken at the estimate, as filters/observer/own_estimate.py says, rather
+    than at the observer."""
+    return belief.workspace[CLOSE] * belief.workspace[ITSELF] > 0
+
+
+@inlined
+def model_point(belief: Belief, bar: Belief, itself: bool, z: float) -> Belief:
+    """What the linear model is taken at: the observer, or the estimate `itself`, turned back by z
+    (rad). Its state is in POINT."""
+    numbers = belief.workspace[POINT]
+    point = at(belief, navigation(numbers, belief.P, belief.workspace, belief.extra_states))
+    take_over(point, bar)
+    take_over(point, belief, itself)
+    turn_heading(point.C, -z)
+    return point
 
 
 @inlined
@@ -148,16 +178,25 @@ def relate(belief: Belief, bar: Belief) -> None:
         wrap(belief.lla[1] - lla[1]) * N * cosine,
         lla[2] - belief.lla[2],
     )
-    if workspace[CLOSE] > 0:
-        x[6], x[7], x[8] = rotation_between(
-            bar.C, (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2])
-        )
-    else:
-        m0, m1, m2 = rotation_between(bar.C, (o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7], o[8]))
-        a0, a1, a2 = x[6], x[7], x[8]
-        x[6] = a0 + m0 + 0.5 * (a1 * m2 - a2 * m1)
-        x[7] = a1 + m1 + 0.5 * (a2 * m0 - a0 * m2)
-        x[8] = a2 + m2 + 0.5 * (a0 * m1 - a1 * m0)
+    close = workspace[CLOSE] > 0
+    m0, m1, m2 = rotation_between(
+        bar.C,
+        (
+            where(close, C[0, 0], o[0]),
+            where(close, C[0, 1], o[1]),
+            where(close, C[0, 2], o[2]),
+            where(close, C[1, 0], o[3]),
+            where(close, C[1, 1], o[4]),
+            where(close, C[1, 2], o[5]),
+            where(close, C[2, 0], o[6]),
+            where(close, C[2, 1], o[7]),
+            where(close, C[2, 2], o[8]),
+        ),
+    )
+    a0, a1, a2 = where(close, 0.0, x[6]), where(close, 0.0, x[7]), where(close, 0.0, x[8])
+    x[6] = a0 + m0 + 0.5 * (a1 * m2 - a2 * m1)
+    x[7] = a1 + m1 + 0.5 * (a2 * m0 - a0 * m2)
+    x[8] = a2 + m2 + 0.5 * (a0 * m1 - a1 * m0)
     for i in range(3):
         x[3 + i], x[9 + i], x[12 + i] = (
             belief.v[i] - bar.v[i],
@@ -178,13 +217,14 @@ def switch(belief: Belief, angle: float) -> None:
     long as the fixes do not speak against it.
     """
     workspace, own, near = belief.workspace, belief.workspace[MINE], belief.workspace[NEAR]
-    if workspace[ITSELF] == 0:
-        workspace[CLOSE] = angle < near
-    elif workspace[CLOSE] == 0:
-        workspace[CLOSE] = angle < BACK * near and known(belief.P, near)
-        own[TURN], own[DOUBT] = 0.0, 1.0
-    elif angle >= near and own[DOUBT] > LOST:
-        workspace[CLOSE] = 0.0
+    close = workspace[CLOSE] > 0
+    if int(workspace[ITSELF]) == 0:
+        workspace[CLOSE] = where(angle < near, 1.0, 0.0)
+        return
+    back = (angle < BACK * near) & known(belief.P, near)
+    stays = (angle < near) | (own[DOUBT] <= LOST)
+    workspace[CLOSE] = where(where(close, stays, back), 1.0, 0.0)
+    own[TURN], own[DOUBT] = where(close, own[TURN], 0.0), where(close, own[DOUBT], 1.0)
 
 
 @helper
@@ -203,23 +243,30 @@ def publish(belief: Belief, bar: Belief) -> None:
 
 @inlined
 def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> None:
-    """Carry P and the belief over dt, linearised at the observer, which is left where it is:
-    f(observer) (+) Phi delta."""
-    workspace, affine = belief.workspace, belief.workspace[CLOSE] == 0
-    ba, bg, o = workspace[BIAS_A], workspace[BIAS_G], workspace[ORIGIN]
-    for i in range(3):
-        ba[i], bg[i] = bar.ba[i], bar.bg[i]
-    linearised_step(at(belief, bar, ba, bg), bar.C, 1.0, u, dt, noise, True)
-    if affine:
-        take_over(belief, bar)
+    """Carry P and the belief over dt, by the model at an observer that is left where it is:
+    f(observer) (+) Phi delta, or by the model at the estimate itself."""
+    workspace, x, o = belief.workspace, belief.workspace[X], belief.workspace[ORIGIN]
+    itself, affine = at_estimate(belief), workspace[CLOSE] == 0
+    z = where(itself, workspace[MINE][TURN], 0.0)
+    point, moved = model_point(belief, bar, itself, z), any_of(affine | (z != 0))
+    if moved:
+        turn_tilt(belief.P, -0.5 * z)
+        take_over(belief, point, affine | itself)
+        for i in range(STATES):
+            x[i] = where(affine, x[i], 0.0)
+        x[8] += z
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    linearised_step(point, point.C, 1.0, u, dt, noise, moved)
     mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], 1.0)
     decay_biases(belief.ba, belief.bg, dt, noise)
-    if affine:
+    if moved:
         for i in range(3):
             for j in range(3):
-                o[3 * i + j] = belief.C[i, j]
-        compose(belief, workspace[X])
+                o[3 * i + j] = where(affine, belief.C[i, j], o[3 * i + j])
+        x[8] -= z
+        compose(belief, x)
+        turn_heading(belief.C, z)
+        turn_tilt(belief.P, 0.5 * z)
     if dt > 0:
         for i in range(3):
             belief.omega[i], belief.f[i] = u[i] / dt - belief.bg[i], u[3 + i] / dt - belief.ba[i]
@@ -237,42 +284,76 @@ def correct_around(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Correct P and the belief by one fix, linearised at the observer, which is left where it
-    is. Returns the NIS."""
-    workspace, n = belief.workspace, belief.P.shape[0]
+    """Correct P and the belief by one fix, linearised where the model is, and the doubt about the
+    belief; the observer is left where it is. Returns the NIS."""
+    workspace, n, itself = belief.workspace, belief.P.shape[0], at_estimate(belief)
     x, dx, H = workspace[X], workspace[DX], matrix(workspace, JACOBIAN, 3, n)
-    shift_rates(belief, x, 1.0)  # to those of the observer, for the while
-    rows = observed(at(belief, bar, bar.ba, bar.bg), y, observe, parameters, innovation, H)
+    z = where(itself, workspace[MINE][TURN], 0.0)
+    point = model_point(belief, bar, itself, z)
+    for i in range(STATES):
+        x[i] = where(itself, 0.0, x[i])
+    x[8] += z
+    shift_rates(belief, x, 1.0)  # to those of the point, for the while
+    rows = observed(point, y, observe, parameters, innovation, H)
     shift_rates(belief, x, -1.0)
-    if workspace[CLOSE] > 0:
-        observed(
-            at(belief, belief, belief.ba, belief.bg),
-            y,
-            observe,
-            parameters,
-            innovation,
-            matrix(workspace, WORK.start, 3, n),
-        )
-    else:
+    for i in range(rows):
+        for j in range(STATES):
+            innovation[i] -= H[i, j] * x[j]
+        if kind == HEADING_KIND or kind == COURSE_KIND or kind == ATTITUDE_KIND:
+            innovation[i] = wrap(innovation[i])
+        if any_of(z != 0):
+            H[i, 6], H[i, 7] = rotated(H[i, 6], H[i, 7], 0.5 * z)
+    if int(workspace[ITSELF]) == 0:
+        seen, unused = workspace[INNOVATION], matrix(workspace, WORK.start, 3, n)
+        observed(belief, y, observe, parameters, seen, unused)
         for i in range(rows):
-            for j in range(STATES):
-                innovation[i] -= H[i, j] * x[j]
-            if kind == HEADING_KIND or kind == COURSE_KIND or kind == ATTITUDE_KIND:
-                innovation[i] = wrap(innovation[i])
+            innovation[i] = where(workspace[CLOSE] > 0, seen[i], innovation[i])
     nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
-    if nis <= gate:
-        for i in range(STATES):
-            x[i] += dx[i]
-        take_over(belief, bar)
-        compose(belief, x)
-        inject_tail(belief, dx)
-        shift_rates(belief, dx, -1.0)
+    if gate >= 0:  # not where it is only asked
+        wonder(workspace, nis, n)
+    taken = nis <= gate
+    if any_of(taken):
+        move(belief, point, itself, z, taken)
     return nis
+
+
+@helper
+def wonder(workspace: Array, nis: float, n: int) -> None:
+    """The doubt about an estimate of n states after a fix of that NIS."""
+    doubt, rows = workspace[MINE][DOUBT], workspace[WORK.start + used_rows(n)]
+    by_rows = min(nis / max(rows, 1.0), LARGEST_NIS)
+    workspace[MINE][DOUBT] = where(nis == nis, doubt + SHARE * (by_rows - doubt), doubt)
+
+
+@inlined
+def move(belief: Belief, point: Belief, itself: bool, z: float, taken: bool) -> None:
+    """Compose a correction, which is zero where it was not taken, into delta, and the belief from
+    point (+) delta, where a turn by z comes last."""
+    workspace, P, mine = belief.workspace, belief.P, belief.workspace[MINE]
+    x, dx, ahead = workspace[X], workspace[DX], itself & (z != 0)
+    if any_of(ahead):
+        dx[6], dx[7] = rotated(dx[6], dx[7], -0.5 * z)
+        turn = where(ahead, dx[8], 0.0)
+        turn_tilt(P, 0.5 * turn)
+        mine[TURN] += turn
+    with_it = itself & (z == 0)
+    if any_of(with_it):
+        theta = where(with_it, dx[6], 0.0), where(with_it, dx[7], 0.0), where(with_it, dx[8], 0.0)
+        turn_half(P, theta[0], theta[1], theta[2])
+    x[8] -= z
+    for i in range(STATES):
+        x[i] += dx[i]
+    compose(point, x)
+    orthonormalise(point.C)
+    turn_heading(point.C, z)
+    take_over(belief, point, taken)
+    inject_tail(belief, dx)
+    shift_rates(belief, dx, where(itself, 0.0, -1.0))
 
 
 @inlined
 def shift_rates(belief: Belief, x: Array, sign: float) -> None:
-    """Rate and force of the belief less, or more, these errors of the biases."""
+    """Rate and force of the belief more, or less, these errors of the biases."""
     a, g = x[BA], x[BG]
     for i in range(3):
         belief.f[i] += sign * a[i]
@@ -282,18 +363,13 @@ def shift_rates(belief: Belief, x: Array, sign: float) -> None:
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Carry P and the belief on, then the observer; the difference is what is between them."""
-    bar, workspace = embedded(belief, INSIDE.start), belief.workspace
-    at_estimate = workspace[CLOSE] * workspace[ITSELF] > 0
-    if at_estimate:
-        carry_own(belief, workspace[MINE], u, dt, noise)
-    else:
-        carry(belief, bar, u, dt, noise)
+    bar, itself = embedded(belief, INSIDE.start), at_estimate(belief)
+    carry(belief, bar, u, dt, noise)
     advance(bar, u, dt, noise)
     relate(belief, bar)
-    if at_estimate:
-        take_heading(belief, bar, workspace[MINE])
+    take_heading(belief, bar, belief.workspace[MINE], itself)
     publish(belief, bar)
-    workspace[RECENT][KIND] = FORGOTTEN
+    belief.workspace[RECENT][KIND] = FORGOTTEN
 
 
 @kernel(CORRECT)
@@ -310,11 +386,7 @@ def correct(
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
     bar, workspace = embedded(belief, INSIDE.start), belief.workspace
-    if workspace[CLOSE] * workspace[ITSELF] > 0:
-        own = workspace[MINE]
-        nis = correct_own(belief, own, y, sd, kind, observe, parameters, gate, innovation)
-    else:
-        nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
     if (
         kind == POSITION_KIND
         or kind == VELOCITY_KIND
@@ -322,8 +394,9 @@ def correct(
         or kind == HEADING_KIND
         or kind == MAGNETIC_KIND
     ):
-        if not repeated(workspace[RECENT], y, kind, gate, nis):
-            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION])
+        new = not repeated(workspace[RECENT], y, kind, gate, nis)
+        if any_of(new):
+            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION], new)
             follow(bar, belief)
     relate(belief, bar)
     publish(belief, bar)
@@ -341,4 +414,5 @@ XKF = Filter(
     conditions=nlo.NLO.conditions,
     condition=INSIDE.start + BLOCK.start + CONDITION,
     installation=True,
+    lanes=True,
 )
