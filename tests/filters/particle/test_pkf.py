@@ -280,6 +280,19 @@ def test_weights_are_likelihoods():
 
 
 @short
+def test_what_became_of_a_component_without_weight_reaches_nobody():
+    """One whose numbers are none loses its weight at a fix, and the seven beside it go on."""
+    belief = made(20, resample=0.0)
+    groups(belief)[0, 3, 2] = np.nan
+    fix(belief, "velocity", [10.3, 4.8, 0.2], [0.2] * 3)
+    assert parts(belief).weights[2] == 0 and np.count_nonzero(parts(belief).weights) == 19
+    predict(belief, 2)
+    assert np.isfinite(parts(belief).v).all() and np.isfinite(belief.P).all()
+    mean, P = moments(belief)
+    assert scaled(mean, P) < 1e-6 and scaled(P - belief.P, P) < 1e-6
+
+
+@short
 def test_in_an_outage_the_weights_stay():
     belief = made(10, resample=0.0)
     fix(belief, "velocity", [10.3, 4.8, 0.2], [0.2] * 3)
