@@ -35,6 +35,7 @@ class Flight:
         self.made = Simulator(demo.replace(duration=SECONDS, rate=RATE, gnss=gnss))
         self.spec, self.filter = grade(self.made.scenario.imu), filter
         self.at = epochs(self.made.truth, KEPT)
+        self.shared = self.spec.shared(self.made.felt(self.spec))
         self.streams = [Stream.of(1).numbered(run) for run in range(LANES)]
         self.records = [self.made.run(self.spec, stream) for stream in self.streams]
         self.steps = len(self.made.ideal.t) * LANES
@@ -44,7 +45,7 @@ class Flight:
 
     def side(self):
         """(simulation, filter) of the runs in lanes, before their first sample."""
-        simulated = lanes.Simulated(self.made, self.spec, self.streams, self.at)
+        simulated = lanes.Simulated(self.made, self.spec, self.shared, self.streams, self.at)
         recordings = [recording for recording, _ in self.records]
         side = SideBySide(
             begin(recordings[0], self.filter, self.asked()),
