@@ -149,7 +149,7 @@ def test_one_component_is_the_closed_loop():
     recording = eventful()
     one, closed = fused(recording, components=1), fused(recording, "closed-loop")
     assert (
-        len(closed.events) == 9
+        len(closed.events) == 8
         and one.events == closed.events
         and np.array_equal(one.innovations.accepted, closed.innovations.accepted)
     )
