@@ -28,4 +28,5 @@ MEASUREMENT = Measurement(
     ("length",),
     parameters="antenna",
     reference="down component of the position fix",
+    lanes=True,
 )

@@ -59,6 +59,7 @@ FORWARD = Measurement(
     parameters="reference",
     estimable=("clock", "mounting", "scale"),
     reference="odometer: Groves (2013) section 16.3",
+    lanes=True,
 )
 LATERAL = Measurement(
     "zero-lateral-velocity",
@@ -69,6 +70,7 @@ LATERAL = Measurement(
     slips=True,
     estimable=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
+    lanes=True,
 )
 VERTICAL = Measurement(
     "zero-vertical-velocity",
@@ -78,4 +80,5 @@ VERTICAL = Measurement(
     recorded=False,
     estimable=("mounting",),
     reference="Dissanayake et al. (2001), IEEE Trans. Robotics and Automation 17(5)",
+    lanes=True,
 )

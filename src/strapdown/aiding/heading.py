@@ -30,4 +30,5 @@ MEASUREMENT = Measurement(
     ("angle",),
     estimable=("mounting",),
     reference="derivative of atan2(C21, C11); Fossen (2021) eq. 14.254 corrected",
+    lanes=True,
 )

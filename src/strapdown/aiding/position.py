@@ -36,4 +36,5 @@ MEASUREMENT = Measurement(
     parameters="antenna",
     estimable=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",
+    lanes=True,
 )

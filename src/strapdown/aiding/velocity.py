@@ -42,4 +42,5 @@ MEASUREMENT = Measurement(
     vector="n",
     estimable=("clock", "lever-arm", "mounting"),
     reference="Groves (2013) eq. 14.111",
+    lanes=True,
 )

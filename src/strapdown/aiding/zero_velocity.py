@@ -21,4 +21,5 @@ MEASUREMENT = Measurement(
     recorded=False,
     when="at rest",
     reference="Groves (2013) section 15.3",
+    lanes=True,
 )
