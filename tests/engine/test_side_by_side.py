@@ -20,7 +20,7 @@ from strapdown.sim.synthesis import Simulator
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="lanes are compiled")
 FILTERS = [name for name in filters.own_names() if filters.find(name).lanes]
-KEPT = 24 + 15
+KEPT = 21 + 15
 
 
 @kernel(KEEP)
@@ -37,7 +37,7 @@ def keep_state(belief, k, true, biases, work, kept):
         for j in range(3):
             row[12 + 3 * i + j] = belief.C[i, j]
     for i in range(15):
-        row[24 + i] = belief.P[i, i]
+        row[21 + i] = belief.P[i, i]
 
 
 class Both:
@@ -99,7 +99,7 @@ class Both:
         ]
 
 
-NOT_ATTITUDE = np.r_[0:12, 24:KEPT]  # a solution has quaternions
+NOT_ATTITUDE = np.r_[0:12, 21:KEPT]  # a solution has quaternions
 
 
 @pytest.mark.parametrize("filter", FILTERS)
@@ -198,17 +198,21 @@ def test_rejected_fixes_stay_in_the_lanes():
 
 
 @pytest.mark.parametrize(
-    "change, why",
+    "change, estimate, why",
     [
-        (
-            lambda r: replace(r, imu=r.imu._replace(t=np.r_[r.imu.t[:500], r.imu.t[500:] + 1])),
-            "gaps",
-        ),
-        (lambda r: replace(r, meta=r.meta | {"estimate": {"clock": None}}), "estimated"),
+        (lambda t: np.r_[t[:500], t[500:] + 1], None, "gaps"),
+        (lambda t: t, ["clock"], "installation"),
     ],
 )
-def test_what_lanes_do_not_know_is_said(change, why):
+def test_what_lanes_do_not_know_is_said(change, estimate, why):
     made = Simulator(sd.scenario("demo").replace(duration=20.0))
     recording, start = made.run(made.scenario.imu, 1)
-    run = begin(change(recording), "closed-loop", Asked({}, made.scenario.imu, start))
-    assert why in why_alone(run)
+    changed = replace(recording, imu=recording.imu._replace(t=change(recording.imu.t)))
+    asked = Asked({}, made.scenario.imu, start, estimate=estimate)
+    assert why in why_alone(begin(changed, "closed-loop", asked))
+
+
+def test_a_filter_without_lanes_goes_alone():
+    made = Simulator(sd.scenario("demo").replace(duration=20.0))
+    recording, start = made.run(made.scenario.imu, 1)
+    assert "no lanes" in why_alone(begin(recording, "ukf", Asked({}, made.scenario.imu, start)))

@@ -9,7 +9,7 @@ may leave out what no lane needs by `if any_of(condition)`.
 from collections.abc import Callable
 from typing import Any, cast
 
-from .jit import Intrinsic
+from .jit import COMPILED, Function, Intrinsic
 
 
 def _where_twin(condition: bool, this: Any, that: Any) -> Any:
@@ -20,9 +20,15 @@ def _same(condition: bool) -> bool:
     return condition
 
 
-where: Callable[[bool, float, float], float] = cast(Any, Intrinsic(_where_twin, "where"))
+where: Callable[[Any, Any, Any], Any] = cast(Any, Intrinsic(_where_twin, "where"))
 """(condition, this, that): `this` where the condition holds, else `that`. Both are computed."""
 any_of: Callable[[bool], bool] = cast(Any, Intrinsic(_same, "any_of"))
 """Whether a condition holds in any lane."""
 all_of: Callable[[bool], bool] = cast(Any, Intrinsic(_same, "all_of"))
 """Whether a condition holds in every lane."""
+
+
+def one_or_several(one: Function, several: Function) -> Function:
+    """A helper of two that do the same, the second better with lanes: which of them is called, the
+    type of the first argument decides."""
+    return cast(Any, Intrinsic(one, "one_or_several", one, several)) if COMPILED else one

@@ -4,6 +4,7 @@ disk. Imported only where a kernel must be compiled.
 Everything private to numba that the package relies on is in these two files and `lane_types`.
 """
 
+import inspect
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -15,7 +16,7 @@ from numba.core import ccallback, cgutils, cpu, typing as numba_typing
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.datamodel import models
 from numba.core.registry import cpu_target
-from numba.extending import intrinsic, lower_builtin, register_model
+from numba.extending import intrinsic, lower_builtin, overload, register_model
 
 from . import kernel_cache, lane_types
 from .c_calls import hear_of_raised
@@ -420,11 +421,29 @@ def _flatten(typing_context: Any, table: Any) -> Any:
     return view_type(table), codegen
 
 
+def _one_or_several(one: Any, several: Any) -> Any:
+    """One helper for plain numbers, another for arrays of lanes."""
+    names = ", ".join(inspect.signature(one).parameters)
+    scope: dict[str, Any] = {"one": one, "several": several, "LANE": lane_types.LANE}
+    first = names.partition(",")[0]
+    calls = (f"(lambda {names}: {which}({names}))" for which in ("several", "one"))
+    wide = f"getattr({first}, 'dtype', {first}) is LANE"
+    stub = eval(f"lambda {names}: None", scope)
+    overload(stub)(eval(f"lambda {names}: {f' if {wide} else '.join(calls)}", scope))
+    return stub
+
+
 _INTRINSICS = {"matrix": _matrix, "flatten": _flatten, **lane_types.INTRINSICS}
+
+
+_MADE: dict[str, Callable[..., Any]] = {
+    "function_at": _function_at,
+    "one_or_several": _one_or_several,
+}
 
 
 def type_of_intrinsic(name: str, *arguments: Any) -> Any:
     """numba's type of the intrinsic that `jit` knows by this name."""
-    made = _function_at(*arguments) if name == "function_at" else _INTRINSICS[name]
+    made = _MADE[name](*arguments) if name in _MADE else _INTRINSICS[name]
     cpu_target.typing_context.refresh()  # it may be new
     return cpu_target.typing_context.resolve_value_type(made)

@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 from ..typing import Array
 from . import c_calls, library
-from .signatures import Signature
+from .signatures import LANES, Signature
 
 COMPILED: bool = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() in ("", "0")
 
@@ -212,6 +212,14 @@ def _flatten_twin(table: Array) -> Array:
     return table.reshape(-1)
 
 
+def _sides_twin() -> tuple[int, ...]:
+    return tuple(range(LANES))
+
+
+def _lanes_of_twin(flat: Array, first: int, count: int, side: int) -> Array:
+    return flat[first + side : first + LANES * count : LANES]
+
+
 def _bits_twin(x: float) -> int:
     return int(struct.unpack("<q", struct.pack("<d", x))[0])
 
@@ -224,6 +232,12 @@ matrix: Callable[[Array, int, int, int], Array] = cast(Any, Intrinsic(_matrix_tw
 """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
 flatten: Callable[[Array], Array] = cast(Any, Intrinsic(_flatten_twin, "flatten"))
 """The numbers of a C-contiguous matrix as one row, a view without allocation."""
+sides: Callable[[], tuple[int, ...]] = cast(Any, Intrinsic(_sides_twin, "sides"))
+"""`for side in sides():` is gone through once by compiled code, where `lanes_of` shows eight numbers at
+a time, and by plain Python once for each of the eight."""
+lanes_of: Callable[[Array, int, int, int], Array] = cast(Any, Intrinsic(_lanes_of_twin, "lanes_of"))
+"""(flat, first, count, side): flat[first : first + 8 count], eight and eight numbers side by side, as
+`count` lanes without allocation; in plain Python the numbers of one side."""
 bits: Callable[[float], int] = cast(Any, Intrinsic(_bits_twin, "bits"))
 """The bits of a float64 as an int64."""
 from_bits: Callable[[int], float] = cast(Any, Intrinsic(_from_bits_twin, "from_bits"))

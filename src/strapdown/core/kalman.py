@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from ..typing import Array
-from .choosing import all_of, any_of, where
+from .choosing import all_of, any_of, one_or_several, where
 from .contract import Noise
 from .elementary import exponential
 from .error_dynamics import PP, TP, TV, VP, VV
@@ -227,7 +227,7 @@ _single = transition("_single", COPY, 1, PRODUCT, 1, (0,), 1)
 
 
 @helper
-def propagate(
+def propagate_by_rows(
     P: Array,
     blocks: Array,
     C: Array,
@@ -301,6 +301,10 @@ def propagate_in_place(
         _apply_in_place(P.shape[0], P, phi, keep, work)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
+
+
+propagate = one_or_several(propagate_by_rows, propagate_in_place)
+"""P <- Phi P Phi' + Q_d over dt: see `propagate_by_rows`."""
 
 
 @inlined

@@ -301,7 +301,43 @@ def _from_bits(typing: Any, i: Any) -> Any:
     return (LANE if i is WORD else types.float64)(i), codegen
 
 
+@intrinsic
+def _sides(typing: Any) -> Any:
+    """All lanes at once."""
+    once = types.UniTuple(types.intp, 1)
+
+    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        return context.make_tuple(builder, once, [context.get_constant(types.intp, 0)])
+
+    return once(), codegen
+
+
+@intrinsic
+def _lanes_of(typing: Any, flat: Any, first: Any, count: Any, side: Any) -> Any:
+    """Numbers side by side as lanes."""
+    view_type = types.Array(LANE, 1, "C", aligned=False)
+
+    def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        source = context.make_array(call.args[0])(context, builder, values[0])
+        first, count = (
+            context.cast(builder, value, kind, types.intp)
+            for value, kind in zip(values[1:3], call.args[1:3])
+        )
+        view = context.make_array(view_type)(context, builder)
+        size = context.get_constant(types.intp, 8 * LANES)
+        view.data = builder.bitcast(builder.gep(source.data, [first]), view.data.type)
+        view.meminfo, view.parent = source.meminfo, source.parent
+        view.nitems, view.itemsize = count, size
+        view.shape = _cgutils.pack_array(builder, [count])
+        view.strides = _cgutils.pack_array(builder, [size])
+        return view._getvalue()
+
+    return view_type(flat, first, count, side), codegen
+
+
 INTRINSICS = {
+    "sides": _sides,
+    "lanes_of": _lanes_of,
     "bits": _bits,
     "from_bits": _from_bits,
     "where": _where,

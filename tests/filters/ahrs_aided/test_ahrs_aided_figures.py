@@ -12,7 +12,7 @@ from strapdown.sim.trajectory import DEG, Motion
 
 def test_where_the_body_turns_between_records_the_direct_filter_errs_more():
     """Navigation: up to 12 deg/s of heading, 10 of roll; rms of roll, pitch and heading in four
-    minutes."""
+    minutes. Six seeds gave ratios of 1.6 to 2.4 at 1 Hz, of 1.5 to 1.65 at 10 Hz."""
     swing = Motion(
         "swing",
         (DEG * 45, DEG * 10, 500.0),
@@ -32,12 +32,13 @@ def test_where_the_body_turns_between_records_the_direct_filter_errs_more():
                 (60.0, 300.0),
             )
             found[name, rate] = np.sqrt((e.rph**2).mean())
-    assert 2 < found["direct-ahrs", 1.0] / found["indirect-ahrs-closed", 1.0] < 3
-    assert 1.2 < found["direct-ahrs", 10.0] / found["indirect-ahrs-closed", 10.0] < 1.5
+    assert 1.5 < found["direct-ahrs", 1.0] / found["indirect-ahrs-closed", 1.0] < 2.5
+    assert 1.4 < found["direct-ahrs", 10.0] / found["indirect-ahrs-closed", 10.0] < 1.75
 
 
 def test_an_ahrs_makes_a_moving_car_worse():
-    """Fuse: 0.05 deg of roll and pitch and 0.4 deg of heading without, 0.35 and 1.1 deg with it."""
+    """Fuse: 0.06 deg of roll and pitch and 0.3 to 0.5 deg of heading without, from 0.2 and from 0.9
+    deg on with it, by six seeds."""
     car = sd.simulate(
         "car",
         duration=300.0,
@@ -58,5 +59,5 @@ def test_an_ahrs_makes_a_moving_car_worse():
             for rph in [np.degrees(sd.rms(sd.errors(s, car.reference), (150.0, 300.0)).rph)]
         )
     )
-    assert np.allclose(level, [0.05, 0.35], rtol=0.1)
-    assert np.allclose(heading, [0.4, 1.1], rtol=0.1)
+    assert np.allclose([level[0], heading[0]], [0.06, 0.4], rtol=0.25)
+    assert level[1] > 2.5 * level[0] and heading[1] > 1.5 * heading[0]

@@ -36,7 +36,7 @@ def rows_of(A, n, lanes):
 
 
 @pytest.mark.parametrize(
-    "rows, n, lanes", [(5, 5, 8), (7, 6, 8), (23, 5, 8), (12, 3, 3), (1, 1, 8)]
+    "rows, n, lanes", [(5, 5, 8), (7, 6, 8), (23, 5, 8), (40, 15, 16), (30, 17, 24), (1, 1, 8)]
 )
 def test_triangle_keeps_the_product_of_the_rows(rows, n, lanes):
     A = np.zeros((rows + 1, lanes))
@@ -59,18 +59,18 @@ def test_triangle_keeps_the_product_of_the_rows(rows, n, lanes):
 
 
 def test_factor_gives_the_cholesky_rows_and_covariance_undoes_it():
-    P, A, back = positive(np.random.default_rng(2), 6), np.full(48, np.nan), np.zeros((6, 6))
+    P, A, back = positive(np.random.default_rng(2), 6), np.full(56, np.nan), np.zeros((6, 6))
     assert points.factor(P, 6, 8, A) == 0
     assert (
         np.allclose(rows_of(A, 6, 8), root(P), rtol=1e-12, atol=1e-12)
-        and not A.reshape(6, 8)[:, 6:].any()
+        and not A.reshape(7, 8)[:6, 6:].any()
     )
     points.covariance(A, 6, 8, back)
     assert np.abs(back - P).max() < 1e-14 * np.abs(P).max() and np.array_equal(back, back.T)
 
 
 def test_factor_raises_what_is_no_covariance_and_counts_it():
-    back, A = np.zeros((3, 3)), np.zeros(24)
+    back, A = np.zeros((3, 3)), np.zeros(32)
     known = np.diag([4.0, 0.0, 9.0])  # a state known exactly needs no repair
     assert points.factor(known, 3, 8, A) == 0
     points.covariance(A, 3, 8, back)
@@ -85,7 +85,7 @@ def test_factor_raises_what_is_no_covariance_and_counts_it():
         rng = np.random.default_rng(seed)
         wrong, A, back = (
             positive(rng, 6) + 0.5 * np.outer(*np.sign(rng.standard_normal((2, 6)))),
-            np.zeros(48),
+            np.zeros(56),
             np.zeros((6, 6)),
         )
         wrong = 0.5 * (wrong + wrong.T) + np.eye(6) * (0.6 - np.diag(wrong).min())
@@ -101,7 +101,7 @@ def test_factor_raises_what_is_no_covariance_and_counts_it():
 
 def test_downdate_against_dense_algebra_and_repaired_where_it_fails():
     rng = np.random.default_rng(3)
-    P, A, back, work = positive(rng, 5), np.zeros(40), np.zeros((5, 5)), np.full(10, np.nan)
+    P, A, back, work = positive(rng, 5), np.zeros(48), np.zeros((5, 5)), np.full(10, np.nan)
     x = root(P).T @ (0.9 * np.array([0.5, -0.5, 0.5, 0.1, 0.4]))
     points.factor(P, 5, 8, A)
     assert points.downdate(A, x, 5, 8, work) == 0
@@ -223,11 +223,11 @@ def test_the_downdate_of_the_textbook_fails_where_this_form_does_not():
     centre, centre_cov, outer = weights(1, beta=0.0)
     at = np.array([0.0, 0.1, -0.1])
     away = f(at, 0) - np.array([centre, outer, outer]) @ f(at, 0)
-    A = np.zeros((3, 1))
+    A = np.zeros((3, 8))
     A[:2, 0] = math.sqrt(outer) * away[1:]
     A = A.ravel()
-    points.triangle(A, 2, 1, 1)
-    assert points.downdate(A, math.sqrt(-centre_cov) * away[:1], 1, 1, np.zeros(3)) == 1
+    points.triangle(A, 2, 1, 8)
+    assert points.downdate(A, math.sqrt(-centre_cov) * away[:1], 1, 8, np.zeros(3)) == 1
 
 
 def test_a_set_whose_covariance_is_none_is_repaired_and_counted():

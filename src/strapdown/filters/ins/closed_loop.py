@@ -72,4 +72,5 @@ CLOSED_LOOP = Filter(
     slots=ERROR_STATE,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

@@ -58,4 +58,5 @@ CLOSED_LOOP_ERROR_BIAS = Filter(
     slots=ERROR_STATE,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

@@ -7,6 +7,7 @@ this is the form to compare with.
 
 import math
 
+from ...core.choosing import all_of, any_of, where
 from ...core.contract import (
     ATT,
     CORRECT,
@@ -126,7 +127,7 @@ def _integrate(P: Array, F: Array, dt: float, noise: Noise, D: Array, T: Array) 
                 T[i, j] = 0.0
             for k in range(STATES):
                 a = F[i, k]
-                if a != 0:
+                if any_of(a != 0):
                     for j in range(n):
                         T[i, j] += a * D[k, j]
         if order == 1:  # half of G Q G', because T is added to its transpose
@@ -168,31 +169,42 @@ def correct(
         workspace[VARIANCE],
     )
     rows = observed(belief, y, observe, parameters, innovation, H)
-    used = 0
+    used, measured = 0, 0.0
     for i in range(rows):
-        if not math.isnan(innovation[i]):
+        missing = math.isnan(innovation[i])
+        if not all_of(missing):
             terms = 0.0
             for j in range(n):
-                H[used, j] = H[i, j]
-                terms += H[i, j] * H[i, j] * P[j, j]
-            e[used], variance[used] = innovation[i], max(sd[i] * sd[i], LEAST_NOISE * terms)
+                H[used, j] = where(missing, 0.0, H[i, j])
+                terms += H[used, j] * H[used, j] * P[j, j]
+            e[used] = where(missing, 0.0, innovation[i])
+            variance[used] = where(missing, 1.0, max(sd[i] * sd[i], LEAST_NOISE * terms))
+            measured = where(missing, measured, 1.0)
             used += 1
     for j in range(n):
         dx[j] = 0.0
-    nis = _gain(P, H, used, e, variance, U, L, K, dx)
+    nis = where(measured > 0, _gain(P, H, used, e, variance, U, L, K, dx), math.nan)
     used = 0
     for i in range(rows):
-        if not math.isnan(innovation[i]):
+        missing = math.isnan(innovation[i])
+        if not all_of(missing):
             if innovation.size > 3:
-                innovation[3 + i] = e[used]
+                innovation[3 + i] = where(missing, math.nan, e[used])
             if innovation.size > 6:
-                b = 0
+                root, b = 6 + i * (i + 1) // 2, 0
                 for k in range(i + 1):
-                    missing = math.isnan(innovation[k])
-                    innovation[6 + i * (i + 1) // 2 + k] = 0.0 if missing else L[used, b]
-                    b += not missing
+                    nowhere = all_of(math.isnan(innovation[k]))
+                    factor = 0.0 if nowhere else L[used, b]
+                    innovation[root + k] = where(missing, math.nan, factor)
+                    b += not nowhere
             used += 1
-    if nis <= gate:
+    taken = nis <= gate
+    if any_of(taken):
+        for a in range(used):  # nothing where it was not
+            for j in range(n):
+                U[a, j], K[a, j] = where(taken, U[a, j], 0.0), where(taken, K[a, j], 0.0)
+        for j in range(n):
+            dx[j] = where(taken, dx[j], 0.0)
         _joseph(P, H, used, variance, U, K, matrix(workspace, LEFT, n, n))
         inject_all(belief, dx)
         theta = dx[ATT]
@@ -212,14 +224,14 @@ def _gain(
     K: Array,
     dx: Array,
 ) -> float:
-    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, NaN without a row,
-    inf where there is no Cholesky; e becomes L^-1 e."""
-    n, nis = P.shape[0], 0.0 if used > 0 else math.nan
+    """U = H P, K' = (H P H' + R)^-1 U by Cholesky, dx = K e. Returns the NIS, inf where there is
+    no Cholesky; e becomes L^-1 e."""
+    n, nis = P.shape[0], 0.0
     for a in range(used):
         for j in range(n):
             U[a, j] = 0.0
         for k in range(n):
-            if H[a, k] != 0:
+            if any_of(H[a, k] != 0):
                 for j in range(n):
                     U[a, j] += H[a, k] * P[k, j]
         for b in range(a + 1):
@@ -228,9 +240,9 @@ def _gain(
                 total += U[a, j] * H[b, j]
             for m in range(b):
                 total -= L[a, m] * L[b, m]
-            # P is no covariance any more: rejected, and counted as that
-            if a == b and not total > 0:
-                return math.inf
+            if a == b:  # where P is no covariance any more: rejected, and counted as that
+                nis = where(total > 0, nis, math.inf)
+                total = where(total > 0, total, 1.0)
             L[a, b] = math.sqrt(total) if a == b else total / L[b, b]
         for b in range(a):
             e[a] -= L[a, b] * e[b]
@@ -282,4 +294,5 @@ EKF = Filter(
     correct,
     slots=SLOTS,
     installation=True,
+    lanes=True,
 )

@@ -65,4 +65,5 @@ MEKF = Filter(
     slots=ERROR_STATE,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

@@ -239,4 +239,5 @@ OPEN_LOOP = Filter(
     condition=CONDITION,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

@@ -111,4 +111,5 @@ PERIODIC_RESET = Filter(
     condition=CONDITION,
     smoother=SMOOTHER,
     installation=True,
+    lanes=True,
 )

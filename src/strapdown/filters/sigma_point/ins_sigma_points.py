@@ -111,15 +111,11 @@ def _copied(belief: Belief, lla: Array, v: Array, C: Array) -> None:
 @helper
 def _refreshed(belief: Belief, n: int, lanes: int) -> None:
     """The square root of P, anew where P is not what was left."""
-    workspace, numbers, left, changed = (
-        belief.workspace,
-        flatten(belief.P),
-        belief.workspace[LEFT],
-        0.0,
-    )
+    workspace, numbers, left = belief.workspace, flatten(belief.P), belief.workspace[LEFT]
+    changed = False
     for i in range(n * n):
-        changed += abs(numbers[i] - left[i])
-    if not changed == 0:
+        changed |= numbers[i] != left[i]
+    if changed:
         workspace[REPAIRED] += factor(belief.P, n, lanes, workspace[ROOT])
 
 

@@ -3,7 +3,7 @@ without allocation, shared by all that need them.
 
 A covariance P is kept as rows A with A'A = P, n of them and upper triangular: the Cholesky factor
 transposed, so that sigma points are estimate +- spread * row. All tables are flat, rows of `lanes`
->= n numbers (a multiple of 8 makes vector code; zeros beyond n).
+>= n numbers, a multiple of LANES, zeros beyond n.
 
 A set has pairs of points and a centre. With u the errors of the propagated points about the
 propagated centre, m their weighted mean and z the plain mean of the outer points, its covariance is
@@ -19,7 +19,9 @@ Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & 
 
 import math
 
-from ...core.jit import helper, inlined
+from ...core.choosing import where
+from ...core.jit import helper, inlined, lanes_of, sides
+from ...core.signatures import LANES
 from ...typing import Array
 
 VARIANCE_FLOOR = 1e-13
@@ -92,66 +94,70 @@ def factor(P: Array, n: int, lanes: int, A: Array) -> int:
 
 @inlined
 def covariance(A: Array, n: int, lanes: int, P: Array) -> None:
-    """P (n, n) = A'A of n rows, symmetric to the last bit."""
+    """P (n, n) = A'A of n rows, symmetric to the last bit; the row after them is workspace."""
+    last = lanes * n
     for i in range(n):
-        for j in range(i, n):
-            P[i, j] = 0.0
-        for k in range(i + 1):
-            a = A[lanes * k + i]
-            for j in range(i, n):
-                P[i, j] += a * A[lanes * k + j]
-        for j in range(i):
-            P[i, j] = P[j, i]
+        for side in sides():
+            rows, width = lanes_of(A, 0, (n + 1) * (lanes // LANES), side), lanes // LANES
+            for w in range(i // LANES + 1):
+                sum = 0.0
+                for k in range(i + 1):
+                    sum += A[lanes * k + i] * rows[width * k + w]
+                rows[width * n + w] = sum
+        for j in range(i + 1):
+            P[i, j] = P[j, i] = A[last + j]
 
 
 @inlined
 def triangle(A: Array, rows: int, n: int, lanes: int) -> None:
     """Householder: the first n rows of A become upper triangular with a positive diagonal, A'A of
     all `rows` >= n stays. The rest is lost, and so is the row after the last, which is workspace.
-    With n and lanes constant the compiler makes vector code.
     """
-    for j in range(min(n, 8)):
-        _reflect(A, rows, j, 0, lanes)
-    for j in range(8, n):  # half of the lanes of the usual sixteen are done
-        _reflect(A, rows, j, 8, lanes)
+    for first in range(0, n, LANES):  # what stands before it is done
+        for j in range(first, min(n, first + LANES)):
+            _reflect(A, rows, j, first, lanes)
 
 
 @inlined
 def _reflect(A: Array, rows: int, j: int, first: int, lanes: int) -> None:
-    """Column j below the diagonal becomes zero; before lane `first` there is nothing any more."""
-    d, head, i = lanes * rows, lanes * j, j
-    for lane in range(first, lanes):
-        A[d + lane] = 0.0
-    # products with all columns, four rows at a time, because each sum waits for the one before
-    while i + 4 <= rows:
-        r = lanes * i
-        a, b, c, e = A[r + j], A[r + lanes + j], A[r + 2 * lanes + j], A[r + 3 * lanes + j]
-        for lane in range(first, lanes):
-            A[d + lane] += (a * A[r + lane] + b * A[r + lanes + lane]) + (
-                c * A[r + 2 * lanes + lane] + e * A[r + 3 * lanes + lane]
-            )
-        i += 4
-    while i < rows:
-        r = lanes * i
-        a = A[r + j]
-        for lane in range(first, lanes):
-            A[d + lane] += a * A[r + lane]
-        i += 1
+    """Column j below the diagonal becomes zero; before column `first` there is nothing any more."""
+    d, head, width, begin = lanes * rows, lanes * j, lanes // LANES, first // LANES
+    for side in sides():
+        R = lanes_of(A, 0, width * (rows + 1), side)
+        for w in range(begin, width):
+            # products with all columns, four rows at a time, because each sum waits for the one
+            # before
+            sum, i = 0.0, j
+            while i + 4 <= rows:
+                r, at = lanes * i + j, width * i + w
+                sum += (A[r] * R[at] + A[r + lanes] * R[at + width]) + (
+                    A[r + 2 * lanes] * R[at + 2 * width] + A[r + 3 * lanes] * R[at + 3 * width]
+                )
+                i += 4
+            while i < rows:
+                sum += A[lanes * i + j] * R[width * i + w]
+                i += 1
+            R[width * rows + w] = sum
     norm = math.sqrt(A[d + j])
     if norm == 0:
         return
-    sign = -1.0 if A[head + j] > 0 else 1.0
-    scale, v = 1 / (norm * (norm + abs(A[head + j]))), A[head + j] - sign * norm
-    for lane in range(first, lanes):
-        A[d + lane] = scale * (A[d + lane] - sign * norm * A[head + lane])
-    for lane in range(first, lanes):
-        A[head + lane] = sign * (A[head + lane] - v * A[d + lane])
+    at = A[head + j]
+    sign = -1.0 if at > 0 else 1.0
+    scale, v = 1 / (norm * (norm + abs(at))), at - sign * norm
+    for side in sides():
+        R = lanes_of(A, 0, width * (rows + 1), side)
+        for w in range(begin, width):
+            product = scale * (R[width * rows + w] - sign * norm * R[width * j + w])
+            R[width * rows + w] = product
+            R[width * j + w] = sign * (R[width * j + w] - v * product)
     A[head + j] = norm
     for i in range(j + 1, rows):
         r = lanes * i
         a = A[r + j]
-        for lane in range(first, lanes):
-            A[r + lane] -= a * A[d + lane]
+        for side in sides():
+            R = lanes_of(A, 0, width * (rows + 1), side)
+            for w in range(begin, width):
+                R[width * i + w] -= a * R[width * rows + w]
         A[r + j] = 0.0
 
 
@@ -204,24 +210,23 @@ def deviations(
     weighted mean. Where 0 is returned all is well; else the last row, which is then zero, must be
     subtracted (`downdate`) with that factor times `mean`.
     """
-    total, half = pairs + still, 0.5 / spread
-    for lane in range(lanes):
-        mean[lane] = 0.0
-    for i in range(2 * pairs):
-        for lane in range(lanes):
-            mean[lane] += A[lanes * i + lane]
-    twice = 1 / total  # the plain mean of the outer points, and once more
-    for i in range(pairs):
-        r, s = lanes * i, lanes * (i + pairs)
-        for lane in range(lanes):
-            a, b = A[r + lane], A[s + lane]
-            A[r + lane] = half * (a - b)
-            A[s + lane] = half * (a + b - twice * mean[lane])
-    last, worth = 2 * pairs * lanes, rest + still / (spread * spread)
+    half, twice = 0.5 / spread, 1 / (pairs + still)
+    worth = rest + still / (spread * spread)
     root, weight = math.sqrt(abs(worth)) * 0.5 * twice, 0.5 / (spread * spread)
-    for lane in range(lanes):
-        A[last + lane] = root * mean[lane] if worth > 0 else 0.0
-        mean[lane] *= weight
+    for side in sides():
+        width = lanes // LANES
+        rows, sums = lanes_of(A, 0, width * (2 * pairs + 1), side), lanes_of(mean, 0, width, side)
+        for w in range(width):
+            sum = 0.0
+            for i in range(2 * pairs):
+                sum += rows[width * i + w]
+            outer = twice * sum  # the plain mean of the outer points, and once more
+            for i in range(pairs):
+                r, s = width * i + w, width * (i + pairs) + w
+                a, b = rows[r], rows[s]
+                rows[r], rows[s] = half * (a - b), half * (a + b - outer)
+            rows[2 * width * pairs + w] = where(worth > 0, root * sum, 0.0)
+            sums[w] = weight * sum
     return root / weight if worth < 0 else 0.0
 
 
