@@ -9,7 +9,16 @@ import pytest
 from strapdown.core import elementary
 from strapdown.core.c_calls import aligned
 from strapdown.core.choosing import all_of, any_of, where
-from strapdown.core.jit import COMPILED, bits, from_bits, helper, kernel, matrix
+from strapdown.core.jit import (
+    COMPILED,
+    bits,
+    from_bits,
+    helper,
+    kernel,
+    lanes_of,
+    matrix,
+    sides,
+)
 from strapdown.core.signatures import LANES, REAL, in_lanes, reals, signature, wholes
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="lanes are compiled")
@@ -172,3 +181,28 @@ def branches(x, y, out):
 def test_a_branch_on_a_value_does_not_compile():
     with pytest.raises(Exception, match="(?s)Mask8.*x\\[i\\] > 0"):
         branches.for_runs(in_lanes(EACH)).ready()
+
+
+GROUPS = signature("groups", x=reals("n"), out=reals("m"))
+
+
+@kernel(GROUPS)
+def grouped(x, out):
+    for side in sides():
+        numbers, made = lanes_of(x, 3, x.size // 8, side), lanes_of(out, 0, out.size // 8, side)
+        table = matrix(made, 1, 2, 2)
+        total = 0.0
+        for i in range(numbers.size):
+            total += math.sqrt(numbers[i])
+            made[i] = numbers[i] * x[0]
+        table[1, 1] = where(total > 9.0, total, -total)
+
+
+def test_one_source_runs_over_lanes_and_in_plain_python_over_sides():
+    x, made, plain = np.random.default_rng(2).uniform(0, 9, 35), np.zeros(48), np.zeros(48)
+    grouped(x, made)
+    grouped.py_func(x, plain)
+    assert np.array_equal(made, plain) and made[:32].all() and not made[40:].any()
+    for k in range(8):
+        total = np.sqrt(x[3 + k :: 8][:4]).sum()
+        assert made[32 + k] == pytest.approx(total if total > 9 else -total, rel=1e-14)

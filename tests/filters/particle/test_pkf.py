@@ -13,6 +13,7 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.contract import OBSERVE, PARAMETERS, Noise, Start, compile_kernel, kernel
+from strapdown.core.signatures import LANES
 from strapdown.data import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
@@ -49,18 +50,24 @@ class Parts(NamedTuple):
     weights: np.ndarray
 
 
+def groups(belief):
+    """View of the components: groups of eight, whose numbers lie side by side."""
+    N, width = int(belief.workspace[places.COUNT]), places.component_width(len(belief.P))
+    count = -(-N // LANES)
+    return belief.workspace[-count * LANES * width :].reshape(count, width, LANES)
+
+
 def parts(belief):
-    """Views of what a belief of the filter has in its workspace."""
+    """What a belief of the filter has in its workspace."""
     n, N = len(belief.P), int(belief.workspace[places.COUNT])
-    width = 12 + n + n * n
-    own = belief.workspace[-N * width :].reshape(N, width)
+    own = groups(belief).transpose(0, 2, 1).reshape(-1, places.component_width(n))[:N]
     return Parts(
         own[:, :3],
         own[:, 3:6],
         own[:, 6:15].reshape(N, 3, 3),
         own[:, 15:21],
         own[:, 27 : 12 + n],
-        own[:, 12 + n :].reshape(N, n, n),
+        own[:, 12 + n : 12 + n + n * n].reshape(N, n, n),
         belief.workspace[places.COMPONENTS :][:N],
     )
 
@@ -252,7 +259,7 @@ def test_weights_are_likelihoods():
         np.array([0.2, 0.3, 0.4]),
     )
     # so that the determinants differ
-    parts(belief).P[:] *= np.linspace(0.5, 2.0, 20)[:, None, None]
+    groups(belief)[:, 27 : 27 + 225] *= np.linspace(0.5, 2.2, 24).reshape(3, 1, LANES)
     for _ in range(2):
         own = [part.copy() for part in parts(belief)]
         e, S = y - own[1], own[5][:, 3:6, 3:6] + np.diag(deviation**2)

@@ -8,20 +8,21 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
+from ...core.choosing import any_of, where
 from ...core.contract import COURSE_KIND, HEADING_KIND, MOST_STATES, STATES, Belief, Observe, Slots
 from ...core.earth import place
 from ...core.embedded import NAVIGATION, navigation, take_over
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
-from ...core.jit import flatten, helper, inlined, matrix
+from ...core.jit import flatten, helper, inlined, lanes_of, matrix, sides
 from ...core.kalman import LEAST_NOISE
 from ...core.rotation import rotation_between, wrap
+from ...core.signatures import LANES
 from ...core.threefry import STREAM
 from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
 
 TAIL = NAVIGATION.size  # where a component's states that aidings brought along begin
 SLOTS = Slots(after=ERROR_STATE)
-"""The components take turns with the slots of the error state."""
 EFFECTIVE = SLOTS.output("effective_components")
 RESAMPLINGS = SLOTS.output("resamplings")
 REPAIRS = SLOTS.output("repairs")
@@ -36,30 +37,60 @@ SUMS = SLOTS.array("SUMS", moments_size(MOST_STATES))  # see there
 MEAN = SLOTS.array("MEAN", MOST_STATES)  # n numbers
 PHI = SLOTS.matrix("PHI", MOST_STATES, MOST_STATES)  # (n, n)
 DRAWING = SLOTS.array("DRAWING", resample_size(MOST_STATES))  # see there
+ONE = SLOTS.part("ONE", NAVIGATION)  # a component that is observed, its extra states and P
+ONE_EXTRA = SLOTS.array("ONE_EXTRA", MOST_STATES - STATES)
+ONE_P = SLOTS.matrix("ONE_P", MOST_STATES, MOST_STATES)
+OF_GROUP = ERROR_STATE.size
+SHARED = SLOTS.array("SHARED", LANES * OF_GROUP)
+"""The slots of the error state side by side, which groups of eight components take turns with."""
+FORESEEN_LANES = SLOTS.array("FORESEEN_LANES", LANES * 15)
+SUMS_LANES = SLOTS.array("SUMS_LANES", LANES * moments_size(MOST_STATES))
 COMPONENTS = SLOTS.rest("COMPONENTS")  # what `places` says
 
 
 class Mixture(NamedTuple):
     """What there is beside the belief, as views of its workspace."""
 
-    shared: Array  # workspace, of which the components use the slots of the error state
+    workspace: Array
     left: Array  # (n, n) covariance as the last call left it
     sums: Array  # see moments_size of filters/particle/mixture.py
     mean: Array  # (n,)
-    weights: Array  # (N,)
-    logs: Array  # (N,)
+    weights: Array  # (8 groups,), 0 of the components that only fill the last group
+    logs: Array  # as many
     deviations: Array  # (N, n) errors of the components about the belief
     drawn: Array  # (N, n)
     Phi: Array  # (n, n)
     work: Array  # see resample_size there
-    components: Array  # (N, width): state, extra states, P
+    components: Array  # groups of eight, each eight times `component_width` numbers
+    groups: int
+
+
+class Group(NamedTuple):
+    """Eight components: numbers are lanes."""
+
+    own: Belief
+    weight: float
+    x: Array  # (n,) error about the belief
+    counted: Array  # (1,) weight, or 0 where a fix is not measured
+    seen: Array  # (3,) innovation
+    H: Array  # (3, n)
 
 
 @inlined
-def places(n: int, N: int) -> tuple[int, int, int, int, int]:
+def component_width(n: int) -> int:
+    """Numbers of a component: its state, extra states, P, and what a fix is to it."""
+    return TAIL + n - STATES + n * n + n + 4 + 3 * n
+
+
+@inlined
+def places(n: int, N: int) -> tuple[int, int, int, int, int, int]:
     """Where the logs of N components with n states begin in their part of workspace, after the
-    weights; deviations, new deviations, the components themselves; numbers of one of these."""
-    return N, 2 * N, 2 * N + N * n, 2 * N + 2 * N * n, TAIL + n - STATES + n * n
+    weights; deviations, new deviations, the components themselves; where these end; how many groups
+    of eight they are."""
+    groups = (N + LANES - 1) // LANES
+    many = LANES * groups
+    deviations, drawn, components = 2 * many, 2 * many + N * n, 2 * many + 2 * N * n
+    return many, deviations, drawn, components, components + many * component_width(n), groups
 
 
 @inlined
@@ -67,7 +98,7 @@ def beside(belief: Belief) -> Mixture:
     """The Mixture of a belief."""
     workspace, n, N = belief.workspace, belief.P.shape[0], int(belief.workspace[COUNT])
     own = workspace[COMPONENTS:]
-    logs, deviations, drawn, components, width = places(n, N)
+    logs, deviations, drawn, components, end, groups = places(n, N)
     return Mixture(
         workspace,
         matrix(workspace, LEFT, n, n),
@@ -79,15 +110,45 @@ def beside(belief: Belief) -> Mixture:
         matrix(own, drawn, N, n),
         matrix(workspace, PHI, n, n),
         workspace[DRAWING],
-        matrix(own, components, N, width),
+        own[components:end],
+        groups,
     )
 
 
 @inlined
-def component(m: Mixture, i: int) -> Belief:
-    """Component i as a Belief of its own."""
-    x, n = m.components[i], m.mean.size
-    return navigation(x, matrix(x, TAIL + n - STATES, n, n), m.shared, x[TAIL : TAIL + n - STATES])
+def group(m: Mixture, g: int, side: int) -> Group:
+    """Group g of the components, below `for side in sides()`."""
+    n = m.mean.size
+    width, P = component_width(n), TAIL + n - STATES
+    numbers = lanes_of(m.components, LANES * width * g, width, side)
+    shared = lanes_of(m.workspace, SHARED.start, OF_GROUP, side)
+    x, counted = P + n * n, P + n * n + n
+    return Group(
+        navigation(numbers, matrix(numbers, P, n, n), shared, numbers[TAIL:P]),
+        lanes_of(m.weights, LANES * g, 1, side)[0],
+        numbers[x:counted],
+        numbers[counted : counted + 1],
+        numbers[counted + 1 : counted + 4],
+        matrix(numbers, counted + 4, 3, n),
+    )
+
+
+@helper
+def counts(m: Mixture, g: int) -> bool:
+    """Whether any component of a group has weight: without it counts nowhere any more."""
+    some = False
+    for k in range(LANES * g, LANES * g + LANES):
+        some |= m.weights[k] > 0
+    return some
+
+
+@helper
+def added_up(eight: Array, sums: Array) -> None:
+    """Sums over components from those of the eight sides of all groups."""
+    for k in range(sums.size):
+        a, b, c, d = eight[8 * k], eight[8 * k + 1], eight[8 * k + 2], eight[8 * k + 3]
+        e, f, g, h = eight[8 * k + 4], eight[8 * k + 5], eight[8 * k + 6], eight[8 * k + 7]
+        sums[k] = ((a + b) + (c + d)) + ((e + f) + (g + h))
 
 
 @helper
@@ -104,7 +165,7 @@ def deviate(own: Belief, belief: Belief, north: float, east: float, x: Array) ->
     turn = own.lla[1] - belief.lla[1]
     x[0], x[1], x[2] = (
         (own.lla[0] - belief.lla[0]) * north,
-        (wrap(turn) if abs(turn) > 3 else turn) * east,
+        where(abs(turn) > 3, wrap(turn), turn) * east,
         belief.lla[2] - own.lla[2],
     )
     C = own.C
@@ -123,7 +184,8 @@ def deviate(own: Belief, belief: Belief, north: float, east: float, x: Array) ->
 
 @inlined
 def settle(belief: Belief, m: Mixture) -> None:
-    """Belief and P from the sums of all deviations; what P is now is remembered."""
+    """Belief and P from the sums of all groups; what P is now is remembered."""
+    added_up(m.workspace[SUMS_LANES], m.sums)
     moments(m.sums, m.mean, belief.P)
     inject_all(belief, m.mean)
     now, left = flatten(belief.P), flatten(m.left)
@@ -134,28 +196,42 @@ def settle(belief: Belief, m: Mixture) -> None:
 @inlined
 def recentre(belief: Belief, m: Mixture) -> None:
     """Belief and P from all components, wherever they are: first their mean, then the moments
-    about it. `deviations` are about the belief then."""
+    about it."""
     n = m.mean.size
-    for j in range(n):
-        m.sums[j] = 0.0
+    eight = m.workspace[SUMS_LANES]
+    clear(eight[: LANES * n])
     north, east = metres(belief)
-    for i in range(m.weights.size):
-        if m.weights[i] > 0:
-            deviate(component(m, i), belief, north, east, m.deviations[i])
-            for j in range(n):
-                m.sums[j] += m.weights[i] * m.deviations[i, j]
-    inject_all(belief, m.sums)
-    clear(m.sums)
+    for g in range(m.groups):
+        if counts(m, g):
+            for side in sides():
+                of, sums = group(m, g, side), lanes_of(eight, 0, n, side)
+                deviate(of.own, belief, north, east, of.x)
+                for j in range(n):
+                    sums[j] += of.weight * of.x[j]
+    added_up(eight, m.mean)
+    inject_all(belief, m.mean)
+    begin_sums(m)
     north, east = metres(belief)
-    for i in range(m.weights.size):
-        if m.weights[i] > 0:
-            own = component(m, i)
-            deviate(own, belief, north, east, m.deviations[i])
-            accumulate(m.weights[i], m.deviations[i], flatten(own.P), m.sums)
+    for g in range(m.groups):
+        if counts(m, g):
+            for side in sides():
+                of = group(m, g, side)
+                deviate(of.own, belief, north, east, of.x)
+                take_in(m, of, side)
     settle(belief, m)
-    for i in range(m.weights.size):
-        for j in range(n):
-            m.deviations[i, j] -= m.mean[j]
+
+
+@inlined
+def begin_sums(m: Mixture) -> None:
+    """Before the first group."""
+    clear(m.workspace[SUMS_LANES][: LANES * m.sums.size])
+
+
+@inlined
+def take_in(m: Mixture, of: Group, side: int) -> None:
+    """Add a group to the moments."""
+    sums = lanes_of(m.workspace, SUMS_LANES.start, m.sums.size, side)
+    accumulate(of.weight, of.x, flatten(of.own.P), sums)
 
 
 @inlined
@@ -177,16 +253,18 @@ def carry(belief: Belief, m: Mixture) -> None:
         return
     factor = factor if 0 < factor < math.inf else 1.0
     north, east = metres(belief)
-    for k in range(m.weights.size):
-        own, x = component(m, k), m.deviations[k]
-        if factor != 1:
-            deviate(own, belief, north, east, x)
+    for g in range(m.groups):
+        for side in sides():
+            of = group(m, g, side)
+            own, x = of.own, of.x
+            if factor != 1:
+                deviate(own, belief, north, east, x)
+                for i in range(n):
+                    x[i] *= math.sqrt(factor)
+                put(own, belief, x)
             for i in range(n):
-                x[i] *= math.sqrt(factor)
-            put(own, belief, x)
-        for i in range(n):
-            for j in range(n):
-                own.P[i, j] = factor * own.P[i, j] + (now[i, j] - factor * left[i, j])
+                for j in range(n):
+                    own.P[i, j] = factor * own.P[i, j] + (now[i, j] - factor * left[i, j])
     for i in range(n):
         for j in range(n):
             left[i, j] = now[i, j]
@@ -213,26 +291,64 @@ def foresee(
     innovation: Array,
 ) -> float:
     """NIS of a fix by the mixture's own moments; its mean innovation goes into `innovation`. NaN
-    where nothing is measured. Nothing else changes.
+    where nothing is measured. What the fix is to each component is kept beside it.
 
     Which rows are measured is seen at the belief.
     """
-    n, s, shared = m.mean.size, belief.workspace[FORESEEN], m.shared
-    H, mine, x = matrix(shared, JACOBIAN, 3, n), shared[DX], m.work
+    n, s, workspace = m.mean.size, belief.workspace[FORESEEN], m.workspace
+    H, eight, total = matrix(workspace, JACOBIAN, 3, n), workspace[FORESEEN_LANES], 0.0
     observed(belief, y, observe, parameters, innovation, H)
-    total = 0.0
-    for i in range(s.size):
-        s[i] = 0.0
-    for k in range(m.weights.size):
-        if m.weights[k] > 0:
-            own, w = component(m, k), m.weights[k]
-            observed(own, y, observe, parameters, mine, H)
-            if same_rows(innovation, mine):
-                total += w
-                if kind == HEADING_KIND or kind == COURSE_KIND:
-                    mine[0] = innovation[0] + wrap(mine[0] - innovation[0])
-                _foresee_one(own.P, H, w, innovation, mine, s, x)
+    wrapped = kind == HEADING_KIND or kind == COURSE_KIND
+    clear(eight)
+    for g in range(m.groups):
+        if counts(m, g):
+            for k in range(LANES):
+                total += _observed_one(belief, m, g, k, y, observe, parameters, innovation, H)
+            for side in sides():
+                _foresee_eight(
+                    group(m, g, side), innovation, wrapped, lanes_of(eight, 0, 15, side), m, side
+                )
+    added_up(eight, s)
     return _surprise(s, total, sd, innovation)
+
+
+@inlined
+def _observed_one(
+    belief: Belief,
+    m: Mixture,
+    g: int,
+    k: int,
+    y: Array,
+    observe: Observe,
+    parameters: Array,
+    innovation: Array,
+    H: Array,
+) -> float:
+    """Innovation and H of component k of a group, kept beside it, and its weight where it measures
+    what is measured at the belief, else 0; H is workspace."""
+    n, workspace, weight = m.mean.size, m.workspace, m.weights[LANES * g + k]
+    width, P = component_width(n), TAIL + n - STATES
+    numbers, mine = m.components[LANES * width * g :], workspace[DX]
+    if weight > 0:
+        one, extra = workspace[ONE], workspace[ONE_EXTRA][: n - STATES]
+        own = matrix(workspace, ONE_P, n, n)
+        flat = flatten(own)
+        for i in range(TAIL):
+            one[i] = numbers[LANES * i + k]
+        for i in range(n - STATES):
+            extra[i] = numbers[LANES * (TAIL + i) + k]
+        for i in range(n * n):
+            flat[i] = numbers[LANES * (P + i) + k]
+        observed(navigation(one, own, workspace, extra), y, observe, parameters, mine, H)
+        if not same_rows(innovation, mine):
+            weight = 0.0
+    counted = P + n * n + n
+    numbers[LANES * counted + k] = weight
+    for i in range(3):
+        numbers[LANES * (counted + 1 + i) + k] = mine[i] if weight > 0 else math.nan
+        for j in range(n):
+            numbers[LANES * (counted + 4 + n * i + j) + k] = H[i, j] if weight > 0 else 0.0
+    return weight
 
 
 @helper
@@ -247,29 +363,33 @@ def same_rows(innovation: Array, mine: Array) -> bool:
     return True
 
 
-@helper
-def _foresee_one(
-    P: Array, H: Array, w: float, innovation: Array, mine: Array, s: Array, x: Array
+@inlined
+def _foresee_eight(
+    of: Group, innovation: Array, wrapped: bool, s: Array, m: Mixture, side: int
 ) -> None:
-    """Add a component to the moments of the innovation, about that at the belief; x is n numbers
-    of workspace."""
-    n = P.shape[0]
+    """Add a group to the moments of the innovation, about that at the belief."""
+    n, P, H, w = m.mean.size, of.own.P, of.H, of.counted[0]
+    x, d = of.x, lanes_of(m.workspace, SHARED.start, 3, side)
+    for i in range(3):
+        d[i] = where(w > 0, of.seen[i] - innovation[i], 0.0)
+    if wrapped:
+        d[0] = wrap(d[0])
     for i in range(3):
         if math.isnan(innovation[i]):
             continue
-        d = mine[i] - innovation[i]
-        s[9 + i] += w * d
+        s[9 + i] += w * d[i]
         for j in range(n):
             x[j] = 0.0
         for k in range(n):
-            if H[i, k] != 0:
-                s[12 + i] += w * H[i, k] * H[i, k] * P[k, k]
+            h = H[i, k]
+            if any_of(h != 0):
+                s[12 + i] += w * h * h * P[k, k]
                 for j in range(n):
-                    x[j] += H[i, k] * P[k, j]
+                    x[j] += h * P[k, j]
         for r in range(i + 1):
             if math.isnan(innovation[r]):
                 continue
-            sum = d * (mine[r] - innovation[r])
+            sum = d[i] * d[r]
             for j in range(n):
                 sum += x[j] * H[r, j]
             s[3 * i + r] += w * sum

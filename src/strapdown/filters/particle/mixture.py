@@ -1,8 +1,7 @@
 """Mixtures of Gaussians, for particle Kalman filters: weights, moments, and a resampling that keeps
 mean and covariance.
 
-A component is a row of `components` (N, width); its covariance P (n, n) is the n n numbers from
-column `at` on. What its mean is, the filter knows; here it is a row of `deviations` (N, n), the
+What the mean of a component is, the filter knows; here it is a row of `deviations` (N, n), the
 errors about the mean of the mixture or another reference. `stream` is one of
 core/threefry.py.
 
@@ -16,7 +15,7 @@ import math
 import numpy as np
 
 from ...checks import check_number
-from ...core.jit import flatten, helper, inlined, matrix
+from ...core.jit import helper, inlined, matrix
 from ...core.threefry import new_stream, normal_rows, normals, uniform
 from ...typing import Array
 
@@ -178,7 +177,9 @@ def resample(
     weights: Array,
     deviations: Array,
     components: Array,
+    width: int,
     at: int,
+    beside: int,
     S: Array,
     kernel: float,
     stream: Array,
@@ -190,6 +191,8 @@ def resample(
     """Draw N components anew, all of weight 1/N, such that the mixture keeps its covariance S (n,
     n) and its mean, about which `deviations` are.
 
+    `components` are flat, of `width` numbers each, `beside` of them side by side; the covariance P (n,
+    n) of a component is the n n numbers from its number `at` on.
     Systematic ancestors a, each moved by chol(P_a) times a normal; the sample is recentred and
     rescaled by an affine map, so that with Phi = kernel^2 S for all it has the moments of the
     mixture. `drawn` (N, n) are the new deviations, Phi (n, n) the new covariance. N <= n components
@@ -212,7 +215,7 @@ def resample(
         work[5 * n * n + n : 6 * n * n + n + 1],
     )
     systematic(weights, uniform(stream), ancestors)
-    _draw(deviations, components, at, stream, ancestors, drawn, own, random)
+    _draw(deviations, components, width, at, beside, stream, ancestors, drawn, T, own, random)
     for i in range(N):
         weights[i] = 1 / N
     _centre(drawn, mean, A)
@@ -249,10 +252,13 @@ def _mend(S: Array, L: Array, kept: Array) -> int:
 def _draw(
     deviations: Array,
     components: Array,
+    width: int,
     at: int,
+    beside: int,
     stream: Array,
     ancestors: Array,
     drawn: Array,
+    P: Array,
     L: Array,
     random: Array,
 ) -> None:
@@ -266,7 +272,10 @@ def _draw(
             drawn[i, k] = deviations[a, k]
         if N > n:
             if a != before:
-                P = matrix(flatten(components), a * components.shape[1] + at, n, n)
+                first = (a // beside * width + at) * beside + a % beside
+                for k in range(n):
+                    for m in range(n):
+                        P[k, m] = components[first + (n * k + m) * beside]
                 root(P, 1.0, P, 0.0, L)
                 before = a
             normals(stream, random, n)

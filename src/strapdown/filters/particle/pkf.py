@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...checks import check_number
+from ...core.choosing import any_of, where
 from ...core.contract import (
     CORRECT,
     PREDICT,
@@ -24,25 +25,26 @@ from ...core.contract import (
     kernel,
 )
 from ...core.earth import curvature
+from ...core.elementary import logarithm
 from ...core.embedded import as_numbers
 from ...core.error_state import (
     DV,
     DX,
     HEIGHT,
-    JACOBIAN,
+    MODEL,
     WORK,
     allocate,
     bias_free,
     decay_biases,
     linearised_step,
-    observed,
     publish_rates,
     take_over,
 )
-from ...core.jit import flatten, inlined, matrix
+from ...core.jit import flatten, helper, inlined, lanes_of, sides
 from ...core.kalman import update, used_rows
 from ...core.mechanization import mechanize
 from ...core.rotation_vectors import exponentials
+from ...core.signatures import LANES
 from ...typing import Array
 from .ins_mixture import (
     COMPONENTS,
@@ -55,25 +57,28 @@ from .ins_mixture import (
     RANDOM,
     REPAIRS,
     RESAMPLINGS,
+    SHARED,
     SLOTS,
     TAIL,
+    Group,
     Mixture,
+    begin_sums,
     beside,
     carry,
-    component,
+    component_width,
+    counts,
     deviate,
     foresee,
+    group,
     metres,
     places,
     put,
     recentre,
-    same_rows,
     settle,
+    take_in,
 )
 from .mixture import (
-    accumulate,
     begin,
-    clear,
     effective,
     kernel_width,
     resample,
@@ -104,22 +109,27 @@ def start(
     belief = start.belief(np.empty(0))
     deviations, Phi, random = begin(belief.P, components, kernel, seed)
     N = len(deviations)
-    logs, _, _, first, width = places(n, N)
-    workspace = allocate(SLOTS, rest=first + N * width)
+    logs, _, _, first, end, groups = places(n, N)
+    workspace = allocate(SLOTS, rest=end)
     workspace[EFFECTIVE] = workspace[COUNT] = N
     workspace[KERNEL], workspace[LEAST], workspace[RANDOM] = kernel, resample * N, random
     workspace[LEFT : LEFT + n * n] = belief.P.ravel()
+    for slot in MODEL, HEIGHT:
+        workspace[SHARED][LANES * slot : LANES * slot + LANES] = workspace[slot]
     rest = workspace[COMPONENTS:]
-    rest[:logs], own = 1 / N, rest[first:].reshape(N, width)
+    rest[:N] = 1 / N
     belief = belief._replace(workspace=workspace)
-    own[:] = np.concatenate([as_numbers(belief), belief.extra_states, Phi.ravel()])
+    numbers = np.concatenate([as_numbers(belief), belief.extra_states, Phi.ravel()])
+    own = np.zeros((LANES * groups, component_width(n)))
+    own[:, : len(numbers)] = numbers
     M, E = np.add(curvature(math.sin(belief.lla[0])), belief.lla[2])
-    own[:, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
+    own[:N, 0:3] += deviations[:, 0:3] / [M, E * np.cos(belief.lla[0]), -1]
     own[:, 1] -= 2 * np.pi * np.round(own[:, 1] / (2 * np.pi))
-    own[:, 3:6] += deviations[:, 3:6]
-    own[:, 6:15] = (exponentials(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
-    own[:, 15:21] += deviations[:, 9:15]
-    own[:, TAIL : TAIL + n - STATES] += deviations[:, STATES:]
+    own[:N, 3:6] += deviations[:, 3:6]
+    own[:N, 6:15] = (exponentials(deviations[:, 6:9]) @ belief.C).reshape(N, 9)
+    own[:N, 15:21] += deviations[:, 9:15]
+    own[:N, TAIL : TAIL + n - STATES] += deviations[:, STATES:]
+    rest[first:end] = own.reshape(groups, LANES, -1).transpose(0, 2, 1).ravel()
     return belief
 
 
@@ -131,23 +141,50 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     carry(belief, m)
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     mechanize(
-        belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DV], m.shared[HEIGHT]
+        belief.lla,
+        belief.v,
+        belief.C,
+        r0,
+        r1,
+        r2,
+        a0,
+        a1,
+        a2,
+        dt,
+        m.workspace[DV],
+        m.workspace[HEIGHT],
     )
     publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
-    clear(m.sums)
+    begin_sums(m)
     north, east = metres(belief)
-    for i in range(m.weights.size):
-        if m.weights[i] > 0:  # without weight it counts nowhere any more
-            own = component(m, i)
-            r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
-            linearised_step(own, own.C, 1.0, u, dt, noise, False)
-            mechanize(
-                own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, m.shared[DX], m.shared[HEIGHT]
-            )
-            deviate(own, belief, north, east, m.deviations[i])
-            accumulate(m.weights[i], m.deviations[i], flatten(own.P), m.sums)
+    for g in range(m.groups):
+        if counts(m, g):
+            for side in sides():
+                of = group(m, g, side)
+                _advance(m, of, belief, u, dt, noise, north, east)
+                take_in(m, of, side)
     settle(belief, m)
+
+
+@inlined
+def _advance(
+    m: Mixture,
+    of: Group,
+    belief: Belief,
+    u: Array,
+    dt: float,
+    noise: Noise,
+    north: float,
+    east: float,
+) -> None:
+    """Eight components by their own closed loops."""
+    own = of.own
+    r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
+    linearised_step(own, own.C, 1.0, u, dt, noise, False)
+    height = m.workspace[HEIGHT]
+    mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, own.workspace[DX], height)
+    deviate(own, belief, north, east, of.x)
 
 
 @kernel(CORRECT)
@@ -168,7 +205,7 @@ def correct(
     nis = foresee(belief, m, y, sd, kind, observe, parameters, innovation)
     if not nis <= gate:
         return nis
-    workspace[DEGENERATE] += _correct_each(m, y, sd, observe, parameters, innovation)
+    workspace[DEGENERATE] += _correct_each(m, sd, innovation)
     workspace[EFFECTIVE] = effective(m.weights)
     recentre(belief, m)
     if workspace[EFFECTIVE] < workspace[LEAST]:
@@ -178,57 +215,85 @@ def correct(
 
 @inlined
 def _draw_anew(belief: Belief, m: Mixture) -> None:
-    """Resample; `deviations` are about the belief, and belief and P stay."""
-    workspace, first = belief.workspace, TAIL + m.mean.size - STATES
+    """Resample, about the belief; belief and P stay."""
+    workspace, n = belief.workspace, m.mean.size
+    width, first = component_width(n), TAIL + n - STATES
+    N = m.deviations.shape[0]
+    for i in range(N):
+        numbers = m.components[LANES * width * (i // LANES) + i % LANES :]
+        for j in range(n):
+            m.deviations[i, j] = numbers[LANES * (first + n * n + j)] - m.mean[j]
     workspace[REPAIRS] += resample(
-        m.weights,
+        m.weights[:N],
         m.deviations,
         m.components,
+        width,
         first,
+        LANES,
         belief.P,
         workspace[KERNEL],
         workspace[RANDOM],
-        m.logs,
+        m.logs[:N],
         m.drawn,
         m.Phi,
         m.work,
     )
     workspace[RESAMPLINGS] += 1
-    for i in range(m.weights.size):
-        own = component(m, i)
-        put(own, belief, m.drawn[i])
-        P, Phi = flatten(own.P), flatten(m.Phi)
-        for k in range(Phi.size):
-            P[k] = Phi[k]
+    for g in range(m.groups):
+        numbers = m.components[LANES * width * g :]
+        for k in range(LANES):
+            i = min(LANES * g + k, N - 1)
+            for j in range(n):
+                numbers[LANES * (first + n * n + j) + k] = m.drawn[i, j]
+        for side in sides():
+            of = group(m, g, side)
+            put(of.own, belief, of.x)
+            P, Phi = flatten(of.own.P), flatten(m.Phi)
+            for k in range(Phi.size):
+                P[k] = Phi[k]
 
 
 @inlined
-def _correct_each(
-    m: Mixture, y: Array, sd: Array, observe: Observe, parameters: Array, innovation: Array
-) -> int:
-    """Correct every component that counts, and weigh. Returns 1 where no likelihood was finite,
-    0 else."""
-    n, shared = m.mean.size, m.shared
-    H, mine, dx, work, used = (
-        matrix(shared, JACOBIAN, 3, n),
-        m.mean,
-        shared[DX],
-        shared[WORK],
-        used_rows(n),
-    )
-    for k in range(m.weights.size):
-        m.logs[k] = -math.inf
-        if m.weights[k] > 0:
-            own = component(m, k)
-            rows = observed(own, y, observe, parameters, mine, H)
-            if same_rows(innovation, mine):
-                nis = update(own.P, H, mine, sd, rows, LARGEST_NIS, work, dx)
-                if nis <= LARGEST_NIS:
+def _correct_each(m: Mixture, sd: Array, innovation: Array) -> int:
+    """Correct every component that counts by what `foresee` left beside it, and weigh. Returns 1
+    where no likelihood was finite, 0 else."""
+    used, rows = used_rows(m.mean.size), 0
+    for i in range(3):
+        rows += not math.isnan(innovation[i])
+    for g in range(m.groups):
+        for k in range(LANES * g, LANES * g + LANES):
+            m.logs[k] = -math.inf
+        if counts(m, g):
+            for side in sides():
+                of = group(m, g, side)
+                own, log = of.own, lanes_of(m.logs, LANES * g, 1, side)
+                work, dx = own.workspace[WORK], own.workspace[DX]
+                nis = update(own.P, of.H, of.seen, sd, 3, LARGEST_NIS, work, dx)
+                if any_of(nis <= LARGEST_NIS):  # of the others the correction is nothing
                     take_over(own, dx)
-                m.logs[k] = -0.5 * nis
-                for i in range(int(work[used])):
-                    m.logs[k] += math.log(work[used + 4 + i])
-    return weigh(m.logs, m.weights)
+                likelihood = -0.5 * nis
+                for i in range(rows):
+                    likelihood += logarithm(work[used + 4 + i])
+                log[0] = where(of.counted[0] > 0, likelihood, -math.inf)
+    degenerate = weigh(m.logs, m.weights)
+    _replace_lost(m)
+    return degenerate
+
+
+@helper
+def _replace_lost(m: Mixture) -> None:
+    """A component without weight, whatever became of it, has the numbers of the heaviest one: it
+    goes on beside others."""
+    width, heaviest = component_width(m.mean.size), 0
+    for k in range(m.weights.size):
+        if m.weights[k] > m.weights[heaviest]:
+            heaviest = k
+    from_ = LANES * width * (heaviest // LANES) + heaviest % LANES
+    for k in range(m.weights.size):
+        if not m.weights[k] > 0:
+            to = LANES * width * (k // LANES) + k % LANES
+            for i in range(width):
+                m.components[to + LANES * i] = m.components[from_ + LANES * i]
 
 
 def lost(t: Array, lla: Array, columns: Mapping[str, Array]) -> list[tuple[float, str]]:

@@ -28,7 +28,7 @@ from ...core.contract import (
     kernel,
 )
 from ...core.earth import place
-from ...core.embedded import NAVIGATION, navigation
+from ...core.embedded import LLA, NAVIGATION, C as NAVIGATION_C, F, V, navigation
 from ...core.error_state import (
     added,
     bias_free,
@@ -38,10 +38,11 @@ from ...core.error_state import (
     publish_rates,
     turn_half,
 )
-from ...core.jit import flatten, helper, inlined, matrix
+from ...core.jit import flatten, helper, inlined, lanes_of, matrix, sides
 from ...core.kalman import LEAST_NOISE, decay
 from ...core.mechanization import mechanize
 from ...core.rotation import nearest_turn, rotation_between, wrap
+from ...core.signatures import LANES
 from ...typing import Array
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 
@@ -67,6 +68,11 @@ AUGMENTED = SLOTS.number("AUGMENTED")  # 1 or 0: white noise has points of its o
 POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and what aidings brought along
 POINT_EXTRA = SLOTS.array("POINT_EXTRA", MOST_STATES - STATES)
 CENTRE = SLOTS.part("CENTRE", NAVIGATION)  # the propagated belief
+ERRORS = (
+    STATES + 6
+)  # numbers of the error of a point, with noise of rotation and velocity increments
+EIGHT_NUMBERS = ERRORS + NAVIGATION.size
+EIGHT = SLOTS.array("EIGHT", LANES * EIGHT_NUMBERS)  # eight points side by side: errors, states
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of the noise of a fix
 # the square root, n + 1 rows
@@ -248,64 +254,77 @@ def _spread_out(
     keep_g: float,
 ) -> None:
     """The errors of the propagated points about the propagated belief, into the table: those
-    with +, then those with -."""
-    workspace, point, error = (
-        belief.workspace,
-        _point(belief),
-        belief.workspace[ERROR],
-    )
-    A, root = workspace[TABLE], workspace[ROOT]
+    with +, then those with -. Eight points at a time."""
+    workspace, A, numbers = belief.workspace, belief.workspace[TABLE], belief.workspace[EIGHT]
     sine, cosine, M, N = place(centre.lla[0], centre.lla[2])
-    for k in range(2 * pairs):
-        j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
-        row, x0, x1, x2, y0, y1, y2 = lanes * k, r0, r1, r2, a0, a1, a2
-        _copied(belief, point.lla, point.v, point.C)
-        for lane in range(lanes):
-            error[lane] = sign * spread * root[lanes * j + lane] if j < STATES else 0.0
-        if j < 9:
-            added(point.lla, point.v, point.C, error)
-        if j < STATES:
-            x0, x1, x2 = r0 - dt * error[12], r1 - dt * error[13], r2 - dt * error[14]
-            y0, y1, y2 = a0 - dt * error[9], a1 - dt * error[10], a2 - dt * error[11]
-        else:
-            i = j - STATES
-            x0, x1, x2 = (
-                r0 + sign * gyro * (i == 0),
-                r1 + sign * gyro * (i == 1),
-                r2 + sign * gyro * (i == 2),
+    for first in range(0, 2 * pairs, LANES):
+        count = min(LANES, 2 * pairs - first)
+        for k in range(count):
+            _begun(first + k, k, lanes, pairs, spread, workspace, gyro, accel, keep_a, keep_g)
+        for side in sides():
+            eight = lanes_of(numbers, 0, EIGHT_NUMBERS, side)
+            error, point = eight[:ERRORS], eight[ERRORS:]
+            lla, v, C = point[LLA], point[V], matrix(point, NAVIGATION_C, 3, 3)
+            _copied(belief, lla, v, C)
+            added(lla, v, C, error)
+            mechanize(
+                lla,
+                v,
+                C,
+                r0 - dt * error[12] + error[15],
+                r1 - dt * error[13] + error[16],
+                r2 - dt * error[14] + error[17],
+                a0 - dt * error[9] + error[18],
+                a1 - dt * error[10] + error[19],
+                a2 - dt * error[11] + error[20],
+                dt,
+                point[F],
             )
-            y0, y1, y2 = (
-                a0 + sign * accel * (i == 3),
-                a1 + sign * accel * (i == 4),
-                a2 + sign * accel * (i == 5),
+            for i in range(3):
+                error[3 + i] = v[i] - centre.v[i]
+            error[0] = (lla[0] - centre.lla[0]) * M
+            error[1] = wrap(lla[1] - centre.lla[1]) * N * cosine
+            error[2] = centre.lla[2] - lla[2]
+            error[6], error[7], error[8] = rotation_between(
+                centre.C,
+                (C[0, 0], C[0, 1], C[0, 2], C[1, 0], C[1, 1], C[1, 2], C[2, 0], C[2, 1], C[2, 2]),
             )
-        mechanize(
-            point.lla,
-            point.v,
-            point.C,
-            x0,
-            x1,
-            x2,
-            y0,
-            y1,
-            y2,
-            dt,
-            workspace[FORCE],
-        )
-        for lane in range(9, lanes):
-            A[row + lane] = error[lane]
+        for k in range(count):
+            for i in range(9):
+                A[lanes * (first + k) + i] = numbers[LANES * i + k]
+
+
+@inlined
+def _begun(
+    k: int,
+    place: int,
+    lanes: int,
+    pairs: int,
+    spread: float,
+    workspace: Array,
+    gyro: float,
+    accel: float,
+    keep_a: float,
+    keep_g: float,
+) -> None:
+    """The error of point k, at its place among eight; into the table what of it only decays."""
+    numbers, A, root = workspace[EIGHT], workspace[TABLE], workspace[ROOT]
+    j, sign = (k, 1.0) if k < pairs else (k - pairs, -1.0)
+    row = lanes * k
+    for i in range(ERRORS):
+        numbers[LANES * i + place] = 0.0
+    for column in range(9, lanes):
+        A[row + column] = 0.0
+    if j < STATES:
+        for i in range(STATES):
+            numbers[LANES * i + place] = sign * spread * root[lanes * j + i]
+        for column in range(9, lanes):
+            A[row + column] = sign * spread * root[lanes * j + column]
         for i in range(3):
             A[row + 9 + i] *= keep_a
             A[row + 12 + i] *= keep_g
-            A[row + 3 + i] = point.v[i] - centre.v[i]
-        A[row] = (point.lla[0] - centre.lla[0]) * M
-        A[row + 1] = wrap(point.lla[1] - centre.lla[1]) * N * cosine
-        A[row + 2] = centre.lla[2] - point.lla[2]
-        c = point.C
-        A[row + 6], A[row + 7], A[row + 8] = rotation_between(
-            centre.C,
-            (c[0, 0], c[0, 1], c[0, 2], c[1, 0], c[1, 1], c[1, 2], c[2, 0], c[2, 1], c[2, 2]),
-        )
+    else:
+        numbers[LANES * j + place] = sign * (gyro if j < STATES + 3 else accel)
 
 
 @helper

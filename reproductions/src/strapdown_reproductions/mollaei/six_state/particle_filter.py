@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from strapdown.checks import check_number
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
-from strapdown.core.jit import helper, inlined, matrix
+from strapdown.core.jit import flatten, helper, inlined, matrix
 from strapdown.core.threefry import STREAM
 from strapdown.filters.particle import pkf
 from strapdown.filters.particle.mixture import (
@@ -233,8 +233,10 @@ def _renew(belief: Belief) -> None:
     workspace[REPAIRS] += resample(
         m.weights,
         m.deviations,
-        m.components,
+        flatten(m.components),
+        WIDTH,
         6,
+        1,
         matrix(workspace, LEFT, 6, 6),
         workspace[KERNEL],
         workspace[RANDOM],
