@@ -15,6 +15,8 @@ from strapdown.engine.prepare import Asked
 from strapdown.engine.side_by_side import SideBySide
 from strapdown.experiments.monte_carlo import lane_scoring, lanes
 from strapdown.experiments.monte_carlo.scoring import epochs
+from strapdown.sensor_models.gnss import Gnss
+from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.streams import Stream
 from strapdown.sim.synthesis import Simulator
 
@@ -28,12 +30,12 @@ class Flight:
     """Eight runs of a minute with a position and a velocity fix every so many steps."""
 
     def __init__(self, every, filter="closed-loop"):
-        gnss = sd.Gnss(interval=every / RATE, position_sd=(1.0,) * 3, velocity_sd=(0.05,) * 3)
+        gnss = Gnss(interval=every / RATE, position_sd=(1.0,) * 3, velocity_sd=(0.05,) * 3)
         demo = sd.scenario("demo")
         self.made = Simulator(demo.replace(duration=SECONDS, rate=RATE, gnss=gnss))
-        self.spec, self.filter = self.made.scenario.imu, filter
-        self.spec = lanes.grade(self.spec) if isinstance(self.spec, str) else self.spec
+        self.spec, self.filter = grade(self.made.scenario.imu), filter
         self.at = epochs(self.made.truth, KEPT)
+        self.shared = self.spec.shared(self.made.felt(self.spec))
         self.streams = [Stream.of(1).numbered(run) for run in range(LANES)]
         self.records = [self.made.run(self.spec, stream) for stream in self.streams]
         self.steps = len(self.made.ideal.t) * LANES
@@ -43,7 +45,7 @@ class Flight:
 
     def side(self):
         """(simulation, filter) of the runs in lanes, before their first sample."""
-        simulated = lanes.Simulated(self.made, self.spec, self.streams, self.at)
+        simulated = lanes.Simulated(self.made, self.spec, self.shared, self.streams, self.at)
         recordings = [recording for recording, _ in self.records]
         side = SideBySide(
             begin(recordings[0], self.filter, self.asked()),

@@ -8,6 +8,7 @@ standard deviations.
 
 import math
 
+from ..core.choosing import all_of, where
 from ..core.contract import OBSERVE, Belief, Measurement, kernel
 from ..core.elementary import arctangent2
 from ..core.rotation import turned, wrap
@@ -25,10 +26,13 @@ def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: A
     north, east = belief.v[0] + by_turning[0], belief.v[1] + by_turning[1]
     square = north * north + east * east
     doubt = SURELY * SURELY * max(belief.P[3, 3], belief.P[4, 4])
-    if square < max(LEAST_SPEED * LEAST_SPEED, doubt):
+    least = max(LEAST_SPEED * LEAST_SPEED, doubt)
+    slow = square < least
+    if all_of(slow):
         innovation[0] = math.nan
         return 1
-    innovation[0] = wrap(y[0] - arctangent2(east, north))
+    square = max(square, least)
+    innovation[0] = where(slow, math.nan, wrap(y[0] - arctangent2(east, north)))
     of_north, of_east = -east / square, north / square
     H[0, 3], H[0, 4] = of_north, of_east
     H[0, 6], H[0, 7] = -of_east * by_turning[2], of_north * by_turning[2]
@@ -46,4 +50,5 @@ MEASUREMENT = Measurement(
     ("angle",),
     parameters="antenna",
     reference="derivative of atan2 of the velocity fix, Groves (2013) eq. 14.111",
+    lanes=True,
 )

@@ -29,4 +29,5 @@ MEASUREMENT = Measurement(
     parameters="field",
     vector="b",
     reference="Fossen (2021) eq. 14.2.1 and section 14.4.3, magnetic reference vector",
+    lanes=True,
 )

@@ -64,6 +64,7 @@ def cosine(x: float) -> float:
     return sine_cosine(x)[1]
 
 
+@stands_for(math.tan, np.tan)
 @helper
 def tangent(x: float) -> float:
     """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
@@ -182,6 +183,7 @@ def exponential(x: float) -> float:
     return y * from_bits(first << 52) * from_bits((power - first) << 52)
 
 
+@stands_for(math.expm1, np.expm1)
 @helper
 def exponential_less_one(x: float) -> float:
     """e^x - 1, also of a small x: corrected for the rounding of e^x, as Kahan does."""

@@ -3,6 +3,7 @@ in Joseph's form, which holds for any gain. Source: Bucy & Joseph (1968); Gelb (
 """
 
 from ..typing import Array
+from .choosing import any_of
 from .contract import MOST_STATES, Noise, Slots
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
 from .jit import helper, inlined, matrix
@@ -27,7 +28,7 @@ LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than
 @inlined
 def changed(own: Array, noise: Noise) -> bool:
     """Whether the samples that wait had another noise, so that P must go on before the next one."""
-    return own[NOISE][1] != noise.accel and own[SECONDS] > 0
+    return float(own[NOISE][1]) != noise.accel and float(own[SECONDS]) > 0
 
 
 @inlined
@@ -41,7 +42,7 @@ def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> b
         sums[i] += omega[i] * dt
         sums[3 + i] += f[i] * dt
     own[SECONDS] += dt
-    return own[SECONDS] >= LONGEST_STEP
+    return float(own[SECONDS]) >= LONGEST_STEP
 
 
 @helper
@@ -52,7 +53,7 @@ def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
     Returns the seconds; the mean specific force stays in own[FORCE].
     """
     mid, blocks, u, n, f = matrix(own, MID, 3, 3), own[BLOCK], own[PENDING], own[NOISE], own[FORCE]
-    dt = own[SECONDS]
+    dt = float(own[SECONDS])
     r0, r1, r2 = -0.5 * u[0], -0.5 * u[1], -0.5 * u[2]  # half a turn back from the end
     for i in range(3):
         mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
@@ -61,7 +62,7 @@ def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
     dv_n = own[DX]
     dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
     w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)
-    noise = Noise(n[0], n[1], n[2], n[3], n[4], n[5])
+    noise = Noise(float(n[0]), float(n[1]), float(n[2]), float(n[3]), float(n[4]), float(n[5]))
     propagate(P, blocks, mid, dv_n, w0 * dt, w1 * dt, w2 * dt, dt, noise, own[WORK])
     for i in range(3):
         f[i] = u[3 + i] / dt
@@ -91,7 +92,7 @@ def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
             V[i, j] = 0.0
         for k in range(n):
             b = B[i, k]
-            if b != 0:
+            if any_of(b != 0):
                 for j in range(n):
                     V[i, j] += b * P[k, j]
     S = own[DX]

@@ -60,12 +60,12 @@ def euler_to_matrix(roll: float, pitch: float, heading: float, C: Array) -> None
 def euler_terms(roll: float, pitch: float, heading: float) -> NineNumbers:
     """The nine numbers of that matrix, row by row."""
     sr, cr, sp, cp, sh, ch = (
-        sine_of(roll),
-        cosine_of(roll),
-        sine_of(pitch),
-        cosine_of(pitch),
-        sine_of(heading),
-        cosine_of(heading),
+        math.sin(roll),
+        math.cos(roll),
+        math.sin(pitch),
+        math.cos(pitch),
+        math.sin(heading),
+        math.cos(heading),
     )
     return (
         cp * ch,

@@ -270,6 +270,8 @@ def check_needs(
 def _three_columns(values: ArrayLike) -> Array:
     columns = np.asarray(values, float)
     columns = columns[:, None] if columns.ndim == 1 else columns
+    if columns.shape[1] == 3:
+        return columns
     return np.pad(columns, ((0, 0), (0, 3 - columns.shape[1])), constant_values=np.nan)
 
 

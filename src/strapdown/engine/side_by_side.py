@@ -77,15 +77,15 @@ class SideBySide:
         scratch: int,
         numbers: int,
     ) -> None:
-        """first: the Run of the first of LANES `starts` and `recordings`, for which `why_alone` is
-        silent. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; true (rows, ...) and lanes
+        """first: a Run like those of the LANES `starts` and `recordings`, which `why_alone` finds
+        nothing against. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; true (rows, ...) and lanes
         of biases (rows, 6, LANES) are handed to it with an array of so many numbers to write in;
         numbers: how many it writes of a row."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
         own = tuple(each.sd for each in brought(first.recording.aidings))
-        beliefs = [first.belief] + [
+        beliefs = [
             filter.begin(start._replace(sd=(*start.sd, *own)), first.noise, **first.options)
-            for start in starts[1:]
+            for start in starts
         ]
         self.filter = filter
         self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))

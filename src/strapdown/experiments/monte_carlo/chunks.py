@@ -32,7 +32,7 @@ from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
 from ..filter_label import Labelled, parsed
-from .lanes import kernels_in_lanes, run_side_by_side
+from .lanes import Lanes, kernels_in_lanes
 from .scoring import (
     ERROR_GROUPS,
     PARAMETER_SCALARS,
@@ -134,13 +134,13 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
         QUARANTINED
     )
     runs = [run for run in range(chunk.first, chunk.stop) if run not in skip]
+    lanes = Lanes(wanted, made, cell.imu, at, study.limits) if study.side_by_side else None
     for group in (runs[i : i + LANES] for i in range(0, len(runs), LANES)):
         records = [Record(study, cell, made, at, run) for run in group]
-        if study.side_by_side:
-            streams = [record.stream for record in records]
-            scores, biases = run_side_by_side(wanted, made, cell.imu, streams, at, study.limits)
-        else:
-            scores, biases = [[None] * len(group)] * len(wanted), None
+        scores: list[list[Scored | None]] = [[None] * len(group)] * len(wanted)
+        biases = None
+        if lanes:
+            scores, biases = lanes.run([record.stream for record in records])
         for i, record in enumerate(records):
             place = record.run - chunk.first
             for number, label in enumerate(wanted):

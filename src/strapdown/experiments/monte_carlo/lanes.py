@@ -1,23 +1,24 @@
 """Runs of a study side by side: simulated block after block, eight at once, through each filter that
 has lanes, and scored on the way. Nothing of the size of a recording is made."""
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from ...aiding import find
 from ...core import lane_loop
 from ...core.c_calls import aligned
-from ...core.contract import Filter, bound
+from ...core.contract import Filter, Start, bound
 from ...core.signatures import LANES
 from ...engine.batch import begin
-from ...engine.prepare import Asked
+from ...engine.prepare import Asked, Run
 from ...engine.side_by_side import SideBySide, alongside, kernels, why_alone
 from ...evaluation.consistency import Limits
 from ...filters.ins.open_loop import LEFT_MODEL
+from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
-from ...sensor_models.imu_errors import RATES, Own, simulate_errors_in_lanes
+from ...sensor_models.imu_errors import RATES, Own, Shared, simulate_errors_in_lanes
 from ...sensor_models.streams import Stream
 from ...sim.synthesis import OF_IMU, OF_START, Simulator
 from ...typing import Array
@@ -30,62 +31,66 @@ SAMPLES = 512
 core."""
 
 
-class SideBySideRuns(NamedTuple):
-    """What became of runs side by side."""
+class Lanes:
+    """Runs of a scenario with an IMU, eight at a time, through filters."""
 
-    scores: list[list[Scored | None]]  # by filter and run; None of what must be run alone
-    biases: Array  # (runs, epochs, 6) true ones, m/s^2 and rad/s
+    def __init__(
+        self,
+        wanted: Sequence[Labelled],
+        made: Simulator,
+        imu: ImuSpec,
+        at: Epochs,
+        limits: Limits,
+    ) -> None:
+        self.wanted, self.made, self.imu, self.at, self.limits = wanted, made, imu, at, limits
+        self._shared = imu.shared(made.felt(imu))
+        self._true = lane_scoring.known(at)
+        self._first: list[Run | None] = []  # by filter, without numbers of its own; None: no lanes
 
-
-def run_side_by_side(
-    wanted: Sequence[Labelled],
-    made: Simulator,
-    imu: ImuSpec,
-    streams: Sequence[Stream],
-    at: Epochs,
-    limits: Limits,
-) -> SideBySideRuns:
-    """At most LANES runs of a scenario, each from its stream, through these filters."""
-    runs = len(streams)
-    full = [*streams, *[streams[-1]] * (LANES - runs)]
-    simulated = Simulated(made, imu, full, at)
-    recordings = [
-        made.sources(imu, stream, b_a, b_g)
-        for stream, (b_a, b_g) in zip(full, simulated.first_biases())
-    ]
-    starts = [
-        made.start(stream.named(OF_START), imu, recording)
-        for stream, recording in zip(full, recordings)
-    ]
-    sides: list[SideBySide | None] = []
-    true = lane_scoring.known(at)
-    for filter, options, estimate in wanted:
-        if not filter.lanes or estimate is not None:
-            sides.append(None)
-            continue
-        first = begin(recordings[0], filter, Asked(options, imu, starts[0], every=at.every))
-        if why_alone(first):
-            sides.append(None)
-            continue
-        sides.append(
-            SideBySide(
+    def run(self, streams: Sequence[Stream]) -> tuple[list[list[Scored | None]], Array]:
+        """(Scored by filter and run, None of what must be run alone; true biases (runs, epochs, 6),
+        m/s^2 and rad/s) of at most LANES runs, each from its stream."""
+        runs = len(streams)
+        full = [*streams, *[streams[-1]] * (LANES - runs)]
+        simulated = Simulated(self.made, self.imu, self._shared, full, self.at)
+        recordings = [
+            self.made.sources(self.imu, stream, b_a, b_g)
+            for stream, (b_a, b_g) in zip(full, simulated.first_biases())
+        ]
+        starts = [
+            self.made.start(stream.named(OF_START), self.imu, recording)
+            for stream, recording in zip(full, recordings)
+        ]
+        if not self._first:
+            self._first = [self._begun(label, recordings[0], starts[0]) for label in self.wanted]
+        sides = [
+            first
+            and SideBySide(
                 first,
                 starts,
                 recordings,
                 lane_scoring.keep_errors_in_lanes,
-                true,
+                self._true,
                 simulated.biases,
                 lane_scoring.SCRATCH,
                 lane_scoring.NUMBERS,
             )
-        )
-    advance = [each.calls(simulated.increments) for each in sides if each]
-    for first_row, stop in simulated.blocks():
-        for go in advance:
-            go(first_row, stop)
-    none: list[Scored | None] = [None] * runs
-    scores = [_scored(each, runs, at, limits) if each else none for each in sides]
-    return SideBySideRuns(scores, np.moveaxis(simulated.biases[..., :runs], 2, 0))
+            for first in self._first
+        ]
+        advance = [each.calls(simulated.increments) for each in sides if each]
+        for first_row, stop in simulated.blocks():
+            for go in advance:
+                go(first_row, stop)
+        none: list[Scored | None] = [None] * runs
+        scores = [_scored(each, runs, self.at, self.limits) if each else none for each in sides]
+        return scores, np.moveaxis(simulated.biases[..., :runs], 2, 0)
+
+    def _begun(self, label: Labelled, recording: Recording, start: Start) -> Run | None:
+        filter, options, estimate = label
+        if not filter.lanes or estimate is not None:
+            return None
+        first = begin(recording, filter, Asked(options, self.imu, start, every=self.at.every))
+        return None if why_alone(first) else first
 
 
 def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
@@ -98,38 +103,40 @@ class Simulated:
     """The IMU samples of LANES runs, block after block."""
 
     def __init__(
-        self, made: Simulator, imu: ImuSpec, streams: Sequence[Stream], at: Epochs
+        self,
+        made: Simulator,
+        imu: ImuSpec,
+        shared: Shared,
+        streams: Sequence[Stream],
+        at: Epochs,
     ) -> None:
-        """Each run has its stream; `at` are the epochs at which the true biases are kept."""
+        """`shared` by all runs, as `imu` has it of what it feels. Each run has its stream; `at` are
+        the epochs at which the true biases are kept."""
         self.increments = aligned(SAMPLES, 6, LANES)
         """Those of the present block: rotations, rad, velocity increments, m/s."""
         self.biases = aligned(len(at.rows), 6, LANES)
         """True ones at the epochs: accelerometer, m/s^2, gyro, rad/s."""
         self._bias = aligned(SAMPLES, 6, LANES)  # at the samples of the block, gyro first
         self._at, self._rows = at, np.zeros(2, np.int64)
-        self._count = len(made.ideal.t)
+        self._count = len(shared.dt)
         self._offset = np.broadcast_to(made.offset(imu), (self._count, 3))
-        self._shared = imu.shared(made.felt(imu))
         drawn = [imu.drawn(stream.named(OF_IMU)) for stream in streams]
         self._own = Own(*(alongside(parts) for parts in zip(*drawn)))
-        self._next = self._bound(self._own)
-
-    def _bound(self, own: Own) -> Callable[[], Any]:
-        rates = np.zeros(RATES)
-        return bound(
+        self._next = bound(
             simulate_errors_in_lanes,
             self._rows,
-            self._shared,
-            own,
-            rates,
+            shared,
+            self._own,
+            np.zeros(RATES),
             self.increments,
             self._bias,
         )
 
     def first_biases(self) -> Iterator[tuple[Array, Array]]:
         """True biases (1, 3) of accelerometer and gyro of each run at the first sample."""
-        self._rows[:] = 0, 1
-        self._bound(self._own._replace(state=alongside([*np.moveaxis(self._own.state, -1, 0)])))()
+        before, self._rows[:] = self._own.state.copy(), (0, 1)
+        self._next()
+        self._own.state[:] = before
         for lane in range(LANES):
             b_g, b_a = self._bias[:1, :3, lane], self._bias[:1, 3:, lane]
             yield b_a + self._offset[:1], b_g.copy()

@@ -13,6 +13,7 @@ Gauss-Markov process that is never estimated, which the heading takes on. The sq
 
 from typing import TypeAlias
 
+from ...core.choosing import any_of, where
 from ...core.contract import (
     ALTITUDE_KIND,
     MAGNETIC_KIND,
@@ -87,9 +88,9 @@ def after_sample(belief: Belief, dt: float, noise: Noise) -> None:
 def step(belief: Belief) -> None:
     """P over the samples since its last step: by the INS, then by what xi has moved."""
     workspace, own, C = belief.workspace, belief.workspace[OWN], belief.C
-    if own[SECONDS] <= 0:
+    if float(own[SECONDS]) <= 0:
         return
-    f, accel = own[FORCE], own[NOISE][1]
+    f, made_up = own[FORCE], float(own[NOISE][1]) > float(workspace[TOLD])
     P, a, b, r = (
         matrix(workspace, FULL, STATES, STATES),
         matrix(workspace, A, 3, STATES),
@@ -106,10 +107,12 @@ def step(belief: Belief) -> None:
     for i in range(3):
         b[i, XI + i], a[i, 3 + i], a[i, i] = 1.0, dt, 0.5 * dt * dt
     square = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
-    if square > 0 and accel <= workspace[TOLD] and not outage(workspace):
-        k = (1 - decay(gain(workspace, K1) * dt)) / square
-        ki = gain(workspace, KI)
+    acts = (square > 0) & (not outage(workspace))
+    if any_of(acts) and not made_up:
+        square, ki = where(acts, square, 1.0), gain(workspace, KI)
+        k = where(acts, (1 - decay(gain(workspace, K1) * dt)) / square, 0.0)
         adapted = workspace[ADAPTATION] * (1 - min(workspace[FADE], 1.0)) * dt / square
+        adapted = where(acts, adapted, 0.0)
         f0, f1, f2 = turned(C, f[0], f[1], f[2])
         # sigma = -k f x e_xi, a column for each component of e_xi
         turn(a, 0, C, (f0, f1, f2), (0.0, -k * f2, k * f1), ki)
@@ -159,7 +162,7 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
         matrix(workspace, R, 3, 3),
     )
     copy_leading(belief.P, P)
-    if workspace[SHARE] != 0:
+    if any_of(workspace[SHARE] != 0):
         clear(workspace)
         if kind == MAGNETIC_KIND:
             _field(belief, sd, parameters, a, b, r)
@@ -171,7 +174,7 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
     used = False
     for row in range(3):
         axis = 2 if kind == ALTITUDE_KIND else row
-        if K[3 * row] != 0 or K[3 * row + 1] != 0 or K[3 * row + 2] != 0:
+        if any_of((K[3 * row] != 0) | (K[3 * row + 1] != 0) | (K[3 * row + 2] != 0)):
             used = True
             a[row, axis], a[row, 3 + axis], a[row, XI + axis] = (
                 -K[3 * row],
@@ -219,27 +222,28 @@ def _field(belief: Belief, sd: Array, parameters: Array, a: Array, b: Array, r: 
     )
     force = turned(C, f[0], f[1], f[2])
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3
-    if workspace[FIELD] == ACROSS:
+    if int(workspace[FIELD]) == ACROSS:
         h = (force[0] + xi[0], force[1] + xi[1], force[2] + xi[2])
         u = cross(h, m)
         square, along = dot(u, u), cross(m, u)
+        each = share / where(square > 0, square, 1.0)
         for j in range(3):
             b[0, 6 + j], b[1, XI + j] = along[j], u[j]
         r[0, 0] = variance * square
-        turn(a, 0, C, force, scaled(share / square, h), ki)
-        turn(a, 1, C, force, scaled(share / square, m), ki)
+        turn(a, 0, C, force, scaled(each, h), ki)
+        turn(a, 1, C, force, scaled(each, m), ki)
     else:
         square = dot(m, m)
         for i in range(3):
             for j in range(3):
                 b[i, 6 + j] = (1.0 if i == j else 0.0) - m[i] * m[j] / square
                 r[i, j] = variance / square * b[i, 6 + j]
-            axis = (
-                (share, 0.0, 0.0)
-                if i == 0
-                else ((0.0, share, 0.0) if i == 1 else (0.0, 0.0, share))
+            x, y, z = (
+                where(i == 0, share, 0.0),
+                where(i == 1, share, 0.0),
+                where(i == 2, share, 0.0),
             )
-            turn(a, i, C, force, axis, ki)
+            turn(a, i, C, force, (x, y, z), ki)
 
 
 @helper

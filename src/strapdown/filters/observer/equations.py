@@ -30,6 +30,7 @@ from ...core.contract import (
     Slots,
 )
 from ...core.earth import displace, place
+from ...core.elementary import arctangent, arctangent2, tangent
 from ...core.embedded import NAVIGATION, navigation
 from ...core.error_state import bias_free, observed, publish_rates
 from ...core.jit import helper, inlined, matrix
@@ -314,14 +315,20 @@ def inject(
     """What a fix changes where it is wanted, without looking whether it is plausible."""
     H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
     observed(bar, y, observe, parameters, innovation, H)
-    for i in range(3):
-        innovation[i] = where(wanted, innovation[i], math.nan)
-    take(bar, y, sd, kind, parameters, innovation)
+    take(bar, y, sd, kind, parameters, innovation, wanted)
 
 
 @inlined
-def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovation: Array) -> None:
-    """What a fix with that innovation changes: position, velocity and xi by the gains of the
+def take(
+    bar: Belief,
+    y: Array,
+    sd: Array,
+    kind: int,
+    parameters: Array,
+    innovation: Array,
+    wanted: bool = True,
+) -> None:
+    """What a fix with that innovation changes where it is wanted: position, velocity and xi by the gains of the
     translational motion observer, the attitude by a direction.
 
     In an outage only position and velocity, which end it; a heading or field is only remembered as
@@ -329,11 +336,12 @@ def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovat
     """
     workspace, e = bar.workspace, innovation
     free = (not outage(workspace)) | (kind == POSITION_KIND or kind == VELOCITY_KIND)
+    free = free & wanted
     workspace[SHARE] = 0.0
     for i in range(9):
         workspace[GAIN][i] = 0.0
     if kind == HEADING_KIND:
-        measured = e[0] == e[0]
+        measured = (e[0] == e[0]) & wanted
         since = min(workspace[SINCE_HEADING], LONGEST_GAP)
         _towards_heading(bar, y[0], since, measured & free)
         workspace[SINCE_HEADING] = where(measured, 0.0, workspace[SINCE_HEADING])
@@ -341,15 +349,15 @@ def take(bar: Belief, y: Array, sd: Array, kind: int, parameters: Array, innovat
     elif kind == MAGNETIC_KIND:
         total = e[0] + e[1] + e[2]
         _towards_field(bar, y, parameters, (total == total) & free)
-        there = (e[0] == e[0]) & (not free)
+        there = (e[0] == e[0]) & wanted & (not free)
         workspace[SINCE_FIELD] = where(there, 0.0, workspace[SINCE_FIELD])
     elif kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND:
         if kind == VELOCITY_KIND:
-            sd_v = math.hypot(sd[0], sd[1]) * math.sqrt(0.5)
-            _course(bar, e[0] + bar.v[0], e[1] + bar.v[1], sd_v)
+            sd_v = math.sqrt(0.5 * (sd[0] * sd[0] + sd[1] * sd[1]))
+            _course(bar, e[0] + bar.v[0], e[1] + bar.v[1], sd_v, free)
         _translate(bar, kind, e, sd, free)
-        workspace[EXCITATION] = smallest(workspace)
-        excited = workspace[EXCITATION] >= EXCITED
+        workspace[EXCITATION] = where(free, smallest(workspace), workspace[EXCITATION])
+        excited = free & (workspace[EXCITATION] >= EXCITED)
         workspace[UNEXCITED] = where(excited, -math.inf, workspace[UNEXCITED])
     _assess(workspace)
     orthonormalise(bar.C, free)
@@ -390,13 +398,13 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: boo
 
 
 @inlined
-def _course(bar: Belief, north: float, east: float, sd: float) -> None:
-    """The direction of the velocity (m/s, each with that sd) as a heading, where it is fast enough
-    and nothing better is there."""
+def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> None:
+    """The direction of the velocity (m/s, each with that sd) as a heading, where it is wanted, fast
+    enough and nothing better is there."""
     workspace = bar.workspace
     mode, speed = int(workspace[MODE]), math.sqrt(north * north + east * east)
     told = min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED
-    wanted = (not told) & (speed == speed)
+    wanted = wanted & (not told) & (speed == speed)
     if mode == NONE or not any_of(wanted):
         return
     slow = too_slow(speed, sd, float(workspace[LEAST_SPEED]))
@@ -406,14 +414,14 @@ def _course(bar: Belief, north: float, east: float, sd: float) -> None:
     workspace[SLOW] = where(fast, 0.0, workspace[SLOW] + held)
     if not any_of(fast):
         return
-    speed = where(speed > 0, speed, math.inf)
-    course, since = math.atan2(east, north), workspace[SINCE_COURSE]
-    workspace[COURSE_SD] = where(fast, sd / speed, workspace[COURSE_SD])
+    course, since = arctangent2(east, north), workspace[SINCE_COURSE]
+    own_sd = where(speed > 0, sd / where(speed > 0, speed, 1.0), math.inf)
+    workspace[COURSE_SD] = where(fast, own_sd, workspace[COURSE_SD])
     workspace[COURSE] = where(fast, course, workspace[COURSE])
     workspace[SINCE_COURSE] = where(fast, 0.0, since)
     seconds = min(since, LONGEST_GAP)
     if mode == PRINTED:
-        C = bar.C
+        C, speed = bar.C, where(speed > 0, speed, 1.0)
         _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds, fast)
     else:
         _towards_heading(bar, course, seconds, fast)
@@ -435,7 +443,7 @@ def _towards_heading(bar: Belief, heading: float, seconds: float, wanted: bool) 
     if not any_of(wanted):
         return
     C, workspace = bar.C, bar.workspace
-    angle = where(wanted, wrap(heading - math.atan2(C[1, 0], C[0, 0])), 0.0)
+    angle = where(wanted, wrap(heading - arctangent2(C[1, 0], C[0, 0])), 0.0)
     left = _left(angle, gain(workspace, K2) * seconds)
     workspace[SHARE] = where(angle != 0, 1 - left / where(angle != 0, angle, 1.0), 0.0)
     angle -= left
@@ -445,7 +453,7 @@ def _towards_heading(bar: Belief, heading: float, seconds: float, wanted: bool) 
 @helper
 def _left(angle: float, time: float) -> float:
     """What is left of an angle (rad) whose rate is - sin(angle), after that (scaled) time."""
-    return 2 * math.atan(math.tan(0.5 * angle) * decay(time))
+    return 2 * arctangent(tangent(0.5 * angle) * decay(time))
 
 
 @inlined
@@ -513,7 +521,7 @@ def _towards(
     if not any_of(wanted):
         return
     sine = where(wanted, sine, 1.0)
-    angle = math.atan2(sine, cosine)
+    angle = arctangent2(sine, cosine)
     share = (angle - _left(angle, gain(bar.workspace, K2) * seconds)) / sine
     share = where(wanted, share, 0.0)
     bar.workspace[SHARE] = share * sine / angle
@@ -529,7 +537,7 @@ def follow(bar: Belief, belief: Belief) -> None:
     lost = workspace[SLOW] >= LONG_HELD
     if not any_of(lost):
         return
-    angle = wrap(math.atan2(belief.C[1, 0], belief.C[0, 0]) - math.atan2(C[1, 0], C[0, 0]))
+    angle = wrap(arctangent2(belief.C[1, 0], belief.C[0, 0]) - arctangent2(C[1, 0], C[0, 0]))
     angle = where(lost, angle, 0.0)
     turn(bar, angle * C[2, 0], angle * C[2, 1], angle * C[2, 2])
     b, own = belief.bg, bar.bg

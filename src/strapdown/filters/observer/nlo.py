@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 from ...checks import check_number
+from ...core.choosing import any_of, where
 from ...core.contract import (
     CORRECT,
     MAGNETIC_KIND,
@@ -86,13 +87,14 @@ def correct(
     step(belief)
     rows = observed(belief, y, observe, parameters, innovation, H)
     nis, P = test(belief.P, workspace[OWN], H, innovation, sd, rows), belief.P
-    unknown = kind == MAGNETIC_KIND and P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN
-    if unknown:
-        nis = math.nan
+    unknown = (kind == MAGNETIC_KIND) & (P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN)
+    if any_of(unknown):
+        nis = where(unknown, math.nan, nis)
         for i in range(3, innovation.size):
-            innovation[i] = math.nan
-    if nis <= gate or unknown:
-        take(belief, y, sd, kind, parameters, innovation)
+            innovation[i] = where(unknown, math.nan, innovation[i])
+    taken = (nis <= gate) | unknown
+    if any_of(taken):
+        take(belief, y, sd, kind, parameters, innovation, taken)
         after_fix(belief, sd, kind, parameters, H)
     return nis
 
@@ -110,4 +112,5 @@ NLO = Filter(
     conditions=(SLOW, UNEXCITED),
     condition=CONDITION,
     weighs=False,
+    lanes=True,
 )

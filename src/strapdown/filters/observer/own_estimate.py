@@ -9,10 +9,10 @@ counted from the estimate, and P is theirs: to first order its tilts lie half of
 the vertical than those about the heading of the model, log(exp(a) exp([0 0 -TURN])).
 """
 
-import math
-
 from ...core.choosing import any_of, where
 from ...core.contract import Belief, Slots
+from ...core.elementary import arctangent2, sine_cosine
+from ...core.error_state import turn_half
 from ...core.jit import helper, inlined
 from ...core.rotation import wrap
 from ...typing import Array
@@ -45,12 +45,11 @@ def take_heading(belief: Belief, bar: Belief, own: Array, wanted: bool) -> None:
     better = wanted & (since <= TRUSTED) & (variance >= CERTAIN * CERTAIN)
     z = where(wanted, 0.0, before)
     if any_of(better):
-        angle = wrap(math.atan2(C[1, 0], C[0, 0]) - math.atan2(bar.C[1, 0], bar.C[0, 0]))
+        angle = wrap(arctangent2(C[1, 0], C[0, 0]) - arctangent2(bar.C[1, 0], bar.C[0, 0]))
         better = better & (angle * angle <= WITHIN * WITHIN * variance)
         z = where(better, angle, z)
         again = better & (before != 0)
-        if any_of(again):
-            turn_tilt(belief.P, where(again, 0.5 * wrap(z - before), 0.0))
+        turn_tilts(belief.P, where(again, wrap(z - before), 0.0))
     own[TURN] = z
 
 
@@ -58,24 +57,20 @@ def take_heading(belief: Belief, bar: Belief, own: Array, wanted: bool) -> None:
 def turn_heading(C: Array, z: float) -> None:
     """C <- exp([0 0 z]) C, rad."""
     if any_of(z != 0):
-        c, s = math.cos(z), math.sin(z)
+        s, c = sine_cosine(z)
         for j in range(3):
             C[0, j], C[1, j] = c * C[0, j] - s * C[1, j], s * C[0, j] + c * C[1, j]
 
 
 @helper
-def turn_tilt(P: Array, z: float) -> None:
-    """P of tilts that are turned by z (rad) about the vertical."""
+def turn_tilts(P: Array, z: float) -> None:
+    """P of tilts that are turned by half of z (rad) about the vertical."""
     if any_of(z != 0):
-        c, s = math.cos(z), math.sin(z)
-        for j in range(P.shape[0]):
-            P[6, j], P[7, j] = c * P[6, j] - s * P[7, j], s * P[6, j] + c * P[7, j]
-        for j in range(P.shape[0]):
-            P[j, 6], P[j, 7] = c * P[j, 6] - s * P[j, 7], s * P[j, 6] + c * P[j, 7]
+        turn_half(P, 0.0, 0.0, z)
 
 
 @helper
 def rotated(x: float, y: float, z: float) -> tuple[float, float]:
     """The vector (x, y) turned by z (rad)."""
-    c, s = math.cos(z), math.sin(z)
+    s, c = sine_cosine(z)
     return c * x - s * y, s * x + c * y

@@ -6,9 +6,8 @@ at a fix is I - K C. The Riccati design is the difference equation at the fixes 
 limit at a steady interval is the gain that `observer_gains` prints.
 """
 
-import math
-
 from ...core.choosing import any_of, where
+from ...core.elementary import exponential, exponential_less_one, sine_cosine
 from ...core.jit import helper
 from ...core.workspace import Slots
 from ...typing import Array
@@ -130,7 +129,10 @@ def _by_poles(own: Array, axis: int, velocity: bool, K: Array, measured: bool) -
     ages[axis] = where(measured, 0.0, ages[axis])
     if not any_of(fresh):
         return
-    one, (two, product) = math.expm1(own[POLE] * T), factors(pair[0], pair[1], int(pair[2]), T)
+    one, (two, product) = (
+        exponential_less_one(own[POLE] * T),
+        factors(pair[0], pair[1], int(pair[2]), T),
+    )
     if velocity:
         K[1], K[2] = where(fresh, -(two + product), 0.0), where(fresh, product / T, 0.0)
         return
@@ -147,8 +149,8 @@ def _by_poles(own: Array, axis: int, velocity: bool, K: Array, measured: bool) -
 def factors(a: float, b: float, complex_pair: int, T: float) -> tuple[float, float]:
     """Sum and product of exp(s T) - 1 of a pair of poles, a and b, or a +- jb."""
     if complex_pair == 0:
-        first, second = math.expm1(a * T), math.expm1(b * T)
+        first, second = exponential_less_one(a * T), exponential_less_one(b * T)
         return first + second, first * second
-    size = math.exp(a * T)
-    x, y = size * math.cos(b * T) - 1, size * math.sin(b * T)
+    size, (s, c) = exponential(a * T), sine_cosine(b * T)
+    x, y = size * c - 1, size * s
     return 2 * x, x * x + y * y

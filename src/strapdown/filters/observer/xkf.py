@@ -70,7 +70,7 @@ from .own_estimate import (
     rotated,
     take_heading,
     turn_heading,
-    turn_tilt,
+    turn_tilts,
 )
 from .repeated_fix import FORGOTTEN, KIND, MEMORY, repeated
 
@@ -221,9 +221,9 @@ def switch(belief: Belief, angle: float) -> None:
     if int(workspace[ITSELF]) == 0:
         workspace[CLOSE] = where(angle < near, 1.0, 0.0)
         return
-    back = (angle < BACK * near) & known(belief.P, near)
-    stays = (angle < near) | (own[DOUBT] <= LOST)
-    workspace[CLOSE] = where(where(close, stays, back), 1.0, 0.0)
+    stays = close & ((angle < near) | (own[DOUBT] <= LOST))
+    back = (not close) & (angle < BACK * near) & known(belief.P, near)
+    workspace[CLOSE] = where(stays | back, 1.0, 0.0)
     own[TURN], own[DOUBT] = where(close, own[TURN], 0.0), where(close, own[DOUBT], 1.0)
 
 
@@ -250,7 +250,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     z = where(itself, workspace[MINE][TURN], 0.0)
     point, moved = model_point(belief, bar, itself, z), any_of(affine | (z != 0))
     if moved:
-        turn_tilt(belief.P, -0.5 * z)
+        turn_tilts(belief.P, -z)
         take_over(belief, point, affine | itself)
         for i in range(STATES):
             x[i] = where(affine, x[i], 0.0)
@@ -266,7 +266,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
         x[8] -= z
         compose(belief, x)
         turn_heading(belief.C, z)
-        turn_tilt(belief.P, 0.5 * z)
+        turn_tilts(belief.P, z)
     if dt > 0:
         for i in range(3):
             belief.omega[i], belief.f[i] = u[i] / dt - belief.bg[i], u[3 + i] / dt - belief.ba[i]
@@ -330,15 +330,13 @@ def move(belief: Belief, point: Belief, itself: bool, z: float, taken: bool) -> 
     """Compose a correction, which is zero where it was not taken, into delta, and the belief from
     point (+) delta, where a turn by z comes last."""
     workspace, P, mine = belief.workspace, belief.P, belief.workspace[MINE]
-    x, dx, ahead = workspace[X], workspace[DX], itself & (z != 0)
+    x, dx, ahead = workspace[X], workspace[DX], z != 0
     if any_of(ahead):
         dx[6], dx[7] = rotated(dx[6], dx[7], -0.5 * z)
-        turn = where(ahead, dx[8], 0.0)
-        turn_tilt(P, 0.5 * turn)
-        mine[TURN] += turn
-    with_it = itself & (z == 0)
-    if any_of(with_it):
-        theta = where(with_it, dx[6], 0.0), where(with_it, dx[7], 0.0), where(with_it, dx[8], 0.0)
+        mine[TURN] += where(ahead, dx[8], 0.0)
+    if any_of(itself):
+        level = itself & (not ahead)
+        theta = where(level, dx[6], 0.0), where(level, dx[7], 0.0), where(itself, dx[8], 0.0)
         turn_half(P, theta[0], theta[1], theta[2])
     x[8] -= z
     for i in range(STATES):
