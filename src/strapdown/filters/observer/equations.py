@@ -523,8 +523,8 @@ def _towards(
     sine = where(wanted, sine, 1.0)
     angle = arctangent2(sine, cosine)
     share = (angle - _left(angle, gain(bar.workspace, K2) * seconds)) / sine
+    bar.workspace[SHARE] = where(wanted, share * sine / angle, 0.0)
     share = where(wanted, share, 0.0)
-    bar.workspace[SHARE] = share * sine / angle
     c0, c1, c2 = where(wanted, c0, 0.0), where(wanted, c1, 0.0), where(wanted, c2, 0.0)
     turn(bar, share * c0, share * c1, share * c2)
 
