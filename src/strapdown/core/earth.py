@@ -10,7 +10,6 @@ import math
 
 from ..typing import Array
 from .choosing import any_of, where
-from .elementary import sine as sine_of
 from .jit import helper
 from .rotation import wrap
 
@@ -35,12 +34,26 @@ FAR_HEIGHT = 500e3
 LATITUDE_LIMIT = math.radians(89.0)
 """Results hold up to this latitude: beyond it the azimuth of the north axis turns too fast for a
 metre of position error."""
+SINE = tuple((-1) ** (k + 1) / math.factorial(2 * k + 3) for k in range(11))
+"""Of x^3, x^5 ... in the series of the sine, as many as an angle up to pi/2 needs."""
+
+
+@helper
+def sine_of_latitude(lat: float) -> float:
+    """Sine of an angle from -pi/2 to pi/2: of the same bits for one number and for lanes, within 1
+    unit in the last place, and sooner there than `elementary.sine`."""
+    x = lat * lat
+    xx = x * x
+    low = (SINE[0] + x * SINE[1]) + xx * (SINE[2] + x * SINE[3])
+    middle = (SINE[4] + x * SINE[5]) + xx * (SINE[6] + x * SINE[7])
+    high = (SINE[8] + x * SINE[9]) + xx * SINE[10]
+    return lat + lat * x * (low + xx * xx * (middle + xx * xx * high))
 
 
 @helper
 def radii(lat: float) -> tuple[float, float]:
     """Meridian and normal radius of curvature R_M, R_N, m."""
-    return curvature(sine_of(lat))
+    return curvature(sine_of_latitude(lat))
 
 
 @helper
@@ -59,7 +72,7 @@ def place(lat: float, h: float) -> tuple[float, float, float, float]:
     The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept
     above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.
     """
-    sine = sine_of(lat)
+    sine = sine_of_latitude(lat)
     R_M, R_N = curvature(sine)
     return sine, max(math.sqrt(1 - sine * sine), 1e-3), R_M + h, R_N + h
 
@@ -137,7 +150,7 @@ def displace(lla: Array, north: float, east: float, down: float) -> None:
 def displaced(lla: Array, north: float, east: float) -> tuple[float, float]:
     """Latitude and longitude (rad) of a geodetic position so many metres further, as `displace`
     says."""
-    sine = sine_of(lla[0])
+    sine = sine_of_latitude(lla[0])
     R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))
     lat = lla[0] + north / (R_M + lla[2])
