@@ -40,8 +40,8 @@ SINE = tuple((-1) ** (k + 1) / math.factorial(2 * k + 3) for k in range(11))
 
 @helper
 def sine_of_latitude(lat: float) -> float:
-    """Sine of an angle from -pi/2 to pi/2: of the same bits for one number and for lanes, within 1
-    unit in the last place, and sooner there than `elementary.sine`."""
+    """Sine of an angle from -pi/2 to pi/2: of the same bits for one number and for lanes, to 2.5
+    units in the last place, and sooner there than `elementary.sine`."""
     x = lat * lat
     xx = x * x
     low = (SINE[0] + x * SINE[1]) + xx * (SINE[2] + x * SINE[3])
