@@ -23,6 +23,7 @@ import airborne  # noqa: E402
 import attitude  # noqa: E402
 import exogenous  # noqa: E402
 import figures  # noqa: E402
+import lanes  # noqa: E402
 import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
@@ -241,6 +242,7 @@ def study_figures(book):
     book.measure(
         ["study, closed loop alone"], lambda: ratio("B", 15, studies.CLOSED, every=studies.EVERY)
     )
+    book.measure(lanes.FIGURES, lambda: list(lanes.figures()))
     book.measure(["study, two threads"], two_threads)
     book.measure(
         ["study, memory of 10 000 runs", "study, memory of 10 000 runs over that of 1000"],

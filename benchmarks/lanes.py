@@ -24,6 +24,7 @@ SECONDS, RATE, KEPT = 60.0, 100.0, 20
 """Of a flight, Hz, and IMU samples from one row that is kept to the next, as in the first paper's
 study."""
 TIMES = 15
+FIGURES = ["lanes, a fix each 20th step", "lanes, a fix each step"]
 
 
 class Flight:
