@@ -7,9 +7,14 @@ runs, and the distance to what the processor can do.
 import time
 from statistics import median
 
+import numpy as np
+
 import strapdown as sd
+from strapdown.aiding import find
 from strapdown.core import loop
-from strapdown.core.signatures import LANES
+from strapdown.core.c_calls import aligned
+from strapdown.core.jit import kernel
+from strapdown.core.signatures import LANES, WHOLE, in_lanes, reals, signature
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.engine.side_by_side import SideBySide
@@ -41,6 +46,10 @@ class Flight:
         self.records = [self.made.run(self.spec, stream) for stream in self.streams]
         self.steps = len(self.made.ideal.t) * LANES
 
+    def asked_for(self):
+        """Arguments of `begin` for the first of the runs."""
+        return self.records[0][0], self.filter, self.asked()
+
     def asked(self, run=0):
         return Asked({}, self.spec, self.records[run][1], every=KEPT, covariance=True)
 
@@ -49,7 +58,7 @@ class Flight:
         simulated = lanes.Simulated(self.made, self.spec, self.shared, self.streams, self.at)
         recordings = [recording for recording, _ in self.records]
         side = SideBySide(
-            begin(recordings[0], self.filter, self.asked()),
+            begin(*self.asked_for()),
             [start for _, start in self.records],
             recordings,
             lane_scoring.keep_errors_in_lanes,
@@ -73,7 +82,7 @@ class Flight:
 
     def alone(self):
         """Processor seconds of the one loop over one of the runs, rows and covariances kept."""
-        run = begin(self.records[0][0], self.filter, self.asked())
+        run = begin(*self.asked_for())
         run.cursor.at[1] = len(run.samples.t)
         go = loop.run.bound(
             *run.kernels, run.belief, run.samples, run.fixes, run.noise, run.cursor, run.out
@@ -105,25 +114,133 @@ def figures():
         )
 
 
-def by_runs(counts=(10, 100, 1000, 10_000)):
-    """[(runs, wall us per filter step)] of studies of a minute at 20 Hz with a fix at each sample."""
-    found = []
-    flight = sd.scenario("paper1-01").replace(name="a minute", duration=60.0)
+def by_runs(counts=(10, 100, 1000, 10_000, 100_000)):
+    """[(runs, wall us per filter step, MB of results)] of studies of a minute at 20 Hz with a fix at
+    each sample, of the closed loop, with all that a study does."""
+    flight, found = sd.scenario("paper1-01").replace(name="a minute", duration=60.0), []
     for runs in counts:
         study = sd.Study(flight, ("closed-loop",), ("paper1-tactical",), runs, seed=1)
         study.run()
         before = time.perf_counter()
-        study.run()
-        found.append((runs, (time.perf_counter() - before) / study.steps() * 1e6))
+        campaign = study.run()
+        took = time.perf_counter() - before
+        stored = sum(file.stat().st_size for file in campaign.folder.rglob("*.nc"))
+        found.append((runs, took / study.steps() * 1e6, stored / 1e6))
     return found
 
 
+SUMS = 12
+"""Sums that do not wait for each other, so that the processor always has one to do."""
+PEAK = signature("peak", count=WHOLE, x=reals(2 * SUMS))
+
+
+@kernel(PEAK)
+def multiply_and_add(count, x):
+    """x[i] <- 0.999 x[i] + 0.001, as many times."""
+    a, b, c, d, e, f = x[0], x[1], x[2], x[3], x[4], x[5]
+    g, h, i, j, k, m = x[6], x[7], x[8], x[9], x[10], x[11]
+    for _ in range(count):
+        a, b, c = 0.999 * a + 0.001, 0.999 * b + 0.001, 0.999 * c + 0.001
+        d, e, f = 0.999 * d + 0.001, 0.999 * e + 0.001, 0.999 * f + 0.001
+        g, h, i = 0.999 * g + 0.001, 0.999 * h + 0.001, 0.999 * i + 0.001
+        j, k, m = 0.999 * j + 0.001, 0.999 * k + 0.001, 0.999 * m + 0.001
+    x[0], x[1], x[2], x[3], x[4], x[5] = a, b, c, d, e, f
+    x[6], x[7], x[8], x[9], x[10], x[11] = g, h, i, j, k, m
+
+
+def peak():
+    """Multiplications and additions a microsecond that a core does at most, in lanes, each rounded."""
+    x, count = aligned(2 * SUMS, LANES), 20_000
+    go = multiply_and_add.for_runs(in_lanes(PEAK)).bound(count, x)
+    best = min(_timed(go) for _ in range(50))
+    return 2 * SUMS * LANES * count / best / 1e6
+
+
+def _timed(function):
+    before = time.perf_counter()
+    function()
+    return time.perf_counter() - before
+
+
+class Counted:
+    """A number that counts what is done with it."""
+
+    done = 0
+
+    def __init__(self, value):
+        self.value = float(value)
+
+    def __float__(self):
+        return self.value
+
+    def __int__(self):
+        return int(self.value)
+
+    def __floor__(self):
+        return Counted(np.floor(self.value))
+
+    floor = __floor__  # as numpy asks for it
+
+def _counting(name):
+    def operation(self, *others):
+        Counted.done += 1
+        return Counted(getattr(self.value, name)(*map(float, others)))
+
+    return operation
+
+
+def _comparing(name):
+    return lambda self, other: getattr(self.value, name)(float(other))
+
+
+for _name in ("add", "radd", "sub", "rsub", "mul", "rmul", "truediv", "rtruediv", "neg", "abs"):
+    setattr(Counted, f"__{_name}__", _counting(f"__{_name}__"))
+for _name in ("lt", "le", "gt", "ge", "eq", "ne"):
+    setattr(Counted, f"__{_name}__", _comparing(f"__{_name}__"))
+
+
+def operations(every):
+    """Sums, products and quotients of a run-step of the closed loop alone, counted in plain Python."""
+    run = begin(*Flight(20).asked_for())
+
+    def counted(array):
+        return np.array([Counted(x) for x in array.ravel()], object).reshape(array.shape)
+
+    belief = type(run.belief)(*map(counted, run.belief))
+    u = counted(np.r_[run.samples.dtheta[0], run.samples.dv[0]])
+    filter, counts = run.filter, []
+    noise, dt = run.noise, run.samples.dt[0]
+    for source in (None, 0, 1):
+        Counted.done = 0
+        if source is None:
+            filter.predict.py_func(belief, u, dt, noise)
+        else:
+            k = int(np.flatnonzero(run.fixes.source == source)[0])
+            kind = run.fixes.kind[source]
+            observe = find(("position", "velocity")[source]).observe.py_func
+            given = run.fixes.parameters[source], np.inf, counted(np.zeros(12))
+            y = counted(run.fixes.y[k])
+            filter.correct.py_func(belief, y, run.fixes.sd[k], kind, observe, *given)
+        counts.append(Counted.done)
+    return counts[0] + (counts[1] + counts[2]) / every
+
+
 if __name__ == "__main__":
+    print(
+        "| a fix | noise | filter with its score | together | the one loop | ratio | "
+        "operations of the filter | of what the core does at most |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
+    most = peak()
     for every in (20, 1):
-        noise, filter_took, alone, ratio = measured(every)
+        (noise, filter_took, alone, ratio), count = measured(every), operations(every)
         print(
-            f"a fix each {every} steps: noise {noise:.3f}, filter {filter_took:.3f}, "
-            f"one loop {alone:.3f} us per run-step; ratio {ratio:.3f}"
+            f"| each {f'{every}th ' if every > 1 else ''}step | {noise:.3f} | {filter_took:.3f} | "
+            f"{noise + filter_took:.3f} | {alone:.3f} | {ratio:.2f} | {count:.0f} | "
+            f"{count / filter_took / most:.0%} |"
         )
-    for runs, took in by_runs():
-        print(f"{runs:>6} runs of a minute: {took:.3f} us of wall time per filter step")
+    print(f"\nAt most: {most:.0f} operations a microsecond.\n")
+    print("| runs of a minute | us of wall time per filter step | MB of results |")
+    print("|---|---|---|")
+    for runs, took, stored in by_runs():
+        print(f"| {runs} | {took:.2f} | {stored:.1f} |")
