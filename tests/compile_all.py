@@ -17,6 +17,10 @@ SLOW = ("xkf", "two_stage", "ins_sigma_points", "pkf", "six_state", "ekf")
 them is left over for one core at the end."""
 
 
+DEEP = ("ekf", "xkf", "nlo", "mekf", "course", "magnetic_field")
+"""Parts of the names of modules whose kernels for eight runs only deep tests need."""
+
+
 def kernels(packages=(strapdown, strapdown_reproductions)):
     """Every kernel, in the order in which to compile them."""
     found = [
@@ -28,6 +32,11 @@ def kernels(packages=(strapdown, strapdown_reproductions)):
     return sorted(found, key=lambda kernel: not any(part in kernel.stem for part in SLOW))
 
 
+def _deep(stem):
+    module, _, name = stem.rpartition(".")
+    return name.endswith("_in_lanes") and module.rpartition(".")[2] in DEEP
+
+
 def compiled(stem):
     """Compile one kernel."""
     return jit.compile_kernel(ir.of_stem(stem))
@@ -36,7 +45,8 @@ def compiled(stem):
 if __name__ == "__main__" and jit.COMPILED and kernel_cache.folder():
     packages = (strapdown, strapdown_reproductions) if "--deep" in sys.argv else (strapdown,)
     begin = time.perf_counter()
-    places = [kernel.stem for kernel in kernels(packages)]
+    wanted = [kernel.stem for kernel in kernels(packages)]
+    places = [stem for stem in wanted if "--deep" in sys.argv or not _deep(stem)]
     with get_context("spawn").Pool(os.cpu_count()) as pool:
         new = sum(pool.imap_unordered(compiled, places))
     print(

@@ -89,8 +89,7 @@ def test_lines_say_name_value_unit_target_and_verdict():
     tables = figures.targets()
     line = str(figures.against_target("B closed loop time", 1.25, tables, "busy machine"))
     assert (
-        line.split()
-        == "B closed loop time 1.25 x yardstick at most 1 MISSED busy machine".split()
+        line.split() == "B closed loop time 1.25 x yardstick at most 1 MISSED busy machine".split()
     )
     line = str(figures.against_target("A accuracy position", 0.635, tables))
     assert line.split() == "A accuracy position 0.635 m within 1 % of 0.6344 holds".split()

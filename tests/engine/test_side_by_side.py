@@ -16,6 +16,7 @@ from strapdown.core.signatures import LANES
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.engine.side_by_side import SideBySide, why_alone
+from strapdown.sim.scenario import scenarios
 from strapdown.sim.synthesis import Simulator
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="lanes are compiled")
@@ -102,14 +103,25 @@ class Both:
 NOT_ATTITUDE = np.r_[0:12, 21:KEPT]  # a solution has quaternions
 
 
-@pytest.mark.parametrize("filter", FILTERS)
-@pytest.mark.parametrize("scenario", ["demo", "car"])
+QUICK = {("closed-loop", "demo"), ("open-loop", "car"), ("periodic-reset", "demo")}
+CASES = [
+    pytest.param(scenario, filter, marks=() if (filter, scenario) in QUICK else pytest.mark.deep)
+    for scenario in scenarios()
+    for filter in FILTERS
+]
+
+
+@pytest.mark.parametrize("scenario, filter", CASES)
 def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
-    both = Both(sd.scenario(scenario).replace(duration=40.0), filter)
+    whole = sd.scenario(scenario)
+    try:
+        both = Both(whole.replace(duration=min(40.0, whole.duration)), filter)
+    except sd.DataError as error:  # a filter that cannot run on this recording
+        pytest.skip(str(error))
     if both.why:
         pytest.skip(both.why)
     kept, fix = both.lanes.out.kept, both.lanes.out.fix
-    assert np.isinf(both.lanes.left).sum() >= LANES - 2
+    assert np.isinf(both.lanes.left).any()
     for lane in np.flatnonzero(np.isinf(both.lanes.left)):
         alone = both.alone(lane)
         np.testing.assert_array_equal(kept[:, NOT_ATTITUDE, lane], alone[:, NOT_ATTITUDE])

@@ -18,7 +18,10 @@ from strapdown.filters.observer.own_estimate import DOUBT, TURN
 from strapdown.filters.observer.xkf import XKF
 from strapdown.sim.trajectory import DEG
 
-pytestmark = pytest.mark.skipif(not COMPILED, reason="lanes are compiled")
+pytestmark = [
+    pytest.mark.skipif(not COMPILED, reason="lanes are compiled"),
+    pytest.mark.deep,  # half a minute to compile
+]
 FIELD = np.array([21e-6, 1.6e-6, 43.9e-6])
 SD = {
     "position": np.array([1.5, 1.5, 3.0]),
