@@ -467,7 +467,7 @@ def test_command_refuses_in_one_line(command, file, tmp_path, words, text):
 def test_filters_say_what_they_need(command):
     _, out, _ = command("filters")
     header, _, *lines = out.splitlines()
-    place = slice(header.index("needs"), header.index("options"))
+    place = slice(header.index("needs"), header.index("lanes"))
     needs = {line.split()[0]: line[place].strip() for line in lines}
     assert (
         header.split() == ["filter", "needs", "lanes", "options", "reference"]

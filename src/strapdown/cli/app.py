@@ -417,7 +417,8 @@ def inspect(
 
 @app.command()
 def filters() -> None:
-    """List the filter architectures with what they need, their options, defaults and sources."""
+    """List the filter architectures with what they need, whether studies run it for eight flights at
+    once (lanes), their options, defaults and sources."""
     from .. import filters
     from ..engine.prepare import positioned
 
@@ -437,7 +438,6 @@ def filters() -> None:
         for each in found
     ]
     wrapped_table(head, rows)
-    print("\nlanes: studies run it for eight simulated flights at once (docs/lanes.md)")
 
 
 @app.command()

@@ -154,7 +154,7 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
 @cache
 def levels() -> tuple[str, ...]:
     """Levels of this processor, best first; none where they are not known."""
-    if sys.platform == "linux" and sys.maxsize > 2**32:
+    if sys.maxsize > 2**32:
         flags = set(_of_processor("flags").split())
         levels = LEVELS.get(platform.machine(), {})
         return tuple(level for level, needed in levels.items() if set(needed.split()) <= flags)
@@ -170,8 +170,10 @@ def processor() -> str:
 
 def _of_processor(what: str) -> str:
     """What Linux says of the first processor; there may be hundreds."""
-    with suppress(OSError), open("/proc/cpuinfo", encoding="ascii", errors="replace") as told:
-        return next((line for line in told if line.startswith(what)), ":").partition(":")[2].strip()
+    if sys.platform == "linux":
+        with suppress(OSError), open("/proc/cpuinfo", encoding="ascii", errors="replace") as told:
+            line = next((line for line in told if line.startswith(what)), "")
+            return line.partition(":")[2].strip()
     return ""
 
 

@@ -87,7 +87,7 @@ def test_a_jump_is_an_event_in_the_verdict_and_on_the_page(tmp_path):
     solution = solved("flight", "jump that stays", seed=1)
     (found,) = solution.rejected
     assert str(found) == (
-        "GNSS position: 5 fixes rejected from 158.0 to 162.0 s: they jumped by 20.7 m to the "
+        "GNSS position: 5 fixes rejected from 158.0 to 162.0 s: they jumped by 20 m to the "
         "south-east and stayed; see which is right, they or what was before, and leave the others "
         "out"
     )
@@ -136,7 +136,7 @@ def test_a_stream_says_it_while_it_goes_on_and_once():
             stream.step(event)
         stream.finish()
         ((when, t, text),) = [each for each in told if "rejected" in each[2]]
-        assert 168.0 < when < 170.0 and "they jumped by 30.5 m to the east" in text
+        assert 168.0 < when < 170.0 and "they jumped by 30.1 m to the east" in text
         assert (t, text) in stream.events and stream.events == list(batch.events)
 
 
