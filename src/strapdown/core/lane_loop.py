@@ -3,9 +3,9 @@ the one loop does with a sound sample and a sound fix.
 
 Every number of a belief is a lane, one of each run (`lane_types`). Time, gaps between fixes and the
 order of sources are the same in all runs, so they are plain. What is rare is left to the one loop: a
-run whose sample or fix needs a closer look, whose gate is to be lifted, or whose belief is none any
-more, is marked in `LaneCursor.left` and goes on with numbers that nobody uses. Whoever runs the
-lanes runs it alone.
+run whose sample or fix needs a closer look, or whose gate is to be lifted is marked in
+`LaneCursor.left` and goes on with numbers that nobody uses. Whoever runs the lanes runs it alone. A
+run whose belief is none any more has come to its end, as in the one loop.
 """
 
 import math
@@ -38,7 +38,7 @@ from .cursor import (
     SPEED,
 )
 from .earth import LATITUDE_LIMIT
-from .integrity import NEAR_NULL, SAME_VALUE
+from .integrity import NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
 from .jit import caller, helper, inlined, kernel
 from .loop import LIFT_AFTER, REJECTED, SAME_TIME, walk
 from .mechanization import compensate
@@ -63,24 +63,29 @@ IN_A_ROW, SINCE, ACCEPTED, REJECTIONS, BOOKS = range(5)
 first of them, fixes used and rejected."""
 NIS, USED, INNOVATION, FIX_NUMBERS = 0, 1, 2, 5
 """Columns of LaneOutput.fix: NIS, 1 where the fix was used, innovation (3)."""
-LEFT = 0
-"""LaneCursor.left: time from which a run must go alone, s; inf before."""
-SAMPLE, PART, SEEN, WORK = slice(0, 6), slice(6, 12), slice(12, 24), 24
-"""Of LaneCursor.work: increments in use, a part of them, the innovation."""
+LEFT, ENDED = 0, 1
+"""LaneCursor.left: time from which a run must go alone, and of the sample at which it ended, s; inf
+before."""
+SAMPLE, PART, SEEN, REPEATED, WORK = slice(0, 6), slice(6, 12), slice(12, 24), slice(24, 30), 30
+"""Of LaneCursor.work: increments in use, a part of them, the innovation, and how many samples each
+axis has repeated its value."""
+TIME, BEFORE, REPEATING = 0, 1, 2
+"""LaneCursor.now: time of the belief, s; seconds of the sample before, 0 without one; 1 where an axis
+of any run repeated its value."""
 
 
 class LaneCursor(NamedTuple):
     """The loop's place and books of runs side by side."""
 
     at: Ints  # the same in all runs
-    now: Array  # (2,) time of the belief, s; seconds of the sample before, 0 without one
+    now: Array  # the same in all runs
     last: Array  # per source: time of its last fix
     limits: Array  # as Cursor.limits
     previous: Array  # lanes (7,): increments of the sample before, seconds
     work: Array  # lanes (WORK,)
     books: Array  # lanes (sources, BOOKS)
     conditions: Array  # lanes: when each condition of the filter held first, s; inf: never
-    left: Array  # lanes (1,)
+    left: Array  # lanes (2,)
 
 
 class LaneOutput(NamedTuple):
@@ -98,14 +103,14 @@ def lanes(*shape: int | str) -> Numbers:
 LANE_CURSOR = record(
     LaneCursor,
     at=wholes("places"),
-    now=reals(2),
+    now=reals(3),
     last=reals("sources"),
     limits=reals("limits"),
     previous=lanes(7),
     work=lanes("work"),
     books=lanes("sources", BOOKS),
     conditions=lanes("conditions"),
-    left=lanes(1),
+    left=lanes(2),
 )
 LANE_OUTPUT = record(LaneOutput, fix=lanes("fix_rows", FIX_NUMBERS), kept=lanes("rows", "numbers"))
 KEEP = signature(
@@ -175,11 +180,11 @@ def run_lanes(
         compensate(u[0:3], u[3:6], dt[row], previous, sample)
         for i in range(6):
             previous[i] = u[i]
-        now[1] = previous[6] = dt[row]
+        now[BEFORE] = previous[6] = dt[row]
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[row], dt[row])
         sound = abs(belief.lla[0]) <= LATITUDE_LIMIT
         sound = sound & (belief.P[0, 0] >= 0) & (belief.P[6, 6] >= 0)
-        _leave(~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[row], cursor)
+        _mark(ENDED, ~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[row], cursor)
         if at[CONDITION] >= 0:
             _note(belief.workspace[at[CONDITION]], t[row], cursor.conditions)
         if row % at[EVERY] == at[PHASE]:
@@ -218,7 +223,7 @@ def _advance(
         _use_fix(correct, observers, belief, fixes, cursor, out)
     if left > 0:
         predict_at(predict)(belief, whole, left, noise)
-    now[0] = until
+    now[TIME] = until
 
 
 @inlined
@@ -252,7 +257,7 @@ def _use_fix(
     )
     rejected = nis > gate
     lift = rejected & (books[IN_A_ROW] >= REJECTED) & (t - books[SINCE] >= LIFT_AFTER)
-    _leave(lift, t, cursor)
+    _mark(LEFT, lift, t, cursor)
     books[SINCE] = where(rejected & (books[IN_A_ROW] == 0.0), t, books[SINCE])
     books[IN_A_ROW] = where(rejected, books[IN_A_ROW] + 1, where(nis <= gate, 0.0, books[IN_A_ROW]))
     nothing = math.isnan(innovation[0]) & math.isnan(innovation[1]) & math.isnan(innovation[2])
@@ -266,27 +271,43 @@ def _use_fix(
 
 
 @inlined
-def _leave(which: bool, t: float, cursor: LaneCursor) -> None:
-    """Mark the runs that must go alone from time t on."""
+def _mark(what: int, which: bool, t: float, cursor: LaneCursor) -> None:
+    """Mark the runs that leave or end at time t, unless they have before."""
     if any_of(which):
-        cursor.left[LEFT] = where(which, min(cursor.left[LEFT], t), cursor.left[LEFT])
+        cursor.left[what] = where(which, min(cursor.left[what], t), cursor.left[what])
 
 
 @inlined
 def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
     """Runs of which `core.integrity.plausible` would look at this sample more closely must go
     alone."""
-    limits, previous, before = cursor.limits, cursor.previous, cursor.now[1]
+    limits, previous, before = cursor.limits, cursor.previous, cursor.now[BEFORE]
     gyro = min(limits[GYRO_RANGE], limits[GYRO_FULL_SCALE] * (1 - SAME_VALUE)) * dt
     accel = min(limits[ACCEL_RANGE], limits[ACCEL_FULL_SCALE] * (1 - SAME_VALUE)) * dt
     usual = abs(u[0]) <= gyro
     for i in range(1, 6):
         usual = usual & (abs(u[i]) <= (gyro if i < 3 else accel))
+    same = ~usual
     if before > 0:
         for i in range(6):
             change = abs(u[i] * before - previous[i] * dt)
-            usual = usual & (change > SAME_VALUE * before * abs(u[i]))
-    _leave(~usual, t, cursor)
+            same = same | ~(change > SAME_VALUE * before * abs(u[i]))
+    _mark(LEFT, ~usual, t, cursor)
+    if any_of(same) or cursor.now[REPEATING] > 0:
+        _count_repeated(u, dt, t, cursor)
+
+
+@helper
+def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
+    """Runs of which an axis repeats its value for as long as that of a stuck sensor must go alone."""
+    repeated, before = cursor.work[REPEATED], cursor.now[BEFORE]
+    cursor.now[REPEATING] = 0.0
+    for i in range(6):
+        change = abs(u[i] * before - cursor.previous[i] * dt)
+        repeated[i] = where(change > SAME_VALUE * before * abs(u[i]), 0.0, repeated[i] + 1)
+        _mark(LEFT, repeated[i] >= STUCK_SAMPLES, t, cursor)
+        if any_of(repeated[i] > 0):
+            cursor.now[REPEATING] = 1.0
 
 
 @inlined
@@ -295,10 +316,10 @@ def _look(y: Array, kind: int, belief: Belief, t: float, cursor: LaneCursor) -> 
     limits = cursor.limits
     if kind == POSITION_KIND:
         nowhere = (abs(y[0]) < NEAR_NULL) & (abs(y[1]) < NEAR_NULL)
-        _leave(nowhere | (y[2] < limits[LOWEST]) | (y[2] > limits[HIGHEST]), t, cursor)
+        _mark(LEFT, nowhere | (y[2] < limits[LOWEST]) | (y[2] > limits[HIGHEST]), t, cursor)
     elif kind == VELOCITY_KIND:
         square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
-        _leave(~(square <= 0.99 * limits[SPEED] * limits[SPEED]), t, cursor)
+        _mark(LEFT, ~(square <= 0.99 * limits[SPEED] * limits[SPEED]), t, cursor)
 
 
 @helper

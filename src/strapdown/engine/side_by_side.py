@@ -101,14 +101,14 @@ class SideBySide:
         sources = len(fixes.kind)
         self.cursor = LaneCursor(
             at,
-            np.array([first.start.t, 0.0]),
+            np.array([first.start.t, 0.0, 0.0]),
             np.full(sources, first.start.t),
             cursor.limits,
             aligned(7, LANES),
             aligned(lane_loop.WORK, LANES),
             aligned(sources, lane_loop.BOOKS, LANES),
             aligned(len(filter.conditions), LANES),
-            aligned(1, LANES),
+            aligned(2, LANES),
         )
         self.cursor.conditions[:] = self.cursor.left[:] = np.inf
         self.out = LaneOutput(
@@ -143,14 +143,34 @@ class SideBySide:
 
         def advance(row: int, stop: int) -> None:
             at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, stop
-            go()
+            if self._park():
+                go()
 
         return advance
 
     @property
     def left(self) -> Array:
         """(LANES,) time from which a run must go alone, s; inf of those that need not."""
-        return self.cursor.left[lane_loop.LEFT]
+        left, ended = self.cursor.left
+        return np.where(left <= ended, left, np.inf)
+
+    @property
+    def ended(self) -> Array:
+        """(LANES,) time of the sample at which the belief of a run was none any more, s; inf of
+        those that came to the end."""
+        return self.cursor.left[lane_loop.ENDED]
+
+    def _park(self) -> bool:
+        """Let runs that nobody asks for any more do what a sound one does: numbers that are none
+        would take all runs the long ways. False where none is left."""
+        gone = np.isfinite(self.cursor.left).any(axis=0)
+        if gone.all():
+            return False
+        if gone.any():
+            sound = int(np.argmin(gone))
+            for part in (*self.belief, self.cursor.books):
+                part[..., gone] = part[..., [sound]]
+        return True
 
 
 def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:

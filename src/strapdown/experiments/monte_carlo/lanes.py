@@ -10,6 +10,7 @@ from ...aiding import find
 from ...core import lane_loop
 from ...core.c_calls import aligned
 from ...core.contract import Filter, Start, bound
+from ...core.loop import SAME_TIME
 from ...core.signatures import LANES
 from ...engine.batch import begin
 from ...engine.prepare import Asked, Run
@@ -156,11 +157,12 @@ class Simulated:
 
 def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Scored | None]:
     """Scored of the first runs of a filter, None of those that left the lanes."""
-    cursor, used = side.cursor, int(side.cursor.at[lane_loop.FIX])
+    cursor, ended = side.cursor, side.ended[:runs]
     kept, fix = (
         np.ascontiguousarray(np.moveaxis(part[..., :runs], -1, 0))
-        for part in (side.out.kept, side.out.fix[:used])
+        for part in (side.out.kept, side.out.fix)
     )
+    kept[at.truth.t >= ended[:, None]] = np.nan
     rows = Rows(
         kept[..., lane_scoring.ERROR],
         kept[..., lane_scoring.RPH],
@@ -168,13 +170,15 @@ def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Sco
         kept[..., lane_scoring.NEES],
     )
     fixes = FixRows(
-        side.fixes.t[:used],
-        side.fixes.source[:used],
+        side.fixes.t,
+        side.fixes.source,
         fix[..., lane_loop.INNOVATION :],
         fix[..., lane_loop.NIS],
         fix[..., lane_loop.USED] > 0,
+        np.searchsorted(side.fixes.t, np.minimum(ended, cursor.now[0]) + SAME_TIME, side="right"),
     )
-    left = [_left_model(side.filter, cursor.conditions[:, lane]) for lane in range(runs)]
+    held = np.where(cursor.conditions[:, :runs] < ended, cursor.conditions[:, :runs], np.inf)
+    left = [_left_model(side.filter, held[:, lane]) for lane in range(runs)]
     found = scored(rows, fixes, left, at, limits)
     return [each if np.isinf(t) else None for each, t in zip(found, side.left)]
 

@@ -85,6 +85,7 @@ class FixRows(NamedTuple):
     innovation: Array  # (runs, m, 3)
     nis: Array  # (runs, m)
     accepted: Mask  # (runs, m)
+    reached: Ints  # (runs,) how many of them a run came to
 
 
 def score(
@@ -102,7 +103,7 @@ def score(
         normalised_rows(error, solution.covariance, np.zeros((STATES + 2, STATES)), nees)
     seen = solution.innovations
     each = (seen.innovation[None], seen.nis[None], seen.accepted[None])
-    fixes = FixRows(seen.t, seen.source, *each)
+    fixes = FixRows(seen.t, seen.source, *each, np.array([len(seen.t)]))
     return scored(rows, fixes, [_left_model(solution)], at, limits)[0]
 
 
@@ -245,17 +246,18 @@ def _square(vectors: Array) -> Array:
 def _fixes(fixes: FixRows, run: int, end: float) -> dict[str, float]:
     """Of a run until the abort at `end` s: mean NIS by degree of freedom over the measured rows,
     lag-1 correlation of the innovations; and over the whole run how many fixes were used."""
-    until = int(np.searchsorted(fixes.t, end, side="right"))
+    count = int(fixes.reached[run])
+    until = min(int(np.searchsorted(fixes.t, end, side="right")), count)
     nis, y = fixes.nis[run, :until], fixes.innovation[run, :until]
     measured, first = np.isfinite(nis), fixes.source[:until] == 0
     rows = np.isfinite(y).sum(axis=1)[measured].sum()
     if not (measured & first).all():
         y = y[measured & first]
     moved = np.nansum(y[1:] * y[:-1]) / np.nansum(y**2) if len(y) > 2 else np.nan
-    used = int(fixes.accepted[run].sum())
+    used = int(fixes.accepted[run, :count].sum())
     return {
         "nis": float(nis[measured].sum() / rows) if rows else np.nan,
         "correlation": float(moved),
         "accepted": used,
-        "rejected": fixes.accepted.shape[1] - used,
+        "rejected": count - used,
     }

@@ -29,7 +29,7 @@ from .wrong_installation import Installation, checked
 __all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", "simulator"]
 
 
-MANY_STEPS = 2_000_000
+MANY_STEPS = 400_000
 """Filter steps from which on a study goes through lanes."""
 
 
