@@ -14,7 +14,7 @@ import re
 import shutil
 import tempfile
 import weakref
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from functools import cached_property
@@ -63,6 +63,7 @@ class Campaign:
         """Those that made the chunks, and how they compare, once it is finished; see
         `processors`."""
         self._whole: set[Path] = set()  # chunk files whose checksum was looked at
+        self._kept: dict[str, tuple[Any, Arrays]] = {}  # see _last_of
 
     @classmethod
     def begin(cls, study: Study, out: File | None = None) -> Campaign:
@@ -162,7 +163,7 @@ class Campaign:
 
     def made_by(self, path: Path) -> str:
         """The processor that made a chunk file."""
-        return str(content(path, "chunk of a study", ("t",), True).attributes.get("processor", ""))
+        return str(content(path, "chunk of a study", (), True).attributes.get("processor", ""))
 
     def chunk(self, chunk: Chunk, names: Collection[str]) -> Arrays:
         """Arrays of one chunk, as `read` has those of a cell."""
@@ -206,15 +207,32 @@ class Campaign:
             found.append({name: arrays[name] for name in names if name in arrays})
         return found
 
+    def _last_of(self, what: str, cell: str, make: Callable[[], Arrays]) -> Arrays:
+        """What is made of the files of a cell, kept until another cell is asked for, or a file has
+        changed: tables ask for it once for each filter."""
+        stats = [path.stat() for path in self._files(cell)]
+        key = (cell, *((stat.st_ino, stat.st_mtime_ns, stat.st_size) for stat in stats))
+        if self._kept.get(what, (None, {}))[0] != key:
+            self._kept[what] = key, make()
+        return dict(self._kept[what][1])
+
     def numbers(self, cell: str) -> Arrays:
         """{name: array (filter, run, ...)} of every run of a cell: SCALARS, "mean_square"
         (ERROR_GROUPS) and "coverage" (1, 2, 3 sigma); of a wrong installation PARAMETER_SCALARS,
         "parameter_error" and "parameter_sd" (`parameters`)."""
-        parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *OF_INSTALLATION))
-        return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
+
+        def made() -> Arrays:
+            parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *OF_INSTALLATION))
+            return {
+                name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]
+            }
+
+        return self._last_of("numbers", cell, made)
 
     def parameters(self, cell: str) -> list[str]:
         """The parameters of the installation that were drawn wrong, with their units."""
+        if not self.manifest.get("installation"):
+            return []
         found = self.read(cell, ("parameter",))[0].get("parameter", ())
         return list(map(str, found))
 
@@ -223,6 +241,9 @@ class Campaign:
         alive: "t" s, and per filter "rmse" and "sd" (the root of the mean stated variance)
         (filter, epoch, state), "nees" (mean / 15), "alive" (filter, epoch); "bound" (epoch,
         state), the Cramer-Rao standard deviation."""
+        return self._last_of("curves", cell, lambda: self._curves(cell))
+
+    def _curves(self, cell: str) -> Arrays:
         parts = self.read(cell, ("t", "squares", "variances", "nees_sum", "alive", "bound"))
 
         def total(name: str) -> NDArray[Any]:
