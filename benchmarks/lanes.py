@@ -181,6 +181,7 @@ class Counted:
 
     floor = __floor__  # as numpy asks for it
 
+
 def _counting(name):
     def operation(self, *others):
         Counted.done += 1
