@@ -178,8 +178,15 @@ def _seed(
     scores, biases, growth, sample = [], [], {}, {}
     for label, variant in variants.items():
         try:
+            # the paper's filters know no scale and no misalignment, though the grade states them
             solution = fuse(
-                hidden, variant.filter, start=start, every=ROWS, say=say, **variant.options
+                hidden,
+                variant.filter,
+                start=start,
+                every=ROWS,
+                say=say,
+                estimate=[],
+                **variant.options,
             )
         except DataError as error:
             outages = [{**MEASURES, "said": str(error)}] * len(windows())
