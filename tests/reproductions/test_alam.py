@@ -311,7 +311,8 @@ def test_runs_are_scored_by_seed_filter_and_outage(short_flight):
     from strapdown.geodesy import displacement
     from strapdown.sensor_models.imu import grade
 
-    solution = fuse(recording, "closed-loop", start=align(recording, grade("dmu10")))
+    begin = align(recording, grade("dmu10"))
+    solution = fuse(recording, "closed-loop", start=begin, estimate=[])
     inside = (solution.t > 569.99) & (solution.t < 599.99) & (np.round(solution.t * 20) % 2 == 0)
     truth = recording.reference
     off = displacement(
