@@ -178,6 +178,22 @@ def test_a_lost_run_leaves_and_the_others_keep_every_bit(value):
     )
 
 
+def rejections(both):
+    """(LANES,) fixes of the first source that were not used."""
+    own = both.lanes.fixes.source == 0
+    return (both.lanes.out.fix[own, lane_loop.USED] == 0).sum(axis=0)
+
+
+def test_other_standard_deviations_are_refused():
+    def wider(lane, recording):
+        gnss = recording.aidings[0]
+        changed = replace(gnss, sd=gnss.sd * (1 + (lane == 2)))
+        return replace(recording, aidings=(changed, *recording.aidings[1:]))
+
+    with pytest.raises(ValueError, match="same times and deviations"):
+        Both(sd.scenario("demo").replace(duration=20.0), "closed-loop", spoil=wider)
+
+
 def test_a_run_whose_gate_is_to_be_lifted_leaves():
     def moved(lane, recording):
         if lane != 5:
@@ -189,8 +205,7 @@ def test_a_run_whose_gate_is_to_be_lifted_leaves():
 
     both = Both(sd.scenario("demo").replace(duration=40.0), "closed-loop", spoil=moved)
     assert 20 < both.lanes.left[5] < 40 and np.isinf(np.delete(both.lanes.left, 5)).all()
-    cursor = both.lanes.cursor
-    assert cursor.books[0, lane_loop.REJECTIONS, 5] >= 5
+    assert rejections(both)[5] >= 5
 
 
 def test_rejected_fixes_stay_in_the_lanes():
@@ -202,7 +217,7 @@ def test_rejected_fixes_stay_in_the_lanes():
 
     both = Both(sd.scenario("demo").replace(duration=40.0), "closed-loop", spoil=wild)
     assert np.isinf(both.lanes.left).all()
-    assert (both.lanes.cursor.books[0, lane_loop.REJECTIONS] >= 1).all()
+    assert (rejections(both) >= 1).all()
     for lane in range(LANES):
         np.testing.assert_array_equal(
             both.lanes.out.kept[:, NOT_ATTITUDE, lane], both.alone(lane)[:, NOT_ATTITUDE]

@@ -58,9 +58,9 @@ ROW, STOP, FIX, FIX_COUNT, OUT, EVERY, PHASE, FIRST_ROW, CONDITION, PLACES = ran
 """LaneCursor.at: next IMU row, where to stop, next fix, how many there are, next row to keep, rows are
 kept where row % every == phase, the IMU row of the first sample that is given, and the place of the
 filter's condition in its workspace or -1."""
-IN_A_ROW, SINCE, ACCEPTED, REJECTIONS, BOOKS = range(5)
-"""Columns of LaneCursor.books, a row per source: rejections since the last accepted fix, time of the
-first of them, fixes used and rejected."""
+IN_A_ROW, SINCE, BOOKS = range(3)
+"""Columns of LaneCursor.books, a row per source: rejections since the last accepted fix, and time of
+the first of them, s."""
 NIS, USED, INNOVATION, FIX_NUMBERS = 0, 1, 2, 5
 """Columns of LaneOutput.fix: NIS, 1 where the fix was used, innovation (3)."""
 LEFT, ENDED = 0, 1
@@ -261,10 +261,7 @@ def _use_fix(
     books[SINCE] = where(rejected & (books[IN_A_ROW] == 0.0), t, books[SINCE])
     books[IN_A_ROW] = where(rejected, books[IN_A_ROW] + 1, where(nis <= gate, 0.0, books[IN_A_ROW]))
     nothing = math.isnan(innovation[0]) & math.isnan(innovation[1]) & math.isnan(innovation[2])
-    used = where(rejected | (nothing & math.isnan(nis)), 0.0, 1.0)
-    books[ACCEPTED] += used
-    books[REJECTIONS] += where(rejected, 1.0, 0.0)
-    row[NIS], row[USED] = nis, used
+    row[NIS], row[USED] = nis, where(rejected | (nothing & math.isnan(nis)), 0.0, 1.0)
     for i in range(3):
         row[INNOVATION + i] = innovation[i]
     cursor.at[FIX] += 1

@@ -78,9 +78,10 @@ class SideBySide:
         numbers: int,
     ) -> None:
         """first: a Run like those of the LANES `starts` and `recordings`, which `why_alone` finds
-        nothing against. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; true (rows, ...) and lanes
-        of biases (rows, 6, LANES) are handed to it with an array of so many numbers to write in;
-        numbers: how many it writes of a row."""
+        nothing against. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; it is handed
+        `true` (rows, ...), lanes of `biases` (rows, 6, LANES) and `scratch` numbers to write in, and
+        writes so many `numbers` of a row. Raises ValueError where the fixes of the recordings differ
+        in more than what was measured."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
         own = tuple(each.sd for each in brought(first.recording.aidings))
         beliefs = [
@@ -195,8 +196,10 @@ def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> li
     found = []
     for recording in recordings:
         aidings = usable(filter, recording.aidings)[0]
-        if not all(np.array_equal(a.t, b.t) and a.kind == b.kind for a, b in zip(aidings, mine)):
-            raise ValueError("runs side by side need fixes of the same times")
+        if [a.kind for a in aidings] != [b.kind for b in mine] or not all(
+            np.array_equal(a.t, b.t) and np.array_equal(a.sd, b.sd) for a, b in zip(aidings, mine)
+        ):
+            raise ValueError("runs side by side need fixes of the same times and deviations")
         found.append(rows_of(aidings, "y")[order])
     return found
 

@@ -175,7 +175,9 @@ def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Sco
         fix[..., lane_loop.INNOVATION :],
         fix[..., lane_loop.NIS],
         fix[..., lane_loop.USED] > 0,
-        np.searchsorted(side.fixes.t, np.minimum(ended, cursor.now[0]) + SAME_TIME, side="right"),
+        np.searchsorted(
+            side.fixes.t, np.minimum(ended, cursor.now[lane_loop.TIME]) + SAME_TIME, side="right"
+        ),
     )
     held = np.where(cursor.conditions[:, :runs] < ended, cursor.conditions[:, :runs], np.inf)
     left = [_left_model(side.filter, held[:, lane]) for lane in range(runs)]
