@@ -35,6 +35,7 @@ NLO = filters.find("nlo")
 SILENT = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 FIELD = np.array([21e-6, 1e-6, 43e-6])
 GIVEN = dict(kpp=0.3, kvp=0.03, kxp=0.003, kpv=0.05, kvv=0.4, kxv=0.1, adaptation=0.3, crab=0.0)
+GIVEN["bias_law"] = "norm"
 # of position, velocity, attitude, accelerometer and gyro bias, xi
 SMALL = np.repeat([1e-3, 1e-3, 1e-5, 1e-4, 1e-6, 1e-4], 3)
 

@@ -24,6 +24,7 @@ NOISE = Noise(3e-4, 3e-3, 2e-5, 2e-4, 0.0, 0.0)
 RATE = 7.292115e-5
 K1, K2, KI, ADAPTATION = 0.8, 0.5, 0.1, 0.3
 CONSTANT = dict(
+    bias_law="norm",
     start_time=1e-3,
     k1=K1,
     k2=K2,
@@ -284,7 +285,7 @@ def test_adaptation_finds_a_bias_that_is_excited_and_survives_an_impact(predict)
     """The IMU turns about all axes at rest in n, with a bias; xi is what f_n lacks. An impact of
     16 g for one sample moves little."""
     rng, true, dt = np.random.default_rng(2), np.array([0.05, -0.08, 0.1]), 0.1
-    b = belief(k1=1e-9, ki=0.0, k1_start=1e-9, ki_start=0.0, adaptation=1.0)
+    b = belief(bias_law="norm", k1=1e-9, ki=0.0, k1_start=1e-9, ki_start=0.0, adaptation=1.0)
     b.workspace[equations.FADE] = 0.0  # the start is over
     for _ in range(1500):
         C = Rotation.random(random_state=rng).as_matrix()
@@ -420,7 +421,7 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
     """Not even towards a frozen course: attitude by the gyros alone, xi and biases as they were."""
     ends = {}
     for name, noise in (("made up", NOISE._replace(accel=1.0)), ("measured", NOISE)):
-        b = ends[name] = with_xi(course="frozen")
+        b = ends[name] = with_xi(course="frozen", k1=0.3, k2=0.03)
         b.workspace[equations.COURSE], b.workspace[equations.SINCE_FIX] = 1.0, since
         begun = b.bg.copy(), b.ba.copy(), b.workspace[equations.XI].copy()
         predict(b, SAMPLE, 0.1, noise)
@@ -442,7 +443,10 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
 )
 def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
     """Its step in closed form, docs/observer.md, times what the start leaves of it."""
-    b, dt = with_xi(k1=1e-9, k1_start=1e-9, ki=0.0, ki_start=0.0, adaptation=1.0), 0.1
+    b, dt = (
+        with_xi(bias_law="norm", k1=1e-9, k1_start=1e-9, ki=0.0, ki_start=0.0, adaptation=1.0),
+        0.1,
+    )
     b.workspace[equations.FADE], b.workspace[equations.SQUARE], ba, xi = (
         fade,
         0.01,

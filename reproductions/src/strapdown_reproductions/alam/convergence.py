@@ -66,7 +66,9 @@ CASES = {
     "NLO, magnetometer": Case("nlo", {}, True),
     "NLO, the printed vector": Case("nlo", {"course": "printed"}),
     "two-stage EKF": Case("two-stage-ekf"),
+    "NLO, the paper's law of the bias": Case("nlo", {"bias_law": "norm"}),
     "XKF, two stages": Case("xkf-two-stage"),
+    "XKF, two stages, own attitude": Case("xkf-two-stage", {"attitude": "stage-1"}),
     "XKF, 15 states": Case("xkf", {"near": 0.0}),
     "closed loop": Case("closed-loop"),
 }

@@ -65,26 +65,44 @@ class Variant(NamedTuple):
 
 
 EKF, NLO, XKF, FULL, CLOSED = "EKF", "NLO", "XKF", "XKF, 15 states", "closed loop"
+PAPER = {"bias_law": "norm"}
+"""The observer of the paper: it finds what of the accelerometer bias lies along the specific force,
+and knows no wind."""
+OWN = {"attitude": "stage-1"}
 FILTERS = {
     EKF: Variant("two-stage-ekf"),
-    NLO: Variant("nlo"),
-    XKF: Variant("xkf-two-stage"),
+    NLO: Variant("nlo", PAPER),
+    XKF: Variant("xkf-two-stage", PAPER),
     FULL: Variant("xkf", {"near": 0.0}),
     CLOSED: Variant("closed-loop"),
 }
-"""The three of the paper, the exogenous filter with the library's error model, and an anchor, by
-the names that they have in tables."""
+"""The three of the paper, the exogenous filter with the library's error model around the library's
+observer, and an anchor, by the names that they have in tables."""
 EKF_NO_COURSE, XKF_NO_COURSE = "EKF, no course", "XKF, no course"
-ABLATIONS = {
-    EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}),
-    XKF_NO_COURSE: Variant("xkf-two-stage", {"course": "none"}),
-    "NLO, printed course": Variant("nlo", {"course": "printed"}),
-    "NLO, course frozen": Variant("nlo", {"course": "frozen"}),
-    "NLO, no course": Variant("nlo", {"course": "none"}),
-    "NLO, accelerometer bias held": Variant("nlo", {"adaptation": 0.0}),
+XKF_OWN, NLO_XI, XKF_XI = "XKF, own attitude", "NLO, bias by xi", "XKF, bias by xi"
+XKF_OWN_XI = "XKF, own attitude, bias by xi"
+READINGS = {
+    "as printed": (NLO, XKF),
+    "own attitude in stage 2": (NLO, XKF_OWN),
+    "bias by xi": (NLO_XI, XKF_XI),
+    "both": (NLO_XI, XKF_OWN_XI),
 }
-"""What the heading correction and the estimation of the accelerometer bias do: beside the same
-filter of FILTERS."""
+"""NLO and XKF by what the paper leaves open: which attitude drives stage 2, and a law of the
+accelerometer bias that works, as the printed one adapts nothing."""
+ABLATIONS = {
+    XKF_OWN: Variant("xkf-two-stage", PAPER | OWN),
+    NLO_XI: Variant("nlo"),
+    XKF_XI: Variant("xkf-two-stage"),
+    XKF_OWN_XI: Variant("xkf-two-stage", OWN),
+    EKF_NO_COURSE: Variant("two-stage-ekf", {"course": "none"}),
+    XKF_NO_COURSE: Variant("xkf-two-stage", PAPER | {"course": "none"}),
+    "NLO, printed course": Variant("nlo", PAPER | {"course": "printed"}),
+    "NLO, course frozen": Variant("nlo", PAPER | {"course": "frozen"}),
+    "NLO, no course": Variant("nlo", PAPER | {"course": "none"}),
+    "NLO, accelerometer bias held": Variant("nlo", PAPER | {"adaptation": 0.0}),
+}
+"""The other readings; what the heading correction and the estimation of the accelerometer bias do:
+beside the same filter of FILTERS."""
 AXES = ("north", "east", "down")
 Row: TypeAlias = dict[str, float | str]
 """{column: value} of a row of a table of Results, or the part of it that one function finds."""

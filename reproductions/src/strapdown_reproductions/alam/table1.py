@@ -94,19 +94,3 @@ def listed(tables: dict[str, pd.DataFrame], measure: str, first: str, second: st
     return f"{first} / {second}: " * bool(tables) + "; ".join(
         f"{case} {ratio(table, measure, first, second)}" for case, table in tables.items()
     )
-
-
-def won(tables: dict[str, pd.DataFrame], measure: str, first: str, second: str) -> str:
-    """Text: share of the simulated outages in which the first filter's measure is smaller."""
-    found = [
-        ratio(table, measure, first, second)
-        for case, table in tables.items()
-        if case.startswith("outage ")
-    ]
-    count = sum(each.count for each in found)
-    return (
-        f"{first} smaller in {sum(each.wins for each in found) / count:.0%} of {count} simulated "
-        f"outages"
-        if count
-        else "no simulated outage"
-    )

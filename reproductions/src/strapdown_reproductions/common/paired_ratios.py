@@ -141,18 +141,3 @@ def many_times(
         ratio(table, measure, first, second) for table in tables.values() for measure in measures
     ]
     return counted(int(each.low >= factor) - int(each.high < factor) for each in found)
-
-
-def any_better(
-    tables: Mapping[str, pd.DataFrame], measures: Sequence[str], first: str, others: Sequence[str]
-) -> Count:
-    """Count of the same cells for a claim that one of them is enough for: better is decided with
-    Bonferroni's level of so many cells.
-
-    That a filter is better nowhere is told by each cell at 95 %, as elsewhere.
-    """
-    cells = max(len(tables) * len(measures), 1)
-    one = against(tables, measures, first, others)
-    return one._replace(
-        supports=against(tables, measures, first, others, 1 - 0.05 / cells).supports
-    )

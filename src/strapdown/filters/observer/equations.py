@@ -151,21 +151,30 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     told, course = float(workspace[TOLD]), workspace[COURSE]
     made_up = noise.accel > told
     _clocks(workspace, dt, noise.accel * noise.accel - told * told if made_up else 0.0)
+    by_xi = int(workspace[LAW]) == BY_XI
     if made_up:
+        if by_xi:
+            _answer_sample(bar, 0.0, dt, False)
         return
-    free = not outage(workspace)
-    k = 0.0
+    free, k = not outage(workspace), 0.0
     if any_of(free):
         k = _towards_force(bar, x0, x1, x2, dt, free)
-        if int(workspace[LAW]) == BY_NORM:
+        if not by_xi:
             _adapt(bar, x0, x1, x2, dt, free)
-    if int(workspace[LAW]) == BY_XI:
-        own, ki = workspace[ADAPTIVE], where(free, gain(workspace, KI), 0.0)
-        f0, f1, f2 = turned(C, bar.f[0], bar.f[1], bar.f[2])
-        adaptive.sample(own, C, f0, f1, f2, k, ki, dt)
-        own[adaptive.SINCE] += where(free, dt, 0.0)
+    if by_xi:
+        _answer_sample(bar, k, dt, free)
     if int(workspace[MODE]) == FROZEN:
         _towards_heading(bar, course, dt, (not free) & (course == course))
+
+
+@inlined
+def _answer_sample(bar: Belief, k: float, dt: float, free: bool) -> None:
+    """What a sample makes of wrong biases and wind, in which the attitude was turned by k f x xi."""
+    C, workspace, f, own = bar.C, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
+    f0, f1, f2 = turned(C, f[0], f[1], f[2])
+    ki = where(free, gain(workspace, KI), 0.0)
+    adaptive.sample(own, C, f0, f1, f2, where(free, k, 0.0), ki, dt)
+    own[adaptive.SINCE] += where(free, dt, 0.0)
 
 
 @helper

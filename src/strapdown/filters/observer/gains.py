@@ -268,6 +268,11 @@ def configure(
         "outage_after": o["outage_after"]
         or OUTAGE_INTERVALS * min([seconds for seconds in intervals if seconds] or [1.0])
     }
+    if o["bias_law"] == "xi" and o["memory"] <= decided["outage_after"]:
+        raise ValueError(
+            f"memory is {o['memory']:g} s: what the fixes tell would be forgotten before an outage "
+            f"begins, after {decided['outage_after']:g} s; give a longer memory or bias_law='norm'"
+        )
     axes, unchecked = _axes(aidings)
     if not axes:
         return {**options, **decided}, [
