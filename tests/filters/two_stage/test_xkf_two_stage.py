@@ -11,12 +11,22 @@ from test_two_stage_ekf import compensated, ungated
 from two_stage_twin import WRAP, State, Twin
 
 import strapdown as sd
+from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import CORRECT, PREDICT, Noise, kernel
+from strapdown.core.contract import (
+    CORRECT,
+    HEADING_KIND,
+    PARAMETERS,
+    PREDICT,
+    Noise,
+    compile_kernel,
+    kernel,
+)
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded
 from strapdown.filters.two_stage import xkf_two_stage
+from strapdown.filters.two_stage.model import ERROR
 from strapdown.filters.two_stage.xkf_two_stage import (
     INSIDE,
     XKF_TWO_STAGE,
@@ -198,3 +208,52 @@ def test_options_are_those_of_both():
         )
     notes = sd.fuse(recording, "xkf-two-stage", start=start(recording), course="none").meta["notes"]
     assert any("drifts" in note for note in notes)
+
+
+ATTITUDE_ERROR = np.array([2e-3, -1e-3, 3e-3])
+
+
+def driven(attitude, error):
+    """Nine tenths of a second of a turn from an observer at an attitude, and an estimate that is turned by `error`
+    (rad, n) from it; velocity of the estimate before and after, and after its attitude is corrected
+    by a heading."""
+    recording = flight()
+    begun = start(recording)._replace(rph=(0.1, -0.05, 0.7))
+    still = dict(k1=1e-9, k1_start=1e-9, k2_start=1e-9, ki=0.0, ki_start=0.0, bias_law="norm")
+    belief = xkf_two_stage.start(begun, NOISE, attitude=attitude, outage_after=9.0, **still)
+    compile_kernel(XKF_TWO_STAGE.predict), compile_kernel(XKF_TWO_STAGE.correct)
+    belief.workspace[ERROR][6:9] = error
+    before = belief.v.copy()
+    for _ in range(45):  # before the specific force alone levels
+        XKF_TWO_STAGE.predict(belief, np.r_[0.0, 0.002, 0.004, 0.02, 0.1, -0.2], 0.02, NOISE)
+    after = belief.v.copy()
+    observe = aiding.find("heading").observe
+    compile_kernel(observe)
+    turned = np.arctan2(belief.C[1, 0], belief.C[0, 0])
+    y, deviation = np.r_[turned + 0.01, 0.0, 0.0], np.full(3, 0.01)
+    rest = HEADING_KIND, observe, np.zeros(PARAMETERS), np.inf, np.zeros(12)
+    XKF_TWO_STAGE.correct(belief, y, deviation, *rest)
+    turned = np.arctan2(belief.C[1, 0], belief.C[0, 0]) - turned
+    return before, after, belief.v.copy(), turned
+
+
+@pytest.mark.short
+def test_which_attitude_drives_stage_2():
+    """The specific force of an estimate beside the observer is turned by the attitude of stage 1
+    or that of the observer, and the velocity in the body stays where stage 1 is corrected."""
+    _, of_observer, corrected, turned = driven("observer", ATTITUDE_ERROR)
+    _, exact, *_ = driven("observer", np.zeros(3))
+    np.testing.assert_allclose(of_observer, exact, atol=1e-9)
+    np.testing.assert_allclose(corrected, of_observer, atol=1e-9)
+    before, own, corrected, turned = driven("stage-1", ATTITUDE_ERROR)
+    force = exact - before - np.array([0.0, 0.0, 0.9 * 9.81])  # over that time, n
+    difference = np.cross(ATTITUDE_ERROR, force)
+    assert np.linalg.norm(own - exact - difference) < 0.03 * np.linalg.norm(difference)
+    swung = turned * np.array([-own[1], own[0], 0.0])
+    assert turned > 1e-3
+    assert np.linalg.norm(corrected - own - swung) < 0.05 * np.linalg.norm(swung)
+
+
+def test_an_attitude_that_is_not_there_is_refused():
+    with pytest.raises(DataError, match="attitude is 'mine'; it must be one of observer, stage-1"):
+        sd.fuse(flight(), "xkf-two-stage", start=start(flight()), attitude="mine")
