@@ -316,6 +316,7 @@ def exogenous_figures(book):
     """Of the observer, the exogenous Kalman filter and the comparison of outages."""
     book.measure(exogenous.TIMES, lambda: exogenous.times(alternating, 15))
     book.measure(exogenous.STARTS, exogenous.starts)
+    book.measure(exogenous.DRIFTS, exogenous.drifts)
     book.measure(exogenous.COMPARED, exogenous.compared)
 
 

@@ -10,6 +10,15 @@ import workload
 
 TIMES = ["exogenous, NLO step", "exogenous, XKF time"]
 STARTS = ["exogenous, NLO starts, course", "exogenous, NLO starts, magnetometer"]
+DRIFTS = [
+    "nlo, thor75 without its magnetometer",
+    "nlo, thor75 with its magnetometer",
+    "nlo over two-stage EKF, thor75",
+    "nlo over the printed law, drive0708",
+    "xkf around it over the closed loop, thor75",
+]
+THOR = "30@240:575/5"
+"""Windows of 30 s in the scored seconds, one every 5 s, each a run of its own."""
 COMPARED = ["compare, 8 filters x 50 outages"]
 FILTERS = (
     "closed-loop",
@@ -66,6 +75,33 @@ def starts():
     return [
         (course, ", ".join(f"{name} {count}" for name, count in found.items())),
         (magnetometer, ""),
+    ]
+
+
+def drifts():
+    """[(value, note)] for `DRIFTS`: medians of the horizontal RMSE over the outages, and their
+    ratios."""
+    import strapdown as sd
+    from strapdown_reproductions.common.example_recordings import DESCRIPTIONS, windows_of
+
+    def drift(name, filters, windows):
+        recording = sd.read(DESCRIPTIONS / f"{name}.toml")
+        made = sd.compare(recording, filters, windows or windows_of(recording))
+        found = made.scores.groupby("filter", sort=False)["horizontal_rmse_m"]
+        return [
+            (row.iloc[0], f"the worst {row.iloc[1]:.0f} m")
+            for _, row in found.agg(["median", "max"]).loc[list(made.filters)].iterrows()
+        ]
+
+    printed, affine = ("nlo", {"bias_law": "norm"}), ("xkf", {"near": 0.0})
+    alone, ekf = drift("thor75", ["nlo", "two-stage-ekf"], THOR)
+    full, closed, xkf = drift("thor75-full", ["nlo", "closed-loop", affine], THOR)
+    own, theirs = drift("drive0708", ["nlo", printed], None)
+    ratios = ((alone, ekf), (own, theirs), (xkf, closed))
+    return [
+        alone,
+        full,
+        *((one / other, f"{one:.3g} against {other:.3g} m") for (one, _), (other, _) in ratios),
     ]
 
 

@@ -350,7 +350,7 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
         "Figure 4e: accelerometer biases" in page
         and "2 seeds of the simulated flight" in page
         and "NaN ±" not in page
-        and "So few seeds decide little" in page
+        and "A quick run, 2 of each" in page
     )
     assert (
         "2 seeds of IMU and receiver errors" in page

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding, filters
 from strapdown.core.contract import (
+    ALTITUDE_KIND,
     PARAMETERS,
     POSITION_KIND,
     VELOCITY_KIND,
@@ -238,3 +239,13 @@ def test_without_wind_as_an_option_none_is_learnt():
         belief = begun(wind=wind)
         fly(belief, 10, [])
         assert belief.workspace[ADAPTIVE][WIND].any() == learns
+
+
+def test_an_altitude_alone_teaches_nothing():
+    belief = begun()
+    kind, observe = ALTITUDE_KIND, aiding.find("altitude").observe
+    compile_kernel(observe)
+    fix = np.array([501.0, 0, 0]), np.ones(3), kind, observe, np.zeros(PARAMETERS), np.inf
+    NLO.predict(belief, np.r_[0.0, 0, 0, 0, 0, -0.196], 0.02, SILENT)
+    NLO.correct(belief, *fix, np.zeros(12))
+    assert np.isfinite(belief.P).all() and not belief.ba.any()

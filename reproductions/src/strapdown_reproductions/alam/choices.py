@@ -61,7 +61,8 @@ CHOICES = (
     (
         "accelerometer bias of the observer",
         "‖b‖ for ‖b‖², and y_f from the estimate itself, which adapts nothing",
-        "‖b‖², y_f = ‖f̂‖² − ‖f_IMU‖²",
+        "‖b‖², y_f = ‖f̂‖² − ‖f_IMU‖² (NLO, XKF); and, as another reading, biases and wind from ξ, "
+        "the library's own law (NLO, bias by xi; XKF, bias by xi)",
     ),
     (
         "(5), (6), (9), (10) of the two-stage EKF",
@@ -77,9 +78,13 @@ CHOICES = (
     (
         "XKF",
         '"the Jacobian is evaluated at the NLO\'s estimate"',
-        "the affine filter of Johansen & Fossen (2017), for the two-stage model (XKF; its stage 2 "
-        "is driven by the observer's attitude, so that it "
-        "drifts much as the observer) and for the library's 15-state error model (XKF, 15 states)",
+        "the affine filter of Johansen & Fossen (2017), for the two-stage model (XKF) and for the "
+        "library's 15-state error model around the library's observer (XKF, 15 states)",
+    ),
+    (
+        "(8): the attitude as an input of stage 2",
+        "whose is not said",
+        "both: the observer's (XKF) and that of the XKF's own stage 1 (XKF, own attitude)",
     ),
     (
         "outages",

@@ -191,7 +191,7 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
                 b[row, j] = H[row, j]
     if used:
         spread(P, workspace[OWN], a, b, r)
-        if int(workspace[LAW]) == BY_XI:
+        if int(workspace[LAW]) == BY_XI and kind != ALTITUDE_KIND:
             _learnt(belief, P, a, b, r)
     copy_leading(P, belief.P)
 

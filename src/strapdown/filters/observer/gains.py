@@ -135,7 +135,7 @@ def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
     law["XI_NOISE"][...], law["MEMORY"][...] = o["xi_noise"], o["memory"]
     law["SLIP"][...] = math.radians(o["slip"])
     law["SCALE"][:] = (*start.sd[9:12], *np.maximum(start.sd[12:15], GYRO_LEFT), *(o["wind"],) * 2)
-    law["J"][:] = np.eye(adaptive.COUNT)
+    law["J"][:] = law["ROOT"][:] = np.eye(adaptive.COUNT)
     law["U_GYRO"][:, adaptive.GYRO : adaptive.AIR] = np.diag(
         law["SCALE"][adaptive.GYRO : adaptive.AIR]
     )
