@@ -222,6 +222,7 @@ def test_p_is_what_learning_does_to_small_errors(part):
         (dict(wind=-1.0), "wind is -1"),
         (dict(memory=-1.0), "memory is -1"),
         (dict(bias_law="xy"), "bias_law is 'xy'.*it must be one of xi, norm"),
+        (dict(course="printed", bias_law="xi"), "course='printed' turns the attitude about"),
         (dict(memory=2.0), "memory is 2 s: what the fixes tell would be forgotten"),
     ],
 )

@@ -158,8 +158,14 @@ def implant(workspace: Array, start: Start, noise: Noise, **options: Any) -> Non
 
 def checked(options: dict[str, Any]) -> dict[str, Any]:
     """DEFAULTS with these options in. Raises ValueError naming the first that is out of bounds."""
-    by_law = BY_NORM if options.get("bias_law") == "norm" else {}
-    o = {**DEFAULTS, **by_law, **options}
+    printed = options.get("course") == "printed"
+    law = options.get("bias_law", "norm" if printed else DEFAULTS["bias_law"])
+    if printed and law == "xi":
+        raise ValueError(
+            "course='printed' turns the attitude about another axis than the vertical, which "
+            "bias_law='xi' does not know: give bias_law='norm'"
+        )
+    o = {**DEFAULTS, **(BY_NORM if law == "norm" else {}), **options, "bias_law": law}
     for name in (
         "k1",
         "k2",
