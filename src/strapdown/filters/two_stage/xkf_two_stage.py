@@ -16,6 +16,7 @@ from typing import Any
 from ...core.contract import (
     ALTITUDE_KIND,
     CORRECT,
+    DECAYING,
     HEADING_KIND,
     MAGNETIC_KIND,
     POSITION_KIND,
@@ -357,4 +358,5 @@ XKF_TWO_STAGE = Filter(
     diagnose=steep,
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
+    bias=DECAYING,
 )
