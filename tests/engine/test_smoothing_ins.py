@@ -238,10 +238,9 @@ def test_as_rauch_tung_and_striebel_where_biases_are_held(flight, line):
         for bias in ("held", "decaying")
     )
     textbook, P = rauch_tung_striebel(log_of(recording, **given))
-    off = apart(smoothed, textbook)
-    assert np.sqrt((off**2).mean(axis=0)).max() < 0.05 and np.abs(off).max() < 0.15
+    assert np.abs(apart(smoothed, textbook)).max() < 0.05
     np.testing.assert_allclose(smoothed.trajectory.sd, sds(P), rtol=3e-4)
-    assert np.abs(apart(decaying, textbook)).max() > 0.3
+    assert np.abs(apart(decaying, textbook)).max() > 0.2
 
 
 @pytest.mark.parametrize("seed", range(2))

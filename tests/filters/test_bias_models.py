@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from recordings import ahrs, flight, same, start
-from streams import events_of
 
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.contract import BIAS_MODELS, Noise, compile_kernel
+from strapdown.engine.stream import Fix, Sample
 from strapdown.filters.attitude import vru
 
 pytestmark = pytest.mark.short
@@ -96,8 +96,12 @@ def test_a_stream_and_a_bridged_gap_hold_them_too():
     )
     batch = sd.fuse(gone, "mekf", start=begin, noise=NOISE, bias="held")
     stream = sd.Stream("mekf", begin, noise=NOISE, aidings=gone.aidings, lag=0.2, bias="held")
-    for event in events_of(gone):
-        belief = stream.step(event)
+    fixes = [
+        Fix(a.t[k], s, a.y[k], a.sd[k]) for s, a in enumerate(gone.aidings) for k in range(len(a.t))
+    ]
+    samples = [Sample(*row) for row in zip(*gone.imu)]
+    for event in sorted([*samples, *fixes], key=lambda event: event.t):
+        stream.step(event)
     belief = stream.finish()
     assert np.array_equal(belief.ba, batch.b_a[-1]) and np.array_equal(belief.bg, batch.b_g[-1])
     alone = replace(gone, aidings=())
