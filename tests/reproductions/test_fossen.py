@@ -464,11 +464,13 @@ def test_markdown_goes_between_its_marks(made, tmp_path):
         and "At rest:" in text
         and "| fixed-gain | true noises |" in text
     )
-    page.write_text(f"before\n{write_docs.mark('fossen')}\nold\n{markdown.END}\nafter\n")
+    page.write_text(
+        f"before\n{write_docs.mark('fossen')}\nwhat stood there\n{markdown.END}\nafter\n"
+    )
     write_docs.insert(page, "fossen", text)
     found = page.read_text()
     assert (
-        "old" not in found
+        "what stood there" not in found
         and text in found
         and found.startswith("before")
         and found.endswith("after\n")

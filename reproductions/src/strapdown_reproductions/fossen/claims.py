@@ -68,10 +68,17 @@ COLUMNS = (
     "angle_sd_rad",
     "accel_m_s2",
     "accel_s",
-    "accel_first_s",
+    "gyro_s",
+    "accel_before",
+    "accel_after",
+    "accel_left",
+    "accel_model",
+    "position_after_m",
+    "bias_before",
+    "bias_after",
     *(f"accel_left_{axis}" for axis in "xyz"),
 )
-NO_RUN = pd.DataFrame([dict.fromkeys(COLUMNS, np.nan)])
+NO_RUN = pd.DataFrame([dict.fromkeys(COLUMNS, np.nan) | {"stopped": False}])
 
 
 class Evidence(NamedTuple):
@@ -184,7 +191,7 @@ def median(cells: Cells, name: str) -> float:
 
 def share(cells: Cells, what: str) -> float:
     """Share of all runs of the cells in which a condition holds."""
-    return float(holds(together(cells), what).mean())
+    return float(holds(together(cells), what).mean()) if cells else np.nan
 
 
 def errors(cells: Cells) -> str:
