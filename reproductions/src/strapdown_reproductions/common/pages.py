@@ -148,7 +148,7 @@ def _sections(
         name: (caption, table) for name, (caption, table) in tables.items() if caption is not None
     }
     return [
-        ("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
+        ("Claims", claims_table(claims) if claims and "verdict" in claims[0] else _claims(claims)),
         (
             "Figures",
             "".join(
@@ -192,7 +192,8 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
     return f"<div class='scroll plain'><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
 
 
-def _findings(claims: Sequence[Mapping[str, Any]]) -> str:
+def claims_table(claims: Sequence[Mapping[str, Any]]) -> str:
+    """HTML: findings with their verdicts, counted."""
     rows = "".join(
         f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span "
         f"class=slim>{escape(c['source'])}</span></td>"

@@ -473,8 +473,8 @@ def by_reading(cells: pd.DataFrame, readings: Mapping[str, pd.DataFrame]) -> go.
     ]
     drawn, parts = _by_flight(cells, "RMSE [m]", 230)
     for row, own in enumerate(parts, 1):
-        for place, (name, loop, frame, colour) in enumerate(shown):
-            part = frame.loc[own.index]
+        for place, (name, loop, read, colour) in enumerate(shown):
+            part = read.loc[own.index]
             middle, *ends = (part[f"{loop}_censored_500_m{end}"] for end in ("", "_low", "_high"))
             x = np.arange(len(own)) + 0.15 * (place - 1.5)
             marks(drawn, x, middle, name, colour, tuple(ends), row=row, legend=row == 1)
