@@ -126,9 +126,7 @@ CLAIMS = {
         "profiles.",
         "V",
         f"consumer grade: on a flight more than half of the runs have a position error beyond "
-        f"{ONSET:g} m before {EARLY:g} s "
-        f"(Wilson interval above "
-        f"one half)",
+        f"{ONSET:g} m before {EARLY:g} s (Wilson interval above one half)",
         {"early": over(flown(SHORT + LONG, CONSUMER), runs_that, "open_early")},
         "{early}; typical time {least:.0f} to {most:.0f} s; given up by both rules at "
         "{lasted:.0f} s (median)",
@@ -329,8 +327,8 @@ CLAIMS = {
             "An unknown initial bias reduces the stable runtime of the open loop.",
             "VI",
             f"time until the position error exceeds {ONSET:g} m, at most the flight's, with offset "
-            f"shorter than without (intervals "
-            f"apart)",
+            f"shorter than without (interval of their ratio; a flight that "
+            f"ends before both says nothing)",
             {"sooner": over(with_and_without, sooner, "open_onset_s")},
             "{sooner}",
             "figure 6, tables",
@@ -367,7 +365,7 @@ CLAIMS = {
             f"with offset, each grade: the time until the closed loop's accelerometer bias error "
             f"stays below {RESOLVED:g} m/s^2 is "
             f"shorter on a dynamic flight than on "
-            f"the straight 07 (intervals apart; a flight that ends before says nothing)",
+            f"the straight 07 (interval of their ratio; a flight that ends before says nothing)",
             {"shorter": over(OFFSET, against_straight, "closed_resolved_s", -1)},
             "{shorter}. {times}",
             "figure 5, table offset",
@@ -384,8 +382,8 @@ CLAIMS = {
             f"with offset, each grade: the time until the open loop's position error exceeds "
             f"{ONSET:g} m is longer on a dynamic "
             f"flight than on the straight 07 "
-            f"(intervals apart; a flight that ends before its symptoms supports it where 07 has "
-            f"failed by then)",
+            f"(interval of their ratio; a flight that ends before its symptoms supports it where 07 "
+            f"has failed by then, and else says nothing)",
             {"longer": over(OFFSET, against_straight, "open_onset_s", 1)},
             "{longer}. {times}",
             "table offset",

@@ -255,7 +255,7 @@ def in_readings(cells: pd.DataFrame, readings: dict[str, pd.DataFrame]) -> pd.Da
                 ]
             )
     names = ["grade", "start's attitude", "flight", *(name for name, _, _ in columns)]
-    return pd.DataFrame(rows, columns=names).sort_values(names[:3], kind="stable")
+    return pd.DataFrame(rows, columns=names).sort_values("grade", kind="stable")
 
 
 def _size(campaigns: dict[str, Campaign]) -> str:
@@ -263,7 +263,7 @@ def _size(campaigns: dict[str, Campaign]) -> str:
     return (
         f"This page: {first['runs']} runs of each flight and grade, seed {first['seed']}, "
         f"{sum(c.study.steps() for c in campaigns.values()) / 1e6:.3g} million filter steps, "
-        f"strapdown {first['versions']['strapdown']}; filters {' and '.join(first['filters'])}."
+        f"strapdown {first['versions']['strapdown']}; filters {', '.join(first['filters'])}."
     )
 
 

@@ -3,7 +3,7 @@ and how the readings of what the paper leaves open, or prints, decide together."
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -39,11 +39,11 @@ RARELY = 60.0
 SHARES = ("survived", "early", "diverged")
 """In the names of columns that are shares of the runs; all others are means over runs of something's
 logarithm, or stand for one."""
-PRINTED, ZERO = "update (15) as printed", "prediction (19) zero"
+PRINTED, ZERO = "(15) as printed", "(19) zero"
 TENTH, EXACT = "a tenth of the start's attitude error", "no attitude error at the start"
 AS_CHOSEN = "as chosen here"
 UPDATES, STARTS = (PRINTED, ZERO), (TENTH, EXACT)
-UPDATES_AND_STARTS = tuple(f"{PRINTED}, {start}" for start in STARTS)
+UPDATES_AND_STARTS = tuple(f"{PRINTED} with {start}" for start in STARTS)
 """Readings of the closed loop, of the start of navigation grade, and of both; see Evidence."""
 Rule: TypeAlias = Callable[[Votes], Judged]
 
@@ -177,9 +177,9 @@ def change(rows: pd.DataFrame, name: str) -> str:
     return factors([float(np.median(values))])[0] if len(values) else "nothing known"
 
 
-def cells_above(rows: pd.DataFrame, name: str, level: float = 0.5) -> str:
-    """Text: in how many cells the share of runs is above `level`."""
-    return f"{int((rows[name] > level).sum())} of {len(rows)}"
+def cells_above(rows: pd.DataFrame, name: str) -> str:
+    """Text: in how many cells the share of runs is above one half."""
+    return f"{int((rows[name] > 0.5).sum())} of {len(rows)}"
 
 
 def each(rows: pd.DataFrame, form: str, between: str = ", ") -> str:
@@ -250,9 +250,22 @@ def with_and_without(e: Evidence) -> Beside:
     return [(row, other) for row, other in rows if other is not None]
 
 
+def longer(first: pd.Series, second: pd.Series, name: str) -> int:
+    """+1 where time `name`, a geometric mean over runs, is longer in row `first` than in `second`
+    by the 95 % interval of their ratio, -1 where it is shorter, 0 where the interval holds 1."""
+    halves = [0.5 * np.log(row[f"{name}_high"] / row[f"{name}_low"]) for row in (first, second)]
+    ratio, half = np.log(first[name] / second[name]), float(np.hypot(*halves))
+    return vote(ratio - half, ratio + half, 0.0)
+
+
 def sooner(cells: Beside, name: str) -> Judged:
-    """MOSTLY time `name` is shorter with offset (intervals apart)."""
-    return mostly(at_95([-apart(row, without, name) for row, without in cells]))
+    """MOSTLY time `name` is shorter with offset; a flight that ends before both says nothing."""
+    told = [
+        (row, without)
+        for row, without in cells
+        if not (unfinished(row, name) and unfinished(without, name))
+    ]
+    return mostly(at_95([-longer(row, without, name) for row, without in told]))
 
 
 def as_small(cells: Beside, name: str, factor: float) -> Judged:
@@ -280,12 +293,13 @@ def beside_straight(
 
 def against_straight(rows: pd.DataFrame, name: str, sign: int) -> Judged:
     """MOSTLY, over the dynamic flights, time `name` is longer (`sign` 1) or shorter (-1) than on the
-    straight one of their grade; of one that ends before, only that it is longer is known."""
+    straight one of their grade; one that ends before it can tell says nothing."""
     votes = []
     for _, dynamic, straight in beside_straight(rows):
-        for (_, row), ended in zip(dynamic.iterrows(), unfinished(dynamic, name)):
-            one = apart(row, straight.iloc[0], name)
-            votes.append(0 if one < 0 and ended else sign * one)
+        for _, row in dynamic.iterrows():
+            one = longer(row, straight.iloc[0], name)
+            if one > 0 or not unfinished(row, name):
+                votes.append(sign * one)
     return mostly(at_95(votes))
 
 
@@ -297,8 +311,9 @@ def times_beside_straight(rows: pd.DataFrame, name: str) -> str:
     )
 
 
-def unfinished(rows: pd.DataFrame, name: str) -> pd.Series:
-    """Does the flight end before the time is known? Then it is longer than what stands there."""
+def unfinished(rows: pd.DataFrame | pd.Series, name: str) -> Any:
+    """Of a row or of each of several: does the flight end before the time is known? Then it is
+    longer than what stands there."""
     return rows[name] >= 0.99 * 60 * rows["minutes"]
 
 
@@ -363,7 +378,7 @@ def in_readings(claim: Claim, about: str, readings: Sequence[Reading]) -> Claim:
             for verdict in dict.fromkeys(verdicts.values())
         ]
         first = next(iter(judged.values()))["answer"]
-        return f"{first} By reading: {'; '.join(by_verdict)}." if len(judged) > 1 else first
+        return f"{first} By reading - {'; '.join(by_verdict)}." if len(judged) > 1 else first
 
     def same(e: Evidence) -> str:
         texts = [one["identity"] for one in found(e).values()]
