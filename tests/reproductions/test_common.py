@@ -3,13 +3,31 @@ docs/."""
 
 from operator import itemgetter
 
+import pandas as pd
 import pytest
 
 from strapdown.checks import DataError
 from strapdown_reproductions.common import markdown, study, write_docs
 from strapdown_reproductions.common.claims import Claim, Judged, findings, judge, over
-from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
-from strapdown_reproductions.common.verdicts import Count, counted, decided, share_of_runs, total
+from strapdown_reproductions.common.kinds import ALWAYS
+from strapdown_reproductions.common.pages import (
+    DEPENDS,
+    NOT_REPRODUCED,
+    PARTLY,
+    REPRODUCED,
+    TOO_FEW,
+    UNDECIDED,
+    counts,
+)
+from strapdown_reproductions.common.verdicts import (
+    Count,
+    both,
+    counted,
+    decided,
+    over_readings,
+    share_of_runs,
+    total,
+)
 
 pytestmark = pytest.mark.short
 
@@ -99,3 +117,33 @@ def test_what_a_run_has_written_goes_into_its_page(tmp_path, monkeypatch):
 def test_every_page_has_its_marks(name):
     page = write_docs.DOCS / write_docs.PAGES[name][1]
     assert page.read_text(encoding="utf-8").count(write_docs.mark(name)) == 1
+
+
+def test_a_page_of_few_runs_has_no_verdicts(tmp_path):
+    claims = findings([CLAIM._replace(answer="{most:.0f} is most")], {"a": [2, 3], "b": [2]})
+    arguments = ("A study", ["About it."], "Small.", claims, pd.DataFrame({"x": ["y"]}), {}, ())
+    few, enough = (
+        study.write_study(tmp_path / str(runs), *arguments, runs=runs)
+        for runs in (study.ENOUGH - 1, study.ENOUGH)
+    )
+    assert [few[0]["verdict"], enough[0]["verdict"]] == [TOO_FEW, REPRODUCED]
+    page = (tmp_path / "9" / "index.html").read_text()
+    assert "A quick run, 9 of each" in page and "1 claims: 1 too few runs" in page
+    text = (tmp_path / "10" / "findings.md").read_text()
+    assert "**reproduced** | 3 is most |" in text and "1. No kind. a: 2 of 2 cells" in text
+    assert "quick" not in (tmp_path / "10" / "index.html").read_text()
+
+
+def test_what_holds_by_algebra_is_counted_apart():
+    same = CLAIM._replace(identity=lambda e: "a is b" if e["a"] == e["b"] else "", kind=ALWAYS)
+    found = findings([same], {"a": [2], "b": [2]}) + findings([same], {"a": [2], "b": [3]})
+    assert [each["identity"] for each in found] == ["a is b", ""]
+    assert counts(found) == "2 claims: 1 reproduced, 1 decided by algebra alone"
+    assert found[0]["kind"] == "always" and found[0]["rule"].endswith(ALWAYS.rule)
+
+
+def test_readings_that_decide_are_no_lack_of_data():
+    assert over_readings(REPRODUCED, NOT_REPRODUCED) == DEPENDS
+    assert over_readings(REPRODUCED, PARTLY) == PARTLY
+    assert over_readings(PARTLY, NOT_REPRODUCED) == NOT_REPRODUCED
+    assert both(DEPENDS, REPRODUCED) == DEPENDS and both(DEPENDS, NOT_REPRODUCED) == PARTLY

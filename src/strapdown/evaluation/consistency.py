@@ -182,9 +182,9 @@ def mean_of_known(values: Array) -> float:
     return float(known.mean()) if len(known) else np.nan
 
 
-def proportion(successes: int, count: int, probability: float = 0.95) -> Interval:
+def proportion(successes: float, count: float, probability: float = 0.95) -> Interval:
     """Interval of a proportion by Wilson's score; without any trial its value is NaN and its
-    ends are 0 and 1."""
+    ends are 0 and 1. Trials that depend on each other count as an effective number, not whole."""
     from scipy.stats import norm
 
     if not 0 <= successes <= count:

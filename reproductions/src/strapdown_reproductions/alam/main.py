@@ -68,15 +68,6 @@ WANDERS = {
 }
 """Columns of the bias estimates of a sensor, and what they are called."""
 DEGREES = float(np.degrees(1.0))
-LITTLE = (
-    f"So few seeds decide little, and their verdicts are no findings: a run with --quick "
-    f"({QUICK_SEEDS} seeds, {QUICK_STARTS} starts) shows that "
-    f"everything runs (even three of three seeds leave the share of seeds open: Wilson's interval "
-    f"begins at 44 %); those that count are of the "
-    f"full study of {SEEDS} seeds."
-)
-FEW = 10
-"""With fewer seeds than that the page says LITTLE."""
 
 
 def reproduce(
@@ -123,9 +114,8 @@ def write(
         f"seed "
         f"{seed}, strapdown {__version__}."
     )
-    size += f" {LITTLE}" * (count < FEW)
     said = pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"])
-    write_study(
+    return write_study(
         out,
         TITLE,
         INTRODUCTION,
@@ -140,8 +130,8 @@ def write(
         all_figures(results, recorded.growth, wide),
         shown(scores, results.biases, converged),
         [("Notes on the recordings", said)] if recorded.notes else (),
+        runs=count,
     )
-    return claims
 
 
 def shown(

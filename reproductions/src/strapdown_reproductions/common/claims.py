@@ -24,6 +24,13 @@ class Judged(NamedTuple):
         return self.text
 
 
+class Kind(NamedTuple):
+    """A kind of claim, and the rule that decides it, in words; the kinds are in kinds.py."""
+
+    name: str
+    rule: str
+
+
 class Claim(NamedTuple):
     """A row of a paper's table of claims."""
 
@@ -39,6 +46,12 @@ class Claim(NamedTuple):
     shown: Mapping[str, Callable[[Any], object]] = {}
     # text: what the evidence lacks, so that the claim cannot be judged; else ""
     lacks: Callable[[Any], str] | None = None
+    # which kind of claim it is, whose rule decides; `rule` says of what
+    kind: Kind | None = None
+    # format string like `measured`: one plain sentence, with the number that decides
+    answer: str = ""
+    # text where the verdict follows by algebra, whatever is measured; else ""
+    identity: Callable[[Any], str] | None = None
 
 
 def over(
@@ -55,13 +68,21 @@ def over(
 def judge(claim: Claim, evidence: object) -> dict[str, str]:
     """The `finding` on one claim: reproduced where all its parts are, not reproduced where none
     is, partly where one is."""
-    about = (claim.text, claim.source, claim.rule)
+    kind = claim.kind.name if claim.kind else ""
+    rule = "; ".join(filter(None, (claim.rule, claim.kind.rule if claim.kind else "")))
+    about = {"text": claim.text, "source": claim.source, "rule": rule, "kind": kind}
     if claim.lacks and (lacks := claim.lacks(evidence)):
-        return finding(*about, lacks, UNDECIDED, claim.decided_by)
+        return finding(**about, measured=lacks, verdict=UNDECIDED, decided_by=claim.decided_by)
     parts = {name: part(evidence) for name, part in claim.parts.items()}
-    shown = {name: show(evidence) for name, show in claim.shown.items()}
-    verdict = both(*(part.verdict for part in parts.values()))
-    return finding(*about, claim.measured.format(**parts, **shown), verdict, claim.decided_by)
+    told = parts | {name: show(evidence) for name, show in claim.shown.items()}
+    return finding(
+        **about,
+        measured=claim.measured.format(**told),
+        verdict=both(*(part.verdict for part in parts.values())),
+        decided_by=claim.decided_by,
+        answer=claim.answer.format(**told),
+        identity=claim.identity(evidence) if claim.identity else "",
+    )
 
 
 def findings(claims: Iterable[Claim], evidence: object) -> list[dict[str, str]]:

@@ -11,6 +11,8 @@ import pandas as pd
 
 from strapdown.files import replacing
 
+from .pages import counts
+
 END = "<!-- end -->"
 
 
@@ -71,11 +73,24 @@ def findings(
     """Text: sentences on the size of the study, the claims of the `work` with their verdicts, the
     lines `between`, and the tables [(heading, DataFrame of text)]."""
     rows = [
-        f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | {plain(c['measured'])} |"
+        f"| {i} | {plain(c['claim'])} | **{c['verdict']}** | "
+        f"{plain(c['answer'] or c['measured'])}{_by_algebra(c)} |"
         for i, c in enumerate(claims, 1)
     ]
-    head = f"| | the {work} says | verdict | measured |"
-    parts = [size, "", head, "|---|---|---|---|", *rows, *between]
+    head = f"| | the {work} says | verdict | what was found |"
+    parts = [size, "", f"{counts(claims)}.", "", head, "|---|---|---|---|", *rows]
+    if folded := [
+        f"{i}. {plain(c['kind'] or 'No kind')}. {plain(c['measured'])}. Rule: {plain(c['rule'])}."
+        for i, c in enumerate(claims, 1)
+        if c["answer"]
+    ]:
+        said = "The numbers behind each verdict, and the rule that decides"
+        parts += ["", f"<details><summary>{said}</summary>", "", *folded, "", "</details>"]
+    parts += between
     for heading, frame in tables:
         parts += ["", f"{heading}:", "", table(frame, lambda value: plain(str(value)))]
     return "\n".join(parts) + "\n"
+
+
+def _by_algebra(c: Mapping[str, str]) -> str:
+    return f" (By algebra: {plain(c['identity'])})" * bool(c["identity"])

@@ -17,14 +17,24 @@ from strapdown.reports.shell import placed, shell
 from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
-REPRODUCED, PARTLY, NOT_REPRODUCED, UNDECIDED = (
+REPRODUCED, PARTLY, DEPENDS, NOT_REPRODUCED, UNDECIDED, TOO_FEW = (
     "reproduced",
     "partly",
+    "depends on the reading",
     "not reproduced",
     "not decidable here",
+    "too few runs",
 )
-"""Verdicts on what somebody else has claimed."""
-COLOURS = {REPRODUCED: "yes", PARTLY: "half", NOT_REPRODUCED: "no", UNDECIDED: "open"}
+"""Verdicts on what somebody else has claimed; TOO_FEW stands for all of them on the page of a
+run that is too small for any."""
+COLOURS = {
+    REPRODUCED: "yes",
+    PARTLY: "half",
+    DEPENDS: "half",
+    NOT_REPRODUCED: "no",
+    UNDECIDED: "open",
+    TOO_FEW: "open",
+}
 FOOTER = "All figures and verdicts on this page were computed by the command that wrote it; the numbers are in the CSV files beside it."
 STYLE = """.yes{color:#17692d}.no{color:#a11}.half{color:#8a5a00}.open{color:var(--soft)}
 .claims td,.claims th,.text td,.text th{white-space:normal;text-align:left;vertical-align:top}
@@ -49,18 +59,39 @@ def claim(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
 
 
 def finding(
-    text: str, source: str, rule: str, measured: str, verdict: str, decided_by: str
+    text: str,
+    source: str,
+    rule: str,
+    measured: str,
+    verdict: str,
+    decided_by: str,
+    kind: str = "",
+    answer: str = "",
+    identity: str = "",
 ) -> dict[str, str]:
     """One claim of a paper, where it stands in it, the rule that decides, what was measured, the
-    verdict, the figure or table that shows it."""
+    verdict, the figure or table that shows it; its kind, what was found in one sentence, and by
+    what algebra the verdict holds whatever is measured, "" where by none."""
     return {
         "claim": text,
         "source": source,
+        "kind": kind,
         "rule": rule,
+        "answer": answer,
         "measured": measured,
         "verdict": verdict,
         "decided_by": decided_by,
+        "identity": identity,
     }
+
+
+def counts(claims: Sequence[Mapping[str, str]]) -> str:
+    """Text: how many claims there are of each verdict; those that hold by algebra apart."""
+    free = [c["verdict"] for c in claims if not c["identity"]]
+    found = [f"{free.count(verdict)} {verdict}" for verdict in COLOURS if verdict in free]
+    same = len(claims) - len(free)
+    found += [f"{same} decided by algebra alone"] * bool(same)
+    return f"{len(claims)} claims: {', '.join(found)}"
 
 
 def write_page(
@@ -166,15 +197,23 @@ def _findings(claims: Sequence[Mapping[str, Any]]) -> str:
         f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span "
         f"class=slim>{escape(c['source'])}</span></td>"
         f"<td class='verdict {COLOURS[c['verdict']]}'>{escape(c['verdict'])}</td>"
-        f"<td>{escape(c['measured'])}<br><span class=slim>Rule: "
-        f"{escape(c['rule'])}</span></td><td>{escape(c['decided_by'])}</td></tr>"
+        f"<td>{_answer(c)}</td><td>{escape(c['decided_by'])}</td></tr>"
         for i, c in enumerate(claims, 1)
     )
-    counts = ", ".join(
-        f"{sum(c['verdict'] == verdict for c in claims)} {verdict}" for verdict in COLOURS
+    head = "<thead><tr><th></th><th>the paper says</th><th>verdict</th><th>what was found</th><th>see</th></tr></thead>"
+    return f"<p>{counts(claims)}.</p><div class='scroll claims'><table>{head}{rows}</table></div>"
+
+
+def _answer(c: Mapping[str, Any]) -> str:
+    """HTML: one sentence, and folded behind it the rule and what was measured."""
+    identity = f"<br><span class=slim>By algebra: {escape(c['identity'])}</span>"
+    kind = f"Kind of claim: {escape(c['kind'])}. " * bool(c["kind"])
+    return (
+        f"{escape(c['answer'])}{identity * bool(c['identity'])}"
+        f"<details{' open' * (not c['answer'])}><summary>rule and numbers</summary>"
+        f"{escape(c['measured'])}<br><span class=slim>{kind}Rule: {escape(c['rule'])}</span>"
+        "</details>"
     )
-    head = "<thead><tr><th></th><th>the paper says</th><th>verdict</th><th>measured, and the rule that decides</th><th>see</th></tr></thead>"
-    return f"<p>{len(claims)} claims: {counts}.</p><div class='scroll claims'><table>{head}{rows}</table></div>"
 
 
 def _rows(table: pd.DataFrame) -> str:

@@ -13,9 +13,11 @@ from strapdown.checks import check_number
 from strapdown.typing import File, Progress
 
 from . import markdown
-from .pages import write_page
+from .pages import TOO_FEW, write_page
 
 Task, Result = TypeVar("Task"), TypeVar("Result")
+ENOUGH = 10
+"""Runs of each cell; with fewer a study shows how it works, and decides nothing."""
 
 
 def seeds(quick: bool, runs: int | None, seed: int, full: int, few: int) -> list[int]:
@@ -62,14 +64,21 @@ def write_study(
     listed: Sequence[tuple[str, pd.DataFrame]] = (),
     between: Sequence[str] = (),
     work: str = "paper",
-) -> None:
-    """Write the page of a study, as `write_page`, and beside it findings.md for docs/.
+    runs: int = ENOUGH,
+) -> list[dict[str, Any]]:
+    """Write the page of a study, as `write_page`, and beside it findings.md for docs/; return the
+    claims as they stand there.
 
     size: sentences on how large it was; choices: what the `work` leaves open; shown: [(name,
     heading, DataFrame of text)] for the page, a CSV each, and findings.md; notes, after them, are
     for the page alone; listed [(heading, DataFrame of text)] and lines `between` the claims and
-    them are for findings.md alone.
+    them are for findings.md alone. runs: of each cell; with fewer than ENOUGH the page says that it
+    has no verdicts.
     """
+    if runs < ENOUGH:
+        few = f"A quick run, {runs} of each: it shows that everything works and what the pages look"
+        introduction = (f"{few} like. Verdicts take {ENOUGH} runs or more.", *introduction)
+        claims = [{**claim, "verdict": TOO_FEW} for claim in claims]
     headed = [(heading, table) for _, heading, table in shown]
     write_page(
         out,
@@ -81,3 +90,4 @@ def write_study(
         notes=[*headed, (f"What the {work} leaves open, and what was chosen", choices), *notes],
         texts={"findings.md": markdown.findings(size, claims, [*headed, *listed], between, work)},
     )
+    return [dict(claim) for claim in claims]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from strapdown.evaluation.consistency import proportion
 
-from .pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
+from .pages import DEPENDS, NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
 SIZE = 0.01
 """A difference of RMSE below this part is called none, however well many runs resolve it."""
@@ -137,15 +137,17 @@ def both(*verdicts: str) -> str:
     found = set(verdicts)
     if len(found) <= 1:
         return verdicts[0] if verdicts else UNDECIDED
-    return PARTLY if found & {REPRODUCED, PARTLY} else NOT_REPRODUCED
+    if found == {REPRODUCED, DEPENDS}:
+        return DEPENDS
+    return PARTLY if found & {REPRODUCED, PARTLY, DEPENDS} else NOT_REPRODUCED
 
 
 def over_readings(*verdicts: str) -> str:
-    """Of the two ways to abort: opposite ones mean that what the paper leaves open decides; else
-    the less favourable one."""
+    """Of the readings of what a paper leaves open: opposite verdicts mean that the reading
+    decides; else the less favourable one."""
     if {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
-        return UNDECIDED
-    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)
+        return DEPENDS
+    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, DEPENDS, NOT_REPRODUCED).index)
 
 
 def ratios(rows: pd.DataFrame, name: str) -> str:

@@ -112,7 +112,7 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
         f"of {results.t[-1]:.0f} s at 100 Hz and more, "
         f"seed {seed}, strapdown {__version__}."
     )
-    write_study(
+    return write_study(
         out,
         TITLE,
         INTRODUCTION,
@@ -123,8 +123,8 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
         all_figures(results, kept),
         listed=listed(cells, results.dropouts),
         work="chapter",
+        runs=count,
     )
-    return claims
 
 
 def _tables(

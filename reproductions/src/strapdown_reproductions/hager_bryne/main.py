@@ -162,7 +162,7 @@ def write(
         f"- {name.removeprefix('ablation-')}: {markdown.plain(caption)}"
         for name, (caption, _) in ablated.items()
     ]
-    write_study(
+    return write_study(
         out,
         TITLE,
         INTRODUCTION,
@@ -177,8 +177,8 @@ def write(
             ("With 0.5 m/s² as initial value of the bias process", by_flight(initial)),
         ],
         between=["", "Ablations, on flights 01, 07 and 10:", "", *said] if said else (),
+        runs=int(flights.manifest["runs"]),
     )
-    return claims
 
 
 def _size(campaigns: dict[str, Campaign]) -> str:

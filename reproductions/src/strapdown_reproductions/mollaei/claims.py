@@ -49,9 +49,9 @@ CELLS = (
 )
 TWO_FINALS = (
     "judged with the final value of the flight itself and with that of the reference flight: "
-    "opposite verdicts leave it undecided, else the less favourable"
+    "with opposite verdicts it depends on the reading, else the less favourable"
 )
-TWO_OVERSHOOTS = "judged as share of the final value and as share of the step: opposite verdicts leave it undecided, else the less favourable"
+TWO_OVERSHOOTS = "judged as share of the final value and as share of the step: with opposite verdicts it depends on the reading, else the less favourable"
 NONLINEAR = (UKF, PKF)
 BOTH = ((UKF, EKF), (PKF, EKF))
 FROM_REFERENCE = tuple(f"{name}_ref" for name in DEVIATIONS)
