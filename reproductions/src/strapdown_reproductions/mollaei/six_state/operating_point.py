@@ -22,10 +22,10 @@ from strapdown.flight.aircraft.trim import trim
 from strapdown.flight.inputs import CONTROLS as TOLD_CONTROLS, WIND
 from strapdown.typing import Array
 
-READINGS = ("estimate", "trim", "once")
+READINGS = ("estimate", "trim", "once", "held")
 """Where the process is linearised: at the estimate, as in equation (22); forces at a trim, with the
-attitude as it is; all of it at the trim."""
-ESTIMATE, _, ONCE = map(float, range(len(READINGS)))
+attitude as it is; all of it at the trim; the states alone, with the attitude held at the trim's."""
+ESTIMATE, _, ONCE, _ = map(float, range(len(READINGS)))
 POINT = Slots()
 READING = POINT.number("READING")
 ATTITUDE = POINT.matrix("ATTITUDE", 3, 3)  # C0
@@ -94,8 +94,8 @@ def _turned_a_little(p0: float, p1: float, p2: float, x: Array) -> tuple[float, 
 def sampled(
     own: Array, told: Array, C: Array, belief: Belief, gravity: float, dt: float, dv: Array
 ) -> None:
-    """Make A and B of a sample from the attitude C and the belief's rates in it; for ONCE also the
-    increment dv (m/s, NED) that the IMU tells."""
+    """Make A and B of a sample from the attitude C and the belief's rates in it; for ONCE and HELD also
+    the increment dv (m/s, NED) that the IMU tells."""
     C0, S, A, B = (
         matrix(own, ATTITUDE, 3, 3),
         matrix(own, SLOPES, 3, 10),
@@ -104,17 +104,18 @@ def sampled(
     )
     at, f0, wind, controls, f = own[AT], own[FORCE], told[WIND], told[TOLD_CONTROLS], belief.f
     p0, p1, p2, R = 0.0, 0.0, 0.0, C
+    if own[READING] >= ONCE:
+        R = C0
     if own[READING] == ONCE:
         # phi: C0'C = I + [phi x] + ..., of which the symmetric part is of second order
         for k in range(3):
             p0 += 0.5 * (C0[k, 2] * C[k, 1] - C0[k, 1] * C[k, 2])
             p1 += 0.5 * (C0[k, 0] * C[k, 2] - C0[k, 2] * C[k, 0])
             p2 += 0.5 * (C0[k, 1] * C[k, 0] - C0[k, 0] * C[k, 1])
-        R = C0
-        b0, b1, b2 = _turned_a_little(p0, p1, p2, f0)
+    b0, b1, b2 = _turned_a_little(p0, p1, p2, f0)
+    if own[READING] >= ONCE:
         d0, d1, d2 = turned(C0, f[0] + b0 - f0[0], f[1] + b1 - f0[1], f[2] + b2 - f0[2])
         dv[0], dv[1], dv[2] = d0 * dt, d1 * dt, (d2 + gravity) * dt
-    b0, b1, b2 = _turned_a_little(p0, p1, p2, f0)
     v0, v1, v2 = _turned_a_little(p0, p1, p2, at)
     b0 -= S[0, 0] * v0 + S[0, 1] * v1 + S[0, 2] * v2
     b1 -= S[1, 0] * v0 + S[1, 1] * v1 + S[1, 2] * v2
