@@ -288,11 +288,12 @@ def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
     cases = [
         case
         for case in tables
-        if case.experiment in (E0, E1, E2) and case.form != FULL and case.tuning == SENSORS
+        if case.experiment in (E0, E1, E2)
+        and case.form != FULL
+        and case.tuning == SENSORS
+        and not case.condition
     ]
-    titles = [
-        E0 if case.experiment == E0 else f"{case.experiment}, {case.prediction}" for case in cases
-    ]
+    titles = [f"{case.experiment}, {case.prediction}" for case in cases]
     drawn = make_subplots(
         rows=1,
         cols=max(len(cases), 1),

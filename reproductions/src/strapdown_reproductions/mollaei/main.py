@@ -82,9 +82,7 @@ def write(out: File, results: Results, components: int, seed: int) -> list[dict[
     linear = scores[
         (scores["form"] == SIX) & (scores["prediction"] == IMU) & scores["mode"].isin((UKF, PKF))
     ]
-    claims = mollaei_claims.claims(
-        rules.Evidence(tables, linear[["seed", "mode", "apart_m"]], results.seconds)
-    )
+    claims = mollaei_claims.claims(rules.Evidence(tables, linear[["seed", "mode", "apart_m"]]))
     return write_study(
         out,
         TITLE,
@@ -121,10 +119,12 @@ def shown(
     """[(name, heading, DataFrame of text)] of the tables for people."""
     left_out = {
         (f"left-out-{experiment.lower()}", f"Left out: {experiment}"): [
-            case for case in tables if case.form == SIX and case.experiment == experiment
+            *cells.of(tables, experiment)
         ]
         for experiment in cells.EXPERIMENTS
-    } | {("full", "Filters with 15 states"): [case for case in tables if case.form == FULL]}
+    }
+    left_out[("full", "Filters with 15 states")] = [c for c in tables if c.form == FULL]
+    left_out[("conditions", "Other conditions")] = [c for c in tables if c.condition]
     time = pd.DataFrame(
         [
             (mode, driven, f"{seconds:.2g}", "5400" if mode in (UKF, PKF) else "–")
@@ -142,5 +142,10 @@ def shown(
             for experiment in (E0, E1, E2)
         ),
         *((*named, cells.left_out(tables, own)) for named, own in left_out.items() if own),
+        (
+            "readings",
+            "Readings of the EKF, of the PKF and of what is flown: ratios",
+            rules.readings(tables),
+        ),
         ("time", "Time of one flight (E2)", time),
     ]
