@@ -61,7 +61,9 @@ def out(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def claims(out):
-    wanted = main.studies(runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS)
+    wanted = main.studies(
+        runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, start_flights=FLIGHTS, imus=IMUS
+    )
     wanted |= {
         f"ablation-{name}": study for name, study in ablations.studies(FLIGHTS[:1], 2, 1).items()
     }
@@ -81,8 +83,8 @@ def test_the_full_study_is_the_papers():
         "flights": (33, 50),
         "offset": (21, 50),
         "initial": (21, 50),
-        "start-tenth": (11, 50),
-        "start-exact": (11, 50),
+        "start-tenth": (8, 50),
+        "start-exact": (8, 50),
         "ablation-filters": (3, 50),
         "ablation-gravity": (3, 50),
         "ablation-density": (3, 50),
@@ -168,7 +170,7 @@ def test_nothing_runs_twice(out, claims, monkeypatch):
         "strapdown.experiments.monte_carlo.campaign.run_chunk", lambda *_: pytest.fail("ran again")
     )
     for name, study in main.studies(
-        runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, imus=IMUS
+        runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, start_flights=FLIGHTS, imus=IMUS
     ).items():
         filters, imus = len(study.filters), len(study.imus)
         assert len(study.run(out / "campaign" / name, threads=1).runs) == 4 * filters * imus
@@ -234,7 +236,11 @@ def test_readings_stand_side_by_side(out, claims):
 
 def test_drift_is_that_of_an_ins_without_any_fix():
     study = main.studies(
-        runs=1, flights=FLIGHTS, offset_flights=FLIGHTS, imus=("paper1-tactical",)
+        runs=1,
+        flights=FLIGHTS,
+        offset_flights=FLIGHTS,
+        start_flights=FLIGHTS,
+        imus=("paper1-tactical",),
     )["flights"]
     t, drift = hager_bryne_drift.drift(study, 0, 0)
     cell = study.cells[0]
