@@ -283,6 +283,13 @@ def fly(
                     vehicle.wind,
                 )
             _move(step, vehicle, h, C)
+            evaluate_at(evaluate)(
+                vehicle.parameters,
+                state,
+                vehicle.wind,
+                work[RATE_ROWS],
+                loads,
+            )
             if imagined:
                 _imagine(step, vehicle, belief, h)
             else:
@@ -310,13 +317,6 @@ def fly(
         if at[BY_TRUTH] == 1 or cursor.at[places.FAULT] == 0:
             _arrive(work, belief, h, steps)
             _steer(steering, vehicle, belief, at[BY_TRUTH], h)
-        evaluate_at(evaluate)(
-            vehicle.parameters,
-            state,
-            vehicle.wind,
-            work[RATE_ROWS],
-            loads,
-        )
         _write(journal, row, vehicle, steering, C, cut)
         at[CAUSE] = (
             FILTER
