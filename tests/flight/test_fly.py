@@ -552,9 +552,8 @@ def test_a_slower_filter_is_that_filter_fed_the_summed_increments(rate):
     assert same(repeated, slow.solution)
 
 
-def test_between_the_steps_of_a_slow_filter_the_autopilot_goes_on_with_the_gyros():
-    """A turning flight on ten estimates a second is that on a hundred, but for position and
-    velocity, which are held for a tenth of a second."""
+def test_the_autopilot_flies_by_the_last_estimate_of_a_slow_filter():
+    """At its own step: a turning flight on ten estimates a second is nearly that on a hundred."""
     fast, slow = (fly("turning", duration=60.0, filter_rate=rate, seed=3) for rate in (None, 10.0))
     assert fast.stopped is slow.stopped is None
     apart = displacement(slow.recording.reference.lla, fast.recording.reference.lla[::10])
