@@ -12,8 +12,13 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.contract import Noise
 from strapdown.engine import batch
 from strapdown.engine.prepare import Asked
+from strapdown.evaluation.metrics import errors
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
+from strapdown.flight.fly import fly
+from strapdown.flight.plan import straight
+from strapdown.sensor_models.errors import Triad
+from strapdown.sensor_models.imu import ImuSpec
 from strapdown_reproductions.mollaei.six_state import filters, particle_filter
 
 NOISE = Noise(gyro=1e-6, accel=0.08, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
@@ -317,6 +322,28 @@ def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_d
     }
     ekf, *others = off.values()
     assert ekf > 0.1 and max(others) < 0.25 * ekf, off
+
+
+def test_a_slower_filter_is_told_the_mean_of_the_controls():
+    """In a flight without any error the model in the filter's hands errs with the square of its
+    step: 20 and 10 Hz; controls of one instant would make that its first power."""
+    off = {}
+    for rate in (20.0, 10.0):
+        flight = fly(
+            straight(higher=10.0, faster=2.0),
+            filters.EKF6,
+            imu=ImuSpec("ideal", Triad(), Triad()),
+            earth="flat",
+            duration=6.0,
+            outage="0:",
+            prediction="model",
+            inputs=filters.INPUTS,
+            start_sd=(0.0,) * 15,
+            feedback="truth",
+            filter_rate=rate,
+        )
+        off[rate] = np.abs(errors(flight.solution, flight.recording.reference).velocity).max()
+    assert off[20.0] < 0.01 and 3.5 < off[10.0] / off[20.0] < 5.5, off
 
 
 def test_without_fixes_the_weights_stay():
