@@ -90,7 +90,7 @@ def test_nothing_in_the_library_names_a_file_of_a_reproduction():
     for file in PACKAGE.rglob("*.py"):
         text = file.read_text(encoding="utf-8")
         assert not [paper for paper in papers if f"strapdown_reproductions.{paper}" in text], file
-    assert len(papers) == 12
+    assert len(papers) >= 12
 
 
 PAGES = [

@@ -294,7 +294,10 @@ def reproduce(
     runs: Annotated[
         int | None, typer.Option(metavar="N", help="Runs of each configuration.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Of the random errors [default: 2].")] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(help="Of the random errors [default: that of the published pages]."),
+    ] = None,
     workers: WORKERS = 0,
     scheduler: SCHEDULER = None,
     recordings: Annotated[

@@ -13,7 +13,7 @@ from strapdown.typing import File, Progress, Say
 
 from ..common.markdown import number
 from ..common.paired_ratios import ratio
-from ..common.study import part_of, seeds, write_study
+from ..common.study import SEED, part_of, seeds, write_study
 from . import choices, claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
 from .figures import all_figures
 from .on_recordings import Recorded
@@ -74,7 +74,7 @@ def reproduce(
     out: File,
     quick: bool = False,
     runs: int | None = None,
-    seed: int = 2,
+    seed: int = SEED,
     recordings: File | None = None,
     threads: int | None = None,
     say: Say | None = None,

@@ -43,7 +43,8 @@ STYLE = """.yes{color:#17692d}.no{color:#a11}.half{color:#8a5a00}.open{color:var
 .plain td,.plain th{text-align:left;vertical-align:top}.plain td:first-child{white-space:normal;min-width:16rem}
 .text td{min-width:6rem}thead th{white-space:normal;min-width:4.2rem;vertical-align:bottom}main a{color:var(--accent)}
 caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{font-size:13.5px;color:var(--soft)}
-@media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}}"""
+.banner{border:2px solid #b8860b;background:#fff6da;color:#3d2e00;padding:.6rem .9rem;font-weight:600}
+@media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}.banner{background:#3a2f10;color:#ffe6a0}}"""
 
 
 def claim(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
@@ -104,12 +105,14 @@ def write_page(
     figures: Sequence[tuple[str, go.Figure, str]] = (),
     notes: Sequence[tuple[str, pd.DataFrame]] = (),
     texts: Mapping[str, str] = {},
+    banner: str = "",
 ) -> None:
     """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
     folder `out`, all or none.
 
     claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing,
-    caption); notes: (heading, DataFrame of text); texts: {name: text} of more files. A caption of
+    caption); notes: (heading, DataFrame of text); texts: {name: text} of more files; banner: what must not be
+    overlooked. A caption of
     None keeps a table off the page; its CSV is written all the same.
     """
     out = Path(out)
@@ -121,6 +124,8 @@ def write_page(
         if text
     ]
     said = "".join(f"<p>{_marked(text)}</p>" for text in introduction)
+    if banner:
+        said = f"<p class=banner role=note>{_marked(banner)}</p>{said}"
     with together():
         for name, text in {"claims.json": as_json, **texts}.items():
             with replacing(out / name) as part:
@@ -148,7 +153,7 @@ def _sections(
         name: (caption, table) for name, (caption, table) in tables.items() if caption is not None
     }
     return [
-        ("Claims", _findings(claims) if claims and "verdict" in claims[0] else _claims(claims)),
+        ("Claims", claims_table(claims) if claims and "verdict" in claims[0] else _claims(claims)),
         (
             "Figures",
             "".join(
@@ -192,7 +197,8 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
     return f"<div class='scroll plain'><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
 
 
-def _findings(claims: Sequence[Mapping[str, Any]]) -> str:
+def claims_table(claims: Sequence[Mapping[str, Any]]) -> str:
+    """HTML: findings with their verdicts, counted."""
     rows = "".join(
         f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span "
         f"class=slim>{escape(c['source'])}</span></td>"

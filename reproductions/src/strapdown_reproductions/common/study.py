@@ -16,6 +16,8 @@ from . import markdown
 from .pages import TOO_FEW, write_page
 
 Task, Result = TypeVar("Task"), TypeVar("Result")
+SEED = 11
+"""Of the studies of the papers: one that was used nowhere before their rules were written."""
 ENOUGH = 10
 """Runs of each cell; with fewer a study shows how it works, and decides nothing."""
 
@@ -75,9 +77,10 @@ def write_study(
     them are for findings.md alone. runs: of each cell; with fewer than ENOUGH the page says that it
     has no verdicts.
     """
+    banner = ""
     if runs < ENOUGH:
         few = f"A quick run, {runs} of each: it shows that everything works and what the pages look"
-        introduction = (f"{few} like. Verdicts take {ENOUGH} runs or more.", *introduction)
+        banner = f"{few} like. Verdicts take {ENOUGH} runs or more."
         claims = [{**claim, "verdict": TOO_FEW} for claim in claims]
     headed = [(heading, table) for _, heading, table in shown]
     write_page(
@@ -89,5 +92,6 @@ def write_study(
         figures=figures,
         notes=[*headed, (f"What the {work} leaves open, and what was chosen", choices), *notes],
         texts={"findings.md": markdown.findings(size, claims, [*headed, *listed], between, work)},
+        banner=banner,
     )
     return [dict(claim) for claim in claims]

@@ -24,6 +24,7 @@ PAGES = {
     "installation": ("table.md", "installation-figures.md"),
     "mollaei": ("findings.md", "mollaei.md"),
     "noise": ("table.md", "noise.md"),
+    "papers": ("claims.md", "claims.md"),
     "recordings": ("table.md", "every-filter.md"),
     "vehicle-kit": ("table.md", "vehicle.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
@@ -32,6 +33,7 @@ PAGES = {
 MORE = {
     "consistency": ("each.md", "consistency-each.md"),
     "faults": ("each.md", "faults-each.md"),
+    "papers": ("seeds.md", "claims.md"),
 }
 """The same of a second file and page."""
 PICTURES = {"consistency": "consistency.svg"}
@@ -52,7 +54,7 @@ def main(name: str, out: str) -> None:
     """Put what the run in the folder `out` has written into its page."""
     file, page = PAGES[name]
     insert(DOCS / page, name, (Path(out) / file).read_text(encoding="utf-8"))
-    if name in MORE:
+    if name in MORE and (Path(out) / MORE[name][0]).exists():
         file, page = MORE[name]
         text = (Path(out) / file).read_text(encoding="utf-8")
         markdown.insert(DOCS / page, text, markdown.begin(file, name))

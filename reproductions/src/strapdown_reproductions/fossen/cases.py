@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import BA, BG, Noise, Start
+from strapdown.core.contract import BA, BG, BIAS, DECAYING, HELD, RANDOM_WALK, Noise, Start
 from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
@@ -27,8 +28,14 @@ from . import signals
 
 PUBLISHED_STEP = 1e-3
 """s: of the published scripts."""
-CHAPTER, RIGHT = "chapter", "true noises"
-TUNINGS = (CHAPTER, RIGHT)
+CHAPTER, FADING, RIGHT = "chapter", "chapter, decaying", "true noises"
+TUNINGS = (CHAPTER, FADING, RIGHT)
+"""The published weights with estimates of the biases that are held, as the published code has them;
+the same weights with estimates that decay, as the chapter's equations have them; the true noises, and
+estimates that decay where the true biases do."""
+THE_CHAPTERS = (CHAPTER, FADING)
+DECIDING = (CHAPTER, RIGHT)
+"""Tunings that decide claims, where a claim is not about decay itself."""
 ROWS = 10.0
 """Hz: rows of a run that are scored."""
 ACCEL_BELOW, GYRO_BELOW = 0.02, 0.05 * float(np.linalg.norm(signals.GYRO_BIAS))
@@ -108,6 +115,12 @@ class Case(NamedTuple):
     rate: float = 100.0  # IMU samples per second
     tunings: tuple[str, ...] = TUNINGS
 
+    def bias(self, tuning: str) -> str:
+        """Its bias model, a name of the option `bias`."""
+        if tuning in self.white:
+            return RANDOM_WALK
+        return HELD if tuning == CHAPTER else DECAYING
+
 
 CASES = (
     Case(
@@ -139,8 +152,16 @@ CASES = (
         ("position", "heading"),
         EULER,
         white=(CHAPTER,),
+        tunings=DECIDING,
     ),
-    Case("direct-ahrs", "direct-ahrs", ("position", "attitude"), AHRS, white=(CHAPTER,)),
+    Case(
+        "direct-ahrs",
+        "direct-ahrs",
+        ("position", "attitude"),
+        AHRS,
+        white=(CHAPTER,),
+        tunings=DECIDING,
+    ),
     Case(
         "direct-ahrs, white-driven biases",
         "direct-ahrs",
@@ -164,11 +185,11 @@ FAST = tuple(
 def noise(case: Case, tuning: str, excitation: str) -> Noise:
     """The Noise that the filter of a case is told.
 
-    chapter: the published weights as densities, biases of direct filters without decay. true
+    The chapter's: the published weights as densities, biases of direct filters without decay. true
     noises: what is simulated, the bias model included; the drive of the varying biases also where
     they are constant.
     """
-    if tuning == CHAPTER:
+    if tuning in THE_CHAPTERS:
         accel, accel_bias, gyro, gyro_bias = np.sqrt(
             np.array(case.weights.Q) * PUBLISHED_STEP
         ).tolist()
@@ -184,9 +205,9 @@ def noise(case: Case, tuning: str, excitation: str) -> Noise:
 def deviation(case: Case, tuning: str, kind: str) -> float:
     """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises
     DataError where no weight is known."""
-    if tuning == CHAPTER and kind not in case.weights.R:
+    if tuning in THE_CHAPTERS and kind not in case.weights.R:
         raise DataError(f"{case.name}: no weight of {kind!r} is published")
-    unit = np.sqrt(case.weights.R[kind]) if tuning == CHAPTER else TRUE_SD[kind]
+    unit = np.sqrt(case.weights.R[kind]) if tuning in THE_CHAPTERS else TRUE_SD[kind]
     return float(unit * SIZE.get(kind, 1.0))
 
 
@@ -205,7 +226,7 @@ def start(recording: Recording, tuning: str, seed: int) -> Start:
     """Where a run begins: as the published scripts do, at the truth with deviations of 1 of
     everything, or at an error drawn from START_SD. Biases 0."""
     truth = recording.reference
-    if tuning == CHAPTER:
+    if tuning in THE_CHAPTERS:
         place, speed, angles = (
             tuple(map(float, part[0])) for part in (truth.lla, truth.v_n, truth.rph)
         )
@@ -239,11 +260,8 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
         round(case.rate / ROWS),
         recording.reference,
     )
-    options = (
-        {"bias": "random-walk" if tuning in case.white else "decaying"}
-        if case.filter.startswith("direct")
-        else {}
-    )
+    has = filters.find(case.filter).options
+    options = {BIAS: case.bias(tuning)} if BIAS in has else {}
     try:
         solution = fuse(
             used,

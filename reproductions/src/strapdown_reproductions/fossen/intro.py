@@ -18,6 +18,8 @@ from scipy.linalg import expm
 
 from strapdown.typing import Array, ArrayLike, Mask
 
+from ..common.study import SEED
+
 STATES = (
     "position, m",
     "velocity, m/s",
@@ -246,7 +248,7 @@ def corrected(x: Array, P: Array, y: Array, R: Array) -> tuple[Array, Array]:
     return x + (y - x @ H.T) @ gain.T, rest @ P @ rest.T + gain @ R @ gain.T
 
 
-def study(runs: int, seed: int = 2) -> tuple[pd.DataFrame, Kept]:
+def study(runs: int, seed: int = SEED) -> tuple[pd.DataFrame, Kept]:
     """(DataFrame, {(biases, outage, form): (Record, Estimate)}): rows of seed, biases, outage (0 or
     1), form and what became of position and bias.
 

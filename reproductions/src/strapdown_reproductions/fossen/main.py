@@ -14,7 +14,7 @@ from strapdown import __version__
 from strapdown.typing import File, Progress
 
 from ..common.markdown import number
-from ..common.study import seeds, write_study
+from ..common.study import SEED, seeds, write_study
 from . import choices, claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
 from .cases import CASES, FAST, LAST, Case
 from .figures import all_figures
@@ -83,7 +83,7 @@ def reproduce(
     out: File,
     quick: bool = False,
     runs: int | None = None,
-    seed: int = 2,
+    seed: int = SEED,
     threads: int | None = None,
     progress: Progress | None = None,
     studied: Sequence[Case] | None = None,

@@ -10,7 +10,7 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.typing import File, Progress
 
-from ..common.study import seeds, write_study
+from ..common.study import SEED, seeds, write_study
 from . import (
     cells,
     choices as mollaei_choices,
@@ -58,7 +58,7 @@ def reproduce(
     out: File,
     quick: bool = False,
     runs: int | None = None,
-    seed: int = 2,
+    seed: int = SEED,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> list[dict[str, str]]:

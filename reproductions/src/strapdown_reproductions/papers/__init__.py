@@ -1,0 +1,1 @@
+"""All claims of the four papers in one table."""

@@ -1,0 +1,156 @@
+"""The four papers in one go: each study into a folder of its own, and one table of all claims.
+
+What another seed alone does to the verdicts is told by two such runs:
+
+    python -m strapdown_reproductions.papers.main OUT OTHER
+
+writes seeds.md into the folder OUT.
+"""
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from strapdown.files import replacing, together
+from strapdown.reports.shell import shell
+from strapdown.typing import File, Progress, Say
+
+from ..alam import main as alam
+from ..common import kinds
+from ..common.claims import Kind
+from ..common.markdown import plain, table
+from ..common.pages import FOOTER, STYLE, claims_table, counts
+from ..common.study import SEED, part_of
+from ..fossen import main as fossen
+from ..hager_bryne import main as hager_bryne
+from ..mollaei import main as mollaei
+
+
+class Paper(NamedTuple):
+    """A paper, the page of docs/ on it, and the share of the time that its study takes."""
+
+    authors: str
+    page: str
+    share: float
+
+
+PAPERS = {
+    "hager-bryne": Paper("Hager & Bryne", "open-or-closed-loop.md", 0.25),
+    "fossen": Paper("Fossen, chapter 14", "fossen.md", 0.15),
+    "alam": Paper("Alam et al.", "alam.md", 0.2),
+    "mollaei": Paper("Mollaei et al.", "mollaei.md", 0.4),
+}
+KINDS = [each for each in vars(kinds).values() if isinstance(each, Kind)]
+INTRODUCTION = (
+    "<p>What four papers claim, and what became of it here: the verdict, and the number that "
+    "decides. A paper's own page has the rule of each claim and the numbers behind it.</p>"
+)
+
+
+def reproduce(
+    out: File,
+    quick: bool = False,
+    seed: int = SEED,
+    recordings: File | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Run the studies of all papers into folders of `out`, write the table of all claims, return
+    the claims.
+
+    quick, seed, recordings, say, progress: as for each of the studies; the full study of Hager &
+    Bryne is run with its ablations. Raises DataError.
+    """
+    out, found, done = Path(out), dict[str, list[dict[str, Any]]](), 0.0
+    for name, paper in PAPERS.items():
+        part = part_of(progress, done, done + paper.share)
+        own = out / name
+        if name == "hager-bryne":
+            found[name] = hager_bryne.reproduce(
+                own, quick, ablations=not quick, seed=seed, say=say, progress=part
+            )
+        elif name == "fossen":
+            found[name] = fossen.reproduce(own, quick, seed=seed, progress=part)
+        elif name == "alam":
+            found[name] = alam.reproduce(
+                own, quick, seed=seed, recordings=recordings, say=say, progress=part
+            )
+        else:
+            found[name] = mollaei.reproduce(own, quick, seed=seed, progress=part)
+        done += paper.share
+    return write(out, found)
+
+
+def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Write index.html, claims.csv, claims.json and claims.md of {name: claims} into the folder
+    `out`; return all claims."""
+    out = Path(out)
+    claims = [{"paper": name} | claim for name, own in found.items() for claim in own]
+    sections = [
+        (
+            PAPERS[name].authors,
+            f"<p><a href='{name}/index.html'>The study with its figures</a></p>{claims_table(own)}",
+        )
+        for name, own in found.items()
+    ]
+    with together():
+        with replacing(out / "claims.json") as part:
+            part.write_text(json.dumps(claims, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        with replacing(out / "claims.csv") as part:
+            pd.DataFrame(claims).to_csv(part, index=False)
+        with replacing(out / "claims.md") as part:
+            part.write_text(markdown_of(found), encoding="utf-8")
+        shell("The claims of four papers", "", sections, FOOTER, INTRODUCTION, STYLE).save(
+            out / "index.html"
+        )
+    return claims
+
+
+def markdown_of(found: Mapping[str, list[dict[str, Any]]]) -> str:
+    """Text for docs/: the rules by kind, then the claims of each paper."""
+    rules = pd.DataFrame([(kind.name, kind.rule) for kind in KINDS], columns=["kind", "rule"])
+    parts = [table(rules, plain)]
+    for name, own in found.items():
+        paper = PAPERS[name]
+        rows = pd.DataFrame(
+            [
+                (i, c["claim"], c["kind"], f"**{c['verdict']}**", c["answer"] or c["measured"])
+                for i, c in enumerate(own, 1)
+            ],
+            columns=["", "the paper says", "kind", "verdict", "what was found"],
+        )
+        parts += [
+            f"## {paper.authors}",
+            f"{counts(own)}. [Its page]({paper.page}).",
+            table(rows, lambda value: plain(str(value))),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def seeds(own: list[dict[str, Any]], other: list[dict[str, Any]]) -> str:
+    """Markdown: the verdicts of claims.json of two runs that differ, and how many there are."""
+    pairs = [(a, b) for a, b in zip(own, other, strict=True) if a["verdict"] != b["verdict"]]
+    rows = pd.DataFrame(
+        [(PAPERS[a["paper"]].authors, a["claim"], a["verdict"], b["verdict"]) for a, b in pairs],
+        columns=["paper", "claim", "verdict", "with the other seed"],
+    )
+    said = f"Of {len(own)} verdicts {len(pairs)} change with the seed alone."
+    return f"{said}\n" + f"\n{table(rows, plain)}\n" * bool(pairs)
+
+
+def main(out: str, other: str) -> None:
+    """Write seeds.md of two finished runs into the folder of the first."""
+    own, before = (
+        json.loads((Path(each) / "claims.json").read_text(encoding="utf-8"))
+        for each in (out, other)
+    )
+    with replacing(Path(out) / "seeds.md") as part:
+        part.write_text(seeds(own, before), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
