@@ -144,10 +144,10 @@ def both(*verdicts: str) -> str:
 
 def over_readings(*verdicts: str) -> str:
     """Of the readings of what a paper leaves open: opposite verdicts mean that the reading
-    decides; else the less favourable one."""
-    if {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
+    decides, as does one that depends on a reading itself; else the less favourable one."""
+    if DEPENDS in verdicts or {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
         return DEPENDS
-    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, DEPENDS, NOT_REPRODUCED).index)
+    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)
 
 
 def ratios(rows: pd.DataFrame, name: str) -> str:

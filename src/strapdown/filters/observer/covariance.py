@@ -27,15 +27,20 @@ from ...core.joseph import FORCE, JOSEPH, NOISE, SECONDS, await_step, carry, cha
 from ...core.kalman import decay
 from ...core.rotation import turned
 from ...typing import Array
+from . import adaptive
 from .equations import (
     ACROSS,
     ADAPTATION,
+    ADAPTIVE,
+    BY_NORM,
+    BY_XI,
     COURSE_SD,
     FADE,
     FIELD,
     GAIN,
     K1,
     KI,
+    LAW,
     LEARNT,
     OBSERVER,
     SHARE,
@@ -112,7 +117,7 @@ def step(belief: Belief) -> None:
         square, ki = where(acts, square, 1.0), gain(workspace, KI)
         k = where(acts, (1 - decay(gain(workspace, K1) * dt)) / square, 0.0)
         adapted = workspace[ADAPTATION] * (1 - min(workspace[FADE], 1.0)) * dt / square
-        adapted = where(acts, adapted, 0.0)
+        adapted = where(acts & (workspace[LAW] == BY_NORM), adapted, 0.0)
         f0, f1, f2 = turned(C, f[0], f[1], f[2])
         # sigma = -k f x e_xi, a column for each component of e_xi
         turn(a, 0, C, (f0, f1, f2), (0.0, -k * f2, k * f1), ki)
@@ -186,7 +191,46 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
                 b[row, j] = H[row, j]
     if used:
         spread(P, workspace[OWN], a, b, r)
+        if int(workspace[LAW]) == BY_XI:
+            _learnt(belief, P, a, b, r)
     copy_leading(P, belief.P)
+
+
+@inlined
+def _learnt(belief: Belief, P: Array, a: Array, b: Array, r: Array) -> None:
+    """P by what the adaptive part has learnt of the course, and then of xi."""
+    workspace, C = belief.workspace, belief.C
+    own, K = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive.CHANGE]
+    clear(workspace)
+    left = 1 / (1 - workspace[SHARE])
+    for i in range(adaptive.COUNT):
+        K[i] = own[adaptive.COURSE][i]
+    adaptive.solve(own, K)
+    _move(own, C, a, 0)
+    b[0, 8], b[0, CRAB] = left, left
+    r[0, 0] = left * left * workspace[COURSE_SD] * workspace[COURSE_SD]
+    spread(P, workspace[OWN], a, b, r)
+    clear(workspace)
+    x = matrix(own, adaptive.U_XI, 3, adaptive.COUNT)
+    for row in range(3):
+        for i in range(adaptive.COUNT):
+            K[i] = -own[adaptive.WEIGHT] * x[row, i]
+        adaptive.solve(own, K)
+        _move(own, C, a, row)
+        b[row, XI + row] = 1.0
+    spread(P, workspace[OWN], a, b, r)
+
+
+@helper
+def _move(own: Array, C: Array, a: Array, row: int) -> None:
+    """a[row] of a change of what the adaptive part knows, in CHANGE."""
+    for i in range(3):
+        a[row, i] = -adaptive.answer(own, adaptive.U_P, i)
+        a[row, 3 + i] = -adaptive.answer(own, adaptive.U_V, i)
+        a[row, 6 + i] = -adaptive.answer(own, adaptive.U_TILT, i)
+        a[row, 9 + i] = -own[adaptive.SCALE][i] * own[adaptive.CHANGE][i]
+        a[row, 12 + i] = -adaptive.answer(own, adaptive.U_GYRO, i)
+        a[row, XI + i] = adaptive.answer(own, adaptive.U_XI, i)
 
 
 @helper

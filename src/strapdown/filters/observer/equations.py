@@ -36,8 +36,9 @@ from ...core.error_state import bias_free, observed, publish_rates
 from ...core.jit import helper, inlined, matrix
 from ...core.kalman import decay
 from ...core.mechanization import mechanize
-from ...core.rotation import orthonormalise, rotate_right, turned, wrap
+from ...core.rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
 from ...typing import Array
+from . import adaptive
 from .translation_gains import AGE, SPREAD, TRANSLATION, VELOCITY_AGE, pulled
 
 OBSERVER = Slots()
@@ -78,6 +79,8 @@ MOMENT = OBSERVER.array("MOMENT", 10)  # forgetting mean of phi phi', its upper 
 WORK = OBSERVER.array("WORK", 9)
 EIGEN = OBSERVER.matrix("EIGEN", 4, 4)  # MOMENT as it is made diagonal
 MOTION = OBSERVER.part("MOTION", TRANSLATION)  # the translational motion observer
+LAW = OBSERVER.number("LAW")  # of the accelerometer bias
+ADAPTIVE = OBSERVER.part("ADAPTIVE", adaptive.ADAPTIVE)
 JACOBIAN = OBSERVER.matrix("JACOBIAN", 3, MOST_STATES)  # H of a fix, which is not used
 EMBEDDED = Slots()
 """What an observer inside another filter takes of its workspace."""
@@ -88,6 +91,8 @@ NONE, TILT_COMPENSATED, PRINTED, FROZEN = range(4)
 COURSES = {"tilt-compensated": TILT_COMPENSATED, "printed": PRINTED, "frozen": FROZEN, "none": NONE}
 VECTOR, ACROSS = range(2)
 FIELDS = {"across": ACROSS, "vector": VECTOR}
+BY_XI, BY_NORM = range(2)
+LAWS = {"xi": BY_XI, "norm": BY_NORM}
 LONGEST_GAP = 1.0  # s: a direction not measured for longer counts as if it were for so long
 LARGEST_COURSE_SD = math.radians(5.0)
 """Standard deviation of a course, that of the velocity across over the speed, beyond which it is
@@ -97,6 +102,7 @@ LONG_HELD = 10.0  # s without a course that are worth saying
 TRUSTED = 5.0  # s after a heading or field during which the course is left alone
 FORGETTING = 60.0  # s, of MOMENT
 EXCITED = 1e-3  # of EXCITATION, in which 1 is a specific force of 1 g
+KNOWN_ENOUGH = 0.5  # of EXCITATION, in which 1 is a bias without error
 NOMINAL_GRAVITY = 9.81  # m/s^2, scale of MOMENT
 FADE_AT_START = math.exp(2.0)  # falls to 1 in twice its time constant
 OUTER = 1.1  # the biases never pass this times their bound
@@ -148,9 +154,16 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     if made_up:
         return
     free = not outage(workspace)
+    k = 0.0
     if any_of(free):
-        _towards_force(bar, x0, x1, x2, dt, free)
-        _adapt(bar, x0, x1, x2, dt, free)
+        k = _towards_force(bar, x0, x1, x2, dt, free)
+        if int(workspace[LAW]) == BY_NORM:
+            _adapt(bar, x0, x1, x2, dt, free)
+    if int(workspace[LAW]) == BY_XI:
+        own, ki = workspace[ADAPTIVE], where(free, gain(workspace, KI), 0.0)
+        f0, f1, f2 = turned(C, bar.f[0], bar.f[1], bar.f[2])
+        adaptive.sample(own, C, f0, f1, f2, k, ki, dt)
+        own[adaptive.SINCE] += where(free, dt, 0.0)
     if int(workspace[MODE]) == FROZEN:
         _towards_heading(bar, course, dt, (not free) & (course == course))
 
@@ -250,9 +263,9 @@ def bounded(b: Array, d0: float, d1: float, d2: float, bound: float) -> None:
 
 
 @inlined
-def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> None:
+def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float, wanted: bool) -> float:
     """sigma of the first direction: the specific force as measured against that of the
-    translational motion observer."""
+    translational motion observer. Returns the gain of f x."""
     f, workspace = bar.f, bar.workspace
     h0, h1, h2 = f[0] + x0, f[1] + x1, f[2] + x2
     size = math.sqrt((f[0] * f[0] + f[1] * f[1] + f[2] * f[2]) * (h0 * h0 + h1 * h1 + h2 * h2))
@@ -260,6 +273,7 @@ def _towards_force(bar: Belief, x0: float, x1: float, x2: float, dt: float, want
     k = (1 - decay(gain(workspace, K1) * dt)) / max(size, least)
     k = where(wanted & (size >= least), k, 0.0)
     turn(bar, k * (f[1] * x2 - f[2] * x1), k * (f[2] * x0 - f[0] * x2), k * (f[0] * x1 - f[1] * x0))
+    return k
 
 
 @inlined
@@ -337,9 +351,11 @@ def take(
     workspace, e = bar.workspace, innovation
     free = (not outage(workspace)) | (kind == POSITION_KIND or kind == VELOCITY_KIND)
     free = free & wanted
-    workspace[SHARE] = 0.0
+    workspace[SHARE] = workspace[ADAPTIVE][adaptive.WEIGHT] = 0.0
     for i in range(9):
         workspace[GAIN][i] = 0.0
+    for i in range(adaptive.COUNT):
+        workspace[ADAPTIVE][adaptive.COURSE][i] = 0.0
     if kind == HEADING_KIND:
         measured = (e[0] == e[0]) & wanted
         since = min(workspace[SINCE_HEADING], LONGEST_GAP)
@@ -356,9 +372,12 @@ def take(
             sd_v = math.sqrt(0.5 * (sd[0] * sd[0] + sd[1] * sd[1]))
             _course(bar, e[0] + bar.v[0], e[1] + bar.v[1], sd_v, free)
         _translate(bar, kind, e, sd, free)
-        workspace[EXCITATION] = where(free, smallest(workspace), workspace[EXCITATION])
-        excited = free & (workspace[EXCITATION] >= EXCITED)
-        workspace[UNEXCITED] = where(excited, -math.inf, workspace[UNEXCITED])
+        if int(workspace[LAW]) == BY_NORM:
+            _assess_excitation(workspace, smallest(workspace), EXCITED, free)
+        elif kind != ALTITUDE_KIND:
+            _learn(bar, free)
+    if int(workspace[LAW]) == BY_XI and (kind == HEADING_KIND or kind == MAGNETIC_KIND):
+        _answer_heading(bar, 0.0)
     _assess(workspace)
     orthonormalise(bar.C, free)
 
@@ -385,6 +404,9 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: boo
                 K[3 * row : 3 * row + 3],
                 measured,
             )
+            if int(workspace[LAW]) == BY_XI:
+                each = K[3 * row : 3 * row + 3]
+                adaptive.fix(workspace[ADAPTIVE], axis, kind == VELOCITY_KIND, each)
             since = where(measured, 0.0, since)
             e = where(measured, e, 0.0)
             for i in range(3):
@@ -397,12 +419,78 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: boo
         workspace[SINCE_FIX] = since
 
 
+@helper
+def _assess_excitation(workspace: Array, value: float, enough: float, wanted: bool) -> None:
+    """EXCITATION is now that, where it is wanted."""
+    workspace[EXCITATION] = where(wanted, value, workspace[EXCITATION])
+    excited = wanted & (workspace[EXCITATION] >= enough)
+    workspace[UNEXCITED] = where(excited, -math.inf, workspace[UNEXCITED])
+
+
+@inlined
+def _answer_heading(bar: Belief, by_wind: float) -> None:
+    """What the adaptive part knows of the last turn about the vertical."""
+    C, workspace, f = bar.C, bar.workspace, bar.f
+    f0, f1, f2 = turned(C, f[0], f[1], f[2])
+    share, ki = workspace[SHARE], workspace[LEARNT]
+    adaptive.heading(workspace[ADAPTIVE], C, f0, f1, f2, share, ki, by_wind)
+
+
+@inlined
+def _learn(bar: Belief, wanted: bool) -> None:
+    """Biases and wind by xi and what the course has told, and the observer by what it answers."""
+    workspace, own, ba, xi = bar.workspace, bar.workspace[ADAPTIVE], bar.ba, bar.workspace[XI]
+    adaptive.begin(own, wanted & (workspace[FADE] < 1) & (own[adaptive.BEGUN] == 0))
+    noise, T = own[adaptive.XI_NOISE], min(own[adaptive.SINCE], LONGEST_GAP)
+    weight = (1 - min(workspace[FADE], 1.0)) * T / (noise * noise)
+    adaptive.see_force(own, xi, where(wanted, weight, 0.0))
+    adaptive.forget(own, wanted)
+    known = adaptive.factor(own)
+    change, scale, wind = own[adaptive.CHANGE], own[adaptive.SCALE], own[adaptive.WIND]
+    for i in range(adaptive.COUNT):
+        change[i] = own[adaptive.SUM][i]
+        own[adaptive.SUM][i] = 0.0
+    adaptive.solve(own, change)
+    bounded(
+        ba, scale[0] * change[0], scale[1] * change[1], scale[2] * change[2], workspace[ACCEL_BOUND]
+    )
+    displace(
+        bar.lla,
+        adaptive.answer(own, adaptive.U_P, 0),
+        adaptive.answer(own, adaptive.U_P, 1),
+        adaptive.answer(own, adaptive.U_P, 2),
+    )
+    rotate_left(
+        adaptive.answer(own, adaptive.U_TILT, 0),
+        adaptive.answer(own, adaptive.U_TILT, 1),
+        adaptive.answer(own, adaptive.U_TILT, 2),
+        bar.C,
+    )
+    for i in range(3):
+        bar.v[i] += adaptive.answer(own, adaptive.U_V, i)
+        xi[i] -= adaptive.answer(own, adaptive.U_XI, i)
+    bounded(
+        bar.bg,
+        adaptive.answer(own, adaptive.U_GYRO, 0),
+        adaptive.answer(own, adaptive.U_GYRO, 1),
+        adaptive.answer(own, adaptive.U_GYRO, 2),
+        workspace[GYRO_BOUND],
+    )
+    for i in range(2):
+        wind[i] += scale[6 + i] * change[6 + i]
+    _assess_excitation(workspace, known, KNOWN_ENOUGH, wanted)
+
+
 @inlined
 def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> None:
     """The direction of the velocity (m/s, each with that sd) as a heading, where it is wanted, fast
     enough and nothing better is there."""
     workspace = bar.workspace
-    mode, speed = int(workspace[MODE]), math.sqrt(north * north + east * east)
+    mode, by_xi = int(workspace[MODE]), int(workspace[LAW]) == BY_XI
+    if by_xi:
+        wind = workspace[ADAPTIVE][adaptive.WIND]
+        north, east = north - wind[0], east - wind[1]
+    speed = math.sqrt(north * north + east * east)
     told = min(workspace[SINCE_HEADING], workspace[SINCE_FIELD]) <= TRUSTED
     wanted = wanted & (not told) & (speed == speed)
     if mode == NONE or not any_of(wanted):
@@ -420,11 +508,22 @@ def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> 
     workspace[COURSE] = where(fast, course, workspace[COURSE])
     workspace[SINCE_COURSE] = where(fast, 0.0, since)
     seconds = min(since, LONGEST_GAP)
+    by_wind = 1 / where(fast, speed, 1.0)
+    if by_xi:
+        own, slip = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive.SLIP]
+        z = wrap(course - arctangent2(bar.C[1, 0], bar.C[0, 0]))
+        weight = (
+            (1 - min(workspace[FADE], 1.0)) * seconds / (slip * slip + own_sd * own_sd * seconds)
+        )
+        fast_z = where(fast, z, 0.0)
+        adaptive.see_course(own, bar.C, fast_z, by_wind, where(fast, weight, 0.0))
     if mode == PRINTED:
         C, speed = bar.C, where(speed > 0, speed, 1.0)
         _towards(bar, north / speed, -east / speed, 0.0, C[0, 0], C[0, 1], C[0, 2], seconds, fast)
     else:
         _towards_heading(bar, course, seconds, fast)
+    if by_xi:
+        _answer_heading(bar, by_wind)
 
 
 @helper

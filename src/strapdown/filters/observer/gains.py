@@ -20,19 +20,19 @@ from ...checks import check_choice, check_number
 from ...core.contract import Belief, Noise, Source, Start
 from ...core.embedded import as_numbers
 from ...typing import Array, Mask
-from . import equations, translation_gains
+from . import adaptive, equations, translation_gains
 
 DEFAULTS = dict(
     course="tilt-compensated",
     field="across",
-    k1=0.3,
-    k2=0.03,
-    ki=0.01,
+    k1=0.1,
+    k2=0.003,
+    ki=0.003,
     k1_start=1.0,
     k2_start=1.0,
     ki_start=0.15,
     start_time=30.0,
-    wander=0.02,
+    wander=0.01,
     wander_start=0.3,
     design="riccati",
     poles="-0.5 -0.5 -0.5",
@@ -43,6 +43,11 @@ DEFAULTS = dict(
     kpv=0.0,
     kvv=0.0,
     kxv=0.0,
+    bias_law="xi",
+    xi_noise=0.1,
+    memory=300.0,
+    slip=5.0,
+    wind=5.0,
     adaptation=0.02,
     accel_bound=1.0,
     gyro_bound=0.1,
@@ -51,12 +56,17 @@ DEFAULTS = dict(
 )
 """Options of every filter that has the observer, as keywords of `fuse`; docs/observer.md says
 what they are."""
+BY_NORM = dict(k1=0.3, k2=0.03, ki=0.01, wander=0.02)
+"""What is other with bias_law="norm", which knows no wind: the attitude has to make up for what
+that law does not find."""
 OUTAGE_INTERVALS = 3.0
 """Fix intervals without a fix after which `outage_after` = 0 takes it for an outage."""
 USES = ("position", "velocity", "heading", "altitude", "magnetic-field")
 """Kinds of aiding that the observer can use."""
 FORCE_SD = 2 * equations.NOMINAL_GRAVITY
 """m/s^2: how wrong f_n can be at the start, whatever the attitude that it begins with."""
+GYRO_LEFT = 0.003
+"""rad/s: how wrong the gyro bias is at least, per axis, when the start is over."""
 HALVINGS = 8
 """Times that ki_start, ki and adaptation are halved, where not given, until the loops are stable
 at slow fixes."""
@@ -120,6 +130,15 @@ def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
     block[at.FIELD] = at.FIELDS[o["field"]]
     block[at.MODE], block[at.TOLD] = at.COURSES[o["course"]], noise.accel
     block[at.OUTAGE_AFTER] = o["outage_after"] or OUTAGE_INTERVALS
+    block[at.LAW] = at.LAWS[o["bias_law"]]
+    law = adaptive.ADAPTIVE.named(block[at.ADAPTIVE])
+    law["XI_NOISE"][...], law["MEMORY"][...] = o["xi_noise"], o["memory"]
+    law["SLIP"][...] = math.radians(o["slip"])
+    law["SCALE"][:] = (*start.sd[9:12], *np.maximum(start.sd[12:15], GYRO_LEFT), *(o["wind"],) * 2)
+    law["J"][:] = np.eye(adaptive.COUNT)
+    law["U_GYRO"][:, adaptive.GYRO : adaptive.AIR] = np.diag(
+        law["SCALE"][adaptive.GYRO : adaptive.AIR]
+    )
     own = translation_gains.TRANSLATION.named(block[at.MOTION])
     own["DESIGN"][...] = translation_gains.DESIGNS[_design(o)]
     own["LOST"][...] = block[at.OUTAGE_AFTER]
@@ -139,7 +158,8 @@ def implant(workspace: Array, start: Start, noise: Noise, **options: Any) -> Non
 
 def checked(options: dict[str, Any]) -> dict[str, Any]:
     """DEFAULTS with these options in. Raises ValueError naming the first that is out of bounds."""
-    o = {**DEFAULTS, **options}
+    by_law = BY_NORM if options.get("bias_law") == "norm" else {}
+    o = {**DEFAULTS, **by_law, **options}
     for name in (
         "k1",
         "k2",
@@ -151,14 +171,18 @@ def checked(options: dict[str, Any]) -> dict[str, Any]:
         "wander",
         "wander_start",
         "theta",
+        "xi_noise",
+        "memory",
+        "slip",
     ):
         check_number(o[name], name, above=0)
-    for name in ("ki", "ki_start", "adaptation", "least_speed", "outage_after", *GAINS):
+    for name in ("ki", "ki_start", "adaptation", "least_speed", "outage_after", "wind", *GAINS):
         check_number(o[name], name, least=0)
     for name, known in (
         ("course", equations.COURSES),
         ("field", equations.FIELDS),
         ("design", ("riccati", "poles")),
+        ("bias_law", equations.LAWS),
     ):
         check_choice(o[name], name, known)
     _poles(o)

@@ -53,6 +53,8 @@ CORRELATION = TWO_STAGE.number("CORRELATION")  # s for which it and attitude err
 WINDOW = TWO_STAGE.number("WINDOW")  # s
 ACCELERATION = TWO_STAGE.number("ACCELERATION")  # density of unknown accelerations, m^2/s^3
 TOLD = TWO_STAGE.number("TOLD")  # accelerometer noise while there are samples
+# 1: the attitude that stage 2 has as known is that of stage 1, where `bar` has another
+OWN_ATTITUDE = TWO_STAGE.number("OWN_ATTITUDE")
 RAW = TWO_STAGE.number("RAW")  # whether the accelerometer bias stays in the force that levels
 BEFORE = TWO_STAGE.matrix("BEFORE", 3, 3)  # an attitude that is left
 # of the rows that stage 1 makes itself
@@ -212,14 +214,15 @@ def propagate(
             P[9 + i, 9 + j] *= keep * keep
         P[9 + i, 9 + i] += noise.accel_bias * noise.accel_bias * dt
     # without velocities nothing tells that the known attitude, that of `bar`, is not the estimate's
-    known = 0.0 if workspace[SINCE_VELOCITY] < LONGEST_WITHOUT_VELOCITY else 1.0
-    x = workspace[ERROR]
+    told, own = workspace[SINCE_VELOCITY] < LONGEST_WITHOUT_VELOCITY, workspace[OWN_ATTITUDE]
+    x, known = workspace[ERROR], 0.0 if told or own > 0 else 1.0
     d = (known * x[6], known * x[7], known * x[8])
     _tilted(P, d, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
     _drift(P, 0.5 * dt)
-    own = of_estimates(noise)
-    keep_a, keep_g = decay(own.accel_decay * dt), decay(own.gyro_decay * dt)
-    _propagate_error(workspace[ERROR], C, dt, keep_a, keep_g)
+    mean = of_estimates(noise)
+    keep_a, keep_g = decay(mean.accel_decay * dt), decay(mean.gyro_decay * dt)
+    force = (own * f0, own * f1, own * f2)
+    _propagate_error(workspace[ERROR], C, force, dt, keep_a, keep_g)
 
 
 @helper
@@ -283,10 +286,18 @@ def _tilted(
 
 
 @helper
-def _propagate_error(x: Array, C: Array, dt: float, keep_a: float, keep_g: float) -> None:
-    """workspace[ERROR] over dt, as P."""
+def _propagate_error(
+    x: Array, C: Array, f: tuple[float, float, float], dt: float, keep_a: float, keep_g: float
+) -> None:
+    """workspace[ERROR] over dt, as P; f: the velocity increment (m/s, n) that turns with the
+    attitude of stage 1, zero where another one is known."""
+    turned_force = (
+        x[7] * f[2] - x[8] * f[1],
+        x[8] * f[0] - x[6] * f[2],
+        x[6] * f[1] - x[7] * f[0],
+    )
     for i in range(3):
-        change = -dt * (C[i, 0] * x[9] + C[i, 1] * x[10] + C[i, 2] * x[11])
+        change = turned_force[i] - dt * (C[i, 0] * x[9] + C[i, 1] * x[10] + C[i, 2] * x[11])
         x[i] += dt * (x[3 + i] + 0.5 * change)
         x[3 + i] += change
         x[6 + i] -= dt * (C[i, 0] * x[12] + C[i, 1] * x[13] + C[i, 2] * x[14])

@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from ...checks import check_choice
 from ...core.contract import (
     ALTITUDE_KIND,
     CORRECT,
@@ -52,6 +53,7 @@ from .model import (
     ERROR,
     INNOVATION,
     MOVED,
+    OWN_ATTITUDE,
     SLOW_OR_BANKED,
     TOLD,
     TWO_STAGE,
@@ -82,6 +84,7 @@ LEFT = SLOTS.part("LEFT", NAVIGATION)  # the state that the observer leaves
 ANGLES = SLOTS.array("ANGLES", 3)  # its Euler angles, rad
 RECENT = SLOTS.part("RECENT", MEMORY)
 INSIDE = SLOTS.part("INSIDE", EMBEDDED)  # the observer
+ATTITUDES = {"observer": 0.0, "stage-1": 1.0}
 SINE_STEEP = math.sin(STEEP_PITCH)
 
 
@@ -96,15 +99,19 @@ def start(
     correlation: float = 10.0,
     window: float = 1.0,
     acceleration: float = 0.2,
+    attitude: str = "observer",
     **observer: Any,
 ) -> Belief:
-    """Belief at `start`, where the observer begins too. The options named here are those of
-    `two-stage-ekf`, the others those of `nlo`.
+    """Belief at `start`, where the observer begins too. attitude: the one that stage 2 has as known,
+    that of the "observer" or of "stage-1" of this filter. The other options named here are those of
+    `two-stage-ekf`, the rest those of `nlo`.
 
     `course` and `least_speed` count for both; any `course` but "none" is one for the two-stage
     model.
     """
+    check_choice(attitude, "attitude", ATTITUDES)
     belief = start.belief(allocate(SLOTS))
+    belief.workspace[OWN_ATTITUDE] = ATTITUDES[attitude]
     belief.workspace[RECENT][KIND], belief.workspace[ANGLES] = FORGOTTEN, start.rph
     implant(belief.workspace[INSIDE], start, noise, **observer)
     both = {**DEFAULTS, **observer}
@@ -179,6 +186,8 @@ def arrive(belief: Belief, bar: Belief, dt: float, noise: Noise) -> None:
     relate(belief, bar)
     if abs(bar.C[2, 0]) > SINE_STEEP:
         belief.workspace[BEYOND] += dt
+    x = belief.workspace[ERROR]
+    before = (x[6], x[7], x[8])
     if level_alone(belief, bar, noise) > 0:
         correct_rows(
             belief.P,
@@ -189,6 +198,7 @@ def arrive(belief: Belief, bar: Belief, dt: float, noise: Noise) -> None:
             math.inf,
             FAR_VECTOR,
         )
+        swing(belief, bar, before)
     compose(belief, bar)
 
 
@@ -236,7 +246,8 @@ def correct_around(
 ) -> float:
     """Correct P and workspace[ERROR] by one fix in its stage, linearised at the observer. A
     velocity corrects stage 1 first. Returns the NIS."""
-    P, workspace = belief.P, belief.workspace
+    P, workspace, x = belief.P, belief.workspace, belief.workspace[ERROR]
+    before = (x[6], x[7], x[8])
     doubt(P, workspace[MOVED])
     rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
     nis = correct_rows(
@@ -250,11 +261,28 @@ def correct_around(
     )
     if nis <= gate and kind == VELOCITY_KIND:
         steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED])
+        swing(belief, bar, before)
+        before = (x[6], x[7], x[8])
         rows = see(belief, bar, y, sd, kind, observe, parameters, workspace[UNUSED])
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         used(workspace, kind)
+        swing(belief, bar, before)
     return nis
+
+
+@inlined
+def swing(belief: Belief, bar: Belief, before: tuple[float, float, float]) -> None:
+    """Where the known attitude is that of stage 1, the velocity turns with what that was corrected
+    by since `before`, velocity in the body staying."""
+    workspace, x, v = belief.workspace, belief.workspace[ERROR], bar.v
+    d0, d1, d2 = x[6] - before[0], x[7] - before[1], x[8] - before[2]
+    if workspace[OWN_ATTITUDE] == 0 or d0 == 0 and d1 == 0 and d2 == 0:
+        return
+    moved, v0, v1, v2 = workspace[MOVED], v[0] + x[3], v[1] + x[4], v[2] + x[5]
+    c0, c1, c2 = d1 * v2 - d2 * v1, d2 * v0 - d0 * v2, d0 * v1 - d1 * v0
+    x[3], x[4], x[5] = x[3] + c0, x[4] + c1, x[5] + c2
+    moved[0], moved[1], moved[2] = moved[0] + c0, moved[1] + c1, moved[2] + c2
 
 
 @inlined
@@ -283,6 +311,7 @@ def relate(belief: Belief, bar: Belief) -> None:
         left.C,
         bar.v,
         bar.C,
+        workspace[OWN_ATTITUDE] > 0,
     )
     for i in range(3):
         x[9 + i] += left.ba[i] - bar.ba[i]
@@ -291,14 +320,25 @@ def relate(belief: Belief, bar: Belief) -> None:
 
 @helper
 def _relate_turned(
-    P: Array, x: Array, moved: Array, angles: Array, v: Array, before: Array, new_v: Array, C: Array
+    P: Array,
+    x: Array,
+    moved: Array,
+    angles: Array,
+    v: Array,
+    before: Array,
+    new_v: Array,
+    C: Array,
+    own: bool,
 ) -> None:
-    """`relate` of velocity and attitude."""
+    """`relate` of velocity and attitude. The velocity in the body is that in the known attitude:
+    where it is the `own` one, no turn of the observer moves the velocity over ground."""
     v0, v1, v2 = v[0] + x[3], v[1] + x[4], v[2] + x[5]
-    n0, n1, n2 = turned(C, *to_body(before, v0, v1, v2))
+    n0, n1, n2 = v0, v1, v2
+    if not own:
+        n0, n1, n2 = turned(C, *to_body(before, v0, v1, v2))
+        turn_velocity(P, before, C)
     moved[0], moved[1], moved[2] = moved[0] + n0 - v0, moved[1] + n1 - v1, moved[2] + n2 - v2
     x[3], x[4], x[5] = n0 - new_v[0], n1 - new_v[1], n2 - new_v[2]
-    turn_velocity(P, before, C)
     roll, pitch, heading = matrix_to_euler(before)
     new_roll, new_pitch, new_heading = matrix_to_euler(C)
     angles[0], angles[1], angles[2] = new_roll, new_pitch, new_heading
