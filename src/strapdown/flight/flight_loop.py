@@ -41,7 +41,7 @@ from ..core.contract import (
 )
 from ..core.earth import radii
 from ..core.jit import caller, helper, inlined, kernel, matrix
-from ..core.rotation import matrix_to_quaternion, rotate_right, turned, wrap
+from ..core.rotation import matrix_to_quaternion, turned, wrap
 from ..core.signatures import WHOLE, reals, record, signature, wholes
 from ..typing import Array, Ints
 from . import inputs
@@ -111,9 +111,6 @@ STEP_INCREMENTS = WORK.array("STEP_INCREMENTS", 6)  # as measured in the aircraf
 # of the steps of a sample so far: sums of the controls at mid-step
 CONTROL_SUMS = WORK.array("CONTROL_SUMS", 4)
 TRUE_C = WORK.matrix("TRUE_C", 3, 3)  # C_nb
-# attitude and rates that the autopilot goes on with between two steps of the filter
-AHEAD_C = WORK.matrix("AHEAD_C", 3, 3)
-AHEAD_RATES = WORK.array("AHEAD_RATES", 3)
 RATE_ROWS = WORK.array("RATE_ROWS", 19)  # rates
 TOLD = WORK.array("TOLD", 9)  # the wind that is told
 LOADS = WORK.array("LOADS", OUTPUTS)  # what `evaluate` tells
@@ -270,8 +267,7 @@ def fly(
         imagined = cut == 1 and at[INPUTS] < 0
         _begin_sample(vehicle, belief, imu.dtheta[row], imu.dv[row], imagined)
         for k in range(steps):
-            if k > 0:  # at the end of the sample the filter has the word
-                _go_on(work, belief, h)
+            if k > 0:  # by the last estimate
                 _steer(steering, vehicle, belief, at[BY_TRUTH], h)
             if vehicle.turbulence[SD_U] > 0:
                 gust_at(gust)(
@@ -283,6 +279,13 @@ def fly(
                     vehicle.wind,
                 )
             _move(step, vehicle, h, C)
+            evaluate_at(evaluate)(
+                vehicle.parameters,
+                state,
+                vehicle.wind,
+                work[RATE_ROWS],
+                loads,
+            )
             if imagined:
                 _imagine(step, vehicle, belief, h)
             else:
@@ -308,15 +311,7 @@ def fly(
             run_at(run)(predict, correct, observers, belief, imu, fixes, noise, cursor, out)
             _learn(vehicle.model, state, belief)
         if at[BY_TRUTH] == 1 or cursor.at[places.FAULT] == 0:
-            _arrive(work, belief, h, steps)
             _steer(steering, vehicle, belief, at[BY_TRUTH], h)
-        evaluate_at(evaluate)(
-            vehicle.parameters,
-            state,
-            vehicle.wind,
-            work[RATE_ROWS],
-            loads,
-        )
         _write(journal, row, vehicle, steering, C, cut)
         at[CAUSE] = (
             FILTER
@@ -332,13 +327,11 @@ def fly(
 def _begin_sample(
     vehicle: Vehicle, belief: Belief, dtheta: Array, dv: Array, imagined: bool
 ) -> None:
-    """Nothing is measured of a sample before its first step; the model, where it predicts, and
-    the autopilot's attitude begin at the belief."""
-    ahead, controls = matrix(vehicle.work, AHEAD_C, 3, 3), vehicle.work[CONTROL_SUMS]
+    """Nothing is measured of a sample before its first step; the model, where it predicts, begins
+    at the belief."""
+    controls = vehicle.work[CONTROL_SUMS]
     for i in range(3):
         dtheta[i] = dv[i] = controls[i] = 0.0
-        for j in range(3):
-            ahead[i, j] = belief.C[i, j]
     controls[3] = 0.0
     if imagined:
         _set_model(vehicle.model, belief)
@@ -359,27 +352,6 @@ def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
     for i in range(3):
         measured[i] = imaginary[i] + belief.bg[i] * h
         measured[3 + i] = imaginary[3 + i] + belief.ba[i] * h
-
-
-@helper
-def _go_on(work: Array, belief: Belief, h: float) -> None:
-    """Between two steps of the filter the autopilot's attitude and rates are those of the gyros;
-    position and velocity are the last estimate's."""
-    measured, rates = work[STEP_INCREMENTS], work[AHEAD_RATES]
-    for i in range(3):
-        rates[i] = measured[i] / h - belief.bg[i]
-    rotate_right(matrix(work, AHEAD_C, 3, 3), rates[0] * h, rates[1] * h, rates[2] * h)
-
-
-@helper
-def _arrive(work: Array, belief: Belief, h: float, steps: int) -> None:
-    """The filter's attitude and rates; where its sample is longer than the step, the rates of the
-    step, since the filter's are half a sample old."""
-    ahead, rates = matrix(work, AHEAD_C, 3, 3), work[AHEAD_RATES]
-    for i in range(3):
-        rates[i] = belief.omega[i] if steps == 1 else work[STEP_INCREMENTS][i] / h - belief.bg[i]
-        for j in range(3):
-            ahead[i, j] = belief.C[i, j]
 
 
 @helper
@@ -406,8 +378,8 @@ def _steer(steering: Steering, vehicle: Vehicle, belief: Belief, by_truth: int, 
             steering.route,
             belief.lla,
             belief.v,
-            matrix(work, AHEAD_C, 3, 3),
-            work[AHEAD_RATES],
+            belief.C,
+            belief.omega,
             steering.wind,
             h,
             vehicle.commands,

@@ -191,11 +191,11 @@ def fly(
     file or a FlightPlan) on the estimates of `filter`.
 
     imu: grade, file or ImuSpec; gnss: a Gnss, or the name or file of a receiver, `gate` that of its fixes; rate: steps
-    of aircraft, autopilot and IMU per second; filter_rate: those of the filter, each with the summed
-    increments of a whole number of steps (None: `rate`), between which the autopilot goes on with
-    the gyros and the last position and velocity; outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a list of
-    (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of it (None:
-    all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
+    of aircraft, autopilot and IMU per second; filter_rate: those of the filter, which gets the
+    increments of a whole number of steps as one sample and whose last estimate the autopilot flies
+    by (None: `rate`); outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a
+    list of (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of
+    it (None: all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
     filters of a flat Earth; start: a Start at 0 s (None: drawn around the truth with `start_sd`, 15
     numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a
     Barometer, which no outage touches; options: the filter's own. A filter that has options called

@@ -47,7 +47,7 @@ def point_of(craft: Aircraft, start: Start, linearised: str, airspeed: float | N
         if airspeed is not None:
             raise ValueError(
                 "airspeed is that of the trim about which the process is linearised; give "
-                'linearised="trim" or "once" with it, or leave it out'
+                'linearised="trim", "once" or "held" with it, or leave it out'
             )
         return own
     if airspeed is None:
