@@ -8,6 +8,7 @@ measurements are variances of one fix and are kept, though the published code sk
 those that come with a position, and here every fix is used when it comes.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import BA, BG, BIAS, DECAYING, HELD, RANDOM_WALK, Noise, Start
+from strapdown.core.contract import BA, BG, BIAS, DECAYING, HELD, RANDOM_WALK, Filter, Noise, Start
 from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
@@ -25,6 +26,7 @@ from strapdown.sim.synthesis import draw_start
 from strapdown.typing import Array
 
 from . import signals
+from .euler_filters import EULER_FILTERS, LARGEST_COLUMN
 
 PUBLISHED_STEP = 1e-3
 """s: of the published scripts."""
@@ -114,6 +116,12 @@ class Case(NamedTuple):
     interval: float = signals.POSITION_INTERVAL  # s between positions
     rate: float = 100.0  # IMU samples per second
     tunings: tuple[str, ...] = TUNINGS
+    options: Mapping[str, str] = {}  # of the filter
+
+    @property
+    def value(self) -> Filter:
+        """The Filter: the library's, or one of the chapter's in Euler angles."""
+        return EULER_FILTERS.get(self.filter) or filters.find(self.filter)
 
     def bias(self, tuning: str) -> str:
         """Its bias model, a name of the option `bias`."""
@@ -153,6 +161,27 @@ CASES = (
         EULER,
         white=(CHAPTER,),
         tunings=DECIDING,
+    ),
+    Case(
+        "euler-direct as printed, position + compass",
+        "euler-direct",
+        ("position", "heading"),
+        EULER,
+        white=(CHAPTER,),
+        tunings=DECIDING,
+    ),
+    Case(
+        "euler-indirect as printed, position + compass",
+        "euler-indirect",
+        ("position", "heading"),
+        EULER,
+    ),
+    Case(
+        "euler-indirect corrected, position + compass",
+        "euler-indirect",
+        ("position", "heading"),
+        EULER,
+        options={"errors": "corrected"},
     ),
     Case(
         "direct-ahrs",
@@ -246,6 +275,7 @@ class Run(NamedTuple):
     sd: Array  # (n, 15)
     bias: Array  # (n, 6) true biases
     stopped: str  # why it ended early, or ""
+    angle_sd: float  # rad: the largest deviation of an Euler angle; NaN without such states
     ins: Array  # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
 
     def size(self, states: slice) -> Array:
@@ -260,12 +290,13 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
         round(case.rate / ROWS),
         recording.reference,
     )
-    has = filters.find(case.filter).options
-    options = {BIAS: case.bias(tuning)} if BIAS in has else {}
+    options = dict(case.options)
+    if case.value.bias:
+        options[BIAS] = case.bias(tuning)
     try:
         solution = fuse(
             used,
-            case.filter,
+            case.value,
             start=start(recording, tuning, seed),
             noise=noise(case, tuning, excitation),
             every=every,
@@ -278,6 +309,7 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
             np.empty((0, 15)),
             np.empty((0, 6)),
             str(error),
+            np.nan,
             np.empty(0),
         )
     e = errors(
@@ -289,8 +321,16 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
     error = np.c_[e.position, e.velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
     beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in OPEN_LOOP.columns]
     ins = np.linalg.norm(e.position + np.stack(beside, axis=1), axis=1)
+    angles = solution.columns.get(LARGEST_COLUMN, np.full(1, np.nan))
+    largest = float(angles[-1])
     return Run(
-        solution.t, error, solution.trajectory.sd, bias, solution.meta.get("stopped", ""), ins
+        solution.t,
+        error,
+        solution.trajectory.sd,
+        bias,
+        solution.meta.get("stopped", ""),
+        largest,
+        ins,
     )
 
 
@@ -323,6 +363,7 @@ def numbers(run: Run, duration: float) -> dict[str, float | bool]:
         "stopped": ended,
         "accel_s": np.inf if ended else settled(run.t, run.size(BA), ACCEL_BELOW),
         "gyro_s": np.inf if ended else settled(run.t, run.size(BG), GYRO_BELOW),
+        "angle_sd_rad": run.angle_sd,
         "ins_m": np.nan if ended else float(run.ins[-1]),
         "accel_first_s": float(run.t[below[0]]) if len(below) else np.inf,
         **{name: rms(slice(i, i + 3)) for name, i in RMS.items()},

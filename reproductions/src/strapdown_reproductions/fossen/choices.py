@@ -101,7 +101,7 @@ CHOICES = (
     (
         'experiments behind "1-2 minutes"',
         "one run of one signal",
-        "50 seeds, two signals, six sets of sensors, two tunings",
+        "50 seeds, two signals, six sets of sensors, published weights and true noises",
     ),
     (
         '"sufficiently excited"',
@@ -110,10 +110,29 @@ CHOICES = (
         "swings its heading alone",
     ),
     (
+        "estimates of the biases between fixes",
+        "decay in the equations of the text; carried over in ins_mekf and ins_ahrs, whose time "
+        "constants are in the covariance alone",
+        "held with the chapter's weights, as in the code; decaying beside it; with the true noises "
+        "as the true biases do",
+    ),
+    (
+        "Euler angles in the direct filter",
+        "no code published",
+        "as printed, angles as states and P of the angles (euler-direct); integrated by the "
+        "midpoint rule; `direct-euler` beside it, which keeps P in rotations",
+    ),
+    (
         "Euler angles in the indirect filter (ins_euler)",
         "the error is a small rotation of the body, but is added to the angles, and the "
         "compass row is [0 0 1]",
-        "not run; `direct-euler` maps rotation and angles by their Jacobian",
+        "as printed, and with the errors of the angles (euler-indirect)",
+    ),
+    (
+        "covariance blow-up",
+        "not quantified",
+        "a stated standard deviation of an angle beyond half a turn, or a run that stops or is 10 m "
+        "off",
     ),
     (
         "compass row of the MEKF (ins_mekf_psi)",

@@ -33,7 +33,11 @@ DROPPED = (
 )
 CURVE = 5
 """Every so many rows of a run are kept for the curves: 2 Hz."""
-STEEP = ("mekf, position + compass", "direct-euler, position + compass")
+STEEP = (
+    "mekf, position + compass",
+    "direct-euler, position + compass",
+    *(case.name for case in cases.CASES if case.filter.startswith("euler-")),
+)
 """Cases that also run through the vertical."""
 
 

@@ -48,6 +48,15 @@ BIASES = tuple(
     for what, unit in (("accel.", "m/s²"), ("gyro", "deg/h"))
     for axis in ("x", "y", "z")
 )
+WIDEST = 8.0
+"""Half the height of a panel of errors, by the largest ±3σ of the filter: the band stays to be seen
+where errors leave it."""
+DARKER = {
+    "selector": {"fill": "toself"},
+    "fillcolor": "rgba(134,142,150,0.34)",
+    "line": {"color": "#495057", "width": 1.0},
+}
+"""Of `update_traces`: bands of ±3σ that other lines run through."""
 SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1))]
 BIAS_SCALE = np.r_[np.ones(3), np.full(3, np.degrees(1) * 3600)]
 
@@ -125,6 +134,7 @@ def in_space(scenarios: Sequence[Scenario]) -> go.Figure:
         axes = {"xaxis": "east [km]", "yaxis": "north [km]", "zaxis": "height [m]"}
         drawn.update_scenes(
             {name: {"title": {"text": text}, "nticks": 4} for name, text in axes.items()},
+            zaxis_range=_at_least(lla[:, 2], 100.0),
             aspectmode="manual",
             aspectratio={"x": 1, "y": 1, "z": 0.7},
             camera={"eye": {"x": 1.5, "y": -1.5, "z": 1.1}},
@@ -230,7 +240,7 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
     rows, bound = rows_of(campaign, cell, numbers, ran), campaign.curves(cell)["bound"]
     found = []
     for place, (_, name, colour) in enumerate(LOOPS):
-        drawn, outside = panels(STATES, height=105), []
+        drawn, outside = panels(STATES, height=125), []
         for row, (label, scale) in enumerate(zip(STATES, SCALE), 1):
             error, stated, least = (
                 values[..., row - 1].astype(float) * scale
@@ -241,14 +251,22 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
             line(drawn, rows.t, error, f"{name}: true − estimate", colour, row=row)
             if np.isfinite(least).any():
                 _edges(drawn, row, rows.t, zero, least, "±3σ of the Cramér-Rao bound", RED, 1)
-            limit, largest = frame(rows.t, error, stated)
+            limit, largest = frame_of_errors(rows.t, error, stated)
             drawn.update_yaxes(range=[-limit, limit], row=row, col=1)
             if largest > 1.1 * limit:
                 outside.append(f"{label} {largest:.3g}")
         if outside:
             note(drawn, f"Largest values outside the frame: {', '.join(outside)}.")
-        found.append(_ended(drawn, rows, numbers, place))
+        found.append(_ended(drawn.update_traces(**DARKER), rows, numbers, place))
     return found
+
+
+def frame_of_errors(t: Array, error: Array, stated: Array) -> tuple[float, float]:
+    """(half the height of a panel, the largest error): that of `drawing.frame`, no more than WIDEST
+    times what is stated after the first tenth."""
+    limit, largest = frame(t, error, stated)
+    later = WIDEST * np.nanmax(stated[t >= 0.1 * t[-1]], initial=0.0)
+    return min(limit, later) or limit, largest
 
 
 def _edges(
@@ -349,6 +367,7 @@ def biases(campaign: Campaign, cell: str) -> go.Figure:
         limits, left = frame_of_biases(rows.t, true, open_, closed, of_closed)
         drawn.update_yaxes(range=limits, row=row, col=1)
         outside += [label] * left
+    drawn.update_traces(**DARKER)
     if outside:
         note(drawn, f"The open loop leaves the frame: {', '.join(outside)}.")
     return _along_time(drawn, rows, len(BIASES))
@@ -577,8 +596,7 @@ def all_figures(
             "Figure 9: position RMSE as the paper prints update (15) and prediction (19)",
             by_reading(cells, readings),
             "All runs by the 500 m rule alone, each epoch after it counted as 500 m, with 95 % "
-            "intervals. Where open and closed loop with the corrected update lie on each other, their "
-            "marks do.",
+            "intervals.",
         ),
     ]
 
