@@ -379,6 +379,7 @@ def test_the_whole_study():
         "direct-euler",
         "euler-direct",
         "euler-indirect",
+        "force-observer",
         "direct-ahrs",
         "indirect-ahrs-closed",
         "indirect-ahrs-open",

@@ -27,6 +27,7 @@ from strapdown.typing import Array
 
 from . import signals
 from .euler_filters import EULER_FILTERS, LARGEST_COLUMN
+from .force_observer import FORCE_OBSERVER
 
 PUBLISHED_STEP = 1e-3
 """s: of the published scripts."""
@@ -90,6 +91,9 @@ EULER = Weights(
 has no published code."""
 AHRS = Weights((1.0, 1.0, 10.0, 0.01), (1000.0, 500.0), {"position": 1.0, "attitude": 1.0})
 """SIMaidedINSeuler and ins_ahrs."""
+OBSERVER_GAINS = {"k1": 1.0, "k2": 1.0, "ki": 0.1}
+"""1/s, of the attitude observers: poles at 0.11 and 0.89 1/s, so that the published gyro biases are found
+in half a minute."""
 TRUE_SD = {
     "position": signals.POSITION_SD,
     "velocity": signals.VELOCITY_SD,
@@ -104,6 +108,10 @@ SIZE = {"magnetic-field": float(np.linalg.norm(signals.FIELD)), "gravity": 9.82}
 """T and m/s^2: from the unit vector to what the aidings measure."""
 
 
+OWN = EULER_FILTERS | {FORCE_OBSERVER.name: FORCE_OBSERVER}
+"""The chapter's filters that are no part of the library."""
+
+
 class Case(NamedTuple):
     """A filter with its sensors. `white`: tunings with which its biases are driven by white
     noise alone; with the others they decay."""
@@ -116,12 +124,12 @@ class Case(NamedTuple):
     interval: float = signals.POSITION_INTERVAL  # s between positions
     rate: float = 100.0  # IMU samples per second
     tunings: tuple[str, ...] = TUNINGS
-    options: Mapping[str, str] = {}  # of the filter
+    options: Mapping[str, str | float] = {}  # of the filter
 
     @property
     def value(self) -> Filter:
-        """The Filter: the library's, or one of the chapter's in Euler angles."""
-        return EULER_FILTERS.get(self.filter) or filters.find(self.filter)
+        """The Filter: the library's, or one of the chapter's that the library does not have."""
+        return OWN.get(self.filter) or filters.find(self.filter)
 
     def bias(self, tuning: str) -> str:
         """Its bias model, a name of the option `bias`."""
@@ -201,6 +209,22 @@ CASES = (
     ),
     Case("indirect-ahrs-closed", "indirect-ahrs-closed", ("position", "attitude"), AHRS),
     Case("indirect-ahrs-open", "indirect-ahrs-open", ("position", "attitude"), AHRS),
+    Case(
+        "observer, reference by gravity",
+        "force-observer",
+        ("velocity", "magnetic-field"),
+        MEKF,
+        tunings=(RIGHT,),
+        options={"reference": "gravity", **OBSERVER_GAINS},
+    ),
+    Case(
+        "observer, reference by GNSS",
+        "force-observer",
+        ("velocity", "magnetic-field"),
+        MEKF,
+        tunings=(RIGHT,),
+        options={"reference": "gnss", **OBSERVER_GAINS},
+    ),
     Case("fixed-gain", "fixed-gain", ("position", "attitude"), AHRS, tunings=(RIGHT,)),
 )
 FAST = tuple(
@@ -318,9 +342,12 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
     )
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     bias = np.c_[recording.meta["b_a"][rows], recording.meta["b_g"][rows]]
-    error = np.c_[e.position, e.velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
+    unknown = np.full((len(e.t), 3), np.nan)
+    position = unknown if e.position is None else e.position
+    velocity = unknown if e.velocity is None else e.velocity
+    error = np.c_[position, velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
     beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in OPEN_LOOP.columns]
-    ins = np.linalg.norm(e.position + np.stack(beside, axis=1), axis=1)
+    ins = np.linalg.norm(position + np.stack(beside, axis=1), axis=1)
     angles = solution.columns.get(LARGEST_COLUMN, np.full(1, np.nan))
     largest = float(angles[-1])
     return Run(

@@ -62,6 +62,13 @@ CHOICES = (
         "the defaults of `fixed-gain`, which has no weights",
     ),
     (
+        "attitude observer with a reference vector by GNSS (the helicopter's)",
+        "a demonstration on data that is not public; no gains",
+        "velocity differences over the time between two fixes, less gravity, against the integral of "
+        "the specific force (force-observer), on the two signals; the same with gravity alone beside "
+        "it; k1 = k2 = 1 1/s, ki = 0.1 1/s",
+    ),
+    (
         "which tuning",
         "weights larger than the simulated noise by far, not explained",
         "twice: the chapter's weights, and the simulated "
