@@ -163,7 +163,7 @@ def test_cells_that_are_identities_do_not_vote():
     table.loc[linear, list(MEASURES)] *= 0.01
     for name in ("accurate_estimates", "deviations_in_outage"):
         mine, before = (
-            found_on(name, each)["measured"].split(". EKF once: ")[0]
+            found_on(name, each)["measured"].split(". EKF once, IMU-driven: ")[0]
             for each in (world(table), GOOD)
         )
         assert mine == before and "cells more are identities" in found_on(name, GOOD)["measured"]
@@ -193,9 +193,21 @@ def test_a_claim_that_turns_with_the_reading_of_the_ekf_says_so(mode):
     e = world(scores(level))
     found = found_on("position_in_outage", e)
     assert found["verdict"] == DEPENDS
-    assert f"turns with another reading: {mode} (UKF / {mode} 0.05" in found["answer"]
+    assert f"turns with another reading: {mode}, model-driven (UKF / {mode} 0.05" in found["answer"]
     assert "Equation (22) linearises at the estimate" in found["answer"]
     assert verdict("position_in_outage", world(scores(MIXED_UP))) == NOT_REPRODUCED
+
+
+def test_a_claim_that_turns_with_who_predicts_says_so():
+    """Better than no filter where the model predicts, worse where the IMU does."""
+    table = scores(MIXED_UP | {NO_FILTER: 3.0})
+    table.loc[(table["mode"] == NO_FILTER) & (table["prediction"] == IMU), list(MEASURES)] = 0.3
+    found = found_on("better_than_none", world(table))
+    assert found["verdict"] == DEPENDS
+    assert (
+        "turns with another reading: as printed, IMU-driven (UKF / no filter 3" in found["answer"]
+    )
+    assert "one filter" not in found["answer"]
 
 
 def test_a_condition_and_the_sigma_points_turn_it_too():
@@ -205,7 +217,10 @@ def test_a_condition_and_the_sigma_points_turn_it_too():
     table.loc[gusts, "vertical_end_m"] *= 0.1
     table.loc[gusts, "outage_horizontal_rmse_m"] *= 0.1
     found = found_on("position_in_outage", world(table))
-    assert found["verdict"] == DEPENDS and f"{GUSTS} (UKF / EKF 0.0998," in found["answer"]
+    assert (
+        found["verdict"] == DEPENDS
+        and f"{GUSTS}, model-driven (UKF / EKF 0.0998," in found["answer"]
+    )
     assert "Equation (22)" not in found["answer"]
     found = found_on("pkf_over_ukf", world(scores(MIXED_UP | {POINTS: 0.5})))
     assert found["verdict"] == DEPENDS and "PKF by points / UKF 0.5" in found["answer"]

@@ -44,14 +44,14 @@ from .rules import (
 )
 
 CELLS = (
-    "a cell is a measure in a case (who predicts, Q and R from the sensors or as printed); a filter "
+    "a cell is a measure in a case (an experiment, Q and R from the sensors or as printed); a filter "
     "is better where the 95 % interval of the ratio over the seeds lies below 1 by more than 1 %, "
     "and is not where it lies above that; cells in which the filters are one by algebra do not vote "
     "and are counted apart"
 )
 READ = (
-    "judged in each reading of the EKF, of the PKF and of what is flown: with opposite verdicts it "
-    "depends on the reading, else the least favourable"
+    "judged in each reading of the EKF, of the PKF, of what is flown and of who predicts: with "
+    "opposite verdicts it depends on the reading, else the least favourable"
 )
 TWO_FINALS = (
     "with the final value of the flight itself, and with that of the reference flight, which are "

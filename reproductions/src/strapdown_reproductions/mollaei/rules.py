@@ -212,62 +212,65 @@ class Compared(NamedTuple):
 def better(
     tables: Tables, measures: Sequence[str], pairs: Sequence[Pair], others: Sequence[str] = ()
 ) -> Compared:
-    """The first of each pair is better in most cells (kinds.mostly), in every reading and, if there
-    are `others`, with these in place of `measures`.
+    """The first of each pair is better in most cells (kinds.mostly), in every reading, whoever
+    predicts, and, if there are `others`, with these in place of `measures`.
 
-    Cells that are identities do not vote, and are counted apart; a pair that has no others is one
-    filter, neither of which is better.
+    Cells that are identities do not vote, and are counted apart; where there are no others at all,
+    the filters are one, and neither is better.
     """
     verdicts: dict[str, str] = {}
-    texts, ratios, found = [], {}, readings_of(tables, pairs)
-    for reading, own in found.items():
-        judged = [
-            {
-                cells.pair: kinds.mostly(sides(cells.free, each, cells.pair))
-                if cells.free
-                else Judged(NOT_REPRODUCED, "one filter")
-                for cells in own.values()
-            }
-            for each in (measures, others)
-            if each
-        ]
-        verdicts[reading.name] = over_readings(
-            *(both(*(pair.verdict for pair in each.values())) for each in judged)
-        )
-        ratios[reading.name] = ", ".join(
-            f"{' / '.join(pair)} {median_of(middle_ratios(free, measures, pair))}"
-            for free, _, pair in own.values()
-            if free
-        )
-        counted = ". By the other measure: ".join(
-            ". ".join(f"{a} better than {b}: {each}" for (a, b), each in pairs_of.items())
-            for pairs_of in judged
-        )
-        texts.append(
-            f"{reading.name}: {verdicts[reading.name]}. {counted}; median ratios, "
-            f"{ratios[reading.name]}"
-        )
-    same = sum(len(cells.same) for cells in found.get(AS_PRINTED, {}).values()) * len(measures)
+    texts, ratios, same = [], {}, 0
+    for driven in (MODEL, IMU):
+        by_one = {case: table for case, table in tables.items() if case.prediction == driven}
+        for reading, own in readings_of(by_one, pairs).items():
+            if reading is AS_PRINTED:
+                same += sum(len(cells.same) for cells in own.values()) * len(measures)
+            if not any(cells.free for cells in own.values()):
+                continue
+            name = f"{reading.name}, {driven}-driven"
+            judged = [
+                {
+                    cells.pair: kinds.mostly(sides(cells.free, each, cells.pair))
+                    for cells in own.values()
+                    if cells.free
+                }
+                for each in (measures, others)
+                if each
+            ]
+            verdicts[name] = over_readings(
+                *(both(*(pair.verdict for pair in each.values())) for each in judged)
+            )
+            ratios[name] = ", ".join(
+                f"{' / '.join(pair)} {median_of(middle_ratios(free, measures, pair))}"
+                for free, _, pair in own.values()
+                if free
+            )
+            counted = ". By the other measure: ".join(
+                ". ".join(f"{a} better than {b}: {each}" for (a, b), each in pairs_of.items())
+                for pairs_of in judged
+            )
+            texts.append(f"{name}: {verdicts[name]}. {counted}; median ratios, {ratios[name]}")
     texts += [f"{same} cells more are identities: {BY_ALGEBRA}"] * bool(same)
-    verdict = over_readings(*verdicts.values()) if verdicts else UNDECIDED
+    none = NOT_REPRODUCED if same else UNDECIDED
+    verdict = over_readings(*verdicts.values()) if verdicts else none
     return Compared(verdict, ". ".join(texts) or "not flown", _answer(verdicts, ratios, same))
 
 
 def _answer(verdicts: dict[str, str], ratios: dict[str, str], same: int) -> str:
     """A sentence with the median ratios as printed, and one on the readings that turn it; those
     that leave it open turn nothing."""
+    one = "Driven by the IMU they are one filter." * bool(same)
     base = next(iter(verdicts), "")
     if not base:
-        return "Not flown."
+        return one or "Not flown."
+    said = f"Median ratios, {base}: {ratios[base]}. {one}"
     turned = [name for name in verdicts if verdicts[name] not in (UNDECIDED, verdicts[base])]
-    said = f"Median ratios, {base}: {ratios[base] or '1, by algebra'}."
-    said += " Driven by the IMU they are one filter." * bool(same)
     if turned:
         each = "; ".join(f"{name} ({ratios[name]}: {verdicts[name]})" for name in turned)
         said += f" It turns with another reading: {each}."
         against = " Equation (22) linearises at the estimate, against these readings of the EKF."
-        said += against * bool({AT_TRIM, ONCE, HELD} & set(turned))
-    return said
+        said += against * any(name.startswith((AT_TRIM, ONCE, HELD)) for name in turned)
+    return said.strip()
 
 
 def middle_ratios(tables: Tables, measures: Sequence[str], pair: Pair) -> Array:
