@@ -57,6 +57,16 @@ def test_a_prediction_moves_the_columns_by_the_transition(n, dt):
     np.testing.assert_allclose(found / scale, Phi @ V / scale, rtol=1e-10, atol=1e-10)
 
 
+def test_the_columns_of_held_biases_do_not_decay():
+    """They are of errors of estimates, true - estimate, and nothing decays that these make."""
+    u, (V, _), dt = np.r_[np.zeros(5), -9.8] * 0.5, drawn(15), 0.5
+    made = belief(15)
+    compile_kernel(predict)
+    predict(made, u, dt, NOISE._replace(held=1.0))
+    found, _ = carried(15, [record(made)], V, np.zeros((0, 3, LANES)))
+    np.testing.assert_array_equal(found[9:], V[9:])
+
+
 @pytest.mark.parametrize("n", STATES)
 @pytest.mark.parametrize("gate", [np.inf, 1e-6])
 @pytest.mark.parametrize("y", [(1.0, -2.0, 3.0), (0.3, np.nan, 1.0), (np.nan, np.nan, -2.0)])

@@ -84,7 +84,7 @@ def test_a_part_of_open_size_is_the_last_and_gets_its_size():
 def test_a_workspace_that_is_too_small_is_refused_before_a_kernel_sees_it():
     # which knows nothing of open-loop's own slots
     too_small = OPEN_LOOP._replace(start=CLOSED_LOOP.start)
-    with pytest.raises(RuntimeError, match="'open-loop': its start made a workspace of 2029 numb"):
+    with pytest.raises(RuntimeError, match="'open-loop': its start made a workspace of 2030 numb"):
         too_small.begin(AT, NOISE)
     assert isinstance(OPEN_LOOP.begin(AT, NOISE), Belief)
     with pytest.raises(RuntimeError, match="its slots take 20.."):

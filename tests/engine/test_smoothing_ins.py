@@ -36,6 +36,18 @@ NAVIGATION = ImuSpec(
     Triad(noise=6e-7, turn_on_bias=2e-8, bias_walk=1e-9),
     Triad(noise=5e-5, turn_on_bias=2.5e-4, bias_walk=1e-5),
 )
+FORGETFUL = {
+    MEMS: ImuSpec(
+        "MEMS of 5 s",
+        Triad(noise=1e-3, gauss_markov=2e-3, time_constant=5.0),
+        Triad(noise=1e-2, gauss_markov=0.2, time_constant=5.0),
+    ),
+    NAVIGATION: ImuSpec(
+        "navigation of 5 s",
+        Triad(noise=6e-7, gauss_markov=1e-6, time_constant=5.0),
+        Triad(noise=5e-5, gauss_markov=0.05, time_constant=5.0),
+    ),
+}
 COARSE, FINE = np.radians([0.5, 0.5, 2.0]), np.radians([0.01, 0.01, 0.05])
 # with a worse IMU, or a coarse start, its INS leaves the linear model
 FILTERS = [
@@ -212,6 +224,23 @@ def test_as_rauch_tung_and_striebel(flight, line, seed):
         < 5e-4
     )
     assert np.abs(apart(filtered, textbook)).max() > 1.5  # the comparison can tell
+
+
+@pytest.mark.parametrize("line", FILTERS, ids=NAMES)
+def test_as_rauch_tung_and_striebel_where_biases_are_held(flight, line):
+    """A held estimate is one whose decay an input that is known makes good for: the smoother's
+    transition stays that of P."""
+    name, options, spec, attitude_sd = line
+    recording, given, _ = flight.drawn(0, FORGETFUL[spec], attitude_sd)
+    given["noise"] = given["noise"]._replace(held=1.0)
+    smoothed, decaying = (
+        sd.smooth(recording, name, covariance=True, **given, bias=bias, **options)
+        for bias in ("held", "decaying")
+    )
+    textbook, P = rauch_tung_striebel(log_of(recording, **given))
+    assert np.abs(apart(smoothed, textbook)).max() < 0.05
+    np.testing.assert_allclose(smoothed.trajectory.sd, sds(P), rtol=3e-4)
+    assert np.abs(apart(decaying, textbook)).max() > 0.2
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -521,7 +521,87 @@ def test_flights_on_the_flat_earth_and_with_a_start_of_ones_own():
     assert fly("straight", duration=2.0, start=flight.start, seed=8).start == flight.start
 
 
+@pytest.mark.parametrize("rate", [20.0, 10.0])
+def test_a_slower_filter_is_that_filter_fed_the_summed_increments(rate):
+    """Steered by the truth the aircraft flies the same at its own step, measured by the same
+    sensors; the filter gets the sums of the samples."""
+    common = dict(duration=8.0, outage="6:", feedback="truth", seed=5, turbulence="light")
+    fast, slow = fly("turning", **common), fly("turning", filter_rate=rate, **common)
+    n = round(100 / rate)
+    truth = fast.recording.reference
+    assert np.abs(displacement(slow.recording.reference.lla, truth.lla[::n])).max() < 1e-7
+    assert np.abs(slow.log["aileron, rad"] - fast.log["aileron, rad"][n - 1 :: n]).max() < 1e-9
+    sums = [
+        each.reshape(-1, n, 3).sum(axis=1)
+        for each in (fast.recording.imu.dtheta, fast.recording.imu.dv)
+    ]
+    assert np.allclose(slow.recording.imu.dtheta, sums[0], rtol=0, atol=1e-12)
+    assert np.allclose(slow.recording.imu.dv, sums[1], rtol=0, atol=1e-10)
+    assert all(
+        np.allclose(a.y, b.y, rtol=1e-13, atol=1e-9) and np.array_equal(a.t, b.t)
+        for a, b in zip(slow.recording.aidings, fast.recording.aidings)
+    )
+    assert np.array_equal(slow.recording.meta["b_g"], fast.recording.meta["b_g"][n - 1 :: n])
+    t = fast.recording.imu.t[n - 1 :: n]
+    fed = replace(slow.recording, imu=sd.data.Imu(t, np.diff(np.r_[0.0, t]), *sums))
+    alone = sd.fuse(fed, "closed-loop", start=slow.start).trajectory
+    mine = slow.solution.trajectory
+    assert np.abs(alone.v_n - mine.v_n).max() < 1e-8
+    assert np.abs(displacement(alone.lla, mine.lla)).max() < 1e-7
+    repeated = sd.fuse(slow.recording, "closed-loop", start=slow.start)
+    assert same(repeated, slow.solution)
+
+
+def test_the_autopilot_flies_by_the_last_estimate_of_a_slow_filter():
+    """At its own step: a turning flight on ten estimates a second is nearly that on a hundred."""
+    fast, slow = (fly("turning", duration=60.0, filter_rate=rate, seed=3) for rate in (None, 10.0))
+    assert fast.stopped is slow.stopped is None
+    apart = displacement(slow.recording.reference.lla, fast.recording.reference.lla[::10])
+    assert np.linalg.norm(apart, axis=1).max() < 1.0
+
+
+@pytest.mark.short
+def test_a_filter_that_has_the_option_rate_gets_that_of_its_samples():
+    told = {}
+
+    def start(start, noise, rate=100.0):
+        told["rate"] = rate
+        return find("closed-loop").start(start, noise)
+
+    fly(
+        "straight",
+        find("closed-loop")._replace(name="told", start=start),
+        filter_rate=20.0,
+        duration=0.3,
+    )
+    assert told == {"rate": 20.0}
+
+
+def test_the_model_may_predict_between_fixes():
+    """From the beginning, and the fixes are used; its increments stand in the recording."""
+    common = dict(duration=4.0, feedback="truth", seed=6)
+    flight, other = (fly("straight", prediction=by, **common) for by in ("model-always", "imu"))
+    assert (flight.log["model predicts"] == 1).all() and (other.log["model predicts"] == 0).all()
+    assert "400 IMU samples are those of the aircraft's model" in str(
+        flight.recording.meta["notes"]
+    )
+    assert flight.solution.counts() == {
+        "GNSS position": (20, 0),
+        "GNSS velocity": (20, 0),
+    }
+    assert not np.array_equal(flight.recording.imu.dv, other.recording.imu.dv)
+    cut = fly("straight", prediction="model-always", outage="2:", **common)
+    assert len(cut.recording.aidings[0].t) < 10 and (cut.log["model predicts"] == 1).all()
+
+
 BAD = {
+    "filter_rate is 30 Hz; it must be the rate of the flight, 100 Hz, divided by a whole": dict(
+        filter_rate=30.0
+    ),
+    "filter_rate is 200 Hz; .* such as 100 Hz": dict(filter_rate=200.0),
+    "filter_rate is nan Hz; it must be a finite number above 0": dict(filter_rate=np.nan),
+    "must be one of imu, model, model-always": dict(prediction="model always"),
+    "cannot fly 30000.0 s at 100 Hz": dict(filter_rate=10.0, duration=30000.0),
     "outage is '15-20'; write": dict(outage="15-20"),
     "outage 30:35 s is not a window of the flight, which lasts 10 s": dict(outage="30:35"),
     "windows overlap": dict(outage=[(2, 5), (4, 6)]),

@@ -22,9 +22,10 @@ pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler is found
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """(what was chosen, what was written, its folder); a closed loop over a rough flight."""
+    """(what was chosen, what was written, its folder); a closed loop with
+    held biases over a rough flight."""
     folder = tmp_path_factory.mktemp("exported")
-    of = chosen("closed-loop", KINDS, rough_flight())
+    of = chosen("closed-loop", KINDS, rough_flight(), options={"bias": "held"})
     return of, export(of, find_target("host"), folder), folder
 
 

@@ -10,12 +10,12 @@ import pytest
 from strapdown_reproductions.common.claims import judge
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 from strapdown_reproductions.fossen import claims, runs
-from strapdown_reproductions.fossen.cases import CASES, CHAPTER, RIGHT
+from strapdown_reproductions.fossen.cases import CASES, CHAPTER, FADING, RIGHT, TUNINGS
 from strapdown_reproductions.fossen.signals import SIGNALS
 
 pytestmark = pytest.mark.short
 EXCITATIONS = (*SIGNALS, "at rest", "steady", "turning", "steep")
-SEEDS = 20
+SEEDS = 100  # from some 80 on none in all means seldom
 
 
 def run(case, excitation, right):
@@ -24,13 +24,14 @@ def run(case, excitation, right):
     moves = excitation in SIGNALS or attitude_known
     converges = moves if right else not attitude_known and excitation not in SIGNALS
     lost = excitation == "steep" and (
-        case.startswith("direct-euler") if right else not case.startswith("direct-euler")
+        case.startswith("euler-direct") if right else not case.startswith("euler-direct")
     )
     good = not lost if right else excitation == "steep" and not lost
     return {
         "stopped": lost,
         "accel_s": 80.0 if converges else np.inf,
         "accel_first_s": 20.0,
+        "angle_sd_rad": 30.0 if lost else 0.1,
         "gyro_s": 5.0 if converges else np.inf,
         "position_m": 0.03 if good else 50.0,
         "velocity_m_s": 0.01 if good else 1.0,
@@ -48,6 +49,7 @@ def dropout(right):
         "accel_after": 0.05 if right else 0.2,
         "accel_left": 0.8 if right else 1.0,
         "accel_model": 0.8,
+        "position_after_m": 300.0,
     }
 
 
@@ -71,19 +73,19 @@ def world(right, doubtful=False):
             "seed": seed,
             **run(case.name, excitation, truth(seed)),
         }
-        for case, excitation, tuning, seed in product(
-            CASES, EXCITATIONS, (CHAPTER, RIGHT), range(SEEDS)
-        )
+        for case, excitation, tuning, seed in product(CASES, EXCITATIONS, TUNINGS, range(SEEDS))
     ]
     dropped = [
         {
             "case": case,
             "excitation": signal,
-            "tuning": CHAPTER,
+            "tuning": tuning,
             "seed": seed,
             **dropout(truth(seed)),
         }
-        for case, signal, seed in product(runs.DROPPED, SIGNALS, range(SEEDS))
+        for case, signal, tuning, seed in product(
+            runs.DROPPED, SIGNALS, (CHAPTER, FADING), range(SEEDS)
+        )
     ]
     short = [
         {"seed": seed, "biases": biases, "outage": outage, "form": form, **intro(form, truth(seed))}
@@ -106,7 +108,12 @@ def test_every_verdict_is_reached_by_every_claim(evidence, verdict):
     found = claims.claims(evidence)
     assert len(found) == 14 and len({f["claim"] for f in found}) == 14
     wrong = [(f["claim"], f["verdict"], f["measured"]) for f in found if f["verdict"] != verdict]
-    assert not wrong, wrong
+    if verdict == UNDECIDED:  # what happens in every second run is possible
+        (sometimes,) = wrong
+        assert sometimes[0].startswith("Covariance blow-up") and sometimes[1] == PARTLY
+    else:
+        assert not wrong, wrong
+    assert all(f["answer"] and f["kind"] for f in found)
     assert all(f["rule"] and f["measured"] and f["source"] and f["decided_by"] for f in found)
 
 
@@ -118,6 +125,17 @@ def test_a_claim_that_one_tuning_supports_is_partly_reproduced():
         == judge(claims.CLAIMS["gyro_seconds"], mixed)["verdict"]
         == PARTLY
     )
+
+
+def test_a_possible_blow_up_takes_some_runs_and_not_most():
+    evidence = world(False)
+    steep = (evidence.runs["case"] == claims.PRINTED) & (evidence.runs["excitation"] == "steep")
+    sound = evidence.runs.assign(stopped=False, position_m=0.1)
+    for share, verdict in ((0.0, NOT_REPRODUCED), (0.05, UNDECIDED), (0.2, REPRODUCED)):
+        blown = steep & (evidence.runs["seed"] < share * SEEDS)
+        own = evidence._replace(runs=sound.assign(angle_sd_rad=np.where(blown, 4.0, 0.1)))
+        part = claims.CLAIMS["euler_blows_up"].parts["printed"](own)
+        assert part.verdict == verdict, (share, str(part))
 
 
 def test_sooner_counts_for_one_to_two_minutes_and_later_does_not():

@@ -11,21 +11,28 @@ from strapdown import geodesy
 from strapdown.checks import DataError
 from strapdown.sensor_models.imu import grade
 from strapdown_reproductions.common import markdown, write_docs
-from strapdown_reproductions.common.pages import COLOURS
+from strapdown_reproductions.common.pages import COLOURS, TOO_FEW
 from strapdown_reproductions.mollaei import choices, main, metrics, runs
 from strapdown_reproductions.mollaei.cells import (
+    AT_TRIM,
     CASES,
     CLOSED,
+    CONDITIONS,
     E0,
     E1,
     E2,
     EKF,
     FULL,
+    GUSTS,
+    HELD,
+    HZ_10,
     IMU,
     MODEL,
     MODES,
     NO_FILTER,
+    ONCE,
     PKF,
+    POINTS,
     PRINTED,
     PUBLISHED,
     SIX,
@@ -241,8 +248,8 @@ def test_tables_for_people():
     first = redrawn(tables, E0).iloc[0]
     assert (
         first[EKF].startswith("1.0659 / 0.1")
-        and first["prediction"] == "–"
-        and len(redrawn(tables, E1)) == 2 * len(redrawn(tables, E0))
+        and first["prediction"] == "IMU"
+        and len(redrawn(tables, E1)) == len(redrawn(tables, E0)) == 2 * 13
     )
     over = (
         redrawn(tables, E1)
@@ -259,8 +266,14 @@ def test_tables_for_people():
         and shown["NEES at the end"].str.startswith("6 (").all()
         and set(shown["lost"]) == {0}
     )
-    assert [str(Case(E1, FULL, MODEL)), str(Case(E0))] == ["E1, 15 states, model-driven", "E0"]
+    assert [str(Case(E1, FULL, MODEL)), str(Case(E0))] == [
+        "E1, 15 states, model-driven",
+        "E0, IMU-driven",
+    ]
     assert str(Case(E1, SIX, IMU, PRINTED)) == "E1, IMU-driven, printed Q, R"
+    gusty = Case(E1, prediction=MODEL, condition=GUSTS)
+    assert str(gusty) == "E1, model-driven, light turbulence"
+    assert Case(E0).linear and not Case(E0, FULL).linear and not gusty.linear
 
 
 @pytest.mark.short
@@ -336,6 +349,52 @@ def test_ekf_and_ukf_are_one_filter_where_the_imu_drives_and_not_where_the_model
     assert np.isnan(runs.apart(None, None)) and runs.apart(flown(12.0), flown()) == np.inf
 
 
+def test_in_e0_the_model_predicts_between_fixes_and_there_only():
+    """Whoever predicts is in the log; with the model the fixes go on."""
+    for driven, share in ((IMU, 0.0), (MODEL, 1.0)):
+        flight = runs.flight(Case(E0, prediction=driven), EKF, 5, duration=4.0)
+        assert flight.log["model predicts"].mean() == share
+        assert flight.recording.aidings[0].t[-1] == pytest.approx(4.0)
+    cut = runs.flight(Case(E1, prediction=MODEL), EKF, 5, duration=20.0)
+    assert np.flatnonzero(cut.log["model predicts"])[0] == 1500
+
+
+def test_an_ekf_at_the_trim_is_the_ekf_where_the_imu_drives_and_no_other_is():
+    """What `modes` leaves out is an identity; what it flies is none."""
+    own = runs.scored(Case(E1), EKF, 12, None)[1]
+    off = {
+        mode: runs.apart(runs.scored(Case(E1), mode, 12, None)[1], own)
+        for mode in (AT_TRIM, ONCE, HELD)
+    }
+    assert off[AT_TRIM] == 0 and min(off[ONCE], off[HELD]) > 0.1
+    assert {AT_TRIM, POINTS}.isdisjoint(runs.modes(Case(E1), 0))
+    assert {AT_TRIM, POINTS} <= set(runs.modes(Case(E1, prediction=MODEL), 0))
+    assert POINTS not in runs.modes(Case(E1, prediction=MODEL), 1)
+    assert NO_FILTER not in runs.modes(Case(E1, prediction=MODEL, condition=GUSTS), 0)
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_a_condition_is_flown(condition):
+    """And is scored beside a reference flight at its own samples."""
+    case = Case(E1, prediction=MODEL, condition=condition)
+    usual, other = (
+        runs.flight(each, EKF, 5, duration=4.0, outage="3:")
+        for each in (case._replace(condition=""), case)
+    )
+    seen = {
+        "position fixes alone": len(other.recording.aidings) == 1,
+        "start 10 m and 5 m/s off": other.start.sd[:6] == (10.0,) * 3 + (5.0,) * 3,
+        "light turbulence": np.ptp(other.log["wind down, m/s"]) > 0.1,
+        "filter at 20 Hz": len(other.recording.imu.t) == 4 * 20,
+        "filter at 10 Hz": len(other.recording.imu.t) == 4 * 10,
+    }
+    assert [name for name, so in seen.items() if so] == [condition]
+    assert len(usual.recording.imu.t) == 400 and len(usual.recording.aidings) == 2
+    reference = runs.beside(case)
+    assert np.allclose(np.diff(reference.t), np.diff(other.recording.imu.t)[0])
+    assert reference.t[-1] == 25.0
+
+
 @pytest.mark.short
 def test_growth_curves_end_where_a_flight_does():
     curve = runs.curve(flown(12.0, stopped="gone"), REFERENCE)
@@ -365,12 +424,14 @@ def test_a_flight_that_cannot_begin_is_lost(monkeypatch):
 
 SMALL = (
     Case(E0),
+    Case(E0, prediction=MODEL),
     Case(E1),
     Case(E1, prediction=MODEL),
     Case(E2),
     Case(TURN),
     Case(WIND, prediction=MODEL),
     Case(E1, FULL),
+    Case(E1, prediction=MODEL, condition=HZ_10),
 )
 
 
@@ -391,12 +452,13 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     # one filter
     assert (
         json.loads((tmp_path / "claims.json").read_text()) == claims
-        and claims[-1]["verdict"] == "reproduced"
+        and {claim["verdict"] for claim in claims} == {TOO_FEW}
+        and claims[-1]["answer"].startswith("UKF: at most ")
     )
     page = (tmp_path / "index.html").read_text()
     assert (
         "Figure 7b redrawn" in page
-        and "So few seeds decide little" in page
+        and "A quick run, 2 of each" in page
         and "2 seeds of E1" in page
         and ">nan<" not in page
     )
@@ -404,13 +466,18 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
         "flights",
         "full",
         "time",
+        "readings",
+        "conditions",
         *(f"redrawn-{name}" for name in ("e0", "e1", "e2")),
         *(f"left-out-{name}" for name in ("e0", "e1", "e2", "turn", "wind")),
     }
     assert {path.stem for path in tmp_path.glob("*.csv")} == names
     flights = pd.read_csv(tmp_path / "flights.csv")
-    # two seeds of the short ones, one of the long ones
-    assert len(flights) == 4 * (2 * 4 + 1 * 2) + 1 and not flights["fx_n"].isna().any()
+    # two seeds of the short ones, one of the long ones; components by sigma points in one
+    of_case = {(E0, IMU): 6, (E0, MODEL): 7, (E1, IMU): 6, (E1, MODEL): 7, (TURN, IMU): 4}
+    points, long, full, slow = 2, 6 + 4, 1, 6
+    assert len(flights) == 2 * sum(of_case.values()) + points + long + full + slow
+    assert not flights["fx_n"].isna().any()
     assert flights.loc[flights["mode"] == UKF, "apart_m"][flights["prediction"] == IMU].max() < 1e-6
     text = (tmp_path / "findings.md").read_text()
     docs = tmp_path / "mollaei.md"
@@ -418,7 +485,7 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     write_docs.insert(docs, "mollaei", text)
     assert (
         docs.read_text() == f"before\n{write_docs.mark('mollaei')}\n{text}{markdown.END}\nafter\n"
-        and "| 22 | (Not said:)" in text
+        and "| 21 | (Not said:)" in text
     )
 
 

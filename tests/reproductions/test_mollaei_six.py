@@ -226,6 +226,7 @@ LINEAR = [
     (filters.UKF6, dict(alpha=1.0, beta=0.0, kappa=-3.0)),
     (filters.CKF6, {}),
     (filters.PKF6, dict(components=1)),
+    (filters.PKF6, dict(components=1, transition="sigma-points")),
 ]
 
 
@@ -340,6 +341,33 @@ def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
         (filters.EKF6, dict(sigma="merwe"), "has no option 'sigma'"),
         (filters.UKF6, dict(sigma="cubic"), "sigma is 'cubic'; it must be one of merwe, symmetric"),
         (filters.UKF6, dict(alpha=0.0), "alpha must be above 0"),
+        (
+            filters.EKF6,
+            dict(linearised="origin"),
+            "linearised is 'origin'; it must be one of estimate, trim, once, held",
+        ),
+        (
+            filters.EKF6,
+            dict(linearised="once"),
+            "linearised='once' needs the airspeed of its trim; give airspeed, m/s",
+        ),
+        (
+            filters.EKF6,
+            dict(airspeed=25.0),
+            'give linearised="trim", "once" or "held" with it, or leave it out',
+        ),
+        (
+            filters.EKF6,
+            dict(linearised="trim", airspeed=-25.0),
+            "airspeed is -25.0 m/s; it must be a finite number above 0",
+        ),
+        (filters.EKF6, dict(linearised="trim", airspeed=8.0), "cannot be trimmed at 8 m/s"),
+        (filters.UKF6, dict(linearised="trim"), "has no option 'linearised'"),
+        (
+            filters.PKF6,
+            dict(transition="exact"),
+            "transition is 'exact'; it must be one of linearised, sigma-points",
+        ),
         (filters.PKF6, dict(components=0), "components is 0; it must be a whole number"),
         (filters.PKF6, dict(components=2.5), "components is 2.5"),
         (filters.PKF6, dict(kernel=0.0), "kernel is 0.0; it must be a finite number above 0"),

@@ -4,7 +4,7 @@ unscented filter, and what its inputs do."""
 import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, unscented_transform
-from flat_flight import flat
+from flat_flight import GRAVITY, ORIGIN, flat
 from flown import acceleration, flown
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
@@ -12,7 +12,14 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.contract import Noise
 from strapdown.engine import batch
 from strapdown.engine.prepare import Asked
-from strapdown_reproductions.mollaei.six_state import filters
+from strapdown.evaluation.metrics import errors
+from strapdown.flight.aircraft.parameters import aircraft
+from strapdown.flight.aircraft.trim import trim
+from strapdown.flight.fly import fly
+from strapdown.flight.plan import straight
+from strapdown.sensor_models.errors import Triad
+from strapdown.sensor_models.imu import ImuSpec
+from strapdown_reproductions.mollaei.six_state import filters, particle_filter
 
 NOISE = Noise(gyro=1e-6, accel=0.08, gyro_bias=0.0, accel_bias=0.0, gyro_decay=0.0, accel_decay=0.0)
 
@@ -37,19 +44,21 @@ def through(made, filter, start=None, model=slice(None), **options):
     return np.array(states), np.array(covariances), run.belief
 
 
+def mid_sample(made, row, dt):
+    """Attitude C_nb (3, 3) and rates (rad/s) that the increments tell of the middle of a sample."""
+    theta = made.recording.imu.dtheta
+    before = theta[row - 1] if row else np.zeros(3)
+    turn = theta[row] + np.cross(before, theta[row]) / 12
+    rotation = Rotation.from_quat(made.truth[row, [7, 8, 9, 6]]) * Rotation.from_rotvec(0.5 * turn)
+    return rotation.as_matrix(), turn / dt
+
+
 def model(made, row, dt):
     """Function x (6,) -> x after sample `row` of a flight, by the midpoint rule with the
     attitude of mid-sample that the increments tell."""
-    theta = made.recording.imu.dtheta
-    before = theta[row - 1] if row else np.zeros(3)
-    turn = Rotation.from_rotvec(0.5 * (theta[row] + np.cross(before, theta[row]) / 12))
-    rotation = Rotation.from_quat(made.truth[row, [7, 8, 9, 6]]) * turn
-    q, controls, wind = (
-        rotation.as_quat()[[3, 0, 1, 2]],
-        made.inputs[row, 1:5],
-        made.inputs[row, 5:8],
-    )
-    omega = (theta[row] + np.cross(before, theta[row]) / 12) / dt
+    C, omega = mid_sample(made, row, dt)
+    q = Rotation.from_matrix(C).as_quat()[[3, 0, 1, 2]]
+    controls, wind = made.inputs[row, 1:5], made.inputs[row, 5:8]
 
     def advance(x):
         v = x[3:]
@@ -142,6 +151,148 @@ def test_one_component_is_the_extended_filter_there_too_and_the_flag_alone_decid
     assert by_model[3, 3] < 0.8 * by_imu[3, 3]  # the air holds the velocity, and the model knows it
 
 
+def tangent(made, reading, airspeed):
+    """Function (attitude, rates, controls, wind, v) -> m/s^2, NED: the aircraft's acceleration to
+    first order about level flight along the start's heading, by differences of `evaluate`; and its
+    attitude and specific force there."""
+    at = trim(
+        aircraft("aerosonde"), airspeed, origin=ORIGIN, course=made.start.rph[2], earth="flat"
+    )
+    q0, C0 = at.state[6:10], Rotation.from_quat(at.state[[7, 8, 9, 6]]).as_matrix()
+    x0 = np.r_[at.state[3:6], at.state[10:17]]
+
+    def of(x, q):
+        return acceleration(q, x[3:6], x[6:10], np.zeros(3), x[:3])
+
+    def slopes(x, q):
+        return np.stack([of(x + h, q) - of(x - h, q) for h in 1e-4 * np.eye(10)], 1) / 2e-4
+
+    def tilted(h):
+        q = (Rotation.from_matrix(C0) * Rotation.from_rotvec(h)).as_quat()[[3, 0, 1, 2]]
+        return of(x0, q)
+
+    a0, S = of(x0, q0), slopes(x0, q0)
+    T = np.stack([tilted(h) - tilted(-h) for h in 1e-4 * np.eye(3)], 1) / 2e-4
+    level = np.array([1.0, 0, 0, 0])  # axes of the body as those of the map
+    b0 = np.r_[C0.T @ x0[:3], x0[3:]]
+    f0, F = of(b0, level) - [0, 0, GRAVITY], slopes(b0, level)
+
+    def act(C, omega, controls, wind, v):
+        if reading == "trim":
+            off = np.r_[C.T @ (v - wind), omega, controls] - b0
+            return C @ (f0 + F @ off) + [0, 0, GRAVITY]
+        M = C0.T @ C
+        phi = 0.5 * np.array([M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]])
+        off = np.r_[v - wind, omega, controls] - x0
+        return a0 + S @ off + T @ phi * (reading == "once")
+
+    return act, C0, f0
+
+
+@pytest.mark.parametrize("reading", ["trim", "once", "held"])
+def test_a_process_linearised_at_a_trim_is_the_tangent_of_the_aircraft(reading):
+    """State and covariance over a second of steps of the controls, fixes on the way, about a trim
+    2 m/s slower: against a Kalman filter of the aircraft's derivatives there."""
+    made, dt = flown(1.0, fixes=(0.4,)), 0.01
+    states, covariances, _ = through(made, filters.EKF6, linearised=reading, airspeed=23.0)
+    act, _, _ = tangent(made, reading, 23.0)
+    noise, G = driven_noise(dt)
+    x, P = np.r_[0, 0, 0, made.start.v], np.diag(np.array(made.start.sd[:6]) ** 2)
+    for row, inputs in enumerate(made.inputs):
+        C, omega = mid_sample(made, row, dt)
+
+        def advance(x):
+            go = lambda v: act(C, omega, inputs[1:5], inputs[5:8], v)
+            w = x[3:] + dt * go(x[3:] + 0.5 * dt * go(x[3:]))
+            return np.r_[x[:3] + 0.5 * dt * (x[3:] + w), w]
+
+        Phi = np.column_stack([(advance(x + d) - advance(x - d)) / 2 for d in np.eye(6)])
+        x, P = advance(x), Phi @ P @ Phi.T + G @ noise @ G.T
+        for aiding, H in zip(made.recording.aidings, (np.eye(6)[:3], np.eye(6)[3:])):
+            for k in np.flatnonzero(np.abs(aiding.t - made.recording.imu.t[row]) < 1e-6):
+                y = flat(aiding.y[k], made.start.lla) if aiding.kind == "position" else aiding.y[k]
+                K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(aiding.sd[k] ** 2))
+                x, P = x + K @ (y - H @ x), (np.eye(6) - K @ H) @ P
+        assert np.abs(states[row] - x).max() < 1e-5 and np.abs(covariances[row] - P).max() < 1e-6
+    # the readings are three, and none is the filter that linearises at its estimate
+    for other in ({}, *(dict(linearised=r, airspeed=23.0) for r in ("trim", "once", "held"))):
+        if other.get("linearised") != reading:
+            assert np.abs(through(made, filters.EKF6, **other)[0][-1] - x).max() > 2e-3
+
+
+def test_driven_by_the_imu_the_readings_differ_by_the_attitude_alone():
+    """`trim` is the filter itself; `held` turns the force by the trim's attitude, `once` by that
+    and the first order of what the attitude is off it."""
+    made, dt = flown(1.5), 0.01
+    none = dict(model=slice(0, 0))
+    plain = through(made, filters.EKF6, **none)[0]
+    at_trim = through(made, filters.EKF6, linearised="trim", airspeed=23.0, **none)[0]
+    assert np.array_equal(at_trim, plain)
+    for reading in ("once", "held"):
+        _, C0, f0 = tangent(made, reading, 23.0)
+        x, before = np.r_[0, 0, 0, made.start.v], np.zeros((2, 3))
+        for row, (theta, dv) in enumerate(zip(made.recording.imu.dtheta, made.recording.imu.dv)):
+            f = dv + (np.cross(before[0], dv) + np.cross(before[1], theta)) / 12
+            M, before = C0.T @ mid_sample(made, row, dt)[0], np.array([theta, dv])
+            phi = 0.5 * np.array([M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]])
+            dv = C0 @ (f + np.cross(phi, f0) * dt * (reading == "once")) + [0, 0, GRAVITY * dt]
+            x = np.r_[x[:3] + dt * x[3:] + 0.5 * dt * dv, x[3:] + dv]
+        found = through(made, filters.EKF6, linearised=reading, airspeed=23.0, **none)[0][-1]
+        assert np.abs(found - x).max() < 1e-6 < 5e-3 < np.abs(found - plain[-1]).max()
+
+
+def test_one_component_by_sigma_points_is_the_unscented_filter_of_the_symmetric_set():
+    """(37) to (39) beside (23) to (25): where the model predicts, with fixes, and where the IMU
+    does; and it is not the component that is linearised at its mean."""
+    made = flown(1.0, fixes=(0.4,))
+    wide = made.start._replace(sd=(2.0,) * 3 + (3.0,) * 3 + (1e-6,) * 9)
+    for rows in (slice(None), slice(0, 0)):
+        common = dict(start=wide, model=rows)
+        (one, P, _), (other, Q, belief), (linear, _, _) = (
+            through(made, filters.UKF6, sigma="symmetric", **common),
+            through(made, filters.PKF6, components=1, transition="sigma-points", **common),
+            through(made, filters.PKF6, components=1, **common),
+        )
+        assert np.abs(one - other).max() < 1e-9 and np.abs(P - Q).max() < 1e-9
+        assert belief.workspace[2] == 0  # nothing was repaired
+        assert (np.abs(linear - other).max() > 1e-3) == (rows == slice(None))
+
+
+def test_components_by_sigma_points_are_a_bank_of_unscented_filters():
+    """Without fixes each of three components goes its own way, as an unscented filter does that
+    starts with its mean and covariance."""
+    made, count = flown(0.3), 3
+    wide = made.start._replace(sd=(2.0,) * 3 + (3.0,) * 3 + (1e-6,) * 9)
+    options = dict(components=count, kernel=0.6, transition="sigma-points")
+
+    def bank(belief):
+        return particle_filter.SLOTS.named(belief.workspace)["COMPONENTS"][: 42 * count].reshape(
+            count, 42
+        )
+
+    begun = batch.begin(
+        made.recording, filters.PKF6, Asked(options, start=wide, noise=NOISE)
+    ).belief
+    ended = through(made, filters.PKF6, start=wide, **options)[2]
+    for mine, own in zip(bank(begun).copy(), bank(ended)):
+        x, P = unscented(made, mine[:6], mine[6:].reshape(6, 6))
+        assert np.abs(own[:6] - x).max() < 1e-8
+        assert np.abs(own[6:].reshape(6, 6) - P).max() < 1e-8
+
+
+def unscented(made, x, P):
+    """Mean and covariance after the flight of one unscented filter with the 24 points of equal
+    weight of (37) to (39)."""
+    noise, G = driven_noise(0.01)
+    points = MerweScaledSigmaPoints(12, 1.0, 0.0, 0.0)
+    for row in range(len(made.inputs)):
+        advance = model(made, row, 0.01)
+        spread = points.sigma_points(np.r_[x, np.zeros(6)], block_diag(P, noise))
+        moved = np.array([advance(p[:6]) + G @ p[6:] for p in spread])
+        x, P = unscented_transform(moved, points.Wm, points.Wc)
+    return x, P
+
+
 def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_derivative_misses():
     """Velocities of 4 m/s about the truth, 0.6 s of the model: against Gauss-Hermite quadrature
     of five nodes per axis."""
@@ -158,18 +309,41 @@ def test_where_the_spread_is_wide_points_and_components_find_the_mean_that_the_d
         ends = np.array([advance(x) for x in ends])
     mean = weight @ ends
     off = {
-        filter.name: np.abs(through(made, filter, start=start, **more)[0][-1] - mean)[3:].max()
+        (filter.name, *more.values()): np.abs(
+            through(made, filter, start=start, **more)[0][-1] - mean
+        )[3:].max()
         for filter, more in (
             (filters.EKF6, {}),
             (filters.UKF6, {}),
             (filters.CKF6, {}),
             (filters.PKF6, dict(components=4000)),
+            (filters.PKF6, dict(components=1, transition="sigma-points")),
         )
     }
-    assert (
-        off["six-ekf"] > 0.1
-        and max(off["six-ukf"], off["six-ckf"], off["six-pkf"]) < 0.25 * off["six-ekf"]
-    ), off
+    ekf, *others = off.values()
+    assert ekf > 0.1 and max(others) < 0.25 * ekf, off
+
+
+def test_a_slower_filter_is_told_the_mean_of_the_controls():
+    """In a flight without any error the model in the filter's hands errs with the square of its
+    step: 20 and 10 Hz; controls of one instant would make that its first power."""
+    off = {}
+    for rate in (20.0, 10.0):
+        flight = fly(
+            straight(higher=10.0, faster=2.0),
+            filters.EKF6,
+            imu=ImuSpec("ideal", Triad(), Triad()),
+            earth="flat",
+            duration=6.0,
+            outage="0:",
+            prediction="model",
+            inputs=filters.INPUTS,
+            start_sd=(0.0,) * 15,
+            feedback="truth",
+            filter_rate=rate,
+        )
+        off[rate] = np.abs(errors(flight.solution, flight.recording.reference).velocity).max()
+    assert off[20.0] < 0.01 and 3.5 < off[10.0] / off[20.0] < 5.5, off
 
 
 def test_without_fixes_the_weights_stay():

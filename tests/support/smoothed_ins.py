@@ -224,7 +224,9 @@ def rauch_tung_striebel(log):
     many = [0] * len(around)
     for k, u in enumerate(log.u):
         neighbours = propagated(log, state.rows(many).moved(around), u)
+        held = log.noise.held * (1 - log.keep) * state.b
         state = neighbours.rows([0])
+        state = state._replace(b=state.b + held)
         x, Phi, Q = neighbours.less(state.rows(many)), np.eye(n), np.zeros((n, n))
         Phi[:, :N] = ((x[1 : N + 1] - x[N + 1 :]) / (2 * STEP[:, None])).T
         Q[:N, :N] = noise_of(log, Phi[:N, :N])

@@ -6,7 +6,6 @@ import signal
 import sys
 import threading
 import warnings
-from inspect import signature
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -425,8 +424,7 @@ def filters() -> None:
     found = [filters.find(name) for name in filters.names()]
 
     def options(each: "Filter") -> str:
-        parameters = list(signature(each.start).parameters.values())[2:]
-        return " ".join(f"{p.name}={p.default}" for p in parameters)
+        return " ".join(f"{name}={default}" for name, default in each.options.items())
 
     def needs(each: "Filter") -> str:
         own = ["position"] if positioned(each) else []

@@ -30,7 +30,8 @@ FEEDBACK = Annotated[str, typer.Option(help="What the autopilot flies by: estima
 PREDICTION = Annotated[
     str,
     typer.Option(
-        help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's."
+        help="What the filter predicts by while the receiver is cut: imu, or model, the aircraft's; "
+        "model-always: also between fixes."
     ),
 ]
 BAROMETER = Annotated[

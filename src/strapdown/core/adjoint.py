@@ -19,13 +19,14 @@ from .rotation import rotation_terms, turned_by
 
 PREDICTION = DV.stop - CALL
 """Numbers of a record of a prediction: those of workspace from CALL to DV."""
-DT, W, DECAY_A, DECAY_G, F, C, HALF_FORCE = (
+DT, W, DECAY_A, DECAY_G, HELD, F, C, HALF_FORCE = (
     slot - CALL
     for slot in (
         error_state.DT,
         error_state.TRANSPORT.start,
         error_state.DECAY_A,
         error_state.DECAY_G,
+        error_state.HELD,
         error_state.BLOCK.start,
         error_state.MID,
         DV.start,

@@ -5,11 +5,13 @@ Everything is SI and radians, navigation frame NED, body frame forward-right-dow
 estimate. `docs/design.md` tells why.
 """
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from ..checks import check_choice
 from ..typing import Array, Ints, Mask, Vector
 from .jit import (
     COMPILED,
@@ -110,6 +112,9 @@ __all__ = [
     "BA",
     "BG",
     "STATES",
+    "DECAYING",
+    "HELD",
+    "RANDOM_WALK",
     "MOST_STATES",
     "COMPILED",
     "kernel",
@@ -127,6 +132,14 @@ STATES = 15
 """The library's error states, in this order: position (m, NED), velocity (m/s, NED), attitude
 (rad, in n), accelerometer bias (m/s^2), gyro bias (rad/s). States that an aiding brings along
 follow them."""
+
+
+BIAS = "bias"
+"""The option of every filter with biases that can decay: one of"""
+BIAS_MODELS = DECAYING, HELD, RANDOM_WALK = "decaying", "held", "random-walk"
+"""Biases of the time constants of the IMU, where it has any. "decaying": the estimates go to zero with
+them, as the mean of a Gauss-Markov process does. "held": what was found of a bias stays, its
+uncertainty alone goes back to that of the process. "random-walk": no time constant counts."""
 
 
 class Belief(NamedTuple):
@@ -154,6 +167,9 @@ class Noise(NamedTuple):
     accel_bias: float  # driving noise of the accelerometer bias, m/s^2/sqrt(s)
     gyro_decay: float  # 1/time constant of the gyro bias, 1/s; 0 is a random walk
     accel_decay: float  # 1/time constant of the accelerometer bias, 1/s
+    # share of these decays that the estimates of the biases take no part in, while P does: 0 where
+    # they decay like the biases themselves, 1 where they are held from fix to fix
+    held: float = 0.0
 
 
 class Start(NamedTuple):
@@ -579,6 +595,9 @@ class Filter(NamedTuple):
     # whether its kernels also compile for eight runs at once: they choose by `core.choosing` and
     # have no `if` on a value
     lanes: bool = False
+    # the one of BIAS_MODELS that it assumes where nobody says; "": none of its estimates decays, and
+    # there is no such option
+    bias: str = ""
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied
@@ -591,10 +610,30 @@ class Filter(NamedTuple):
         """Names, with units, of its extra output columns."""
         return self.slots.columns
 
+    @property
+    def options(self) -> dict[str, Any]:
+        """{name of an option: default}."""
+        own = list(inspect.signature(self.start).parameters.items())[2:]
+        found = {name: option.default for name, option in own}
+        return found | {BIAS: self.bias} if self.bias else found
+
+    def assumed(self, noise: Noise, options: Mapping[str, Any]) -> Noise:
+        """`noise` with the bias model of these options. Raises DataError for an unknown one."""
+        if not self.bias:
+            return noise
+        model = check_choice(options.get(BIAS, self.bias), BIAS, BIAS_MODELS)
+        if model == RANDOM_WALK:
+            return noise._replace(gyro_decay=0.0, accel_decay=0.0)
+        return noise._replace(held=float(model == HELD)) if BIAS in options else noise
+
     def begin(self, start: Start, noise: Noise, **options: Any) -> Belief:
-        """The belief of `start`. Raises RuntimeError where its workspace is smaller than `slots`
-        says, so that kernels would write beyond it."""
-        belief = self.start(start, noise, **options)
+        """The belief of `start`; its kernels are to be given the noise that is `assumed`. Raises
+        RuntimeError where its workspace is smaller than `slots` says, so that kernels would write
+        beyond it."""
+        assumed = self.assumed(noise, options)
+        if self.bias:
+            options.pop(BIAS, None)
+        belief = self.start(start, assumed, **options)
         if belief.workspace.size < self.slots.size:
             raise RuntimeError(
                 f"filter {self.name!r}: its start made a workspace of {belief.workspace.size} "

@@ -24,7 +24,15 @@ from .correlated import see
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .jit import flatten, helper, inlined, matrix
-from .kalman import WORKSPACE, decay, propagate, propagate_error, update, used_rows
+from .kalman import (
+    WORKSPACE,
+    decay,
+    of_estimates,
+    propagate,
+    propagate_error,
+    update,
+    used_rows,
+)
 from .rotation import NineNumbers, orthonormalise, rotate_left, rotation_terms, turned_by
 
 PREDICTED = -1.0  # the last call was a prediction
@@ -37,6 +45,7 @@ CALL = ERROR_STATE.number("CALL")  # of the last call: rows used, or PREDICTED; 
 DT = ERROR_STATE.number("DT")  # s; all from CALL to DV
 TRANSPORT = ERROR_STATE.array("TRANSPORT", 3)  # rotation of n over it, rad
 DECAY_A, DECAY_G = ERROR_STATE.numbers("DECAY_A", "DECAY_G")  # of the biases, 1/s
+HELD = ERROR_STATE.number("HELD")  # Noise.held
 BLOCK = ERROR_STATE.array("BLOCK", BLOCKS)  # blocks of F
 MID = ERROR_STATE.matrix("MID", 3, 3)  # C_nb at mid-interval
 DV = ERROR_STATE.array("DV", 3)  # specific-force velocity increment in n, bias-free, m/s
@@ -87,9 +96,11 @@ def linearised_step(
     workspace[CALL], workspace[DT] = PREDICTED, dt
     transport[0], transport[1], transport[2] = w0, w1, w2
     workspace[DECAY_A], workspace[DECAY_G] = noise.accel_decay, noise.gyro_decay
+    workspace[HELD] = noise.held
     propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
     if beside:
-        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
+        own = of_estimates(noise)
+        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, own, workspace[WORK])
     publish_rates(belief, 2 * r0, 2 * r1, 2 * r2, a0, a1, a2, dt)
     decay_biases(ba, bg, dt, noise)
 
@@ -122,8 +133,10 @@ def publish_rates(
 
 @helper
 def decay_biases(ba: Array, bg: Array, dt: float, noise: Noise) -> None:
-    """The mean of a Gauss-Markov bias over dt; a random walk (decay 0) keeps it."""
-    keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
+    """The estimate of a Gauss-Markov bias over dt, unless it is held; a random walk (decay 0) keeps
+    it."""
+    own = of_estimates(noise)
+    keep_a, keep_g = decay(own.accel_decay * dt), decay(own.gyro_decay * dt)
     for i in range(3):
         ba[i] *= keep_a
         bg[i] *= keep_g

@@ -464,6 +464,25 @@ def decay(a: float) -> float:
 
 
 @inlined
+def of_estimates(noise: Noise) -> Noise:
+    """`noise` with the decays of the estimates of the biases in place of those of the biases.
+
+    A prediction is the mean of what is to come. Held estimates are it where what was found of a
+    bias lasts and only the uncertainty of it is that of a Gauss-Markov process about it.
+    """
+    decaying = 1 - noise.held
+    return Noise(
+        noise.gyro,
+        noise.accel,
+        noise.gyro_bias,
+        noise.accel_bias,
+        decaying * noise.gyro_decay,
+        decaying * noise.accel_decay,
+        noise.held,
+    )
+
+
+@inlined
 def used_rows(n: int) -> int:
     """Where `update` leaves, in its workspace, how many rows it used and their innovations by
     L^-1; U = L^-1 H P (3, n) lies before it, from 0 on."""

@@ -514,6 +514,7 @@ def wider(noise: Noise, gyro: float, accel: float) -> Noise:
         noise.accel_bias,
         noise.gyro_decay,
         noise.accel_decay,
+        noise.held,
     )
 
 

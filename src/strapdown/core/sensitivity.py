@@ -16,6 +16,7 @@ from .adjoint import (
     DECAY_G,
     DT,
     HALF_FORCE,
+    HELD,
     C,
     F,
     U,
@@ -83,7 +84,8 @@ def _predicted(V: Array, step: Array) -> None:
     dt = step[DT]
     transport = step[W], step[W + 1], step[W + 2]
     _moved(V, step[F:C], matrix(step, C, 3, 3), step[HALF_FORCE : HALF_FORCE + 3], *transport, dt)
-    keep_a, keep_g = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
+    decaying = 1 - step[HELD]  # V is of errors of estimates
+    keep_a, keep_g = decay(decaying * step[DECAY_A] * dt), decay(decaying * step[DECAY_G] * dt)
     for j in range(9 * LANES):
         V[j] = V[MOVED + j]
     for j in range(3 * LANES):

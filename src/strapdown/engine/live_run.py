@@ -94,15 +94,10 @@ class LiveRun:
         events: Events | None = None,
         of_imu: OfImu | None = None,
     ) -> None:
-        self.filter, self.start, self.noise, self.spec, self.options = (
-            filter,
-            start,
-            noise,
-            spec,
-            options,
-        )
+        self.filter, self.start, self.spec, self.options = filter, start, spec, options
         self.aidings = tuple(a._where(np.zeros(len(a.t), bool)) for a in aidings)
         self.belief = new_belief(filter, start, noise, options, self.aidings, of_imu)
+        self.noise = noise = filter.assumed(noise, options)
         made = prepare(filter, [a.kind for a in self.aidings], say)
         self.kernels = made.predict, made.correct, made.observers
         self.cursor = new_cursor(

@@ -1,7 +1,6 @@
 """What a run needs before its first sample: checked arguments, compiled kernels, and its belief,
 fixes, cursor and output, all held in a `Run`."""
 
-import inspect
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -16,6 +15,7 @@ from ..alignment.completed import MOST_HEADING, PARTS
 from ..checks import DataError, brief, check_number, shown
 from ..core import cursor as places, loop
 from ..core.contract import (
+    BIAS,
     BROUGHT,
     COMPILED,
     CORRELATED_SD,
@@ -406,6 +406,7 @@ def ready(
     notes += said
     of_imu = recording.meta.get("estimate")
     belief = new_belief(filter, start, noise, options, aidings, of_imu)
+    noise = filter.assumed(noise, options)
     prepared = prepare(filter, [a.kind for a in aidings], asked.say)
     samples = Imu(*(np.require(column, float, ["C", "W"]) for column in recording.imu))
     first, rows = (
@@ -545,6 +546,8 @@ def check_start(start: Start, noise: Noise, missing: Collection[str] = ()) -> No
     for name, value in noise._asdict().items():
         if not 0 <= value < np.inf:
             raise DataError(f"noise: {name} is {value:g}; it must be a finite number, 0 or more")
+    if noise.held > 1:
+        raise DataError(f"noise: held is {noise.held:g}; it is a share, at most 1")
 
 
 def new_belief(
@@ -607,14 +610,12 @@ def fitted(
 def check_options(filter: Filter, options: dict[str, Any]) -> None:
     """Raise DataError where `filter` has no such option, or a value is not of the type of the
     default: a number, or text (or what bears a name)."""
-    known = {
-        name: option.default
-        for name, option in list(inspect.signature(filter.start).parameters.items())[2:]
-    }
+    known = filter.options
     for name, value in options.items():
         if name not in known:
             raise DataError(
-                f"filter {filter.name!r} has no option {name!r}; it has "
+                f"filter {filter.name!r} has no option {name!r}"
+                f"{', as none of its estimates decays' * (name == BIAS)}; it has "
                 f"{', '.join(known) or 'none'}"
             )
         if isinstance(known[name], str) and not isinstance(getattr(value, "name", value), str):

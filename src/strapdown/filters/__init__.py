@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from .. import plugins
-from ..checks import DataError
+from ..checks import DataError, check_choice
 from ..core.contract import (
     ADJOINT_STEP,
+    BIAS,
+    BIAS_MODELS,
     CORRECT,
     PREDICT,
     SAVE_STEP,
@@ -85,6 +87,10 @@ def check(filter: Filter) -> None:
         plugins.check_kernel(smoother.adjoint_step, ADJOINT_STEP, 4, what + "adjoint_step")
     if not callable(filter.start) or len(inspect.signature(filter.start).parameters) < 2:
         raise DataError(f"{what}start must be a function of a Start, a Noise and options")
+    if filter.bias:
+        check_choice(filter.bias, what + BIAS, BIAS_MODELS)
+        if BIAS in inspect.signature(filter.start).parameters:
+            raise DataError(f"{what}start has an option {BIAS}, which the Filter has itself")
     for field in ("states", "estimates"):
         if not set(getattr(filter, field)) <= set(range(STATES)):
             raise DataError(f"{what}{field} must be indices of states, 0 to {STATES - 1}")

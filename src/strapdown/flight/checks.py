@@ -57,7 +57,7 @@ def check(asked: Request) -> None:
     """Raise DataError, in one line, for arguments that no flight can have."""
     check_number(asked.seed, "seed", least=0, whole=True)
     check_choice(asked.feedback, "feedback", ("estimate", "truth"))
-    check_choice(asked.prediction, "prediction", ("imu", "model"))
+    check_choice(asked.prediction, "prediction", ("imu", "model", "model-always"))
     check_choice(asked.earth, "earth", ("geodetic", "flat"))
     check_choice(asked.turbulence, "turbulence", TURBULENCE_LEVELS)
     axes = "numbers: north, east, down, m/s"
@@ -111,7 +111,7 @@ def checked_filter(
 ) -> Filter:
     """The Filter of that name; raises DataError where nothing can be flown on it."""
     chosen = find_filter(filter)
-    if not positioned(chosen) and (feedback == "estimate" or prediction == "model"):
+    if not positioned(chosen) and (feedback == "estimate" or prediction != "imu"):
         raise DataError(
             f"{chosen.name} estimates no position, and the autopilot flies by one; take "
             f"feedback='truth', prediction='imu'"
@@ -127,13 +127,30 @@ def checked_filter(
     return chosen
 
 
-def times(duration: float, rate: float) -> tuple[Array, Array]:
-    """(ends of the samples, their lengths), s."""
-    count = check_number(duration, "duration", "s", above=0) * rate
-    if round(count) < 2 or count > MOST_FLIGHT_SAMPLES:
+def steps_of(rate: float, filter_rate: float | None) -> int:
+    """Steps of the aircraft (`rate`, 1/s) in a sample of the filter. Raises DataError where they
+    are no whole number."""
+    if filter_rate is None:
+        return 1
+    check_number(filter_rate, "filter_rate", "Hz", above=0)
+    steps = round(rate / filter_rate)
+    if steps < 1 or abs(steps * filter_rate - rate) > 1e-9 * rate:
         raise DataError(
-            f"cannot fly {duration!r} s at {rate:g} Hz; give two samples or more, and at most "
-            f"{MOST_FLIGHT_SAMPLES / 1e6:g} million"
+            f"filter_rate is {filter_rate:g} Hz; it must be the rate of the flight, {rate:g} Hz, "
+            f"divided by a whole number: give one such as {rate / max(steps, 1):g} Hz"
         )
-    grid = np.arange(round(duration * rate) + 1) / rate
-    return grid[1:].copy(), np.diff(grid)
+    return steps
+
+
+def times(duration: float, rate: float, steps: int = 1) -> tuple[Array, Array, Array, Array]:
+    """(ends of the samples, their lengths, ends of the steps, their lengths), s: of samples at
+    `rate` (1/s) of so many steps each."""
+    count = check_number(duration, "duration", "s", above=0) * rate
+    if round(count) < 2 or count * steps > MOST_FLIGHT_SAMPLES:
+        raise DataError(
+            f"cannot fly {duration!r} s at {rate * steps:g} Hz; give two samples or more, and at "
+            f"most {MOST_FLIGHT_SAMPLES / 1e6:g} million"
+        )
+    grid = np.arange(round(count) * steps + 1) / (rate * steps)
+    samples = grid[::steps]
+    return samples[1:].copy(), np.diff(samples), grid[1:].copy(), np.diff(grid)

@@ -1,5 +1,6 @@
 """The loop of a flight, one kernel: air, aircraft, sensors, the filter by the house's own loop one
-sample at a time, autopilot, log.
+sample at a time, autopilot, log. The aircraft, its autopilot and the IMU take one or more steps in
+a sample of the filter, which gets the sum of their increments.
 
 The filter runs through `core.loop.run`, so that splitting, gates, gaps and rows are the rules of
 every other run, and `fuse` on the flight's recording gives the flight's own solution bit for bit.
@@ -79,10 +80,11 @@ STEP_SIZE = IMU_ERRORS.array("STEP_SIZE", 2)  # of counted increments
 FULL_SCALE = IMU_ERRORS.array("FULL_SCALE", 2)
 COUNTER = IMU_ERRORS.array("COUNTER", 6)  # before they are cut to whole steps
 COUNTED = IMU_ERRORS.array("COUNTED", 6)  # and after
-ROW, LAST, CAUSE, FILLED, BY_TRUTH, BY_MODEL, INPUTS, STALLED, AT_SIZE = range(9)
+ROW, LAST, CAUSE, FILLED, BY_TRUTH, BY_MODEL, INPUTS, STALLED, STEPS, AT_SIZE = range(10)
 """Journal.at: next row, where to stop, why the flight ended, fixes measured so far, 1: the
 autopilot flies by the truth, 1: the aircraft's model predicts while the receiver is cut, first
-of the filter's inputs in workspace (-1: it takes none), samples in a row beyond the stall."""
+of the filter's inputs in workspace (-1: it takes none), samples in a row beyond the stall, steps
+of the aircraft in a sample."""
 FLYING, GROUND, STALL, ATTITUDE, NUMBER, FILTER = range(6)
 COMMANDED, ACTUAL, OUTPUT_COLUMNS, BODY_VELOCITY, RATES, WIND, ASKED, OFF, LEG, CUT, LOG_WIDTH = (
     0,
@@ -105,7 +107,9 @@ WORK = Slots()
 """Vehicle.work."""
 INCREMENTS = WORK.array("INCREMENTS", 6)
 MODEL_INCREMENTS = WORK.array("MODEL_INCREMENTS", 6)
-CONTROLS_BEFORE = WORK.array("CONTROLS_BEFORE", 4)  # the step
+STEP_INCREMENTS = WORK.array("STEP_INCREMENTS", 6)  # as measured in the aircraft's last step
+# of the steps of a sample so far: sums of the controls at mid-step
+CONTROL_SUMS = WORK.array("CONTROL_SUMS", 4)
 TRUE_C = WORK.matrix("TRUE_C", 3, 3)  # C_nb
 RATE_ROWS = WORK.array("RATE_ROWS", 19)  # rates
 TOLD = WORK.array("TOLD", 9)  # the wind that is told
@@ -127,7 +131,7 @@ class Vehicle(NamedTuple):
     model: Array  # (17,) the aircraft that predicts while the receiver is cut
     turbulence: Array  # numbers of the gusts
     gusts: Array  # their state
-    normals: Array  # (n, k) white normals
+    normals: Array  # (n, k) white normals, of each step
     limits: Array  # height of the ground, m; largest angle of attack, rad
     work: Array  # see WORK
 
@@ -144,7 +148,7 @@ class Steering(NamedTuple):
 class Errors(NamedTuple):
     """What the sensors add."""
 
-    dtheta: Array  # (n, 3) rad
+    dtheta: Array  # (n, 3) rad, of each step of the aircraft
     dv: Array  # (n, 3) m/s
     numbers: Array  # see IMU_ERRORS
     # (m, 3) in the order of the fixes: m or m/s, NED; of a barometer Pa, and the ellipsoidal height
@@ -162,7 +166,7 @@ class Journal(NamedTuple):
     v: Array  # (n + 1, 3)
     q: Array  # (n + 1, 4)
     log: Array  # (n, LOG_WIDTH)
-    cut: Ints  # int64 (n,): 1 where the receiver is cut
+    cut: Ints  # int64 (n,): 1 where the model may predict
     at: Ints  # int64
 
 
@@ -188,8 +192,8 @@ STEERING = record(
 )
 ERRORS = record(
     Errors,
-    dtheta=reals("flown", 3),
-    dv=reals("flown", 3),
+    dtheta=reals("steps", 3),
+    dv=reals("steps", 3),
     numbers=reals("imu_errors"),
     fix=reals("measured", 3),
     measured=reals("measured"),
@@ -251,115 +255,156 @@ def fly(
 ) -> None:
     """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends.
     Commands must stand for the first sample."""
-    at, state, work, told = journal.at, vehicle.state, vehicle.work, vehicle.work[TOLD]
-    C, loads, imaginary = matrix(work, TRUE_C, 3, 3), work[LOADS], work[MODEL_INCREMENTS]
+    at, state, work = journal.at, vehicle.state, vehicle.work
+    C, loads, measured, steps = (
+        matrix(work, TRUE_C, 3, 3),
+        work[LOADS],
+        work[STEP_INCREMENTS],
+        at[STEPS],
+    )
     for row in range(at[ROW], at[LAST]):
-        t, dt, cut = imu.t[row], imu.dt[row], journal.cut[row] * at[BY_MODEL]
+        cut, h = journal.cut[row] * at[BY_MODEL], imu.dt[row] / steps
         imagined = cut == 1 and at[INPUTS] < 0
-        if vehicle.turbulence[SD_U] > 0:
-            gust_at(gust)(
-                vehicle.turbulence,
-                vehicle.gusts,
-                vehicle.normals[row],
-                loads[AIR_SPEED],
-                dt,
-                vehicle.wind,
-            )
-        _move(step, vehicle, dt, C)
-        if imagined:
-            _set_model(vehicle.model, belief)
-            step_at(step)(
+        _begin_sample(vehicle, belief, imu.dtheta[row], imu.dv[row], imagined)
+        for k in range(steps):
+            if k > 0:  # by the last estimate
+                _steer(steering, vehicle, belief, at[BY_TRUTH], h)
+            if vehicle.turbulence[SD_U] > 0:
+                gust_at(gust)(
+                    vehicle.turbulence,
+                    vehicle.gusts,
+                    vehicle.normals[row * steps + k],
+                    loads[AIR_SPEED],
+                    h,
+                    vehicle.wind,
+                )
+            _move(step, vehicle, h, C)
+            evaluate_at(evaluate)(
                 vehicle.parameters,
-                vehicle.model,
-                vehicle.commands,
-                told,
-                dt,
-                imaginary,
+                state,
+                vehicle.wind,
+                work[RATE_ROWS],
+                loads,
             )
+            if imagined:
+                _imagine(step, vehicle, belief, h)
+            else:
+                _measure(
+                    work[INCREMENTS],
+                    errors.numbers,
+                    errors.dtheta[row * steps + k],
+                    errors.dv[row * steps + k],
+                    h,
+                    measured[0:3],
+                    measured[3:6],
+                )
             for i in range(3):
-                imu.dtheta[row, i] = imaginary[i] + belief.bg[i] * dt
-                imu.dv[row, i] = imaginary[3 + i] + belief.ba[i] * dt
-        else:
-            _measure(
-                work[INCREMENTS],
-                errors.numbers,
-                errors.dtheta[row],
-                errors.dv[row],
-                dt,
-                imu.dtheta[row],
-                imu.dv[row],
-            )
+                imu.dtheta[row, i] += measured[i]
+                imu.dv[row, i] += measured[3 + i]
+            _fill(errors, fixes, at, state, C, imu.t[row] - (steps - 1 - k) * h, work[SLOPES])
         if at[INPUTS] >= 0:
-            _tell(belief.workspace, at[INPUTS], cut, work, state, steering.wind, dt)
-        _fill(errors, fixes, at, state, C, t, work[SLOPES])
+            _tell(belief.workspace, at[INPUTS], cut, work, steering.wind, imu.dt[row], steps)
         cursor.at[places.STOP] = row + 1
         if imagined:
             run_at(run)(predict, correct, observers, belief, imu, fixes, model_noise, cursor, out)
         else:
             run_at(run)(predict, correct, observers, belief, imu, fixes, noise, cursor, out)
             _learn(vehicle.model, state, belief)
-        if at[BY_TRUTH] == 1:
-            steer(
-                steering.pilot,
-                steering.memory,
-                steering.route,
-                state[0:3],
-                state[VELOCITY:QUATERNION],
-                C,
-                state[OMEGA:CONTROLS],
-                steering.wind,
-                dt,
-                vehicle.commands,
-            )
-        elif cursor.at[places.FAULT] == 0:
-            steer(
-                steering.pilot,
-                steering.memory,
-                steering.route,
-                belief.lla,
-                belief.v,
-                belief.C,
-                belief.omega,
-                steering.wind,
-                dt,
-                vehicle.commands,
-            )
-        evaluate_at(evaluate)(
-            vehicle.parameters,
-            state,
-            vehicle.wind,
-            work[RATE_ROWS],
-            loads,
-        )
+        if at[BY_TRUTH] == 1 or cursor.at[places.FAULT] == 0:
+            _steer(steering, vehicle, belief, at[BY_TRUTH], h)
         _write(journal, row, vehicle, steering, C, cut)
         at[CAUSE] = (
             FILTER
             if cursor.at[places.FAULT]
-            else _cause(state, C, vehicle.limits, loads[ALPHA], at, dt)
+            else _cause(state, C, vehicle.limits, loads[ALPHA], at, imu.dt[row])
         )
         at[ROW] = row + 1
         if at[CAUSE] != FLYING:
             return
 
 
+@helper
+def _begin_sample(
+    vehicle: Vehicle, belief: Belief, dtheta: Array, dv: Array, imagined: bool
+) -> None:
+    """Nothing is measured of a sample before its first step; the model, where it predicts, begins
+    at the belief."""
+    controls = vehicle.work[CONTROL_SUMS]
+    for i in range(3):
+        dtheta[i] = dv[i] = controls[i] = 0.0
+    controls[3] = 0.0
+    if imagined:
+        _set_model(vehicle.model, belief)
+
+
+@helper
+def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
+    """What the IMU would measure aboard the model in a step, biases included."""
+    imaginary, measured = vehicle.work[MODEL_INCREMENTS], vehicle.work[STEP_INCREMENTS]
+    step_at(step)(
+        vehicle.parameters,
+        vehicle.model,
+        vehicle.commands,
+        vehicle.work[TOLD],
+        h,
+        imaginary,
+    )
+    for i in range(3):
+        measured[i] = imaginary[i] + belief.bg[i] * h
+        measured[3 + i] = imaginary[3 + i] + belief.ba[i] * h
+
+
+@helper
+def _steer(steering: Steering, vehicle: Vehicle, belief: Belief, by_truth: int, h: float) -> None:
+    """Commands for the next step, from the truth or the estimate."""
+    state, work = vehicle.state, vehicle.work
+    if by_truth == 1:
+        steer(
+            steering.pilot,
+            steering.memory,
+            steering.route,
+            state[0:3],
+            state[VELOCITY:QUATERNION],
+            matrix(work, TRUE_C, 3, 3),
+            state[OMEGA:CONTROLS],
+            steering.wind,
+            h,
+            vehicle.commands,
+        )
+    else:
+        steer(
+            steering.pilot,
+            steering.memory,
+            steering.route,
+            belief.lla,
+            belief.v,
+            belief.C,
+            belief.omega,
+            steering.wind,
+            h,
+            vehicle.commands,
+        )
+
+
 @inlined
 def _move(step: int, vehicle: Vehicle, dt: float, C: Array) -> None:
-    """Move the aircraft by a sample; leaves its controls before, its increments and mean rates
-    of change in `work`, its attitude in C."""
-    state, work, slopes, before = (
+    """Move the aircraft by a step; leaves its increments and mean rates of change in `work`, what
+    its controls were among their sums, its attitude in C."""
+    state, work, slopes, controls = (
         vehicle.state,
         vehicle.work,
         vehicle.work[SLOPES],
-        vehicle.work[CONTROLS_BEFORE],
+        vehicle.work[CONTROL_SUMS],
     )
     for i in range(3):
         slopes[i], slopes[3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
-    for i in range(4):
-        before[i] = state[CONTROLS + i]
+    before = (state[CONTROLS], state[CONTROLS + 1], state[CONTROLS + 2], state[CONTROLS + 3])
     step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS])
     for i in range(3):
         slopes[i] += state[VELOCITY + i] / dt
         slopes[3 + i] += state[OMEGA + i] / dt
+    for i in range(4):
+        controls[i] += 0.5 * (before[i] + state[CONTROLS + i])
     _attitude(state[QUATERNION:CONTROLS], C)
 
 
@@ -434,14 +479,14 @@ def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -
 
 @helper
 def _tell(
-    workspace: Array, first: int, cut: int, work: Array, state: Array, wind: Array, dt: float
+    workspace: Array, first: int, cut: int, work: Array, wind: Array, dt: float, steps: int
 ) -> None:
     """The filter's inputs, see inputs.py."""
     own = workspace[first : first + inputs.TOLD_SIZE]
-    controls, told, before = own[inputs.CONTROLS], own[inputs.WIND], work[CONTROLS_BEFORE]
+    controls, told = own[inputs.CONTROLS], own[inputs.WIND]
     own[inputs.BY_MODEL], own[inputs.SECONDS] = float(cut), dt
     for i in range(4):
-        controls[i] = 0.5 * (before[i] + state[CONTROLS + i])
+        controls[i] = work[CONTROL_SUMS][i] / steps
     for i in range(3):
         told[i] = wind[i]
 

@@ -42,7 +42,16 @@ from .aircraft.trim import Trim, trim
 from .aircraft.wind import NORMALS, SD_U, begin, gust, turbulence as gusts
 from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
 from .autopilot_gains import Gains, gains, pilot_array
-from .checks import Request, check, check_sensors, checked_filter, checked_windows, handed, times
+from .checks import (
+    Request,
+    check,
+    check_sensors,
+    checked_filter,
+    checked_windows,
+    handed,
+    steps_of,
+    times,
+)
 from .inputs import TOLD_SIZE
 from .plan import FlightPlan, flight_plan, route
 from .sensor_errors import (
@@ -165,6 +174,7 @@ def fly(
     gnss: Gnss | File = RECEIVER,
     gate: float | None = None,
     rate: float = 100.0,
+    filter_rate: float | None = None,
     duration: float | None = None,
     start: Start | None = None,
     start_sd: Sequence[float | None] = START_SD,
@@ -180,21 +190,24 @@ def fly(
     """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML
     file or a FlightPlan) on the estimates of `filter`.
 
-    imu: grade, file or ImuSpec; gnss: a Gnss, or the name or file of a receiver, `gate` that of its fixes; rate: IMU samples per
-    second; outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a list of
-    (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of it (None:
-    all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
+    imu: grade, file or ImuSpec; gnss: a Gnss, or the name or file of a receiver, `gate` that of its fixes; rate: steps
+    of aircraft, autopilot and IMU per second; filter_rate: those of the filter, which gets the
+    increments of a whole number of steps as one sample and whose last estimate the autopilot flies
+    by (None: `rate`); outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a
+    list of (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of
+    it (None: all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
     filters of a flat Earth; start: a Start at 0 s (None: drawn around the truth with `start_sd`, 15
     numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a
     Barometer, which no outage touches; options: the filter's own. A filter that has options called
     `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed drawn from `seed`, the aircraft
-    that is flown, the IMU's rate, the Earth. recording.meta["filter_options"] has all options of
+    that is flown, the rate of its samples, the Earth. recording.meta["filter_options"] has all options of
     the filter, so that fuse(flight.recording, filter, start=flight.start,
     **flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
 
     feedback: what the autopilot flies by, "estimate" or "truth". prediction: who predicts while the
     receiver is cut: "imu", or "model": the filter gets the increments of the same aircraft model,
-    flown from its own belief with the commands and the told wind, and assumes `model_noise`.
+    flown from its own belief with the commands and the told wind, and assumes `model_noise`;
+    "model-always" does so from the beginning, also between fixes.
     inputs: of a filter that computes with controls: before each sample workspace[inputs : inputs +
     9] gets 1 where the model is to predict, the controls (elevator, aileron, rudder, throttle), the
     told wind and the sample's seconds; its samples stay the IMU's. Sensor errors depend on the seed
@@ -210,22 +223,26 @@ def fly(
     plan, spec, craft = flight_plan(plan), grade(imu), find_aircraft(aircraft)
     told = tuple(map(float, wind if told_wind is None else told_wind))
     known = _known(_Case(plan, craft, earth, tuple(map(float, wind)), told, 1 / rate))
-    t, dt = times(plan.duration or known.seconds if duration is None else duration, rate)
+    steps = steps_of(rate, filter_rate)
+    seconds = plan.duration or known.seconds if duration is None else duration
+    t, dt, flown, each = times(seconds, rate / steps, steps)
     stream = Stream.of(seed)
-    options |= handed(filter, stream.named("filter"), aircraft, rate, earth)
+    options |= handed(filter, stream.named("filter"), aircraft, rate / steps, earth)
     windows = checked_windows(outage, prediction, float(t[-1]))
+    cut = gnss._replace(outages=(*gnss.outages, *windows))
     errors, made = (
-        imu_errors(spec, t, dt, stream.named("imu")),
-        fix_errors(gnss._replace(outages=(*gnss.outages, *windows)), t, stream.named("gnss"), gate),
+        imu_errors(spec, flown, each, stream.named("imu")),
+        fix_errors(cut, flown, stream.named("gnss"), gate),
     )
     made = (
         made
         if barometer is None
         else made.with_those(
-            barometer_errors(barometer, t, plan.place[2], stream.named("barometer"))
+            barometer_errors(barometer, flown, plan.place[2], stream.named("barometer"))
         )
     )
     journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
+    journal.at[kernels.STEPS] = steps
     truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
     blank = _blank(
         t,
@@ -249,7 +266,7 @@ def fly(
     start = _started(start, start_sd, spec, truth, stream.named("start"))
     asked = Asked(options, spec, start, noise, 1, covariance, say)
     run = begin_run(blank, filter, asked)
-    vehicle = _vehicle(known, plan, wind, told, turbulence, len(t), stream.named("air"))
+    vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
     steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
     underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
     _run(underway, model_noise, progress)
@@ -355,11 +372,12 @@ def _journal(
     inputs: int | None,
 ) -> kernels.Journal:
     cut, at = np.zeros(len(t), np.int64), np.zeros(kernels.AT_SIZE, np.int64)
+    cut[:] = prediction == "model-always"
     for first, stop in windows:
         cut[(t - dt >= first - loop.SAME_TIME) & (t - dt < stop - loop.SAME_TIME)] = 1
     at[kernels.BY_TRUTH], at[kernels.BY_MODEL], at[kernels.INPUTS] = (
         feedback == "truth",
-        prediction == "model",
+        prediction != "imu",
         -1 if inputs is None else inputs,
     )
     rows = len(t) + 1
@@ -488,9 +506,10 @@ def _flight(underway: _Underway) -> Flight:
     if cause != kernels.FLYING:
         stopped = Stop(float(samples.t[-1]), ENDINGS[cause], underway.vehicle.state.copy())
         notes.append(str(stopped))
+    steps = int(journal.at[kernels.STEPS])
     more = {
-        "b_a": underway.errors.b_a[:rows],
-        "b_g": underway.errors.b_g[:rows],
+        "b_a": underway.errors.b_a[steps - 1 :: steps][:rows],
+        "b_g": underway.errors.b_g[steps - 1 :: steps][:rows],
         "notes": [*blank.meta["notes"], *notes],
     }
     recording = replace(

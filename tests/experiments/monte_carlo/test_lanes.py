@@ -44,7 +44,7 @@ def same(a, b):
             np.testing.assert_allclose(a[name], b[name], rtol=1e-7, err_msg=name)
 
 
-FILTERS = "closed-loop", "open-loop", "periodic-reset:interval=7"
+FILTERS = "closed-loop", "open-loop:bias=held", "periodic-reset:interval=7"
 
 
 @pytest.mark.parametrize(

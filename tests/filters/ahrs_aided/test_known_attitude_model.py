@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise, compile_kernel
+from strapdown.core.contract import Noise
 from strapdown.core.earth import gravity, place, rotation_rates
 from strapdown.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
@@ -258,43 +258,6 @@ def test_open_loop_columns_are_what_the_raw_ins_is_off():
         np.linalg.norm(shift[-1]) == pytest.approx(np.linalg.norm(off[2:]) * 200, abs=12)
         and np.abs(shift[0]).max() < 2
     )
-
-
-# ---- the bias models
-
-
-@pytest.mark.parametrize("name", (*FED, "direct-euler"))
-def test_in_dead_reckoning_a_bias_decays_or_stays_as_asked(name):
-    fading = NOISE._replace(accel_decay=1 / 20, gyro_decay=1 / 10)
-    recording = replace(flight(), aidings=())
-    begin = start(recording)._replace(ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3))
-    run = lambda **options: run_of(recording, name, fading, begin, options)
-    walk, decaying, default = run(bias="random-walk"), run(bias="decaying"), run()
-    np.testing.assert_allclose(walk, [*begin.ba, *begin.bg], rtol=1e-12)
-    np.testing.assert_allclose(
-        decaying, np.r_[np.array(begin.ba) * np.exp(-1), np.array(begin.bg) * np.exp(-2)], rtol=1e-9
-    )
-    assert np.array_equal(default, walk if name.startswith("direct") else decaying)
-
-
-def run_of(recording, name, noise, begin, options):
-    """The biases at the end, from the kernels alone: without an attitude record there is no
-    `fuse`."""
-    filter = filters.find(name)
-    compile_kernel(filter.predict)
-    belief = filter.start(begin, noise, **options)
-    for dt, dtheta, dv in zip(*recording.imu[1:]):
-        filter.predict(belief, np.r_[dtheta, dv], dt, noise)
-    return np.r_[belief.ba, belief.bg]
-
-
-@pytest.mark.parametrize("name", (*FED, "direct-euler"))
-def test_an_unknown_bias_model_is_refused(name):
-    with pytest.raises(
-        DataError,
-        match=f"filter '{name}': bias is 'white'; it must be one of random-walk, decaying",
-    ):
-        fused(recorded(), name, bias="white")
 
 
 @pytest.mark.parametrize("correlation", [-1.0, np.inf, np.nan])

@@ -102,23 +102,6 @@ def better(row: pd.Series, name: str) -> str:
     return NONE if low >= 1 / (1 + SIZE) and high <= 1 + SIZE else UNKNOWN
 
 
-def sides(rows: pd.DataFrame, name: str, side: str) -> Count:
-    """Count of the rows in which filter `side` is better; the other one better or no difference
-    contradicts."""
-    found = [better(row, name) for _, row in rows.iterrows()]
-    return Count(
-        found.count(side), len(found) - found.count(side) - found.count(UNKNOWN), len(found)
-    )
-
-
-def share(rows: pd.DataFrame, name: str, more: bool = True, level: float = 0.5) -> Count:
-    """Count of the rows whose interval `name` is above `level` (below for more=False); on the
-    other side contradicts."""
-    ends = zip(rows[f"{name}_low"], rows[f"{name}_high"])
-    count = counted(vote(low, high, level) for low, high in ends)
-    return count if more else count.opposite
-
-
 def apart(first: pd.Series, second: pd.Series, name: str) -> int:
     """+1 where interval `name` of row `first` is above that of `second`, -1 where it is below, 0
     where they overlap."""
@@ -144,10 +127,10 @@ def both(*verdicts: str) -> str:
 
 def over_readings(*verdicts: str) -> str:
     """Of the readings of what a paper leaves open: opposite verdicts mean that the reading
-    decides; else the less favourable one."""
-    if {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
+    decides, as does one that depends on a reading itself; else the less favourable one."""
+    if DEPENDS in verdicts or {REPRODUCED, NOT_REPRODUCED} <= set(verdicts):
         return DEPENDS
-    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, DEPENDS, NOT_REPRODUCED).index)
+    return max(verdicts, key=(REPRODUCED, PARTLY, UNDECIDED, NOT_REPRODUCED).index)
 
 
 def ratios(rows: pd.DataFrame, name: str) -> str:

@@ -16,6 +16,7 @@ DOCS = Path(__file__).resolve().parents[4] / "docs"
 """In the source tree."""
 PAGES = {
     "alam": ("findings.md", "alam.md"),
+    "bias-decay": ("table.md", "bias-decay.md"),
     "broad": ("table.md", "attitude-broad.md"),
     "consistency": ("table.md", "consistency.md"),
     "faults": ("table.md", "faults.md"),

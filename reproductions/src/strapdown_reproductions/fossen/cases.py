@@ -8,13 +8,15 @@ measurements are variances of one fix and are kept, though the published code sk
 those that come with a position, and here every fix is used when it comes.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import BA, BG, Noise, Start
+from strapdown.core.contract import BA, BG, BIAS, DECAYING, HELD, RANDOM_WALK, Filter, Noise, Start
 from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
@@ -24,11 +26,19 @@ from strapdown.sim.synthesis import draw_start
 from strapdown.typing import Array
 
 from . import signals
+from .euler_filters import EULER_FILTERS, LARGEST_COLUMN
+from .force_observer import FORCE_OBSERVER
 
 PUBLISHED_STEP = 1e-3
 """s: of the published scripts."""
-CHAPTER, RIGHT = "chapter", "true noises"
-TUNINGS = (CHAPTER, RIGHT)
+CHAPTER, FADING, RIGHT = "chapter", "chapter, decaying", "true noises"
+TUNINGS = (CHAPTER, FADING, RIGHT)
+"""The published weights with estimates of the biases that are held, as the published code has them;
+the same weights with estimates that decay, as the chapter's equations have them; the true noises, and
+estimates that decay where the true biases do."""
+THE_CHAPTERS = (CHAPTER, FADING)
+DECIDING = (CHAPTER, RIGHT)
+"""Tunings that decide claims, where a claim is not about decay itself."""
 ROWS = 10.0
 """Hz: rows of a run that are scored."""
 ACCEL_BELOW, GYRO_BELOW = 0.02, 0.05 * float(np.linalg.norm(signals.GYRO_BIAS))
@@ -81,6 +91,9 @@ EULER = Weights(
 has no published code."""
 AHRS = Weights((1.0, 1.0, 10.0, 0.01), (1000.0, 500.0), {"position": 1.0, "attitude": 1.0})
 """SIMaidedINSeuler and ins_ahrs."""
+OBSERVER_GAINS = {"k1": 1.0, "k2": 1.0, "ki": 0.1}
+"""1/s, of the attitude observers: poles at 0.11 and 0.89 1/s, so that the published gyro biases are found
+in half a minute."""
 TRUE_SD = {
     "position": signals.POSITION_SD,
     "velocity": signals.VELOCITY_SD,
@@ -95,6 +108,10 @@ SIZE = {"magnetic-field": float(np.linalg.norm(signals.FIELD)), "gravity": 9.82}
 """T and m/s^2: from the unit vector to what the aidings measure."""
 
 
+OWN = EULER_FILTERS | {FORCE_OBSERVER.name: FORCE_OBSERVER}
+"""The chapter's filters that are no part of the library."""
+
+
 class Case(NamedTuple):
     """A filter with its sensors. `white`: tunings with which its biases are driven by white
     noise alone; with the others they decay."""
@@ -107,6 +124,18 @@ class Case(NamedTuple):
     interval: float = signals.POSITION_INTERVAL  # s between positions
     rate: float = 100.0  # IMU samples per second
     tunings: tuple[str, ...] = TUNINGS
+    options: Mapping[str, str | float] = {}  # of the filter
+
+    @property
+    def value(self) -> Filter:
+        """The Filter: the library's, or one of the chapter's that the library does not have."""
+        return OWN.get(self.filter) or filters.find(self.filter)
+
+    def bias(self, tuning: str) -> str:
+        """Its bias model, a name of the option `bias`."""
+        if tuning in self.white:
+            return RANDOM_WALK
+        return HELD if tuning == CHAPTER else DECAYING
 
 
 CASES = (
@@ -139,8 +168,37 @@ CASES = (
         ("position", "heading"),
         EULER,
         white=(CHAPTER,),
+        tunings=DECIDING,
     ),
-    Case("direct-ahrs", "direct-ahrs", ("position", "attitude"), AHRS, white=(CHAPTER,)),
+    Case(
+        "euler-direct as printed, position + compass",
+        "euler-direct",
+        ("position", "heading"),
+        EULER,
+        white=(CHAPTER,),
+        tunings=DECIDING,
+    ),
+    Case(
+        "euler-indirect as printed, position + compass",
+        "euler-indirect",
+        ("position", "heading"),
+        EULER,
+    ),
+    Case(
+        "euler-indirect corrected, position + compass",
+        "euler-indirect",
+        ("position", "heading"),
+        EULER,
+        options={"errors": "corrected"},
+    ),
+    Case(
+        "direct-ahrs",
+        "direct-ahrs",
+        ("position", "attitude"),
+        AHRS,
+        white=(CHAPTER,),
+        tunings=DECIDING,
+    ),
     Case(
         "direct-ahrs, white-driven biases",
         "direct-ahrs",
@@ -151,6 +209,22 @@ CASES = (
     ),
     Case("indirect-ahrs-closed", "indirect-ahrs-closed", ("position", "attitude"), AHRS),
     Case("indirect-ahrs-open", "indirect-ahrs-open", ("position", "attitude"), AHRS),
+    Case(
+        "observer, reference by gravity",
+        "force-observer",
+        ("velocity", "magnetic-field"),
+        MEKF,
+        tunings=(RIGHT,),
+        options={"reference": "gravity", **OBSERVER_GAINS},
+    ),
+    Case(
+        "observer, reference by GNSS",
+        "force-observer",
+        ("velocity", "magnetic-field"),
+        MEKF,
+        tunings=(RIGHT,),
+        options={"reference": "gnss", **OBSERVER_GAINS},
+    ),
     Case("fixed-gain", "fixed-gain", ("position", "attitude"), AHRS, tunings=(RIGHT,)),
 )
 FAST = tuple(
@@ -164,11 +238,11 @@ FAST = tuple(
 def noise(case: Case, tuning: str, excitation: str) -> Noise:
     """The Noise that the filter of a case is told.
 
-    chapter: the published weights as densities, biases of direct filters without decay. true
+    The chapter's: the published weights as densities, biases of direct filters without decay. true
     noises: what is simulated, the bias model included; the drive of the varying biases also where
     they are constant.
     """
-    if tuning == CHAPTER:
+    if tuning in THE_CHAPTERS:
         accel, accel_bias, gyro, gyro_bias = np.sqrt(
             np.array(case.weights.Q) * PUBLISHED_STEP
         ).tolist()
@@ -184,9 +258,9 @@ def noise(case: Case, tuning: str, excitation: str) -> Noise:
 def deviation(case: Case, tuning: str, kind: str) -> float:
     """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises
     DataError where no weight is known."""
-    if tuning == CHAPTER and kind not in case.weights.R:
+    if tuning in THE_CHAPTERS and kind not in case.weights.R:
         raise DataError(f"{case.name}: no weight of {kind!r} is published")
-    unit = np.sqrt(case.weights.R[kind]) if tuning == CHAPTER else TRUE_SD[kind]
+    unit = np.sqrt(case.weights.R[kind]) if tuning in THE_CHAPTERS else TRUE_SD[kind]
     return float(unit * SIZE.get(kind, 1.0))
 
 
@@ -205,7 +279,7 @@ def start(recording: Recording, tuning: str, seed: int) -> Start:
     """Where a run begins: as the published scripts do, at the truth with deviations of 1 of
     everything, or at an error drawn from START_SD. Biases 0."""
     truth = recording.reference
-    if tuning == CHAPTER:
+    if tuning in THE_CHAPTERS:
         place, speed, angles = (
             tuple(map(float, part[0])) for part in (truth.lla, truth.v_n, truth.rph)
         )
@@ -225,6 +299,7 @@ class Run(NamedTuple):
     sd: Array  # (n, 15)
     bias: Array  # (n, 6) true biases
     stopped: str  # why it ended early, or ""
+    angle_sd: float  # rad: the largest deviation of an Euler angle; NaN without such states
     ins: Array  # (n,) m: how far the raw INS of a feedforward filter is off; NaN without one
 
     def size(self, states: slice) -> Array:
@@ -239,15 +314,13 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
         round(case.rate / ROWS),
         recording.reference,
     )
-    options = (
-        {"bias": "random-walk" if tuning in case.white else "decaying"}
-        if case.filter.startswith("direct")
-        else {}
-    )
+    options = dict(case.options)
+    if case.value.bias:
+        options[BIAS] = case.bias(tuning)
     try:
         solution = fuse(
             used,
-            case.filter,
+            case.value,
             start=start(recording, tuning, seed),
             noise=noise(case, tuning, excitation),
             every=every,
@@ -260,6 +333,7 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
             np.empty((0, 15)),
             np.empty((0, 6)),
             str(error),
+            np.nan,
             np.empty(0),
         )
     e = errors(
@@ -268,11 +342,22 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
     )
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     bias = np.c_[recording.meta["b_a"][rows], recording.meta["b_g"][rows]]
-    error = np.c_[e.position, e.velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
+    unknown = np.full((len(e.t), 3), np.nan)
+    position = unknown if e.position is None else e.position
+    velocity = unknown if e.velocity is None else e.velocity
+    error = np.c_[position, velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
     beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in OPEN_LOOP.columns]
-    ins = np.linalg.norm(e.position + np.stack(beside, axis=1), axis=1)
+    ins = np.linalg.norm(position + np.stack(beside, axis=1), axis=1)
+    angles = solution.columns.get(LARGEST_COLUMN, np.full(1, np.nan))
+    largest = float(angles[-1])
     return Run(
-        solution.t, error, solution.trajectory.sd, bias, solution.meta.get("stopped", ""), ins
+        solution.t,
+        error,
+        solution.trajectory.sd,
+        bias,
+        solution.meta.get("stopped", ""),
+        largest,
+        ins,
     )
 
 
@@ -305,6 +390,7 @@ def numbers(run: Run, duration: float) -> dict[str, float | bool]:
         "stopped": ended,
         "accel_s": np.inf if ended else settled(run.t, run.size(BA), ACCEL_BELOW),
         "gyro_s": np.inf if ended else settled(run.t, run.size(BG), GYRO_BELOW),
+        "angle_sd_rad": run.angle_sd,
         "ins_m": np.nan if ended else float(run.ins[-1]),
         "accel_first_s": float(run.t[below[0]]) if len(below) else np.inf,
         **{name: rms(slice(i, i + 3)) for name, i in RMS.items()},

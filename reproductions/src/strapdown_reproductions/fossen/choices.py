@@ -62,6 +62,13 @@ CHOICES = (
         "the defaults of `fixed-gain`, which has no weights",
     ),
     (
+        "attitude observer with a reference vector by GNSS (the helicopter's)",
+        "a demonstration on data that is not public; no gains",
+        "velocity differences over the time between two fixes, less gravity, against the integral of "
+        "the specific force (force-observer), on the two signals; the same with gravity alone beside "
+        "it; k1 = k2 = 1 1/s, ki = 0.1 1/s",
+    ),
+    (
         "which tuning",
         "weights larger than the simulated noise by far, not explained",
         "twice: the chapter's weights, and the simulated "
@@ -101,7 +108,7 @@ CHOICES = (
     (
         'experiments behind "1-2 minutes"',
         "one run of one signal",
-        "50 seeds, two signals, six sets of sensors, two tunings",
+        "50 seeds, two signals, six sets of sensors, published weights and true noises",
     ),
     (
         '"sufficiently excited"',
@@ -110,10 +117,29 @@ CHOICES = (
         "swings its heading alone",
     ),
     (
+        "estimates of the biases between fixes",
+        "decay in the equations of the text; carried over in ins_mekf and ins_ahrs, whose time "
+        "constants are in the covariance alone",
+        "held with the chapter's weights, as in the code; decaying beside it; with the true noises "
+        "as the true biases do",
+    ),
+    (
+        "Euler angles in the direct filter",
+        "no code published",
+        "as printed, angles as states and P of the angles (euler-direct); integrated by the "
+        "midpoint rule; `direct-euler` beside it, which keeps P in rotations",
+    ),
+    (
         "Euler angles in the indirect filter (ins_euler)",
         "the error is a small rotation of the body, but is added to the angles, and the "
         "compass row is [0 0 1]",
-        "not run; `direct-euler` maps rotation and angles by their Jacobian",
+        "as printed, and with the errors of the angles (euler-indirect)",
+    ),
+    (
+        "covariance blow-up",
+        "not quantified",
+        "a stated standard deviation of an angle beyond half a turn, or a run that stops or is 10 m "
+        "off",
     ),
     (
         "compass row of the MEKF (ins_mekf_psi)",

@@ -25,7 +25,7 @@ from strapdown.typing import Array
 
 from ..common.figures import names_down, quantile_lines, side_by_side, ticks
 from . import intro as fossen_intro, signals
-from .cases import ACCEL_BELOW, CHAPTER, GYRO_BELOW, RIGHT, Run
+from .cases import ACCEL_BELOW, CHAPTER, FADING, GYRO_BELOW, RIGHT, Run
 from .claims import MEKF
 from .intro import FORMS, Kept
 from .runs import Results
@@ -38,7 +38,11 @@ NED, BODY, ANGLES = (
 DEG = float(np.degrees(1.0))
 SHOWN = MEKF[0]
 """The case of figures 2 and 3: the chapter's own rates."""
-LABELS = {CHAPTER: "chapter's weights", RIGHT: "true noises"}
+LABELS = {
+    CHAPTER: "chapter's weights",
+    FADING: "the same, decaying estimates",
+    RIGHT: "true noises",
+}
 SENSORS = (
     ("accelerometer biases", "m/s²", ACCEL_BELOW, 1.0, (0.3, 400.0)),
     ("gyro biases", "deg/s", GYRO_BELOW, DEG, (0.08, 400.0)),

@@ -34,20 +34,12 @@ INTRODUCTION = (
     "rest, in steady "
     "motion, one that swings its heading alone, and one that pitches through the vertical. The last "
     "section lists what the chapter leaves open.",
-    "Each claim has a verdict that code has taken from the numbers, by a rule that stands beside "
-    'it. "Not reproduced" means: not under '
-    "the assumptions stated "
-    "here. A cell is a filter with its sensors, an excitation and a tuning; it supports a claim "
-    "where more than half of its runs do, and "
-    "contradicts it where fewer do "
-    "(95 % intervals of Wilson's score). Over the cells of a claim: reproduced where 75 % or more "
-    "support it, not reproduced where not "
-    "even with all "
-    "undecided ones more than 25 % would, partly where more than 25 % do, else not decidable. Of a "
-    "claim with parts that must all hold: "
-    "reproduced where all are, not "
-    "reproduced where none is, partly where one is. The rules were written beside trials of seeds "
-    "that are not in the study; none was "
+    "Each claim has a verdict that code has taken from the numbers, by the rule of its kind, which "
+    'stands beside it. "Not reproduced" means: not under the assumptions stated here. A cell is a '
+    "filter with its sensors, an excitation and a tuning; it supports a claim where more than half of "
+    "its runs do, and contradicts it where fewer do (95 % intervals of Wilson's score). Of a claim "
+    "with parts that must all hold: reproduced where all are, not reproduced where none is, partly "
+    "where one is. The rules were written beside trials of seeds that are not in the study; none was "
     "changed for its verdict.",
 )
 INTRO_COLUMNS = {

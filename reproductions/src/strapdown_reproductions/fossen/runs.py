@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from strapdown.core.contract import BA, BG
+from strapdown.core.contract import BA, BG, DECAYING
 from strapdown.recording import Recording
 from strapdown.typing import Array, Progress
 
@@ -33,7 +33,11 @@ DROPPED = (
 )
 CURVE = 5
 """Every so many rows of a run are kept for the curves: 2 Hz."""
-STEEP = ("mekf, position + compass", "direct-euler, position + compass")
+STEEP = (
+    "mekf, position + compass",
+    "direct-euler, position + compass",
+    *(case.name for case in cases.CASES if case.filter.startswith("euler-")),
+)
 """Cases that also run through the vertical."""
 
 
@@ -138,6 +142,7 @@ def _dropout(
         return row
     before, after = (int(np.argmin(np.abs(run.t - at))) for at in DROPOUT)
     noise = cases.noise(case, tuning, excitation)
+    decays = case.bias(tuning) == DECAYING
     for name, states, column, decay in (
         ("accel", BA, slice(0, 3), noise.accel_decay),
         ("gyro", BG, slice(3, 6), noise.gyro_decay),
@@ -148,7 +153,7 @@ def _dropout(
             f"{name}_before": float(run.size(states)[before]),
             f"{name}_after": float(run.size(states)[after]),
             f"{name}_left": size(after) / size(before),
-            f"{name}_model": float(np.exp(-decay * (run.t[after] - run.t[before]))),
+            f"{name}_model": float(np.exp(-decays * decay * (run.t[after] - run.t[before]))),
         }
     return row | {
         "position_before_m": float(run.size(slice(0, 3))[before]),

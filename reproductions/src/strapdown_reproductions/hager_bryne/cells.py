@@ -102,22 +102,22 @@ def flight_of(name: str) -> str:
     return name.removeprefix("paper1-").removesuffix("-offset").removesuffix("-initial")
 
 
-def table(campaign: Campaign) -> pd.DataFrame:
-    """pandas DataFrame with a row per cell: `compared` of the campaign's first two filters, with
-    flight, grade, minutes."""
-    found = []
+def tables(campaign: Campaign) -> list[pd.DataFrame]:
+    """For each filter of the campaign but the first a pandas DataFrame with a row per cell:
+    `compared` of the first and this one, as open and closed loop, with flight, grade, minutes."""
+    found: list[list[dict[str, float | str]]] = [[] for _ in campaign.manifest["filters"][1:]]
     for cell in campaign.manifest["cells"]:
         numbers, ran = numbers_of(campaign, cell["name"])
-        found.append(
-            {
-                "flight": flight_of(cell["scenario"]["name"]),
-                "grade": cell["imu"]["name"].removeprefix("paper1-"),
-                "minutes": cell["scenario"]["duration_s"] / 60,
-                "runs": numbers["reason"].shape[1],
-                **compared(numbers, rows_of(campaign, cell["name"], numbers, ran)),
-            }
-        )
-    return pd.DataFrame(found)
+        rows = rows_of(campaign, cell["name"], numbers, ran)
+        about = {
+            "flight": flight_of(cell["scenario"]["name"]),
+            "grade": cell["imu"]["name"].removeprefix("paper1-"),
+            "minutes": cell["scenario"]["duration_s"] / 60,
+            "runs": numbers["reason"].shape[1],
+        }
+        for place, own in enumerate(found, 1):
+            own.append(about | compared(numbers, rows, 0, place))
+    return [pd.DataFrame(own) for own in found]
 
 
 def stacked(*parts: Part) -> tuple[Numbers, Rows]:

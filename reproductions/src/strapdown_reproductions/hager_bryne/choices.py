@@ -52,7 +52,8 @@ CHOICES = (
     (
         "the update, equation (15)",
         "without the predicted error",
-        "with it: without it an open loop forgets its error at each fix",
+        "with it; without it, as printed, a reading of the closed loop on all flights, and of the "
+        "open loop, which then forgets the drift of its INS at each fix, in the ablation",
     ),
     ("covariance update, equation (16)", "(I − WH)P", "Joseph's form"),
     (
@@ -64,8 +65,8 @@ CHOICES = (
     (
         "closed loop and biases",
         '"(19) evaluating to zero", yet the biases stay in the error state',
-        "Φ b is composed into the state at each step (closed-loop-error-bias); bias in the INS in "
-        "the ablation",
+        "Φ b is composed into the state at each step (closed-loop-error-bias); a prediction of zero, "
+        "which lets no bias into the INS, is a reading on all flights; bias in the INS in the ablation",
     ),
     ("time of R_nb in equation (7)", "not stated", "the middle of the step"),
     (
@@ -79,7 +80,8 @@ CHOICES = (
         "1 m, 0.1 m/s, 0.1 deg roll and pitch, 0.2 deg heading, 0.1 m/s² accelerometer bias for all "
         "grades; gyro bias as the grade's σ; errors "
         "of position, velocity and attitude drawn from it, true biases from the grade, estimated as "
-        "0; a tenth of the attitude error, and 0.5 m/s² for the offset, in the ablation",
+        "0; at navigation grade also a tenth of the attitude error and none of it, each a reading; "
+        "0.5 m/s² for the offset in the ablation",
     ),
     (
         "the flights",
@@ -114,7 +116,7 @@ CHOICES = (
         '"a constant initial acceleration bias offset"',
         "run twice: constant during the flight, which the filter's model of a decaying "
         "bias contradicts; and initial value of the bias process, decaying with it. Opposite "
-        "verdicts mean: not decidable here",
+        "verdicts mean: depends on the reading",
     ),
     ("flights with offset", "08-11 left out", "01-07"),
     ("gating of fixes", "not mentioned", "none"),

@@ -12,7 +12,7 @@ from strapdown.typing import Array
 
 from ..common.study import on_threads
 from .cells import Rows, numbers_of, rows_of
-from .claims import SMALL_DRIFT
+from .rules import SMALL_DRIFT
 
 RUNS = 3
 """The first runs of each cell."""

@@ -1,7 +1,7 @@
 """The figures of Hager & Bryne, redrawn from a campaign, and three more: errors over time beside
 their bound, and what the drift of the raw INS does."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -30,10 +30,12 @@ from strapdown.typing import Array
 
 from ..common.figures import marks
 from .cells import LIMIT, ONSET, Numbers, Rows, flight_of, numbers_of, rows_of
+from .rules import UPDATES
 
 BLUE, ORANGE = COLOURS[:2]
 LOOPS = (("open", "open loop", BLUE), ("closed", "closed loop", ORANGE))
 GRADES = ("consumer", "tactical", "navigation")
+STRAIGHT = ("07", "10")
 RUN = 0
 """Of figures of one run: the first, whatever it shows."""
 STATES = tuple(
@@ -46,6 +48,15 @@ BIASES = tuple(
     for what, unit in (("accel.", "m/s²"), ("gyro", "deg/h"))
     for axis in ("x", "y", "z")
 )
+WIDEST = 8.0
+"""Half the height of a panel of errors, by the largest ±3σ of the filter: the band stays to be seen
+where errors leave it."""
+DARKER = {
+    "selector": {"fill": "toself"},
+    "fillcolor": "rgba(134,142,150,0.34)",
+    "line": {"color": "#495057", "width": 1.0},
+}
+"""Of `update_traces`: bands of ±3σ that other lines run through."""
 SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1))]
 BIAS_SCALE = np.r_[np.ones(3), np.full(3, np.degrees(1) * 3600)]
 
@@ -58,9 +69,7 @@ def profiles(scenarios: Sequence[Scenario]) -> list[go.Figure]:
         make_subplots(
             rows=count,
             cols=columns,
-            subplot_titles=[
-                f"{s.name.removeprefix('paper1-')}, {s.duration / 60:.0f} min" for s in scenarios
-            ],
+            subplot_titles=_titles(scenarios),
             horizontal_spacing=0.07,
             vertical_spacing=0.26 / count,
         )
@@ -90,6 +99,54 @@ def profiles(scenarios: Sequence[Scenario]) -> list[go.Figure]:
         drawn.update_yaxes(title_text=text, col=1).update_xaxes(constrain="domain")
         finish(drawn, each * count + 80).update_layout(hovermode="closest", legend={"y": 1.06})
     return [plan, height]
+
+
+def in_space(scenarios: Sequence[Scenario]) -> go.Figure:
+    """Figure 1 as the paper has it: the profiles in three dimensions of all Scenario values but the
+    straight ones, a scene each, heights drawn as high as the flight is wide."""
+    dynamic = [s for s in scenarios if flight_of(s.name) not in STRAIGHT] or list(scenarios)
+    columns = min(3, len(dynamic))
+    count = -(-len(dynamic) // columns)
+    drawn = make_subplots(
+        rows=count,
+        cols=columns,
+        specs=[[{"type": "scene"}] * columns] * count,
+        subplot_titles=_titles(dynamic),
+        horizontal_spacing=0.01,
+        vertical_spacing=0.1 / count,
+    )
+    for i, scenario in enumerate(dynamic):
+        lla = scenario.glance(800).lla
+        north, east = _kilometres(lla)
+        place = {"row": i // columns + 1, "col": i % columns + 1}
+        drawn.add_trace(
+            go.Scatter3d(
+                x=column(east),
+                y=column(north),
+                z=column(lla[:, 2]),
+                mode="lines",
+                line={"color": BLUE, "width": 3},
+                name=flight_of(scenario.name),
+                showlegend=False,
+            ),
+            **place,
+        )
+        axes = {"xaxis": "east [km]", "yaxis": "north [km]", "zaxis": "height [m]"}
+        drawn.update_scenes(
+            {name: {"title": {"text": text}, "nticks": 4} for name, text in axes.items()},
+            zaxis_range=_at_least(lla[:, 2], 100.0),
+            aspectmode="manual",
+            aspectratio={"x": 1, "y": 1, "z": 0.7},
+            camera={"eye": {"x": 1.5, "y": -1.5, "z": 1.1}},
+            **place,
+        )
+    return finish(drawn, 330 * count + 60).update_layout(
+        hovermode="closest", font={"size": 10}, margin={"l": 5, "r": 5, "b": 5}
+    )
+
+
+def _titles(scenarios: Sequence[Scenario]) -> list[str]:
+    return [f"{flight_of(s.name)}, {s.duration / 60:.0f} min" for s in scenarios]
 
 
 def _kilometres(lla: Array) -> tuple[Array, Array]:
@@ -183,7 +240,7 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
     rows, bound = rows_of(campaign, cell, numbers, ran), campaign.curves(cell)["bound"]
     found = []
     for place, (_, name, colour) in enumerate(LOOPS):
-        drawn, outside = panels(STATES, height=105), []
+        drawn, outside = panels(STATES, height=125), []
         for row, (label, scale) in enumerate(zip(STATES, SCALE), 1):
             error, stated, least = (
                 values[..., row - 1].astype(float) * scale
@@ -194,14 +251,22 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
             line(drawn, rows.t, error, f"{name}: true − estimate", colour, row=row)
             if np.isfinite(least).any():
                 _edges(drawn, row, rows.t, zero, least, "±3σ of the Cramér-Rao bound", RED, 1)
-            limit, largest = frame(rows.t, error, stated)
+            limit, largest = frame_of_errors(rows.t, error, stated)
             drawn.update_yaxes(range=[-limit, limit], row=row, col=1)
             if largest > 1.1 * limit:
                 outside.append(f"{label} {largest:.3g}")
         if outside:
             note(drawn, f"Largest values outside the frame: {', '.join(outside)}.")
-        found.append(_ended(drawn, rows, numbers, place))
+        found.append(_ended(drawn.update_traces(**DARKER), rows, numbers, place))
     return found
+
+
+def frame_of_errors(t: Array, error: Array, stated: Array) -> tuple[float, float]:
+    """(half the height of a panel, the largest error): that of `drawing.frame`, no more than WIDEST
+    times what is stated after the first tenth."""
+    limit, largest = frame(t, error, stated)
+    later = WIDEST * np.nanmax(stated[t >= 0.1 * t[-1]], initial=0.0)
+    return min(limit, later) or limit, largest
 
 
 def _edges(
@@ -302,6 +367,7 @@ def biases(campaign: Campaign, cell: str) -> go.Figure:
         limits, left = frame_of_biases(rows.t, true, open_, closed, of_closed)
         drawn.update_yaxes(range=limits, row=row, col=1)
         outside += [label] * left
+    drawn.update_traces(**DARKER)
     if outside:
         note(drawn, f"The open loop leaves the frame: {', '.join(outside)}.")
     return _along_time(drawn, rows, len(BIASES))
@@ -413,18 +479,44 @@ def consistency(cells: pd.DataFrame) -> go.Figure:
     return drawn
 
 
+def by_reading(cells: pd.DataFrame, readings: Mapping[str, pd.DataFrame]) -> go.Figure:
+    """Figure 9: position RMSE per flight of both loops as corrected, and of the closed loop by each
+    of its printed readings."""
+    shown = [
+        ("open loop", "open", cells, BLUE),
+        ("closed loop, corrected", "closed", cells, ORANGE),
+        *(
+            (f"closed loop, {name}", "closed", readings[name], colour)
+            for name, colour in zip(UPDATES, COLOURS[2:])
+        ),
+    ]
+    drawn, parts = _by_flight(cells, "RMSE [m]", 230)
+    for row, own in enumerate(parts, 1):
+        for place, (name, loop, read, colour) in enumerate(shown):
+            part = read.loc[own.index]
+            middle, *ends = (part[f"{loop}_censored_500_m{end}"] for end in ("", "_low", "_high"))
+            x = np.arange(len(own)) + 0.15 * (place - 1.5)
+            marks(drawn, x, middle, name, colour, tuple(ends), row=row, legend=row == 1)
+    return drawn.update_yaxes(
+        range=[np.log10(0.03), np.log10(1000)], dtick=1, exponentformat="power"
+    )
+
+
 def all_figures(
     campaigns: dict[str, Campaign],
     cells: pd.DataFrame,
+    readings: Mapping[str, pd.DataFrame],
     offset: pd.DataFrame,
     initial: pd.DataFrame,
     bins: pd.DataFrame,
     scenarios: Sequence[Scenario],
 ) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page. campaigns: "flights", "offset", "initial";
-    cells, offset, initial: their tables; bins: of drift.measure."""
+    cells, offset, initial: their tables; readings: those of the loop as printed and of other starts,
+    as in rules.Evidence; bins: of drift.measure."""
     flights = campaigns["flights"]
     plan, height = profiles(scenarios)
+    space = in_space(scenarios)
     tenth = _cell(flights, "10", "tactical")
     shown = {
         flight: cell
@@ -433,12 +525,13 @@ def all_figures(
     }
     return [
         (
-            "Figure 1a: the flights seen from above",
-            plan,
+            "Figure 1a: the flights in three dimensions",
+            space,
             "The paper does not publish its paths; these are this library's, of the "
-            "stated lengths and kinds.",
+            "stated lengths and kinds. As there, the straight ones are left out. Drag to turn.",
         ),
-        ("Figure 1b: their heights", height, "Above the ellipsoid."),
+        ("Figure 1b: the flights seen from above", plan, "All of them."),
+        ("Figure 1c: their heights", height, "Above the ellipsoid."),
         ("Figure 2: position RMSE without offset", positions(cells), MARKS),
         *(
             (
@@ -498,6 +591,12 @@ def all_figures(
             consistency(cells),
             "Geometric mean over runs with its 95 % interval, each run until it was "
             "given up; a right filter is at 1, one that is too sure above.",
+        ),
+        (
+            "Figure 9: position RMSE as the paper prints update (15) and prediction (19)",
+            by_reading(cells, readings),
+            "All runs by the 500 m rule alone, each epoch after it counted as 500 m, with 95 % "
+            "intervals.",
         ),
     ]
 

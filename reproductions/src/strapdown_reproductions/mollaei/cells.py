@@ -17,6 +17,16 @@ MODES = (NO_FILTER, EKF, UKF, PKF)
 """The four of the paper, by the names that they have in tables; TRUTH is the reference flight,
 steered by the true state."""
 FILTERS = MODES[1:]
+AT_TRIM, ONCE, HELD = "EKF at trim", "EKF once", "EKF, attitude held"
+EKFS = {
+    EKF: "linearised at the estimate, as equation (22) has it",
+    AT_TRIM: "forces linearised at the trim, with the attitude as it is",
+    ONCE: "linearised once, at the trim, in the attitude too",
+    HELD: "linearised once, at the trim, in the six states alone: the attitude is held at the trim's",
+}
+"""What "linearizes the process around the operating point" (section 3.1) may mean, by mode."""
+POINTS = "PKF by points"
+"""The particle filter with components predicted by the sigma points (37) to (39)."""
 CLOSED, CKF = "closed loop", "CKF"
 SIX, FULL = "six states", "15 states"
 IMU, MODEL = "IMU", "model"
@@ -31,6 +41,15 @@ EXPERIMENTS = {
 }
 CUT = 15.0
 """s at which the fixes end."""
+FEW_FIXES, FAR_START, GUSTS, HZ_20, HZ_10 = (
+    "position fixes alone",
+    "start 10 m and 5 m/s off",
+    "light turbulence",
+    "filter at 20 Hz",
+    "filter at 10 Hz",
+)
+CONDITIONS = (FEW_FIXES, FAR_START, GUSTS, HZ_20, HZ_10)
+"""What else the paper leaves open and might favour its filters."""
 
 
 class Case(NamedTuple):
@@ -38,25 +57,33 @@ class Case(NamedTuple):
 
     experiment: str  # of EXPERIMENTS
     form: str = SIX  # or FULL
-    prediction: str = IMU  # what drives the prediction during the outage: IMU or MODEL
+    # what drives the prediction during the outage, in E0 between fixes: IMU or MODEL
+    prediction: str = IMU
     tuning: str = SENSORS  # Q and R from the sensors, or as PRINTED
+    condition: str = ""  # of CONDITIONS; "": as usual
 
     def __str__(self) -> str:
         """As tables and texts name it; what is as usual is left out."""
         parts = [
             self.experiment,
             self.form * (self.form == FULL),
-            f"{self.prediction}-driven" * (self.experiment != E0),
+            f"{self.prediction}-driven",
             "printed Q, R" * (self.tuning == PRINTED),
+            self.condition,
         ]
         return ", ".join(part for part in parts if part)
 
+    @property
+    def linear(self) -> bool:
+        """Whether the process is linear by algebra, so that EKF and UKF are one filter, and the
+        PKF is it too but for its draws: position and velocity, driven by the IMU."""
+        return self.form == SIX and self.prediction == IMU
+
 
 CASES = (
-    Case(E0),
-    Case(E0, tuning=PRINTED),
     *(
-        Case(E1, SIX, prediction, tuning)
+        Case(experiment, SIX, prediction, tuning)
+        for experiment in (E0, E1)
         for prediction in (IMU, MODEL)
         for tuning in (SENSORS, PRINTED)
     ),
@@ -71,8 +98,13 @@ CASES = (
         for experiment in (E1, E2, TURN)
         for prediction in (IMU, MODEL)
     ),
+    *(
+        Case(experiment, prediction=MODEL, condition=condition)
+        for condition in CONDITIONS
+        for experiment in (E0, E1)
+    ),
 )
-"""All that are flown. E0 has no outage, so that nothing but the IMU predicts. During an outage Q
+"""All that are flown. During an outage Q
 moves no estimate but that of UKF and PKF through their spread, and R none: E2 is flown with one
 tuning."""
 PUBLISHED = {
@@ -145,12 +177,13 @@ def of(
     prediction: str | None = None,
     tuning: str | None = None,
 ) -> dict[Case, pd.DataFrame]:
-    """The tables of one experiment in one form, of all readings or of those named."""
+    """The tables of one experiment in one form, as usual, of all readings or of those named."""
     return {
         case: table
         for case, table in tables.items()
         if case.experiment == experiment
         and case.form == form
+        and not case.condition
         and prediction in (None, case.prediction)
         and tuning in (None, case.tuning)
     }
@@ -201,7 +234,7 @@ def redrawn(tables: dict[Case, pd.DataFrame], experiment: str) -> pd.DataFrame:
         [
             {
                 "rms deviation from the final value, or overshoot": title,
-                "prediction": case.prediction if experiment != E0 else "–",
+                "prediction": case.prediction,
                 **{
                     mode: f"{_printed(value)} / "
                     f"{middle(known(table, measure, mode), MEASURES[measure])}"
@@ -249,7 +282,7 @@ def left_out(
             {
                 "case": str(case),
                 "mode": mode,
-                "flights": len(table),
+                "flights": len(known(table, "fx_n", mode)),
                 "lost": lost,
                 **{
                     title: middle(known(table, measure, mode), MEASURES[measure])

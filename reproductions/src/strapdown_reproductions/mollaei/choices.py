@@ -18,8 +18,8 @@ CHOICES = (
     (
         "the flight",
         "curves that converge to a final value; Fy = Gy = 0",
-        "{plan}; no wind, no turbulence; beside it a turning flight, and wind that nobody is told "
-        "of",
+        "{plan}; no wind, no turbulence; beside it a turning flight, wind that nobody is told of, "
+        "light turbulence, and a filter that starts 10 m and 5 m/s off",
     ),
     (
         '"no filter and real feedback"',
@@ -28,7 +28,11 @@ CHOICES = (
         "gyros. "
         "The reference flight is steered by the true state",
     ),
-    ("sample time, GPS rate and noise", "missing", "100 Hz, 5 Hz; {gnss}"),
+    (
+        "sample time, GPS rate and noise",
+        "missing",
+        "100 Hz, 5 Hz; {gnss}; beside it the filter at 20 and at 10 Hz, and positions alone",
+    ),
     (
         "the IMU",
         "ranges; random walk and noise density are one quantity and have different ranges (0.01 to "
@@ -54,7 +58,8 @@ CHOICES = (
         "not said; during the outage it is the whole difference",
         "two readings, side by side: accelerometers with that attitude (IMU-driven: linear, so that "
         "the filters are one), "
-        "and the aircraft's own model from its controls (model-driven; assumed noise 0.1 m/s/√s). "
+        "and the aircraft's own model from its controls (model-driven; assumed noise 0.1 m/s/√s), in "
+        "E0 between the fixes. "
         "The model has the true parameters, which no real flight has",
     ),
     (
@@ -63,6 +68,14 @@ CHOICES = (
         "printed: as they stand, Q added at every step of the prediction (0.1 m² and 0.1 m²/s² each "
         "10 ms), R of every fix (m², m²/s²). "
         "Beside it Q from the IMU's noise and R from the receiver's",
+    ),
+    (
+        "where the EKF is linearised",
+        'section 3.1: "linearizes the process around the operating point"; equation (22): at the '
+        "estimate",
+        "at the estimate; beside it forces at the trim of 25 m/s with the attitude as it is; all of "
+        "the first order in the attitude too; and in the six states alone, with the attitude held at "
+        "the trim's. Equation (22) speaks against the last three",
     ),
     ("gates", "none", "none with six states; the library's own (0.1 % false alarms) with 15"),
     (
@@ -76,7 +89,8 @@ CHOICES = (
         "(33) to (36): Φ, θ undefined",
         "after Hoteit, Luo & Pham (2012): 500 components, each with its own Kalman correction, "
         "weights by likelihood, "
-        "systematic resampling that keeps mean and covariance; prediction of each as EKF",
+        "systematic resampling that keeps mean and covariance; prediction of each as EKF, beside it "
+        "by the sigma points (37) to (39), which stand in its section",
     ),
     (
         "(21), (4), (11), (15), (17)",

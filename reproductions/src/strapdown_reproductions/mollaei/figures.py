@@ -1,11 +1,11 @@
 """Figures 2 to 7 of Mollaei et al. redrawn, and what they do not show: control inputs with fixes,
-errors over time, ratios, the turning flight.
+errors over time, ratios, the turning flight, the readings of the EKF.
 
 In their colours: blue without a filter, EKF grey (theirs is black, which a dark page hides), UKF
 red, PKF green.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,16 +29,20 @@ from strapdown.typing import Array
 from ..common.figures import marks, names_down
 from ..common.paired_ratios import ratio
 from .cells import (
+    AT_TRIM,
     CUT,
     E0,
     E1,
     E2,
     EKF,
+    EKFS,
     FULL,
+    HELD,
     IMU,
     MODEL,
     MODES,
     NO_FILTER,
+    ONCE,
     PKF,
     SENSORS,
     TRUTH,
@@ -50,9 +54,19 @@ from .metrics import Record
 from .rules import DEVIATIONS
 from .runs import Results
 
-COLOUR = {NO_FILTER: COLOURS[0], EKF: GREY, UKF: RED, PKF: COLOURS[2], TRUTH: COLOURS[1]}
+COLOUR = {
+    NO_FILTER: COLOURS[0],
+    EKF: GREY,
+    AT_TRIM: COLOURS[1],
+    ONCE: COLOURS[3],
+    HELD: COLOURS[5],
+    UKF: RED,
+    PKF: COLOURS[2],
+    TRUTH: COLOURS[1],
+}
 STYLE: dict[str, dict[str, Any]] = {
     EKF: {"width": 2.6},
+    **dict.fromkeys((AT_TRIM, ONCE, HELD), {"width": 1.4}),
     UKF: {"width": 1.8, "dash": "dash"},
     PKF: {"width": 1.4, "dash": "dot"},
     TRUTH: {"width": 1.0},
@@ -157,6 +171,11 @@ def all_figures(
             turning(results),
             FIRST + "True path of the aircraft; a mark where the fixes end.",
         ),
+        (
+            "Figure 12: growth of the errors in 10 s by what is linearised where (E1)",
+            growth(results, E1, (*EKFS, UKF)),
+            OF_READINGS + OVER_SEEDS,
+        ),
     ]
 
 
@@ -166,6 +185,10 @@ OVER_SEEDS = (
     "the same time: "
     "median over the seeds, dotted the 10 and 90 % quantiles; flights that stopped count as "
     "infinitely far off. Logarithmic."
+)
+OF_READINGS = (
+    "; ".join(f"{ekf}: {text}" for ekf, text in EKFS.items())
+    + ". Driven by the IMU the first two are one filter. "
 )
 RATIOS = (
     "Rms deviations from the final value: geometric means over the seeds with 95 % intervals; left "
@@ -228,20 +251,20 @@ def _framed(drawn: go.Figure, row: int, label: str, values: dict[str, Array]) ->
         )
 
 
-def growth(results: Results, experiment: str) -> go.Figure:
+def growth(results: Results, experiment: str, modes: Sequence[str] = MODES) -> go.Figure:
     """Medians and quantiles over the seeds of horizontal error (left) and distance of the
     aircraft (right), both predictions."""
     titles = [
         f"{each}-driven: {what}"
-        for each in (IMU, MODEL)
+        for each in (MODEL, IMU)
         for what in ("error of the estimate", "aircraft from the reference flight")
     ]
     drawn = make_subplots(
         rows=2, cols=2, horizontal_spacing=0.09, vertical_spacing=0.16, subplot_titles=titles
     )
     thin = {"width": 0.8, "dash": "dot"}
-    for row, each in enumerate((IMU, MODEL), 1):
-        for mode in MODES:
+    for row, each in enumerate((MODEL, IMU), 1):
+        for mode in modes:
             case = Case(experiment, prediction=IMU if mode == NO_FILTER else each)
             if (case, mode) not in results.curves:
                 continue
@@ -288,11 +311,12 @@ def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
     cases = [
         case
         for case in tables
-        if case.experiment in (E0, E1, E2) and case.form != FULL and case.tuning == SENSORS
+        if case.experiment in (E0, E1, E2)
+        and case.form != FULL
+        and case.tuning == SENSORS
+        and not case.condition
     ]
-    titles = [
-        E0 if case.experiment == E0 else f"{case.experiment}, {case.prediction}" for case in cases
-    ]
+    titles = [f"{case.experiment}, {case.prediction}" for case in cases]
     drawn = make_subplots(
         rows=1,
         cols=max(len(cases), 1),

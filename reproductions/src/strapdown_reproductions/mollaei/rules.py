@@ -1,10 +1,11 @@
-"""How flights become verdicts on the claims of Mollaei et al.: the bounds, the measures, and the
-kinds of rules of the table in claims.py.
+"""How flights become verdicts on the claims of Mollaei et al.: the bounds, the readings, the
+measures, and what of them common.kinds decides.
 
 Tables are those of cells.wide, {Case: table}.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -13,11 +14,34 @@ import pandas as pd
 from strapdown.evaluation.consistency import paired, proportion
 from strapdown.typing import Array
 
+from ..common import kinds
 from ..common.claims import Judged
-from ..common.pages import PARTLY
-from ..common.paired_ratios import LEAST, ratio, sides
-from ..common.verdicts import Count, both, counted, decided, over_readings, share_of_runs, vote
-from .cells import MODES, NO_FILTER, PKF, PUBLISHED, SIX, UKF, Case, known
+from ..common.kinds import Share, Votes, clustered
+from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
+from ..common.paired_ratios import LEAST, ratio
+from ..common.verdicts import both, decided, over_readings, vote
+from .cells import (
+    AT_TRIM,
+    CONDITIONS,
+    E0,
+    E1,
+    EKF,
+    EKFS,
+    HELD,
+    IMU,
+    MODEL,
+    MODES,
+    NO_FILTER,
+    ONCE,
+    PKF,
+    POINTS,
+    PUBLISHED,
+    SENSORS,
+    SIX,
+    UKF,
+    Case,
+    known,
+)
 
 DEVIATIONS = ("fx_n", "fz_n", "gx_n", "gz_n", "mx_nm", "my_nm", "mz_nm")
 """Fx and Fz; Gx and Gz as weight; and all three as moments."""
@@ -34,20 +58,40 @@ SAME = 1e-6
 """m: filters whose estimates and flights differ by no more are one filter."""
 ZERO = 5e-5
 """N: what the tables print as 0.0000."""
-REAL_TIME = 315.0
-"""s: the duration of E2."""
-CLAIMED = 5400.0
-"""s that it takes in the paper."""
 PRINTED_DEVIATIONS, PRINTED_ALL = (
     ("fx_n", "fz_n", "gx", "gz"),
     ("fx_n", "fz_n", "gx", "gz", *OVERSHOOTS),
 )
 """Rows of the published tables."""
+ONE_FILTER = {EKF, AT_TRIM, UKF, PKF, POINTS}
+"""One filter where the process is linear, the particle filters but for their draws."""
+BY_ALGEBRA = (
+    "driven by the IMU the process is linear in position and velocity, and the filters are one, the "
+    "PKF but for its draws"
+)
 Tables: TypeAlias = dict[Case, pd.DataFrame]
 Pair: TypeAlias = tuple[str, str]
 """(first, second): two modes, of which the first is to be better."""
 Counting: TypeAlias = Callable[[pd.DataFrame, str], tuple[int, int]]
 """(flights of a mode of which something is so, its flights) of the table of a case."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What the paper leaves open, read in one way."""
+
+    name: str
+    instead: Mapping[str, str] = field(default_factory=dict)  # {mode: the one that stands for it}
+    condition: str = ""  # of cells.CONDITIONS
+
+
+AS_PRINTED = Reading("as printed")
+READINGS = (
+    AS_PRINTED,
+    *(Reading(ekf, {EKF: ekf}) for ekf in EKFS if ekf != EKF),
+    Reading(POINTS, {PKF: POINTS}),
+    *(Reading(condition, condition=condition) for condition in CONDITIONS),
+)
 
 
 class Evidence(NamedTuple):
@@ -57,8 +101,6 @@ class Evidence(NamedTuple):
     # a row per IMU-driven flight: mode and apart_m, largest distance of estimate or aircraft from
     # the EKF's
     apart: pd.DataFrame
-    # {(mode, prediction): wall time of one flight of E2 in the six-state form, s}
-    seconds: dict[tuple[str, str], float]
 
 
 def flown(*experiments: str, prediction: str | None = None) -> Callable[[Evidence], Tables]:
@@ -72,21 +114,171 @@ def flown(*experiments: str, prediction: str | None = None) -> Callable[[Evidenc
     }
 
 
+def usual(tables: Tables, prediction: str | None = None) -> Tables:
+    """Those flown as usual, of all predictions or of one."""
+    return {
+        case: table
+        for case, table in tables.items()
+        if not case.condition and prediction in (None, case.prediction)
+    }
+
+
+def foregone(case: Case, pair: Iterable[str]) -> bool:
+    """Whether modes are one filter in a case by algebra, so that nothing has to be measured."""
+    return case.linear and set(pair) <= ONE_FILTER
+
+
+class Cells(NamedTuple):
+    """Where a pair is compared in a reading."""
+
+    free: Tables
+    same: Tables  # where it is one filter by algebra
+    pair: Pair  # as it is flown there
+
+
+def cells_of(tables: Tables, reading: Reading, pair: Pair) -> Cells:
+    """The Cells of a pair in a reading."""
+    first, second = (reading.instead.get(mode, mode) for mode in pair)
+    own = {
+        case: table
+        for case, table in tables.items()
+        if case.condition == reading.condition
+        and {("fx_n", first), ("fx_n", second)} <= set(table.columns)
+    }
+    same = {case: table for case, table in own.items() if foregone(case, (first, second))}
+    free = {case: table for case, table in own.items() if case not in same}
+    return Cells(free, same, (first, second))
+
+
+def readings_of(tables: Tables, pairs: Sequence[Pair]) -> dict[Reading, dict[Pair, Cells]]:
+    """{reading that says something of the pairs, and was flown with all: {pair: Cells}}."""
+    found = {
+        reading: {pair: cells_of(tables, reading, pair) for pair in pairs} for reading in READINGS
+    }
+    return {
+        reading: own
+        for reading, own in found.items()
+        if all(cells.free or cells.same for cells in own.values())
+        and (not reading.instead or any(cells.pair != pair for pair, cells in own.items()))
+    }
+
+
+def algebra(tables: Tables, pairs: Sequence[Pair]) -> str:
+    """Text: that the pairs are one filter wherever they were flown; else ""."""
+    found = [cells for own in readings_of(tables, pairs).values() for cells in own.values()]
+    return BY_ALGEBRA if found and not any(cells.free for cells in found) else ""
+
+
+def sides(tables: Tables, measures: Sequence[str], pair: Pair) -> Votes:
+    """Votes of the cells (case and measure) for the first of a pair being better."""
+    return lambda confidence: [
+        ratio(table, measure, *pair, probability=confidence).side
+        for table in tables.values()
+        for measure in measures
+    ]
+
+
+def at_least(tables: Tables, measures: Sequence[str], pair: Pair, factor: float) -> Votes:
+    """Votes of the cells in which the measure of the first of a pair is at least `factor` times
+    that of the second."""
+
+    def votes(confidence: float) -> list[int]:
+        found = [
+            ratio(table, measure, *pair, probability=confidence)
+            for table in tables.values()
+            for measure in measures
+        ]
+        return [int(each.low >= factor) - int(each.high < factor) for each in found]
+
+    return votes
+
+
+def together(votes: Sequence[Votes]) -> Votes:
+    """Those of several, as one."""
+    return lambda confidence: [each for part in votes for each in part(confidence)]
+
+
+class Compared(NamedTuple):
+    """A Judged that has a sentence of its own for its answer."""
+
+    verdict: str
+    text: str
+    answer: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
 def better(
     tables: Tables, measures: Sequence[str], pairs: Sequence[Pair], others: Sequence[str] = ()
-) -> Judged:
-    """The first of each pair is better, over the cells of all tables and `measures`; and by a
-    second reading, the measures `others`, if there is one."""
-    readings = [
-        {pair: sides(tables, each, *pair) for pair in pairs} for each in (measures, others) if each
-    ]
-    return Judged(
-        over_readings(*(both(*(count.verdict for count in each.values())) for each in readings)),
-        ". By the other reading: ".join(
-            ". ".join(f"{first} better than {second}: {count}" for (first, second), count in each)
-            for each in (counts.items() for counts in readings)
-        ),
+) -> Compared:
+    """The first of each pair is better in most cells (kinds.mostly), in every reading, whoever
+    predicts, and, if there are `others`, with these in place of `measures`.
+
+    Cells that are identities do not vote, and are counted apart; where there are no others at all,
+    the filters are one, and neither is better.
+    """
+    verdicts: dict[str, str] = {}
+    texts, ratios, same = [], {}, 0
+    for driven in (MODEL, IMU):
+        by_one = {case: table for case, table in tables.items() if case.prediction == driven}
+        for reading, own in readings_of(by_one, pairs).items():
+            if reading is AS_PRINTED:
+                same += sum(len(cells.same) for cells in own.values()) * len(measures)
+            if not any(cells.free for cells in own.values()):
+                continue
+            name = f"{reading.name}, {driven}-driven"
+            judged = [
+                {
+                    cells.pair: kinds.mostly(sides(cells.free, each, cells.pair))
+                    for cells in own.values()
+                    if cells.free
+                }
+                for each in (measures, others)
+                if each
+            ]
+            verdicts[name] = over_readings(
+                *(both(*(pair.verdict for pair in each.values())) for each in judged)
+            )
+            ratios[name] = ", ".join(
+                f"{' / '.join(pair)} {median_of(middle_ratios(free, measures, pair))}"
+                for free, _, pair in own.values()
+                if free
+            )
+            counted = ". By the other measure: ".join(
+                ". ".join(f"{a} better than {b}: {each}" for (a, b), each in pairs_of.items())
+                for pairs_of in judged
+            )
+            texts.append(f"{name}: {verdicts[name]}. {counted}; median ratios, {ratios[name]}")
+    texts += [f"{same} cells more are identities: {BY_ALGEBRA}"] * bool(same)
+    none = NOT_REPRODUCED if same else UNDECIDED
+    verdict = over_readings(*verdicts.values()) if verdicts else none
+    return Compared(verdict, ". ".join(texts) or "not flown", _answer(verdicts, ratios, same))
+
+
+def _answer(verdicts: dict[str, str], ratios: dict[str, str], same: int) -> str:
+    """A sentence with the median ratios as printed, and one on the readings that turn it; those
+    that leave it open turn nothing."""
+    one = "Driven by the IMU they are one filter." * bool(same)
+    base = next(iter(verdicts), "")
+    if not base:
+        return one or "Not flown."
+    said = f"Median ratios, {base}: {ratios[base]}. {one}"
+    turned = [name for name in verdicts if verdicts[name] not in (UNDECIDED, verdicts[base])]
+    if turned:
+        each = "; ".join(f"{name} ({ratios[name]}: {verdicts[name]})" for name in turned)
+        said += f" It turns with another reading: {each}."
+        against = " Equation (22) linearises at the estimate, against these readings of the EKF."
+        said += against * any(name.startswith((AT_TRIM, ONCE, HELD)) for name in turned)
+    return said.strip()
+
+
+def middle_ratios(tables: Tables, measures: Sequence[str], pair: Pair) -> Array:
+    """(n,) ratios of a pair, of the cells that have one."""
+    found = np.array(
+        [ratio(table, each, *pair).value for table in tables.values() for each in measures], float
     )
+    return found[np.isfinite(found)]
 
 
 def median_of(values: Array | Sequence[float]) -> str:
@@ -94,16 +286,60 @@ def median_of(values: Array | Sequence[float]) -> str:
     return f"{np.median(values):.3g}" if len(values) else "–"
 
 
-def median_ratios(tables: Tables, measures: Sequence[str], pairs: Sequence[Pair]) -> str:
-    """Text: for each reading the median over the measures of the ratio of each pair."""
-    values = lambda table, pair: np.array([ratio(table, each, *pair).value for each in measures])
-    known_of = lambda table, pair: [v for v in values(table, pair) if np.isfinite(v)]
-    parts = [
-        f"{case}: "
-        + ", ".join(f"{' / '.join(pair)} {median_of(known_of(table, pair))}" for pair in pairs)
-        for case, table in tables.items()
-    ]
-    return "median ratios, " + "; ".join(parts) if parts else "not flown"
+def many_times(
+    tables: Tables, measures: Sequence[str], first: str, seconds: Sequence[str], factor: float
+) -> Judged:
+    """The measures of `first` are at least `factor` times those of each of `seconds`, in every cell
+    (kinds.always)."""
+    own = usual(tables)
+    votes = [at_least(own, measures, (first, second), factor) for second in seconds]
+    smallest = {
+        second: min(middle_ratios(own, measures, (first, second)), default=np.nan)
+        for second in seconds
+    }
+    found = kinds.always(together(votes))
+    least = ", ".join(f"{first} / {second} {value:.3g}" for second, value in smallest.items())
+    return Judged(found.verdict, f"{found}; smallest ratios: {least}")
+
+
+def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float) -> Compared:
+    """The EKF's `measures` are `factor` times those of `second`, because of what is not linear:
+    where the model predicts they are (kinds.mostly), and driven by the IMU, where the process is
+    linear, they are not; in each reading of the EKF."""
+    verdicts, texts, answers = [], [], []
+    for ekf in EKFS:
+        pair = (ekf, second)
+        own = {
+            driven: {
+                case: table
+                for case, table in usual(tables, driven).items()
+                if ("fx_n", ekf) in table.columns
+            }
+            for driven in (MODEL, IMU)
+        }
+        if not own[MODEL]:
+            continue
+        curved, straight = (
+            kinds.mostly(at_least(cases, measures, pair, factor)) for cases in own.values()
+        )
+        by_algebra = all(foregone(case, pair) for case in own[IMU])
+        without = NOT_REPRODUCED if by_algebra else straight.verdict
+        verdicts.append(
+            decided(
+                curved.verdict == REPRODUCED and without == NOT_REPRODUCED,
+                NOT_REPRODUCED == curved.verdict or without == REPRODUCED,
+            )
+        )
+        middle = median_of(middle_ratios(own[MODEL], measures, pair))
+        linear = "1 by algebra" if by_algebra else f"{straight}"
+        texts.append(
+            f"{ekf}: {verdicts[-1]}; model-driven {curved}, median {middle}; IMU-driven, where the "
+            f"system is linear: {linear}"
+        )
+        answers.append(f"{ekf} {middle}")
+    answer = f"Model-driven deviations over the {second}'s, medians: {', '.join(answers)}."
+    verdict = over_readings(*verdicts) if verdicts else UNDECIDED
+    return Compared(verdict, ". ".join(texts) or "not flown", answer * bool(texts))
 
 
 def listed(values: dict[str, Array], unit: str) -> str:
@@ -114,10 +350,10 @@ def listed(values: dict[str, Array], unit: str) -> str:
 
 
 def medians(tables: Tables, measure: str, unit: str) -> str:
-    """Text: the medians of a measure of all modes, by case."""
+    """Text: the medians of a measure of all modes of the paper, by case."""
     return "; ".join(
         f"{case}: {listed({mode: known(table, measure, mode) for mode in MODES}, unit)}"
-        for case, table in tables.items()
+        for case, table in usual(tables).items()
     )
 
 
@@ -164,34 +400,70 @@ def near(table: pd.DataFrame, mode: str) -> tuple[int, int]:
     return int((off < NEAR).sum()), len(off)
 
 
-def most_flights(
-    tables: Tables, counting: Counting, modes: Sequence[str], level: float = 0.5
-) -> Count:
-    """Count of the cases and modes in which something is so in more than a share `level` of the
-    flights (Wilson); surely fewer contradicts."""
-    cells = [counting(table, mode) for table in tables.values() for mode in modes]
-    return share_of_runs(cells, level)
+def nearly_all(tables: Tables, counting: Counting, modes: Sequence[str]) -> Judged:
+    """With each of the modes it is so in more than NEARLY_ALL of the flights (Wilson), in every
+    case (kinds.always); by who predicts."""
+
+    def judge(cases: Tables) -> Judged:
+        flights = [counting(table, mode) for table in cases.values() for mode in modes]
+        return kinds.always(
+            lambda confidence: [
+                vote(*proportion(*cell, confidence)[1:], NEARLY_ALL) for cell in flights
+            ]
+        )
+
+    return by_prediction(tables, judge)
+
+
+def by_prediction(tables: Tables, judge: Callable[[Tables], Judged]) -> Judged:
+    """What becomes of the flights that the IMU drives and of those that the model does."""
+    found = {driven: judge(own) for driven in (IMU, MODEL) if (own := usual(tables, driven))}
+    return Judged(
+        over_readings(*(own.verdict for own in found.values())) if found else UNDECIDED,
+        ". ".join(f"{driven}-driven: {own.verdict}, {own}" for driven, own in found.items()),
+    )
+
+
+def shared(table: pd.DataFrame, counting: Counting, mode: str) -> Share:
+    """Share of the flights of a mode in which something is so; a seed has one of each."""
+    count, flights = counting(table, mode)
+    return clustered([(1, 1)] * count + [(0, 1)] * (flights - count))
+
+
+def cause(tables: Tables, modes: Sequence[str]) -> Judged:
+    """Most flights diverge (kinds.mostly_of), in each reading: of `modes`, and of who predicts."""
+    found = {
+        f"{mode}, {case}": kinds.mostly_of(shared(table, away, mode))
+        for case, table in usual(tables).items()
+        for mode in modes
+        if ("off_max_m", mode) in table.columns
+    }
+    return Judged(
+        over_readings(*(own.verdict for own in found.values())) if found else UNDECIDED,
+        "; ".join(f"{name}: {own.verdict}, {own}" for name, own in found.items()),
+    )
 
 
 def by_case(tables: Tables, counting: Counting, modes: Sequence[str]) -> str:
     """Text: in how many flights it is so, by mode, where there are several, and case."""
     return "; ".join(
         f"{mode}, " * (len(modes) > 1) + f"{case} " + "{} of {}".format(*counting(table, mode))
-        for case, table in tables.items()
+        for case, table in usual(tables).items()
         for mode in modes
     )
 
 
 def lost_once(tables: Tables, mode: str) -> str:
     """Text: flights that diverged, of a mode that is the same in all readings."""
-    return "".join("{} of {}".format(*away(table, mode)) for table in list(tables.values())[:1])
+    first = list(usual(tables).values())[:1]
+    return "".join("{} of {}".format(*away(table, mode)) for table in first)
 
 
 def ends(tables: Tables, measure: str, modes: Sequence[str]) -> str:
     """Text: the median of a measure, m, by case and mode."""
     return "; ".join(
         f"{mode}, {case} {median_of(known(table, measure, mode))} m"
-        for case, table in tables.items()
+        for case, table in usual(tables).items()
         for mode in modes
     )
 
@@ -209,56 +481,52 @@ def enough(flights: int) -> str:
 
 
 def symmetric(tables: Tables) -> Judged:
-    """Fy and the lateral weight are ZERO in all flights; not reproduced where in none."""
+    """Fy and the lateral weight are ZERO in every flight, each of which is a cell."""
     larger = {
         mode: np.concatenate(
             [
                 np.empty(0),
                 *(
                     np.maximum(known(table, "fy_n", mode), known(table, "gy_n", mode))
-                    for table in tables.values()
+                    for table in usual(tables).values()
                 ),
             ]
         )
         for mode in MODES
     }
     values = np.concatenate(list(larger.values()))
+    found = kinds.always(lambda confidence: [1 if value < ZERO else -1 for value in values])
     zero, count = int((values < ZERO).sum()), len(values)
-    verdict = PARTLY if 0 < zero < count else decided(zero > 0, count > 0)
     return Judged(
-        verdict, f"{zero} of {count} flights; medians of the larger: {listed(larger, 'N')}"
+        found.verdict, f"{zero} of {count} flights; medians of the larger: {listed(larger, 'N')}"
     )
 
 
 def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) -> Judged:
-    """Over the flights of a case `measure` is less than TWICE the measure `other` (geometric mean,
-    whole interval)."""
-    votes, texts = [], []
-    for mode in modes:
-        for case, table in tables.items():
-            a, b = (
+    """Over the flights of a case `measure` is less than TWICE the measure `other` (geometric mean),
+    in every case (kinds.always); by who predicts."""
+
+    def judge(cases: Tables) -> Judged:
+        logs = {
+            (mode, case): tuple(
                 np.log(np.maximum(known(table, each, mode), LEAST)) for each in (measure, other)
             )
-            found = paired(a, b) if len(a) == len(b) else paired([], [])
-            votes.append(-vote(found.low, found.high, np.log(TWICE)))
-            texts.append(f"{mode}, {case} x{np.exp(found.difference):.3g}")
-    count = counted(votes)
-    return Judged(count.verdict, f"{count}. {'; '.join(texts)}")
+            for mode in modes
+            for case, table in cases.items()
+        }
 
+        def votes(confidence: float) -> list[int]:
+            found = [paired(a, b, confidence) for a, b in logs.values()]
+            return [-vote(each.low, each.high, np.log(TWICE)) for each in found]
 
-def slower_than_real_time(seconds: dict[tuple[str, str], float], modes: Sequence[str]) -> Judged:
-    """A flight takes longer than it lasts."""
-    slowest = max(seconds.values(), default=np.nan)
-    taken = "; ".join(
-        f"{mode}, {driven}-driven {each:.2g} s"
-        for (mode, driven), each in seconds.items()
-        if mode in modes
-    )
-    return Judged(
-        decided(slowest > REAL_TIME, slowest <= REAL_TIME),
-        f"{taken}; the paper: {CLAIMED:.0f} s, {CLAIMED / max(slowest, 1e-9):.0f} times as long as "
-        f"the slowest",
-    )
+        means = "; ".join(
+            f"{mode}, {case} x{np.exp(paired(a, b).difference):.3g}"
+            for (mode, case), (a, b) in logs.items()
+        )
+        found = kinds.always(votes)
+        return Judged(found.verdict, f"{found}. {means}")
+
+    return by_prediction(tables, judge)
 
 
 def one_filter(apart: pd.DataFrame) -> Judged:
@@ -271,3 +539,43 @@ def one_filter(apart: pd.DataFrame) -> Judged:
     )
     text += f", and {ended} flights stopped at another time" * bool(ended)
     return Judged(decided(0 < len(ukf) and most <= SAME, most > SAME), text)
+
+
+SHOWN = {
+    "horizontal_rmse_m": "position, horizontal",
+    "vertical_rmse_m": "vertical",
+    "horizontal_end_m": "at the end, horizontal",
+    "fx_n": "Fx",
+    "over_z_pct": "overshoot of velocity Z",
+}
+"""Columns of `readings`."""
+
+
+def readings(tables: Tables) -> pd.DataFrame:
+    """DataFrame of text: the ratios of UKF to EKF and of PKF to EKF in each reading, of E0 and E1
+    with Q and R from the sensors, with 95 % intervals; an identity is called that."""
+    own = {
+        case: table
+        for case, table in tables.items()
+        if case.experiment in (E0, E1) and case.form == SIX and case.tuning == SENSORS
+    }
+    return pd.DataFrame(
+        [
+            {
+                "reading": reading.name,
+                "case": str(case._replace(condition="")),
+                "ratio": " / ".join(cells.pair),
+                **{
+                    title: "identity"
+                    if case in cells.same
+                    else str(ratio(table, measure, *cells.pair))
+                    for measure, title in SHOWN.items()
+                },
+            }
+            for reading in READINGS
+            for pair in ((UKF, EKF), (PKF, EKF))
+            for cells in [cells_of(own, reading, pair)]
+            if not reading.instead or cells.pair != pair
+            for case, table in (cells.same | cells.free).items()
+        ]
+    )

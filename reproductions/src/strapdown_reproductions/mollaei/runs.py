@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown.checks import DataError
+from strapdown.core.contract import Filter
 from strapdown.data import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
@@ -27,6 +28,7 @@ from strapdown.typing import Array, Progress
 from ..common.study import on_threads
 from . import metrics
 from .cells import (
+    AT_TRIM,
     CASES,
     CKF,
     CLOSED,
@@ -35,12 +37,20 @@ from .cells import (
     E1,
     E2,
     EKF,
+    FAR_START,
+    FEW_FIXES,
     FILTERS,
     FULL,
+    GUSTS,
+    HELD,
+    HZ_10,
+    HZ_20,
     IMU,
     MODEL,
     NO_FILTER,
+    ONCE,
     PKF,
+    POINTS,
     PRINTED,
     SIX,
     TURN,
@@ -58,22 +68,46 @@ STEP = {"higher": 10.0, "faster": 2.0, "airspeed": 25.0}
 much higher and faster."""
 SECONDS = {E2: 315.0, WIND: 315.0}
 """Durations; 25 s of the others."""
-FILTERS_SIX = {
-    NO_FILTER: mollaei_six.RAW,
-    EKF: mollaei_six.EKF6,
-    UKF: mollaei_six.UKF6,
-    PKF: mollaei_six.PKF6,
+TRIMMED = {"airspeed": STEP["airspeed"]}
+FILTERS_SIX: dict[str, tuple[Filter, dict[str, Any]]] = {
+    NO_FILTER: (mollaei_six.RAW, {}),
+    EKF: (mollaei_six.EKF6, {}),
+    AT_TRIM: (mollaei_six.EKF6, {"linearised": "trim", **TRIMMED}),
+    ONCE: (mollaei_six.EKF6, {"linearised": "once", **TRIMMED}),
+    HELD: (mollaei_six.EKF6, {"linearised": "held", **TRIMMED}),
+    UKF: (mollaei_six.UKF6, {}),
+    PKF: (mollaei_six.PKF6, {}),
+    POINTS: (mollaei_six.PKF6, {"transition": "sigma-points"}),
 }
+"""{mode: (Filter, its options)}."""
 FILTERS_FULL = {CLOSED: "closed-loop", EKF: "ekf", UKF: "ukf", CKF: "ckf", PKF: "pkf"}
 START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
 """Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
 would ever correct it."""
 FLAT = {"earth": "flat", "start_sd": START_SD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
 """What `fly` is given with the six-state filters."""
+PREDICTIONS = {
+    (IMU, False): "imu",
+    (IMU, True): "imu",
+    (MODEL, False): "model",
+    (MODEL, True): "model-always",
+}
+"""{(who predicts, whether there is no outage): as `fly` has it}: in E0 between fixes."""
 BREEZE = (3.0, 0.0, 0.0)
 """m/s, NED: the wind of WIND, from behind."""
+GIVEN: dict[str, dict[str, Any]] = {
+    "": {},
+    FEW_FIXES: {"gnss": RECEIVER._replace(velocity_sd=None)},
+    FAR_START: {"start_sd": (*[10.0] * 3, *[5.0] * 3, *START_SD[6:])},
+    GUSTS: {"turbulence": "light"},
+    HZ_20: {"filter_rate": 20.0},
+    HZ_10: {"filter_rate": 10.0},
+}
+"""{condition: what `fly` is given}."""
 SHARES = {(E2, SIX): 4, (WIND, SIX): 10, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
 """{(experiment, form): a seed in so many is flown}, where flights are long; all seeds elsewhere."""
+SELDOM = 8
+"""A seed in so many is flown of CONDITIONS, and with components predicted by sigma points."""
 TIMES = 50
 """Points of the growth curves."""
 
@@ -102,6 +136,33 @@ def duration(experiment: str) -> float:
     return SECONDS.get(experiment, 25.0)
 
 
+def modes(case: Case, number: int) -> tuple[str, ...]:
+    """What is flown in a case with the seed of that number in the study, from 0.
+
+    The readings of the EKF where the flight stays near the trim; AT_TRIM only where the model
+    predicts, since driven by the IMU it is the EKF. Without a filter a condition tells nothing.
+    """
+    if case.form == FULL:
+        return tuple(FILTERS_FULL)
+    nonlinear = case.prediction == MODEL
+    near = case.experiment in (E0, E1, E2)
+    points = nonlinear and case.experiment in (E0, E1) and number % SELDOM == 0
+    return (
+        *(NO_FILTER,) * (not case.condition),
+        EKF,
+        *(AT_TRIM,) * (near and nonlinear),
+        *(ONCE, HELD) * near,
+        UKF,
+        PKF,
+        *(POINTS,) * (points and not case.condition),
+    )
+
+
+def share(case: Case) -> int:
+    """A seed in so many is flown of a case."""
+    return SELDOM if case.condition else SHARES.get((case.experiment, case.form), 1)
+
+
 def flight(
     case: Case, mode: str, seed: int, components: int | None = None, **changes: Any
 ) -> Flight:
@@ -113,27 +174,37 @@ def flight(
         "gnss": RECEIVER,
         "duration": duration(case.experiment),
         "outage": None if case.experiment == E0 else [(CUT, duration(case.experiment) + 1.0)],
-        "prediction": "imu" if case.prediction == IMU else "model",
+        "prediction": PREDICTIONS[case.prediction, case.experiment == E0],
         "covariance": True,
     }
     if case.experiment == WIND:
         given |= {"wind": BREEZE, "told_wind": (0.0, 0.0, 0.0)}
+    chosen: Filter | str
     if case.form == SIX:
-        given |= FLAT
+        chosen, options = FILTERS_SIX[mode]
+        given |= FLAT | options
+    else:
+        chosen = FILTERS_FULL[mode]
+    given |= GIVEN[case.condition]
     if case.tuning == PRINTED and mode != NO_FILTER:
         given |= mollaei_six.REPRODUCED
-    if mode == PKF and components:
+    if mode in (PKF, POINTS) and components:
         given["components"] = components
-    filters = FILTERS_SIX if case.form == SIX else FILTERS_FULL
-    return fly(plan(case.experiment), filters[mode], **{**given, **changes})
+    return fly(plan(case.experiment), chosen, **{**given, **changes})
 
 
 @lru_cache(maxsize=16)
-def reference(experiment: str, form: str = SIX) -> Record:
-    """Record of the flight steered by the true state, over the same Earth."""
-    return record(
-        flight(Case(experiment, form), NO_FILTER if form == SIX else CLOSED, 0, feedback="truth")
-    )
+def reference(experiment: str, form: str = SIX, filter_rate: float | None = None) -> Record:
+    """Record of the flight steered by the true state, over the same Earth and in calm air, at the
+    samples of a filter of that rate (Hz; None: the IMU's)."""
+    mode = NO_FILTER if form == SIX else CLOSED
+    changes = {"feedback": "truth", "filter_rate": filter_rate}
+    return record(flight(Case(experiment, form), mode, 0, **changes))
+
+
+def beside(case: Case) -> Record:
+    """The reference of the flights of a case."""
+    return reference(case.experiment, case.form, GIVEN[case.condition].get("filter_rate"))
 
 
 def record(flight: Flight) -> Record:
@@ -188,9 +259,7 @@ def scored(
         made = record(flight(case, mode, seed, components))
     except DataError as error:
         return {**metrics.LOST, "said": str(error)}, None
-    return metrics.score(
-        made, reference(case.experiment, case.form), None if case.experiment == E0 else CUT
-    ), made
+    return metrics.score(made, beside(case), None if case.experiment == E0 else CUT), made
 
 
 Flown: TypeAlias = tuple[dict[str, float | str], Array, Record | None]
@@ -207,17 +276,21 @@ def run_all(
     """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF;
     progress: called with the fraction done."""
     seeds, cases = list(seeds), CASES if cases is None else cases
-    groups: dict[tuple[str, str], list[Case]] = {}
+    groups: dict[tuple[str, str, str], list[Case]] = {}
     for case in cases:
-        groups.setdefault((case.experiment, case.form), []).append(case)
+        groups.setdefault((case.experiment, case.form, case.condition), []).append(case)
     # alone, and before the threads, which would each compile
-    seconds = times(seeds[0], components) if (E2, SIX) in groups else {}
-    references = {group: reference(*group) for group in groups}
-    tasks = [(group, seed) for group in groups for seed in seeds[:: SHARES.get(group, 1)]]
+    seconds = times(seeds[0], components) if (E2, SIX, "") in groups else {}
+    references = {own[0]: beside(own[0]) for own in groups.values()}
+    tasks = [
+        (group, number)
+        for group, own in groups.items()
+        for number in range(0, len(seeds), share(own[0]))
+    ]
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[1]))
-    lengths = np.cumsum([duration(experiment) for (experiment, _), _ in tasks])
+    lengths = np.cumsum([duration(group[0]) for group, _ in tasks])
     flights: dict[tuple[Case, str, int], Flown] = {}
-    flown = lambda task: _flown(groups[task[0]], task[1], components, task[1] == seeds[0])
+    flown = lambda task: _flown(groups[task[0]], seeds[task[1]], task[1], components)
     for found, done in zip(on_threads(flown, tasks, threads), lengths):
         flights |= found
         if progress:
@@ -232,7 +305,11 @@ def run_all(
     return Results(
         pd.DataFrame(rows),
         samples,
-        {experiment: own for (experiment, form), own in references.items() if form == SIX},
+        {
+            case.experiment: own
+            for case, own in references.items()
+            if case.form == SIX and not case.condition
+        },
         {key: (curve_times(key[0].experiment), np.array(own)) for key, own in grown.items()},
         seconds,
     )
@@ -254,22 +331,26 @@ def times(seed: int, components: int | None = None) -> dict[tuple[str, str], flo
 
 
 def _flown(
-    cases: list[Case], seed: int, components: int | None, kept: bool
+    cases: list[Case], seed: int, number: int, components: int | None
 ) -> dict[tuple[Case, str, int], Flown]:
-    """{(case, mode, seed): Flown} of all modes of the cases of one experiment and form with one
-    seed; `kept`: with Records, of six states."""
-    six, found = cases[0].form == SIX, {}
-    # knows no prediction and no Q, R: one flight for all cases
-    unfiltered = scored(cases[0], NO_FILTER, seed, components) if six else None
+    """{(case, mode, seed): Flown} of all modes of the cases of one experiment, form and condition
+    with the seed of that number; of the first with Records, of six states."""
+    found: dict[tuple[Case, str, int], Flown] = {}
+    unfiltered = None
+    kept = number == 0 and cases[0].form == SIX and not cases[0].condition
     for case in cases:
         ekf = None
-        for mode in FILTERS_SIX if six else FILTERS_FULL:
-            scores, own = unfiltered if mode == NO_FILTER else scored(case, mode, seed, components)
+        for mode in modes(case, number):
+            if mode == NO_FILTER:  # knows no prediction and no Q, R: one flight for all cases
+                unfiltered = unfiltered or scored(case, mode, seed, components)
+                scores, own = unfiltered
+            else:
+                scores, own = scored(case, mode, seed, components)
             ekf = own if mode == EKF else ekf
             found[case, mode, seed] = (
                 {**scores, "apart_m": apart(own, ekf)},
-                curve(own, reference(case.experiment, case.form)),
-                own if kept and six else None,
+                curve(own, beside(case)),
+                own if kept else None,
             )
     return found
 

@@ -3,7 +3,6 @@ sources and the same fixes withheld for all."""
 
 from __future__ import annotations
 
-import inspect
 import re
 from collections import Counter
 from collections.abc import Iterable
@@ -15,7 +14,7 @@ import pandas as pd
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core.contract import Filter, Noise, Start
+from ...core.contract import Noise, Start
 from ...data import Trajectory
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import Estimate, with_estimates
@@ -258,12 +257,7 @@ def _settings(
 ) -> dict[str, Any]:
     """What all runs had in common, and what each filter had of its own."""
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
-    noise = next(run.noise for _, run in ran if run)
-
-    def defaults(filter: Filter) -> dict[str, Any]:
-        parameters = list(inspect.signature(filter.start).parameters.items())[2:]
-        return {name: option.default for name, option in parameters}
-
+    noise = common.noise or next(run.spec.noise() for _, run in ran if run and run.spec)
     return {
         "imu": spec.name if spec else "",
         "noise": noise._asdict(),
@@ -278,7 +272,7 @@ def _settings(
             if a.kind not in common.kinds
         },
         "options": {
-            e.label: defaults(e.filter) | (run.options if run else e.options) | _estimated(e)
+            e.label: e.filter.options | (run.options if run else e.options) | _estimated(e)
             for e, run in ran
         },
         "sources": {

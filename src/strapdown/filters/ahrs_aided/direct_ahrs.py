@@ -7,7 +7,18 @@ price is an error of its own while the body turns.
 
 import math
 
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, helper, kernel
+from ...core.contract import (
+    CORRECT,
+    PREDICT,
+    RANDOM_WALK,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    helper,
+    kernel,
+)
 from ...core.error_state import DV, MID, allocate
 from ...core.jit import flatten, matrix
 from ...core.rotation import rotate_right
@@ -19,7 +30,6 @@ from .known_attitude import (
     STEEP_PITCH,
     WITH_ANGLES,
     add_angles,
-    bias_model,
     correct_angles,
     corrected,
     euler_rates,
@@ -38,19 +48,15 @@ from .known_attitude import (
 LEAST_COSINE = math.cos(STEEP_PITCH)
 
 
-def start(
-    start: Start, noise: Noise, bias: str = "random-walk", correlation: float = 0.0
-) -> Belief:
-    """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU.
-    correlation: s for which errors of the AHRS are alike."""
-    return with_angles(know(start.belief(allocate(WITH_ANGLES)), bias, correlation), start)
+def start(start: Start, noise: Noise, correlation: float = 0.0) -> Belief:
+    """Belief at `start`. correlation: s for which errors of the AHRS are alike."""
+    return with_angles(know(start.belief(allocate(WITH_ANGLES)), correlation), start)
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, position and velocity with the known attitude, and the Euler angles with its
     transformation of rates."""
-    noise = bias_model(belief, noise)
     r0, r1, r2 = predict_fed(belief, u, dt, noise)
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
     mid = flatten(matrix(belief.workspace, MID, 3, 3))
@@ -149,5 +155,6 @@ DIRECT_AHRS = Filter(
     needs=("attitude",),
     slots=WITH_ANGLES,
     diagnose=steep,
+    bias=RANDOM_WALK,
     installation=True,
 )

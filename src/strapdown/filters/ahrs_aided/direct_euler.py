@@ -11,6 +11,7 @@ from ...core.contract import (
     ATT,
     CORRECT,
     PREDICT,
+    RANDOM_WALK,
     Belief,
     Filter,
     Noise,
@@ -34,7 +35,6 @@ from .known_attitude import (
     BEYOND,
     WITH_ANGLES,
     add_angles,
-    bias_model,
     correct_angles,
     euler_rates,
     gentle,
@@ -42,19 +42,18 @@ from .known_attitude import (
     read_angles,
     steep,
     with_angles,
-    with_biases,
 )
 
 
-def start(start: Start, noise: Noise, bias: str = "random-walk") -> Belief:
-    """Belief at `start`. bias: "random-walk", or "decaying" with the time constants of the IMU."""
-    return with_angles(with_biases(start.belief(allocate(WITH_ANGLES)), bias), start)
+def start(start: Start, noise: Noise) -> Belief:
+    """Belief at `start`."""
+    return with_angles(start.belief(allocate(WITH_ANGLES)), start)
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
-    workspace, noise = belief.workspace, bias_model(belief, noise)
+    workspace = belief.workspace
     r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
     mechanize(
@@ -112,5 +111,6 @@ DIRECT_EULER = Filter(
     correct,
     slots=WITH_ANGLES,
     diagnose=steep,
+    bias=RANDOM_WALK,
     installation=True,
 )

@@ -1,13 +1,22 @@
 """Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is
 reset into it at each fix."""
 
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
+from ...core.contract import (
+    CORRECT,
+    DECAYING,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    kernel,
+)
 from ...core.error_state import DV, DX, TRANSPORT, allocate, inject_all, measure
 from ...core.rotation import rotate_left, rotate_right
 from ...typing import Array
 from .known_attitude import (
     KNOWN_ATTITUDE,
-    bias_model,
     corrected,
     fade_shared,
     know,
@@ -16,16 +25,15 @@ from .known_attitude import (
 )
 
 
-def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
-    """Belief at `start`. bias: "decaying", with the time constants of the IMU, or "random-walk".
-    correlation: s for which errors of the AHRS are alike."""
-    return know(start.belief(allocate(KNOWN_ATTITUDE)), bias, correlation)
+def start(start: Start, noise: Noise, correlation: float = 0.0) -> Belief:
+    """Belief at `start`. correlation: s for which errors of the AHRS are alike."""
+    return know(start.belief(allocate(KNOWN_ATTITUDE)), correlation)
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and the INS: velocity with the known attitude, the attitude by the gyros alone."""
-    r0, r1, r2 = predict_fed(belief, u, dt, bias_model(belief, noise))
+    r0, r1, r2 = predict_fed(belief, u, dt, noise)
     w = belief.workspace[TRANSPORT]
     rotate_right(belief.C, r0, r1, r2)
     rotate_left(-w[0], -w[1], -w[2], belief.C)
@@ -62,4 +70,5 @@ INDIRECT_AHRS_CLOSED = Filter(
     slots=KNOWN_ATTITUDE,
     needs=("attitude",),
     installation=True,
+    bias=DECAYING,
 )

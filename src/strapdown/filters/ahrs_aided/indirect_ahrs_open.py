@@ -8,6 +8,7 @@ drift.
 
 from ...core.contract import (
     CORRECT,
+    DECAYING,
     PREDICT,
     Belief,
     Filter,
@@ -38,7 +39,6 @@ from ..ins.open_loop import (
 from .known_attitude import (
     KNOWN,
     KNOWN_ATTITUDE,
-    bias_model,
     corrected,
     fade_shared,
     know,
@@ -50,21 +50,18 @@ SLOTS = Slots(after=KNOWN_ATTITUDE)
 SLOTS.outputs(*open_loop.SLOTS.columns)  # which `compose` writes
 
 
-def start(start: Start, noise: Noise, bias: str = "decaying", correlation: float = 0.0) -> Belief:
+def start(start: Start, noise: Noise, correlation: float = 0.0) -> Belief:
     """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its
-    IMU.
-
-    bias: "decaying", with the time constants of the IMU, or "random-walk". correlation: s for which
-    errors of the AHRS are alike.
+    IMU. correlation: s for which errors of the AHRS are alike.
     """
-    return know(beside(start, SLOTS), bias, correlation)
+    return know(beside(start, SLOTS), correlation)
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, the raw INS and the error beside it: velocity with the known attitude,
     attitudes with corrected gyros."""
-    workspace, bg, noise = belief.workspace, belief.bg, bias_model(belief, noise)
+    workspace, bg = belief.workspace, belief.bg
     x, b, attitude = workspace[X], workspace[BIAS], matrix(workspace, C, 3, 3)
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
     linearised_step(belief, matrix(workspace, KNOWN, 3, 3), 0.0, u, dt, noise, True)
@@ -127,4 +124,5 @@ INDIRECT_AHRS_OPEN = Filter(
     conditions=CONDITIONS,
     condition=CONDITION,
     installation=True,
+    bias=DECAYING,
 )

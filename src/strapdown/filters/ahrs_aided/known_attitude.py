@@ -1,5 +1,5 @@
 """What filters share whose attitude comes from elsewhere, such as an AHRS: the known attitude, what
-its errors do to the velocity, bias models, Euler angles.
+its errors do to the velocity, Euler angles.
 
 The known attitude is that of the last record, carried on by the gyros. Position and velocity are
 computed with it, so that their errors, with those of the accelerometer biases, and the errors of
@@ -13,7 +13,7 @@ rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter 
 import math
 from collections.abc import Mapping
 
-from ...checks import check_choice, check_number
+from ...checks import check_number
 from ...core.contract import (
     ATTITUDE_KIND,
     CORRELATED_STATE,
@@ -63,10 +63,6 @@ CORRELATION = KNOWN_ATTITUDE.number("CORRELATION")  # s for which the errors of 
 # covariance (3, n) of the errors of the known attitude, in n, with those of the n states; that with
 # attitude and gyro biases is left out
 SHARED = KNOWN_ATTITUDE.matrix("SHARED", 3, MOST_STATES)
-DECAYING = KNOWN_ATTITUDE.number("DECAYING")  # which bias model:
-BIAS_MODELS = {"random-walk": 0.0, "decaying": 1.0}
-"""Biases driven by white noise alone, or Gauss-Markov with the time constants of the IMU (where
-it has any), so that they fade without fixes."""
 STEEP_PITCH = math.radians(85.0)
 """Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11
 times as fast as the body, and ever faster."""
@@ -77,15 +73,8 @@ BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 BEYOND = WITH_ANGLES.output(BEYOND_COLUMN)  # with the pitch beyond STEEP_PITCH
 
 
-def with_biases(belief: Belief, bias: str) -> Belief:
-    """`belief` with one of `BIAS_MODELS`; refuses an unknown one."""
-    check_choice(bias, "bias", BIAS_MODELS)
-    belief.workspace[DECAYING] = BIAS_MODELS[bias]
-    return belief
-
-
-def know(belief: Belief, bias: str, correlation: float = 0.0) -> Belief:
-    """`belief`, one of `BIAS_MODELS`, with its attitude as the known one, as uncertain as P says.
+def know(belief: Belief, correlation: float = 0.0) -> Belief:
+    """`belief` with its attitude as the known one, as uncertain as P says.
 
     correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with
     each record.
@@ -95,27 +84,13 @@ def know(belief: Belief, bias: str, correlation: float = 0.0) -> Belief:
     slots["KNOWN"][:], belief.workspace[CORRELATION] = belief.C, correlation
     for k, i, j in ((ERROR_NN, 6, 6), (ERROR_NE, 6, 7), (ERROR_EE, 7, 7), (ERROR_DD, 8, 8)):
         belief.workspace[k] = P[i, j]
-    return with_biases(belief, bias)
+    return belief
 
 
 def with_angles(belief: Belief, start: Start) -> Belief:
     """`belief` with the Euler angles of `start`."""
     belief.workspace[ANGLES] = start.rph
     return belief
-
-
-@helper
-def bias_model(belief: Belief, noise: Noise) -> Noise:
-    """`noise` with the decay of the biases that was asked for."""
-    decaying = belief.workspace[DECAYING]
-    return Noise(
-        noise.gyro,
-        noise.accel,
-        noise.gyro_bias,
-        noise.accel_bias,
-        decaying * noise.gyro_decay,
-        decaying * noise.accel_decay,
-    )
 
 
 @helper

@@ -16,6 +16,7 @@ from ...checks import check_number
 from ...core.contract import (
     ADJOINT_STEP,
     CORRECT,
+    DECAYING,
     MAGNETIC_KIND,
     OF_KIND,
     PREDICT,
@@ -35,7 +36,7 @@ from ...core.contract import (
 )
 from ...core.earth import GRAVITY_EQUATOR, RATE, gravity
 from ...core.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
-from ...core.kalman import LEAST_NOISE, decay
+from ...core.kalman import LEAST_NOISE, decay, of_estimates
 from ...core.rotation import turned
 from ...typing import Array
 from .attitude_error_state import (
@@ -248,6 +249,7 @@ def predict_attitude(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     q = noise.gyro * noise.gyro * dt + workspace[RATE_ERROR] * turned_square / dt
     q += lost(workspace) * dt
     propagate(belief.P, belief.C, w0, w2, q, dt, noise)
+    keep = decay(of_estimates(noise).gyro_decay * dt)
     carry_bias(sensitivity, belief.C, w0, w2, keep, dt)
     clocked(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, w0, w2, dt)
@@ -709,4 +711,5 @@ ATTITUDE_MEKF = Filter(
     conditions=CONDITIONS,
     condition=HOLDS,
     smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered),
+    bias=DECAYING,
 )

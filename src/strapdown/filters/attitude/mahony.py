@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...checks import check_number
 from ...core.contract import (
     CORRECT,
+    DECAYING,
     HEADING_KIND,
     MAGNETIC_KIND,
     PREDICT,
@@ -32,7 +33,7 @@ from ...core.contract import (
     matrix,
 )
 from ...core.earth import GRAVITY_EQUATOR
-from ...core.kalman import decay
+from ...core.kalman import decay, of_estimates
 from ...core.rotation import orthonormalise, rotate_left, turned, wrap
 from ...typing import Array
 from . import attitude_mekf
@@ -150,7 +151,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         return
     r0, r1, r2 = u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt
-    keep = decay(noise.gyro_decay * dt)
+    keep = decay(of_estimates(noise).gyro_decay * dt)
     _spread(belief, r0 * r0 + r1 * r1 + r2 * r2, keep, dt, noise)
     clocked(belief, r0, r1, r2, dt)
     turn(belief, r0, r1, r2, workspace[EARTH_N] * dt, workspace[EARTH_D] * dt, dt)
@@ -345,4 +346,5 @@ MAHONY = Filter(
     conditions=attitude_mekf.CONDITIONS,
     condition=HOLDS,
     weighs=False,
+    bias=DECAYING,
 )

@@ -12,6 +12,7 @@ import math
 from ...checks import check_number
 from ...core.contract import (
     CORRECT,
+    DECAYING,
     PREDICT,
     SEA_LEVEL_KIND,
     STATES,
@@ -27,7 +28,7 @@ from ...core.contract import (
 )
 from ...core.earth import gravity
 from ...core.error_state import DX, JACOBIAN, WORK, inject_tail, observed
-from ...core.kalman import decay, update
+from ...core.kalman import decay, of_estimates, update
 from ...typing import Array
 from . import attitude_mekf
 from .attitude_mekf import TOLD, predict_attitude
@@ -139,7 +140,7 @@ def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     gained += gravity(math.sin(belief.lla[0]), belief.lla[2]) * dt
     belief.lla[2] -= (belief.v[2] + 0.5 * gained) * dt
     belief.v[2] += gained
-    keep = decay(noise.accel_decay * dt)
+    keep = decay(of_estimates(noise).accel_decay * dt)
     for i in range(3):
         ba[i] *= keep
 
@@ -282,4 +283,5 @@ VRU = Filter(
     uses=("pressure", "pressure-altitude", "altitude", "zero-sea-level"),
     conditions=attitude_mekf.CONDITIONS,
     condition=attitude_mekf.HOLDS,
+    bias=DECAYING,
 )

@@ -3,7 +3,17 @@ INS. The default filter."""
 
 from ...core.adjoint import SMOOTHER
 from ...core.choosing import any_of
-from ...core.contract import CORRECT, PREDICT, Belief, Filter, Noise, Observe, Start, kernel
+from ...core.contract import (
+    CORRECT,
+    DECAYING,
+    PREDICT,
+    Belief,
+    Filter,
+    Noise,
+    Observe,
+    Start,
+    kernel,
+)
 from ...core.error_state import (
     DX,
     ERROR_STATE,
@@ -73,4 +83,5 @@ CLOSED_LOOP = Filter(
     smoother=SMOOTHER,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

@@ -7,7 +7,7 @@ nominal state at each step.
 """
 
 from ...core.adjoint import SMOOTHER
-from ...core.contract import BA, BG, PREDICT, Belief, Filter, Noise, kernel
+from ...core.contract import BA, BG, DECAYING, PREDICT, Belief, Filter, Noise, kernel
 from ...core.error_state import (
     DX,
     ERROR_STATE,
@@ -59,4 +59,5 @@ CLOSED_LOOP_ERROR_BIAS = Filter(
     smoother=SMOOTHER,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

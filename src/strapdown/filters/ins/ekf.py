@@ -11,6 +11,7 @@ from ...core.choosing import all_of, any_of, where
 from ...core.contract import (
     ATT,
     CORRECT,
+    DECAYING,
     MOST_STATES,
     PREDICT,
     STATES,
@@ -295,4 +296,5 @@ EKF = Filter(
     slots=SLOTS,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

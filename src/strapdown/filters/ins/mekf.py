@@ -16,7 +16,7 @@ import math
 
 from ...core.adjoint import SMOOTHER
 from ...core.choosing import any_of
-from ...core.contract import ATT, CORRECT, Belief, Filter, Observe, helper, kernel
+from ...core.contract import ATT, CORRECT, DECAYING, Belief, Filter, Observe, helper, kernel
 from ...core.elementary import arctangent
 from ...core.error_state import DX, ERROR_STATE, measure, take_over
 from ...typing import Array
@@ -66,4 +66,5 @@ MEKF = Filter(
     smoother=SMOOTHER,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

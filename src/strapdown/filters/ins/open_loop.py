@@ -16,6 +16,7 @@ from ...core.contract import (
     BA,
     BG,
     CORRECT,
+    DECAYING,
     PREDICT,
     Belief,
     Condition,
@@ -240,4 +241,5 @@ OPEN_LOOP = Filter(
     smoother=SMOOTHER,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

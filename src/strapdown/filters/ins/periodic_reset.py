@@ -9,6 +9,7 @@ from ...core.adjoint import SMOOTHER
 from ...core.choosing import any_of, where
 from ...core.contract import (
     CORRECT,
+    DECAYING,
     PREDICT,
     Belief,
     Filter,
@@ -112,4 +113,5 @@ PERIODIC_RESET = Filter(
     smoother=SMOOTHER,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

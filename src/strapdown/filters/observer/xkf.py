@@ -20,6 +20,7 @@ from ...core.contract import (
     BG,
     CORRECT,
     COURSE_KIND,
+    DECAYING,
     HEADING_KIND,
     MAGNETIC_KIND,
     POSITION_KIND,
@@ -413,4 +414,5 @@ XKF = Filter(
     condition=INSIDE.start + BLOCK.start + CONDITION,
     installation=True,
     lanes=True,
+    bias=DECAYING,
 )

@@ -14,6 +14,7 @@ from ...checks import check_number
 from ...core.choosing import any_of, where
 from ...core.contract import (
     CORRECT,
+    DECAYING,
     PREDICT,
     STATES,
     Belief,
@@ -41,7 +42,7 @@ from ...core.error_state import (
     take_over,
 )
 from ...core.jit import flatten, helper, inlined, lanes_of, sides
-from ...core.kalman import update, used_rows
+from ...core.kalman import decay, of_estimates, update, used_rows
 from ...core.mechanization import mechanize
 from ...core.rotation_vectors import exponentials
 from ...core.signatures import LANES
@@ -155,14 +156,30 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         m.workspace[HEIGHT],
     )
     publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    # in a component an estimate decays as its distance from the mean of all does; where that mean
+    # is held, every one gains what it would have lost
+    own = of_estimates(noise)
+    gain_a = decay(own.accel_decay * dt) - decay(noise.accel_decay * dt)
+    gain_g = decay(own.gyro_decay * dt) - decay(noise.gyro_decay * dt)
+    a0, a1, a2 = gain_a * belief.ba[0], gain_a * belief.ba[1], gain_a * belief.ba[2]
+    g0, g1, g2 = gain_g * belief.bg[0], gain_g * belief.bg[1], gain_g * belief.bg[2]
     decay_biases(belief.ba, belief.bg, dt, noise)
+    decaying = Noise(
+        noise.gyro,
+        noise.accel,
+        noise.gyro_bias,
+        noise.accel_bias,
+        noise.gyro_decay,
+        noise.accel_decay,
+        0.0,
+    )
     begin_sums(m)
     north, east = metres(belief)
     for g in range(m.groups):
         if counts(m, g):
             for side in sides():
                 of = group(m, g, side)
-                _advance(m, of, belief, u, dt, noise, north, east)
+                _advance(m, of, belief, u, dt, decaying, (a0, a1, a2), (g0, g1, g2), north, east)
                 take_in(m, of, side)
     settle(belief, m)
 
@@ -175,13 +192,18 @@ def _advance(
     u: Array,
     dt: float,
     noise: Noise,
+    gained_a: tuple[float, float, float],
+    gained_g: tuple[float, float, float],
     north: float,
     east: float,
 ) -> None:
-    """Eight components by their own closed loops."""
+    """Eight components by their own closed loops; their biases gain so much."""
     own = of.own
     r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
     linearised_step(own, own.C, 1.0, u, dt, noise, False)
+    for i in range(3):
+        own.ba[i] += gained_a[i]
+        own.bg[i] += gained_g[i]
     height = m.workspace[HEIGHT]
     mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, own.workspace[DX], height)
     deviate(own, belief, north, east, of.x)
@@ -322,4 +344,5 @@ PKF = Filter(
     correct,
     slots=SLOTS,
     diagnose=lost,
+    bias=DECAYING,
 )

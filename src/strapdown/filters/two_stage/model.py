@@ -22,7 +22,7 @@ from ...checks import check_choice, check_number
 from ...core.contract import STATES, Belief, Condition, Noise, Slots, Source
 from ...core.error_state import ERROR_STATE
 from ...core.jit import helper, inlined
-from ...core.kalman import decay
+from ...core.kalman import decay, of_estimates
 from ...core.rotation import turned
 from ...typing import Array
 from ..ahrs_aided.known_attitude import BEYOND_COLUMN
@@ -219,8 +219,10 @@ def propagate(
     d = (known * x[6], known * x[7], known * x[8])
     _tilted(P, d, f0, f1, f2, 2 * workspace[CORRELATION] / dt)
     _drift(P, 0.5 * dt)
+    mean = of_estimates(noise)
+    keep_a, keep_g = decay(mean.accel_decay * dt), decay(mean.gyro_decay * dt)
     force = (own * f0, own * f1, own * f2)
-    _propagate_error(workspace[ERROR], C, force, dt, keep, decay(noise.gyro_decay * dt))
+    _propagate_error(workspace[ERROR], C, force, dt, keep_a, keep_g)
 
 
 @helper

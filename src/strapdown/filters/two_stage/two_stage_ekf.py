@@ -9,6 +9,7 @@ import math
 
 from ...core.contract import (
     CORRECT,
+    DECAYING,
     PREDICT,
     VELOCITY_KIND,
     Belief,
@@ -222,4 +223,5 @@ TWO_STAGE_EKF = Filter(
     diagnose=steep,
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
+    bias=DECAYING,
 )

@@ -17,6 +17,7 @@ from ...checks import check_choice
 from ...core.contract import (
     ALTITUDE_KIND,
     CORRECT,
+    DECAYING,
     HEADING_KIND,
     MAGNETIC_KIND,
     POSITION_KIND,
@@ -397,4 +398,5 @@ XKF_TWO_STAGE = Filter(
     diagnose=steep,
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
+    bias=DECAYING,
 )

@@ -150,7 +150,7 @@ def chosen(
         found,
         names,
         spec,
-        spec.noise(),
+        filter.assumed(spec.noise(), fit),
         vehicle,
         recording,
         start._replace(motion=()),  # what it erred by belongs to states that are not exported

@@ -50,6 +50,7 @@ def _noise_possible() -> Iterator[str]:
     tested = " && ".join(
         f"finite(values->noise.{name}) && values->noise.{name} >= 0" for name in Noise._fields
     )
+    tested += " && values->noise.held <= 1"
     yield f"    if (!({tested}))".replace(
         " && values->noise.gyro >=", "\n          && values->noise.gyro >=", 1
     )

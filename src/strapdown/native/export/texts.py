@@ -43,6 +43,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "accel_bias": "driving noise of the accelerometer bias, m/s^2/sqrt(s)",
         "gyro_decay": "1 / time constant of the gyro bias, 1/s; 0 is a random walk",
         "accel_decay": "1 / time constant of the accelerometer bias, 1/s",
+        "held": "share of these decays that estimates take no part in: 0, or 1 to hold them, at most 1",
     },
     "cursor": {
         "at": "counts and switches of the loop, see strapdown_at",

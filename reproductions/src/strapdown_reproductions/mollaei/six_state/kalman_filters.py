@@ -5,14 +5,19 @@ import math
 
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.core.jit import matrix
-from strapdown.flight.aircraft.parameters import Aircraft
+from strapdown.flight.aircraft.parameters import GRAVITY, Aircraft, aircraft as find_aircraft
 from strapdown.typing import Array, File
 
 from .model import (
+    CRAFT,
+    DV,
+    INPUTS,
+    POINT,
     SINCE,
     SIX,
     TRIAL,
     TRIAL_P,
+    TURNED,
     Options,
     X,
     begin,
@@ -23,6 +28,7 @@ from .model import (
     seen,
     turn,
 )
+from .operating_point import ESTIMATE, READING, point_of, sampled
 
 HELD = 1.0
 """s that the last fix is held without a filter; after that position and velocity are told as
@@ -38,21 +44,32 @@ def start(
     rate: float = 100.0,
     aircraft: File | Aircraft = "aerosonde",
     earth: str = "flat",
+    linearised: str = "estimate",
+    airspeed: float | None = None,
 ) -> Belief:
     """Belief at `start`. model: random walk (m/s/sqrt(s)) of the velocity beyond what the
     aircraft's model predicts, where it does; q: variance (m^2 and m^2/s^2) that each sample of an
     IMU of `rate` Hz adds to each state instead of that and of the accelerometers' noise; r:
     variance of each row of a fix instead of its own (0: neither). aircraft: whose model predicts;
-    earth: "flat", no other.
+    earth: "flat", no other. linearised: where the process is, one of operating_point.READINGS;
+    airspeed: of the trim that "trim" and "once" are about, m/s.
     """
-    return begin(start, SIX, Options(model, q, r, rate, aircraft, earth))
+    belief = begin(start, SIX, Options(model, q, r, rate, aircraft, earth))
+    point = point_of(find_aircraft(aircraft), start, linearised, airspeed)
+    belief.workspace[POINT : POINT + len(point)] = point
+    return belief
 
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by the IMU or the aircraft's model, linearised
-    at the estimate."""
+    at the estimate or at an operating point."""
     turn(belief, u, dt)
+    workspace = belief.workspace
+    if workspace[POINT + READING] != ESTIMATE:
+        attitude, gravity = matrix(workspace, TURNED, 3, 3), workspace[CRAFT][GRAVITY]
+        told, own = workspace[INPUTS:], workspace[POINT:]
+        sampled(own, told, attitude, belief, gravity, dt, workspace[DV])
     linearised(belief, belief.workspace[X], belief.P, dt, noise)
     publish(belief)
 

@@ -31,6 +31,8 @@ from strapdown.flight.aircraft.parameters import (
 )
 from strapdown.typing import Array, File
 
+from . import operating_point
+
 SIX = Slots(room=8)
 """Of every filter here."""
 INPUTS = SIX.part("INPUTS", inputs.TOLD).start
@@ -52,6 +54,8 @@ A = SIX.matrix("A", 3, 3)  # d velocity after / d velocity before
 TRIAL = SIX.array("TRIAL", 6)
 TRIAL_P = SIX.matrix("TRIAL_P", 6, 6)
 CRAFT = SIX.array("CRAFT", SIZE)  # the aircraft's parameters
+# of the readings of the EKF that linearise the process once
+POINT = SIX.part("POINT", operating_point.POINT).start
 STEP = 1e-5
 """m/s: of the differences that make the Jacobian; their errors, of the bend and of rounding, are
 below 1e-6 of it."""
@@ -152,7 +156,12 @@ def acceleration(
     workspace: Array, omega: Array, v0: float, v1: float, v2: float
 ) -> tuple[float, float, float]:
     """m/s^2 that the aircraft's model gives at that velocity (m/s, NED), with the attitude,
-    rates, controls and wind in force."""
+    rates, controls and wind in force; or what is left of it linearised at an operating point."""
+    own = workspace[POINT:]
+    if own[operating_point.READING] != operating_point.ESTIMATE:
+        a, b = matrix(own, operating_point.OWN_A, 3, 3), own[operating_point.OWN_B]
+        a0, a1, a2 = turned(a, v0, v1, v2)
+        return a0 + b[0], a1 + b[1], a2 + b[2]
     C, told, craft = matrix(workspace, TURNED, 3, 3), workspace[INPUTS:], workspace[CRAFT]
     wind = told[inputs.WIND]
     v0, v1, v2, scale = v0 - wind[0], v1 - wind[1], v2 - wind[2], 1 / craft[MASS]

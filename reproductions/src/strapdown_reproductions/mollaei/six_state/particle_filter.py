@@ -1,7 +1,8 @@
 """The particle Kalman filter of the six states, equations (33)-(36) of Mollaei et al. read as
 Hoteit, Luo & Pham (2012) wrote them.
 
-A mixture of Gaussians: each predicted as an extended Kalman filter does, corrected by its own gain,
+A mixture of Gaussians: each predicted as an extended Kalman filter does, or by the sigma points
+(37)-(39) that stand in the same section, corrected by its own gain,
 weighted by the likelihood of its innovation, and resampled by filters/particle/mixture.py, which
 keeps mean and covariance, once few of them carry the weight. Without fixes the weights stay and the
 components go their own ways.
@@ -10,7 +11,7 @@ components go their own ways.
 import math
 from typing import NamedTuple
 
-from strapdown.checks import check_number
+from strapdown.checks import check_choice, check_number
 from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
 from strapdown.core.jit import flatten, helper, inlined, matrix
 from strapdown.core.threefry import STREAM
@@ -27,6 +28,7 @@ from strapdown.filters.particle.mixture import (
     resample_size,
     weigh,
 )
+from strapdown.filters.sigma_point.sigma_points import covariance, factor, symmetric
 from strapdown.flight.aircraft.parameters import Aircraft
 from strapdown.typing import Array, File
 
@@ -46,6 +48,7 @@ from .model import (
     seen,
     turn,
 )
+from .sigma_point_filters import LANES, LAYOUT, ROWS, through
 
 SLOTS = Slots(after=SIX)
 EFFECTIVE, RESAMPLINGS, REPAIRS, DEGENERATE = map(SLOTS.output, pkf.SLOTS.columns)
@@ -57,6 +60,9 @@ LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
 PHI = SLOTS.matrix("PHI", 6, 6)
 SUMS = SLOTS.array("SUMS", moments_size(6))
 WORK = SLOTS.array("WORK", resample_size(6))
+SETS = SLOTS.array("SETS", 3)  # of sigma points, see sigma_point_filters.through; 0: none
+SQUARE_ROOT = SLOTS.array("SQUARE_ROOT", LANES * ROWS)  # of a component, and its points
+ROOM = SLOTS.part("ROOM", LAYOUT)
 COMPONENTS = SLOTS.rest("COMPONENTS")  # see `views`
 WIDTH = 42  # of a component: state, covariance
 EACH = WIDTH + 3 + 12
@@ -101,12 +107,15 @@ def start(
     rate: float = 100.0,
     aircraft: File | Aircraft = "aerosonde",
     earth: str = "flat",
+    transition: str = "linearised",
 ) -> Belief:
     """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None:
     mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
-    of the draws; the others as of EKF6.
+    of the draws; transition: of each component, "linearised" at its mean or by "sigma-points", the
+    symmetric set (37)-(39); the others as of EKF6.
     """
     check_number(resample, "resample", least=0, most=1)
+    check_choice(transition, "transition", ("linearised", "sigma-points"))
     width = kernel_width(components, 6) if kernel is None else kernel
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
@@ -115,6 +124,8 @@ def start(
     workspace = belief.workspace
     workspace[N], workspace[KERNEL], workspace[THRESHOLD] = size, width, resample * size
     workspace[RANDOM], workspace[EFFECTIVE] = stream, size
+    if transition == "sigma-points":
+        workspace[SETS] = *symmetric(12), 6.0
     own = workspace[COMPONENTS:]
     each = own[: size * WIDTH].reshape(size, WIDTH)
     each[:, :6], each[:, 6:] = workspace[X] + deviations, phi.ravel()
@@ -125,16 +136,26 @@ def start(
 
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
-    """Attitude by the gyros; each component as an extended Kalman filter predicts it."""
+    """Attitude by the gyros; each component as an extended Kalman filter predicts it, or by sigma
+    points."""
     turn(belief, u, dt)
-    m, sums = views(belief.workspace), belief.workspace[SUMS]
+    workspace, omega = belief.workspace, belief.omega
+    m, sums, sets, S = views(workspace), workspace[SUMS], workspace[SETS], workspace[SQUARE_ROOT]
     _follow(belief)
     clear(sums)
     for k in range(m.weights.size):
         if m.weights[k] > 0:
             own = m.components[k]
-            linearised(belief, own[:6], matrix(own, 6, 6, 6), dt, noise)
-            _add(belief.workspace, m.weights[k], own, sums)
+            x, P = own[:6], matrix(own, 6, 6, 6)
+            if sets[0] > 0:
+                workspace[REPAIRS] += factor(P, 6, LANES, S)
+                workspace[REPAIRS] += through(
+                    workspace, omega, x, S, sets, workspace[ROOM], noise, dt
+                )
+                covariance(S, 6, LANES, P)
+            else:
+                linearised(belief, x, P, dt, noise)
+            _add(workspace, m.weights[k], own, sums)
     _leave(belief)
 
 

@@ -43,19 +43,20 @@ from .model import (
 )
 
 LANES, ROWS = 8, 20
+LAYOUT = Slots()
+"""Room for one prediction or correction."""
+MEAN = LAYOUT.array("MEAN", LANES)
+CHANGE = LAYOUT.array("CHANGE", 6)  # of the state by a fix; what is taken off a square root
+WORK = LAYOUT.array("WORK", 48)
 SLOTS = Slots(after=SIX)
 REPAIRS = SLOTS.output("repaired square roots")  # so far
-# sets of prediction and correction; pairs of points of the noise, 6 or none
-SPREAD, REST, AUGMENTED, SPREAD_6, REST_6 = SLOTS.numbers(
-    "SPREAD", "REST", "AUGMENTED", "SPREAD_6", "REST_6"
-)
+SETS = SLOTS.array("SETS", 3)  # of the prediction, see `through`; pairs of noise: 6 or none
+SPREAD_6, REST_6 = SLOTS.numbers("SPREAD_6", "REST_6")  # of the correction
 # 12 points, their centre, 6 of noise and workspace; the square root is its first 6 rows
 S = SLOTS.array("S", LANES * ROWS)
-MEAN = SLOTS.array("MEAN", LANES)
 E = SLOTS.matrix("E", 13, 3)  # innovations at 13 points
-CHANGE = SLOTS.array("CHANGE", 6)  # of the state by a fix; what is taken off a square root
 VARIANCES = SLOTS.array("VARIANCES", 3)
-WORK = SLOTS.array("WORK", 48)
+ROOM = SLOTS.part("ROOM", LAYOUT)
 LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
 
 
@@ -78,7 +79,7 @@ def start(
     check_choice(sigma, "sigma", ("merwe", "symmetric"))
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
     options = Options(model, q, r, rate, aircraft, earth)
-    return _begin(start, options, (*make(12), 6.0, *make(6)))
+    return _begin(start, options, (*make(12), 6.0), make(6))
 
 
 def start_cubature(
@@ -93,13 +94,18 @@ def start_cubature(
 ) -> Belief:
     """Belief at `start` for the cubature filter; options as of EKF6."""
     options = Options(model, q, r, rate, aircraft, earth)
-    return _begin(start, options, (*symmetric(6), 0.0, *symmetric(6)))
+    return _begin(start, options, (*symmetric(6), 0.0), symmetric(6))
 
 
-def _begin(start: Start, options: Options, sets: tuple[float, ...]) -> Belief:
+def _begin(
+    start: Start,
+    options: Options,
+    sets: tuple[float, float, float],
+    corrected_by: tuple[float, float],
+) -> Belief:
     belief = begin(start, SLOTS, options)
-    for slot, value in zip((SPREAD, REST, AUGMENTED, SPREAD_6, REST_6), sets):
-        belief.workspace[slot] = value
+    belief.workspace[SETS] = sets
+    belief.workspace[SPREAD_6], belief.workspace[REST_6] = corrected_by
     return belief
 
 
@@ -117,36 +123,12 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; state and covariance by sigma points through the IMU's increment or
     the aircraft's model."""
     turn(belief, u, dt)
-    workspace, x, A, mean = (
-        belief.workspace,
-        belief.workspace[X],
-        belief.workspace[S],
-        belief.workspace[MEAN],
-    )
+    workspace = belief.workspace
     _rooted(belief)
-    v0, v1, v2 = x[3], x[4], x[5]
-    c0, c1, c2 = moved(workspace, belief.omega, v0, v1, v2, dt)
-    for i in range(6):
-        row, far = LANES * i, LANES * (i + 6)
-        for k in range(LANES):
-            A[far + k] = -workspace[SPREAD] * A[row + k]
-            A[row + k] *= workspace[SPREAD]
-        _propagated(workspace, belief.omega, x, A[row : row + 6], c0, c1, c2, dt)
-        _propagated(workspace, belief.omega, x, A[far : far + 6], c0, c1, c2, dt)
-    take = deviations(
-        A, 6, int(workspace[AUGMENTED]), LANES, workspace[SPREAD], workspace[REST], mean
+    sets = workspace[SETS]
+    workspace[REPAIRS] += through(
+        workspace, belief.omega, workspace[X], workspace[S], sets, workspace[ROOM], noise, dt
     )
-    _noise_rows(workspace, A[13 * LANES : 19 * LANES], noise, dt)
-    triangle(A, 19, 6, LANES)
-    if take > 0:
-        change = workspace[CHANGE]
-        for i in range(6):
-            change[i] = take * mean[i]
-        workspace[REPAIRS] += downdate(A, workspace[CHANGE], 6, LANES, workspace[WORK])
-    x[0] += 0.5 * dt * (v0 + c0) + mean[0]
-    x[1] += 0.5 * dt * (v1 + c1) + mean[1]
-    x[2] += 0.5 * dt * (v2 + c2) + mean[2]
-    x[3], x[4], x[5] = c0 + mean[3], c1 + mean[4], c2 + mean[5]
     _leave(belief)
 
 
@@ -164,6 +146,48 @@ def _leave(belief: Belief) -> None:
     covariance(belief.workspace[S], 6, LANES, belief.P)
     keep(belief.P, matrix(belief.workspace, LEFT, 6, 6))
     publish(belief)
+
+
+@helper
+def through(
+    workspace: Array,
+    omega: Array,
+    x: Array,
+    A: Array,
+    sets: Array,
+    room: Array,
+    noise: Noise,
+    dt: float,
+) -> int:
+    """Advance one Gaussian by sigma points through the IMU's increment or the aircraft's model: x
+    (6,) and the square root of its covariance, the first 6 rows of A (ROWS rows of LANES).
+
+    sets: spread and rest of the points, and how many pairs are of noise; room: what LAYOUT has
+    room for. Returns how many numbers were repaired.
+    """
+    mean, change, spread = room[MEAN], room[CHANGE], sets[0]
+    v0, v1, v2 = x[3], x[4], x[5]
+    c0, c1, c2 = moved(workspace, omega, v0, v1, v2, dt)
+    for i in range(6):
+        row, far = LANES * i, LANES * (i + 6)
+        for k in range(LANES):
+            A[far + k] = -spread * A[row + k]
+            A[row + k] *= spread
+        _propagated(workspace, omega, x, A[row : row + 6], c0, c1, c2, dt)
+        _propagated(workspace, omega, x, A[far : far + 6], c0, c1, c2, dt)
+    take = deviations(A, 6, int(sets[2]), LANES, spread, sets[1], mean)
+    _noise_rows(workspace, A[13 * LANES : 19 * LANES], noise, dt)
+    triangle(A, 19, 6, LANES)
+    repaired = 0
+    if take > 0:
+        for i in range(6):
+            change[i] = take * mean[i]
+        repaired = downdate(A, change, 6, LANES, room[WORK])
+    x[0] += 0.5 * dt * (v0 + c0) + mean[0]
+    x[1] += 0.5 * dt * (v1 + c1) + mean[1]
+    x[2] += 0.5 * dt * (v2 + c2) + mean[2]
+    x[3], x[4], x[5] = c0 + mean[3], c1 + mean[4], c2 + mean[5]
+    return repaired
 
 
 @helper
@@ -216,9 +240,9 @@ def correct(
         matrix(belief.workspace, E, 13, 3),
     )
     change, variances, work = (
-        workspace[CHANGE],
+        workspace[ROOM][CHANGE],
         workspace[VARIANCES],
-        workspace[WORK],
+        workspace[ROOM][WORK],
     )
     _rooted(belief)
     first = seen(workspace, y, kind, x, innovation)
