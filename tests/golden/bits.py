@@ -23,7 +23,8 @@ from strapdown.core.contract import Noise, Start
 FILE = Path(__file__).with_name("bits.json")
 SAMPLES, DT = 600, 1 / 64
 BY_LAPACK = ("pkf",)
-OPTIONS = {"pkf": {"components": 3}}
+BRIEF = {"start_time": 1.0}  # the observer learns when its start is over
+OPTIONS = {"pkf": {"components": 3}, "nlo": BRIEF, "xkf": BRIEF, "xkf-two-stage": BRIEF}
 SD = (2.0, 2.0, 2.0, 0.5, 0.5, 0.5, 0.0625, 0.0625, 0.125, 0.0625, 0.0625, 0.0625, *[2**-12] * 3)
 NOISE = Noise(2**-14, 2**-10, 2**-20, 2**-16, 0.0, 0.0)
 

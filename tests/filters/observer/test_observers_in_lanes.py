@@ -12,7 +12,7 @@ from strapdown.core.jit import COMPILED
 from strapdown.core.signatures import LANES
 from strapdown.engine.side_by_side import alongside
 from strapdown.filters.observer import xkf
-from strapdown.filters.observer.equations import SINCE_COURSE, SINCE_FIX, SLOW
+from strapdown.filters.observer.equations import FADE, SINCE_COURSE, SINCE_FIX, SLOW
 from strapdown.filters.observer.nlo import NLO
 from strapdown.filters.observer.own_estimate import DOUBT, TURN
 from strapdown.filters.observer.xkf import XKF
@@ -50,6 +50,7 @@ def begun(filter, options):
         own = belief.workspace[xkf.INSIDE] if filter is XKF else belief.workspace
         block = own[xkf.BLOCK] if filter is XKF else own
         belief.v[:] += rng.standard_normal(3)
+        block[FADE] = (3.0, 0.0, 0.5, 0.0)[lane % 4]  # what is learnt fades in with the start
         if lane in (2, 3, 6):
             block[SINCE_COURSE] = 0.0
             belief.P[8, 8] = (30 * DEG) ** 2
