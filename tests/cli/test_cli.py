@@ -448,7 +448,7 @@ BAD = [
     (
         ["reproduce", "nonsense", "--out", "result"],
         TOML,
-        "there is: alam, broad, consistency, faults",
+        "there is: alam, bias-decay, broad, consistency, faults",
     ),
     (["reproduce", "recordings", "--recordings", ".", "--out", "result"], TOML, "thor75.toml"),
     (["demo", "--imu", "bogus", "--out", "result/page.html"], TOML, "unknown IMU grade 'bogus'"),

@@ -208,7 +208,7 @@ def test_impossible_scenarios_are_one_line(hop, command, name, words):
         (("advise", "--imu", "tactical", "--flight", "hopp", "--duration", "1h"), "hopp"),
         (
             ("reproduce", "hager", "--out", "x"),
-            "nothing to reproduce is called 'hager'; there is: alam, broad, consistency, faults, fossen",
+            "nothing to reproduce is called 'hager'; there is: alam, bias-decay, broad, consistency, faults, fossen",
         ),
         (
             ("reproduce", "recordings", "--quick", "--out", "x"),

@@ -348,17 +348,6 @@ CLAIMS = {
         kind=kinds.ALWAYS,
         answer="Horizontal RMSE in five minutes of outage: {ends}.",
     ),
-    "laboratory": Claim(
-        "Tested in a scientific center and on a laboratory plant: the linear filter diverges "
-        "completely when the GPS is cut, "
-        "with theirs the error almost reaches its bound.",
-        "1",
-        "no data, no figure and no description of the plant are given: not decidable",
-        {},
-        "nothing to measure",
-        "–",
-        answer="The paper gives no data of it.",
-    ),
     "one_filter": Claim(
         "(Not said:) With positions and velocities as its states and driven by the IMU, the model "
         "is linear, and EKF and UKF are one filter; "

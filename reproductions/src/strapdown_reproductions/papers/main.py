@@ -99,7 +99,9 @@ def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str
     ]
     with together():
         with replacing(out / "claims.json") as part:
-            part.write_text(json.dumps(claims, indent=1, ensure_ascii=False) + "\n", "utf-8")
+            part.write_text(
+                json.dumps(claims, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+            )
         with replacing(out / "claims.csv") as part:
             pd.DataFrame(claims).to_csv(part, index=False)
         with replacing(out / "claims.md") as part:
