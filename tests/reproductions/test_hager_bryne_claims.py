@@ -19,7 +19,6 @@ from strapdown_reproductions.common.verdicts import (
     NONE,
     OPEN,
     UNKNOWN,
-    Count,
     apart,
     better,
     both,
@@ -300,23 +299,6 @@ def test_a_flight_that_ends_before_its_symptoms_with_and_without_says_nothing():
 )
 def test_better_needs_sign_and_size(low, high, side):
     assert better({"x_low": low, "x_high": high}, "x") == side
-
-
-@pytest.mark.parametrize(
-    ("count", "verdict"),
-    [
-        ((9, 0, 12), REPRODUCED),
-        ((8, 0, 12), PARTLY),
-        ((4, 8, 12), PARTLY),
-        ((3, 9, 12), NOT_REPRODUCED),
-        ((0, 9, 12), NOT_REPRODUCED),
-        ((3, 8, 12), UNDECIDED),
-        ((0, 0, 12), UNDECIDED),
-        ((0, 0, 0), UNDECIDED),
-    ],
-)
-def test_shares_of_cells_decide(count, verdict):
-    assert Count(*count).verdict == verdict
 
 
 def test_combinations():

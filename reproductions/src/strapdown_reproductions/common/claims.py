@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 from .pages import UNDECIDED, finding
-from .verdicts import Count, both
+from .verdicts import both
 
 Found = TypeVar("Found")
 
 
 class Judged(NamedTuple):
-    """What became of a part of a claim whose verdict is no share of cells."""
+    """What became of a part of a claim: its verdict, and the numbers behind it."""
 
     verdict: str
     text: str
@@ -38,7 +38,7 @@ class Claim(NamedTuple):
     source: str  # where
     rule: str  # in words, which decides
     # {name: what becomes of the evidence}: all must hold
-    parts: Mapping[str, Callable[[Any], Count | Judged]]
+    parts: Mapping[str, Callable[[Any], Judged]]
     # format string of what was measured: `parts` and `shown` by their names in braces
     measured: str
     decided_by: str  # the figure or table that shows it

@@ -7,15 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from strapdown.evaluation.consistency import proportion
-
 from .pages import DEPENDS, NOT_REPRODUCED, PARTLY, REPRODUCED, UNDECIDED
 
 SIZE = 0.01
 """A difference of RMSE below this part is called none, however well many runs resolve it."""
-MOST, FEW = 0.75, 0.25
-"""A claim is reproduced from this share of supporting cells on, and not reproduced where even
-with all open cells it cannot exceed the other one."""
 READINGS = ("", "_500")
 """Columns by both abort rules, and by the 500 m rule alone."""
 OPEN, CLOSED, NONE, UNKNOWN = "open", "closed", "none", "unknown"
@@ -29,44 +24,10 @@ class Count(NamedTuple):
     contradicts: int
     total: int
 
-    @property
-    def verdict(self) -> str:
-        """Of the share of supporting cells, whose interval goes from none to all of the open
-        cells supporting."""
-        if not self.total:
-            return UNDECIDED
-        low, high = self.shares
-        return (
-            REPRODUCED
-            if low >= MOST
-            else NOT_REPRODUCED
-            if high <= FEW
-            else PARTLY
-            if low > FEW
-            else UNDECIDED
-        )
-
-    @property
-    def shares(self) -> tuple[float, float]:
-        """Share of the cells that support the claim: of those that do, and with all open ones."""
-        cells = max(self.total, 1)
-        return self.supports / cells, 1 - self.contradicts / cells
-
-    @property
-    def opposite(self) -> "Count":
-        """Of the claim that says the contrary."""
-        return Count(self.contradicts, self.supports, self.total)
-
     def __str__(self) -> str:
         return f"{self.supports} of {self.total} cells for it, {self.contradicts} against, {self.total - self.supports - self.contradicts} open"
 
 
-RULE = (
-    f"reproduced where {MOST:.0%} of the cells or more support it, not reproduced where not even "
-    f"with all open cells more than "
-    f"{FEW:.0%} would, "
-    f"partly where more than {FEW:.0%} support it, else not decidable"
-)
 BETTER = f"better: the 95 % interval of the ratio of RMSEs over common runs lies beyond 1 by more than {SIZE:.0%}; no difference: all of it is within {SIZE:.0%}"
 
 
@@ -86,12 +47,6 @@ def counted(votes: Iterable[int]) -> Count:
     return Count(found.count(1), found.count(-1), len(found))
 
 
-def share_of_runs(cells: Iterable[tuple[int, int]], level: float = 0.5) -> Count:
-    """Count of cells (runs in which something holds, runs): Wilson's interval of that share above
-    `level` supports, below it contradicts."""
-    return counted(vote(*proportion(*cell)[1:], level) for cell in cells)
-
-
 def better(row: pd.Series, name: str) -> str:
     """Which filter is better in a row by its ratio `name`, of open by closed."""
     low, high = row[f"{name}_low"], row[f"{name}_high"]
@@ -108,11 +63,6 @@ def apart(first: pd.Series, second: pd.Series, name: str) -> int:
     return int(first[f"{name}_low"] > second[f"{name}_high"]) - int(
         first[f"{name}_high"] < second[f"{name}_low"]
     )
-
-
-def total(counts: Iterable[Count]) -> Count:
-    """The Count of several together."""
-    return Count(*np.sum([(0, 0, 0), *counts], axis=0).tolist())
 
 
 def both(*verdicts: str) -> str:
