@@ -133,7 +133,7 @@ def farther(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
     if not by_case:
         return Judged(UNDECIDED, "no outage")
     by_seed = pd.concat(by_case, axis=1).mean(axis=1)
-    found = over_blocks(by_seed.to_numpy(), by_seed.index.to_numpy(), 1.0)
+    found = over_blocks(by_seed.to_numpy(), by_seed.index.to_numpy())
     value, low, high = np.exp(found[:3])
     return kinds.more_than(low, high, TWICE, f"{value:.3g} ({low:.3g} to {high:.3g})")
 

@@ -1,8 +1,8 @@
 """The claims of a paper as rows of a table, and the runner that makes a finding of each.
 
 A row names what the paper says and where, the rule in words, and the parts of the claim: each says
-over which cells of the evidence, the tables of finished runs, which kind of rule decides, such as
-`over(TABLES, against, ["east_rmse_m"], "XKF", ["EKF"])`.
+over which cells of the evidence, the tables of finished runs, which rule decides, such as
+`over(flown(LONG, TACTICAL), position, CLOSED)`.
 """
 
 from collections.abc import Callable, Iterable, Mapping

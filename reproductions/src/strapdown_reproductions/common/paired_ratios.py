@@ -5,7 +5,6 @@ over blocks Student's t gives the interval: overlapping windows are not independ
 neighbouring blocks overlap too, which widens the interval.
 """
 
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from strapdown.evaluation.consistency import Paired
 from strapdown.experiments.outages.summaries import over_blocks
 from strapdown.typing import Array, Ints
 
-from .verdicts import SIZE, Count, counted
+from .verdicts import SIZE
 
 LEAST = 1e-6
 """m and m/s: smaller errors count as this, so that they have a logarithm."""
@@ -98,46 +97,3 @@ def stronger(table: pd.DataFrame, one: str, other: str, *filters: str) -> Paired
     `other`: Paired of logarithms."""
     (block, a), (_, b) = (change(table, measure, *filters) for measure in (one, other))
     return over_blocks(a - b, block, table.attrs["widening"])
-
-
-def sides(
-    tables: Mapping[str, pd.DataFrame],
-    measures: Sequence[str],
-    first: str,
-    second: str,
-    probability: float = 0.95,
-) -> Count:
-    """Count of the cells (case and measure) in which filter `first` is better than `second`;
-    where it surely is not contradicts."""
-    return against(tables, measures, first, [second], probability)
-
-
-def against(
-    tables: Mapping[str, pd.DataFrame],
-    measures: Sequence[str],
-    first: str,
-    others: Sequence[str],
-    probability: float = 0.95,
-) -> Count:
-    """Count of the cells in which filter `first` is better than every one of `others`; where it
-    surely is not than one of them contradicts."""
-    return counted(
-        min(ratio(table, measure, first, other, probability).side for other in others)
-        for table in tables.values()
-        for measure in measures
-    )
-
-
-def many_times(
-    tables: Mapping[str, pd.DataFrame],
-    measures: Sequence[str],
-    first: str,
-    second: str,
-    factor: float,
-) -> Count:
-    """Count of the cells in which the measure of filter `first` is at least `factor` times that of
-    `second` (whole interval); whole below that contradicts."""
-    found = [
-        ratio(table, measure, first, second) for table in tables.values() for measure in measures
-    ]
-    return counted(int(each.low >= factor) - int(each.high < factor) for each in found)
