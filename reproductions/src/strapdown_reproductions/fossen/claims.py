@@ -89,7 +89,7 @@ class Evidence(NamedTuple):
     intro: pd.DataFrame  # of fossen_intro.study: a row per seed, form and biases
 
 
-RUNS, DROPOUTS, INTRO = map(attrgetter, Evidence._fields)
+RUNS = attrgetter("runs")
 
 
 def chosen(rows: pd.DataFrame, keys: Sequence[str], **wanted: Collection[Any]) -> Cells:
