@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import strapdown
+from strapdown import plugins
 from strapdown.checks import DataError
 from strapdown.cli import app
 from strapdown.io.locate import data_folder as find_data_folder
@@ -24,6 +25,14 @@ def data_folder():
         return find_data_folder(__file__)
     except DataError:
         pytest.skip(NO_DATA)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def registered_for_this_file_alone():
+    """What a study registers is gone when the next file of tests asks for all names."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plugins, "_plugins", {**plugins._plugins})
+        yield
 
 
 KERNELS = (

@@ -11,7 +11,6 @@ from recordings import flight, start
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown import plugins
 from strapdown.experiments.monte_carlo import study
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.geodesy import displacement
@@ -23,8 +22,7 @@ from strapdown_reproductions.hager_bryne.printed_updates import WITHOUT_PRIOR, Z
 
 
 @pytest.fixture(autouse=True)
-def known(monkeypatch):
-    monkeypatch.setattr(plugins, "_plugins", {**plugins._plugins})
+def known():
     printed_updates.make_known()
 
 
