@@ -19,7 +19,7 @@ KERNEL_TESTS := tests/core tests/aiding tests/filters tests/evaluation tests/tes
 compile: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py
 
-# Kernels as machine code, for the processor of this machine, into the checkout: docs/library.md.
+# Kernels as machine code, for the processor of this machine, into the checkout: docs/how-to/library.md.
 library: $(VENV)/installed
 	$(BIN)/python -m strapdown.native.build src/strapdown/lib
 

@@ -1,7 +1,7 @@
 """The library of kernels in what is built; everything else stands in pyproject.toml.
 
 STRAPDOWN_LIBRARY=1 builds it, the name of a folder takes the one there, else there is none
-(docs/library.md). Where it cannot be built, what is built works without it and says so.
+(docs/how-to/library.md). Where it cannot be built, what is built works without it and says so.
 """
 
 import hashlib

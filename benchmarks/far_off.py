@@ -1,5 +1,5 @@
 """`python benchmarks/far_off.py [--runs 30]`: starts whose heading is far off, as the table of
-docs/sigma-points.md.
+docs/explanation/sigma-points.md.
 
 The weaving flight of the consistency tests with its walking MEMS IMU, 180 s, position and velocity
 once a second; the standard deviation of the initial heading tells its error. A run has converged

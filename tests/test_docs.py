@@ -25,7 +25,7 @@ from strapdown.io.locate import data_folder as find_data_folder
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [
     ROOT / "README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
     ROOT / "benchmarks" / "README.md",
 ]
 FENCE = re.compile(r"^```(\w+)?([^\n]*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -202,7 +202,7 @@ def test_fences_are_of_a_known_kind(page):
 
 
 def whole():
-    return "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").glob("*.md"))
+    return "\n".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md"))
 
 
 @pytest.mark.short
@@ -240,8 +240,10 @@ def test_every_command_option_filter_and_kind_is_mentioned():
 
 @pytest.mark.short
 def test_index_lists_every_page():
-    listed = set(LINK.findall((ROOT / "docs" / "index.md").read_text(encoding="utf-8")))
-    assert {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} <= listed
+    docs = ROOT / "docs"
+    listed = set(LINK.findall((docs / "index.md").read_text(encoding="utf-8")))
+    pages = {page.relative_to(docs).as_posix() for page in docs.rglob("*.md")}
+    assert pages - {"index.md"} <= listed
 
 
 @pytest.mark.short

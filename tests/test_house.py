@@ -95,7 +95,7 @@ def test_nothing_in_the_library_names_a_file_of_a_reproduction():
 
 PAGES = [
     *ROOT.glob("*.md"),
-    *ROOT.glob("docs/*.md"),
+    *ROOT.glob("docs/**/*.md"),
     *ROOT.glob("src/strapdown/**/README.md"),
     ROOT / "reproductions" / "README.md",
 ]

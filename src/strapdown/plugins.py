@@ -232,7 +232,7 @@ class Registry(Generic[Kind]):
             names = [*self.own_names(), *others]
             raise DataError(
                 f"{self.what} {name!r}{did_you_mean(name, names)}; there are: {', '.join(names)}; for "
-                f"one of a plugin name that by --plugin FILE or sd.register (docs/plugins.md)"
+                f"one of a plugin name that by --plugin FILE or sd.register (docs/how-to/plugins.md)"
             )
         return others[name][0]
 
@@ -340,12 +340,12 @@ def check_kernel(function: Any, signature: Any, arguments: int, what: str) -> No
     if declared is None:
         raise DataError(f"{what} is no kernel: write @kernel(SIGNATURE) above it")
     if declared != signature:
-        raise DataError(f"{what} is a kernel of another signature, see docs/plugins.md")
+        raise DataError(f"{what} is a kernel of another signature, see docs/how-to/plugins.md")
     names = list(inspect.signature(getattr(function, "py_func", function)).parameters)
     if len(names) != arguments:
         raise DataError(
             f"{what} has the arguments {', '.join(names)}; it must have {arguments}, see "
-            f"docs/plugins.md"
+            f"docs/how-to/plugins.md"
         )
 
 

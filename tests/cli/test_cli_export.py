@@ -1,4 +1,4 @@
-"""strapdown export: what it refuses, without compiling anything. That it works, docs/firmware.md shows."""
+"""strapdown export: what it refuses, without compiling anything. That it works, docs/how-to/firmware.md shows."""
 
 import pytest
 

@@ -389,7 +389,7 @@ def test_false_alarms_are_as_rare_as_the_page_says():
         assert found == pytest.approx(terms, rel=0.02)
     assert false_alarms.of_mean() / 2 / 3600 == pytest.approx(
         1071, rel=0.01
-    )  # h, in docs/status.md
+    )  # h, in docs/reference/status.md
     assert min(false_alarms.of_nis(rows) for rows in (1, 2, 3)) / 3600 > 9000
 
 

@@ -1,5 +1,5 @@
 """How often the checks are wrong: false alarms on right simulations, and mistakes that they miss.
-`pytest -m deep -s tests/cross_checks/test_rates.py` prints the figures of docs/inspect.md."""
+`pytest -m deep -s tests/cross_checks/test_rates.py` prints the figures of docs/how-to/inspect.md."""
 
 from dataclasses import replace
 

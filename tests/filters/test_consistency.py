@@ -145,7 +145,7 @@ What the particle filter's lines check: 20 components that each start elsewhere,
 their likelihoods, and mean and covariance made of them: with the default width for so few, 0.99 of
 the mixture's, 13 are effective in the end, and none is drawn anew (with 0.79 the share inside is
 0). Three that are drawn anew at every fix. What resampling more of them costs is in
-docs/particle.md. In so short a flight 1 in 12 sets of 100 other seeds falls below INSIDE (closed
+docs/explanation/particle.md. In so short a flight 1 in 12 sets of 100 other seeds falls below INSIDE (closed
 loop).
 """
 

@@ -13,7 +13,7 @@ from strapdown.io.inspection import inspect
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "recordings"
-PAGE = ROOT / "docs" / "recording-format.md"
+PAGE = ROOT / "docs" / "reference" / "recording-format.md"
 DESCRIBED = (
     "time",
     "angle",

@@ -67,7 +67,7 @@ def test_formats_that_share_a_suffix_tell_themselves_apart():
 
 
 def test_the_page_names_every_suffix():
-    page = (ROOT / "docs" / "recording-format.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "recording-format.md").read_text(encoding="utf-8")
     for reader in readers.readers().values():
         assert any(suffix in page for suffix in reader.suffixes), reader.name
 

@@ -16,7 +16,7 @@ from strapdown_reproductions.common import markdown
 from strapdown_reproductions.noise import allan_records
 from strapdown_reproductions.noise.allan_records import RESTS, Rest, evened, frame, rows
 
-DOCS = Path(__file__).parents[2] / "docs" / "noise.md"
+DOCS = Path(__file__).parents[2] / "docs" / "reference" / "evidence" / "noise.md"
 WALKING = ImuSpec(
     "walking",
     gyro=Triad(1e-4, turn_on_bias=1e-3, bias_walk=4e-5),

@@ -1,4 +1,4 @@
-"""What published formulas for attitude get wrong (docs/static-attitude.md, "What differs from
+"""What published formulas for attitude get wrong (docs/how-to/static-attitude.md, "What differs from
 print"), and that strapdown does not; a test per finding.
 
 The printed forms are those of the Marine Systems Simulator's acc2rollpitch.m, staticRollPitchYaw.m,

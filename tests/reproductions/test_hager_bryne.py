@@ -372,9 +372,13 @@ def test_a_page_of_findings_escapes_and_counts(tmp_path):
 
 @pytest.mark.short
 def test_the_documentation_lists_the_claims_as_the_code_has_them():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "open-or-closed-loop.md").read_text(
-        encoding="utf-8"
-    )
+    page = (
+        Path(__file__).resolve().parents[2]
+        / "docs"
+        / "reference"
+        / "evidence"
+        / "open-or-closed-loop.md"
+    ).read_text(encoding="utf-8")
     listed = re.findall(
         r"^\| (\d+) \| (.*?) \| \*\*(.*?)\*\* \|",
         page.partition(write_docs.mark("hager-bryne"))[2].partition(markdown.END)[0],

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from strapdown.preprocessing.stationary import stretches
-from strapdown_reproductions.common.write_docs import DOCS, mark
+from strapdown_reproductions.common.write_docs import DOCS, PAGES, mark
 from strapdown_reproductions.vehicle_kit import on_drive, rest, slips
 from strapdown_reproductions.vehicle_kit.drives import drive, slipping, wheel_of
 
@@ -79,4 +79,4 @@ def test_paired_differences_by_hand():
 
 
 def test_the_page_shows_a_run():
-    assert mark("vehicle-kit") in (DOCS / "vehicle.md").read_text(encoding="utf-8")
+    assert mark("vehicle-kit") in (DOCS / PAGES["vehicle-kit"][1]).read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.receiver import receiver, receiver_grade, receivers
 from strapdown.sim.scenario import scenario
 
-DOCS = Path(__file__).parents[2] / "docs" / "simulate.md"
+DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "simulate.md"
 FILE = """
 name = "mine"
 interval_s = 0.5

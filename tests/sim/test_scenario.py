@@ -18,7 +18,7 @@ from strapdown.sim.trajectory import DEG, Motion, demo_flight, normal_gravity, r
 
 PAPER = [f"paper1-{number:02d}" for number in range(1, 12)]
 STRAIGHT = ("paper1-07", "paper1-10")
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "simulate.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "simulate.md"
 FILE = """
 name = "my flight"
 rate_hz = 50
@@ -142,7 +142,7 @@ def test_the_flights_of_paper_1_lie_apart():
 
 
 def row(name):
-    """A flight's line in the table of docs/simulate.md."""
+    """A flight's line in the table of docs/how-to/simulate.md."""
     flown = scenario(name)
     truth = flown.glance(int(flown.duration) + 1)
     speed, lat, alt = (

@@ -1,6 +1,6 @@
 """Simulated recordings with one fault each, and the cause that their rejected fixes are given.
 
-`python tests/support/refused_fixes.py` prints the confusion table of docs/status.md: of 20 seeds, with
+`python tests/support/refused_fixes.py` prints the confusion table of docs/reference/status.md: of 20 seeds, with
 which no threshold was chosen, the cause of most rejected fixes of the faulty source. Thresholds were
 chosen on seeds 0 to 5.
 """

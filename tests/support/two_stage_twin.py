@@ -2,7 +2,7 @@
 velocity in the body, Euler angles, biases.
 
 About the estimate itself (EKF) or about states that are given (affine filter). One function of
-plain numpy for each equation of docs/two-stage.md.
+plain numpy for each equation of docs/explanation/two-stage.md.
 """
 
 import numpy as np

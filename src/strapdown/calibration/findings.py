@@ -104,7 +104,7 @@ class Result:
         )
 
     def to_toml(self, path: File) -> None:
-        """Write a calibration file that recording.toml can name (docs/calibrate.md). Raises
+        """Write a calibration file that recording.toml can name (docs/how-to/calibrate.md). Raises
         DataError where it cannot be written."""
         count = counted(len(self.t), "rest" if self.form == "rests" else "sample")
         comments = [

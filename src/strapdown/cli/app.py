@@ -307,7 +307,7 @@ def fuse(
     if utc and whole.utc is None:
         raise sd.DataError(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
-            "recording.toml (docs/time.md), or leave --utc out"
+            "recording.toml (docs/reference/time.md), or leave --utc out"
         )
     save_draft(write, recording, instances(asked_imu(imu)[0], take))
     named = grade or grade_of(whole)

@@ -88,7 +88,7 @@ SENSOR = Annotated[
 @group.command(SENSORS, cls=Unnamed, hidden=True)
 def calibrate(
     recording: Annotated[
-        list[Path], recording_argument("; docs/calibrate.md tells how to record it.")
+        list[Path], recording_argument("; docs/how-to/calibrate.md tells how to record it.")
     ],
     sensor: SENSOR = None,
     start: Annotated[

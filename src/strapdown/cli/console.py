@@ -148,7 +148,7 @@ FORMATS = "<formats>"
 """What `Reads` puts the formats in place of."""
 NOT_TRUSTED = 3
 """Exit code of a command with --strict whose result is not trusted, and of `inspect` where it finds
-something wrong; docs/conventions.md lists all."""
+something wrong; docs/reference/conventions.md lists all."""
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 

@@ -18,7 +18,7 @@ def export(
         str,
         typer.Option(
             metavar="KIND,...",
-            help="Kinds of fixes that it shall take, in the order of their numbers; docs/sensors.md "
+            help="Kinds of fixes that it shall take, in the order of their numbers; docs/reference/sensors.md "
             "has them.",
         ),
     ],

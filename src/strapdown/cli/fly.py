@@ -46,7 +46,9 @@ WIND = Annotated[
 def fly(
     plan: Annotated[
         str,
-        typer.Argument(metavar="PLAN", help="straight, turning, or a TOML file (docs/flight.md)."),
+        typer.Argument(
+            metavar="PLAN", help="straight, turning, or a TOML file (docs/how-to/flight.md)."
+        ),
     ] = "straight",
     filter: Annotated[
         str, typer.Option(help="Architecture; see `strapdown filters`.")
@@ -75,7 +77,7 @@ def fly(
     turbulence: Annotated[str, typer.Option(help="none, light, moderate or severe.")] = "none",
     wind: WIND = None,
     aircraft: Annotated[
-        str, typer.Option(help="A built-in aircraft (docs/aircraft.md) or a TOML file.")
+        str, typer.Option(help="A built-in aircraft (docs/explanation/aircraft.md) or a TOML file.")
     ] = "aerosonde",
     seed: SEED = 0,
     barometer: BAROMETER = False,

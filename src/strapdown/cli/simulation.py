@@ -32,7 +32,7 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            metavar="SCENARIO", help="A built-in scenario (docs/simulate.md) or a TOML file."
+            metavar="SCENARIO", help="A built-in scenario (docs/how-to/simulate.md) or a TOML file."
         ),
     ],
     out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],

@@ -2,7 +2,7 @@
 tuples they pass.
 
 Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true -
-estimate. `docs/design.md` tells why.
+estimate. `docs/explanation/design.md` tells why.
 """
 
 import inspect

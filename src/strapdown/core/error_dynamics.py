@@ -3,7 +3,7 @@ form.
 
 Errors are true - estimate, position in metres NED, attitude in n with q_true = dq (x) q_est.
 Source: Hager & Bryne, Table II, with the signs, denominators and gravity gradient that numeric
-differentiation of the mechanization demands (`docs/conventions.md`); Groves (2013) 14.2.4.
+differentiation of the mechanization demands (`docs/reference/conventions.md`); Groves (2013) 14.2.4.
 """
 
 import numpy as np

@@ -23,7 +23,7 @@ from .innovation_moments import known, moments, solved
 from .jit import caller, helper
 
 OUTLIERS = 0.05
-"""Probability of a larger variance. docs/robust.md has what others cost and gain."""
+"""Probability of a larger variance. docs/how-to/robust.md has what others cost and gain."""
 SCALES, STEP = 10, 4.0
 """Larger variances, and how many times the one before each is: up to a million times the stated."""
 HALVINGS = 40  # of the interval of the logarithm of the factor

@@ -3,7 +3,7 @@ fixes against what they and the vehicle can be, innovations against what chance 
 
 The tests of innovations are cumulative sums (Page 1954) of whitened innovations, which are N(0, 1)
 where the filter is right. Fixes of a second count as one, by their mean, because errors that last
-make neighbouring fixes alike. docs/status.md has the rates of false alarms.
+make neighbouring fixes alike. docs/reference/status.md has the rates of false alarms.
 """
 
 import math

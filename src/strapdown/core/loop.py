@@ -1,7 +1,7 @@
 """The one loop: IMU samples and fixes in time order through any filter, with the rules for partial
 samples, gaps and re-acquisition.
 
-Rules (docs/conventions.md):
+Rules (docs/reference/conventions.md):
 - A sample is split at the time of a fix inside it, in proportion.
 - A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise, the row
   after it marked BRIDGED. Over a longer one velocity and attitude are held, the covariance grows at

@@ -2,7 +2,7 @@
 each against what a right set-up shows.
 
 The bounds are beyond what recordings with a right set-up reached, recorded ones and simulated ones
-with other random numbers than those of any published figure (docs/verdict.md).
+with other random numbers than those of any published figure (docs/how-to/verdict.md).
 """
 
 from collections.abc import Iterable, Iterator

@@ -2,7 +2,7 @@
 aiding of another filter.
 
 Its errors wander over seconds to minutes, while every filter takes those of fixes for independent:
-at a high rate it is believed more than it is worth. `docs/fuse.md` tells what to expect.
+at a high rate it is believed more than it is worth. `docs/how-to/fuse.md` tells what to expect.
 """
 
 import math
@@ -32,7 +32,7 @@ in it measures the heading."""
 HEADING_KINDS = ("magnetic-field", "heading")
 ASSUMED = np.radians([1.5, 1.5, 5.0])
 """rad: standard deviations forward, right and down where a filter claims none: the largest rms
-inclination and heading error of `mahony` in the five BROAD trials (docs/attitude-broad.md),
+inclination and heading error of `mahony` in the five BROAD trials (docs/reference/evidence/attitude-broad.md),
 rounded up."""
 SILENT = 5.0
 """s without an attitude that are said."""

@@ -111,7 +111,7 @@ stands in for the IMU."""
 MODEL_NOISE = Noise(0.04, 0.4, 1e-5, 1e-4, 0.0, 0.0)
 """What a filter assumes of the increments of the aircraft's model by default: the air that the
 model does not know, as random walks of 2.3 deg/sqrt(s) and 0.4 m/s/sqrt(s), which is what they
-err by over a second of light turbulence (docs/flight.md has the measurement)."""
+err by over a second of light turbulence (docs/how-to/flight.md has the measurement)."""
 RECEIVER = Gnss(interval=0.2)
 """The receiver by default: five fixes a second."""
 ENDINGS = {

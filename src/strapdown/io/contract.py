@@ -71,7 +71,7 @@ another."""
 class Section(NamedTuple):
     """A section of a `recording.toml` as a file's own format gives it, or as it was guessed.
 
-    `keys` are those of docs/recording-format.md with their values, without `file`; `table` names the
+    `keys` are those of docs/reference/recording-format.md with their values, without `file`; `table` names the
     table of the log. An [imu] with `gyro` or `accel` alone is joined with the other one, of
     another table.
     """

@@ -12,7 +12,7 @@ from .registry import ask, taker
 
 def read(path: File, /, *more: File, **instances: int | None) -> Recording:
     """A Recording from a file of any format that `readers` lists, or from several that belong
-    together, such as an IMU's and a receiver's; docs/recording-format.md tells of them.
+    together, such as an IMU's and a receiver's; docs/reference/recording-format.md tells of them.
 
     `instances` says which of several alike is taken from the logs of devices, `imu=1`, and None that
     none is, `magnetometer=None`. Raises DataError of one line.

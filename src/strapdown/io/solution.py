@@ -2,7 +2,7 @@
 GeoJSON the track, TUM the poses.
 
 Every column says its unit: as an attribute in NetCDF, in brackets behind the name in CSV (`lat
-[deg]`). docs/report.md lists them.
+[deg]`). docs/how-to/report.md lists them.
 """
 
 from collections.abc import Callable, Iterable

@@ -29,7 +29,7 @@ EXAMPLE = 'write noise = {{ value = ..., unit = "{}" }}'
 @dataclass(frozen=True, repr=False)
 class ImuSpec:
     """What is wrong with an IMU, per axis, in SI. Written as a TOML file in datasheet units
-    (docs/imu.md). Raises DataError on what no IMU can have."""
+    (docs/how-to/imu.md). Raises DataError on what no IMU can have."""
 
     name: str
     gyro: Triad

@@ -1,5 +1,5 @@
 """Scenario files (TOML): every number's key names its unit, every unknown key is refused.
-docs/simulate.md lists the keys."""
+docs/how-to/simulate.md lists the keys."""
 
 import datetime
 import inspect

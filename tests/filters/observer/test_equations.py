@@ -81,7 +81,7 @@ def ned_axes(lla):
 
 def plain_observer(recording, begin_at, parts=4):
     """Equations (1)-(3) of the paper, corrected, in ECEF, in small Euler steps; fixes and course as
-    docs/observer.md has them.
+    docs/explanation/observer.md has them.
 
     Returns the final (lla, v, C, ba, bg, xi).
     """
@@ -442,7 +442,7 @@ def test_over_samples_made_up_in_a_gap_nothing_is_injected(predict, since):
     "fade, share", [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (equations.FADE_AT_START, 0.0)]
 )
 def test_adaptation_comes_in_as_the_start_fades_out(predict, fade, share):
-    """Its step in closed form, docs/observer.md, times what the start leaves of it."""
+    """Its step in closed form, docs/explanation/observer.md, times what the start leaves of it."""
     b, dt = (
         with_xi(bias_law="norm", k1=1e-9, k1_start=1e-9, ki=0.0, ki_start=0.0, adaptation=1.0),
         0.1,

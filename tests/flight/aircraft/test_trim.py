@@ -309,7 +309,7 @@ def test_the_linear_model_answers_a_control_as_the_flight_does():
 
 @pytest.mark.short
 def test_the_tables_of_the_page_are_those_of_the_model():
-    page = (Path(__file__).resolve().parents[3] / "docs" / "aircraft.md").read_text(
+    page = (Path(__file__).resolve().parents[3] / "docs" / "explanation" / "aircraft.md").read_text(
         encoding="utf-8"
     )
     for airspeed in (18, 25, 30):

@@ -64,7 +64,7 @@ INTRODUCTION = (
     "the vertical and one about a horizontal axis. North is magnetic north, as in the reference.",
     "The defaults of strapdown were chosen by reasoning on the sensors and on the trials 02, 21 and "
     "24, marked with a star. The others gave no "
-    "constant, but what failed on them was changed (docs/attitude-broad.md).",
+    "constant, but what failed on them was changed (docs/reference/evidence/attitude-broad.md).",
 )
 
 

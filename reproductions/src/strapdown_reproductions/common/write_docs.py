@@ -12,8 +12,8 @@ from strapdown.files import replacing
 
 from . import markdown
 
-DOCS = Path(__file__).resolve().parents[4] / "docs"
-"""In the source tree."""
+DOCS = Path(__file__).resolve().parents[4] / "docs" / "reference" / "evidence"
+"""In the source tree: where what studies write is looked up."""
 PAGES = {
     "alam": ("findings.md", "alam.md"),
     "bias-decay": ("table.md", "bias-decay.md"),
@@ -27,7 +27,7 @@ PAGES = {
     "noise": ("table.md", "noise.md"),
     "papers": ("claims.md", "claims.md"),
     "recordings": ("table.md", "every-filter.md"),
-    "vehicle-kit": ("table.md", "vehicle.md"),
+    "vehicle-kit": ("table.md", "../../how-to/vehicle.md"),
     "wrong-setups": ("table.md", "wrong-setups.md"),
 }
 """{name: (file of the results, page of docs/)}."""

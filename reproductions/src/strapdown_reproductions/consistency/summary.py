@@ -169,7 +169,7 @@ def _said(cells: pd.DataFrame) -> str:
 
 
 def in_docs(rows: pd.DataFrame) -> str:
-    """Markdown for docs/consistency.md."""
+    """Markdown for docs/reference/evidence/consistency.md."""
     headed = [(f"In which scenarios each filter may be believed. {size(rows)}", holding(rows))]
     if len(refused(rows)):
         headed.append(("Refused cells:", refused(rows)))
@@ -177,7 +177,7 @@ def in_docs(rows: pd.DataFrame) -> str:
 
 
 def each_in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
-    """Markdown for docs/consistency-each.md: the targets, and a table per filter."""
+    """Markdown for docs/reference/evidence/consistency-each.md: the targets, and a table per filter."""
     shown = pd.DataFrame(
         [
             (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")

@@ -242,13 +242,13 @@ def not_showable() -> pd.DataFrame:
 
 
 IN_DOCS = ("silent", "by-filter", "jumps", "without-fault", "not-showable")
-"""Tables that are small enough for docs/faults.md."""
+"""Tables that are small enough for docs/reference/evidence/faults.md."""
 
 
 def in_docs(
     claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
 ) -> str:
-    """Markdown for docs/faults.md."""
+    """Markdown for docs/reference/evidence/faults.md."""
     shown = pd.DataFrame(
         [
             (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")

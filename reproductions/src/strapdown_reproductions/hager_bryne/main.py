@@ -367,7 +367,7 @@ def _intervals(cells: pd.DataFrame, name: str) -> list[str]:
 
 
 def by_flight(cells: pd.DataFrame) -> pd.DataFrame:
-    """The table of cells for docs/open-or-closed-loop.md, as text: a row per grade and flight."""
+    """The table of cells for docs/reference/evidence/open-or-closed-loop.md, as text: a row per grade and flight."""
     rows = cells.sort_values(["grade", "flight"])
     columns = (
         ("grade", "grade", "{}"),

@@ -188,7 +188,7 @@ def not_showable() -> pd.DataFrame:
 def in_docs(
     claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
 ) -> str:
-    """Markdown for docs/wrong-setups.md."""
+    """Markdown for docs/reference/evidence/wrong-setups.md."""
     shown = pd.DataFrame(
         [
             (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")

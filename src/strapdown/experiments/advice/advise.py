@@ -57,7 +57,7 @@ STORED_ROWS = 400
 """Stored rows of a run, about."""
 STEP_TIME, CELL_TIME = 1.2e-6, 0.3
 """s of one core per filter step, and beside that per scenario and IMU, about: measured, see
-docs/advise.md."""
+docs/how-to/advise.md."""
 GIVEN, MOVING = "given", "moving"
 """How the attitude at the start is known: as the scenario says, or by an alignment in motion."""
 

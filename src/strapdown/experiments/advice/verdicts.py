@@ -1,7 +1,7 @@
 """The rule of `strapdown advise`: what the runs of a study say of each filter, whether that makes
 it admissible, and the answer.
 
-Criteria and answer are in `Rules`, `judge` and `decide`; docs/advise.md says why they are so.
+Criteria and answer are in `Rules`, `judge` and `decide`; docs/how-to/advise.md says why they are so.
 Everything is computed from the stored rows of the runs, so that the answer for a shorter mission
 needs no runs of its own.
 """
@@ -33,7 +33,7 @@ YES, NO, UNDECIDED = "yes", "no", "undecided"
 
 class Rules(NamedTuple):
     """What makes an architecture admissible; each is asked of a 95 % interval. Defaults:
-    docs/advise.md."""
+    docs/how-to/advise.md."""
 
     survival: float = 0.9  # share of runs neither lost nor inconsistent, at least
     # NEES per state, mean over runs, in each tenth of the mission: between 1 / belief and belief

@@ -10,7 +10,7 @@ heading,
 is least squares that forgets, and the observer moves by U dbeta, so that eta stays what it is
 (Zhang 2002, IEEE TAC 47(3)). Where a turn of the attitude has made up for a bias, as on a straight
 leg, h is zero and nothing is learnt. Without these turns and with fast fixes xi = - C beta, and
-the law is ba' = -k C' xi. docs/observer.md has the argument for its stability.
+the law is ba' = -k C' xi. docs/explanation/observer.md has the argument for its stability.
 """
 
 import math

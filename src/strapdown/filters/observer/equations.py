@@ -2,7 +2,7 @@
 translational motion observer, bounded biases.
 
 Equations (1)-(3) of Alam, Whidborne & Millidere (2023), written in n instead of e, with the
-corrections of docs/observer.md. With sigma a rate in the body, x = C' xi, f the bias-free specific
+corrections of docs/explanation/observer.md. With sigma a rate in the body, x = C' xi, f the bias-free specific
 force:
     C' = C [w - bg + sigma] - ..., bg' = Proj(-ki sigma), sigma = k1 f x (f + x) / (|f| |f + x|) +
     sigma of a heading or field, v' = C f + xi + g + ..., xi' = - C [sigma] (f - ba) + jumps at the

@@ -54,7 +54,7 @@ DEFAULTS = dict(
     least_speed=0.0,
     outage_after=0.0,
 )
-"""Options of every filter that has the observer, as keywords of `fuse`; docs/observer.md says
+"""Options of every filter that has the observer, as keywords of `fuse`; docs/explanation/observer.md says
 what they are."""
 BY_NORM = dict(k1=0.3, k2=0.03, ki=0.01, wander=0.02)
 """What is other with bias_law="norm", which knows no wind: the attitude has to make up for what

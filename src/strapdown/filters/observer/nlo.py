@@ -2,7 +2,7 @@
 filters/observer/equations.py on the belief itself, filters/observer/covariance.py beside it.
 
 The gains are the observer's; the covariance says what they leave, and whether a fix is plausible.
-docs/observer.md has its equations, what is corrected in the printed ones, and what its options
+docs/explanation/observer.md has its equations, what is corrected in the printed ones, and what its options
 mean.
 """
 
@@ -49,7 +49,7 @@ UNEXCITED = Condition(
 @takes_options
 def start(start: Start, noise: Noise, crab: float = 5.0, **options: Any) -> Belief:
     """Belief at `start`. crab: standard deviation of the angle between course and heading, deg,
-    which the claimed one of the heading has in it; no gain depends on it. docs/observer.md explains
+    which the claimed one of the heading has in it; no gain depends on it. docs/explanation/observer.md explains
     the other options, DEFAULTS of filters/observer/gains.py has them. Refuses gains that are not
     stable and a start beyond the bounds.
     """

@@ -5,7 +5,7 @@ The observer runs by itself, as in `nlo`. Beside it the filter keeps P and delta
 observer. Between fixes estimate = f(observer) (+) Phi delta, with one mechanization f of the
 observer's state without its injections; at a fix the innovation is y - h(observer) - H delta. Where
 the observer injects, jumps or is bounded the estimate stays where it is and delta becomes what then
-lies between them: the mismatch of a trajectory that is no solution of the model. docs/exogenous.md.
+lies between them: the mismatch of a trajectory that is no solution of the model. docs/explanation/exogenous.md.
 """
 
 import math
@@ -104,7 +104,7 @@ def start(
     near: rad between attitudes of estimate and observer up to which the mean goes on by the model
     itself; 0 is the affine filter of Johansen & Fossen. jacobian: where Jacobians are taken then,
     at the "estimate", which also stays beyond `near` as long as no fixes speak against it, or at
-    the "observer"; that and near = inf are what Alam et al. print. The other options are those of `nlo`, docs/observer.md.
+    the "observer"; that and near = inf are what Alam et al. print. The other options are those of `nlo`, docs/explanation/observer.md.
     """
     check_number(near, "near", "rad", least=0, infinite=True)
     check_choice(jacobian, "jacobian", JACOBIANS)

@@ -365,7 +365,7 @@ def kernel_width(components: float, n: int) -> float:
     h^2 at least 1 - N/1000.
 
     At each resampling the covariance of the mixture falls behind its errors by about 4 (1 - h^2)/N
-    of it (docs/particle.md): 0.4 % at most.
+    of it (docs/explanation/particle.md): 0.4 % at most.
     """
     return (
         max(silverman(components, n), math.sqrt(max(0.0, 1 - components / 1000)))

@@ -1,7 +1,7 @@
 """Particle Kalman filter: a mixture of Gaussians, each the closed loop of its own INS, weighted by
 how well it predicts the fixes.
 
-docs/particle.md has the equations; filters/particle/ins_mixture.py what belief and components have
+docs/explanation/particle.md has the equations; filters/particle/ins_mixture.py what belief and components have
 to do with each other.
 """
 

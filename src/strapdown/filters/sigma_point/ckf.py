@@ -1,7 +1,7 @@
 """Cubature Kalman filter: the UKF with the 2 n points of the third-degree cubature rule and process
 noise that is added instead of spread out.
 
-docs/sigma-points.md says what it shares with `ukf` and what it is good for.
+docs/explanation/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
 
 from ...core.contract import DECAYING, Belief, Filter, Noise, Start

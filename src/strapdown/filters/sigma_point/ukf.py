@@ -1,7 +1,7 @@
 """Unscented Kalman filter: sigma points through INS and measurements instead of Jacobians, in
 square-root form. 15 error states on the manifold.
 
-docs/sigma-points.md has its equations and says what it is good for.
+docs/explanation/sigma-points.md has its equations and says what it is good for.
 """
 
 from ...checks import check_choice

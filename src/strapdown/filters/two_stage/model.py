@@ -4,7 +4,7 @@ accelerometer bias with that attitude as known.
 Stage 1 is driven by the gyros and corrected by the direction of gravity, the course of a velocity
 fix, a heading or a magnetic field. Stage 2 is driven by f - b_a - omega x v_b + C_bn [0 0 g] and
 corrected by what measures position or velocity. Source: Alam, Whidborne & Millidere (2023),
-equations (4)-(10) as corrected in docs/two-stage.md; Rohac et al. (2017).
+equations (4)-(10) as corrected in docs/explanation/two-stage.md; Rohac et al. (2017).
 
 The model is linearised at `bar`, which holds lla, v, C, ba, bg and omega as a Belief does: the
 estimate itself, or one that comes from elsewhere. The estimate less `bar` is kept in

@@ -1,7 +1,7 @@
 """Two-stage extended Kalman filter: attitude and gyro bias, then position, velocity in the body and
 accelerometer bias with that attitude as known.
 
-filters/two_stage/model.py has the model, docs/two-stage.md its equations; here it is linearised at
+filters/two_stage/model.py has the model, docs/explanation/two-stage.md its equations; here it is linearised at
 the estimate itself. P of the two stages is published as one, without covariance between them.
 """
 

@@ -2,7 +2,7 @@
 a nonlinear observer.
 
 filters/two_stage/model.py has the model, filters/observer/equations.py the observer,
-docs/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`. Between fixes
+docs/explanation/two-stage.md what their cascade is. The observer runs by itself, as in `nlo`. Between fixes
 estimate = f(observer) + F (estimate - observer), F and f at the observer; at a fix the innovation
 is y - h(observer) - H (estimate - observer). Wherever the observer moves otherwise, by its
 injections, jumps and bounds, the estimate stays: Euler angles, velocity in the body and biases as

@@ -1,7 +1,7 @@
 """Whether the IMU of a device's log is fast enough.
 
 Between point samples motion and vibration are lost, which no filter gets back; increments hold all
-of the motion. docs/flight-controllers.md has what was measured.
+of the motion. docs/how-to/flight-controllers.md has what was measured.
 """
 
 import math
