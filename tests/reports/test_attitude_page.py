@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pages import own
 from synthetic import attitude_only, flight, solution
 
 from strapdown import report
@@ -19,13 +20,6 @@ TRUTH = flight(600, rate=2.0)
 FULL = solution(TRUTH)
 ATTITUDE, VRU = attitude_only(FULL), attitude_only(solution(TRUTH, seed=3), heave=True, name="vru")
 UNPLACED = replace(TRUTH, lla=np.full_like(TRUTH.lla, np.nan), v_n=None)
-
-
-def own(page):
-    """The page without plotly's script."""
-    from plotly.offline import get_plotlyjs
-
-    return page.html.replace(get_plotlyjs(), "")
 
 
 def headings(page):

@@ -323,6 +323,7 @@ def metres(value: float) -> str:
 def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Figure:
     """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a
     solution, numbered as the page lists them."""
+    figure.layout.meta["time"] = zero
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
     if "epoch" in solution.meta:
         start = utc(solution.meta["epoch"], [zero])[0]

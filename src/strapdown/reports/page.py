@@ -24,6 +24,7 @@ from . import summary
 from .drawing import COLOURS, MARKED, SHADES, WITHHELD
 from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
 from .installation_figures import installation_table
+from .playback import playback_bar
 from .shell import Page, listed, placed, shell
 from .verdict_block import verdict_block
 
@@ -70,7 +71,8 @@ def report(
     below = listed(_facts(solutions, window, facts))
     verdicts = verdict_block({name: solution.verdict for name, solution in solutions.items()})
     several, notes = len(solutions) > 1, tuple(draw.notes)
-    return shell(title, below, sections, footer, verdicts, wide=several, notes=notes)
+    bar = playback_bar(solutions)
+    return shell(title, below, sections, footer, verdicts, wide=several, notes=notes, bar=bar)
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:
