@@ -14,7 +14,13 @@ for (const [section, link] of links) {
   link.addEventListener("click", () => { section.querySelector("details").open = true; });
 }
 
-const widths = new ResizeObserver(entries => { for (const {target} of entries) target.classList.toggle("more", target.scrollWidth > target.clientWidth + 1); });
+const widths = new ResizeObserver(entries => requestAnimationFrame(() => {
+  for (const {target} of entries) {
+    const more = target.scrollWidth > target.clientWidth + 1;
+    target.classList.toggle("more", more);
+    for (const [name, value] of Object.entries({tabindex: "0", role: "region", "aria-label": "Table, scrolls sideways"})) more ? target.setAttribute(name, value) : target.removeAttribute(name);
+  }
+}));
 document.querySelectorAll(".scroll").forEach(each => widths.observe(each));
 
 let folded = [];

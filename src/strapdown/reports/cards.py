@@ -48,8 +48,9 @@ def _recorded(solution: Solution) -> tuple[str, list[str]]:
     if "epoch" in solution.meta:
         begin = utc(solution.meta["epoch"], solution.t[:1])[0]
         day = f"{str(begin)[:19].replace('T', ' ')} UTC"
-    interval = float(np.median(np.diff(solution.t))) if len(solution.t) > 1 else np.nan
-    rate = f"{1 / interval:.4g} rows a second" if interval > 0 else "one row"
+    rate = ""
+    if solution.recording is not None:
+        rate = f"IMU at {1 / float(np.median(solution.recording.imu.dt)):.4g} Hz"
     sources = [
         f"{name}: {sum(solution.counts()[name])} fixes" for name in solution.innovations.names
     ]
@@ -73,12 +74,12 @@ def _made(
             None if e is None or e.rph is None else np.degrees(e.rph[:, 2]),
         ),
     ):
-        of = [f"claims {_rms(claimed)} {unit}"] if np.isfinite(claimed).any() else []
+        of = [f"claimed {_rms(claimed)} {unit}"] if np.isfinite(claimed).any() else []
         if true is not None and e is not None and metrics.any_known(true):
             inside = e.inside(window)
-            of = [f"{_rms(true[inside])} {unit} wrong"]
+            of = [f"{_rms(true[inside])} {unit} RMS error"]
             if np.isfinite(claimed[e.rows][inside]).any():
-                of.append(f"claims {_rms(claimed[e.rows][inside])}")
+                of.append(f"claimed {_rms(claimed[e.rows][inside])} {unit}")
         parts += [f"{label}: {', '.join(of)}"] if of else []
     taken = sum(good for good, _ in solution.counts().values())
     all_fixes = sum(map(sum, solution.counts().values()))

@@ -100,7 +100,8 @@ const watched = new IntersectionObserver(entries => {
   if (window.refresh) window.refresh();
 }, {rootMargin: "300px 0px"});
 plots.forEach(plot => watched.observe(plot));
-// figures as wide as the paper, which is narrower than most windows
-window.addEventListener("beforeprint", () => plots.forEach(plot => plot.style.setProperty("--shrink", Math.min(1, 690 / document.querySelector("main").clientWidth))));
+// on paper all figures are as wide, whatever the window; page.css makes them smaller
+window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 1110, autosize: false})));
+window.addEventListener("afterprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: null, autosize: true})));
 if (window.DecompressionStream) setTimeout(drawAll);
 else plots.forEach(plot => { plot.textContent = "This browser is too old to draw the figures: it cannot unpack them (DecompressionStream). Any browser since 2023 can."; });
