@@ -28,6 +28,7 @@ import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
 import numpy as np  # noqa: E402
+import pages  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
 import smoothing  # noqa: E402
@@ -335,6 +336,10 @@ def file_figures(book):
     book.measure(logs.HOURS_READ, logs.slowest)
 
 
+def page_figures(book):
+    book.measure(list(pages.FIGURES), pages.pages)
+
+
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
@@ -594,6 +599,7 @@ def main():
         library_figures(book)
         study_figures(book)
         file_figures(book)
+        page_figures(book)
         recorded_figures(book)
         setup_figures(book)
         fault_figures(book)

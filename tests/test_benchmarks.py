@@ -40,7 +40,7 @@ def skew(v):
 @pytest.mark.short
 def test_targets_are_the_issues():
     tables = figures.targets()
-    assert len(tables) == 136
+    assert len(tables) == 140
     assert (
         tables["A closed loop time"]["target"] == 1.0
         and tables["B closed loop time"]["target"] == 1.0
@@ -160,6 +160,7 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
         )
     monkeypatch.setattr(logs, "tables", lambda: [(0.3, "")] * len(logs.TABLES))
     monkeypatch.setattr(logs, "slowest", lambda: [(0.3, "")] * len(logs.HOURS_READ))
+    monkeypatch.setattr(bench.pages, "pages", lambda: [(0.3, "")] * len(bench.pages.FIGURES))
     monkeypatch.setattr(smoothing, "smoothing", lambda: [(0.3, "")] * len(smoothing.FIGURES))
     monkeypatch.setattr(
         attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")]
