@@ -212,3 +212,38 @@ def test_withheld_windows_are_listed_shaded_and_scored():
     alone = report(hidden).html
     assert cells(alone, "100 to 130") == [] and "at the end [m]" not in alone
     assert "fixes withheld" not in report(SOLUTION, TRUTH).html
+
+
+def test_only_a_page_with_a_map_may_ask_the_network_and_says_so(page):
+    mapped = report([SOLUTION, OPEN], TRUTH, map=True)
+    (policy,) = re.findall('Content-Security-Policy" content="([^"]*)"', mapped.html)
+    assert set(re.findall("https?://[^ ;]*", policy)) == {"https://tile.openstreetmap.org"}
+    assert "comes from the network" in mapped.html and "maplibre-gl" in plotly(mapped)
+    figure = json.loads(
+        re.search("id=data-p[0-9]+>({[^\n]*scattermap.*?)</script>", own(mapped))[1]
+    )
+    assert figure["layout"]["map"]["style"] == "open-street-map" and len(figure["data"]) == 3
+    north = np.degrees(SOLUTION.trajectory.lla[:, 0])
+    assert figure["data"][-1]["lat"] == pytest.approx(north, abs=1e-6)
+    assert "https:" not in re.search("Policy.*?>", page.html)[0] and "network" not in page.html
+    assert "maplibre-gl-worker" not in plotly(page)
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2])
+def test_a_solution_of_hardly_any_rows_has_a_page(rows):
+    part = slice(0, rows)
+    old = SOLUTION.trajectory
+    short = replace(
+        SOLUTION,
+        trajectory=type(old)(
+            *(values[part] for values in (old.t, old.lla, old.v_n, old.q_nb, old.sd))
+        ),
+        b_a=SOLUTION.b_a[part],
+        b_g=SOLUTION.b_g[part],
+        status=SOLUTION.status[part],
+    )
+    page = report(short)
+    assert not page.notes, page.notes
+    assert ("nothing</p>" in page.html) == (rows == 0)
+    assert ("id=playback " in page.html) == (rows == 2)
+    assert not re.search(r"\bnan\b", re.sub("<script.*?</script>", "", page.html, flags=re.DOTALL))

@@ -21,6 +21,7 @@ from .console import (
     FORMATS,
     FROM,
     IMU,
+    MAP,
     NOT_TRUSTED,
     OPTION,
     ROBUST,
@@ -201,6 +202,7 @@ def demo(
     imu: Annotated[
         str, typer.Option(help="IMU grade to simulate, or a file that describes one.")
     ] = "tactical",
+    map: MAP = False,
 ) -> None:
     """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a
     page."""
@@ -221,7 +223,7 @@ def demo(
         print_verdicts({name: solution.verdict for name, solution in solutions.items()})
         print_errors(solutions, truth, (120.0, 600.0))
         title = "strapdown demo: a simulated 10-minute flight"
-        save_page(sd.report(solutions, truth, title, window=(120.0, 600.0)), out)
+        save_page(sd.report(solutions, truth, title, window=(120.0, 600.0), map=map), out)
     print(f"wrote {out}")
 
 
@@ -292,6 +294,7 @@ def fuse(
             "--utc", help="A column of ISO 8601 times in solution.csv, of an absolute clock."
         ),
     ] = False,
+    map: MAP = False,
     write: WRITE = None,
     strict: STRICT = False,
 ) -> None:
@@ -350,7 +353,7 @@ def fuse(
         names += [f"solution.{ending}" for ending in endings if "csv" in ending]
         if solution.has_position:
             names += [f"track.{ending}" for ending in endings if "csv" not in ending]
-        page = sd.report(solution, whole.reference)
+        page = sd.report(solution, whole.reference, map=map)
         with together():
             for name in names:
                 sd.write_solution(solution, folder / name, utc)

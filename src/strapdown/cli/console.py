@@ -129,6 +129,13 @@ STRICT = Annotated[
         help="Exit with code 3 unless the verdict is `trusted`; results are written all the same.",
     ),
 ]
+MAP = Annotated[
+    bool,
+    typer.Option(
+        "--map",
+        help="The track on a street map, too, which the page then loads from the network.",
+    ),
+]
 SEED = Annotated[int, typer.Option(help="Of the random errors.")]
 WORKERS = Annotated[
     int,

@@ -536,7 +536,7 @@ def outages(solution: Solution) -> list[tuple[float, float]]:
         if kind(solution, name) == "position" and own.sum() > 1:
             intervals.append(float(np.median(np.diff(fixes.t[own]))))
             used.append(fixes.t[own & fixes.accepted])
-    if not any(map(len, used)):
+    if not len(solution.t) or not any(map(len, used)):
         return []
     edges = np.r_[solution.t[0], np.sort(np.concatenate(used)), solution.t[-1]]
     found = [

@@ -25,9 +25,10 @@ from .cards import cards
 from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
 from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
 from .installation_figures import installation_table
+from .map_figure import CAPTION, track_map
 from .occasions import occasions
 from .playback import playback_bar
-from .shell import Page, listed, placed, shell
+from .shell import MAP_POLICY, POLICY, Page, listed, placed, shell
 from .verdict_block import verdict_block
 
 FOOTER = (
@@ -52,12 +53,15 @@ def report(
     window: tuple[float, float] | None = None,
     more: Sequence[Section] = (),
     facts: Mapping[str, str] = {},
+    map: bool = False,
 ) -> Page:
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
 
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which
     errors are scored and error axes are framed. more: further sections after the track, [(heading,
     [(figure, its heading, caption), ...])]. facts: further lines below the title, {name: text}.
+    map: also the track on a street map, for which the page then asks the network; no other page
+    does.
     """
     solutions = _named(solutions)
     scores, unscored = _scores(solutions, reference)
@@ -70,12 +74,18 @@ def report(
     footer = "".join(
         FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2]
     )
+    policy = POLICY
+    if map and (drawn := track_map(solutions, draw.reference)) is not None:
+        policy = MAP_POLICY
+        sections[1] = sections[1][0], draw.place(drawn, "On a map", CAPTION) + sections[1][1]
     below = listed(_facts(solutions, window, facts))
     verdicts = verdict_block({name: solution.verdict for name, solution in solutions.items()})
     glance = verdicts + cards(solutions, scores, window)
     several, notes = len(solutions) > 1, tuple(draw.notes)
     bar = playback_bar(solutions)
-    return shell(title, below, sections, footer, glance, wide=several, notes=notes, bar=bar)
+    return shell(
+        title, below, sections, footer, glance, wide=several, notes=notes, bar=bar, policy=policy
+    )
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:
@@ -158,8 +168,8 @@ def _facts(
     return {
         "recording": _said(metas, "recording"),
         "date": _said(metas, "date"),
-        "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s",
-        "clock": "" if first.utc is None else span(first.utc),
+        "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s" if len(first.t) else "",
+        "clock": "" if first.utc is None or not len(first.t) else span(first.utc),
         "filter": ", ".join(solutions),
         "IMU": _imu(metas),
         "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
@@ -275,6 +285,8 @@ class _Drawer:
             return self._drawn(figure, self.solutions, list(self.solutions.values()))
         shown = []
         for i, (name, solution) in enumerate(self.solutions.items()):
+            if not len(solution.t):
+                continue
             colour = COLOURS[i % len(COLOURS)]
             mark = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>"
             tag = mark if len(self.solutions) > 1 else ""

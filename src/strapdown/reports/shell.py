@@ -24,6 +24,9 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 DEFLATED = "application/x-deflate"
 """Type of script elements that no browser runs, with what figures.js unpacks."""
 NO_SCRIPT = "<noscript><p class=note>The figures need JavaScript; the tables do not.</p></noscript>"
+TILES = "https://tile.openstreetmap.org"
+MAP_POLICY = f"{POLICY.replace('blob:;', f'blob: {TILES};')}; connect-src {TILES}; worker-src blob:"
+"""That of a page with a map, which may ask for its tiles and for nothing else."""
 USUAL_HEIGHT = 450
 """px of a figure that does not say its own, which is plotly's."""
 
@@ -54,9 +57,11 @@ def shell(
     wide: bool = False,
     notes: tuple[str, ...] = (),
     bar: str = "",
+    policy: str = POLICY,
 ) -> Page:
     """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is
-    text, `style` further CSS, `notes` are those of the Page, `bar` that of `playback_bar`.
+    text, `style` further CSS, `notes` are those of the Page, `bar` that of `playback_bar`,
+    `policy` what the page may load.
 
     Figures made by `placed` are drawn by plotly, of whose script the page has what they use.
     """
@@ -76,7 +81,7 @@ def shell(
     scripts += f"<script>{''.join(map(_shipped, parts))}</script>"
     text = f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
+<meta http-equiv="Content-Security-Policy" content="{policy}"><title>{escape(title)}</title>
 <link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
 <a class=skip href="#main">To the results</a><header><div><h1>{escape(title)}</h1>{facts}</div></header>
 <nav aria-label=Sections><div>{links}</div></nav><main id=main>{introduction}{body}</main>
