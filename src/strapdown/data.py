@@ -20,7 +20,7 @@ from . import geodesy
 from .checks import DataError as DataError
 from .core.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
-from .time_scales import utc
+from .time_scales import ends, utc, within
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
 
@@ -69,6 +69,8 @@ UNITS = {
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
 SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
 """From SI to the units of the `sd_` columns; its last six also to those of the biases."""
+OF_WHOLE = "this part by itself: the verdict is that of the whole run"
+"""What the verdict of a part of a Solution says beside."""
 
 
 def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
@@ -97,6 +99,11 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __getitem__(self, part: slice) -> Trajectory:
+        """The rows of `trajectory[100:200]`, s, both ends included. Raises DataError where there are
+        none."""
+        return self.taking(within(self.t, *ends(part, None, "trajectory"), "trajectory"))
 
     def taking(self, rows: slice | Mask | Ints) -> Trajectory:
         """These rows of it."""
@@ -220,6 +227,14 @@ class Innovations:
     # whitened and root are by them; None of a file
     followed: Array | None = None
 
+    def between(self, start: float, stop: float) -> Innovations:
+        """Those of fixes from start to stop, s, both included."""
+        near = (self.t >= start) & (self.t <= stop)
+        by_fix = {
+            name: part[near] for name, part in vars(self).items() if isinstance(part, np.ndarray)
+        }
+        return replace(self, **by_fix)
+
 
 class Rejected(NamedTuple):
     """A run of rejected fixes of a source, and why they were probably rejected."""
@@ -259,6 +274,37 @@ class Solution:
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, part: slice) -> Solution:
+        """The rows of `solution[100:200]`, s, both ends included, with their fixes and events; dates
+        do where the clock is absolute.
+
+        Its verdict is that of the whole, and says so. Raises DataError where there are no rows.
+        """
+        start, stop = ends(part, self.meta.get("epoch"), "solution")
+        rows = within(self.t, start, stop, "solution")
+        untested = (*self.verdict.untested, OF_WHOLE)
+        verdict = replace(self.verdict, untested=tuple(dict.fromkeys(untested)))
+        rejected = (run for run in self.meta.get("rejected", ()) if run["start"] <= stop)
+        meta = {
+            "verdict": verdict.as_dict(),
+            "rejected": [run for run in rejected if run["stop"] >= start],
+        }
+        return replace(
+            self,
+            trajectory=self.trajectory.taking(rows),
+            b_a=self.b_a[rows],
+            b_g=self.b_g[rows],
+            status=self.status[rows],
+            innovations=self.innovations.between(start, stop),
+            events=tuple(event for event in self.events if start <= event[0] <= stop),
+            columns={name: values[rows] for name, values in self.columns.items()},
+            covariance=None if self.covariance is None else self.covariance[rows],
+            meta={**self.meta, **meta},
+        )
 
     def seconds(self, status: int) -> float:
         """Time in s over which rows have this status; a row covers the time since the one before

@@ -16,7 +16,7 @@ from .core.contract import Imu
 from .data import Aiding, Trajectory
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays
-from .time_scales import utc
+from .time_scales import ends, utc
 from .typing import ArrayLike
 
 if TYPE_CHECKING:
@@ -85,6 +85,19 @@ class Recording:
             kind=kind,
             **meta,
         )
+
+    def __len__(self) -> int:
+        return len(self.imu.t)
+
+    def __getitem__(self, part: slice) -> Recording:
+        """The part of `recording[100:200]`, s, as `between` takes it, with the rows of the reference
+        that cover it; dates do where the clock is absolute. Raises DataError where it is empty."""
+        start, stop = ends(part, self.meta.get("epoch"), "recording")
+        reference = self.reference
+        if reference is not None:
+            first, last = np.searchsorted(reference.t, [start, stop])
+            reference = reference.taking(slice(max(int(first) - 1, 0), int(last) + 1))
+        return replace(self.between(start, stop), reference=reference)
 
     @property
     def span(self) -> tuple[float, float]:
