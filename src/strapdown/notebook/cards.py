@@ -32,7 +32,7 @@ STYLE = """<style>
 .strapdown-card .doubt { background: #8a5d00; }
 .strapdown-card .wrong { background: #c01c28; }
 .strapdown-card .scroll { overflow-x: auto; }
-.strapdown-card table { border-collapse: collapse; margin: .4em 0; color: inherit; font-variant-numeric: tabular-nums; }
+.strapdown-card table { border-collapse: collapse; margin: .4em 0; font-size: 14px; color: inherit; font-variant-numeric: tabular-nums; }
 .strapdown-card th, .strapdown-card td { padding: .1em .8em; text-align: right; background: none; color: inherit; border: 0; border-bottom: 1px solid rgba(128, 128, 128, .4); }
 .strapdown-card th:first-child, .strapdown-card td:first-child { text-align: left; padding-left: 0; }
 .strapdown-card ul, .strapdown-card ol { margin: .3em 0; padding-left: 1.5em; }
@@ -45,8 +45,9 @@ USUAL_GAP = 3.0
 """Usual intervals between fixes beyond which there is a gap, and at least one second."""
 
 
-def card(title: str, facts: Mapping[str, object] = {}, *parts: str) -> str:
-    """HTML of a title, of {name: text or number} that is known, and of `parts`, which are HTML."""
+def card(title: str, facts: Mapping[str, object] = {}, *parts: str, first: str = "") -> str:
+    """HTML of a title, of {name: text or number} that is known, and of `parts`, which are HTML;
+    `first` is HTML before the facts."""
     shown = "".join(
         f"<dt>{escape(name)}</dt><dd>{escape(str(text))}</dd>"
         for name, text in facts.items()
@@ -54,7 +55,7 @@ def card(title: str, facts: Mapping[str, object] = {}, *parts: str) -> str:
     )
     head = f"<b>{escape(title)}</b>" if title else ""
     listed = f"<dl>{shown}</dl>" if shown else ""
-    return f"{STYLE}<div class=strapdown-card>{head}{listed}{''.join(parts)}</div>"
+    return f"{STYLE}<div class=strapdown-card>{head}{first}{listed}{''.join(parts)}</div>"
 
 
 def lines(texts: Sequence[object]) -> str:
@@ -122,11 +123,13 @@ def grade(recording: Recording) -> str:
 
 
 def duration(seconds: float) -> str:
-    """A length of time for people: s, or h:min:s from two minutes on."""
+    """A length of time for people: s, min:s from two minutes on, h:min:s from an hour on."""
     if seconds < 120:
         return f"{seconds:.3g} s"
-    whole = round(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02}:{whole % 60:02} h"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes}:{rest:02} min"
+    return f"{minutes // 60}:{minutes % 60:02}:{rest:02} h"
 
 
 def rate(t: Array) -> str:
@@ -173,7 +176,6 @@ def of_solution(solution: Solution) -> str:
     reference, fixes."""
     t, meta = solution.t, solution.meta
     facts = {
-        "recording": meta.get("recording"),
         "filter": f"{meta.get('filter', '')}{', smoothed' if meta.get('smoothed') else ''}",
         "time": f"{t[0]:.1f} to {t[-1]:.1f} s, {duration(t[-1] - t[0])}" if len(t) else "no rows",
         "date": "" if solution.utc is None else span(solution.utc),
@@ -182,8 +184,8 @@ def of_solution(solution: Solution) -> str:
         "RMS error": _error(solution),
         "events": len(solution.events) or "",
     }
-    judged = _verdict(solution.verdict)
-    return card(f"Solution {meta.get('recording', '')}", facts, judged, fix_table({"": solution}))
+    title = f"Solution {meta.get('recording', '')}"
+    return card(title, facts, fix_table({"": solution}), first=_verdict(solution.verdict))
 
 
 def _statuses(solution: Solution) -> Iterable[str]:

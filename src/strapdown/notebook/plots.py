@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from html import escape
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import plotly.graph_objects as go
@@ -24,6 +25,8 @@ ERRORS = "errors"
 TEMPLATE = "plotly_white"
 LINE = 18
 """px of a line above a figure."""
+NOTE_WIDTH = 110
+"""Letters in such a line."""
 
 
 def of_solution(
@@ -91,11 +94,15 @@ def of_recording(recording: Recording, what: str = "imu") -> go.Figure:
 def titled(figure: go.Figure, heading: str) -> go.Figure:
     """A figure of a page as it stands alone: with its heading, and what the page says below it."""
     notes = (figure.layout.meta or {}).get("notes", ())
-    said = "".join(f"<br><sup>{escape(note)}</sup>" for note in notes)
-    above = LINE * (2 + len(notes))
+    said = [part for note in notes for part in wrap(note, NOTE_WIDTH)]
+    small = "".join(f"<br><sub>{escape(part)}</sub>" for part in said)
+    above = LINE * (1 + len(said))
     return figure.update_layout(
         template=TEMPLATE,
-        title={"text": f"{escape(heading)}{said}", "x": 0.01, "y": 0.99, "yanchor": "top"},
+        title={
+            "text": f"{escape(heading)}{small}",
+            **{"x": 0.01, "y": 1, "yanchor": "top", "pad": {"t": 14 + LINE * len(said) / 2}},
+        },
         height=(figure.layout.height or 450) + above,
         margin_t=(figure.layout.margin.t or 52) + above,
     )
