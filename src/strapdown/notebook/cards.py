@@ -35,6 +35,7 @@ STYLE = """<style>
 .strapdown-card table { border-collapse: collapse; margin: .4em 0; font-size: 14px; color: inherit; font-variant-numeric: tabular-nums; }
 .strapdown-card th, .strapdown-card td { padding: .1em .8em; text-align: right; background: none; color: inherit; border: 0; border-bottom: 1px solid rgba(128, 128, 128, .4); }
 .strapdown-card th:first-child, .strapdown-card td:first-child { text-align: left; padding-left: 0; }
+.strapdown-card .best { font-weight: 700; }
 .strapdown-card ul, .strapdown-card ol { margin: .3em 0; padding-left: 1.5em; }
 </style>"""
 LOOKS = {TRUSTED: "right", DOUBTFUL: "doubt", NOT_TO_BE_TRUSTED: "wrong"}

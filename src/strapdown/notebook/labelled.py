@@ -152,10 +152,7 @@ def _dataset(
     variables: Variables, times: Any, epoch: str | None, about: dict[str, str | None]
 ) -> xr.Dataset:
     """The Dataset of variables, `times` being coordinates, and dates where there is an epoch."""
-    try:
-        xarray = import_module("xarray")
-    except ImportError:
-        raise DataError("to_xarray needs xarray: pip install 'strapdown[notebook]'") from None
+    xarray = need_xarray()
     for name in times:
         dims, t, said = variables[name]
         if epoch is not None:
@@ -168,6 +165,14 @@ def _dataset(
     return made.assign_attrs(
         Conventions=CONVENTIONS, **{name: text for name, text in about.items() if text}
     )
+
+
+def need_xarray() -> Any:
+    """The module xarray. Raises DataError where it is missing."""
+    try:
+        return import_module("xarray")
+    except ImportError:
+        raise DataError("to_xarray needs xarray: pip install 'strapdown[notebook]'") from None
 
 
 def _trajectory(made: Trajectory, time: str) -> Variables:
