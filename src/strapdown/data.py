@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,8 @@ from .verdict import NOT_JUDGED, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
+    import plotly.graph_objects as go
+    import xarray as xr
     from scipy.spatial.transform import Rotation
 
     from .recording import Recording
@@ -152,6 +153,24 @@ class Trajectory:
             parts |= dict(zip(ATTITUDE_COLUMNS, np.degrees(self.rph).T))
         return parts
 
+    def to_pandas(self) -> pd.DataFrame:
+        """Its `table`, with units and names of the CF conventions in `attrs`."""
+        from .notebook.labelled import trajectory_frame
+
+        return trajectory_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """xarray Dataset over time, with units and names of the CF conventions. Raises DataError
+        where xarray is missing."""
+        from .notebook.labelled import trajectory_dataset
+
+        return trajectory_dataset(self)
+
+    def _repr_html_(self) -> str:
+        from .notebook.cards import of_trajectory
+
+        return of_trajectory(self)
+
     def __repr__(self) -> str:
         span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
         return f"Trajectory({len(self)} rows, {span})"
@@ -201,6 +220,11 @@ class Aiding:
     def _where(self, keep: Mask) -> Aiding:
         return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
 
+    def _repr_html_(self) -> str:
+        from .notebook.cards import of_aiding
+
+        return of_aiding(self)
+
     def __repr__(self) -> str:
         return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
 
@@ -230,7 +254,7 @@ class Innovations:
     def between(self, start: float, stop: float) -> Innovations:
         """Those of fixes from start to stop, s, both included."""
         near = (self.t >= start) & (self.t <= stop)
-        by_fix = {
+        by_fix: dict[str, Any] = {
             name: part[near] for name, part in vars(self).items() if isinstance(part, np.ndarray)
         }
         return replace(self, **by_fix)
@@ -376,11 +400,35 @@ class Solution:
             for s, name in enumerate(i.names)
         }
 
+    def plot(self, what: str | None = None, reference: Trajectory | None = None) -> go.Figure:
+        """A figure of the report page as a plotly Figure, which can be changed: "track", "attitude",
+        "errors" or any other name; a wrong one is told with all that there are.
+
+        what: by default the track, of a filter of attitude alone the attitude; reference: what errors
+        are taken against (default: that of the recording it was made of). Raises DataError.
+        """
+        from .notebook.plots import of_solution
+
+        return of_solution(self, what, reference)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Its `table` with dates as the index where the clock is absolute; units and names of the CF
+        conventions stand in `attrs`."""
+        from .notebook.labelled import solution_frame
+
+        return solution_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """xarray Dataset over time and fixes, as the NetCDF file has it: units and names of the CF
+        conventions, dates where the clock is absolute. Raises DataError where xarray is missing."""
+        from .notebook.labelled import solution_dataset
+
+        return solution_dataset(self)
+
     def _repr_html_(self) -> str:
-        first, *more = (escape(line) for line in self.verdict.lines)
-        said = "".join(f"<br>{line}" for line in more)
-        rows = self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
-        return f"<p><b>Verdict: {first}</b>{said}</p><p>{escape(repr(self))}</p>{rows}"
+        from .notebook.cards import of_solution
+
+        return of_solution(self)
 
     def __repr__(self) -> str:
         fixes = ", ".join(

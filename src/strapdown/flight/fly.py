@@ -149,6 +149,11 @@ class Flight:
     # segments as the autopilot flies them, see autopilot.py
     route: Array = field(compare=False)
 
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card
+
+        return card(repr(self), {}, self.solution._repr_html_())
+
     def __repr__(self) -> str:
         end = (
             str(self.stopped)

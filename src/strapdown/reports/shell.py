@@ -19,6 +19,8 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inli
 """Content security policy: a browser then refuses any request, whatever a script should try."""
 USUAL_HEIGHT = 450
 """px of a figure that does not say its own, which is plotly's."""
+FRAME_HEIGHT = 700
+"""px of a page in a cell of a notebook."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,14 @@ class Page:
         """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
         with replacing(path) as part:
             part.write_text(self.html, encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        """The page in a frame of its own, where its scripts run and reach nothing else."""
+        return (
+            f"<iframe sandbox='allow-scripts' title='report' style='width:100%;height:"
+            f"{FRAME_HEIGHT}px;border:1px solid rgba(128,128,128,.4);border-radius:8px' "
+            f'srcdoc="{escape(self.html)}"></iframe>'
+        )
 
     def __repr__(self) -> str:
         return f"Page({len(self.html) / 1e6:.1f} MB of HTML; .save(path) writes it)"

@@ -152,6 +152,14 @@ class Advice:
     def __str__(self) -> str:
         return "\n".join(sentences(self))
 
+    def __repr__(self) -> str:
+        return f"Advice({self.answer}: {self.imu.name}, {self.scenario.name})"
+
+    def _repr_html_(self) -> str:
+        from ...notebook.cards import card, lines
+
+        return card("Advice", {}, lines(sentences(self)))
+
 
 def advise(
     imu: File | ImuSpec,
