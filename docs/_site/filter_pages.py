@@ -95,7 +95,9 @@ def rows(text: str) -> list[list[str]]:
 def section(page: Path, heading: str) -> str:
     """What stands below a heading of an evidence page, to the next one of any level."""
     text = page.read_text(encoding="utf-8")
-    return re.split(r"^#+ ", text.rpartition(f"# {heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[0]
+    return re.split(r"^#+ ", text.rpartition(f"# {heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[
+        0
+    ]
 
 
 def options(name: str, filter: Filter) -> list[str]:
@@ -150,7 +152,9 @@ def recorded(name: str) -> list[str]:
     head, *found = rows(section(EVIDENCE / "every-filter.md", "Every filter on every recording"))
     row = next((row for row in found if row[0] == name), None)
     if row is None:
-        return ["It does not run in [every filter on every recording](../evidence/every-filter.md)."]
+        return [
+            "It does not run in [every filter on every recording](../evidence/every-filter.md)."
+        ]
     lines = [
         "Rms errors: horizontal / vertical position; velocity; roll / pitch / heading, of BROAD "
         "inclination / heading ([all filters](../evidence/every-filter.md), "
@@ -215,9 +219,7 @@ def page(name: str) -> str:
         ("[eight runs at a time](../../explanation/lanes.md)", yes(filter.lanes)),
     ]
     if filter.columns:
-        facts.append(
-            ("columns of its own", ", ".join(f"`{column}`" for column in filter.columns))
-        )
+        facts.append(("columns of its own", ", ".join(f"`{column}`" for column in filter.columns)))
     facts += [("after", filter.reference), ("explained in", explanation(name))]
     parts = [
         f"# {name}",
@@ -268,7 +270,9 @@ def stale() -> list[str]:
         if not path.exists() or path.read_text(encoding="utf-8") != text
     ]
     more = set(FOLDER.glob("*.md")) - set(should)
-    return lines + [f"{path.relative_to(ROOT)}: no filter has this name; remove it" for path in more]
+    return lines + [
+        f"{path.relative_to(ROOT)}: no filter has this name; remove it" for path in more
+    ]
 
 
 def main() -> None:
