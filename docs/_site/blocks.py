@@ -1,1 +1,25 @@
-def stale(): return []
+"""Texts in the pages that commands write: which are stale. What is quick is made again and
+compared; what comes from a long study has a digest in its mark."""
+
+import filter_pages
+import lists
+from pages import ROOT, every
+
+from strapdown_reproductions.common import markdown
+
+
+def edited() -> list[str]:
+    """A line for each text of a study that is not the one the study wrote."""
+    pages = [path for path in every() if path.suffix == ".md"]
+    return [
+        f"{page.relative_to(ROOT)}: {mark} was edited by hand; run "
+        f"`strapdown reproduce {mark.rpartition(' ')[2]} --out DIR` and "
+        f"`python -m strapdown_reproductions.common.write_docs {mark.rpartition(' ')[2]} DIR`"
+        for page in pages
+        for mark in markdown.edited(page.read_text(encoding="utf-8"))
+    ]
+
+
+def stale() -> list[str]:
+    """A line for each stale text, with its page and the command that writes it."""
+    return [*filter_pages.stale(), *lists.stale(), *edited()]

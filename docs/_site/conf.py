@@ -1,4 +1,4 @@
-"""What Sphinx is told. `build.py` stages the pages and runs it: `make docs`."""
+"""What Sphinx is told. `make_site.py` stages the pages and runs it: `make docs`."""
 
 import os
 import sys

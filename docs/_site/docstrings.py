@@ -18,25 +18,37 @@ def parameters(value: Any) -> list[str]:
     return [name for name in found if name not in ("self", "cls")]
 
 
+def meanings(text: str, names: Sequence[str]) -> dict[str, str]:
+    """{parameter: what a docstring says of it}; only of those that it explains one by one."""
+    found: dict[str, str] = {}
+    for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(text)):
+        _, items, _ = _split(" ".join(paragraph.split()), names)
+        found |= {name: said for each, said in items for name in re.split(", | and ", each)}
+    return found
+
+
 def with_list(text: str, names: Sequence[str]) -> str:
     """One paragraph, what it says of parameters as a list; the sentences before and behind stay
     prose."""
-    if not names:
+    said, items, rest = _split(text, names)
+    if not items:
         return text
-    one = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
-    heads = list(re.finditer(rf"(?:^|(?<=[.;)] ))((?:{one})(?:(?:, | and )(?:{one}))*): ", text))
-    if not heads:
-        return text
-    said = text[: heads[0].start()].strip()
-    ends = [head.start() for head in heads[1:]] + [len(text)]
-    items = [
-        (head[1], text[head.end() : end].strip().rstrip(";")) for head, end in zip(heads, ends)
-    ]
-    name, last = items[-1]
-    last, rest = _sentence(last)
-    items[-1] = (name, last)
-    listed = "\n".join(f"- ``{name}``: {meaning.rstrip('.')}" for name, meaning in items)
+    listed = "\n".join(f"- ``{name}``: {meaning}" for name, meaning in items)
     return "\n\n".join(part for part in (said, listed, rest) if part)
+
+
+def _split(text: str, names: Sequence[str]) -> tuple[str, list[tuple[str, str]], str]:
+    """(sentences before, [(name or names, meaning)], sentences behind) of one paragraph."""
+    one = "|".join(map(re.escape, sorted(names, key=len, reverse=True))) or "(?!)"
+    heads = list(re.finditer(rf"(?:^|(?<=[.;:)] ))((?:{one})(?:(?:, | and )(?:{one}))*): ", text))
+    if not heads:
+        return text, [], ""
+    ends = [head.start() for head in heads[1:]] + [len(text)]
+    items = [(head[1], text[head.end() : end].strip()) for head, end in zip(heads, ends)]
+    last, rest = _sentence(items[-1][1])
+    items[-1] = (items[-1][0], last)
+    kept = [(name, meaning.rstrip(";.")) for name, meaning in items]
+    return text[: heads[0].start()].strip(), kept, rest
 
 
 def _sentence(text: str) -> tuple[str, str]:
@@ -60,7 +72,9 @@ def _escaped(text: str) -> str:
     """`code` as ``code``; outside it, stars, bars and underscores that are no markup."""
     parts = re.split(r"(`+[^`]*`+)", text)
     return "".join(
-        f"``{part.strip('`')}``" if part[:1] == "`" else re.sub(r"([*|\\])|_(?=\W|$)", r"\\\g<0>", part)
+        f"``{part.strip('`')}``"
+        if part[:1] == "`"
+        else re.sub(r"([*|\\])|_(?=\W|$)", r"\\\g<0>", part)
         for part in parts
     )
 

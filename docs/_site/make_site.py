@@ -1,6 +1,6 @@
 """The documentation as a site that needs no network: `make docs`, or
 
-    python docs/_site/build.py OUT
+    python docs/_site/make_site.py OUT
 
 Checks what commands have written into the pages, makes the pages of the gallery, stages the pages
 in build/docs and runs Sphinx. What is stale or leads nowhere ends it with a line that names it.
