@@ -67,7 +67,7 @@ def test_error_figures_show_true_minus_estimate_and_three_sigma():
     figure = figures.position(SOLUTION, TRUTH)
     e = metrics.errors(SOLUTION, TRUTH)
     assert np.allclose(
-        trace(figure, "error (true - estimate)").y, e.position[:, 0], rtol=1e-5, atol=1e-5
+        trace(figure, "error (true - estimate)").y, e.position[:, 0], rtol=1e-4, atol=1e-4
     )
     assert np.nanmax(trace(figure, "±3σ", "y3").y) == pytest.approx(
         3 * SOLUTION.trajectory.sd[:, 2].max(), rel=1e-5
@@ -81,8 +81,8 @@ def test_error_figures_show_true_minus_estimate_and_three_sigma():
     assert np.allclose(
         trace(figures.attitude(SOLUTION, TRUTH), "error (true - estimate)", "y3").y,
         np.degrees(e.rph[:, 2]),
-        rtol=1e-5,
-        atol=1e-5,
+        rtol=1e-4,
+        atol=1e-4,
     )
 
 
@@ -279,7 +279,7 @@ def test_runs_with_unknown_rows_and_clock_times_are_drawn():
                 np.array([axis.range for axis in (figure.layout.xaxis, figure.layout.yaxis)], float)
             )
         )
-    assert figures.sigma(lost).layout.xaxis3.title.text == "time since 1700000000 s [s]"
+    assert figures.sigma(lost).layout.xaxis6.title.text == "time since 1700000000 s [s]"
 
 
 @pytest.mark.parametrize(

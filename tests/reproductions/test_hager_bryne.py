@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from browser import CHROMIUM
+from pages import own
 from test_hager_bryne_claims import world
 
 from strapdown.engine.batch import fuse
@@ -18,6 +19,7 @@ from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.scoring import ERROR_GROUPS
 from strapdown.experiments.monte_carlo.study import SCALARS, seeds, simulator
 from strapdown.geodesy import displacement
+from strapdown.reports.shell import Page
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
@@ -178,7 +180,7 @@ def test_nothing_runs_twice(out, claims, monkeypatch):
 
 def figures_of(out):
     """[(heading, figure as plotly reads it)] of the page."""
-    html = (out / "index.html").read_text()
+    html = own(Page((out / "index.html").read_text(encoding="utf-8")))
     data = re.findall(r"<script type='application/json' id=data-p\d+>(.*?)</script>", html)
     headings = re.findall(r"<h3>(Figure .*?)</h3>", html)
     assert len(data) == len(headings) > 10

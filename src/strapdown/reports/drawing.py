@@ -1,11 +1,11 @@
-"""What all figures share: thinning long runs, the frame of an axis, bands, shading of gaps and
-events, layout."""
+"""What all figures share: colours of solutions, thinning long runs, the frame of an axis, bands,
+shading of gaps and events, layout."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -18,11 +18,16 @@ from ..geodesy import displacement
 from ..time_scales import utc
 from ..typing import Array, ArrayLike, Ints
 
-MOST_POINTS = 2000
+MOST_POINTS = 1500
 """Points per line at most. Longer runs keep the smallest and the largest value of each of
 MOST_POINTS/2 stretches, so that no peak is lost."""
-COLOURS = ("#3b7dd8", "#e8710a", "#2f9e44", "#9c4dcc", "#c2255c", "#0b8a8f")
-"""Of solutions, and of north, east, down."""
+BAND_POINTS = 500
+"""Points per edge of a band at most: bands change slowly, and are read for their size."""
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Of solutions, and of north, east, down: those of Okabe and Ito, which the colour-blind tell
+apart."""
+DASHES = ("solid", "dash", "dashdot")
+"""Of lines of solutions, from one round of the colours to the next."""
 GREY, RED = "#868e96", "#e03131"
 SHADES = {
     BRIDGED: "rgba(240,180,0,0.22)",
@@ -31,6 +36,12 @@ SHADES = {
 }
 WITHHELD = "rgba(59,125,216,0.13)"
 """Of the windows whose fixes were withheld."""
+OUTAGE = "rgba(134,142,150,0.18)"
+"""Of the stretches without an accepted fix of the position."""
+OUTAGE_INTERVALS = 3.0
+"""So many usual intervals between accepted fixes of the position are an outage."""
+SHADED_BANDS = 2
+"""The bands of at most so many solutions are shaded; of more, dotted lines are drawn."""
 MARKED = 20
 """At most this many events and status stretches of each kind are drawn; the page lists all
 events."""
@@ -199,10 +210,49 @@ def origin(t: Array) -> float:
 
 
 def column(values: ArrayLike) -> Array | NDArray[np.float32]:
-    """As it goes into the page: 4 bytes a number are enough for a screen, unless times are
-    large."""
+    """As it goes into the page: 4 bytes a number are enough for a screen, unless numbers are
+    large; the last of their bits, finer than anybody can see, are 0, so that pages pack well.
+
+    A number keeps 1/262144 of what the column spans, or 1/4096 of its own where that is finer.
+    """
     values = np.asarray(values, float)
-    return values if peak(values) > 1e5 else values.astype(np.float32)
+    low, high = extent(values)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        finest = np.minimum((high - low) / 262144, np.abs(values) / 4096)
+        step = np.exp2(np.floor(np.log2(finest)))
+        kept = np.where(step > 0, np.rint(values / step) * step, values)
+    return kept if peak(values) > 1e5 else kept.astype(np.float32)
+
+
+class Shown(NamedTuple):
+    """A solution in a figure."""
+
+    name: str
+    solution: Solution
+    colour: str
+    dash: str
+    alone: bool  # no other stands on the page
+
+    def label(self, alone: str = "estimate") -> str:
+        """Its name in the legend, or what it is called where there is no other."""
+        return alone if self.alone else self.name
+
+
+def each(solutions: Solution | Mapping[str, Solution]) -> list[Shown]:
+    """Those with rows of a Solution or of {name: Solution}, in the colours that they have in every
+    figure."""
+    named = {"": solutions} if isinstance(solutions, Solution) else solutions
+    styles = [(colour, dash) for dash in DASHES for colour in COLOURS]
+    return [
+        Shown(name, solution, *styles[i % len(styles)], len(named) == 1)
+        for i, (name, solution) in enumerate(named.items())
+        if len(solution.t)
+    ]
+
+
+def faint(colour: str, opacity: float) -> str:
+    """A colour "#rrggbb" that lets others shine through."""
+    return f"rgba({','.join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5))},{opacity})"
 
 
 def line(
@@ -214,11 +264,16 @@ def line(
     row: int = 1,
     legend: bool | None = None,
     rank: int = 1000,
+    unit: str = "",
+    sd: Array | None = None,
+    most: int = MOST_POINTS,
     **style: str | float,
 ) -> None:
-    """One thinned line; `rank` is its place in the legend, where it is shown if `legend` says
-    so, by default in the first row."""
-    keep = thin(y)
+    """One thinned line of `most` points; `rank` is its place in the legend, where it is shown if
+    `legend` says so, by default in the first row. The pointer shows its value with the unit, and
+    with the standard deviations `sd` where there are any."""
+    keep = thin(y, most)
+    claimed = sd is not None and bool(np.isfinite(sd).any())
     figure.add_trace(
         go.Scatter(
             x=column(t[keep]),
@@ -229,43 +284,101 @@ def line(
             legendrank=rank,
             showlegend=row == 1 if legend is None else legend,
             line={"color": colour, "width": 1.4, **style},
-            hovertemplate="%{y:.4g}",
+            hovertemplate=f"%{{y:.4g}}{' ± %{customdata:.2g}' if claimed else ''} {escape(unit)}".rstrip(),
+            customdata=column(_two_digits(sd[keep])) if sd is not None and claimed else None,
         ),
         row=row,
         col=1,
     )
 
 
+def _two_digits(values: Array) -> Array:
+    """The values to a 64th of themselves, which is enough for a number that two digits are shown
+    of."""
+    mantissa, exponent = np.frexp(values)
+    return np.ldexp(np.rint(mantissa * 128) / 128, exponent)
+
+
 def band(
-    figure: go.Figure, t: Array, centre: Array, half: Array, row: int = 1, name: str = "±3σ"
+    figure: go.Figure,
+    t: Array,
+    centre: Array,
+    half: Array,
+    row: int = 1,
+    name: str = "±3σ",
+    colour: str = GREY,
+    group: str | None = None,
+    shaded: bool = True,
 ) -> None:
-    """A shaded band of `half` to both sides of `centre`, a polygon per stretch without NaN;
-    nothing where nothing is claimed."""
+    """A band of `half` to both sides of `centre`, a polygon per stretch without NaN, or its two
+    edges as dotted lines; nothing where nothing is claimed. group: name of the line whose entry of
+    the legend it belongs to; without, it has its own."""
     half = np.where(np.isfinite(centre), half, np.nan)
-    keep = thin(half)
+    keep = thin(half, BAND_POINTS)
     t, centre, half = t[keep], centre[keep], half[keep]
     x, y = [], []
     known = np.ma.masked_invalid(half)
     for stretch in np.ma.clump_unmasked(known):  # type: ignore[no-untyped-call]  # numpy's stub
-        x += [t[stretch], t[stretch][::-1], [np.nan]]
-        y += [(centre + half)[stretch], (centre - half)[stretch][::-1], [np.nan]]
-    if x:
-        figure.add_trace(
-            go.Scatter(
-                x=column(np.concatenate(x)),
-                y=column(np.concatenate(y)),
-                name=name,
-                legendgroup=name,
-                mode="lines",
-                fill="toself",
-                fillcolor="rgba(134,142,150,0.22)",
-                line={"color": GREY, "width": 0.7},
-                showlegend=row == 1,
-                hoverinfo="skip",
-            ),
-            row=row,
-            col=1,
-        )
+        above, below = (centre + half)[stretch], (centre - half)[stretch]
+        parts = [above, below[::-1]] if shaded else [above, [np.nan], below]
+        back = [t[stretch][::-1]] if shaded else [[np.nan], t[stretch]]
+        x += [t[stretch], *back, [np.nan]]
+        y += [*parts, [np.nan]]
+    if not x:
+        return
+    filled = (
+        {"fill": "toself", "fillcolor": faint(colour, 0.22 if colour == GREY else 0.12)}
+        if shaded
+        else {}
+    )
+    edge = {"width": 0.7} if shaded else {"width": 1, "dash": "dot"}
+    figure.add_trace(
+        go.Scatter(
+            x=column(np.concatenate(x)),
+            y=column(np.concatenate(y)),
+            name=escape(name),
+            legendgroup=group or name,
+            mode="lines",
+            line={"color": colour, **edge},
+            showlegend=row == 1 and group is None,
+            hoverinfo="skip",
+            **filled,
+        ),
+        row=row,
+        col=1,
+    )
+
+
+def marks(
+    figure: go.Figure,
+    t: Array,
+    values: Array,
+    name: str,
+    style: Mapping[str, Any],
+    row: int = 1,
+    unit: str = "",
+) -> None:
+    """The known values as marks, thinned at even steps; in the legend where the name is not there
+    yet."""
+    chosen = np.flatnonzero(np.isfinite(values))
+    chosen = chosen[even(len(chosen))]
+    if not len(chosen):
+        return
+    new = escape(name) not in {trace.name for trace in figure.data}
+    figure.add_trace(
+        go.Scatter(
+            x=column(t[chosen]),
+            y=column(values[chosen]),
+            name=escape(name),
+            mode="markers",
+            marker=style,
+            legendgroup=name,
+            showlegend=new,
+            hovertemplate=f"%{{y:.4g}} {escape(unit)}".rstrip(),
+        ),
+        row=row,
+        col=1,
+    )
 
 
 def path(
@@ -274,9 +387,13 @@ def path(
     name: str,
     mode: str = "lines",
     hovertemplate: str = "%{x:.1f} m east, %{y:.1f} m north",
+    t: Array | None = None,
     **style: Any,
 ) -> None:
-    """Places (n, 2), east and north in metres, as a line or as marks."""
+    """Places (n, 2), east and north in metres, as a line or as marks; `t` (n,) s, their times, to
+    find the place of a time by."""
+    if t is not None:
+        style["customdata"], hovertemplate = column(t), hovertemplate + ", %{customdata:.1f} s"
     figure.add_trace(
         go.Scatter(
             x=column(places[:, 0]),
@@ -289,15 +406,20 @@ def path(
     )
 
 
-def ground(lla: Array, start: Array) -> Array:
-    """(n, 2) east and north of `start`, m, longitude unwrapped so that a track may cross the
+def east_north_up(lla: Array, start: Array) -> Array:
+    """(n, 3) east, north and up of `start`, m, longitude unwrapped so that a track may cross the
     antimeridian."""
-    return displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0]]
+    return displacement(lla, np.broadcast_to(start, lla.shape))[:, [1, 0, 2]] * [1, 1, -1]
+
+
+def ground(lla: Array, start: Array) -> Array:
+    """(n, 2) east and north of `start`, m, as `east_north_up`."""
+    return east_north_up(lla, start)[:, :2]
 
 
 def corners(places: Array) -> Array:
-    """(2, 2) smallest and largest east and north of places (n, 2)."""
-    return np.array([extent(places[:, 0]), extent(places[:, 1])]).T
+    """(2, k) smallest and largest values of the columns of places (n, k)."""
+    return np.array([extent(column) for column in places.T]).T
 
 
 def seen_from_above(figure: go.Figure, box: Array, share: float) -> go.Figure:
@@ -320,22 +442,31 @@ def metres(value: float) -> str:
     return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
 
 
-def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Figure:
-    """Label the time axis, shade gaps and windows of withheld fixes, and mark the events of a
-    solution, numbered as the page lists them."""
+def time_axis(
+    figure: go.Figure,
+    solutions: Solution | Mapping[str, Solution] | Sequence[Shown],
+    zero: float = 0.0,
+) -> go.Figure:
+    """Label the time axis, shade gaps, outages and windows of withheld fixes, and mark the events
+    of a solution, or of all of {name: Solution}, numbered as the page lists them: in the
+    solution's colour where they are not the same of all."""
+    shown = each(solutions) if isinstance(solutions, (Solution, Mapping)) else solutions
+    first = shown[0].solution
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
-    if "epoch" in solution.meta:
-        start = utc(solution.meta["epoch"], [zero])[0]
+    figure.layout.meta["time"] = zero
+    if "epoch" in first.meta:
+        start = utc(first.meta["epoch"], [zero])[0]
         label += f", from {str(start)[:19].replace('T', ' ')} UTC on"
-        # page.js writes UTC below the numbers
+        # figures.js writes UTC below the numbers
         figure.layout.meta["clock"] = int(start.astype("M8[ms]").astype(np.int64))
         figure.update_layout(margin_b=62)
     rows = max(
         (int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1
     )
     figure.update_xaxes(title_text=label, row=rows, col=1)
-    begin, end = float(solution.t[0]), float(solution.t[-1])
-    figure.update_xaxes(range=[begin - zero, end - zero])
+    begin = min(float(one.solution.t[0]) for one in shown)
+    end = max(float(one.solution.t[-1]) for one in shown)
+    figure.update_xaxes(range=[begin - zero, end - zero], unifiedhovertitle={"text": "%{x:.2f} s"})
     panel = {"xref": "x", "yref": "paper"}
 
     def upright(kind: str, start: float, stop: float, **style: Any) -> dict[str, Any]:
@@ -349,30 +480,77 @@ def time_axis(figure: go.Figure, solution: Solution, zero: float = 0.0) -> go.Fi
             **style,
         }
 
-    shades = [(start, stop, SHADES[status]) for start, stop, status in stretches(solution)] + [
-        (max(start, begin), min(stop, end), WITHHELD)
-        for start, stop in solution.meta.get("withheld", ())
-        if max(start, begin) < min(stop, end)
-    ]
-    marked = [t for t, _ in solution.events[:MARKED]]
+    shades = dict.fromkeys(shade for one in shown for shade in _shades(one.solution))
     shapes = [
         upright("rect", start, stop, fillcolor=colour, line={"width": 0}, layer="below")
         for start, stop, colour in shades
-    ] + [upright("line", t, t, line={"width": 1, "dash": "dot", "color": GREY}) for t in marked]
-    texts = [
-        {
-            "x": t - zero,
-            "y": 0,
-            **panel,
-            "text": str(number),
-            "showarrow": False,
-            "yanchor": "bottom",
-            "xanchor": "left",
-            "font": {"size": 10, "color": GREY},
-        }
-        for number, t in enumerate(marked, start=1)
     ]
+    marked: dict[tuple[tuple[float, str], ...], str] = {}
+    for one in shown:
+        marked.setdefault(one.solution.events, one.colour)
+    texts = []
+    for events, colour in marked.items():
+        colour = GREY if len(marked) == 1 else colour
+        for number, (t, _) in enumerate(events[:MARKED], start=1):
+            shapes.append(upright("line", t, t, line={"width": 1, "dash": "dot", "color": colour}))
+            texts.append(
+                {
+                    "x": t - zero,
+                    "y": 0,
+                    **panel,
+                    "text": str(number),
+                    "showarrow": False,
+                    "yanchor": "bottom",
+                    "xanchor": "left",
+                    "font": {"size": 10, "color": colour},
+                }
+            )
     return figure.update_layout(shapes=shapes, annotations=texts)
+
+
+def _shades(solution: Solution) -> list[tuple[float, float, str]]:
+    """[(start, stop, colour)] of what is shaded of a solution."""
+    begin, end = float(solution.t[0]), float(solution.t[-1])
+    withheld = [
+        (max(start, begin), min(stop, end))
+        for start, stop in solution.meta.get("withheld", ())
+        if max(start, begin) < min(stop, end)
+    ]
+    told = [(start, stop, SHADES[status]) for start, stop, status in stretches(solution)]
+    told += [(*window, WITHHELD) for window in withheld]
+    return told + [
+        (start, stop, OUTAGE)
+        for start, stop in outages(solution)
+        if not any(low < stop and start < high for low, high in withheld)
+    ]
+
+
+def outages(solution: Solution) -> list[tuple[float, float]]:
+    """[(start, stop)] s without an accepted fix of the position for longer than OUTAGE_INTERVALS
+    usual intervals, the longest first, at most MARKED; none of a solution without position, or
+    where no fix was accepted."""
+    fixes = solution.innovations
+    intervals, used = [], []
+    for i, name in enumerate(fixes.names):
+        own = fixes.source == i
+        if kind(solution, name) == "position" and own.sum() > 1:
+            intervals.append(float(np.median(np.diff(fixes.t[own]))))
+            used.append(fixes.t[own & fixes.accepted])
+    if not any(map(len, used)):
+        return []
+    edges = np.r_[solution.t[0], np.sort(np.concatenate(used)), solution.t[-1]]
+    found = [
+        (float(edges[i]), float(edges[i + 1]))
+        for i in np.flatnonzero(np.diff(edges) > OUTAGE_INTERVALS * min(intervals))
+    ]
+    return sorted(found, key=lambda span: span[0] - span[1])[:MARKED]
+
+
+def kind(solution: Solution, name: str) -> str:
+    """The kind of aiding behind a source: the solution says it in `meta["kinds"]`; by default
+    sources are named after it."""
+    kinds: dict[str, str] = solution.meta.get("kinds", {})
+    return kinds.get(name, name)
 
 
 def stretches(solution: Solution) -> list[tuple[float, float, int]]:

@@ -98,36 +98,43 @@ def _claimed(shown: Sequence[Solution]) -> str:
     return f"3σ of {', '.join(known)}"
 
 
-def _of_errors(part: str, draw: Draw) -> Draw:
-    """`draw` of the errors where their `part` is known."""
+def _of_errors(draw: Draw) -> Draw:
+    """`draw` of the errors where there is a reference."""
 
     def drawn(
-        solution: Solution,
+        solutions: dict[str, Solution],
         reference: Trajectory | None,
-        errors: Errors | None,
-        colour: str,
+        scores: dict[str, Errors],
         window: tuple[float, float] | None,
     ) -> go.Figure | None:
-        known = errors is not None and getattr(errors, part) is not None
-        return draw(solution, errors, colour, window) if known else None
+        return draw(solutions, scores, window) if scores else None
 
     return drawn
 
 
+def _scored(part: str, draw: Draw) -> Draw:
+    """`draw` of those solutions whose errors of that `part` are known."""
+
+    def drawn(
+        solutions: dict[str, Solution],
+        scores: dict[str, Errors],
+        window: tuple[float, float] | None,
+    ) -> go.Figure | None:
+        known = {name: e for name, e in scores.items() if getattr(e, part) is not None}
+        return draw(solutions, known, window) if known else None
+
+    return _of_errors(drawn)
+
+
 def _angles(
-    solution: Solution,
-    reference: Trajectory | None,
-    errors: Errors | None,
+    solutions: dict[str, Solution],
     scores: dict[str, Errors],
-    colour: str,
     window: tuple[float, float] | None,
 ) -> go.Figure | None:
     """The angles of the attitude error, where one solution of the page has no position."""
     if all(metrics.any_known(e.horizontal) for e in scores.values()):
         return None
-    return _of_errors("attitude", figures.attitude_angles)(
-        solution, reference, errors, colour, window
-    )
+    return figures.attitude_angles(solutions, scores, window)
 
 
 def _of_installation(name: str) -> Figure:
@@ -144,7 +151,7 @@ def _of_installation(name: str) -> Figure:
 
 INSTALLATION = "Installation"
 """Heading of the section of what of the installation was estimated, where a table stands first."""
-AS_ERRORS = ("errors", "colour", "window")
+AS_ERRORS = ("scores", "window")
 FIGURES: list[Figure] = [
     Figure(
         "track",
@@ -155,13 +162,26 @@ FIGURES: list[Figure] = [
         together=True,
     ),
     Figure(
-        "height", "Height", figures.height, "Above the WGS-84 ellipsoid.", "Track", together=True
+        "track-3d",
+        "In three dimensions",
+        figures.space,
+        "All axes to one scale: drag to turn, scroll to come closer.",
+        "Track",
+        together=True,
+    ),
+    Figure(
+        "height",
+        "Height",
+        figures.height,
+        "Above the WGS-84 ellipsoid. Dots are position fixes.",
+        "Track",
+        together=True,
     ),
     Figure(
         "horizontal-error",
         "Horizontal error",
         lambda all, reference, scores: figures.horizontal(all, scores) if scores else None,
-        _banded(slice(0, 2), "It should stay below what the filter claims."),
+        _banded(slice(0, 2), "It should stay below the dotted 3σ that the filter claims."),
         "Track",
         ("scores",),
         together=True,
@@ -169,23 +189,25 @@ FIGURES: list[Figure] = [
     Figure(
         "position-error",
         "Position error",
-        _of_errors("position", figures.position),
+        _scored("position", figures.position),
         _banded(POS, "With the ±3σ band that the filter claims."),
         "Errors",
         AS_ERRORS,
+        together=True,
     ),
     Figure(
         "velocity-error",
         "Velocity error",
-        _of_errors("velocity", figures.velocity),
+        _scored("velocity", figures.velocity),
         _banded(VEL, "With its ±3σ band."),
         "Errors",
         AS_ERRORS,
+        together=True,
     ),
     Figure(
         "attitude-error",
         "Attitude error",
-        _of_errors("attitude", figures.attitude),
+        _scored("rph", figures.attitude),
         _banded(
             ATT,
             "; ±3σ bands from the rotation vector, correlations neglected",
@@ -194,30 +216,30 @@ FIGURES: list[Figure] = [
         ),
         "Errors",
         AS_ERRORS,
+        together=True,
     ),
     Figure(
         "attitude-angles",
         "Angle of the attitude error",
-        _angles,
+        _of_errors(_angles),
         "Of the whole rotation, of the vertical, and about it: without signs, and alike in every "
         "attitude.",
         "Errors",
-        ("scores", *AS_ERRORS),
+        AS_ERRORS,
+        together=True,
     ),
     Figure(
         "position",
         "Position",
-        lambda s, reference, colour: (
-            figures.position(s, None, colour) if reference is None and s.has_position else None
-        ),
+        lambda all, reference: figures.position(all) if reference is None else None,
         _banded(POS, ", with ±3σ", "North and east from the start, and height", "."),
         "Motion",
-        ("colour",),
+        together=True,
     ),
     Figure(
         "heave",
         "Heave",
-        lambda s, reference, colour: figures.heave(s, colour, reference),
+        figures.heave,
         _banded(
             slice(2, 3),
             ", with ±3σ",
@@ -225,46 +247,47 @@ FIGURES: list[Figure] = [
             "; a reference about its own.",
         ),
         "Motion",
-        ("colour",),
+        together=True,
     ),
     Figure(
         "velocity",
         "Velocity",
-        lambda s, reference, colour: figures.velocity(s, None, colour, compare=reference),
+        lambda all, reference: figures.velocity(all, compare=reference),
         _banded(VEL, "With ±3σ."),
         "Motion",
-        ("colour",),
+        together=True,
     ),
     Figure(
         "attitude",
         "Attitude",
-        lambda s, reference, colour: figures.attitude(s, None, colour, compare=reference),
+        lambda all, reference: figures.attitude(all, compare=reference),
         _banded(ATT, "; with ±3σ", "Heading is clockwise from north", "."),
         "Motion",
-        ("colour",),
+        together=True,
     ),
     Figure(
         "sigma",
         _claimed,
-        lambda s, reference: figures.sigma(s),
+        lambda all, reference: figures.sigma(all),
         "Logarithmic axes: it falls with aiding and grows without.",
         "Claimed uncertainty",
+        together=True,
     ),
     Figure(
         "accel-bias",
         "Accelerometer bias",
-        lambda s, reference, colour: figures.accel_bias(s, colour),
+        lambda all, reference: figures.accel_bias(all),
         _banded(BA, ", with ±3σ", "In body axes, forward, right, down", "."),
         "Biases",
-        ("colour",),
+        together=True,
     ),
     Figure(
         "gyro-bias",
         "Gyro bias",
-        lambda s, reference, colour: figures.gyro_bias(s, colour),
+        lambda all, reference: figures.gyro_bias(all),
         _banded(BG, ", with ±3σ", "In body axes, forward, right, down", "."),
         "Biases",
-        ("colour",),
+        together=True,
     ),
     *(_of_installation(name) for name in (*estimable.OF_SOURCE, *estimable.OF_IMU)),
     Figure(

@@ -20,6 +20,7 @@ from .drawing import (
     RED,
     column,
     even,
+    kind,
     log_range,
     note,
     origin,
@@ -39,12 +40,6 @@ CAUSES = {
     "not known": "#495057",
 }
 """Colours of rejected fixes by their probable cause; none: chance."""
-
-
-def kind(solution: Solution, name: str) -> str:
-    """The kind of aiding behind a source: the solution says it in `meta["kinds"]`; by default
-    sources are named after it."""
-    return solution.meta.get("kinds", {}).get(name, name)
 
 
 def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:

@@ -21,9 +21,10 @@ from ..evaluation.metrics import Errors
 from ..io.solutions.solution_netcdf import plain
 from ..time_scales import span
 from . import summary
-from .drawing import COLOURS, MARKED, SHADES, WITHHELD
+from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
 from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
 from .installation_figures import installation_table
+from .playback import playback_bar
 from .shell import Page, listed, placed, shell
 from .verdict_block import verdict_block
 
@@ -70,7 +71,8 @@ def report(
     below = listed(_facts(solutions, window, facts))
     verdicts = verdict_block({name: solution.verdict for name, solution in solutions.items()})
     several, notes = len(solutions) > 1, tuple(draw.notes)
-    return shell(title, below, sections, footer, verdicts, wide=several, notes=notes)
+    bar = playback_bar(solutions)
+    return shell(title, below, sections, footer, verdicts, wide=several, notes=notes, bar=bar)
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:
@@ -89,6 +91,11 @@ def _key(solutions: Mapping[str, Solution]) -> str:
         (f"background:{SHADES[BRIDGED]}", "gap bridged"),
         (f"background:{SHADES[DOUBTFUL]}", "doubtful"),
         (f"background:{SHADES[INVALID]}", "not valid"),
+        *(
+            [(f"background:{OUTAGE}", "no position fix")]
+            if any(map(outages, solutions.values()))
+            else []
+        ),
         *(
             [(f"background:{WITHHELD}", "fixes withheld")]
             if any(solution.meta.get("withheld") for solution in solutions.values())
@@ -183,7 +190,7 @@ def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str
     for section in dict.fromkeys(figure.section for figure in figures):
         shown = [text for figure in figures if figure.section == section and (text := draw(figure))]
         if section == "Track" and shown:
-            pair = f"{shown[0]}<div>{''.join(shown[1:])}</div>"
+            pair = f"<div>{''.join(shown[:2])}</div><div>{''.join(shown[2:])}</div>"
             shown = [f"<div class='grid pair'>{pair}</div>"]
         if section == INSTALLATION and shown:
             shown.insert(0, installation_table(solutions))

@@ -3,20 +3,27 @@ nothing, and is written whole or not at all."""
 
 from __future__ import annotations
 
+import functools
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
+from html import escape, unescape
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..files import replacing
 from ..typing import File
+from .packing import deflated, packed
+from .script import plotly_script
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; font-src data:"
 """Content security policy: a browser then refuses any request, whatever a script should try."""
+DEFLATED = "application/x-deflate"
+"""Type of script elements that no browser runs, with what figures.js unpacks."""
+NO_SCRIPT = "<noscript><p class=note>The figures need JavaScript; the tables do not.</p></noscript>"
 USUAL_HEIGHT = 450
 """px of a figure that does not say its own, which is plotly's."""
 FRAME_HEIGHT = 700
@@ -56,34 +63,42 @@ def shell(
     style: str = "",
     wide: bool = False,
     notes: tuple[str, ...] = (),
+    bar: str = "",
 ) -> Page:
     """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is
-    text, `style` further CSS, `notes` are those of the Page.
+    text, `style` further CSS, `notes` are those of the Page, `bar` that of `playback_bar`.
 
-    Figures made by `placed` are drawn where there are any; a page without them does without plotly,
-    4 MB of script.
+    Figures made by `placed` are drawn by plotly, of whose script the page has what they use.
     """
     links = "".join(
         f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections)
     )
     body = "".join(
-        f"<section id=s{i}><h2>{escape(heading)}</h2>{text}</section>"
+        f"<section id=s{i}><details class=section open><summary><h2>{escape(heading)}</h2></summary>"
+        f"{text}</details></section>"
         for i, (heading, text) in enumerate(sections)
     )
-    scripts = ""
-    if "<div class=plot" in body:
-        from plotly.offline import get_plotlyjs
-
-        scripts = f"<script>{get_plotlyjs()}</script><script>{_shipped('page.js')}</script>"
+    kinds = frozenset(" ".join(re.findall("<div class=plot data-kinds='([^']*)'", body)).split())
+    scripts, parts = "", ["base.js"]
+    if kinds:
+        scripts = f"<script type='{DEFLATED}' id=plotly>{_plotly(kinds)}</script>{NO_SCRIPT}"
+        parts += ["figures.js", "linked.js", *(["playback.js"] if bar else [])]
+    scripts += f"<script>{''.join(map(_shipped, parts))}</script>"
     text = f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}"><title>{escape(title)}</title>
 <link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
-<header><div><h1>{escape(title)}</h1>{facts}</div></header><nav><div>{links}</div></nav><main>{introduction}{body}</main>
+<a class=skip href="#main">To the results</a><header><div><h1>{escape(title)}</h1>{facts}</div></header>
+<nav aria-label=Sections><div>{links}</div></nav><main id=main>{introduction}{body}</main>
 <footer>{escape(footer)}</footer>
-{scripts}</body></html>
+{bar if kinds else ""}{scripts}</body></html>
 """
     return Page(text, notes)
+
+
+@functools.lru_cache(8)
+def _plotly(kinds: frozenset[str]) -> str:
+    return deflated(plotly_script(kinds).encode())
 
 
 def _shipped(name: str) -> str:
@@ -97,13 +112,39 @@ def listed(facts: Mapping[str, object]) -> str:
 
 
 def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag: str = "") -> str:
-    """HTML of a plotly figure, the page's `number`-th; its data follow as JSON, in which plotly
-    writes no `<`. `tag` is HTML."""
+    """HTML of a plotly figure, the page's `number`-th, with its data. `tag` is HTML."""
     said = (figure.layout.meta or {}).get("notes", ())
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in said)
     below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+    content = figure.to_plotly_json()
+    kinds = dict.fromkeys(["scatter", *(trace.get("type", "scatter") for trace in content["data"])])
     return (
-        f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot id=p{number} "
+        f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot data-kinds='{' '.join(kinds)}' "
+        f"id=p{number} role=img tabindex=0 aria-label='{escape(_told(heading, content))}' "
         f"style='height:{figure.layout.height or USUAL_HEIGHT}px'></div>{below}{notes}"
-        f"<script type='application/json' id=data-p{number}>{figure.to_json()}</script></figure>"
+        f"<script type='{DEFLATED}' id=data-p{number}>{packed(content)}</script></figure>"
     )
+
+
+def _told(heading: str, content: Mapping[str, Any]) -> str:
+    """What a figure shows, for those who do not see it: its axes with their ranges, its lines."""
+    layout, told = content["layout"], [heading]
+    for letter, word in (("y", "up"), ("x", "across")):
+        axes = [axis for key, axis in layout.items() if re.fullmatch(f"{letter}axis[0-9]*", key)]
+        titles = [(axis.get("title") or {}).get("text") for axis in axes]
+        shown = [
+            f"{title}{_ranged(axis)}" for title, axis in zip(titles, axes) if isinstance(title, str)
+        ]
+        told += [f"{word}: {'; '.join(shown)}"] if shown else []
+    names = dict.fromkeys(trace["name"] for trace in content["data"] if trace.get("name"))
+    told += [f"shown: {', '.join(names)}"] if names else []
+    return re.sub("<[^>]*>", " ", unescape(". ".join(told)))
+
+
+def _ranged(axis: Mapping[str, Any]) -> str:
+    """` from 1 to 2`, where the axis says its range."""
+    low_high = axis.get("range")
+    if not low_high or axis.get("type") not in (None, "linear", "log"):
+        return ""
+    low, high = (10.0**end if axis.get("type") == "log" else end for end in low_high)
+    return f" from {low:.4g} to {high:.4g}"

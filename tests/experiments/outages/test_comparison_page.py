@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from browser import CHROMIUM, browse
 from compared import LIST, SWEEP, TRUTH, made
+from pages import own
 
 from strapdown.experiments.outages import figures
 from strapdown.experiments.outages.page import page
@@ -39,13 +40,6 @@ ALL = {
     "one filter": made({"alone": 3.0}),
     "one outage": made({"a": 1.0, "b": 2.0}, LIST[:1]),
 }
-
-
-def own(made_page):
-    """The page without plotly's script."""
-    from plotly.offline import get_plotlyjs
-
-    return made_page.html.replace(get_plotlyjs(), "")
 
 
 def drawn(html):
