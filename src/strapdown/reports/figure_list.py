@@ -142,10 +142,10 @@ def _of_installation(name: str) -> Figure:
     return Figure(
         f"installation-{name}",
         name.replace("-", " ").capitalize(),
-        lambda s, reference, colour: installation_figures.estimates(s, name, colour),
+        lambda all, reference: installation_figures.estimates(all, name),
         "True − given, with ±2σ; dashed: ±2σ of the prior.",
         INSTALLATION,
-        ("colour",),
+        together=True,
     )
 
 
@@ -158,14 +158,6 @@ FIGURES: list[Figure] = [
         "Seen from above",
         figures.track,
         "Dots are position fixes: the estimate plus its innovation.",
-        "Track",
-        together=True,
-    ),
-    Figure(
-        "track-3d",
-        "In three dimensions",
-        figures.space,
-        "All axes to one scale: drag to turn, scroll to come closer.",
         "Track",
         together=True,
     ),
@@ -184,6 +176,14 @@ FIGURES: list[Figure] = [
         _banded(slice(0, 2), "It should stay below the dotted 3σ that the filter claims."),
         "Track",
         ("scores",),
+        together=True,
+    ),
+    Figure(
+        "track-3d",
+        "In three dimensions",
+        figures.space,
+        "All axes to one scale: drag to turn, scroll to come closer.",
+        "Track",
         together=True,
     ),
     Figure(

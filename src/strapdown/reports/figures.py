@@ -88,7 +88,7 @@ def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     places = _Places.of(solutions, reference)
     if places is None:
         return None
-    figure = finish(go.Figure(), 480 if places.reference is None else 690)
+    figure = finish(go.Figure(), 690)
     figure.layout.meta["track"] = True
     first, paths = places.shown[0], places.paths
     for label, marker, t, seen in _fixes(first.solution, paths[0]):

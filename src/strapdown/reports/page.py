@@ -190,8 +190,8 @@ def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str
     for section in dict.fromkeys(figure.section for figure in figures):
         shown = [text for figure in figures if figure.section == section and (text := draw(figure))]
         if section == "Track" and shown:
-            pair = f"<div>{''.join(shown[:2])}</div><div>{''.join(shown[2:])}</div>"
-            shown = [f"<div class='grid pair'>{pair}</div>"]
+            pair = f"{shown[0]}<div>{''.join(shown[1:3])}</div>"
+            shown = [f"<div class='grid pair'>{pair}</div>", *shown[3:]]
         if section == INSTALLATION and shown:
             shown.insert(0, installation_table(solutions))
         yield "Estimates" if section == "Motion" and not scores else section, "".join(shown)
