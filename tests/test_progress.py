@@ -7,7 +7,7 @@ import pytest
 
 import strapdown as sd
 from strapdown import progress
-from strapdown.progress import bar_html, told, with_bar
+from strapdown.progress import bar_html, listener, with_bar
 from strapdown.sim.trajectory import demo_flight
 
 pytestmark = pytest.mark.short
@@ -40,12 +40,12 @@ def cells(monkeypatch):
 
 def test_a_function_given_is_told_and_nothing_else_is():
     done = []
-    told(done.append)(0.5)
-    told(None)(0.5)
-    told(False)(0.5)
+    listener(done.append)(0.5)
+    listener(None)(0.5)
+    listener(False)(0.5)
     assert done == [0.5]
     with pytest.raises(sd.DataError, match="progress is 'yes'; it must be True, or a function"):
-        told("yes")
+        listener("yes")
 
 
 def test_a_cell_shows_how_far_a_run_is_and_is_empty_at_the_end(cells):
@@ -58,7 +58,7 @@ def test_a_cell_shows_how_far_a_run_is_and_is_empty_at_the_end(cells):
 def test_a_bar_goes_where_the_call_fails(cells):
     @with_bar("doomed")
     def doomed(first, progress=None):
-        told(progress)(0.5)
+        listener(progress)(0.5)
         raise ValueError(first)
 
     with pytest.raises(ValueError, match="x"):

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from importlib import import_module
 from inspect import signature
 from time import perf_counter
 from typing import Any, ParamSpec, TypeVar
@@ -20,7 +21,7 @@ EARLY = 0.02
 """Fraction done below which nothing is said of the time left."""
 
 
-def told(progress: Progress | bool | None) -> Progress:
+def listener(progress: Progress | bool | None) -> Progress:
     """A function of the fraction done, 0 to 1: what was given as `progress`, or where that is None or
     False one that does nothing. Raises DataError where it is something else."""
     if callable(progress):
@@ -69,7 +70,7 @@ def bar(name: str) -> Iterator[Progress]:
             task = shown.add_task(name, total=1.0)
             yield lambda done: shown.update(task, completed=float(done))
     else:
-        yield told(None)
+        yield listener(None)
 
 
 def _in_notebook() -> bool:
@@ -81,22 +82,21 @@ def _in_notebook() -> bool:
 @contextmanager
 def _cell(name: str) -> Iterator[Progress]:
     """As `bar`, in the output of a cell; plain HTML, for rich wants widgets there."""
-    from IPython.display import HTML, display
-
+    ipython: Any = import_module("IPython.display")
     begun = perf_counter()
-    shown = display(HTML(bar_html(name, 0.0, 0.0)), display_id=True)
+    shown = ipython.display(ipython.HTML(bar_html(name, 0.0, 0.0)), display_id=True)
     last = begun
 
     def tell(done: float) -> None:
         nonlocal last
         if (now := perf_counter()) - last > STEP:
-            shown.update(HTML(bar_html(name, float(done), now - begun)))
+            shown.update(ipython.HTML(bar_html(name, float(done), now - begun)))
             last = now
 
     try:
         yield tell
     finally:
-        shown.update(HTML(""))
+        shown.update(ipython.HTML(""))
 
 
 def bar_html(name: str, done: float, elapsed: float) -> str:

@@ -15,7 +15,7 @@ from ..cross_checks.motion import Subject
 from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
-from ..progress import told, with_bar
+from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Array, Mask, Progress, Say
 from ..vehicle import GivenVehicle
@@ -99,7 +99,7 @@ def diagnose(
         recording,
         filter,
         Asked(options, imu, start, say=say, vehicle=vehicle, estimate=()),
-        told(progress),
+        listener(progress),
     ).diagnosis()
 
 
@@ -184,7 +184,7 @@ class _Runs:
         found = estimated(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
-    def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
+    def listener(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """What the last trial says of what was sought."""
         final = estimated(last, sought, self.way.centre)
         wrong, alone = self.surely(last, sought, final)

@@ -8,7 +8,7 @@ from ..alignment.completed import completed, left_open
 from ..checks import check_flag, check_number
 from ..core.contract import Filter, Noise, Start
 from ..data import Solution
-from ..progress import told, with_bar
+from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
@@ -73,7 +73,7 @@ def fuse(
             options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate
         ),
     )
-    run.complete(told(progress))
+    run.complete(listener(progress))
     return solution(run)
 
 

@@ -35,7 +35,7 @@ from ..core.contract import (
 from ..core.smoother import run_back, work_size
 from ..data import Solution
 from ..geodesy import displacement
-from ..progress import told, with_bar
+from ..progress import listener, with_bar
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
 from ..vehicle import GivenVehicle
@@ -103,7 +103,7 @@ def smooth(
     announce(kernels, "the smoother", say)
     for kernel in kernels:
         compile_kernel(kernel)
-    differences = both_ways(run, told(progress))
+    differences = both_ways(run, listener(progress))
     differences.tell(run)
     result = solution(run)
     result.meta["smoothed"] = True

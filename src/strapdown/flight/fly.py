@@ -19,7 +19,7 @@ from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
 from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
 from ..filters import names as filter_names
-from ..progress import with_bar
+from ..progress import listener, with_bar
 from ..recording import Recording
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
@@ -276,7 +276,7 @@ def fly(
     vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
     steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
     underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
-    _run(underway, model_noise, told(progress))
+    _run(underway, model_noise, listener(progress))
     return _flight(underway)
 
 

@@ -228,7 +228,7 @@ def _error(solution: Solution) -> str:
         north, east, down = found.position
         parts.append(f"horizontal {number(np.hypot(north, east))} m, height {number(down)} m")
     if found.velocity is not None:
-        parts.append(f"velocity {number(np.linalg.norm(found.velocity))} m/s")
+        parts.append(f"velocity {number(float(np.linalg.norm(found.velocity)))} m/s")
     if found.angles is not None:
         _, inclination, heading = np.degrees(found.angles)
         parts.append(f"inclination {number(inclination)} deg, heading {number(heading)} deg")

@@ -9,7 +9,7 @@ from ..aiding import find
 from ..checks import DataError, check_flag
 from ..core.contract import Filter, Start
 from ..engine.prepare import Asked, GivenImu, assumed_noise
-from ..progress import told, with_bar
+from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Progress, Say
 from ..vehicle import GivenVehicle
@@ -49,7 +49,7 @@ def tune(
     check_recording(recording)
     check_flag(correlated, "correlated")
     _check_sources(recording)
-    tell = told(progress)
+    tell = listener(progress)
     _, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, None, True)
     assert spec is not None  # it was needed
     asked = Asked(options, spec, start, say=say, vehicle=vehicle)

@@ -22,7 +22,7 @@ from ...diagnosis.findings import (
 from ...diagnosis.installation import ARM, CLOCK, applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
-from ...progress import told, with_bar
+from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
@@ -68,7 +68,7 @@ def calibrate_installation(
         )
     recording = with_estimates(recording, ())
     check_states(recording)
-    asking = Asking(filter, imu, vehicle, start, say, told(progress), options)
+    asking = Asking(filter, imu, vehicle, start, say, listener(progress), options)
     settled = settle(recording, asking)
     last = settled.last
     seen = as_states(

@@ -20,7 +20,7 @@ import pandas as pd
 from ...checks import DataError, check_choice, check_number
 from ...evaluation.consistency import Interval
 from ...files import replacing, together
-from ...progress import told, with_bar
+from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
 from ...spreadsheet import inert_table
@@ -215,7 +215,7 @@ def advise(
         say(_cost(study, maps, _missing_steps(begun) if folder else steps))
     clocks = perf_counter(), process_time()
 
-    tell = told(progress)
+    tell = listener(progress)
 
     def run(part: Study, name: str, first: int) -> Campaign:
         def report(done: float) -> None:

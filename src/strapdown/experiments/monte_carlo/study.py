@@ -17,7 +17,7 @@ from ...checks import DataError, check_number
 from ...core.contract import COMPILED, Filter
 from ...core.signatures import LANES
 from ...evaluation.consistency import Limits
-from ...progress import told, with_bar
+from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario
 from ...typing import File, Progress, Say
@@ -161,7 +161,7 @@ class Study:
                 else "; give tcp://HOST:PORT, or leave it out"
             )
             raise DataError(f"scheduler is {scheduler!r}{remedy}")
-        tell = told(progress)
+        tell = listener(progress)
         campaign = Campaign.begin(self, out)
         with campaign.locked():
             campaign.check()

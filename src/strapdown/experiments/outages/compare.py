@@ -20,7 +20,7 @@ from ...engine.heading_hypotheses import aligned
 from ...engine.installation import Estimate, with_estimates
 from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
 from ...engine.weighed import Adaptive, Robust, with_weights
-from ...progress import told, with_bar
+from ...progress import listener, with_bar
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress, Say
@@ -110,7 +110,7 @@ def compare(
     common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs, vehicle)
     for entrant in entrants:
         prepare(entrant.filter, [a.kind for a in recording.aidings], say)
-    ways, results = through(common, entrants, threads or cpu_count(), say, told(progress))
+    ways, results = through(common, entrants, threads or cpu_count(), say, listener(progress))
     return _comparison(common, made, entrants, ways, results, notes, reference, spec)
 
 
