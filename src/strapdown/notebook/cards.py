@@ -15,7 +15,7 @@ from ..evaluation import metrics
 from ..reports.summary import enumerated, fix_table, number, table
 from ..time_scales import span
 from ..typing import Array
-from ..verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict
+from ..verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,12 +66,10 @@ def lines(texts: Sequence[object]) -> str:
     return f"<ul>{items}</ul>" if texts else ""
 
 
-def frame(shown: pd.DataFrame, digits: int = 4) -> str:
+def frame(shown: pd.DataFrame) -> str:
     """HTML of a DataFrame, without its index; cells are escaped."""
     rows = shown.iloc[:MOST_LINES].itertuples(index=False)
-    cells = (
-        [f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in row] for row in rows
-    )
+    cells = ([number(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
     left = len(shown) - MOST_LINES
     return table(map(str, shown.columns), cells) + (
         f"<p>and {left} rows more</p>" if left > 0 else ""
@@ -93,8 +91,8 @@ def _verdict(verdict: Verdict, whose: str = "") -> str:
 
 
 def of_verdicts(verdicts: Mapping[str, Verdict]) -> str:
-    """HTML of the verdicts on {name: result} for a card."""
-    return "".join(_verdict(verdict, name) for name, verdict in verdicts.items())
+    """HTML of the verdicts on {name: result} for a card; results that agree share theirs."""
+    return "".join(_verdict(verdict, ", ".join(names)) for names, verdict in together(verdicts))
 
 
 def of_recording(recording: Recording) -> str:
@@ -230,7 +228,7 @@ def _error(solution: Solution) -> str:
         north, east, down = found.position
         parts.append(f"horizontal {number(np.hypot(north, east))} m, height {number(down)} m")
     if found.velocity is not None:
-        parts.append(f"velocity {number(np.linalg.norm(found.velocity))} m/s")
+        parts.append(f"velocity {number(float(np.linalg.norm(found.velocity)))} m/s")
     if found.angles is not None:
         _, inclination, heading = np.degrees(found.angles)
         parts.append(f"inclination {number(inclination)} deg, heading {number(heading)} deg")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,13 +55,13 @@ def sources(recording: Recording) -> go.Figure:
                 x=column(at - zero),
                 y=np.full(len(at), i),
                 mode="markers",
-                name=name,
+                name=escape(name),
                 marker={"symbol": "line-ns-open", "size": 13, "color": COLOURS[i % len(COLOURS)]},
                 showlegend=False,
                 hovertemplate="%{x:.2f} s",
             )
         )
-    names = [f"{name} ({len(t)})" for name, t in parts]
+    names = [f"{escape(name)} ({len(t)})" for name, t in parts]
     figure.update_yaxes(
         tickmode="array", tickvals=list(range(len(parts))), ticktext=names, autorange="reversed"
     )

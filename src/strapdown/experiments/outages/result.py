@@ -180,9 +180,10 @@ class Comparison:
         from ...notebook.labelled import need_xarray
 
         need_xarray()
-        made = self.to_pandas().to_xarray()
-        for name in set(made.data_vars) - {"said"}:
-            made[name].attrs["units"] = unit(name)
+        frame = self.to_pandas()
+        made = frame.to_xarray()
+        for name, text in frame.attrs["units"].items():
+            made[name].attrs["units"] = text
         return made.reindex(filter=list(self.filters))
 
     def _repr_html_(self) -> str:
