@@ -33,8 +33,9 @@ def staged(path: Path) -> Path:
     return Path(OUTSIDE) / path.relative_to(ROOT)
 
 
-def stage(source: Path) -> None:
-    """All pages, and the files that they lead to, into the folder `source`. What did not change
+def stage(source: Path, shown: Path) -> None:
+    """All pages, and the files that they lead to, into the folder `source`; `shown`
+    has the pages of the gallery. What did not change
     is not written, so that Sphinx reads what did."""
     todo, done, listed = every(), set(), set(reached())
     while todo:
@@ -48,7 +49,7 @@ def stage(source: Path) -> None:
             continue
         text = page.read_text(encoding="utf-8")
         text = LINK.sub(lambda link: _led(page, link, todo), text)
-        text = gallery.with_pictures(text) if page == gallery.PAGE else text
+        text = gallery.with_pictures(text, shown) if page == gallery.PAGE else text
         if page == DOCS / "reference" / "api.md":
             text = _with_names(text, source)
         orphan = "---\norphan: true\n---\n\n" * (page not in listed)
@@ -140,7 +141,7 @@ def main(out: str) -> int:
         return 1
     pages = gallery.make(WORK / "gallery")
     source, site = WORK / "source", Path(out)
-    stage(source)
+    stage(source, pages)
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-c", str(HERE), "-d"]
     command += [str(WORK / "doctrees"), "-W", "--keep-going", "-q", "-j", "auto"]
     environment = os.environ | {"STRAPDOWN_NOTEBOOKS": str(WORK / "notebooks")}
