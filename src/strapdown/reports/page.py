@@ -24,6 +24,7 @@ from . import summary
 from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
 from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
 from .installation_figures import installation_table
+from .occasions import occasions
 from .playback import playback_bar
 from .shell import Page, listed, placed, shell
 from .verdict_block import verdict_block
@@ -246,13 +247,7 @@ def _summary(
         )
     )
     parts += ["<h3>Read from the files</h3>", summary.listing(read)] if read else []
-    same: dict[tuple[str, ...], list[str]] = {}
-    for name, solution in solutions.items():
-        same.setdefault(tuple(summary.event_lines(solution)), []).append(name)
-    for events, names in same.items():
-        if events:
-            whose = f" of {escape(', '.join(names))}" if len(names) < len(solutions) else ""
-            parts += [f"<h3>Events{whose}</h3>", summary.listing(events, ordered=True)]
+    parts += [occasions(solutions)]
     return "".join(parts)
 
 

@@ -14,7 +14,6 @@ from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..filters import find
-from ..time_scales import utc
 from ..typing import Array
 
 LISTED = 500
@@ -313,21 +312,11 @@ def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors
     return table(head, rows) if rows else ""
 
 
-def event_lines(solution: Solution) -> list[str]:
-    """Time and text of the events, with UTC where the clock is absolute."""
-    t, epoch = np.array([t for t, _ in solution.events]), solution.meta.get("epoch")
-    clocks = [""] * len(t)
-    if epoch is not None:
-        clocks = [f" ({str(each)[11:21]} UTC)" for each in utc(epoch, t)]
-    return [f"{t:.2f} s{clock}: {text}" for (t, text), clock in zip(solution.events, clocks)]
-
-
-def listing(items: Sequence[object], ordered: bool = False) -> str:
+def listing(items: Sequence[object]) -> str:
     """A scrolling HTML list of texts, at most LISTED of them."""
-    tag = "ol" if ordered else "ul"
     more = [f"and {len(items) - LISTED} more"] if len(items) > LISTED else []
     return (
-        f"<{tag} class=list>"
+        "<ul class=list>"
         + "".join(f"<li>{escape(str(item))}</li>" for item in [*items[:LISTED], *more])
-        + f"</{tag}>"
+        + "</ul>"
     )
