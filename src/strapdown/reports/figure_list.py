@@ -13,13 +13,13 @@ from ..core.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from . import figures, fix_figures, installation_figures
+from . import figures, fix_figures, installation_figures, sensor_figures
 from .summary import claimed_sd
 
 Text: TypeAlias = str | Callable[[Sequence[Solution]], str]
 """A text, or what makes it of the solutions that it is about."""
 Draw: TypeAlias = Callable[..., go.Figure | None]
-TAKES = ("errors", "scores", "colour", "window")
+TAKES = ("errors", "scores", "colour", "window", "recording", "solutions")
 """What `Figure.takes` may name."""
 
 
@@ -42,9 +42,11 @@ class Figure(NamedTuple):
     section: str = "More figures"  # heading on the page under which it stands
     # what `draw` also takes, by name: "errors", the metrics.Errors of the solution or None;
     # "scores", {name: Errors} of all; "colour", of the solution on this page; "window", (start,
-    # stop) s that is scored or None
+    # stop) s that is scored or None; "recording", the Recording that they were made of, None where
+    # it is not known; "solutions", {name: Solution} of all
     takes: tuple[str, ...] = ()
-    # one figure of all solutions: `draw` gets {name: Solution} instead of a Solution
+    # one figure of all solutions: `draw` gets {name: Solution} instead of a Solution, and neither
+    # errors nor colour
     together: bool = False
 
 
@@ -149,6 +151,8 @@ def _of_installation(name: str) -> Figure:
     )
 
 
+SENSORS = "Sensors"
+"""Heading of the section of what the sensors read, where a table stands first."""
 INSTALLATION = "Installation"
 """Heading of the section of what of the installation was estimated, where a table stands first."""
 AS_ERRORS = ("scores", "window")
@@ -312,6 +316,34 @@ FIGURES: list[Figure] = [
         "Weight: the stated variance of a fix over that with which it was used. Noise: the standard "
         "deviations that a source was found to have, over those stated.",
         "Fixes",
+    ),
+    Figure(
+        "readings",
+        "Specific force and angular rate",
+        lambda all, reference, recording: sensor_figures.readings(recording, all),
+        "As read, biases included, in body axes, forward, right, down.",
+        SENSORS,
+        ("recording",),
+        together=True,
+    ),
+    Figure(
+        "spectra",
+        "Vibration",
+        lambda all, reference, recording: sensor_figures.spectra(recording),
+        "Power spectral density, one-sided, by Welch's method. Peaks are vibration; dashed is the "
+        "white noise of the grade of the IMU.",
+        SENSORS,
+        ("recording",),
+        together=True,
+    ),
+    Figure(
+        "intervals",
+        "Intervals",
+        lambda all, reference, recording: sensor_figures.intervals(recording, all),
+        "From sample to sample: what leaves the level is jitter or a gap.",
+        SENSORS,
+        ("recording",),
+        together=True,
     ),
     Figure(
         "extra",
