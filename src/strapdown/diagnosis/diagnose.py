@@ -184,7 +184,7 @@ class _Runs:
         found = estimated(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
 
-    def listener(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
+    def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
         """What the last trial says of what was sought."""
         final = estimated(last, sought, self.way.centre)
         wrong, alone = self.surely(last, sought, final)
