@@ -1,1 +1,2 @@
-def stale(): return []
+def stale():
+    return []

@@ -60,7 +60,9 @@ def _escaped(text: str) -> str:
     """`code` as ``code``; outside it, stars, bars and underscores that are no markup."""
     parts = re.split(r"(`+[^`]*`+)", text)
     return "".join(
-        f"``{part.strip('`')}``" if part[:1] == "`" else re.sub(r"([*|\\])|_(?=\W|$)", r"\\\g<0>", part)
+        f"``{part.strip('`')}``"
+        if part[:1] == "`"
+        else re.sub(r"([*|\\])|_(?=\W|$)", r"\\\g<0>", part)
         for part in parts
     )
 
