@@ -106,3 +106,12 @@ def test_a_docstring_lists_its_parameters():
     assert docstrings.meanings("Gains: k1 of f, k2. low_pass: s.", ["k1", "low_pass"]) == {
         "low_pass": "s"
     }
+
+
+@pytest.mark.deep
+def test_a_broken_link_fails_the_build_and_is_named(tmp_path):
+    for package in ("sphinx", "myst_nb", "furo", "sphinx_copybutton"):
+        pytest.importorskip(package)
+    (tmp_path / "index.md").write_text("# Site\n\n[away](nowhere.md)\n", encoding="utf-8")
+    done = make_site.sphinx(tmp_path, tmp_path / "out", tmp_path / "work")
+    assert done.returncode and "index.md:3" in done.stderr and "nowhere.md" in done.stderr

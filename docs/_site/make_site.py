@@ -132,6 +132,15 @@ def from_the_network(site: Path) -> list[str]:
     ]
 
 
+def sphinx(source: Path, site: Path, work: Path) -> subprocess.CompletedProcess[str]:
+    """Build the pages of `source` into `site`; a warning fails, and stands in `stderr`."""
+    command = [sys.executable, "-m", "sphinx", "-b", "html", "-c", str(HERE), "-d"]
+    command += [str(work / "doctrees"), "-W", "--keep-going", "-q", "-j", "auto"]
+    environment = os.environ | {"STRAPDOWN_NOTEBOOKS": str(work / "notebooks")}
+    run = [*command, str(source), str(site)]
+    return subprocess.run(run, env=environment, capture_output=True, text=True)
+
+
 def main(out: str) -> int:
     """Build into the folder `out`; the exit status."""
     began = time.monotonic()
@@ -142,12 +151,10 @@ def main(out: str) -> int:
     pages = gallery.make(WORK / "gallery")
     source, site = WORK / "source", Path(out)
     stage(source, pages)
-    command = [sys.executable, "-m", "sphinx", "-b", "html", "-c", str(HERE), "-d"]
-    command += [str(WORK / "doctrees"), "-W", "--keep-going", "-q", "-j", "auto"]
-    environment = os.environ | {"STRAPDOWN_NOTEBOOKS": str(WORK / "notebooks")}
-    status = subprocess.run([*command, str(source), str(site)], env=environment).returncode
-    if status:
-        return status
+    done = sphinx(source, site, WORK)
+    print(done.stderr, file=sys.stderr, end="")
+    if done.returncode:
+        return done.returncode
     shutil.copytree(pages, site / "gallery", dirs_exist_ok=True)
     found = from_the_network(site)
     print(*found, sep="\n", file=sys.stderr, end="\n" * bool(found))
