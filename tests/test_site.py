@@ -1,12 +1,12 @@
 """What the site of the documentation is made of: every page is in a table of contents, and what
 commands have written into the pages is what they would write now."""
 
-import blocks
+import doc_blocks as blocks
+import doc_lists as lists
+import doc_pages as pages
 import docstrings
 import filter_pages
-import lists
 import make_site
-import pages
 import pytest
 
 ROOT = pages.ROOT
@@ -66,7 +66,7 @@ def test_a_stale_list_is_named(monkeypatch):
     monkeypatch.setattr(lists, "output", lambda command: "another grade")
     assert lists.stale() == [
         "docs/reference/lists.md: its lists are not what the commands print; run "
-        "`python docs/_site/lists.py`"
+        "`python docs/_site/doc_lists.py`"
     ]
 
 

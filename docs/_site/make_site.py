@@ -14,9 +14,9 @@ import sys
 import time
 from pathlib import Path
 
-import blocks
+import doc_blocks as blocks
 import gallery
-from pages import DOCS, LINK, ROOT, children, every, reached, target
+from doc_pages import DOCS, LINK, ROOT, children, every, reached, target
 
 import strapdown
 
