@@ -1,12 +1,14 @@
 """What the site of the documentation is made of: every page is in a table of contents, and what
 commands have written into the pages is what they would write now."""
 
-import blocks
+import api_pages
+import doc_blocks as blocks
+import doc_lists as lists
+import doc_pages as pages
 import docstrings
 import filter_pages
-import lists
+import gallery
 import make_site
-import pages
 import pytest
 
 ROOT = pages.ROOT
@@ -38,13 +40,13 @@ def test_children_of_an_index_and_of_a_page_beside_a_folder(tmp_path, monkeypatc
     }.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text, encoding="utf-8")
-    found = {name: pages.children(tmp_path / name) for name in ("index.md", "sub/one.md")}
+    found = {name: list(pages.children(tmp_path / name)) for name in ("index.md", "sub/one.md")}
     assert found == {
         "index.md": [tmp_path / "sub" / "index.md"],
         "sub/one.md": [tmp_path / "sub" / "one" / "deep.md"],
     }
     below = pages.children(tmp_path / "sub" / "index.md")
-    assert below == [tmp_path / "sub" / "one.md", tmp_path.parent / "out.md"]
+    assert below == {tmp_path / "sub" / "one.md": "one", tmp_path.parent / "out.md": "out"}
 
 
 def test_nothing_in_the_pages_is_stale():
@@ -66,7 +68,7 @@ def test_a_stale_list_is_named(monkeypatch):
     monkeypatch.setattr(lists, "output", lambda command: "another grade")
     assert lists.stale() == [
         "docs/reference/lists.md: its lists are not what the commands print; run "
-        "`python docs/_site/lists.py`"
+        "`python docs/_site/doc_lists.py`"
     ]
 
 
@@ -106,3 +108,33 @@ def test_a_docstring_lists_its_parameters():
     assert docstrings.meanings("Gains: k1 of f, k2. low_pass: s.", ["k1", "low_pass"]) == {
         "low_pass": "s"
     }
+
+
+@pytest.mark.deep
+def test_a_broken_link_fails_the_build_and_is_named(tmp_path):
+    for package in ("sphinx", "myst_nb", "furo", "sphinx_copybutton"):
+        pytest.importorskip(package)
+    (tmp_path / "index.md").write_text("# Site\n\n[away](nowhere.md)\n", encoding="utf-8")
+    done = make_site.sphinx(tmp_path, tmp_path / "out", tmp_path / "work")
+    assert done.returncode and "index.md:3" in done.stderr and "nowhere.md" in done.stderr
+
+
+def test_every_public_name_has_a_page_and_what_examples_import_stands_on_one():
+    found = api_pages.pages()
+    assert {f"api/{name}.md" for name in api_pages.public()} == set(found) - {"api/modules.md"}
+    modules = found["api/modules.md"]
+    assert ".. currentmodule:: strapdown.sensor_models.gnss\n\n.. autoclass:: Gnss\n" in modules
+    assert "fuse\n" not in modules
+    text = api_pages.linked("| `fuse`, `__version__` | `fuse` runs |\n")
+    assert text.startswith("| [`fuse`](api/fuse.md), `__version__` | `fuse` runs |\n")
+
+
+@pytest.mark.short
+def test_the_gallery_shows_what_is_there_and_says_what_is_not(tmp_path):
+    (tmp_path / "demo.html").write_text("", encoding="utf-8")
+    text = gallery.with_pictures(gallery.PAGE.read_text(encoding="utf-8"), tmp_path)
+    assert text.count('<a class="gallery"') == 1 and "../gallery/demo.html" in text
+    assert text.count("Not made here") == len(gallery.shown()) - 1 >= 7
+    (tmp_path / "demo.png").write_bytes(b"")
+    text = gallery.with_pictures(gallery.PAGE.read_text(encoding="utf-8"), tmp_path)
+    assert '<img src="../gallery/demo.png" alt="The top of the page that strapdown demo' in text

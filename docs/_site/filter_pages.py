@@ -11,9 +11,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-import marks
+import doc_marks as marks
+from doc_pages import DOCS, ROOT
 from docstrings import meanings
-from pages import DOCS, ROOT
 
 from strapdown import filters
 from strapdown.core.contract import BIAS, Filter

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from pages import DOCS, ROOT
+from doc_pages import DOCS, ROOT
 
 from strapdown import DataError
 from strapdown.io.locate import data_folder

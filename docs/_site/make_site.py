@@ -14,11 +14,10 @@ import sys
 import time
 from pathlib import Path
 
-import blocks
+import api_pages
+import doc_blocks as blocks
 import gallery
-from pages import DOCS, LINK, ROOT, children, every, reached, target
-
-import strapdown
+from doc_pages import DOCS, LINK, ROOT, children, every, reached, target
 
 HERE = Path(__file__).resolve().parent
 WORK = ROOT / "build" / "docs"
@@ -34,9 +33,8 @@ def staged(path: Path) -> Path:
 
 
 def stage(source: Path, shown: Path) -> None:
-    """All pages, and the files that they lead to, into the folder `source`; `shown`
-    has the pages of the gallery. What did not change
-    is not written, so that Sphinx reads what did."""
+    """All pages, and the files that they lead to, into the folder `source`; `shown` has the
+    pages of the gallery. What did not change is not written, so that Sphinx reads what did."""
     todo, done, listed = every(), set(), set(reached())
     while todo:
         page = todo.pop()
@@ -50,12 +48,14 @@ def stage(source: Path, shown: Path) -> None:
         text = page.read_text(encoding="utf-8")
         text = LINK.sub(lambda link: _led(page, link, todo), text)
         text = gallery.with_pictures(text, shown) if page == gallery.PAGE else text
-        if page == DOCS / "reference" / "api.md":
-            text = _with_names(text, source)
+        text = api_pages.linked(text) if page == api_pages.PAGE else text
         orphan = "---\norphan: true\n---\n\n" * (page not in listed)
         _write(place, (orphan + text + _contents(page)).encode())
     keep = {source / staged(page) for page in done}
-    keep |= {source / "reference" / "api" / f"{name}.md" for name in strapdown.__all__}
+    for name, text in api_pages.pages().items():
+        place = source / "reference" / name
+        _write(place, text.encode())
+        keep.add(place)
     for path in source.rglob("*"):
         if path.is_file() and path not in keep:
             path.unlink()
@@ -69,49 +69,28 @@ def _write(path: Path, content: bytes) -> None:
 
 def _led(page: Path, link: re.Match[str], todo: list[Path]) -> str:
     """A link as it stands in the staged page; what it leads to is staged too."""
-    path = target(page, link[2])
+    path = target(page, link[3])
     if path is None or not path.is_relative_to(ROOT) or not path.exists():
         return link[0]  # Sphinx says so where it is none
     if path.is_dir():
         path = path / "README.md"
         if not path.exists():
-            return "](#)"
+            return f"{link[2]}"
     todo.append(path)
-    anchor = "#" + link[2].partition("#")[2] if "#" in link[2] else ""
+    anchor = "#" + link[3].partition("#")[2] if "#" in link[3] else ""
     place = os.path.relpath(staged(path), staged(page).parent)
-    return link[1] + Path(place).as_posix() + anchor + link[3]
+    return link[1] + Path(place).as_posix() + anchor + link[4]
 
 
 def _contents(page: Path) -> str:
     """The hidden table of contents of an index page; nothing for others."""
-    below = children(page) if page.is_relative_to(DOCS) else []
+    below = children(page) if page.is_relative_to(DOCS) else {}
     base = staged(page).parent
-    lines = [Path(os.path.relpath(staged(path), base)).with_suffix("").as_posix() for path in below]
+    lines = []
+    for path, title in below.items():
+        place = Path(os.path.relpath(staged(path), base)).with_suffix("").as_posix()
+        lines.append(f"{title} <{place}>")
     return "\n\n```{toctree}\n:hidden:\n\n" + "\n".join(lines) + "\n```\n" if lines else ""
-
-
-def _with_names(text: str, source: Path) -> str:
-    """The page of public names, each leading to a page made from its docstring."""
-    names = [name for name in strapdown.__all__ if not name.startswith("__")]
-    for name in names:
-        value = getattr(strapdown, name)
-        if isinstance(value, type):
-            kind, members = "autoclass", ":members:\n"
-        else:
-            kind, members = "autofunction", ""
-        body = f"# {name}\n\n```{{eval-rst}}\n.. currentmodule:: strapdown\n\n.. {kind}:: {name}\n   {members}```\n"
-        _write(source / "reference" / "api" / f"{name}.md", body.encode())
-    rows = []
-    for line in text.splitlines():
-        first, bar, rest = line[1:].partition("|")
-        if line.startswith("|"):
-            first = re.sub(
-                r"`(\w+)`", lambda m: f"[`{m[1]}`](api/{m[1]}.md)" if m[1] in names else m[0], first
-            )
-            line = f"|{first}{bar}{rest}"
-        rows.append(line)
-    listed = "\n".join(f"api/{name}" for name in sorted(names, key=str.lower))
-    return "\n".join(rows) + f"\n\n```{{toctree}}\n:hidden:\n\n{listed}\n```\n"
 
 
 FROM_THE_NETWORK = re.compile(
@@ -132,6 +111,15 @@ def from_the_network(site: Path) -> list[str]:
     ]
 
 
+def sphinx(source: Path, site: Path, work: Path) -> subprocess.CompletedProcess[str]:
+    """Build the pages of `source` into `site`; a warning fails, and stands in `stderr`."""
+    command = [sys.executable, "-m", "sphinx", "-b", "html", "-c", str(HERE), "-d"]
+    command += [str(work / "doctrees"), "-W", "--keep-going", "-q", "-j", "auto"]
+    environment = os.environ | {"STRAPDOWN_NOTEBOOKS": str(work / "notebooks")}
+    run = [*command, str(source), str(site)]
+    return subprocess.run(run, env=environment, capture_output=True, text=True)
+
+
 def main(out: str) -> int:
     """Build into the folder `out`; the exit status."""
     began = time.monotonic()
@@ -142,12 +130,10 @@ def main(out: str) -> int:
     pages = gallery.make(WORK / "gallery")
     source, site = WORK / "source", Path(out)
     stage(source, pages)
-    command = [sys.executable, "-m", "sphinx", "-b", "html", "-c", str(HERE), "-d"]
-    command += [str(WORK / "doctrees"), "-W", "--keep-going", "-q", "-j", "auto"]
-    environment = os.environ | {"STRAPDOWN_NOTEBOOKS": str(WORK / "notebooks")}
-    status = subprocess.run([*command, str(source), str(site)], env=environment).returncode
-    if status:
-        return status
+    done = sphinx(source, site, WORK)
+    print(done.stderr, file=sys.stderr, end="")
+    if done.returncode:
+        return done.returncode
     shutil.copytree(pages, site / "gallery", dirs_exist_ok=True)
     found = from_the_network(site)
     print(*found, sep="\n", file=sys.stderr, end="\n" * bool(found))

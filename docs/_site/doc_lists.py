@@ -3,7 +3,7 @@
     <!-- begin: output of strapdown COMMAND -->
     <!-- end -->
 
-is that output. `python docs/_site/lists.py` writes it anew.
+is that output. `python docs/_site/doc_lists.py` writes it anew.
 """
 
 import re
@@ -11,13 +11,13 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from pages import ROOT, every
+from doc_pages import ROOT, every
 from typer.testing import CliRunner
 
 from strapdown.cli import app
 
 MARKED = re.compile(r"<!-- begin: output of (strapdown .+?) -->\n.*?<!-- end -->", re.DOTALL)
-COMMAND = "python docs/_site/lists.py"
+COMMAND = "python docs/_site/doc_lists.py"
 
 
 @cache

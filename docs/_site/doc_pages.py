@@ -7,7 +7,7 @@ from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
 ROOT = DOCS.parent
-LINK = re.compile(r"(\]\()([^)\s]+)(\))")
+LINK = re.compile(r"(\[([^\]]*)\]\()([^)\s]+)(\))")
 FENCE = re.compile(r"^(```|:::).*?^\1", re.MULTILINE | re.DOTALL)
 
 
@@ -19,21 +19,26 @@ def target(page: Path, link: str) -> Path | None:
     return Path(os.path.normpath(page.parent / path))
 
 
-def links(page: Path) -> list[Path]:
-    """Files that a page leads to, in its order, each once."""
+def links(page: Path) -> dict[Path, str]:
+    """{file that a page leads to: words of the first link}, in its order."""
     prose = FENCE.sub("", page.read_text(encoding="utf-8"))
-    found = [target(page, match[2]) for match in LINK.finditer(prose)]
-    return list(dict.fromkeys(path for path in found if path))
+    found: dict[Path, str] = {}
+    for match in LINK.finditer(prose):
+        path = target(page, match[3])
+        if path:
+            found.setdefault(path, match[2].strip("`*"))
+    return found
 
 
-def children(page: Path) -> list[Path]:
-    """Pages that stand below `page` in the table of contents: of an index.md those of its folder,
+def children(page: Path) -> dict[Path, str]:
+    """{page that stands below `page` in the table of contents: words of the link}: of an index.md those of its folder,
     the indexes of the folders in it and what it names outside docs/; of NAME.md those of the
     folder NAME beside it."""
     if page.suffix != ".md":
-        return []
+        return {}
     own = page.parent if page.name == "index.md" else page.with_suffix("")
-    return [path for path in links(page) if path != page and _below(path, own, page)]
+    found = links(page).items()
+    return {path: words for path, words in found if path != page and _below(path, own, page)}
 
 
 def _below(path: Path, own: Path, page: Path) -> bool:

@@ -1,9 +1,9 @@
 """Texts in the pages that commands write: which are stale. What is quick is made again and
 compared; what comes from a long study has a digest in its mark."""
 
+import doc_lists as lists
 import filter_pages
-import lists
-from pages import ROOT, every
+from doc_pages import ROOT, every
 
 from strapdown_reproductions.common import markdown
 
