@@ -73,7 +73,7 @@ async function draw(plot) {
   if (narrow) layout.margin.l = Math.min(layout.margin.l, 54);
   if (layout.xaxis && layout.xaxis.range) put(layout, clocked(plot, layout, layout.xaxis.range));
   plot.first = Object.fromEntries([...axes(layout, "x"), ...axes(layout, "y")].filter(axis => layout[axis].range).map(axis => [axis, [...layout[axis].range]]));
-  await Plotly.newPlot(plot, figure.data, layout, {responsive: true, displayModeBar: narrow ? false : "hover", displaylogo: false, showSendToCloud: false,
+  await Plotly.newPlot(plot, figure.data, layout, {responsive: true, displayModeBar: narrow ? false : "hover", displaylogo: false, showSendToCloud: false, doubleClickDelay: 500,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"]});
   for (const each of onceDrawn) await each(plot);
 }

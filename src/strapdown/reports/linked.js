@@ -91,8 +91,14 @@ function placeMarks(plot) {
   });
 }
 
-// In three dimensions and on a map the mark is a trace of one point.
+// In three dimensions and on a map the mark is a trace of one point, which takes long to move.
+const moving = new Map();
 function moveMark(plot, trace, k, row) {
+  if (!moving.size) setTimeout(() => { [...moving.values()].forEach(move => move()); moving.clear(); }, 100);
+  moving.set(plot.id + " " + k, () => movedMark(plot, trace, k, row));
+}
+
+function movedMark(plot, trace, k, row) {
   const index = plot.data.findIndex(each => each.meta === "cursor" && each.uid === "cursor" + k), place = {};
   for (const key of ["x", "y", "z", "lat", "lon"]) if (trace[key]) place[key] = [[row < 0 ? null : trace[key][row]]];
   if (index >= 0) Plotly.restyle(plot, place, [index]);

@@ -22,6 +22,7 @@ from ..io.solutions.solution_netcdf import plain
 from ..recording import Recording
 from ..time_scales import span
 from . import summary
+from .cards import cards
 from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
 from .figure_list import INSTALLATION, REGISTRY, SENSORS, Figure, figures_of_page
 from .installation_figures import installation_table
@@ -77,9 +78,10 @@ def report(
     )
     below = listed(_facts(solutions, window, facts))
     verdicts = verdict_block({name: solution.verdict for name, solution in solutions.items()})
+    glance = verdicts + cards(solutions, scores, window)
     several, notes = len(solutions) > 1, tuple(draw.notes)
     bar = playback_bar(solutions)
-    return shell(title, below, sections, footer, verdicts, wide=several, notes=notes, bar=bar)
+    return shell(title, below, sections, footer, glance, wide=several, notes=notes, bar=bar)
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:
