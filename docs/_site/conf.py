@@ -1,11 +1,14 @@
 """What Sphinx is told. `make_site.py` stages the pages and runs it: `make docs`."""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
+
+import plotly  # noqa: E402
 
 import strapdown  # noqa: E402
 
@@ -27,6 +30,10 @@ nb_execution_mode = "cache"
 nb_execution_cache_path = os.environ["STRAPDOWN_NOTEBOOKS"]
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+kernels = Path(os.environ["STRAPDOWN_NOTEBOOKS"]).parent / "ipython"
+(kernels / "profile_default" / "startup").mkdir(parents=True, exist_ok=True)
+shutil.copy(HERE / "kernel.py", kernels / "profile_default" / "startup")
+os.environ["IPYTHONDIR"] = str(kernels)
 
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
@@ -38,6 +45,7 @@ add_module_names = False
 html_theme = "furo"
 html_title = f"strapdown {release}"
 html_static_path = [str(HERE / "static")]
+html_extra_path = [str(Path(plotly.__file__).parent / "package_data" / "plotly.min.js")]
 html_css_files = ["site.css"]
 html_show_sphinx = False
 html_show_copyright = False
