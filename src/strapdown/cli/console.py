@@ -187,6 +187,8 @@ SCHEDULER = Annotated[
 NOT_TRUSTED = 3
 """Exit code of a command with --strict whose result is not trusted, and of `inspect` where it finds
 something wrong; docs/reference/conventions.md lists all."""
+SPEED_OVER = 600.0
+"""s: steps of a study are further apart than the half minute that bars usually look back."""
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 
@@ -482,8 +484,8 @@ def wrapped_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 class Progress:
-    """A progress bar on standard error where that is a terminal; plain lines for what takes long
-    otherwise."""
+    """A progress bar on standard error where that is a terminal, with the time that is left; plain
+    lines for what takes long otherwise."""
 
     def __enter__(self) -> Self:
         self.bar = None
@@ -491,7 +493,13 @@ class Progress:
             from rich.console import Console
             from rich.progress import Progress
 
-            self.bar = Progress(console=Console(stderr=True), transient=True)
+            self.bar = Progress(
+                *Progress.get_default_columns(),
+                "left",
+                console=Console(stderr=True),
+                transient=True,
+                speed_estimate_period=SPEED_OVER,
+            )
             self.bar.start()
         return self
 
