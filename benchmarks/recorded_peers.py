@@ -8,10 +8,15 @@ writes the table of docs/reference/evidence/peers.md.
 """
 
 import json
+import os
 import sys
 import traceback
 from pathlib import Path
 from typing import NamedTuple
+
+# threads over 15 x 15 matrices only slow the peers down
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 
 import numpy as np
 import peers

@@ -540,3 +540,23 @@ except KeyboardInterrupt:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "again\n" and done.stderr == ""
+
+
+def test_a_terminal_is_shown_the_time_that_is_left_and_a_pipe_nothing(monkeypatch, capsys):
+    from strapdown.cli import console
+
+    def shown(terminal):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+        monkeypatch.setenv("TERM", "xterm" if terminal else "dumb")
+        monkeypatch.setenv("FORCE_COLOR" if terminal else "NO_COLOR", "1")
+        with console.Progress() as progress:
+            done = progress.track("study")
+            for fraction in (0.1, 0.2, 0.4):
+                done(fraction)
+                if progress.bar:
+                    progress.bar.refresh()
+        return capsys.readouterr().err
+
+    assert shown(False) == ""
+    bar = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown(True))
+    assert re.search(r"study.*40%.*\d:\d\d:\d\d.*left", bar)
