@@ -41,6 +41,8 @@ OUTAGE = "rgba(134,142,150,0.18)"
 """Of the stretches without an accepted fix of the position."""
 OUTAGE_INTERVALS = 3.0
 """So many usual intervals between accepted fixes of the position are an outage."""
+FAR = 5.0
+"""A solution whose frame is more than so many times as high as the least one leaves that."""
 SHADED_BANDS = 2
 """The bands of at most so many solutions are shaded; of more, dotted lines are drawn."""
 MARKED = 20

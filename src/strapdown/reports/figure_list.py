@@ -86,6 +86,11 @@ def _any_claimed(shown: Sequence[Solution], states: slice) -> bool:
     return any(metrics.any_known(claimed_sd(solution)[:, states]) for solution in shown)
 
 
+def _whitens(solution: Solution) -> bool:
+    """Whether it says how large it expected its innovations to be."""
+    return metrics.any_known(solution.innovations.root)
+
+
 def _claimed(shown: Sequence[Solution]) -> str:
     """Title of the figure of claimed uncertainty: which there is."""
     parts = (
@@ -297,17 +302,40 @@ FIGURES: list[Figure] = [
     Figure(
         "innovations",
         "Innovations",
-        lambda s, reference: fix_figures.innovations(s),
-        "Fix − estimate: around zero and without pattern when all is well. Rejected fixes are crossed, "
-        "coloured by their probable cause.",
+        lambda s, reference, solutions: fix_figures.innovations(s, solutions),
+        lambda shown: (
+            "Fix − estimate: around zero and without pattern when all is well"
+            f"{', 95 % within the dotted ±2σ' if any(map(_whitens, shown)) else ''}. Rejected fixes "
+            f"have a mark for each probable cause."
+        ),
         "Fixes",
+        ("solutions",),
     ),
     Figure(
         "nis",
         "Normalised innovation squared",
-        lambda s, reference: fix_figures.nis(s),
+        lambda s, reference, solutions: fix_figures.nis(s, solutions),
         "A fix above the gate is rejected.",
         "Fixes",
+        ("solutions",),
+    ),
+    Figure(
+        "whiteness",
+        "Autocorrelation of innovations",
+        lambda all, reference: fix_figures.whiteness(all),
+        "Of accepted fixes, mean over the components. Of a right filter 95 % of the lags lie "
+        "between the dashed lines; what lies above says that errors last.",
+        "Fixes",
+        together=True,
+    ),
+    Figure(
+        "nis-quantiles",
+        "NIS over chi-square",
+        lambda all, reference: fix_figures.nis_quantiles(all),
+        "Quantiles, rejected fixes too. Above the dashed line innovations are larger than the "
+        "filter claims, below it smaller.",
+        "Fixes",
+        together=True,
     ),
     Figure(
         "weights",

@@ -146,7 +146,7 @@ def _pace(t: Array) -> list[str]:
     return [
         str(len(t)),
         number(1 / usual if usual else np.inf),
-        number(1e3 * float(steps[~gaps].std())),
+        number(round(1e3 * float(steps[~gaps].std()), 6)),
         str(int(gaps.sum())),
         number(float((steps[gaps] - usual).sum())),
         number(float(steps.max())),
