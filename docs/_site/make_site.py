@@ -127,7 +127,11 @@ def main(out: str) -> int:
     if stale:
         print(*stale, sep="\n", file=sys.stderr)
         return 1
-    pages = gallery.make(WORK / "gallery")
+    try:
+        pages = gallery.make(WORK / "gallery")
+    except RuntimeError as error:
+        print(error, file=sys.stderr)
+        return 1
     source, site = WORK / "source", Path(out)
     stage(source, pages)
     done = sphinx(source, site, WORK)
