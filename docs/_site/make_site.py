@@ -123,7 +123,7 @@ def sphinx(source: Path, site: Path, work: Path) -> subprocess.CompletedProcess[
 def main(out: str) -> int:
     """Build into the folder `out`; the exit status."""
     began = time.monotonic()
-    stale = blocks.stale()
+    stale = [*blocks.stale(), *blocks.picture()]
     if stale:
         print(*stale, sep="\n", file=sys.stderr)
         return 1
