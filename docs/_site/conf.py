@@ -19,6 +19,8 @@ templates_path: list[str] = []
 nitpicky = False
 default_role = "literal"  # docstrings name code in single backquotes
 
+smartquotes = False  # names and options stay as they are typed
+
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
 suppress_warnings = ["myst.header"]  # evidence that commands write begins with ### under a ##
