@@ -20,7 +20,8 @@ from strapdown import aiding
 from strapdown.cli import app
 
 MARKED = re.compile(
-    r"<!-- begin: ((?:output of strapdown|table of) .+?) -->\n.*?<!-- end -->", re.DOTALL
+    r"<!-- begin: (output of strapdown .+?|table of kinds|table of scenarios) -->\n.*?<!-- end -->",
+    re.DOTALL,
 )
 COMMAND = "python docs/_site/doc_lists.py"
 
