@@ -3,6 +3,9 @@
 import os
 import sys
 from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
@@ -56,3 +59,14 @@ html_theme_options = {
     },
 }
 copybutton_exclude = ".linenos, .gp"
+
+POLICY = "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self'"
+"""Content security: what the site itself holds, and nothing from elsewhere."""
+
+
+def setup(app: Sphinx) -> None:
+    def guard(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+        tag = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        context["metatags"] = tag + context.get("metatags", "")
+
+    app.connect("html-page-context", guard)
