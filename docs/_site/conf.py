@@ -4,6 +4,9 @@ import os
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
@@ -21,6 +24,8 @@ exclude_patterns = ["_gallery", "**/.ipynb_checkpoints"]
 templates_path: list[str] = []
 nitpicky = False
 default_role = "literal"  # docstrings name code in single backquotes
+
+smartquotes = False  # names and options stay as they are typed
 
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
@@ -62,3 +67,14 @@ html_theme_options = {
     },
 }
 copybutton_exclude = ".linenos, .gp"
+
+POLICY = "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; connect-src 'self'"
+"""Content security: what the site itself holds, and nothing from elsewhere."""
+
+
+def setup(app: Sphinx) -> None:
+    def guard(app: Sphinx, page: str, template: str, context: dict[str, Any], tree: Any) -> None:
+        tag = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        context["metatags"] = tag + context.get("metatags", "")
+
+    app.connect("html-page-context", guard)

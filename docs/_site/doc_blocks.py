@@ -1,6 +1,9 @@
 """Texts in the pages that commands write: which are stale. What is quick is made again and
 compared; what comes from a long study has a digest in its mark."""
 
+import subprocess
+import sys
+
 import doc_lists as lists
 import filter_pages
 from doc_pages import ROOT, every
@@ -18,6 +21,14 @@ def edited() -> list[str]:
         for page in pages
         for mark in markdown.edited(page.read_text(encoding="utf-8"))
     ]
+
+
+def picture() -> list[str]:
+    """A line where the picture of the README is not what its command draws."""
+    command = ["benchmarks/picture.py", "--check"]
+    done = subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, text=True)
+    said = (done.stdout + done.stderr).strip().splitlines()
+    return [f"README.md: {said[-1]}"] if done.returncode else []
 
 
 def stale() -> list[str]:

@@ -248,7 +248,7 @@ def table() -> str:
         for name in names:
             filter, time = filters.find(name), float(measured[name]["over closed-loop"])
             lines.append(
-                f"| [`{name}`](filters/{name}.md) | {filter.good_for} | {filter.poor_for} | {time:g} x |"
+                f"| [`{name}`](filters/{name}.md) | {filter.good_for} | {filter.poor_for} | {time:g} |"
             )
         lines.append("")
     return "\n".join(lines)

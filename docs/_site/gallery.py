@@ -68,7 +68,8 @@ def make(folder: Path) -> Path:
         run = [sys.executable, "-m", *shlex.split(command)]
         done = subprocess.run(run, cwd=folder, env=environment, capture_output=True, text=True)
         if done.returncode:
-            raise RuntimeError(f"{PAGE.relative_to(ROOT)}: `{command}` fails: {done.stderr[-500:]}")
+            said = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+            raise RuntimeError(f"{PAGE.relative_to(ROOT)}: `{command}` fails: {said}")
     for each in found:
         place = kept / each.page
         place.parent.mkdir(parents=True, exist_ok=True)

@@ -114,7 +114,7 @@ def from_the_network(site: Path) -> list[str]:
 def sphinx(source: Path, site: Path, work: Path) -> subprocess.CompletedProcess[str]:
     """Build the pages of `source` into `site`; a warning fails, and stands in `stderr`."""
     command = [sys.executable, "-m", "sphinx", "-b", "html", "-c", str(HERE), "-d"]
-    command += [str(work / "doctrees"), "-W", "--keep-going", "-q", "-j", "auto"]
+    command += [str(work / "doctrees"), "-a", "-W", "--keep-going", "-q", "-j", "auto"]
     environment = os.environ | {"STRAPDOWN_NOTEBOOKS": str(work / "notebooks")}
     run = [*command, str(source), str(site)]
     return subprocess.run(run, env=environment, capture_output=True, text=True)
@@ -123,11 +123,15 @@ def sphinx(source: Path, site: Path, work: Path) -> subprocess.CompletedProcess[
 def main(out: str) -> int:
     """Build into the folder `out`; the exit status."""
     began = time.monotonic()
-    stale = blocks.stale()
+    stale = [*blocks.stale(), *blocks.picture()]
     if stale:
         print(*stale, sep="\n", file=sys.stderr)
         return 1
-    pages = gallery.make(WORK / "gallery")
+    try:
+        pages = gallery.make(WORK / "gallery")
+    except RuntimeError as error:
+        print(error, file=sys.stderr)
+        return 1
     source, site = WORK / "source", Path(out)
     stage(source, pages)
     done = sphinx(source, site, WORK)

@@ -47,7 +47,11 @@ def edited(page: str) -> list[str]:
     """What the marks say, as in "table.md of strapdown reproduce noise", of each text of a page
     that is not the one which its command wrote."""
     found = re.finditer(rf"<!-- begin: (.+?) -->\n(.*?)({_END})", page, re.DOTALL)
-    return [match[1] for match in found if "reproduce" in match[1] and match[3] != end(match[2])]
+    return [
+        match[1]
+        for match in found
+        if (match[3] != END or "reproduce" in match[1]) and match[3] != end(match[2])
+    ]
 
 
 def table(frame: pd.DataFrame, cell: Callable[[Any], str]) -> str:
