@@ -56,7 +56,9 @@ def test_the_citation_has_what_the_format_asks_for():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert cited["cff-version"] == "1.2.0" and cited["type"] == "software"
     assert cited["message"] and cited["title"] and cited["license"] == "MIT"
-    assert all(author.keys() <= {"name", "family-names", "given-names"} for author in cited["authors"])
+    assert all(
+        author.keys() <= {"name", "family-names", "given-names"} for author in cited["authors"]
+    )
     assert cited["authors"]
 
 
@@ -73,7 +75,9 @@ def test_the_readme_of_an_index_has_no_link_into_the_checkout(tmp_path):
 
 
 def test_the_readme_of_an_index_leads_to_the_repository_where_one_is_named(tmp_path):
-    text = index_readme(tmp_path, '\n[project.urls]\nRepository = "https://example.org/strapdown"\n')
+    text = index_readme(
+        tmp_path, '\n[project.urls]\nRepository = "https://example.org/strapdown"\n'
+    )
     assert "](https://example.org/strapdown/blob/HEAD/docs/how-to/logs.md)" in text
     assert "](https://example.org/strapdown/raw/HEAD/docs/pictures/outage.svg)" in text
     assert re.findall(r"\]\((?!https?:|#)", text) == []
