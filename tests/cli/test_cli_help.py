@@ -1,6 +1,7 @@
 """Help with groups, examples and pages, and what the shell offers."""
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -72,6 +73,13 @@ def test_examples_that_need_nothing_run(good, tmp_path, monkeypatch):
     for name in light:
         for _, line in help.ABOUT[name].examples:
             assert good(*shlex.split(line)[1:])
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("name", ["closed-loop", "vru", "xkf-two-stage"])
+def test_all_about_a_filter_ends_at_a_page(good, name):
+    (page,) = re.findall(r"page: (\S+)", good("filters", name))
+    assert (ROOT / page).exists()
 
 
 @pytest.mark.short

@@ -76,13 +76,15 @@ def needs(filter: "Filter") -> list[str]:
 def _tell(filter: "Filter") -> None:
     from ..filters import FAMILIES, family
 
+    own = family(filter.name)
+
     def yes(holds: object) -> str:
         return "yes" if holds else "no"
 
     facts = {
         "good for": filter.good_for,
         "not for": filter.poor_for,
-        "family": FAMILIES.get(family(filter.name), OF_PLUGINS),
+        "family": FAMILIES.get(own, OF_PLUGINS),
         "estimates": ", ".join(_states(filter.estimates)),
         "without sd": ", ".join(_states(set(filter.estimates) - set(filter.states))),
         "needs": ", ".join(needs(filter)),
@@ -93,7 +95,7 @@ def _tell(filter: "Filter") -> None:
         "installation as states": yes(filter.installation),
         "eight runs at once in studies": yes(filter.lanes),
         "source": filter.reference,
-        "page": "docs/reference/filters.md",
+        "page": f"docs/reference/filters/{filter.name}.md" if own else "",
     }
     print(filter.name)
     for fact, text in facts.items():
