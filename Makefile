@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test compile library wheel deep versions branches mutants bench lint clean
+.PHONY: demo test docs compile library wheel dist deep versions branches mutants bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
@@ -26,6 +26,10 @@ library: $(VENV)/installed
 # A wheel with them, for all processors of this architecture, into dist.
 wheel: $(VENV)/installed
 	$(BIN)/python -m strapdown.native.wheel dist
+
+# Sdist and wheel of both packages in dist, checked, each installed into a new environment and run there.
+dist: $(VENV)/installed-dist
+	$(BIN)/python tests/distribution.py
 
 # What is slow and rarely red. Writes its result to tests/deep.txt, which is committed.
 deep: $(VENV)/installed-test
@@ -63,13 +67,25 @@ $(VENV)/installed-test: pyproject.toml reproductions/pyproject.toml | $(VENV)/bi
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[test]" -e reproductions
 	touch $@ $(VENV)/installed
 
+$(VENV)/installed-docs: pyproject.toml reproductions/pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[docs]" -e reproductions
+	touch $@ $(VENV)/installed
+
 $(VENV)/installed-versions: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[versions]" -e reproductions
+	touch $@ $(VENV)/installed
+
+$(VENV)/installed-dist: pyproject.toml reproductions/pyproject.toml | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dist]" -e reproductions
 	touch $@ $(VENV)/installed
 
 $(VENV)/installed-bench: pyproject.toml reproductions/pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[test,bench]" -e reproductions
 	touch $@ $(VENV)/installed
 
+# The documentation as a site, into site/: docs/_site/make_site.py. What is stale or leads nowhere fails.
+docs: $(VENV)/installed-docs
+	$(BIN)/python docs/_site/make_site.py site
+
 clean:
-	rm -rf $(VENV) build dist report.html
+	rm -rf $(VENV) build dist site report.html

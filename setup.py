@@ -1,4 +1,5 @@
-"""The library of kernels in what is built; everything else stands in pyproject.toml.
+"""The library of kernels in what is built, and the README as a package index can show it;
+everything else stands in pyproject.toml.
 
 STRAPDOWN_LIBRARY=1 builds it, the name of a folder takes the one there, else there is none
 (docs/how-to/library.md). Where it cannot be built, what is built works without it and says so.
@@ -7,6 +8,7 @@ STRAPDOWN_LIBRARY=1 builds it, the name of a folder takes the one there, else th
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +24,21 @@ PACKAGE = HERE / "src" / "strapdown"
 SAID = os.environ.get("STRAPDOWN_LIBRARY", "").strip()
 WANTED = SAID not in ("", "0")
 MANIFEST = "kernels.json"
+
+
+def readme() -> str:
+    """README.md for a package index, where links into the checkout lead nowhere: they lead to the
+    address of the repository, where pyproject.toml has one in project.urls, else they are plain
+    text, and pictures are left out."""
+    told = tomllib.loads((HERE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    base = told.get("urls", {}).get("Repository", "").rstrip("/")
+    text = (HERE / "README.md").read_text(encoding="utf-8")
+    inside = r"\((?!\w+:|#)([^)\s]+)\)"
+    if base:
+        text = re.sub(rf"(!\[[^\]]*\]){inside}", rf"\1({base}/raw/HEAD/\2)", text)
+        return re.sub(rf"(\[[^\]]*\]){inside}", rf"\1({base}/blob/HEAD/\2)", text)
+    text = re.sub(rf"!\[[^\]]*\]{inside}\n*", "", text)
+    return re.sub(rf"\[([^\]]*)\]{inside}", r"\1", text)
 
 
 def requirements() -> list[str]:
@@ -104,4 +121,9 @@ class Wheel(bdist_wheel):
         return ("py3", "none", self.platform) if self.platform else super().get_tag()
 
 
-setup(cmdclass={"build_py": Build, "bdist_wheel": Wheel}, setup_requires=requirements())
+setup(
+    cmdclass={"build_py": Build, "bdist_wheel": Wheel},
+    setup_requires=requirements(),
+    long_description=readme(),
+    long_description_content_type="text/markdown",
+)

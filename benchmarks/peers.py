@@ -16,11 +16,22 @@ from workload import DEG, SETTLED, Rms, score
 PACKAGES = ("python-ins", "smsfusion", "filterpy")
 
 
+class Estimate(NamedTuple):
+    """What a filter says of position, velocity and attitude."""
+
+    t: np.ndarray  # (n,) s
+    lla: np.ndarray  # (n, 3) rad, rad, m
+    v: np.ndarray  # (n, 3) NED, m/s
+    C: np.ndarray  # (n, 3, 3) body to navigation frame
+    sd: np.ndarray  # (n, 3) claimed standard deviations of the position, NED, m
+
+
 class Result(NamedTuple):
     """What a peer took and reached."""
 
-    us: float  # microseconds per IMU sample
-    rms: Rms | None  # None on a piece too short to score
+    us: float  # microseconds of the processor per IMU sample
+    rms: Rms | None  # None on a piece too short to score, or without truth at each sample
+    estimate: Estimate | None = None
 
 
 def versions():
@@ -34,11 +45,12 @@ def versions():
     return found
 
 
-def judged(workload, seconds, t, lla, v, C):
-    """A Result from the time taken and an estimate at times `t`; on a short piece without
+def judged(workload, seconds, *estimate):
+    """A Result from the time taken and the fields of an Estimate; on a short piece without
     accuracy."""
-    rms = score(workload, t, lla, v, C) if workload.t[-1] > SETTLED else None
-    return Result(seconds / (len(workload.t) - 1) * 1e6, rms)
+    known = workload.lla is not None and workload.t[-1] > SETTLED
+    rms = score(workload, *estimate[:4]) if known else None
+    return Result(seconds / (len(workload.t) - 1) * 1e6, rms, Estimate(*estimate))
 
 
 def _pyins_setup(w):
@@ -71,14 +83,20 @@ def _pyins_setup(w):
     )
 
 
-def _pyins_result(w, seconds, trajectory):
+def _pyins_result(w, seconds, result):
     from pyins import transform, util
+
+    trajectory, t = result.trajectory, result.trajectory.index.to_numpy(float)
+    # it says them at 10 Hz
+    sd = [
+        np.interp(t, result.trajectory_sd.index, result.trajectory_sd[name])
+        for name in util.NED_COLS
+    ]
 
     lla = trajectory[util.LLA_COLS].to_numpy() * [DEG, DEG, 1.0]
     C = transform.mat_from_rph(trajectory[util.RPH_COLS].to_numpy())
-    return judged(
-        w, seconds, trajectory.index.to_numpy(float), lla, trajectory[util.VEL_COLS].to_numpy(), C
-    )
+    v = trajectory[util.VEL_COLS].to_numpy()
+    return judged(w, seconds, t, lla, v, C, np.column_stack(sd))
 
 
 def pyins_feedback(workload, seconds=60.0):
@@ -87,9 +105,9 @@ def pyins_feedback(workload, seconds=60.0):
 
     w = workload.first(seconds)
     start, sd, increments, models = _pyins_setup(w)
-    begin = time.perf_counter()
+    begin = time.process_time()
     result = filters.run_feedback_filter(start, *sd, increments, **models)
-    return _pyins_result(w, time.perf_counter() - begin, result.trajectory)
+    return _pyins_result(w, time.process_time() - begin, result)
 
 
 def pyins_feedforward(workload, seconds=60.0):
@@ -98,10 +116,10 @@ def pyins_feedforward(workload, seconds=60.0):
 
     w = workload.first(seconds)
     start, sd, increments, models = _pyins_setup(w)
-    begin = time.perf_counter()
+    begin = time.process_time()
     nominal = strapdown.Integrator(start).integrate(increments)
     result = filters.run_feedforward_filter(nominal, nominal, *sd, **models)
-    return _pyins_result(w, time.perf_counter() - begin, result.trajectory)
+    return _pyins_result(w, time.process_time() - begin, result)
 
 
 def _radii(lat, alt):
@@ -146,16 +164,16 @@ def smsfusion_aided(workload, seconds=1800.0):
         np.full(3, p["gnss_sd"] ** 2),
     )
     fix_of = dict(zip(np.rint((w.fix_t - w.t[0]) / w.dt).astype(int), fixes))
-    states = np.empty((len(w.t) - 1, 16))
-    begin = time.perf_counter()
+    states, sd = np.empty((len(w.t) - 1, 16)), np.empty((len(w.t) - 1, 3))
+    begin = time.process_time()
     # sample k + 1 leads from t[k] to t[k+1]; the fix of t[k] comes first
     for k in range(len(states)):
         fix = fix_of.get(k)
         ins.update(f[k + 1], omega[k + 1], pos=fix, pos_var=None if fix is None else variance)
-        states[k] = ins.x
-    took = time.perf_counter() - begin
+        states[k], sd[k] = ins.x, np.sqrt(ins.P.diagonal()[:3])
+    took = time.process_time() - begin
     C = Rotation.from_quat(states[:, [7, 8, 9, 6]]).as_matrix()
-    return judged(w, took, w.t[:-1], origin + states[:, :3] / scale, states[:, 3:6], C)
+    return judged(w, took, w.t[:-1], origin + states[:, :3] / scale, states[:, 3:6], C, sd)
 
 
 def _rotation(r):
@@ -260,7 +278,8 @@ class _Unscented:
             self.filter.update((fix - self.origin) * self.scale)
         self.C = _rotation(self.filter.x[6:9]) @ new
         self.filter.x[6:9] = 0.0
-        return self.origin + self.filter.x[:3] / self.scale, self.filter.x[3:6], self.C
+        sd = np.sqrt(self.filter.P.diagonal()[:3])
+        return self.origin + self.filter.x[:3] / self.scale, self.filter.x[3:6], self.C, sd
 
 
 def filterpy_ukf(workload, seconds=5.0):
@@ -268,11 +287,11 @@ def filterpy_ukf(workload, seconds=5.0):
     w = workload.first(seconds)
     ukf, n = _Unscented(w), len(w.t) - 1
     fix_of = dict(zip(np.rint((w.fix_t - w.t[0]) / w.dt).astype(int), w.fix))
-    lla, v, C = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3))
-    begin = time.perf_counter()
+    lla, v, C, sd = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3))
+    begin = time.process_time()
     for k in range(n):
-        lla[k], v[k], C[k] = ukf.step(w.dtheta[k + 1], w.dv[k + 1], fix_of.get(k + 1))
-    return judged(w, time.perf_counter() - begin, w.t[1:], lla, v, C)
+        lla[k], v[k], C[k], sd[k] = ukf.step(w.dtheta[k + 1], w.dv[k + 1], fix_of.get(k + 1))
+    return judged(w, time.process_time() - begin, w.t[1:], lla, v, C, sd)
 
 
 RUNS = (

@@ -74,9 +74,9 @@ class Workload(NamedTuple):
     t: np.ndarray  # (n+1,) s
     dtheta: np.ndarray  # (n+1, 3) body FRD, rad, with errors
     dv: np.ndarray  # (n+1, 3) body FRD, m/s, with errors
-    lla: np.ndarray  # truth: rad, rad, m
-    v: np.ndarray  # truth: NED, m/s
-    rph: np.ndarray  # truth: rad
+    lla: np.ndarray | None  # truth: rad, rad, m; None where it is not known at each sample
+    v: np.ndarray | None  # truth: NED, m/s
+    rph: np.ndarray | None  # truth: rad
     fix_t: np.ndarray  # (m,) s
     fix: np.ndarray  # (m, 3) rad, rad, m
     start: tuple  # perturbed initial lla, v, rph
@@ -86,7 +86,8 @@ class Workload(NamedTuple):
     def first(self, seconds):
         """The workload up to `seconds`."""
         n, m = (np.searchsorted(times, seconds + 0.5 * self.dt) for times in (self.t, self.fix_t))
-        rows = {key: getattr(self, key)[:n] for key in ("t", "dtheta", "dv", "lla", "v", "rph")}
+        arrays = {key: getattr(self, key) for key in ("t", "dtheta", "dv", "lla", "v", "rph")}
+        rows = {key: array[:n] for key, array in arrays.items() if array is not None}
         return self._replace(fix_t=self.fix_t[:m], fix=self.fix[:m], **rows)
 
 

@@ -92,6 +92,19 @@ def command(monkeypatch, capsys):
     return run
 
 
+@pytest.fixture
+def good(command):
+    """Function of the words -> standard output of a command that must end well and say nothing
+    on standard error."""
+
+    def run(*words):
+        code, out, err = command(*words)
+        assert (code, err) == (0, []), (code, out, err)
+        return out
+
+    return run
+
+
 def pytest_terminal_summary(terminalreporter):
     """One line for all tests that were skipped for want of recorded data."""
     skipped = [

@@ -2,6 +2,7 @@
 of the body."""
 
 from dataclasses import replace
+from datetime import datetime
 
 import numpy as np
 import pymap3d
@@ -9,7 +10,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS
+from strapdown.data import BIAS_COLUMNS, NAV_COLUMNS, OF_WHOLE, SD_COLUMNS, UNITS
 from strapdown.sim.trajectory import demo_flight, sample
 from strapdown.verdict import Reason, Verdict
 
@@ -81,6 +82,63 @@ def test_cutting_keeps_fixes_inside_and_refuses_an_empty_part(recording):
     )
     with pytest.raises(DataError, match="covers"):
         recording.between(100.0, 200.0)
+
+
+def test_a_slice_by_times_cuts_all_parts_of_a_recording(recording):
+    part = recording[2:5]
+    assert len(recording) == 400 and len(part) == 150
+    assert part.imu.t[0] == pytest.approx(2.02) and part.imu.t[-1] == pytest.approx(5.0)
+    assert all(a.t.min() >= 2 and a.t.max() <= 5 for a in part.aidings)
+    assert part.reference.t[0] <= 2 < 5 <= part.reference.t[-1] and len(part.reference) < 155
+    assert len(recording[:]) == 400 and len(recording[6:]) == 100
+
+
+def test_a_slice_by_times_cuts_rows_fixes_and_events_of_a_solution(recording):
+    whole = sd.fuse(recording, covariance=True)
+    whole = replace(whole, events=((1.0, "early"), (3.0, "within")), columns={"x [m]": whole.t})
+    part = whole[2:5]
+    assert len(part) == 151 and (part.t[0], part.t[-1]) == pytest.approx((2.0, 5.0))
+    assert part.covariance.shape == (151, 15, 15) and (part.columns["x [m]"] == part.t).all()
+    assert len(part.b_a) == len(part.b_g) == len(part.status) == 151
+    assert 2 <= part.innovations.t.min() and part.innovations.t.max() <= 5
+    assert len(part.innovations.whitened) == len(part.innovations.t) < len(whole.innovations.t)
+    assert part.events == ((3.0, "within"),)
+    assert part.verdict.word == whole.verdict.word and OF_WHOLE in part.verdict.untested
+    assert part[3:4].verdict.untested.count(OF_WHOLE) == 1
+    assert len(whole.trajectory[2:5]) == 151 and len(part[2:2]) == 1
+
+
+def test_dates_slice_where_the_clock_is_absolute(recording, solution):
+    epoch = {"epoch": "2016-12-31T23:59:55Z"}  # five seconds before a leap second
+    dated, made = (replace(each, meta=each.meta | epoch) for each in (recording, solution))
+    for start in (
+        "2017-01-01T00:00:00Z",
+        datetime(2017, 1, 1),
+        np.datetime64("2017-01-01T00:00:00"),
+    ):
+        assert made[start:].t[0] == pytest.approx(6.0)
+        assert dated[start:].imu.t[0] == pytest.approx(6.02)
+    with pytest.raises(DataError, match="'2017-01-01' is a date, and the clock is not absolute"):
+        solution["2017-01-01":]
+    with pytest.raises(DataError, match="solution: 'noon' is no time"):
+        made["noon":]
+
+
+@pytest.mark.parametrize(
+    "part, said",
+    [
+        (slice(5, 2), "5 s is after 2 s; write the earlier time first"),
+        (slice(2, 5, 2), "a step takes no part of it"),
+        (7, "7 takes no part of it; write solution.100:200., in s"),
+        (slice(100, 200), "no rows from 100 to 200 s; it covers 1.020 to 8.000 s"),
+        (slice(float("nan"), 2), "nan is no time"),
+        (slice([1], 2), r".1. is no time; give seconds, or a date"),
+    ],
+)
+def test_what_is_no_slice_by_times_is_told_in_a_line(solution, part, said):
+    with pytest.raises(DataError, match=f"^solution: {said}") as refused:
+        solution[part]
+    assert "\n" not in str(refused.value)
 
 
 def test_hiding_withholds_recorded_fixes_only(recording):

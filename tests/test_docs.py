@@ -239,14 +239,6 @@ def test_every_command_option_filter_and_kind_is_mentioned():
 
 
 @pytest.mark.short
-def test_index_lists_every_page():
-    docs = ROOT / "docs"
-    listed = set(LINK.findall((docs / "index.md").read_text(encoding="utf-8")))
-    pages = {page.relative_to(docs).as_posix() for page in docs.rglob("*.md")}
-    assert pages - {"index.md"} <= listed
-
-
-@pytest.mark.short
 def test_the_example_of_the_readme_is_short():
     (example,) = [block for block in blocks(ROOT / "README.md") if block.language == "python"]
     assert len(example.text.strip().splitlines()) <= 10

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from html import escape
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,12 +19,14 @@ from . import geodesy
 from .checks import DataError as DataError
 from .core.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.rotation import quaternion_to_euler
-from .time_scales import utc
+from .time_scales import ends, utc, within
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
+    import plotly.graph_objects as go
+    import xarray as xr
     from scipy.spatial.transform import Rotation
 
     from .recording import Recording
@@ -69,6 +70,8 @@ UNITS = {
 """Unit of every column of `Trajectory.table` and `Solution.table`."""
 SD_SCALE = np.r_[np.ones(6), np.full(3, np.degrees(1)), np.ones(3), np.full(3, np.degrees(3600))]
 """From SI to the units of the `sd_` columns; its last six also to those of the biases."""
+OF_WHOLE = "this part by itself: the verdict is that of the whole run"
+"""What the verdict of a part of a Solution says beside."""
 
 
 def _frame(t: Array, columns: dict[str, Any]) -> pd.DataFrame:
@@ -97,6 +100,11 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __getitem__(self, part: slice) -> Trajectory:
+        """The rows of `trajectory[100:200]`, s, both ends included. Raises DataError where there are
+        none."""
+        return self.taking(within(self.t, *ends(part, None, "trajectory"), "trajectory"))
 
     def taking(self, rows: slice | Mask | Ints) -> Trajectory:
         """These rows of it."""
@@ -144,6 +152,24 @@ class Trajectory:
         if self.q_nb is not None:
             parts |= dict(zip(ATTITUDE_COLUMNS, np.degrees(self.rph).T))
         return parts
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Its `table`, with units and names of the CF conventions in `attrs`."""
+        from .notebook.labelled import trajectory_frame
+
+        return trajectory_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """xarray Dataset over time, with units and names of the CF conventions. Raises DataError
+        where xarray is missing."""
+        from .notebook.labelled import trajectory_dataset
+
+        return trajectory_dataset(self)
+
+    def _repr_html_(self) -> str:
+        from .notebook.cards import of_trajectory
+
+        return of_trajectory(self)
 
     def __repr__(self) -> str:
         span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
@@ -194,6 +220,11 @@ class Aiding:
     def _where(self, keep: Mask) -> Aiding:
         return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
 
+    def _repr_html_(self) -> str:
+        from .notebook.cards import of_aiding
+
+        return of_aiding(self)
+
     def __repr__(self) -> str:
         return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
 
@@ -219,6 +250,14 @@ class Innovations:
     # (m, 3) standard deviations that an adaptive source had found, over those stated; else 1. NIS,
     # whitened and root are by them; None of a file
     followed: Array | None = None
+
+    def between(self, start: float, stop: float) -> Innovations:
+        """Those of fixes from start to stop, s, both included."""
+        near = (self.t >= start) & (self.t <= stop)
+        by_fix: dict[str, Any] = {
+            name: part[near] for name, part in vars(self).items() if isinstance(part, np.ndarray)
+        }
+        return replace(self, **by_fix)
 
 
 class Rejected(NamedTuple):
@@ -259,6 +298,37 @@ class Solution:
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, part: slice) -> Solution:
+        """The rows of `solution[100:200]`, s, both ends included, with their fixes and events; dates
+        do where the clock is absolute.
+
+        Its verdict is that of the whole, and says so. Raises DataError where there are no rows.
+        """
+        start, stop = ends(part, self.meta.get("epoch"), "solution")
+        rows = within(self.t, start, stop, "solution")
+        untested = (*self.verdict.untested, OF_WHOLE)
+        verdict = replace(self.verdict, untested=tuple(dict.fromkeys(untested)))
+        rejected = (run for run in self.meta.get("rejected", ()) if run["start"] <= stop)
+        meta = {
+            "verdict": verdict.as_dict(),
+            "rejected": [run for run in rejected if run["stop"] >= start],
+        }
+        return replace(
+            self,
+            trajectory=self.trajectory.taking(rows),
+            b_a=self.b_a[rows],
+            b_g=self.b_g[rows],
+            status=self.status[rows],
+            innovations=self.innovations.between(start, stop),
+            events=tuple(event for event in self.events if start <= event[0] <= stop),
+            columns={name: values[rows] for name, values in self.columns.items()},
+            covariance=None if self.covariance is None else self.covariance[rows],
+            meta={**self.meta, **meta},
+        )
 
     def seconds(self, status: int) -> float:
         """Time in s over which rows have this status; a row covers the time since the one before
@@ -330,11 +400,35 @@ class Solution:
             for s, name in enumerate(i.names)
         }
 
+    def plot(self, what: str | None = None, reference: Trajectory | None = None) -> go.Figure:
+        """A figure of the report page as a plotly Figure, which can be changed: "track", "attitude",
+        "errors" or any other name; a wrong one is told with all that there are.
+
+        what: by default the track, of a filter of attitude alone the attitude; reference: what errors
+        are taken against (default: that of the recording it was made of). Raises DataError.
+        """
+        from .notebook.plots import of_solution
+
+        return of_solution(self, what, reference)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Its `table` with dates as the index where the clock is absolute; units and names of the CF
+        conventions stand in `attrs`."""
+        from .notebook.labelled import solution_frame
+
+        return solution_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """xarray Dataset over time and fixes, as the NetCDF file has it: units and names of the CF
+        conventions, dates where the clock is absolute. Raises DataError where xarray is missing."""
+        from .notebook.labelled import solution_dataset
+
+        return solution_dataset(self)
+
     def _repr_html_(self) -> str:
-        first, *more = (escape(line) for line in self.verdict.lines)
-        said = "".join(f"<br>{line}" for line in more)
-        rows = self.table().iloc[:: max(1, len(self.t) // 8)].to_html()
-        return f"<p><b>Verdict: {first}</b>{said}</p><p>{escape(repr(self))}</p>{rows}"
+        from .notebook.cards import of_solution
+
+        return of_solution(self)
 
     def __repr__(self) -> str:
         fixes = ", ".join(

@@ -16,11 +16,13 @@ from .core.contract import Imu
 from .data import Aiding, Trajectory
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays
-from .time_scales import utc
+from .time_scales import ends, utc
 from .typing import ArrayLike
 
 if TYPE_CHECKING:
     import pandas as pd
+    import plotly.graph_objects as go
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,19 @@ class Recording:
             **meta,
         )
 
+    def __len__(self) -> int:
+        return len(self.imu.t)
+
+    def __getitem__(self, part: slice) -> Recording:
+        """The part of `recording[100:200]`, s, as `between` takes it, with the rows of the reference
+        that cover it; dates do where the clock is absolute. Raises DataError where it is empty."""
+        start, stop = ends(part, self.meta.get("epoch"), "recording")
+        reference = self.reference
+        if reference is not None:
+            first, last = np.searchsorted(reference.t, [start, stop])
+            reference = reference.taking(slice(max(int(first) - 1, 0), int(last) + 1))
+        return replace(self.between(start, stop), reference=reference)
+
     @property
     def span(self) -> tuple[float, float]:
         """First and last time covered by IMU samples, s."""
@@ -123,6 +138,35 @@ class Recording:
         return replace(
             self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings)
         )
+
+    def plot(self, what: str = "imu") -> go.Figure:
+        """A plotly Figure, which can be changed: "imu", rates and specific forces; "sources", when
+        each source has fixes; "track", fixes and reference from above. Raises DataError."""
+        from .notebook.plots import of_recording
+
+        return of_recording(self, what)
+
+    def to_pandas(self, part: str = "imu") -> pd.DataFrame:
+        """pandas DataFrame of the samples of the IMU, as `from_frames` takes it, of the "reference",
+        or of the fixes of the source of that name; dates are the index where the clock is absolute.
+
+        Units and names of the CF conventions stand in `attrs`. Raises DataError.
+        """
+        from .notebook.labelled import recording_frame
+
+        return recording_frame(self, part)
+
+    def to_xarray(self) -> xr.Dataset:
+        """xarray Dataset of all of it: samples over `time`, fixes of each source and the reference
+        over times of their own. Raises DataError where xarray is missing."""
+        from .notebook.labelled import recording_dataset
+
+        return recording_dataset(self)
+
+    def _repr_html_(self) -> str:
+        from .notebook.cards import of_recording
+
+        return of_recording(self)
 
     def __repr__(self) -> str:
         return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"

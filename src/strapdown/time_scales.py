@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import DataError
-from .typing import Array, ArrayLike
+from .checks import DataError, is_number, located
+from .typing import Array, ArrayLike, Mask
 
 GPS_ZERO = 315964800
 """POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
@@ -114,6 +114,63 @@ def utc(epoch: str, t: ArrayLike) -> NDArray[np.datetime64]:
     )
     found = start + np.round((t - leaps) * 1e9).astype("m8[ns]")
     return np.where(known, found, np.datetime64("NaT", "ns"))
+
+
+def seconds_to(
+    moment: float | str | datetime | np.datetime64, epoch: str | None, what: str
+) -> float:
+    """s at which `moment` is: itself where it is a number of s, else a date (ISO 8601 text, datetime
+    or datetime64), UTC, counted from an `epoch`.
+
+    Raises DataError, which names `what`, where it is none, or a date without an epoch.
+    """
+    if is_number(moment):
+        if np.isnan(moment):
+            raise DataError(f"{what}: nan is no time; give seconds")
+        return float(moment)
+    if isinstance(moment, np.datetime64):
+        moment = moment.astype("M8[us]").item()
+    if not isinstance(moment, (str, datetime)):
+        raise DataError(f"{what}: {moment!r:.40} is no time; give seconds, or a date")
+    if epoch is None:
+        raise DataError(
+            f"{what}: {str(moment)!r:.40} is a date, and the clock is not absolute; give seconds"
+        )
+    with located(what):
+        ahead, zero = gps_of(moment), gps_of(epoch)
+    # microseconds and leap seconds apart: seconds since 1980 as floats are not as fine
+    start, stop = (_unzoned(each) for each in (epoch, moment))
+    passed = (stop - start).total_seconds()
+    return passed + round(ahead - zero - passed)
+
+
+def _unzoned(moment: str | datetime) -> datetime:
+    """A time that `gps_of` takes, in UTC."""
+    made = moment if isinstance(moment, datetime) else datetime.fromisoformat(moment)
+    return made.replace(tzinfo=UTC) if made.tzinfo is None else made.astimezone(UTC)
+
+
+def within(t: Array, start: float, stop: float, what: str) -> Mask:
+    """Which of the times t (n,), s, lie from start to stop, both included. Raises DataError, which
+    names `what`, where none does."""
+    taken: Mask = (t >= start) & (t <= stop)
+    if not taken.any():
+        covers = f"it covers {t[0]:.3f} to {t[-1]:.3f} s" if len(t) else "it has none at all"
+        raise DataError(f"{what}: no rows from {start:g} to {stop:g} s; {covers}")
+    return taken
+
+
+def ends(part: slice, epoch: str | None, what: str) -> tuple[float, float]:
+    """First and last time, s, that a slice by times, `start:stop`, names; its ends are as `seconds_to`
+    takes them, and open where there is none. Raises DataError, which names `what`."""
+    if not isinstance(part, slice) or part.step is not None:
+        asked = "a step" if isinstance(part, slice) else f"{part!r:.40}"
+        raise DataError(f"{what}: {asked} takes no part of it; write {what}[100:200], in s")
+    start = -np.inf if part.start is None else seconds_to(part.start, epoch, what)
+    stop = np.inf if part.stop is None else seconds_to(part.stop, epoch, what)
+    if start > stop:
+        raise DataError(f"{what}: {start:g} s is after {stop:g} s; write the earlier time first")
+    return start, stop
 
 
 def iso_text(moments: NDArray[np.datetime64], decimals: int) -> NDArray[np.bytes_]:

@@ -118,6 +118,14 @@ class Verdict:
     def __str__(self) -> str:
         return "\n".join(self.lines)
 
+    def __repr__(self) -> str:
+        return f"Verdict({self.line})"
+
+    def _repr_html_(self) -> str:
+        from .notebook.cards import of_verdict
+
+        return of_verdict(self)
+
     def as_dict(self) -> dict[str, Any]:
         """As plain values, for files."""
         return {

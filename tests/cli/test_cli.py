@@ -79,19 +79,6 @@ def flight(tables, tmp_path, monkeypatch):
     return Path("recording.toml")
 
 
-@pytest.fixture
-def good(command):
-    """Function of the words -> standard output of a command that must end well and say nothing
-    on standard error."""
-
-    def run(*words):
-        code, out, err = command(*words)
-        assert (code, err) == (0, []), (code, out, err)
-        return out
-
-    return run
-
-
 def files(folder="."):
     return {str(path): path.stat().st_mtime_ns for path in Path(folder).rglob("*")}
 
@@ -139,13 +126,21 @@ def test_help_names_every_command(good):
 @pytest.mark.short
 def test_lists(good):
     out = good("filters")
+    assert max(map(len, out.splitlines())) <= 100
+    closed_loop = "  closed-loop             the one to begin with"
+    assert re.search(rf"^Kalman filters of .*\n{closed_loop}", out, re.MULTILINE)
+    assert out.index("Attitude without a position\n") < out.index("  vru ")
+    told = good("filters", "periodic-reset")
     assert all(
-        name in out
-        for name in ("closed-loop-error-bias", "open-loop", "interval=60.0", "Groves (2013)")
+        part in told
+        for part in (
+            "interval     60.0",
+            "interval: seconds between resets",
+            "not for: ",
+            "Bryne",
+        )
     )
-    # on the 80 columns of no terminal, for long options
-    assert "position, position" not in out and max(map(len, out.splitlines())) <= 120
-    assert any(line.startswith(" " * 40) for line in out.splitlines())
+    assert "estimates: position down, velocity down, attitude roll pitch" in good("filters", "vru")
     out = good("imus")
     header, _, *rows = out.splitlines()
     assert header.split() == sd.grades()
@@ -545,3 +540,23 @@ except KeyboardInterrupt:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout == "again\n" and done.stderr == ""
+
+
+def test_a_terminal_is_shown_the_time_that_is_left_and_a_pipe_nothing(monkeypatch, capsys):
+    from strapdown.cli import console
+
+    def shown(terminal):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
+        monkeypatch.setenv("TERM", "xterm" if terminal else "dumb")
+        monkeypatch.setenv("FORCE_COLOR" if terminal else "NO_COLOR", "1")
+        with console.Progress() as progress:
+            done = progress.track("study")
+            for fraction in (0.1, 0.2, 0.4):
+                done(fraction)
+                if progress.bar:
+                    progress.bar.refresh()
+        return capsys.readouterr().err
+
+    assert shown(False) == ""
+    bar = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown(True))
+    assert re.search(r"study.*40%.*\d:\d\d:\d\d.*left", bar)

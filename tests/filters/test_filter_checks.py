@@ -15,6 +15,15 @@ def test_the_librarys_own_pass(name):
     filters.check(filters.find(name))
 
 
+def test_each_says_whom_it_is_for_and_belongs_to_a_family():
+    """A row of `strapdown filters` is a line of 100 characters."""
+    found = {name: filters.find(name) for name in filters.own_names()}
+    assert all(0 < len(each.good_for) <= 56 for each in found.values())
+    assert all(0 < len(each.poor_for) <= 60 for each in found.values())
+    assert {filters.family(name) for name in found} == {*filters.FAMILIES}
+    assert filters.family("mahony") == "attitude" and filters.family("of-a-plugin") == ""
+
+
 @pytest.mark.parametrize(
     "field, value, said",
     [
@@ -30,6 +39,7 @@ def test_the_librarys_own_pass(name):
         ("configure", 1, "configure is 1; it must be a function"),
         ("diagnose", "no", "diagnose is 'no'; it must be a function"),
         ("slots", None, "slots is None; it must be Slots"),
+        ("good_for", None, "good_for is None; it must be text"),
     ],
 )
 def test_a_field_that_cannot_be_is_named(field, value, said):

@@ -97,6 +97,8 @@ def test_a_page_of_attitude_shows_attitude_bias_and_fixes():
         "Gyro bias",
         "Innovations",
         "Normalised innovation squared",
+        "Autocorrelation of innovations",
+        "NIS over chi-square",
     ]
     html = page.html
     assert (
@@ -366,7 +368,8 @@ def test_what_the_filters_publish_is_shown(turning, filter, capsys):
 
     made = sd.fuse(turning, filter)
     page = report(made, turning.reference)
-    nis = ["Normalised innovation squared"] if filter == "attitude-mekf" else []
+    nis = ["Normalised innovation squared", "Autocorrelation of innovations", "NIS over chi-square"]
+    sensors = ["Specific force and angular rate", "Vibration", "Intervals"]
     assert [heading for heading in headings(page) if heading != "Columns of the filter"] == [
         "Attitude error",
         "Angle of the attitude error",
@@ -374,7 +377,8 @@ def test_what_the_filters_publish_is_shown(turning, filter, capsys):
         "3σ of attitude",
         "Gyro bias",
         "Innovations",
-        *nis,
+        *(nis if filter == "attitude-mekf" else nis[1:2]),
+        *sensors,
     ]
     assert titles(dict(zip(headings(page), drawn(page)))["Innovations"]) == ["magnetometer [deg]"]
     assert not re.search(r"\bnan\b", re.sub(r"<script.*?</script>", "", own(page)))

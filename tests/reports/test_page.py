@@ -207,8 +207,8 @@ def test_withheld_windows_are_listed_shaded_and_scored():
         [outage.horizontal_max, outage.horizontal_end, outage.down_max], rel=0.01
     )
     assert cells(html, "5000 to inf") == ["–"] * 3 and "</b>fixes withheld<" in html
-    # all but the two of the track
-    assert html.count(f'"fillcolor": "{WITHHELD}"') == html.count("class=plot") - 2
+    # all but two of the track and two of the statistics of fixes
+    assert html.count(f'"fillcolor": "{WITHHELD}"') == html.count("class=plot") - 4
     alone = report(hidden).html
     assert cells(alone, "100 to 130") == [] and "at the end [m]" not in alone
     assert "fixes withheld" not in report(SOLUTION, TRUTH).html

@@ -372,7 +372,8 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
     docs.write_text(f"before\n{write_docs.mark('alam')}\nold\n{markdown.END}\nafter\n")
     write_docs.insert(docs, "alam", text)
     assert (
-        docs.read_text() == f"before\n{write_docs.mark('alam')}\n{text}{markdown.END}\nafter\n"
+        docs.read_text()
+        == f"before\n{write_docs.mark('alam')}\n{text}{markdown.end(text)}\nafter\n"
         and "| 1 | During the outage" in text
     )
 

@@ -211,7 +211,10 @@ def test_markdown_of_the_tables(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(f"before\n{write_docs.mark('broad')}\nold\n{markdown.END}\nafter\n")
     write_docs.insert(page, "broad", text)
-    assert page.read_text() == f"before\n{write_docs.mark('broad')}\n{text}{markdown.END}\nafter\n"
+    assert (
+        page.read_text()
+        == f"before\n{write_docs.mark('broad')}\n{text}{markdown.end(text)}\nafter\n"
+    )
 
 
 @pytest.mark.short

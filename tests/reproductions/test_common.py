@@ -105,7 +105,14 @@ def test_what_a_run_has_written_goes_into_its_page(tmp_path, monkeypatch):
     out.mkdir()
     (out / "findings.md").write_text("new\n")
     write_docs.main("alam", str(out))
-    assert page.read_text() == f"before\n{write_docs.mark('alam')}\nnew\n{markdown.END}\nafter\n"
+    end = markdown.end("new\n")
+    assert page.read_text() == f"before\n{write_docs.mark('alam')}\nnew\n{end}\nafter\n"
+    assert not markdown.edited(page.read_text())
+    assert markdown.edited(page.read_text().replace("new", "newer")) == [
+        "findings.md of strapdown reproduce alam"
+    ]
+    write_docs.main("alam", str(out))
+    assert page.read_text().count("<!-- end") == 1
 
 
 @pytest.mark.parametrize("name", write_docs.PAGES)

@@ -383,7 +383,7 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
     ).read_text(encoding="utf-8")
     listed = re.findall(
         r"^\| (\d+) \| (.*?) \| \*\*(.*?)\*\* \|",
-        page.partition(write_docs.mark("hager-bryne"))[2].partition(markdown.END)[0],
+        page.partition(write_docs.mark("hager-bryne"))[2].partition("<!-- end")[0],
         re.MULTILINE,
     )
     assert [text for _, text, _ in listed] == [
@@ -403,7 +403,7 @@ def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
     write_docs.insert(page, "hager-bryne", text)
     assert (
         page.read_text()
-        == f"before\n{write_docs.mark('hager-bryne')}\n{text}{markdown.END}\nafter\n"
+        == f"before\n{write_docs.mark('hager-bryne')}\n{text}{markdown.end(text)}\nafter\n"
     )
 
 

@@ -484,7 +484,8 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     docs.write_text(f"before\n{write_docs.mark('mollaei')}\nold\n{markdown.END}\nafter\n")
     write_docs.insert(docs, "mollaei", text)
     assert (
-        docs.read_text() == f"before\n{write_docs.mark('mollaei')}\n{text}{markdown.END}\nafter\n"
+        docs.read_text()
+        == f"before\n{write_docs.mark('mollaei')}\n{text}{markdown.end(text)}\nafter\n"
         and "| 21 | (Not said:)" in text
     )
 

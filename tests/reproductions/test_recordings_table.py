@@ -351,7 +351,7 @@ def test_markdown(tmp_path):
     found = page.read_text(encoding="utf-8")
     assert (
         found
-        == f"before\n{write_docs.mark('recordings')}\n### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n{markdown.END}\nafter\n"
+        == f"before\n{write_docs.mark('recordings')}\n### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n{markdown.end(text)}\nafter\n"
     )
 
 

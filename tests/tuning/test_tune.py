@@ -197,7 +197,7 @@ def test_intervals_of_lasting_errors_hold_the_truth_at_their_rate():
 
 @pytest.mark.deep
 def test_intervals_of_imu_noise_that_hardly_shows_are_too_narrow():
-    """Of 12 drives and 4 numbers 38 of 48 hold the truth, where 95 % should: docs/how-to/tune.md says so.
+    """Of 12 drives and 4 numbers 36 of 48 hold the truth, where 95 % should: docs/how-to/tune.md says so.
     Fewer than 34 would be worse than that."""
     truth, inside = sd.grade("consumer").noise(), []
     fields = ("gyro", "accel", "gyro_bias", "accel_bias")

@@ -158,6 +158,15 @@ class Allan:
                     columns[f"{sensor.name}_{axis}{name} [{SHEET[si]}]"] = in_units(values, si)
         return pd.DataFrame(columns, index=pd.Index(self.gyro.triad.tau, name="tau [s]"))
 
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card, frame, lines
+
+        table = self.table()
+        found = table.loc[
+            table["axis"] == "triad", ["sensor", "coefficient", "value", "sd", "unit"]
+        ]
+        return card(f"Allan analysis of {self.duration:.0f} s", {}, frame(found), lines(self.notes))
+
     def __repr__(self) -> str:
         def shown(sensor: Sensor) -> str:
             return ", ".join(

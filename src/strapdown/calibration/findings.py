@@ -115,5 +115,12 @@ class Result:
         ]
         write_calibration(path, self.sections(), comments + list(self.notes))
 
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card, lines
+        from ..reports.summary import table
+
+        said = lines([self.verdict, *self.notes])
+        return card(f"Calibration {self.name}", {}, table(self.header, self.rows), said)
+
     def __repr__(self) -> str:
         return f"Calibration({self.sensor}, {self.form}: {self.verdict})"

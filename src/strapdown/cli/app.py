@@ -8,18 +8,20 @@ import threading
 import warnings
 from math import inf, isfinite, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 import strapdown as sd
 
-from . import calibrate, compare, diagnose, export, fly, simulation, tune
+from . import calibrate, compare, diagnose, export, filters, fly, simulation, tune
 from .console import (
     ADAPTIVE,
+    AHRS,
     ESTIMATE,
-    FORMATS,
+    FILTER,
     FROM,
+    GRADE,
     IMU,
     MAP,
     NOT_TRUSTED,
@@ -32,7 +34,6 @@ from .console import (
     VEHICLE,
     WRITE,
     Progress,
-    Reads,
     asked_imu,
     check_draft,
     end,
@@ -54,12 +55,10 @@ from .console import (
     table,
     wrapped_table,
 )
-
-if TYPE_CHECKING:
-    from ..core.contract import Filter
+from .help import FORMATS, Command, Commands
 
 app = typer.Typer(
-    add_completion=False,
+    cls=Commands,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Aided inertial navigation: from IMU, GNSS and other records to position, velocity, "
@@ -193,15 +192,13 @@ def options(
         name_plugins(plugin)
 
 
-@app.command()
+@app.command(cls=Command)
 def demo(
     out: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
     seed: Annotated[
         int, typer.Option(help="Of the random errors; another seed is another flight's noise.")
     ] = 7,
-    imu: Annotated[
-        str, typer.Option(help="IMU grade to simulate, or a file that describes one.")
-    ] = "tactical",
+    imu: GRADE = "tactical",
     map: MAP = False,
 ) -> None:
     """Simulate a 10-minute flight, fuse it open and closed loop, print the errors and write a
@@ -227,12 +224,10 @@ def demo(
     print(f"wrote {out}")
 
 
-@app.command(cls=Reads)
+@app.command(cls=Command)
 def fuse(
     recording: Annotated[list[Path], recording_argument()],
-    filter: Annotated[
-        str, typer.Option(help="Architecture; see `strapdown filters`.")
-    ] = "closed-loop",
+    filter: FILTER = "closed-loop",
     imu: IMU = None,
     sources: SOURCES = None,
     take: TAKE = None,
@@ -252,15 +247,7 @@ def fuse(
     robust: ROBUST = None,
     adaptive: ADAPTIVE = None,
     every: Annotated[int, typer.Option(help="Keep each n-th row of the solution.")] = 1,
-    ahrs: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="A filter of attitude alone that runs first; its output is the attitude aiding.  "
-            "[default: attitude-mekf, where the "
-            "filter needs attitude and the recording has a magnetometer or heading instead]",
-        ),
-    ] = None,
+    ahrs: AHRS = None,
     ahrs_rate: Annotated[
         float, typer.Option(metavar="HZ", help="Rate of that aiding, at most the IMU's.")
     ] = 10.0,
@@ -395,9 +382,9 @@ def _start(
     )
 
 
-@app.command(cls=Reads)
+@app.command(cls=Command)
 def inspect(
-    path: Annotated[list[Path], typer.Argument(metavar="PATH...", help=FORMATS)],
+    path: Annotated[list[Path], typer.Argument(metavar="PATH", help=FORMATS)],
     write: WRITE = None,
     imu: Annotated[
         int | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
@@ -417,31 +404,7 @@ def inspect(
         raise typer.Exit(NOT_TRUSTED)
 
 
-@app.command()
-def filters() -> None:
-    """List the filter architectures with what they need, whether studies run it for eight flights at
-    once (lanes), their options, defaults and sources."""
-    from .. import filters
-    from ..engine.prepare import positioned
-
-    found = [filters.find(name) for name in filters.names()]
-
-    def options(each: "Filter") -> str:
-        return " ".join(f"{name}={default}" for name, default in each.options.items())
-
-    def needs(each: "Filter") -> str:
-        own = ["position"] if positioned(each) else []
-        return ", ".join(dict.fromkeys([*own, *each.needs]))
-
-    head = "filter", "needs", "lanes", "options", "reference"
-    rows = [
-        (each.name, needs(each), "yes" if each.lanes else "", options(each), each.reference)
-        for each in found
-    ]
-    wrapped_table(head, rows)
-
-
-@app.command()
+@app.command(cls=Command)
 def imus() -> None:
     """List the IMU grades with their error terms."""
     from ..sensor_models.imu import grade, grades
@@ -458,7 +421,7 @@ def imus() -> None:
     )
 
 
-@app.command()
+@app.command(cls=Command)
 def receivers() -> None:
     """List the GNSS receivers that can be simulated, with their standard deviations north, east,
     down."""
@@ -472,7 +435,7 @@ def receivers() -> None:
     )
 
 
-@app.command()
+@app.command(cls=Command)
 def plugins() -> None:
     """List what comes from outside the library: installed packages, STRAPDOWN_PLUGINS, --plugin."""
     from ..registration import brought
@@ -518,11 +481,12 @@ for command in (
     *simulation.COMMANDS,
     compare.compare,
     diagnose.diagnose,
+    filters.filters,
     tune.tune,
     fly.fly,
     export.export,
 ):
-    app.command(cls=Reads)(command)
+    app.command(cls=Command)(command)
 app.add_typer(calibrate.group)
 
 if __name__ == "__main__":

@@ -16,11 +16,11 @@ from .console import (
     IMU,
     OPTION,
     OUT,
+    RELATIVE,
     TAKE,
     TO,
     VEHICLE,
     Progress,
-    Reads,
     grade_of,
     option_values,
     read_given,
@@ -29,6 +29,7 @@ from .console import (
     save_page,
     table,
 )
+from .help import Command
 
 if TYPE_CHECKING:
     from ..calibration.installation.findings import Installation
@@ -54,7 +55,7 @@ class Group(TyperGroup):
         self.format_commands(ctx, formatter)
 
 
-class Unnamed(Reads):
+class Unnamed(Command):
     """The command of a group that stands without its name."""
 
     def make_context(
@@ -117,7 +118,7 @@ def calibrate(
     print(f"in recording.toml: {found.hint.format(f'{out}/calibration.toml')}")
 
 
-@group.command(INSTALLATION, cls=Reads)
+@group.command(INSTALLATION, cls=Command)
 def installation(
     recording: Annotated[list[Path], recording_argument()],
     write: Annotated[
@@ -134,9 +135,7 @@ def installation(
             help="The IMU's time stamps are wrong, where all sources are off by the same.",
         ),
     ] = False,
-    filter: Annotated[
-        str, typer.Option(help="The closed loop or one of its relatives.")
-    ] = "closed-loop",
+    filter: RELATIVE = "closed-loop",
     imu: IMU = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,

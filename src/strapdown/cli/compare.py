@@ -9,8 +9,10 @@ import typer
 
 import strapdown as sd
 
+from . import complete
 from .console import (
     ADAPTIVE,
+    AHRS,
     ESTIMATE,
     FROM,
     IMU,
@@ -41,6 +43,7 @@ FILTERS = Annotated[
     list[str] | None,
     typer.Option(
         metavar="A,B,...",
+        autocompletion=complete.filters,
         help="Filters, with options as NAME:option=value; may be repeated.  "
         "[default: all that estimate a position but pkf, which takes minutes]",
     ),
@@ -56,7 +59,11 @@ OUTAGES = Annotated[
 ]
 KINDS = Annotated[
     str | None,
-    typer.Option(metavar="KIND,...", help="What is withheld.  [default: position,velocity]"),
+    typer.Option(
+        metavar="KIND,...",
+        autocompletion=complete.kinds,
+        help="What is withheld.  [default: position,velocity]",
+    ),
 ]
 
 
@@ -74,14 +81,7 @@ def compare(
     estimate: ESTIMATE = None,
     robust: ROBUST = None,
     adaptive: ADAPTIVE = None,
-    ahrs: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="A filter of attitude alone that runs first and feeds the filters that need "
-            "attitude.",
-        ),
-    ] = None,
+    ahrs: AHRS = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the results.  [default: NAME-compare]")
     ] = None,

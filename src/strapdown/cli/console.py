@@ -12,31 +12,70 @@ from textwrap import fill, wrap
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
-from typer.core import TyperCommand
 
 import strapdown as sd
 
 from ..checks import DataError, check_choice, located
 from ..verdict import Verdict, together
+from . import complete
+from .help import FORMATS
 
 if TYPE_CHECKING:
     from ..engine.installation import Prior
     from ..reports.shell import Page
     from ..typing import Array
 
+FILTER = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        autocompletion=complete.filters,
+        help="Architecture; see `strapdown filters`.",
+    ),
+]
+RELATIVE = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        autocompletion=complete.filters,
+        help="The closed loop or one of its relatives.",
+    ),
+]
+AHRS = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        autocompletion=complete.attitude_filters,
+        help="A filter of attitude alone that runs first; its output is the attitude aiding.  "
+        "[default: attitude-mekf, where a filter needs attitude and the recording has a magnetometer "
+        "or heading instead]",
+    ),
+]
+GRADE = Annotated[
+    str,
+    typer.Option(
+        metavar="GRADE",
+        autocompletion=complete.imus,
+        help="IMU grade (see `strapdown imus`) or a file that describes one.",
+    ),
+]
 GNSS = Annotated[
     str | None,
     typer.Option(
+        metavar="NAME",
+        autocompletion=complete.receivers,
         help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: the "
-        "scenario's]."
+        "scenario's].",
     ),
 ]
 OUT = Annotated[Path, typer.Option(help="Folder for the results.")]
 IMU = Annotated[
     str | None,
     typer.Option(
+        metavar="GRADE",
+        autocompletion=complete.imus,
         help="IMU grade (see `strapdown imus`) or a file that describes one; default: what the "
-        "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical."
+        "recording names. A number is which IMU of a log to take, 1 or with its grade 1,tactical.",
     ),
 ]
 SOURCES = Annotated[
@@ -66,6 +105,7 @@ VEHICLE = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
+        autocompletion=complete.vehicles,
         help="What carries the sensors: any, pedestrian, car, ship, multicopter or aircraft; "
         "nothing beyond its bounds is believed.  [default: what the recording names, else any]",
     ),
@@ -151,34 +191,19 @@ SCHEDULER = Annotated[
     ),
 ]
 
-FORMATS = "<formats>"
-"""What `Reads` puts the formats in place of."""
 NOT_TRUSTED = 3
 """Exit code of a command with --strict whose result is not trusted, and of `inspect` where it finds
 something wrong; docs/reference/conventions.md lists all."""
+SPEED_OVER = 600.0
+"""s: steps of a study are further apart than the half minute that bars usually look back."""
 NARROWEST = 32
 """Characters that a column that is wrapped may have at least."""
 
 
-class Reads(TyperCommand):
-    """A command whose help lists the formats of recordings. They are found when its own help is
-    asked for: the readers are too heavy for every start."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """As click asks."""
-        from ..io.registry import formats
-
-        for parameter in self.params:
-            text = getattr(parameter, "help", None) or ""
-            if FORMATS in text:
-                parameter.help = text.replace(FORMATS, formats())  # type: ignore[attr-defined]
-        super().format_help(ctx, formatter)
-
-
-def recording_argument(note: str = "") -> Any:
-    """The argument of a command of the class `Reads`: files in one of the formats, and a note."""
+def recording_argument(note: str = ".") -> Any:
+    """The argument of a command that reads files in one of the formats, and a note."""
     several = " Several files of logs or tables make one recording."
-    return typer.Argument(metavar="RECORDING...", help=FORMATS + note + several)
+    return typer.Argument(metavar="RECORDING", help=FORMATS + note + several)
 
 
 def read_given(
@@ -293,9 +318,13 @@ def print_verdicts(verdicts: Mapping[str, Verdict]) -> None:
 def _say(text: str) -> None:
     """Print a line, on a terminal in lines of its width, the further ones indented."""
     if sys.stdout.isatty():
-        width = max(get_terminal_size().columns, NARROWEST)
-        text = fill(text, width, subsequent_indent="    ", break_on_hyphens=False)
+        text = fill(text, text_width(), subsequent_indent="    ", break_on_hyphens=False)
     print(text)
+
+
+def text_width() -> int:
+    """Columns that text has."""
+    return max(get_terminal_size().columns, NARROWEST)
 
 
 def end(strict: bool, verdicts: Iterable[Verdict]) -> None:
@@ -462,8 +491,8 @@ def wrapped_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 class Progress:
-    """A progress bar on standard error where that is a terminal; plain lines for what takes long
-    otherwise."""
+    """A progress bar on standard error where that is a terminal, with the time that is left; plain
+    lines for what takes long otherwise."""
 
     def __enter__(self) -> Self:
         self.bar = None
@@ -471,7 +500,13 @@ class Progress:
             from rich.console import Console
             from rich.progress import Progress
 
-            self.bar = Progress(console=Console(stderr=True), transient=True)
+            self.bar = Progress(
+                *Progress.get_default_columns(),
+                "left",
+                console=Console(stderr=True),
+                transient=True,
+                speed_estimate_period=SPEED_OVER,
+            )
             self.bar.start()
         return self
 

@@ -4,14 +4,13 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 import strapdown as sd
 
 from .console import (
     FROM,
     IMU,
     OPTION,
+    RELATIVE,
     SOURCES,
     TAKE,
     TO,
@@ -29,9 +28,7 @@ if TYPE_CHECKING:
 
 def diagnose(
     recording: Annotated[list[Path], recording_argument()],
-    filter: Annotated[
-        str, typer.Option(help="The closed loop or one of its relatives.")
-    ] = "closed-loop",
+    filter: RELATIVE = "closed-loop",
     imu: IMU = None,
     sources: SOURCES = None,
     take: TAKE = None,

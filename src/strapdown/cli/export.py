@@ -7,7 +7,17 @@ import typer
 
 import strapdown as sd
 
-from .console import IMU, OPTION, VEHICLE, Progress, option_values, read_given, results_folder
+from . import complete
+from .console import (
+    FILTER,
+    IMU,
+    OPTION,
+    VEHICLE,
+    Progress,
+    option_values,
+    read_given,
+    results_folder,
+)
 
 REPLAYED = 60.0
 """s of the flight that is simulated where no recording is given."""
@@ -18,6 +28,7 @@ def export(
         str,
         typer.Option(
             metavar="KIND,...",
+            autocompletion=complete.kinds,
             help="Kinds of fixes that it shall take, in the order of their numbers; docs/reference/sensors.md "
             "has them.",
         ),
@@ -25,13 +36,13 @@ def export(
     target: Annotated[
         str,
         typer.Option(
-            help="host (this machine), aarch64, cortex-m4f, cortex-m7, wasm32, x86-64-v2 or x86-64-v3."
+            metavar="NAME",
+            autocompletion=complete.targets,
+            help="host (this machine), aarch64, cortex-m4f, cortex-m7, wasm32, x86-64-v2 or x86-64-v3.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for the files.")],
-    filter: Annotated[
-        str, typer.Option(help="Architecture; see `strapdown filters`.")
-    ] = "closed-loop",
+    filter: FILTER = "closed-loop",
     imu: IMU = None,
     vehicle: VEHICLE = None,
     option: OPTION = None,

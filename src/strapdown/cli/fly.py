@@ -10,7 +10,10 @@ import typer
 
 import strapdown as sd
 
+from . import complete
 from .console import (
+    FILTER,
+    GRADE,
     OPTION,
     SEED,
     STRICT,
@@ -47,20 +50,20 @@ def fly(
     plan: Annotated[
         str,
         typer.Argument(
-            metavar="PLAN", help="straight, turning, or a TOML file (docs/how-to/flight.md)."
+            metavar="PLAN",
+            autocompletion=complete.plans,
+            help="straight, turning, or a TOML file (docs/how-to/flight.md).",
         ),
     ] = "straight",
-    filter: Annotated[
-        str, typer.Option(help="Architecture; see `strapdown filters`.")
-    ] = "closed-loop",
-    imu: Annotated[
-        str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")
-    ] = "industrial",
+    filter: FILTER = "closed-loop",
+    imu: GRADE = "industrial",
     gnss: Annotated[
         str | None,
         typer.Option(
+            metavar="NAME",
+            autocompletion=complete.receivers,
             help="GNSS receiver (see `strapdown receivers`) or a file that describes one [default: "
-            "five fixes a second with white noise]."
+            "five fixes a second with white noise].",
         ),
     ] = None,
     duration: Annotated[

@@ -10,8 +10,10 @@ import typer
 
 import strapdown as sd
 
+from . import complete
 from .console import (
     GNSS,
+    GRADE,
     OUT,
     SCHEDULER,
     SEED,
@@ -32,12 +34,19 @@ def simulate(
     scenario: Annotated[
         str,
         typer.Argument(
-            metavar="SCENARIO", help="A built-in scenario (docs/how-to/simulate.md) or a TOML file."
+            metavar="SCENARIO",
+            autocompletion=complete.scenarios,
+            help="A built-in scenario (docs/how-to/simulate.md) or a TOML file.",
         ),
     ],
     out: Annotated[Path, typer.Option(help="The recording to write, .nc.")],
     imu: Annotated[
-        str | None, typer.Option(help="IMU grade or file [default: the scenario's].")
+        str | None,
+        typer.Option(
+            metavar="GRADE",
+            autocompletion=complete.imus,
+            help="IMU grade or file [default: the scenario's].",
+        ),
     ] = None,
     gnss: GNSS = None,
     seed: SEED = 0,
@@ -66,18 +75,29 @@ def simulate(
 
 def study(
     scenario: Annotated[
-        list[str], typer.Argument(metavar="SCENARIO...", help="Built-in scenarios or TOML files.")
+        list[str],
+        typer.Argument(
+            metavar="SCENARIO",
+            autocompletion=complete.scenarios,
+            help="Built-in scenarios or TOML files.",
+        ),
     ],
     imu: Annotated[
         list[str] | None,
-        typer.Option(help="IMU grade or file; may be repeated [default: the scenario's]."),
+        typer.Option(
+            metavar="GRADE",
+            autocompletion=complete.imus,
+            help="IMU grade or file; may be repeated [default: the scenario's].",
+        ),
     ] = None,
     gnss: GNSS = None,
     filter: Annotated[
         list[str] | None,
         typer.Option(
+            metavar="NAME",
+            autocompletion=complete.filters,
             help="A filter, with options as NAME:option=value; may be repeated.  [default: "
-            "closed-loop, open-loop]"
+            "closed-loop, open-loop]",
         ),
     ] = None,
     runs: Annotated[
@@ -172,13 +192,12 @@ def _interval(row: "pd.Series[Any]", name: str) -> str:
 
 
 def advise(
-    imu: Annotated[
-        str, typer.Option(help="IMU grade (see `strapdown imus`) or a file that describes one.")
-    ],
+    imu: GRADE,
     flight: Annotated[
         str,
         typer.Option(
             metavar="KIND",
+            autocompletion=complete.missions,
             help="dynamic (circuits of a light aircraft), a built-in scenario (straight, demo, car, "
             "ship, ...) or a TOML file.",
         ),
@@ -239,11 +258,8 @@ def advise(
 
 
 def _reproduction(name: str) -> Callable[..., list[dict[str, Any]]]:
-    """The function of that name that an installed package offers as an entry point
-    `strapdown.reproductions`."""
-    from importlib.metadata import entry_points
-
-    offered = {entry.name: entry for entry in entry_points(group="strapdown.reproductions")}
+    """The function of that name that an installed package offers as an entry point."""
+    offered = complete.offered()
     if not offered:
         raise sd.DataError(
             f"reproduce {name}: the package strapdown-reproductions is not installed; install it "
@@ -278,7 +294,9 @@ def reproduce(
     name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", help="What to run again; an unknown name lists what there is."
+            metavar="NAME",
+            autocompletion=complete.reproductions,
+            help="What to run again; an unknown name lists what there is.",
         ),
     ],
     out: OUT = Path("reproduction"),
@@ -308,10 +326,20 @@ def reproduce(
         ),
     ] = None,
     filter: Annotated[
-        list[str] | None, typer.Option(help="Only this filter; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            autocompletion=complete.filters,
+            help="Only this filter; may be repeated.",
+        ),
     ] = None,
     scenario: Annotated[
-        list[str] | None, typer.Option(help="Only this scenario; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            autocompletion=complete.scenarios,
+            help="Only this scenario; may be repeated.",
+        ),
     ] = None,
 ) -> None:
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""

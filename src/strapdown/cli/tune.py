@@ -13,6 +13,7 @@ from .console import (
     FROM,
     IMU,
     OPTION,
+    RELATIVE,
     TAKE,
     TO,
     VEHICLE,
@@ -31,9 +32,7 @@ if TYPE_CHECKING:
 
 def tune(
     recording: Annotated[list[Path], recording_argument()],
-    filter: Annotated[
-        str, typer.Option(help="The closed loop or one of its relatives.")
-    ] = "closed-loop",
+    filter: RELATIVE = "closed-loop",
     imu: IMU = None,
     take: TAKE = None,
     vehicle: VEHICLE = None,

@@ -598,6 +598,10 @@ class Filter(NamedTuple):
     # the one of BIAS_MODELS that it assumes where nobody says; "": none of its estimates decays, and
     # there is no such option
     bias: str = ""
+    # for whom it is, and for what to take another one, as the list of filters has them: a phrase of
+    # at most 60 characters each
+    good_for: str = ""
+    poor_for: str = ""
 
     def __copy__(self) -> "Filter":
         return self  # kernels are not copied

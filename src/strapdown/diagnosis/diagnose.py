@@ -15,6 +15,7 @@ from ..cross_checks.motion import Subject
 from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
+from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Array, Mask, Progress, Say
 from ..vehicle import GivenVehicle
@@ -73,13 +74,14 @@ COARSE_GAIN = 0.8
 """A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
 
 
+@with_bar("diagnose")
 def diagnose(
     recording: Recording,
     filter: str | Filter = "closed-loop",
     imu: GivenImu | None = None,
     start: Start | None = None,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     vehicle: GivenVehicle | None = None,
     **options: Any,
 ) -> Diagnosis:
@@ -97,7 +99,7 @@ def diagnose(
         recording,
         filter,
         Asked(options, imu, start, say=say, vehicle=vehicle, estimate=()),
-        progress,
+        listener(progress),
     ).diagnosis()
 
 
@@ -109,7 +111,7 @@ class _Runs:
         recording: Recording,
         filter: str | Filter,
         asked: Asked,
-        progress: Progress | None = None,
+        progress: Progress,
     ) -> None:
         check_recording(recording)
         self.recording, self.filter, self.asked = recording, filters.find(filter), asked
@@ -120,7 +122,7 @@ class _Runs:
                 "nothing of the installation shows without a source of position: add one"
             )
         self.constants = constants(recording.aidings)
-        self.progress = progress or (lambda done: None)
+        self.progress = progress
         self.way = Settling(self.run, np.zeros(len(self.constants)))
 
     def run(self, theta: Array) -> Trial:

@@ -121,6 +121,11 @@ class EstimatedInstallation:
     def __str__(self) -> str:
         return "\n".join(self.lines)
 
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card, lines
+
+        return card("Estimated installation", {}, lines(self.lines))
+
 
 def installation(solution: Solution) -> EstimatedInstallation:
     """What a Solution of `fuse`, `smooth` or a Stream says at its end of the parameters that were

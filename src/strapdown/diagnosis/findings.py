@@ -115,6 +115,15 @@ class Diagnosis:
     def __str__(self) -> str:
         return "\n".join(self.lines)
 
+    def __repr__(self) -> str:
+        found = ", ".join(each.name for each in self.found) or "nothing to change"
+        return f"Diagnosis({found}; {counted(self.runs)})"
+
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card, lines
+
+        return card("Diagnosis", {}, lines(self.lines))
+
 
 def counted(runs: int) -> str:
     """How often the filter ran, in words."""

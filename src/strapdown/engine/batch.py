@@ -8,6 +8,7 @@ from ..alignment.completed import completed, left_open
 from ..checks import check_flag, check_number
 from ..core.contract import Filter, Noise, Start
 from ..data import Solution
+from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
@@ -28,6 +29,7 @@ from .prepare import (
 from .weighed import Adaptive, Robust, with_weights
 
 
+@with_bar("fuse")
 def fuse(
     recording: Recording,
     filter: str | Filter = "closed-loop",
@@ -37,7 +39,7 @@ def fuse(
     every: int = 1,
     covariance: bool = False,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
     vehicle: GivenVehicle | None = None,
@@ -52,7 +54,7 @@ def fuse(
     `heading_hypotheses.aligned`). Its open parts are found as `align` finds them. Fixes at its time
     belong to it and are not used again. noise: a Noise in place of the IMU's; every: keep each n-th row (the last one always); covariance: keep the
     whole covariance of these rows too; say: told of slow compilation; progress: called with the
-    fraction done; ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate`
+    fraction done, or True for a bar with the time left, in a notebook or on a terminal; ahrs: a filter of attitude alone that runs first and whose output at `ahrs_rate`
     Hz is the `attitude` aiding (default: `attitude-mekf` where `filter` needs attitude, the
     recording has none and something in it measures the heading); vehicle: one of vehicle.VEHICLES, or
     a Vehicle, beyond whose bounds nothing is believed (default: what the recording names, else any);
@@ -71,7 +73,7 @@ def fuse(
             options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate
         ),
     )
-    run.complete(progress)
+    run.complete(listener(progress))
     return solution(run)
 
 

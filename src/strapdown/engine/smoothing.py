@@ -35,6 +35,7 @@ from ..core.contract import (
 from ..core.smoother import run_back, work_size
 from ..data import Solution
 from ..geodesy import displacement
+from ..progress import listener, with_bar
 from ..recording import Recording
 from ..typing import Array, Ints, Progress, Say
 from ..vehicle import GivenVehicle
@@ -55,6 +56,7 @@ REACH = 20.0
 """s of rows before, which the same contradiction bends by less than shows."""
 
 
+@with_bar("smooth")
 def smooth(
     recording: Recording,
     filter: str | Filter = "closed-loop",
@@ -64,7 +66,7 @@ def smooth(
     every: int = 1,
     covariance: bool = False,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     ahrs: str | Filter | None = None,
     ahrs_rate: float = 10.0,
     vehicle: GivenVehicle | None = None,
@@ -101,7 +103,7 @@ def smooth(
     announce(kernels, "the smoother", say)
     for kernel in kernels:
         compile_kernel(kernel)
-    differences = both_ways(run, progress or (lambda done: None))
+    differences = both_ways(run, listener(progress))
     differences.tell(run)
     result = solution(run)
     result.meta["smoothed"] = True

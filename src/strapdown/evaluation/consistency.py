@@ -240,7 +240,7 @@ def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
     innovation is not white. Rows with a missing component are left out, components that are never
     measured give NaN. Ljung & Box (1978). Raises DataError where m <= lags.
     """
-    from scipy.stats import chi2
+    from scipy.special import gammaincc
 
     innovation = np.asarray(innovation, float)
     z = innovation.reshape(len(innovation), -1)
@@ -259,7 +259,7 @@ def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
         * (m + 2)
         * (np.square(autocorrelation) / (m - np.arange(1, lags + 1))[:, None]).sum(axis=0)
     )
-    return Whiteness(autocorrelation, 1.96 / np.sqrt(m), chi2.sf(statistic, lags))
+    return Whiteness(autocorrelation, 1.96 / np.sqrt(m), gammaincc(lags / 2, statistic / 2))
 
 
 def normalised(solution: Solution, source: str | int, window: int = 101) -> Array:

@@ -24,6 +24,17 @@ from ..core.contract import (
     compile_kernel,
 )
 
+FAMILIES = {
+    "ins": "Kalman filters of the strapdown equations",
+    "sigma_point": "Sigma-point Kalman filters",
+    "particle": "Mixtures of Kalman filters",
+    "observer": "The nonlinear observer, and the exogenous Kalman filter about it",
+    "two_stage": "Two stages: attitude first, then the motion",
+    "ahrs_aided": "Filters fed by an AHRS, or with Euler angles",
+    "attitude": "Attitude without a position",
+}
+"""{folder of a family: what its filters are}, the one to begin with first."""
+
 
 @cache
 def _modules() -> dict[str, str]:
@@ -57,6 +68,11 @@ def _filter(name: str) -> Filter | None:
 def own_names() -> list[str]:
     """Names of the library's own filters; no plugin is imported."""
     return [name for name in _modules() if _filter(name)]
+
+
+def family(name: str) -> str:
+    """The family of a filter, a key of FAMILIES; "" of one that a plugin brings."""
+    return _modules()[name].split(".")[-2] if name in own_names() else ""
 
 
 def names() -> list[str]:
@@ -101,6 +117,9 @@ def check(filter: Filter) -> None:
     for field in ("configure", "diagnose"):
         if not callable(getattr(filter, field) or callable):
             raise DataError(f"{what}{field} is {getattr(filter, field)!r}; it must be a function")
+    for field in ("good_for", "poor_for"):
+        if not isinstance(getattr(filter, field), str):
+            raise DataError(f"{what}{field} is {getattr(filter, field)!r}; it must be text")
     if not isinstance(filter.slots, Slots):
         raise DataError(f"{what}slots is {filter.slots!r}; it must be Slots")
 

@@ -19,6 +19,7 @@ from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
 from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
 from ..filters import names as filter_names
+from ..progress import listener, with_bar
 from ..recording import Recording
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
@@ -149,6 +150,11 @@ class Flight:
     # segments as the autopilot flies them, see autopilot.py
     route: Array = field(compare=False)
 
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card
+
+        return card(repr(self), {}, self.solution._repr_html_())
+
     def __repr__(self) -> str:
         end = (
             str(self.stopped)
@@ -158,6 +164,7 @@ class Flight:
         return f"Flight({self.plan.name} on {self.solution.meta.get('filter', '')}: {end})"
 
 
+@with_bar("fly")
 def fly(
     plan: FlightPlan | File = "straight",
     filter: Filter | str = "closed-loop",
@@ -184,7 +191,7 @@ def fly(
     barometer: Barometer | None = None,
     covariance: bool = False,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     **options: Any,
 ) -> Flight:
     """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML
@@ -269,7 +276,7 @@ def fly(
     vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
     steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
     underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
-    _run(underway, model_noise, progress)
+    _run(underway, model_noise, listener(progress))
     return _flight(underway)
 
 
@@ -441,7 +448,7 @@ def _vehicle(
     )
 
 
-def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> None:
+def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     """Fly to the end, in chunks that let a keyboard and a progress bar in."""
     run, journal = underway.run, underway.journal
     model_noise, first, room = (
@@ -481,8 +488,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress | None) -> 
         at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, rows)
         go()
         run.events.take(run.cursor)
-        if progress:
-            progress(at[kernels.ROW] / rows)
+        progress(at[kernels.ROW] / rows)
 
 
 def _flight(underway: _Underway) -> Flight:

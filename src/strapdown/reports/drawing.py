@@ -15,6 +15,7 @@ from plotly.subplots import make_subplots
 from ..core.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution
 from ..geodesy import displacement
+from ..recording import Recording
 from ..time_scales import utc
 from ..typing import Array, ArrayLike, Ints
 
@@ -40,6 +41,8 @@ OUTAGE = "rgba(134,142,150,0.18)"
 """Of the stretches without an accepted fix of the position."""
 OUTAGE_INTERVALS = 3.0
 """So many usual intervals between accepted fixes of the position are an outage."""
+FAR = 5.0
+"""A solution whose frame is more than so many times as high as the least one leaves that."""
 SHADED_BANDS = 2
 """The bands of at most so many solutions are shaded; of more, dotted lines are drawn."""
 MARKED = 20
@@ -444,18 +447,28 @@ def metres(value: float) -> str:
 
 def time_axis(
     figure: go.Figure,
-    solutions: Solution | Mapping[str, Solution] | Sequence[Shown],
+    solutions: Solution | Mapping[str, Solution] | Sequence[Shown] | Recording,
     zero: float = 0.0,
 ) -> go.Figure:
     """Label the time axis, shade gaps, outages and windows of withheld fixes, and mark the events
     of a solution, or of all of {name: Solution}, numbered as the page lists them: in the
-    solution's colour where they are not the same of all."""
+    solution's colour where they are not the same of all. Of a recording, the time alone."""
+    if isinstance(solutions, Recording):
+        return _timed(figure, *solutions.span, zero, solutions.meta)
     shown = each(solutions) if isinstance(solutions, (Solution, Mapping)) else solutions
-    first = shown[0].solution
+    begin = min(float(one.solution.t[0]) for one in shown)
+    end = max(float(one.solution.t[-1]) for one in shown)
+    return _marked(_timed(figure, begin, end, zero, shown[0].solution.meta), shown, zero)
+
+
+def _timed(
+    figure: go.Figure, begin: float, end: float, zero: float, meta: Mapping[str, Any]
+) -> go.Figure:
+    """Label and range of the time axis, with UTC where the clock is absolute."""
     label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
     figure.layout.meta["time"] = zero
-    if "epoch" in first.meta:
-        start = utc(first.meta["epoch"], [zero])[0]
+    if meta.get("epoch"):
+        start = utc(meta["epoch"], [zero])[0]
         label += f", from {str(start)[:19].replace('T', ' ')} UTC on"
         # figures.js writes UTC below the numbers
         figure.layout.meta["clock"] = int(start.astype("M8[ms]").astype(np.int64))
@@ -464,9 +477,12 @@ def time_axis(
         (int(name[5:] or 1) for name in figure.layout if name.startswith("yaxis")), default=1
     )
     figure.update_xaxes(title_text=label, row=rows, col=1)
-    begin = min(float(one.solution.t[0]) for one in shown)
-    end = max(float(one.solution.t[-1]) for one in shown)
-    figure.update_xaxes(range=[begin - zero, end - zero], unifiedhovertitle={"text": "%{x:.2f} s"})
+    title = {"text": "%{x:.2f} s"}
+    return figure.update_xaxes(range=[begin - zero, end - zero], unifiedhovertitle=title)
+
+
+def _marked(figure: go.Figure, shown: Sequence[Shown], zero: float) -> go.Figure:
+    """Shades and events of these solutions."""
     panel = {"xref": "x", "yref": "paper"}
 
     def upright(kind: str, start: float, stop: float, **style: Any) -> dict[str, Any]:

@@ -13,13 +13,13 @@ from ..core.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from . import figures, fix_figures, installation_figures
+from . import figures, fix_figures, installation_figures, sensor_figures
 from .summary import claimed_sd
 
 Text: TypeAlias = str | Callable[[Sequence[Solution]], str]
 """A text, or what makes it of the solutions that it is about."""
 Draw: TypeAlias = Callable[..., go.Figure | None]
-TAKES = ("errors", "scores", "colour", "window")
+TAKES = ("errors", "scores", "colour", "window", "recording", "solutions")
 """What `Figure.takes` may name."""
 
 
@@ -42,9 +42,11 @@ class Figure(NamedTuple):
     section: str = "More figures"  # heading on the page under which it stands
     # what `draw` also takes, by name: "errors", the metrics.Errors of the solution or None;
     # "scores", {name: Errors} of all; "colour", of the solution on this page; "window", (start,
-    # stop) s that is scored or None
+    # stop) s that is scored or None; "recording", the Recording that they were made of, None where
+    # it is not known; "solutions", {name: Solution} of all
     takes: tuple[str, ...] = ()
-    # one figure of all solutions: `draw` gets {name: Solution} instead of a Solution
+    # one figure of all solutions: `draw` gets {name: Solution} instead of a Solution, and neither
+    # errors nor colour
     together: bool = False
 
 
@@ -82,6 +84,11 @@ def _banded(states: slice, claimed: str, before: str = "", after: str = "") -> T
 
 def _any_claimed(shown: Sequence[Solution], states: slice) -> bool:
     return any(metrics.any_known(claimed_sd(solution)[:, states]) for solution in shown)
+
+
+def _whitens(solution: Solution) -> bool:
+    """Whether it says how large it expected its innovations to be."""
+    return metrics.any_known(solution.innovations.root)
 
 
 def _claimed(shown: Sequence[Solution]) -> str:
@@ -142,13 +149,15 @@ def _of_installation(name: str) -> Figure:
     return Figure(
         f"installation-{name}",
         name.replace("-", " ").capitalize(),
-        lambda s, reference, colour: installation_figures.estimates(s, name, colour),
+        lambda all, reference: installation_figures.estimates(all, name),
         "True − given, with ±2σ; dashed: ±2σ of the prior.",
         INSTALLATION,
-        ("colour",),
+        together=True,
     )
 
 
+SENSORS = "Sensors"
+"""Heading of the section of what the sensors read, where a table stands first."""
 INSTALLATION = "Installation"
 """Heading of the section of what of the installation was estimated, where a table stands first."""
 AS_ERRORS = ("scores", "window")
@@ -158,14 +167,6 @@ FIGURES: list[Figure] = [
         "Seen from above",
         figures.track,
         "Dots are position fixes: the estimate plus its innovation.",
-        "Track",
-        together=True,
-    ),
-    Figure(
-        "track-3d",
-        "In three dimensions",
-        figures.space,
-        "All axes to one scale: drag to turn, scroll to come closer.",
         "Track",
         together=True,
     ),
@@ -184,6 +185,14 @@ FIGURES: list[Figure] = [
         _banded(slice(0, 2), "It should stay below the dotted 3σ that the filter claims."),
         "Track",
         ("scores",),
+        together=True,
+    ),
+    Figure(
+        "track-3d",
+        "In three dimensions",
+        figures.space,
+        "All axes to one scale: drag to turn, scroll to come closer.",
+        "Track",
         together=True,
     ),
     Figure(
@@ -293,17 +302,40 @@ FIGURES: list[Figure] = [
     Figure(
         "innovations",
         "Innovations",
-        lambda s, reference: fix_figures.innovations(s),
-        "Fix − estimate: around zero and without pattern when all is well. Rejected fixes are crossed, "
-        "coloured by their probable cause.",
+        lambda s, reference, solutions: fix_figures.innovations(s, solutions),
+        lambda shown: (
+            "Fix − estimate: around zero and without pattern when all is well"
+            f"{', 95 % within the dotted ±2σ' if any(map(_whitens, shown)) else ''}. Rejected fixes "
+            f"have a mark for each probable cause."
+        ),
         "Fixes",
+        ("solutions",),
     ),
     Figure(
         "nis",
         "Normalised innovation squared",
-        lambda s, reference: fix_figures.nis(s),
+        lambda s, reference, solutions: fix_figures.nis(s, solutions),
         "A fix above the gate is rejected.",
         "Fixes",
+        ("solutions",),
+    ),
+    Figure(
+        "whiteness",
+        "Autocorrelation of innovations",
+        lambda all, reference: fix_figures.whiteness(all),
+        "Of accepted fixes, mean over the components. Of a right filter 95 % of the lags lie "
+        "between the dashed lines; what lies above says that errors last.",
+        "Fixes",
+        together=True,
+    ),
+    Figure(
+        "nis-quantiles",
+        "NIS over chi-square",
+        lambda all, reference: fix_figures.nis_quantiles(all),
+        "Quantiles, rejected fixes too. Above the dashed line innovations are larger than the "
+        "filter claims, below it smaller.",
+        "Fixes",
+        together=True,
     ),
     Figure(
         "weights",
@@ -312,6 +344,34 @@ FIGURES: list[Figure] = [
         "Weight: the stated variance of a fix over that with which it was used. Noise: the standard "
         "deviations that a source was found to have, over those stated.",
         "Fixes",
+    ),
+    Figure(
+        "readings",
+        "Specific force and angular rate",
+        lambda all, reference, recording: sensor_figures.readings(recording, all),
+        "As read, biases included, in body axes, forward, right, down.",
+        SENSORS,
+        ("recording",),
+        together=True,
+    ),
+    Figure(
+        "spectra",
+        "Vibration",
+        lambda all, reference, recording: sensor_figures.spectra(recording),
+        "Power spectral density, one-sided, by Welch's method. Peaks are vibration; dashed is the "
+        "white noise of the grade of the IMU.",
+        SENSORS,
+        ("recording",),
+        together=True,
+    ),
+    Figure(
+        "intervals",
+        "Intervals",
+        lambda all, reference, recording: sensor_figures.intervals(recording, all),
+        "From sample to sample: what leaves the level is jitter or a gap.",
+        SENSORS,
+        ("recording",),
+        together=True,
     ),
     Figure(
         "extra",

@@ -86,10 +86,12 @@ async function drawAll() {
   while (waiting.size) {
     const plot = plots.find(each => waiting.has(each) && near.has(each)) || waiting.values().next().value;
     waiting.delete(plot);
-    try { await draw(plot); } catch (error) { plot.textContent = `This figure cannot be drawn: ${error.message}`; console.error(error); }
+    try { await draw(plot); } catch (error) {
+      plot.textContent = /map/.test(plot.dataset.kinds) ? "The map cannot be drawn: its tiles come from the network, which does not answer." : `This figure cannot be drawn: ${error.message}`;
+    }
     await new Promise(done => setTimeout(done));
   }
-  document.body.dataset.drawn = plots.length;
+  document.body.dataset.drawn = drawnPlots().length;
 }
 
 const drawnPlots = () => plots.filter(plot => plot.layout);

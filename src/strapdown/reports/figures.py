@@ -25,6 +25,7 @@ from ..geodesy import STANDARD_GRAVITY
 from ..typing import Array
 from .drawing import (
     COLOURS,
+    FAR,
     GREY,
     MOST_POINTS,
     RED,
@@ -71,10 +72,8 @@ FIX_MARKS = (
 )
 ENDS = ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40"))
 """Of a track: row, name, symbol and colour."""
-FROM_SOUTH = {"x": 0.7, "y": -1.9, "z": 1.3}
+FROM_SOUTH = {"x": 0.25, "y": -1.0, "z": 0.75}
 """Where a track in three dimensions is seen from: north is away, as on a map."""
-FAR = 5.0
-"""A solution whose frame is so many times as high as the least one leaves that."""
 TO_SEE_ALL = "Double-click a panel to see all of it."
 DOTTED = {"color": GREY, "dash": "dot", "width": 1.5}
 """Of the reference."""
@@ -88,7 +87,7 @@ def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     places = _Places.of(solutions, reference)
     if places is None:
         return None
-    figure = finish(go.Figure(), 480 if places.reference is None else 690)
+    figure = finish(go.Figure(), 690)
     figure.layout.meta["track"] = True
     first, paths = places.shown[0], places.paths
     for label, marker, t, seen in _fixes(first.solution, paths[0]):
@@ -139,12 +138,18 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
         drawn(*places.reference, "reference", 1000, color=GREY, width=3, dash="dot")
     low, high = _frame_track(figure, places, 3)
     room = 0.06 * max((high - low).max(), 10.0)
+    spans = high - low + 2 * room
     axes = {
         f"{axis}axis": {"title": f"{name} [m]", "range": [low[i] - room, high[i] + room]}
         for i, (axis, name) in enumerate(zip("xyz", ("east", "north", "up")))
     }
     return figure.update_layout(
-        scene={**axes, "aspectmode": "data", "camera": {"eye": FROM_SOUTH}},
+        scene={
+            **axes,
+            "aspectmode": "manual",  # as "data", of one size for flat tracks too
+            "aspectratio": dict(zip("xyz", spans / spans.max())),
+            "camera": {"eye": FROM_SOUTH},
+        },
         margin={"l": 0, "r": 0, "b": 0},
         hovermode="closest",
     )
@@ -721,7 +726,7 @@ def sigma(solutions: Solutions) -> go.Figure | None:
     if not known:
         return None
     figure, zero = (
-        panels([label for label, *_ in known], 120, log=True),
+        panels([label for label, *_ in known], 125, log=True),
         origin(shown[0].solution.t),
     )
     for row, (_, unit, values) in enumerate(known, start=1):
@@ -744,8 +749,8 @@ def _length(sd: Array, states: slice) -> Array:
 SIGMAS = (
     ("horizontal", "m", slice(0, 2), 1.0),
     ("height", "m", slice(2, 3), 1.0),
-    ("horizontal velocity", "m/s", slice(3, 5), 1.0),
-    ("vertical velocity", "m/s", slice(5, 6), 1.0),
+    ("horizontal<br>velocity", "m/s", slice(3, 5), 1.0),
+    ("vertical<br>velocity", "m/s", slice(5, 6), 1.0),
     ("inclination", "deg", slice(6, 8), np.degrees(1)),
     ("heading", "deg", slice(8, 9), np.degrees(1)),
 )

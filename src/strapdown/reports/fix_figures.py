@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -11,17 +12,24 @@ import plotly.graph_objects as go
 
 from ..aiding import find
 from ..data import Solution
+from ..evaluation import consistency
 from ..evaluation.metrics import EULER, NED_AXES
 from ..quantities import shown_unit
 from ..typing import Array, Mask
 from .drawing import (
     COLOURS,
+    FAR,
     GREY,
     RED,
-    column,
+    Shown,
+    band,
+    each,
     even,
     kind,
+    line,
     log_range,
+    log_ticks,
+    marks,
     note,
     origin,
     panels,
@@ -29,17 +37,21 @@ from .drawing import (
     time_axis,
 )
 
+ALIKE = 0.05
+"""Expected standard deviations of components that differ by less than this part are one line."""
+FEWEST, LAGS, QUANTILES = 30, 20, 200
+"""Fixes that are needed for autocorrelations and quantiles, lags shown, and quantiles drawn."""
 CAUSES = {
-    "": RED,
-    "jump": "#ae3ec9",
-    "drift": "#e67700",
-    "clock": "#1098ad",
-    "noise too small": "#5c940d",
-    "other sources disagree": "#364fc7",
-    "single outliers": "#8d5524",
-    "not known": "#495057",
+    "": (RED, "x"),
+    "jump": ("#ae3ec9", "cross"),
+    "drift": ("#e67700", "asterisk"),
+    "clock": ("#1098ad", "y-up"),
+    "noise too small": ("#5c940d", "y-down"),
+    "other sources disagree": ("#364fc7", "line-ns"),
+    "single outliers": ("#8d5524", "y-left"),
+    "not known": ("#868e96", "y-right"),
 }
-"""Colours of rejected fixes by their probable cause; none: chance."""
+"""Colours and symbols of rejected fixes by their probable cause; none: chance."""
 
 
 def unit(solution: Solution, name: str) -> tuple[str, float, tuple[str, ...]]:
@@ -70,9 +82,12 @@ def _innovations(solution: Solution, name: str) -> Array:
     return fixes.innovation[fixes.source == fixes.names.index(name)]
 
 
-def innovations(solution: Solution) -> go.Figure | None:
-    """Innovation (fix - estimate) of every source over time, rejected fixes crossed in the colour of
-    their probable cause; None without fixes."""
+def innovations(
+    solution: Solution, solutions: Mapping[str, Solution] | None = None
+) -> go.Figure | None:
+    """Innovation (fix - estimate) of every source over time with the ±2 standard deviations that
+    the filter expected, rejected fixes crossed in the colour of their probable cause; None without
+    fixes. solutions: those that it stands beside, in axes of one height."""
     fixes, used = solution.innovations, _used(solution)
     if not used:
         return None
@@ -84,19 +99,60 @@ def innovations(solution: Solution) -> go.Figure | None:
         own = fixes.source == source
         t, values, good = fixes.t[own] - zero, fixes.innovation[own] * factor, fixes.accepted[own]
         names = rows if np.isfinite(values[:, 1:]).any() else ("single component",)
+        if fixes.root is not None:
+            expected = factor * _expected_sd(fixes.root[own])
+            _bounds(figure, row, t, np.where(np.isfinite(values), expected, np.nan))
         for i, name in enumerate(names):
             mark = {"color": COLOURS[i], "size": 4}
-            _points(figure, row, t, np.where(good, values[:, i], np.nan), name, mark)
+            marks(figure, t, np.where(good, values[:, i], np.nan), name, mark, row, named)
         for cause, why in _causes(solution, fixes.names[source], fixes.t[own], good).items():
             for i in range(len(names)):
-                _points(figure, row, t, np.where(why, values[:, i], np.nan), *_rejected(cause))
-        _range(figure, values, good, row, fixes.names[source], named)
+                marks(figure, t, np.where(why, values[:, i], np.nan), *_rejected(cause), row, named)
+        limits = [
+            factor * _limit(other, fixes.names[source])
+            for other in [solution, *(solutions or {}).values()]
+        ]
+        _range(figure, values, good, row, fixes.names[source], named, limits)
     return time_axis(figure, solution, zero)
 
 
-def nis(solution: Solution) -> go.Figure | None:
+def _expected_sd(root: Array) -> Array:
+    """(m, 3) standard deviations of innovations from the rows (m, 6) of the root of their
+    covariance."""
+    a, b, c, d, e, f = np.square(root).T
+    return np.sqrt(np.column_stack([a, b + c, d + e + f]))
+
+
+def _bounds(figure: go.Figure, row: int, t: Array, sd: Array) -> None:
+    """±2 standard deviations (m, 3), dotted, of those components that differ, in their colours."""
+    drawn: list[tuple[float, int]] = []
+    for i, column in enumerate(sd.T):
+        size = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
+        if size and all(abs(size / other - 1) > ALIKE for other, _ in drawn):
+            drawn.append((size, i))
+    for _, i in drawn:
+        colour, group = COLOURS[i] if len(drawn) > 1 else GREY, None if i == drawn[0][1] else "±2σ"
+        known = np.isfinite(sd[:, i])
+        centre, half = np.zeros(known.sum()), 2 * sd[known, i]
+        band(figure, t[known], centre, half, row, "±2σ", colour, group, shaded=False)
+
+
+def _limit(solution: Solution, name: str) -> float:
+    """The largest accepted innovation of a source, SI; of all where none was accepted, 0 without
+    the source."""
+    fixes = solution.innovations
+    if name not in fixes.names:
+        return 0.0
+    own = fixes.source == fixes.names.index(name)
+    values, good = fixes.innovation[own], fixes.accepted[own]
+    inner, largest = peak(values[good]), peak(values)
+    return largest if largest <= 3 * inner or not inner else inner
+
+
+def nis(solution: Solution, solutions: Mapping[str, Solution] | None = None) -> go.Figure | None:
     """Normalised innovation squared of every source over time with its gate, on logarithmic
-    axes; None where no filter gave any."""
+    axes; None where no filter gave any. solutions: those that it stands beside, in axes of one
+    height."""
     fixes, zero = solution.innovations, origin(solution.t)
     used = [
         source for source in _used(solution) if np.isfinite(fixes.nis[fixes.source == source]).any()
@@ -105,21 +161,128 @@ def nis(solution: Solution) -> go.Figure | None:
         return None
     figure = panels([escape(fixes.names[source]) for source in used], 190, log=True)
     for row, source in enumerate(used, start=1):
+        name = fixes.names[source]
         own = (fixes.source == source) & (fixes.nis > 0)
         t, values, good = fixes.t[own] - zero, fixes.nis[own], fixes.accepted[own]
         accepted = {"color": COLOURS[0], "size": 4}
-        _points(figure, row, t, np.where(good, values, np.nan), "accepted", accepted)
-        for cause, why in _causes(solution, fixes.names[source], fixes.t[own], good).items():
-            _points(figure, row, t, np.where(why, values, np.nan), *_rejected(cause))
-        gate = fixes.gates[source] if source < len(fixes.gates) else None
-        if gate is not None and np.isfinite(gate):
-            dashed = {"color": GREY, "dash": "dash", "width": 1.5}
-            ends = column(solution.t[[0, -1]] - zero)
-            _scatter(figure, row, "gate", x=ends, y=[gate, gate], mode="lines", line=dashed)
-        top = max(peak(values), peak(np.array([gate or 0.0]))) or 1.0
-        low = np.quantile(values, 0.02) if len(values) else 0.01
+        marks(figure, t, np.where(good, values, np.nan), "accepted", accepted, row)
+        for cause, why in _causes(solution, name, fixes.t[own], good).items():
+            marks(figure, t, np.where(why, values, np.nan), *_rejected(cause), row)
+        gate = _gate(solution, source)
+        if gate:
+            ends, new = np.full(2, gate), "gate" not in {trace.name for trace in figure.data}
+            line(figure, solution.t[[0, -1]] - zero, ends, "gate", GREY, row, new, dash="dash")
+        ends_of = [_nis_ends(other, name) for other in [solution, *(solutions or {}).values()]]
+        low, top = min(low for low, _ in ends_of), max(top for _, top in ends_of)
         log_range(figure, max(low, top * 1e-7), top, row)
     return time_axis(figure, solution, zero)
+
+
+def _gate(solution: Solution, source: int) -> float:
+    """The bound on the NIS of a source, 0 without one."""
+    gates = solution.innovations.gates
+    gate = gates[source] if source < len(gates) else None
+    return gate if gate is not None and np.isfinite(gate) else 0.0
+
+
+def _nis_ends(solution: Solution, name: str) -> tuple[float, float]:
+    """Lower and upper end of the NIS of a source, its gate included."""
+    fixes = solution.innovations
+    if name not in fixes.names:
+        return np.inf, 0.0
+    source = fixes.names.index(name)
+    values = fixes.nis[(fixes.source == source) & (fixes.nis > 0)]
+    low = float(np.quantile(values, 0.02)) if len(values) else 0.01
+    return low, max(peak(values), _gate(solution, source)) or 1.0
+
+
+def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
+    """Autocorrelation of the normalised innovations of every source, mean over the components, of
+    a Solution or {name: Solution}, with the bounds that 95 % of the lags of a white sequence keep;
+    None where there are too few."""
+    found: dict[str, list[tuple[Shown, Array, float]]] = {}
+    for one in each(solutions):
+        for source in _used(one.solution):
+            rows = _normalised(one.solution, source)
+            if len(rows) >= FEWEST:
+                white = consistency.whiteness(rows, min(LAGS, len(rows) // 2))
+                known = np.isfinite(white.autocorrelation).all(axis=0)
+                if known.any():
+                    mean = white.autocorrelation[:, known].mean(axis=1)
+                    bound = float(white.bound / np.sqrt(known.sum()))
+                    name = one.solution.innovations.names[source]
+                    found.setdefault(name, []).append((one, mean, bound))
+    if not found:
+        return None
+    figure = panels([escape(name) for name in found], 170)
+    for row, parts in enumerate(found.values(), start=1):
+        for one, mean, _ in reversed(parts):
+            lags = np.arange(1.0, len(mean) + 1)
+            style = {"color": one.colour, "size": 5}
+            name = one.label("innovations")
+            line(figure, lags, mean, name, one.colour, row, row == 1, dash=one.dash)
+            figure.data[-1].update(mode="lines+markers", marker=style)
+        bound = max(bound for *_, bound in parts)
+        for side in (-bound, bound):
+            ends, first = np.full(2, side), row == 1 and side == bound
+            reach = np.array([1.0, max(len(mean) for _, mean, _ in parts)])
+            line(figure, reach, ends, "95 % of a white sequence", GREY, row, first, dash="dash")
+        limit = 1.15 * max(bound, *(peak(mean) for _, mean, _ in parts))
+        figure.update_yaxes(range=[-limit, limit], row=row, col=1)
+    figure.update_xaxes(unifiedhovertitle={"text": "lag of %{x} fixes"})
+    return figure.update_xaxes(title_text="lag [fixes]", row=len(found), col=1)
+
+
+def _normalised(solution: Solution, source: int) -> Array:
+    """(m, k) whitened innovations of the accepted fixes of a source; of a solution from a file,
+    which has none, each over its rms."""
+    fixes = solution.innovations
+    if fixes.whitened is None:
+        return consistency.normalised(solution, source)
+    rows = fixes.whitened[(fixes.source == source) & fixes.accepted]
+    rows = rows[:, np.isfinite(rows).any(axis=0)]
+    return rows[np.isfinite(rows).all(axis=1)] if rows.shape[1] else rows[:0]
+
+
+def nis_quantiles(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
+    """Quantiles of the NIS of every source, rejected fixes too, over those of chi-square, of a
+    Solution or {name: Solution}; None where there are too few."""
+    from scipy.special import gammaincinv
+
+    found: dict[str, list[tuple[Shown, Array, Array]]] = {}
+    for one in each(solutions):
+        fixes = one.solution.innovations
+        for source in _used(one.solution):
+            own = (fixes.source == source) & (fixes.nis > 0)
+            rows = np.isfinite(fixes.innovation[own]).sum(axis=1)
+            freedom = int(np.bincount(rows).argmax()) if len(rows) else 0
+            seen = np.sort(fixes.nis[own][rows == freedom])
+            if freedom and len(seen) >= FEWEST:
+                kept = even(len(seen), QUANTILES)
+                chance = (kept + 0.5) / len(seen)
+                expected = np.asarray(2 * gammaincinv(freedom / 2, chance), float)
+                found.setdefault(fixes.names[source], []).append((one, expected, seen[kept]))
+    if not found:
+        return None
+    figure = panels([escape(name) for name in found], 210, log=True)
+    for row, parts in enumerate(found.values(), start=1):
+        for one, expected, seen in reversed(parts):
+            name = one.label("NIS")
+            line(figure, expected, seen, name, one.colour, row, row == 1, dash=one.dash)
+        ends = np.array([min(x[0] for _, x, _ in parts), max(x[-1] for _, x, _ in parts)])
+        line(figure, ends, ends, "as claimed", GREY, row, row == 1, dash="dash")
+        log_range(
+            figure,
+            min(ends[0], *(y[0] for *_, y in parts)),
+            max(ends[1], *(y[-1] for *_, y in parts)),
+            row,
+        )
+    lowest = min(x[0] for parts in found.values() for _, x, _ in parts)
+    highest = max(x[-1] for parts in found.values() for _, x, _ in parts)
+    ends = np.log10([lowest, highest])
+    figure.update_xaxes(type="log", range=list(ends), **log_ticks(*ends))
+    figure.update_xaxes(unifiedhovertitle={"text": "expected %{x:.3g}"})
+    return figure.update_xaxes(title_text="NIS by chi-square", row=len(found), col=1)
 
 
 def _causes(solution: Solution, name: str, t: Array, good: Mask) -> dict[str, Mask]:
@@ -133,9 +296,9 @@ def _causes(solution: Solution, name: str, t: Array, good: Mask) -> dict[str, Ma
 
 def _rejected(cause: str) -> tuple[str, dict[str, Any]]:
     """(name, style) of fixes that were rejected for a cause."""
-    colour = CAUSES[cause]
+    colour, symbol = CAUSES[cause]
     line = {"width": 1.5, "color": colour}
-    style = {"color": colour, "size": 7, "symbol": "x-thin", "line": line}
+    style = {"color": colour, "size": 7, "symbol": f"{symbol}-thin", "line": line}
     return f"rejected: {cause}" if cause else "rejected", style
 
 
@@ -162,7 +325,7 @@ def weights(solution: Solution) -> go.Figure | None:
     for row, (source, _, values, names) in enumerate(shown, start=1):
         t = fixes.t[fixes.source == source] - zero
         for i, name in enumerate(names):
-            _points(figure, row, t, values[:, i], name, {"color": COLOURS[i], "size": 4})
+            marks(figure, t, values[:, i], name, {"color": COLOURS[i], "size": 4}, row)
         figure.update_yaxes(rangemode="tozero", row=row, col=1)
     return time_axis(figure, solution, zero)
 
@@ -176,39 +339,29 @@ def _used(solution: Solution) -> list[int]:
     ]
 
 
-def _points(
-    figure: go.Figure, row: int, t: Array, values: Array, name: str, style: dict[str, Any]
+def _range(
+    figure: go.Figure,
+    values: Array,
+    good: Mask,
+    row: int,
+    name: str,
+    named: str,
+    limits: Sequence[float],
 ) -> None:
-    """Markers of the known values, thinned at even steps."""
-    chosen = np.flatnonzero(np.isfinite(values))
-    chosen = chosen[even(len(chosen))]
-    if len(chosen):
-        x, y = column(t[chosen]), column(values[chosen])
-        _scatter(figure, row, name, x=x, y=y, mode="markers", marker=style)
-
-
-def _scatter(figure: go.Figure, row: int, name: str, **data: Any) -> None:
-    """A trace that is in the legend where its name is not there yet."""
-    new = name not in {trace.name for trace in figure.data}
-    figure.add_trace(
-        go.Scatter(name=name, legendgroup=name, showlegend=new, hovertemplate="%{y:.4g}", **data),
-        row=row,
-        col=1,
-    )
-
-
-def _range(figure: go.Figure, values: Array, good: Mask, row: int, name: str, named: str) -> None:
     """Frame the accepted fixes; rejected ones beyond three times that leave the frame, and the
-    note says how far."""
-    inner, largest = peak(values[good]), peak(values)
-    limit = largest if largest <= 3 * inner or not inner else inner
+    note says how far. limits: of all figures that stand beside one another, this one's included:
+    the least sets the scale, others widen it up to FAR times."""
+    known = [limit for limit in limits if limit]
+    limit = max((one for one in known if one <= FAR * min(known)), default=0.0)
     figure.update_yaxes(range=[-1.12 * (limit or 1.0), 1.12 * (limit or 1.0)], row=row, col=1)
-    if largest > limit:
-        sizes = np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values))
-        count = int((sizes > 1.12 * limit).sum())
+    sizes = np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values))
+    beyond = sizes > 1.12 * limit
+    if beyond.any():
+        count = int(beyond.sum())
         fixes = "fix" if count == 1 else "fixes"
+        which = "" if (beyond & good).any() else "rejected "
         note(
             figure,
-            f"{name}: {count} rejected {fixes} beyond the frame, up to {largest:.3g} {named}. "
+            f"{name}: {count} {which}{fixes} beyond the frame, up to {peak(values):.3g} {named}. "
             f"Double-click the panel to see all.",
         )

@@ -12,47 +12,81 @@ import plotly.graph_objects as go
 from ..data import Solution
 from ..diagnosis.estimated import EstimatedParameter, installation
 from ..diagnosis.findings import NOT_OBSERVABLE
-from .drawing import COLOURS, GREY, band, frame, line, note, origin, panels, time_axis
+from .drawing import (
+    GREY,
+    SHADED_BANDS,
+    Shown,
+    band,
+    each,
+    frame,
+    line,
+    note,
+    origin,
+    panels,
+    time_axis,
+)
 from .summary import enumerated, number, table
 
 SIGMAS = 2.0
 """Half the width of the bands, standard deviations."""
 
 
-def estimates(solution: Solution, name: str, colour: str = COLOURS[0]) -> go.Figure | None:
-    """The errors, true - given, of the parameters of that name (of `estimable`) over time, with
-    their bands and those of their priors, a panel each; None where none was estimated."""
-    shown = [each for each in installation(solution).parameters if each.parameter == name]
-    if not shown:
+def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Figure | None:
+    """The errors, true - given, of the parameters of that name (of `estimable`) over time, of a
+    Solution or {name: Solution}, with their bands and those of their priors, a panel for each
+    parameter; None where none was estimated."""
+    shown = each(solutions)
+    found: dict[str, list[tuple[Shown, EstimatedParameter]]] = {}
+    for one in shown:
+        for parameter in installation(one.solution).parameters:
+            if parameter.parameter == name:
+                found.setdefault(parameter.column, []).append((one, parameter))
+    if not found:
         return None
-    several = len({each.sources for each in shown}) > 1
-    figure, zero = panels([_label(each, several) for each in shown], 150), origin(solution.t)
-    t, beyond = solution.t - zero, []
-    for row, each in enumerate(shown, start=1):
-        values, half = solution.columns[each.column], SIGMAS * solution.columns[each.sd_column]
-        band(figure, t, values, half, row, "±2σ")
-        line(figure, t, values, "estimate", colour, row)
-        prior = SIGMAS * each.prior
-        limit, largest = frame(t, values, np.abs(values) + half)
+    first = [parts[0][1] for parts in found.values()]
+    several = len({parameter.sources for parameter in first}) > 1
+    figure = panels([_label(parameter, several) for parameter in first], 150)
+    zero, beyond = origin(shown[0].solution.t), []
+    for row, parts in enumerate(found.values(), start=1):
+        framed = [_panel(figure, row, one, parameter, zero, len(shown)) for one, parameter in parts]
+        limit = max(limit for limit, _ in framed)
+        largest = max(largest for _, largest in framed)
+        prior, unit = SIGMAS * max(p.prior for _, p in parts), parts[0][1].unit
         if max(largest, prior) <= 3 * limit:  # the prior too, where the rest stays readable
             limit = 1.08 * max(largest, prior)
-        for side in (-prior, prior):
-            ends = np.full(2, side)
-            first = row == 1 and side > 0
-            line(figure, t[[0, -1]], ends, "prior", GREY, row, legend=first, dash="dash")
+        for side in sorted({sign * SIGMAS * p.prior for _, p in parts for sign in (-1, 1)}):
+            ends, t = np.full(2, side), shown[0].solution.t[[0, -1]] - zero
+            legend = row == 1 and side == prior
+            line(figure, t, ends, "prior", GREY, row, legend, unit=unit, dash="dash")
         if prior > limit:
-            beyond.append(f"{each.component} ±{number(prior)} {each.unit}".strip())
+            beyond.append(f"{parts[0][1].component} ±{number(prior)} {unit}".strip())
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)
     if beyond:
         note(figure, f"Priors beyond the frame: {enumerated(beyond)}.")
-    return time_axis(figure, solution, zero)
+    return time_axis(figure, shown, zero)
 
 
-def _label(each: EstimatedParameter, several: bool) -> str:
+def _panel(
+    figure: go.Figure, row: int, one: Shown, found: EstimatedParameter, zero: float, of: int
+) -> tuple[float, float]:
+    """Draw a parameter of one solution of so many; half the height of its axis, and its largest."""
+    columns, t = one.solution.columns, one.solution.t - zero
+    values, sd = columns[found.column], columns[found.sd_column]
+    half, label = SIGMAS * sd, one.label()
+    if one.alone:
+        band(figure, t, values, half, row, "±2σ")
+    else:
+        shaded = of <= SHADED_BANDS
+        band(figure, t, values, half, row, f"{label} ±2σ", one.colour, label, shaded)
+    line(figure, t, values, label, one.colour, row, unit=found.unit, sd=sd, dash=one.dash)
+    return frame(t, values, np.abs(values) + half)
+
+
+def _label(found: EstimatedParameter, several: bool) -> str:
     """Of an axis: component, sources where they differ, and unit."""
-    words = [each.component or each.parameter]
-    words += [f"of {' and '.join(each.sources)}"] if several else []
-    return escape(" ".join(words)) + (f" [{each.unit}]" if each.unit else "")
+    words = [found.component or found.parameter]
+    words += [f"of {' and '.join(found.sources)}"] if several else []
+    return escape(" ".join(words)) + (f" [{found.unit}]" if found.unit else "")
 
 
 def installation_table(solutions: Mapping[str, Solution]) -> str:
@@ -61,18 +95,24 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
     rows, said = [], []
     for name, solution in solutions.items():
         found, whose = installation(solution), f"{name}: " if len(solutions) > 1 else ""
-        for each in found.parameters:
-            unit = f" [{each.unit}]" if each.unit else ""
-            values = (each.given, each.value, each.error, each.sd, each.prior)
-            numbers = (f"{value:.{3 if each.unit else 4}f}" for value in values)
-            rows.append([f"{whose}{each.name}{unit}", *numbers, _status(each)])
+        for parameter in found.parameters:
+            unit = f" [{parameter.unit}]" if parameter.unit else ""
+            values = (
+                parameter.given,
+                parameter.value,
+                parameter.error,
+                parameter.sd,
+                parameter.prior,
+            )
+            numbers = (f"{value:.{3 if parameter.unit else 4}f}" for value in values)
+            rows.append([f"{whose}{parameter.name}{unit}", *numbers, _status(parameter)])
         said += [f"{whose}{text}" for text in found.remarks]
     head = ["parameter", "given", "estimated", "true − given", "± 1σ", "prior σ", "is"]
     notes = "".join(f"<p class=note>{escape(text)}</p>" for text in said)
     return table(head, rows) + notes if rows else ""
 
 
-def _status(each: EstimatedParameter) -> str:
-    if each.status == NOT_OBSERVABLE:
-        return f"{each.status}; {each.advice}"
-    return each.status
+def _status(parameter: EstimatedParameter) -> str:
+    if parameter.status == NOT_OBSERVABLE:
+        return f"{parameter.status}; {parameter.advice}"
+    return parameter.status

@@ -19,15 +19,17 @@ from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..io.solutions.solution_netcdf import plain
+from ..recording import Recording
 from ..time_scales import span
 from . import summary
 from .cards import cards
 from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
-from .figure_list import INSTALLATION, REGISTRY, Figure, figures_of_page
+from .figure_list import INSTALLATION, REGISTRY, SENSORS, Figure, figures_of_page
 from .installation_figures import installation_table
 from .map_figure import CAPTION, track_map
 from .occasions import occasions
 from .playback import playback_bar
+from .sensor_figures import sensor_table
 from .shell import MAP_POLICY, POLICY, Page, listed, placed, shell
 from .verdict_block import verdict_block
 
@@ -53,6 +55,7 @@ def report(
     window: tuple[float, float] | None = None,
     more: Sequence[Section] = (),
     facts: Mapping[str, str] = {},
+    recording: Recording | None = None,
     map: bool = False,
 ) -> Page:
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
@@ -60,6 +63,8 @@ def report(
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which
     errors are scored and error axes are framed. more: further sections after the track, [(heading,
     [(figure, its heading, caption), ...])]. facts: further lines below the title, {name: text}.
+    recording: whose sensors are shown; by default that of the first solution, unless it was read
+    from a file.
     map: also the track on a street map, for which the page then asks the network; no other page
     does.
     """
@@ -67,7 +72,8 @@ def report(
     scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
-    draw = _Drawer(solutions, reference if scores else None, scores, window)
+    recording = recording or first.recording
+    draw = _Drawer(solutions, reference if scores else None, scores, window, recording)
     sections = [(name, text) for name, text in _sections(draw, more) if text]
     sections[0] = "Summary", unscored + sections[0][1]
     sections[1] = sections[1][0], _key(solutions) + sections[1][1]
@@ -203,10 +209,12 @@ def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str
     for section in dict.fromkeys(figure.section for figure in figures):
         shown = [text for figure in figures if figure.section == section and (text := draw(figure))]
         if section == "Track" and shown:
-            pair = f"<div>{''.join(shown[:2])}</div><div>{''.join(shown[2:])}</div>"
-            shown = [f"<div class='grid pair'>{pair}</div>"]
+            pair = f"{shown[0]}<div>{''.join(shown[1:3])}</div>"
+            shown = [f"<div class='grid pair'>{pair}</div>", *shown[3:]]
         if section == INSTALLATION and shown:
             shown.insert(0, installation_table(solutions))
+        if section == SENSORS and shown:
+            shown.insert(0, sensor_table(draw.recording))
         yield "Estimates" if section == "Motion" and not scores else section, "".join(shown)
         for heading, given in more if section == "Track" else ():
             yield heading, f"<div class=grid>{''.join(draw.place(*each) for each in given)}</div>"
@@ -272,8 +280,9 @@ class _Drawer:
         reference: Trajectory | None,
         scores: dict[str, Errors],
         window: tuple[float, float] | None,
+        recording: Recording | None,
     ) -> None:
-        self.solutions, self.reference = solutions, reference
+        self.solutions, self.reference, self.recording = solutions, reference, recording
         self.scores, self.window = scores, window
         self.count = 0
         self.notes: list[str] = []  # on figures that could not be drawn
@@ -303,7 +312,13 @@ class _Drawer:
         tag: str = "",
     ) -> str:
         """HTML of what a Figure draws of `subject`; where it raises, a line that says so."""
-        known = {**given, "scores": self.scores, "window": self.window}
+        known = {
+            **given,
+            "scores": self.scores,
+            "window": self.window,
+            "recording": self.recording,
+            "solutions": self.solutions,
+        }
         try:
             taken = {name: known[name] for name in figure.takes}
             made = figure.draw(subject, self.reference, **taken)

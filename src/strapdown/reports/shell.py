@@ -29,6 +29,8 @@ MAP_POLICY = f"{POLICY.replace('blob:;', f'blob: {TILES};')}; connect-src {TILES
 """That of a page with a map, which may ask for its tiles and for nothing else."""
 USUAL_HEIGHT = 450
 """px of a figure that does not say its own, which is plotly's."""
+FRAME_HEIGHT = 700
+"""px of a page in a cell of a notebook."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,14 @@ class Page:
         """Write the page to `path`, atomically. Raises DataError where it cannot be written."""
         with replacing(path) as part:
             part.write_text(self.html, encoding="utf-8")
+
+    def _repr_html_(self) -> str:
+        """The page in a frame of its own, where its scripts run and reach nothing else."""
+        return (
+            f"<iframe sandbox='allow-scripts' title='report' style='width:100%;height:"
+            f"{FRAME_HEIGHT}px;border:1px solid rgba(128,128,128,.4);border-radius:8px' "
+            f'srcdoc="{escape(self.html)}"></iframe>'
+        )
 
     def __repr__(self) -> str:
         return f"Page({len(self.html) / 1e6:.1f} MB of HTML; .save(path) writes it)"

@@ -272,3 +272,12 @@ class Tuning:
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
+
+    def __repr__(self) -> str:
+        return f"Tuning({self.summary})"
+
+    def _repr_html_(self) -> str:
+        from ..notebook.cards import card, frame, lines
+
+        said = lines([*self.undecided, *self.notes, self.used])
+        return card(f"Tuning: {self.summary}", {}, frame(self.table()), said)

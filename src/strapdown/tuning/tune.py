@@ -9,6 +9,7 @@ from ..aiding import find
 from ..checks import DataError, check_flag
 from ..core.contract import Filter, Start
 from ..engine.prepare import Asked, GivenImu, assumed_noise
+from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Progress, Say
 from ..vehicle import GivenVehicle
@@ -20,13 +21,14 @@ MOVES = ("position", "velocity", "speed")
 """Kinds of which one is needed: what the others say of each other tells no noise."""
 
 
+@with_bar("tune")
 def tune(
     recording: Recording,
     filter: str | Filter = "closed-loop",
     imu: GivenImu | None = None,
     start: Start | None = None,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     vehicle: GivenVehicle | None = None,
     start_s: float | None = None,
     stop_s: float | None = None,
@@ -47,7 +49,7 @@ def tune(
     check_recording(recording)
     check_flag(correlated, "correlated")
     _check_sources(recording)
-    tell = progress or (lambda done: None)
+    tell = listener(progress)
     _, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, None, True)
     assert spec is not None  # it was needed
     asked = Asked(options, spec, start, say=say, vehicle=vehicle)

@@ -23,7 +23,7 @@ from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import body_to_ned, parse
 from strapdown.recording import Recording
-from strapdown.typing import Array, File, Mask, Say
+from strapdown.typing import Array, File, Mask, Progress, Say
 
 from ..common import markdown
 from ..common.pages import claim, write_page
@@ -184,21 +184,27 @@ def peer_runs(trial: Trial, quick: bool) -> Iterator[Run]:
 
 
 def reproduce(
-    out: Path, quick: bool = False, recordings: File | None = None, say: Say | None = None
+    out: Path,
+    quick: bool = False,
+    recordings: File | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
     """Run all estimators on the trials in `recordings` (the data folder's `broad` by default),
     write the page into `out`, return the claims.
 
-    Raises DataError.
+    progress: called with the fraction done. Raises DataError.
     """
     recordings = Path(recordings) if recordings else data_folder() / "broad"
     paths = sorted(recordings.glob("*.npz"))
     if not paths:
         raise DataError(f"{recordings}: no BROAD trials (.npz) there; give their folder")
     trials, names, runs = [load(path) for path in paths], estimators(), []
-    for trial in trials:
+    for i, trial in enumerate(trials):
         if say:
             say(f"{trial.name} ...")
+        if progress:
+            progress(i / len(trials))
         runs += [*own_runs(trial, names, say), *peer_runs(trial, quick)]
     made = tables(trials, runs)
     claims = judged(made["orientation"][1], trials)

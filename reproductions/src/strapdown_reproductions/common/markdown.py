@@ -1,6 +1,7 @@
 """Tables that a command makes, as Markdown, and the pages of docs/ in which they stand between
 two marks."""
 
+import hashlib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +15,13 @@ from strapdown.files import replacing
 from .pages import counts
 
 END = "<!-- end -->"
+"""The mark below an empty place."""
+_END = r"<!-- end(?: \w+)? -->"
+
+
+def end(text: str) -> str:
+    """The mark below `text`, with its digest: text that somebody edits by hand has another."""
+    return f"<!-- end {hashlib.sha256(text.encode()).hexdigest()[:12]} -->"
 
 
 def begin(file: str, command: str) -> str:
@@ -22,17 +30,28 @@ def begin(file: str, command: str) -> str:
 
 
 def insert(path: Path, text: str, mark: str) -> None:
-    """Put `text` between `mark` and END in the Markdown file `path`."""
+    """Put `text` between `mark` and its end in the Markdown file `path`."""
     page = path.read_text(encoding="utf-8")
     found = re.sub(
-        f"{re.escape(mark)}.*?{re.escape(END)}",
-        lambda _: f"{mark}\n{text}{END}",
+        f"{re.escape(mark)}.*?{_END}",
+        lambda _: f"{mark}\n{text}{end(text)}",
         page,
         count=1,
         flags=re.DOTALL,
     )
     with replacing(path) as part:
         part.write_text(found, encoding="utf-8")
+
+
+def edited(page: str) -> list[str]:
+    """What the marks say, as in "table.md of strapdown reproduce noise", of each text of a page
+    that is not the one which its command wrote."""
+    found = re.finditer(rf"<!-- begin: (.+?) -->\n(.*?)({_END})", page, re.DOTALL)
+    return [
+        match[1]
+        for match in found
+        if (match[3] != END or "reproduce" in match[1]) and match[3] != end(match[2])
+    ]
 
 
 def table(frame: pd.DataFrame, cell: Callable[[Any], str]) -> str:

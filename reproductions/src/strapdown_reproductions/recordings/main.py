@@ -26,7 +26,7 @@ from strapdown.io.locate import data_folder
 from strapdown.preprocessing.stationary import motionless
 from strapdown.recording import Recording
 from strapdown.reports.page import report
-from strapdown.typing import File, Ints, Say
+from strapdown.typing import File, Ints, Progress, Say
 
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
@@ -87,10 +87,13 @@ NO_LASER = (
 
 @together()
 def reproduce(
-    out: Path, recordings: File | None = None, say: Say | None = None
+    out: Path,
+    recordings: File | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
     """Fuse and score the recordings, write the page into the folder `out`, return the claims.
-    Raises DataError."""
+    progress: called with the fraction done. Raises DataError."""
     folder = Path(recordings) if recordings else DESCRIPTIONS
     if not (folder / "thor75.toml").exists():
         raise DataError(
@@ -110,7 +113,7 @@ def reproduce(
     }
     if laser is not None:
         tables["lasergyro"] = ("lasergyro: the Earth's rate and the heading from it", laser)
-    every, shown = every_filter(folder, say)
+    every, shown = every_filter(folder, say, progress)
     introduction = (
         INTRODUCTION
         + calibrated_compass.INTRODUCTION
@@ -136,12 +139,12 @@ def in_docs(shown: Sequence[tuple[str, pd.DataFrame]]) -> str:
 
 
 def every_filter(
-    folder: Path, say: Say | None
+    folder: Path, say: Say | None, progress: Progress | None = None
 ) -> tuple[dict[str, tuple[None, pd.DataFrame]], list[tuple[str, pd.DataFrame]]]:
     """Every filter on every recording, and dead reckoning: ({name: (caption, DataFrame)},
     [(heading, DataFrame of text)])."""
     found = cases(folder)
-    scores = recordings_table.scores(found, say=say)
+    scores = recordings_table.scores(found, say=say, progress=progress)
     apart = drift.outage_scores(found[0].recording, found[1].recording, say=say)
     summary = drift.summary(apart)
     shown = [

@@ -20,7 +20,7 @@ from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import errors, rms
-from strapdown.typing import Say
+from strapdown.typing import Progress, Say
 
 from .cases import Case
 
@@ -81,12 +81,17 @@ INTRODUCTION = (
 
 
 def scores(
-    cases: Sequence[Case], names: Sequence[str] | None = None, say: Say | None = None
+    cases: Sequence[Case],
+    names: Sequence[str] | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
 ) -> pd.DataFrame:
     """DataFrame with a row for each case and filter: group, recording, held, filter, FIGURES,
-    COUNTS, and `said`: what went wrong, or empty."""
+    COUNTS, and `said`: what went wrong, or empty. progress: called with the fraction done."""
     rows = []
-    for case in cases:
+    for i, case in enumerate(cases):
+        if progress:
+            progress(i / len(cases))
         if say:
             say(f"{case.group}: {case.name} ...")
         of = {"group": case.group, "recording": case.name, "held": case.held}

@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from strapdown.io import read
-from strapdown.typing import File, Say
+from strapdown.typing import File, Progress, Say
 
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.markdown import table as as_markdown
@@ -26,16 +26,26 @@ INTRODUCTION = (
 
 
 def reproduce(
-    out: Path, quick: bool = False, recordings: File | None = None, say: Say | None = None
+    out: Path,
+    quick: bool = False,
+    recordings: File | None = None,
+    say: Say | None = None,
+    progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
-    """Measure the kit, write the page into the folder `out`, return the claims. `quick`: three seeds.
-    Raises DataError."""
+    """Measure the kit, write the page into the folder `out`, return the claims. `quick`: three seeds;
+    progress: called with the fraction done. Raises DataError."""
     seeds = FEW if quick else SEEDS
     folder = Path(recordings) if recordings else DESCRIPTIONS
-    tell = say or (lambda text: None)
-    tell("drive0708: outages")
+
+    def tell(text: str, done: float) -> None:
+        if say:
+            say(text)
+        if progress:
+            progress(done)
+
+    tell("drive0708: outages", 0.0)
     each, drive0708 = outage_errors(folder)
-    tell("rest")
+    tell("rest", 0.25)
     rest = pd.concat(
         [
             *(simulated(seeds, grade) for grade in GRADES),
@@ -43,10 +53,11 @@ def reproduce(
             recorded(read(folder / "drive0708-kit.toml")),
         ]
     )
-    tell("wheel slip")
+    tell("wheel slip", 0.5)
     drives = [drive(seed) for seed in seeds]
     rough = [drive(seed, roughness=3.0, engine=0.45) for seed in seeds]
     found, alarms = detection(drives, seeds), quiet(drives, rough)
+    tell("what it is worth", 0.75)
     gain = worth(seeds)
     readme = drive0708.set_index(["windows", "set-up"]).loc[("README", "kit"), "median, m"]
     claims = [

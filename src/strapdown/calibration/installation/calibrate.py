@@ -22,6 +22,7 @@ from ...diagnosis.findings import (
 from ...diagnosis.installation import ARM, CLOCK, applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
+from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
@@ -37,13 +38,14 @@ VARIES = 4.0
 by 2.0 at most in 84 pairs (12 simulated drives of 200 s)."""
 
 
+@with_bar("calibrate installation")
 def calibrate_installation(
     recording: Recording,
     filter: str | Filter = "closed-loop",
     imu: GivenImu | None = None,
     start: Start | None = None,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     vehicle: GivenVehicle | None = None,
     imu_clock: bool = False,
     **options: Any,
@@ -66,7 +68,7 @@ def calibrate_installation(
         )
     recording = with_estimates(recording, ())
     check_states(recording)
-    asking = Asking(filter, imu, vehicle, start, say, progress or (lambda done: None), options)
+    asking = Asking(filter, imu, vehicle, start, say, listener(progress), options)
     settled = settle(recording, asking)
     last = settled.last
     seen = as_states(

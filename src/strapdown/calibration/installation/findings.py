@@ -240,6 +240,14 @@ class Installation:
     def __str__(self) -> str:
         return "\n".join([*self.lines, *self.changes])
 
+    def __repr__(self) -> str:
+        return f"Installation({_listed(self.found) or 'nothing to change'}; {self.runs} runs)"
+
+    def _repr_html_(self) -> str:
+        from ...notebook.cards import card, lines
+
+        return card("Installation", {}, lines([*self.lines, *self.changes]))
+
     def diff(self, path: File) -> list[str]:
         """The lines of a recording.toml that change, with their numbers: - as they are, + as they
         would be. Raises DataError where it is another file, or cannot be changed."""

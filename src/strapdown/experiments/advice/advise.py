@@ -20,6 +20,7 @@ import pandas as pd
 from ...checks import DataError, check_choice, check_number
 from ...evaluation.consistency import Interval
 from ...files import replacing, together
+from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
 from ...spreadsheet import inert_table
@@ -152,7 +153,16 @@ class Advice:
     def __str__(self) -> str:
         return "\n".join(sentences(self))
 
+    def __repr__(self) -> str:
+        return f"Advice({self.answer}: {self.imu.name}, {self.scenario.name})"
 
+    def _repr_html_(self) -> str:
+        from ...notebook.cards import card, lines
+
+        return card("Advice", {}, lines(sentences(self)))
+
+
+@with_bar("advise")
 def advise(
     imu: File | ImuSpec,
     flight: File | Scenario,
@@ -168,7 +178,7 @@ def advise(
     workers: int = 0,
     scheduler: str | None = None,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     alignment: str = GIVEN,
 ) -> Advice:
     """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission.
@@ -205,10 +215,11 @@ def advise(
         say(_cost(study, maps, _missing_steps(begun) if folder else steps))
     clocks = perf_counter(), process_time()
 
+    tell = listener(progress)
+
     def run(part: Study, name: str, first: int) -> Campaign:
         def report(done: float) -> None:
-            if progress:
-                progress((first + done * part.steps()) / steps)
+            tell((first + done * part.steps()) / steps)
 
         return part.run(
             folder / "runs" / name if folder else None,
@@ -216,7 +227,7 @@ def advise(
             workers,
             scheduler,
             say,
-            report if progress else None,
+            report,
         )
 
     campaign = run(study, "mission", 0)

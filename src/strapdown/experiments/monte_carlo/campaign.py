@@ -50,6 +50,13 @@ if TYPE_CHECKING:
 
 CAMPAIGN_FORMAT = 1
 """Of manifest and chunk files."""
+SHOWN = {
+    **{name: name for name in ("scenario", "imu", "filter", "runs", "survived")},
+    "rmse_position_m": "RMSE position [m]",
+    "within_3_sigma": "within 3σ",
+    "anees": "NEES / state",
+}
+"""{column of the summary that a notebook shows: its heading}."""
 
 
 class Campaign:
@@ -313,6 +320,16 @@ class Campaign:
 
     def __reduce__(self) -> tuple[type[Campaign], tuple[Path, dict[str, Any], Study | None]]:
         return Campaign, (self.folder, self.manifest, self.study)
+
+    def _repr_html_(self) -> str:
+        from ...notebook.cards import card, frame, lines
+
+        facts = {"runs": self.manifest["runs"], "seed": self.manifest["seed"], "in": self.folder}
+        try:
+            shown = frame(self.summary[[*SHOWN]].rename(columns=SHOWN))
+        except DataError as error:  # it was not run to its end
+            shown = lines([error])
+        return card("Study", facts, shown)
 
     def __repr__(self) -> str:
         return f"Campaign({self.folder}: {len(self.cells)} cells, {len(self.manifest['filters'])} filters, {self.manifest['runs']} runs)"

@@ -17,6 +17,7 @@ from ...checks import DataError, check_number
 from ...core.contract import COMPILED, Filter
 from ...core.signatures import LANES
 from ...evaluation.consistency import Limits
+from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario
 from ...typing import File, Progress, Say
@@ -134,6 +135,7 @@ class Study:
             return self.runs * sum(map(length, self.cells)) * len(self.filters)
         return (chunk.stop - chunk.first) * length(self.cells[chunk.cell]) * len(self.filters)
 
+    @with_bar("study")
     def run(
         self,
         out: File | None = None,
@@ -141,7 +143,7 @@ class Study:
         workers: int = 0,
         scheduler: str | None = None,
         say: Say | None = None,
-        progress: Progress | None = None,
+        progress: Progress | bool | None = None,
     ) -> Campaign:
         """Run what is missing of the campaign in folder `out` (default: a temporary one) and return
         it as a campaign.Campaign.
@@ -159,6 +161,7 @@ class Study:
                 else "; give tcp://HOST:PORT, or leave it out"
             )
             raise DataError(f"scheduler is {scheduler!r}{remedy}")
+        tell = listener(progress)
         campaign = Campaign.begin(self, out)
         with campaign.locked():
             campaign.check()
@@ -171,8 +174,7 @@ class Study:
             )
             for chunk in results:
                 done += self.steps(chunk)
-                if progress:
-                    progress(done / total)
+                tell(done / total)
             campaign.finish()
         return campaign
 

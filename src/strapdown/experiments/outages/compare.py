@@ -20,6 +20,7 @@ from ...engine.heading_hypotheses import aligned
 from ...engine.installation import Estimate, with_estimates
 from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
 from ...engine.weighed import Adaptive, Robust, with_weights
+from ...progress import listener, with_bar
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress, Say
@@ -41,6 +42,7 @@ HERE = re.compile(r",? (?:first|from) here\b")
 """What the text of an event refers to its time by."""
 
 
+@with_bar("compare")
 def compare(
     recording: Recording,
     filters: str | Iterable[str | tuple[str, dict[str, Any]]] | None = None,
@@ -52,7 +54,7 @@ def compare(
     ahrs: str | None = None,
     threads: int | None = None,
     say: Say | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     vehicle: GivenVehicle | None = None,
     estimate: Estimate | None = None,
     robust: Robust | None = None,
@@ -68,7 +70,7 @@ def compare(
     filter whose label does not say so itself, as "NAME:estimate=clock+lever-arm" or
     "NAME:estimate=none"; robust, adaptive: as of `fuse`; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
     feeds those that need an attitude (default: as `fuse` has it). threads: at a time (default: one
-    per core); say: told of slow compilation; progress: called with the fraction done. A filter that
+    per core); say: told of slow compilation; progress: as of `fuse`. A filter that
     cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
     where no filter can run.
     """
@@ -108,9 +110,7 @@ def compare(
     common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs, vehicle)
     for entrant in entrants:
         prepare(entrant.filter, [a.kind for a in recording.aidings], say)
-    ways, results = through(
-        common, entrants, threads or cpu_count(), say, progress or (lambda done: None)
-    )
+    ways, results = through(common, entrants, threads or cpu_count(), say, listener(progress))
     return _comparison(common, made, entrants, ways, results, notes, reference, spec)
 
 

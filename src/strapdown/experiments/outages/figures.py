@@ -16,7 +16,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ...checks import DataError, check_choice, check_number
 from ...evaluation.metrics import NED_AXES
+from ...notebook.plots import titled
 from ...reports.drawing import (
     COLOURS,
     GREY,
@@ -528,3 +530,38 @@ def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array)
                 name,
                 line={"color": style.colour, "width": 1.6, "dash": style.dash},
             )
+
+
+NAMED = {
+    "growth": "Error over the time in the outage",
+    "outages": "RMSE of each outage",
+    "paired": "Ratio to",
+    "course": "Errors in outage",
+    "coverage": "Errors within the claimed standard deviations",
+    "track": "Seen from above",
+}
+"""{name of a figure: how its heading begins}."""
+
+
+def named(comparison: Comparison, what: str, length: float | None, outage: int) -> go.Figure:
+    """The figure of that name as it stands alone, of the outages of a `length` in s, or of the one of
+    that number. Raises DataError."""
+    heading = NAMED[check_choice(what, "figure", NAMED)]
+    length = comparison.lengths[-1] if length is None else length
+    if length not in comparison.lengths:
+        known = ", ".join(f"{each:g}" for each in comparison.lengths)
+        raise DataError(f"length is {length!r}; the outages are {known} s long")
+    if what == "course":
+        count = len(comparison.windows)
+        check_number(outage, "outage", least=1, most=count, whole=True)
+        heading, made = f"{heading} {outage}", course(comparison, outage - 1)
+    elif what == "paired":
+        best = [*ranked(comparison, length), *comparison.filters][0]
+        heading, made = f"{heading} {best}", paired(comparison, best, length)
+    elif what in ("coverage", "track"):
+        made = coverage(comparison) if what == "coverage" else track(comparison)
+    else:
+        made = (growth if what == "growth" else outages)(comparison, length)
+    if made is None:
+        raise DataError(f"figure {what!r}: this comparison has nothing to draw there")
+    return titled(made, heading)

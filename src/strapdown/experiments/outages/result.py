@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
 
@@ -21,8 +21,14 @@ from .protocols import Window
 from .scores import Track
 from .summaries import PAIR_COLUMNS, curves, pooled, ratio
 
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+    import xarray as xr
+
 TABLES = ("scores", "summary", "paired", "growth", "table")
 """Files of `Comparison.write`, beside the page: NAME.csv each."""
+UNITS = {"_m_s": "m/s", "_percent": "percent", "_deg": "degree", "_m": "m", "_s": "s"}
+"""{how the name of a score ends: its unit}; others are numbers."""
 
 
 @dataclass(frozen=True)
@@ -150,5 +156,50 @@ class Comparison:
                     inert_table(made).to_csv(part, index=False, float_format="%.9g")
             page(self).save(folder / "index.html")
 
+    def plot(self, what: str = "growth", length: float | None = None, outage: int = 1) -> go.Figure:
+        """A figure of its page as a plotly Figure, which can be changed: "growth" of the errors with
+        time, "outages", RMSE of each, "paired", ratios to the best filter, "course" of the errors in
+        one outage, "coverage" of the claimed standard deviations, or "track".
+
+        length: of the outages, s, where there are several (default: the longest); outage: number of
+        that of "course". Raises DataError.
+        """
+        from .figures import named
+
+        return named(self, what, length, outage)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The scores, a row per filter and outage; `attrs` has the units."""
+        made = self.scores.set_index(["filter", "outage"])
+        made.attrs["units"] = {name: unit(name) for name in made.columns if name != "said"}
+        return made
+
+    def to_xarray(self) -> xr.Dataset:
+        """The scores as an xarray Dataset over filter and outage, with units. Raises DataError where
+        xarray is missing."""
+        from ...notebook.labelled import need_xarray
+
+        need_xarray()
+        frame = self.to_pandas()
+        made = frame.to_xarray()
+        for name, text in frame.attrs["units"].items():
+            made[name].attrs["units"] = text
+        return made.reindex(filter=list(self.filters))
+
+    def _repr_html_(self) -> str:
+        from ...notebook.cards import card, lines, of_verdicts
+        from .tables import summary
+        from .words import answers
+
+        facts = {"outages": self.words, "withheld": ", ".join(self.kinds)}
+        said = lines([*answers(self), *self.notes])
+        judged = of_verdicts(self.verdicts)
+        return card(f"Comparison {self.name}", facts, said, summary(self), judged)
+
     def __repr__(self) -> str:
         return f"Comparison({self.name}: {len(self.filters)} filters, {len(self.windows)} outages, {self.words})"
+
+
+def unit(name: str) -> str:
+    """Of a score, by how its name ends; "1" of one that has none."""
+    return next((unit for end, unit in UNITS.items() if name.endswith(end)), "1")

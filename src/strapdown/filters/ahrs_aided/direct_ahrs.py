@@ -157,4 +157,6 @@ DIRECT_AHRS = Filter(
     diagnose=steep,
     bias=RANDOM_WALK,
     installation=True,
+    good_for="an AHRS in a disturbed field, with any IMU",
+    poor_for="aircraft that circle: it leans with its AHRS",
 )

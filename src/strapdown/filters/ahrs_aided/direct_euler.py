@@ -113,4 +113,6 @@ DIRECT_EULER = Filter(
     diagnose=steep,
     bias=RANDOM_WALK,
     installation=True,
+    good_for="an AHRS as a source among others; consumer IMUs",
+    poor_for="noses near the vertical; elsewhere as closed-loop",
 )

@@ -333,4 +333,6 @@ FIXED_GAIN = Filter(
     uses=("position", "velocity", "altitude", "attitude"),
     needs=("attitude",),
     weighs=False,
+    good_for="an AHRS and gains that can be told beforehand",
+    poor_for="positions that drift or jump: it follows and says nothing",
 )

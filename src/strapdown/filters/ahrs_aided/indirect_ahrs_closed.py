@@ -71,4 +71,6 @@ INDIRECT_AHRS_CLOSED = Filter(
     needs=("attitude",),
     installation=True,
     bias=DECAYING,
+    good_for="an AHRS in a disturbed field, with any IMU",
+    poor_for="aircraft that circle: it leans with its AHRS",
 )

@@ -125,4 +125,6 @@ INDIRECT_AHRS_OPEN = Filter(
     condition=CONDITION,
     installation=True,
     bias=DECAYING,
+    good_for="an AHRS, and an INS that must not be corrected",
+    poor_for="consumer IMUs: the INS leaves its linear model",
 )

@@ -712,4 +712,6 @@ ATTITUDE_MEKF = Filter(
     condition=HOLDS,
     smoother=Smoother(lambda n: CALL.size, save_step, adjoint_step, considered),
     bias=DECAYING,
+    good_for="attitude without GNSS, from a 6- or 9-axis IMU",
+    poor_for="aircraft in long turns: it knows no velocity",
 )

@@ -347,4 +347,6 @@ MAHONY = Filter(
     condition=HOLDS,
     weighs=False,
     bias=DECAYING,
+    good_for="attitude at a small cost, on small processors",
+    poor_for="its standard deviations, wide at rest; long turns",
 )

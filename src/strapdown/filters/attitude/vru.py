@@ -284,4 +284,6 @@ VRU = Filter(
     conditions=attitude_mekf.CONDITIONS,
     condition=attitude_mekf.HOLDS,
     bias=DECAYING,
+    good_for="roll, pitch and heave of a vessel without GNSS",
+    poor_for="heading, and the height of flights and drives",
 )

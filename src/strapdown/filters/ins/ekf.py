@@ -297,4 +297,6 @@ EKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
+    good_for="checking closed-loop against a textbook's filter",
+    poor_for="daily use: the result of closed-loop in 8 times its time",
 )

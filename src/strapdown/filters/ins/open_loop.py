@@ -242,4 +242,6 @@ OPEN_LOOP = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
+    good_for="an INS that must not be corrected, tactical or better",
+    poor_for="consumer IMUs and hours: the INS leaves its linear model",
 )

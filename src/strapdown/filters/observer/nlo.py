@@ -113,4 +113,6 @@ NLO = Filter(
     condition=CONDITION,
     weighs=False,
     lanes=True,
+    good_for="attitudes that are wrong by up to 170 deg",
+    poor_for="aircraft with large accelerometer biases; long outages",
 )

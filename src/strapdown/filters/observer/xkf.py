@@ -415,4 +415,6 @@ XKF = Filter(
     installation=True,
     lanes=True,
     bias=DECAYING,
+    good_for="starts far off, then as good as closed-loop",
+    poor_for="vehicles whose course says little of their heading",
 )

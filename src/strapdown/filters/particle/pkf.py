@@ -345,4 +345,6 @@ PKF = Filter(
     slots=SLOTS,
     diagnose=lost,
     bias=DECAYING,
+    good_for="beliefs that are no one Gaussian: any heading, beacons",
+    poor_for="daily use: 500 closed loops for the result of one",
 )

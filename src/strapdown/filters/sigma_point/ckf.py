@@ -25,4 +25,6 @@ CKF = Filter(
     diagnose=repairs,
     installation=True,
     bias=DECAYING,
+    good_for="starts far off, with fewer points than ukf",
+    poor_for="daily use: as closed-loop elsewhere, in 10 times its time",
 )

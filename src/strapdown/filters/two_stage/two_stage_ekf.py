@@ -224,4 +224,6 @@ TWO_STAGE_EKF = Filter(
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
     bias=DECAYING,
+    good_for="the comparison of Alam et al.; heading from the course",
+    poor_for="its standard deviations; drifts twice as far as closed-loop",
 )

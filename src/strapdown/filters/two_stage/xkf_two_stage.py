@@ -399,4 +399,6 @@ XKF_TWO_STAGE = Filter(
     conditions=(SLOW_OR_BANKED,),
     condition=CONDITION,
     bias=DECAYING,
+    good_for="starts far off, with the two-stage model",
+    poor_for="its standard deviations, which often are too small",
 )

@@ -35,6 +35,25 @@ STANDARD_NAMES = {
     "heading": "platform_orientation",
 }
 """Of the CF conventions, for those that have one."""
+ERROR_STATES = (
+    *(f"position {axis}" for axis in ("north", "east", "down")),
+    *(f"velocity {axis}" for axis in ("north", "east", "down")),
+    *(f"rotation about {axis}" for axis in ("north", "east", "down")),
+    *(f"{sensor} bias {axis}" for sensor in ("accelerometer", "gyro") for axis in "xyz"),
+)
+"""What each column of standard deviations is of."""
+LONG_NAMES = {
+    **dict(zip(NAV_COLUMNS[:3], ("latitude", "longitude", "height above the WGS-84 ellipsoid"))),
+    **dict(zip(NAV_COLUMNS[3:6], ERROR_STATES[3:6])),
+    **dict(zip(NAV_COLUMNS[6:], ("roll", "pitch", "heading, clockwise from true north"))),
+    **dict(zip(BIAS_COLUMNS, ERROR_STATES[9:])),
+    **{name: f"standard deviation of {of}" for name, of in zip(SD_COLUMNS, ERROR_STATES)},
+}
+CLAIMS = {
+    **dict(zip(NAV_COLUMNS[:6] + BIAS_COLUMNS, SD_COLUMNS[:6] + SD_COLUMNS[9:])),
+    **dict.fromkeys(NAV_COLUMNS[6:], " ".join(SD_COLUMNS[6:9])),
+}
+"""{column: those of its standard deviation}."""
 CF_UNITS = {"deg": "degree", "deg/h": "degree/hour", "deg/s": "degree/s"}
 """What UDUNITS calls a unit, where that is not its name here."""
 SINCE = re.compile("seconds since ")
@@ -117,6 +136,23 @@ def fill(group: Any, variables: Variables, **packing: Any) -> None:
 
 def _variables(solution: Solution) -> Variables:
     """All that the file holds; texts are variables because attributes end at 64 KiB."""
+    fixes = solution.innovations
+    texts = {
+        "sources": fixes.names,
+        "gates": fixes.gates,
+        "events": solution.events,
+        "meta": {name: value for name, value in solution.meta.items() if name != "verdict"},
+    }
+    if solution.verdict.word != NOT_JUDGED:
+        texts["verdict"] = solution.verdict.as_dict()
+    return arrays_of(solution) | {
+        name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"})
+        for name, value in texts.items()
+    }
+
+
+def arrays_of(solution: Solution) -> Variables:
+    """The numbers that the file holds, of rows and of fixes."""
     fixes, columns, q_nb = solution.innovations, columns_of(solution), solution.trajectory.q_nb
     clock = _clock(solution)
     found: Variables = {
@@ -127,7 +163,7 @@ def _variables(solution: Solution) -> Variables:
         )
     }
     found |= {
-        name: (("time",), columns[name], _attributes(name))
+        name: (("time",), columns[name], attributes(name))
         for name in NAV_COLUMNS + BIAS_COLUMNS + SD_COLUMNS
     }
     if q_nb is not None:
@@ -150,7 +186,7 @@ def _variables(solution: Solution) -> Variables:
             solution.covariance,
             {"long_name": "covariance of the error states in order, m, m/s, rad, m/s^2, rad/s"},
         )
-    found |= {
+    return found | {
         "fix_time": (("fix",), fixes.t, {"long_name": "time of the fix", **clock}),
         "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),
         "innovation": (
@@ -160,18 +196,6 @@ def _variables(solution: Solution) -> Variables:
         ),
         "nis": (("fix",), fixes.nis, {"units": "1", "long_name": "normalised innovation squared"}),
         "accepted": (("fix",), fixes.accepted.astype(np.int8), {"units": "1"}),
-    }
-    texts = {
-        "sources": fixes.names,
-        "gates": fixes.gates,
-        "events": solution.events,
-        "meta": {name: value for name, value in solution.meta.items() if name != "verdict"},
-    }
-    if solution.verdict.word != NOT_JUDGED:
-        texts["verdict"] = solution.verdict.as_dict()
-    return found | {
-        name: ((), json.dumps(plain(value)), {"long_name": f"{name} as JSON"})
-        for name, value in texts.items()
     }
 
 
@@ -191,11 +215,15 @@ def _clock(solution: Solution) -> dict[str, str]:
     return {"standard_name": "time", "units": units, "calendar": "standard"}
 
 
-def _attributes(name: str) -> dict[str, str]:
+def attributes(name: str) -> dict[str, str]:
     """Of a column of the table, by CF."""
     unit = {"lat": "degrees_north", "lon": "degrees_east"}.get(name, UNITS[name])
-    standard = {"standard_name": STANDARD_NAMES[name]} if name in STANDARD_NAMES else {}
-    return {"units": CF_UNITS.get(unit, unit), **standard}
+    found = {"units": CF_UNITS.get(unit, unit), "long_name": LONG_NAMES[name]}
+    if name in STANDARD_NAMES:
+        found["standard_name"] = STANDARD_NAMES[name]
+    if name in CLAIMS:
+        found["ancillary_variables"] = CLAIMS[name]
+    return found
 
 
 def _unit_of(name: str) -> dict[str, str]:

@@ -1,0 +1,356 @@
+"""What `--help` shows beside the options: commands by task, options in groups, examples, the page
+that tells more. Light, since every start loads it."""
+
+from typing import Any, NamedTuple
+
+from typer.core import TyperCommand, TyperGroup
+
+
+class About(NamedTuple):
+    """A command in the lists of `--help`."""
+
+    task: str  # heading below which the command itself lists it
+    short: str  # what one does with it, in a line
+    page: str  # of the documentation
+    examples: tuple[tuple[str, str], ...]  # (what it does, command line)
+
+
+LOG, SENSORS, SIMULATION, MORE = (
+    "From a log to a page",
+    "Sensors and their installation",
+    "Simulation and studies",
+    "Lists, results and firmware",
+)
+ABOUT = {
+    "inspect": About(
+        LOG,
+        "see what a log holds and what is wrong with it",
+        "how-to/inspect.md",
+        (
+            ("What a log holds, and what is wrong with it", "strapdown inspect flight.ulg"),
+            (
+                "Two tables, and a draft of their description",
+                "strapdown inspect imu.csv gnss.csv --write recording.toml",
+            ),
+            ("The second IMU of a log", "strapdown inspect flight.bin --imu 1"),
+        ),
+    ),
+    "fuse": About(
+        LOG,
+        "position, velocity and attitude of a log, as a page and tables",
+        "how-to/fuse.md",
+        (
+            (
+                "A log to a page, with the default filter",
+                "strapdown fuse flight.ulg --imu industrial",
+            ),
+            (
+                "Each time from the whole record",
+                "strapdown fuse recording.toml --smooth --out best",
+            ),
+            (
+                "Without the fixes of half a minute, and GPX beside the rest",
+                "strapdown fuse drive.nc --hide 120:150 --also gpx --out tunnel",
+            ),
+            (
+                "Attitude alone, without GNSS",
+                "strapdown fuse hand.npz --filter attitude-mekf --out hand",
+            ),
+        ),
+    ),
+    "compare": About(
+        LOG,
+        "filters side by side in the same GNSS outages",
+        "how-to/compare.md",
+        (
+            (
+                "Two filters, 30 s without GNSS in every 300 s",
+                "strapdown compare flight.nc --filters closed-loop,nlo --outages 30/300",
+            ),
+            (
+                "Windows of 10 and 20 s all over the flight, options of a filter",
+                "strapdown compare flight.nc --filters closed-loop,periodic-reset:interval=60 "
+                "--outages 10,20@120:280/20",
+            ),
+        ),
+    ),
+    "diagnose": About(
+        LOG,
+        "clock, lever arm, mounting, odometer scale: what is wrong",
+        "how-to/diagnose.md",
+        (
+            ("What of the installation is wrong", "strapdown diagnose recording.toml"),
+            ("Of a part of the log", "strapdown diagnose drive.nc --from 60 --to 600"),
+        ),
+    ),
+    "allan": About(
+        SENSORS,
+        "how good an IMU is, from a record at rest",
+        "how-to/allan.md",
+        (
+            ("Noise of an IMU that lay still", "strapdown allan parked.nc --out allan"),
+            ("Only the quiet part", "strapdown allan parked.csv --from 10 --to 3600"),
+        ),
+    ),
+    "calibrate": About(
+        SENSORS,
+        "magnetometer, accelerometer, or the installation",
+        "how-to/calibrate.md",
+        (
+            (
+                "The magnetometer, from a flight with turns",
+                "strapdown calibrate recording.toml --from 240 --to 575",
+            ),
+            (
+                "The accelerometer, from a dozen rests",
+                "strapdown calibrate rests.csv --sensor accelerometer",
+            ),
+        ),
+    ),
+    "calibrate installation": About(
+        SENSORS,
+        "clocks, lever arms, mounting and scale, from a log",
+        "how-to/installation.md",
+        (
+            (
+                "What is wrong, with a page",
+                "strapdown calibrate installation recording.toml --out page",
+            ),
+            (
+                "The same, written into the description",
+                "strapdown calibrate installation recording.toml --write",
+            ),
+        ),
+    ),
+    "tune": About(
+        SENSORS,
+        "the noise of IMU and receivers, from a log",
+        "how-to/tune.md",
+        (
+            ("Files for --imu and --sources", "strapdown tune drive.nc --out noise"),
+            (
+                "To use them",
+                "strapdown fuse drive.nc --imu noise/drive-imu.toml --sources noise/drive-sources.toml",
+            ),
+            ("Into the description itself", "strapdown tune recording.toml --write"),
+        ),
+    ),
+    "demo": About(
+        SIMULATION,
+        "a simulated flight and its page, in a second",
+        "how-to/report.md",
+        (
+            ("A page of ten minutes of flight", "strapdown demo"),
+            ("Another flight's noise, a worse IMU", "strapdown demo --seed 8 --imu industrial"),
+        ),
+    ),
+    "simulate": About(
+        SIMULATION,
+        "a recording whose truth is known",
+        "how-to/simulate.md",
+        (
+            ("A drive", "strapdown simulate car --seed 3 --duration 60 --out car.nc"),
+            (
+                "Your own scenario with a grade of IMU",
+                "strapdown simulate climb.toml --imu consumer --out climb.nc",
+            ),
+        ),
+    ),
+    "study": About(
+        SIMULATION,
+        "filters over many simulated runs, with intervals",
+        "how-to/study.md",
+        (
+            (
+                "Two filters with two IMUs, three runs each",
+                "strapdown study demo --imu tactical --imu industrial --filter closed-loop --filter "
+                "open-loop --runs 3",
+            ),
+            (
+                "A wrong installation that is estimated",
+                "strapdown study car --filter closed-loop:estimate=clock+lever-arm --installation "
+                "clock=0.1,lever-arm=0.5",
+            ),
+        ),
+    ),
+    "advise": About(
+        SIMULATION,
+        "which loop suits your IMU and mission",
+        "how-to/advise.md",
+        (
+            (
+                "A tactical IMU, an hour and a half of circuits",
+                "strapdown advise --imu tactical --flight dynamic --duration 90min",
+            ),
+            (
+                "The short answer",
+                "strapdown advise --imu consumer --flight car --duration 10min --quick",
+            ),
+        ),
+    ),
+    "fly": About(
+        SIMULATION,
+        "an aircraft that flies on a filter's estimates",
+        "how-to/flight.md",
+        (
+            ("Turns without GNSS from 15 s on", "strapdown fly turning --outage 15: --out cut"),
+            (
+                "Another filter, wind and turbulence",
+                "strapdown fly straight --filter ukf --wind 3,-2 --turbulence light",
+            ),
+        ),
+    ),
+    "filters": About(
+        MORE,
+        "the filters, and all about one",
+        "reference/filters.md",
+        (
+            ("What each is good for", "strapdown filters"),
+            ("Options, states and needs of one", "strapdown filters closed-loop"),
+        ),
+    ),
+    "imus": About(
+        MORE,
+        "grades of IMUs and their error terms",
+        "how-to/imu.md",
+        (("All grades", "strapdown imus"),),
+    ),
+    "receivers": About(
+        MORE,
+        "GNSS receivers that can be simulated",
+        "how-to/simulate.md",
+        (("All receivers", "strapdown receivers"),),
+    ),
+    "plugins": About(
+        MORE,
+        "what comes from outside the library",
+        "how-to/plugins.md",
+        (
+            ("What is installed", "strapdown plugins"),
+            ("With a file of your own", "strapdown --plugin my_filter.py plugins"),
+        ),
+    ),
+    "reproduce": About(
+        MORE,
+        "published and recorded results, run again",
+        "reference/evidence/claims.md",
+        (
+            ("Every filter on every recording", "strapdown reproduce recordings --out recordings"),
+            ("A paper's study, in a minute", "strapdown reproduce hager-bryne --quick --out paper"),
+        ),
+    ),
+    "export": About(
+        MORE,
+        "a filter as C code for firmware",
+        "how-to/firmware.md",
+        (
+            (
+                "For a Cortex-M7",
+                "strapdown export --sources position,velocity --target cortex-m7 --out firmware",
+            ),
+            (
+                "For this machine, the example replays a log",
+                "strapdown export --sources position --target host --replay flight.nc --out exported",
+            ),
+        ),
+    ),
+}
+"""{command: what `--help` tells of it}, in the order of the lists."""
+GROUPS = {
+    "Input": "imu gnss sources take vehicle from to hide heading sensor imu-clock recordings scenario "
+    "flight duration outage outages kinds replay installation max-size pipes inside plugin",
+    "Filter": "filter filters option estimate robust adaptive ahrs ahrs-rate smooth every correlated "
+    "alignment target waiting",
+    "Aircraft": "aircraft feedback prediction turbulence wind barometer",
+    "Runs": "runs seed quick ablations map workers scheduler",
+    "Results": "out also utc write diagnose strict",
+}
+"""{heading: names of options}; those of no heading come last."""
+ENDS = """Exit codes: 0 done; 1 a fault of strapdown itself; 2 bad input; 3 something is wrong or not \
+trusted; 130 interrupted."""
+
+
+FORMATS = "<formats>"
+"""What stands in the help of an argument for the formats that are read."""
+
+
+def _grouped(command: Any, ctx: Any, formatter: Any) -> None:
+    """Write arguments and options, in groups."""
+    found: dict[str, list[tuple[str, str]]] = {
+        heading: [] for heading in ("Arguments", *GROUPS, "Options")
+    }
+    heading_of = {name: heading for heading, names in GROUPS.items() for name in names.split()}
+    for parameter in command.get_params(ctx):
+        record = parameter.get_help_record(ctx)
+        if record and parameter.param_type_name == "argument":
+            found["Arguments"].append((parameter.metavar or record[0], record[1]))
+        elif record:
+            name = parameter.opts[0].removeprefix("--")
+            found[heading_of.get(name, "Options")].append(record)
+    for heading, records in found.items():
+        if records:
+            with formatter.section(heading):
+                formatter.write_dl(records)
+
+
+class Command(TyperCommand):
+    """A command whose help has its options in groups, examples and a page. Where it reads
+    recordings, their formats are found when its own help is asked for: the readers are too heavy
+    for every start."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """As click asks; names that are required stand without braces."""
+        return [
+            piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)
+        ]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """As click asks: arguments and options, in groups."""
+        for parameter in self.params:
+            text = getattr(parameter, "help", None) or ""
+            if FORMATS in text:
+                from ..io.registry import formats
+
+                parameter.help = text.replace(FORMATS, formats())  # type: ignore[attr-defined]
+        _grouped(self, ctx, formatter)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """As click asks: examples, which are not wrapped, and the page."""
+        if about := ABOUT.get(ctx.command_path.removeprefix("strapdown ")):
+            indent = " " * (formatter.current_indent + 2)
+            with formatter.section("Examples"):
+                for what, line in about.examples:
+                    formatter.write(f"{indent}# {what}\n{indent}{line}\n")
+            with formatter.section("More"):
+                formatter.write_text(f"docs/{about.page}")
+
+
+class Commands(TyperGroup):
+    """The command itself: its help lists the commands by task."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """As click asks: the commands, then the options."""
+        self.format_commands(ctx, formatter)
+        _grouped(self, ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """As click asks."""
+        there = self.list_commands(ctx)
+        width = max(map(len, there))
+        for task in (LOG, SENSORS, SIMULATION, MORE):
+            rows = [
+                (name.ljust(width), about.short)
+                for name, about in ABOUT.items()
+                if about.task == task and name in there
+            ]
+            with formatter.section(task):
+                formatter.write_dl(rows)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """As click asks."""
+        with formatter.section("More"):
+            formatter.write_text(
+                "`strapdown COMMAND --help` has the options and examples of a command, docs/index.md "
+                "the documentation."
+            )
+            formatter.write_text(ENDS)
