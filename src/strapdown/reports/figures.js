@@ -103,7 +103,7 @@ const watched = new IntersectionObserver(entries => {
 }, {rootMargin: "300px 0px"});
 plots.forEach(plot => watched.observe(plot));
 // on paper all figures are as wide, whatever the window; page.css makes them smaller
-window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 1110, autosize: false})));
+window.addEventListener("beforeprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: 1270, autosize: false})));
 window.addEventListener("afterprint", () => drawnPlots().forEach(plot => Plotly.relayout(plot, {width: null, autosize: true})));
 if (window.DecompressionStream) setTimeout(drawAll);
 else plots.forEach(plot => { plot.textContent = "This browser is too old to draw the figures: it cannot unpack them (DecompressionStream). Any browser since 2023 can."; });
