@@ -221,6 +221,14 @@ class Innovations:
     followed: Array | None = None
 
 
+class Separation(NamedTuple):
+    """How far a filter, which knows the past alone, was from its smoother, row by row: position,
+    velocity and attitude."""
+
+    size: NDArray[np.float32]  # (n, 3) m, m/s, rad; NaN where nothing can be compared
+    sd: NDArray[np.float32]  # (n, 3) of the difference, its components together
+
+
 class Rejected(NamedTuple):
     """A run of rejected fixes of a source, and why they were probably rejected."""
 
@@ -259,6 +267,8 @@ class Solution:
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
+    # of a smoothed solution; None of others, and of a file
+    separation: Separation | None = field(default=None, repr=False, compare=False)
 
     def seconds(self, status: int) -> float:
         """Time in s over which rows have this status; a row covers the time since the one before

@@ -148,7 +148,7 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
             **axes,
             "aspectmode": "manual",  # as "data", of one size for flat tracks too
             "aspectratio": dict(zip("xyz", spans / spans.max())),
-            "camera": {"eye": FROM_SOUTH},
+            "camera": {"eye": FROM_SOUTH, "center": {"z": -0.15}},
         },
         margin={"l": 0, "r": 0, "b": 0},
         hovermode="closest",

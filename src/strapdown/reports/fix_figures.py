@@ -42,12 +42,12 @@ ALIKE = 0.05
 FEWEST, LAGS, QUANTILES = 30, 20, 200
 """Fixes that are needed for autocorrelations and quantiles, lags shown, and quantiles drawn."""
 CAUSES = {
-    "": (RED, "x"),
-    "jump": ("#ae3ec9", "cross"),
+    "": (RED, "x-thin"),
+    "jump": ("#ae3ec9", "cross-thin"),
     "drift": ("#e67700", "asterisk"),
     "clock": ("#1098ad", "y-up"),
     "noise too small": ("#5c940d", "y-down"),
-    "other sources disagree": ("#364fc7", "line-ns"),
+    "other sources disagree": ("#364fc7", "hash"),
     "single outliers": ("#8d5524", "y-left"),
     "not known": ("#868e96", "y-right"),
 }
@@ -220,7 +220,8 @@ def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
             lags = np.arange(1.0, len(mean) + 1)
             style = {"color": one.colour, "size": 5}
             name = one.label("innovations")
-            line(figure, lags, mean, name, one.colour, row, row == 1, dash=one.dash)
+            new, rank = row == 1, parts[0][0] is not one
+            line(figure, lags, mean, name, one.colour, row, new, rank, dash=one.dash)
             figure.data[-1].update(mode="lines+markers", marker=style)
         bound = max(bound for *_, bound in parts)
         for side in (-bound, bound):
@@ -229,7 +230,7 @@ def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
             line(figure, reach, ends, "95 % of a white sequence", GREY, row, first, dash="dash")
         limit = 1.15 * max(bound, *(peak(mean) for _, mean, _ in parts))
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)
-    figure.update_xaxes(unifiedhovertitle={"text": "lag of %{x} fixes"})
+    figure.update_xaxes(range=[0.5, LAGS + 0.5], unifiedhovertitle={"text": "lag of %{x} fixes"})
     return figure.update_xaxes(title_text="lag [fixes]", row=len(found), col=1)
 
 
@@ -268,7 +269,8 @@ def nis_quantiles(solutions: Solution | Mapping[str, Solution]) -> go.Figure | N
     for row, parts in enumerate(found.values(), start=1):
         for one, expected, seen in reversed(parts):
             name = one.label("NIS")
-            line(figure, expected, seen, name, one.colour, row, row == 1, dash=one.dash)
+            new, rank = row == 1, parts[0][0] is not one
+            line(figure, expected, seen, name, one.colour, row, new, rank, dash=one.dash)
         ends = np.array([min(x[0] for _, x, _ in parts), max(x[-1] for _, x, _ in parts)])
         line(figure, ends, ends, "as claimed", GREY, row, row == 1, dash="dash")
         log_range(
@@ -298,7 +300,7 @@ def _rejected(cause: str) -> tuple[str, dict[str, Any]]:
     """(name, style) of fixes that were rejected for a cause."""
     colour, symbol = CAUSES[cause]
     line = {"width": 1.5, "color": colour}
-    style = {"color": colour, "size": 7, "symbol": f"{symbol}-thin", "line": line}
+    style = {"color": colour, "size": 7, "symbol": symbol, "line": line}
     return f"rejected: {cause}" if cause else "rejected", style
 
 
