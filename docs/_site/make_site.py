@@ -135,8 +135,8 @@ def main(out: str) -> int:
     source, site = WORK / "source", Path(out)
     stage(source, pages)
     done = sphinx(source, site, WORK)
-    print(done.stderr, file=sys.stderr, end="")
     if done.returncode:
+        print(done.stderr, file=sys.stderr, end="")
         return done.returncode
     shutil.copytree(pages, site / "gallery", dirs_exist_ok=True)
     found = from_the_network(site)

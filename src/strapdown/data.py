@@ -260,6 +260,14 @@ class Innovations:
         return replace(self, **by_fix)
 
 
+class Separation(NamedTuple):
+    """How far a filter, which knows the past alone, was from its smoother, row by row: position,
+    velocity and attitude."""
+
+    size: NDArray[np.float32]  # (n, 3) m, m/s, rad; NaN where nothing can be compared
+    sd: NDArray[np.float32]  # (n, 3) of the difference, its components together
+
+
 class Rejected(NamedTuple):
     """A run of rejected fixes of a source, and why they were probably rejected."""
 
@@ -298,6 +306,8 @@ class Solution:
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
+    # of a smoothed solution; None of others, and of a file
+    separation: Separation | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.t)

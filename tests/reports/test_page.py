@@ -225,7 +225,10 @@ def test_only_a_page_with_a_map_may_ask_the_network_and_says_so(page):
     assert figure["layout"]["map"]["style"] == "open-street-map" and len(figure["data"]) == 3
     north = np.degrees(SOLUTION.trajectory.lla[:, 0])
     assert figure["data"][-1]["lat"] == pytest.approx(north, abs=1e-6)
-    assert "https:" not in re.search("Policy.*?>", page.html)[0] and "comes from the network" not in page.html
+    assert (
+        "https:" not in re.search("Policy.*?>", page.html)[0]
+        and "comes from the network" not in page.html
+    )
     assert "maplibre-gl-worker" not in plotly(page)
 
 

@@ -9,9 +9,11 @@ beside the solution and these states memory is that of a piece, however long the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import filters
 from ..checks import DataError
@@ -33,7 +35,7 @@ from ..core.contract import (
     compile_kernel,
 )
 from ..core.smoother import run_back, work_size
-from ..data import Solution
+from ..data import Separation, Solution
 from ..geodesy import displacement
 from ..progress import listener, with_bar
 from ..recording import Recording
@@ -106,6 +108,7 @@ def smooth(
     differences = both_ways(run, listener(progress))
     differences.tell(run)
     result = solution(run)
+    result = replace(result, separation=differences.separation())
     result.meta["smoothed"] = True
     if ratios := differences.ratios():
         result.meta["filter_against_smoother"] = ratios
@@ -241,6 +244,7 @@ class Differences:
     def __init__(self) -> None:
         self.sums, self.counts = np.zeros(9), np.zeros(9)
         self._ratio: list[Array] = []  # of each row, the largest
+        self._parts: list[Separation] = []
 
     def add(self, filtered: Array, smoothed: Array) -> None:
         """Take in rows of the output of the filter and of the smoother, the last rows first."""
@@ -249,15 +253,15 @@ class Differences:
         turn = _turn(filtered[:, loop.Q : loop.BIASES], smoothed[:, loop.Q : loop.BIASES])
         first, last = loop.SD, loop.SD + 9
         before, after = filtered[:, first:last] ** 2, smoothed[:, first:last] ** 2
+        apart = np.c_[position, velocity, turn] ** 2
         with np.errstate(invalid="ignore", divide="ignore"):
-            squares = np.where(
-                before - after > self.LEAST * before,
-                np.c_[position, velocity, turn] ** 2 / (before - after),
-                np.nan,
-            )
+            variance = np.where(before - after > self.LEAST * before, before - after, np.nan)
+            squares = apart / variance
         self.sums += np.nansum(squares, axis=0)
         self.counts += np.isfinite(squares).sum(axis=0)
         self._ratio.append(np.sqrt(np.nanmax(squares, axis=1, initial=0.0)))
+        compared = np.where(np.isfinite(squares), apart, np.nan)
+        self._parts.append(Separation(_lengths(compared), _lengths(variance)))
 
     def ratios(self) -> dict[str, float]:
         """{what: mean of the squares}, 1 where both are right; of what was compared."""
@@ -266,6 +270,10 @@ class Differences:
             if count := self.counts[states].sum():
                 found[what] = float(self.sums[states].sum() / count)
         return found
+
+    def separation(self) -> Separation:
+        """That of all rows, the first rows first."""
+        return Separation(*map(np.concatenate, zip(*self._parts[::-1])))
 
     def tell(self, run: Run) -> None:
         """Mark the rows of a smoothed run that are apart, or less than REACH s before such a row,
@@ -277,6 +285,13 @@ class Differences:
         near = apart[np.searchsorted(apart, t)] - t <= REACH
         status[near & (status != INVALID)] = DOUBTFUL
         run.events.tell(places.APART, t[near], ratio[near])
+
+
+def _lengths(squares: Array) -> NDArray[np.float32]:
+    """(n, 3) of the squares (n, 9) of three vectors, of their known components; NaN without any."""
+    parts = squares.reshape(-1, 3, 3)
+    known = np.isfinite(parts).any(axis=2)
+    return np.where(known, np.sqrt(np.nansum(parts, axis=2)), np.nan).astype(np.float32)
 
 
 def _turn(first: Array, second: Array) -> Array:

@@ -213,18 +213,10 @@ def origin(t: Array) -> float:
 
 
 def column(values: ArrayLike) -> Array | NDArray[np.float32]:
-    """As it goes into the page: 4 bytes a number are enough for a screen, unless numbers are
-    large; the last of their bits, finer than anybody can see, are 0, so that pages pack well.
-
-    A number keeps 1/262144 of what the column spans, or 1/4096 of its own where that is finer.
-    """
+    """As it goes into a figure: 4 bytes a number are enough for a screen, unless times are
+    large. `packing` rounds them once more."""
     values = np.asarray(values, float)
-    low, high = extent(values)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        finest = np.minimum((high - low) / 262144, np.abs(values) / 4096)
-        step = np.exp2(np.floor(np.log2(finest)))
-        kept = np.where(step > 0, np.rint(values / step) * step, values)
-    return kept if peak(values) > 1e5 else kept.astype(np.float32)
+    return values if peak(values) > 1e5 else values.astype(np.float32)
 
 
 class Shown(NamedTuple):

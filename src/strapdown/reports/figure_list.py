@@ -13,7 +13,7 @@ from ..core.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
-from . import figures, fix_figures, installation_figures, sensor_figures
+from . import figures, fix_figures, installation_figures, sensor_figures, separation_figures
 from .summary import claimed_sd
 
 Text: TypeAlias = str | Callable[[Sequence[Solution]], str]
@@ -279,6 +279,16 @@ FIGURES: list[Figure] = [
         _claimed,
         lambda all, reference: figures.sigma(all),
         "Logarithmic axes: it falls with aiding and grows without.",
+        "Claimed uncertainty",
+        together=True,
+    ),
+    Figure(
+        "separation",
+        "Separation of filter and smoother",
+        lambda all, reference: separation_figures.separation(all),
+        "The filter knows the past alone, the smoother all: their difference should stay below its "
+        "dotted 3σ. It is no difference of a forward and a backward solution, since the smoother "
+        "contains the filter.",
         "Claimed uncertainty",
         together=True,
     ),

@@ -74,6 +74,10 @@ ENDS = ((0, "start", "circle", "#2f9e44"), (-1, "end", "square", "#343a40"))
 """Of a track: row, name, symbol and colour."""
 FROM_SOUTH = {"x": 0.25, "y": -1.0, "z": 0.75}
 """Where a track in three dimensions is seen from: north is away, as on a map."""
+AWAY = 0.25
+"""Part of the time for which it must be so far to leave it."""
+LEAST_SHARE, MOST_TIMES = 1e-6, 1e4
+"""Of the peak of the best solution: lower and upper end of a logarithmic axis at most."""
 TO_SEE_ALL = "Double-click a panel to see all of it."
 DOTTED = {"color": GREY, "dash": "dot", "width": 1.5}
 """Of the reference."""
@@ -148,7 +152,7 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
             **axes,
             "aspectmode": "manual",  # as "data", of one size for flat tracks too
             "aspectratio": dict(zip("xyz", spans / spans.max())),
-            "camera": {"eye": FROM_SOUTH},
+            "camera": {"eye": FROM_SOUTH, "center": {"z": -0.15}},
         },
         margin={"l": 0, "r": 0, "b": 0},
         hovermode="closest",
@@ -347,13 +351,18 @@ def horizontal(solutions: Solutions, reference: Reference) -> go.Figure | None:
                 dash="dot",
             )
             figure.data[-1].legendgroup = name
-        drawn += [e.horizontal, claimed]
+        drawn.append((one, e.horizontal, claimed))
     if not drawn:
         return None
-    values = np.concatenate(drawn)
+    values = np.concatenate([part for _, *parts in drawn for part in parts])
     values = values[np.isfinite(values) & (values > 0)]
     if len(values):
-        log_range(figure, max(np.quantile(values, 0.01), values.max() * 1e-6), values.max())
+        best = min(peak(error) or np.inf for _, error, _ in drawn)
+        low, top = max(np.quantile(values, 0.01), best * LEAST_SHARE), best * MOST_TIMES
+        log_range(figure, low, min(values.max(), top))
+        for one, error, _ in drawn:
+            if peak(error) > top:
+                _leaves(figure, one.name, peak(error))
     return time_axis(figure, solutions, zero)
 
 
@@ -632,7 +641,8 @@ def _drawn(
             inside = (beside[0] >= curves[0].t[0]) & (beside[0] <= curves[0].t[-1])
             true = cut(seen[inside]) if turns else seen[inside]
             _reference(figure, beside[0][inside] - zero, true, quantity.unit, row)
-        low, high, away = _common(frames)
+        whose = {one.name: column for one, column in zip(shown, columns)}
+        low, high, away = _common(frames, whose)
         figure.update_yaxes(range=[low, high], row=row, col=1)
         for one, values in zip(shown, columns):
             if one.name in away:
@@ -651,19 +661,27 @@ def _side_by_side(columns: list[Array], beside: Array | None) -> tuple[list[Arra
 
 
 def _common(
-    frames: Mapping[str, tuple[float, float]],
+    frames: Mapping[str, tuple[float, float]], values: Mapping[str, Array]
 ) -> tuple[float, float, list[str]]:
-    """Ends of an axis for {name: its own ends}, and the names of those that leave it: the least
-    sets the scale, others widen it up to FAR times."""
+    """Ends of an axis for {name: its own ends}, and the names of those that leave it.
+
+    The least sets the scale. Others widen it, unless they want more than FAR times as much and are
+    beyond that for more than a quarter of their `values`: an outage is shown, what diverged is not.
+    """
     ordered = sorted(frames, key=lambda name: frames[name][1] - frames[name][0])
     low, high = frames[ordered[0]]
-    most, away = FAR * (high - low), []
+    room, away = (FAR - 1) / 2 * (high - low), []
+    least, most = low - room, high + room
     for name in ordered[1:]:
         wide = min(low, frames[name][0]), max(high, frames[name][1])
-        if wide[1] - wide[0] <= most:
-            low, high = wide
-        else:
+        known = values[name][np.isfinite(values[name])]
+        beyond = (known < least) | (known > most)
+        if wide[1] - wide[0] > FAR * (frames[ordered[0]][1] - frames[ordered[0]][0]) and (
+            beyond.mean() > AWAY
+        ):
             away.append(name)
+        else:
+            low, high = wide
     return low, high, away
 
 

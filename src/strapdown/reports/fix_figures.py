@@ -39,15 +39,17 @@ from .drawing import (
 
 ALIKE = 0.05
 """Expected standard deviations of components that differ by less than this part are one line."""
+MOST_NIS = 1e3
+"""Over the peak of the best solution: upper end of an axis of NIS at most."""
 FEWEST, LAGS, QUANTILES = 30, 20, 200
 """Fixes that are needed for autocorrelations and quantiles, lags shown, and quantiles drawn."""
 CAUSES = {
-    "": (RED, "x"),
-    "jump": ("#ae3ec9", "cross"),
+    "": (RED, "x-thin"),
+    "jump": ("#ae3ec9", "cross-thin"),
     "drift": ("#e67700", "asterisk"),
     "clock": ("#1098ad", "y-up"),
     "noise too small": ("#5c940d", "y-down"),
-    "other sources disagree": ("#364fc7", "line-ns"),
+    "other sources disagree": ("#364fc7", "hash"),
     "single outliers": ("#8d5524", "y-left"),
     "not known": ("#868e96", "y-right"),
 }
@@ -174,7 +176,11 @@ def nis(solution: Solution, solutions: Mapping[str, Solution] | None = None) -> 
             line(figure, solution.t[[0, -1]] - zero, ends, "gate", GREY, row, new, dash="dash")
         ends_of = [_nis_ends(other, name) for other in [solution, *(solutions or {}).values()]]
         low, top = min(low for low, _ in ends_of), max(top for _, top in ends_of)
+        # what diverged does not hide the others
+        top = min(top, MOST_NIS * min(top for _, top in ends_of if top))
         log_range(figure, max(low, top * 1e-7), top, row)
+        if peak(values) > 1.5 * top:
+            note(figure, f"{name}: up to {peak(values):.3g}, beyond the frame.")
     return time_axis(figure, solution, zero)
 
 
@@ -220,7 +226,8 @@ def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
             lags = np.arange(1.0, len(mean) + 1)
             style = {"color": one.colour, "size": 5}
             name = one.label("innovations")
-            line(figure, lags, mean, name, one.colour, row, row == 1, dash=one.dash)
+            new, rank = row == 1, parts[0][0] is not one
+            line(figure, lags, mean, name, one.colour, row, new, rank, dash=one.dash)
             figure.data[-1].update(mode="lines+markers", marker=style)
         bound = max(bound for *_, bound in parts)
         for side in (-bound, bound):
@@ -229,7 +236,7 @@ def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
             line(figure, reach, ends, "95 % of a white sequence", GREY, row, first, dash="dash")
         limit = 1.15 * max(bound, *(peak(mean) for _, mean, _ in parts))
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)
-    figure.update_xaxes(unifiedhovertitle={"text": "lag of %{x} fixes"})
+    figure.update_xaxes(range=[0.5, LAGS + 0.5], unifiedhovertitle={"text": "lag of %{x} fixes"})
     return figure.update_xaxes(title_text="lag [fixes]", row=len(found), col=1)
 
 
@@ -268,7 +275,8 @@ def nis_quantiles(solutions: Solution | Mapping[str, Solution]) -> go.Figure | N
     for row, parts in enumerate(found.values(), start=1):
         for one, expected, seen in reversed(parts):
             name = one.label("NIS")
-            line(figure, expected, seen, name, one.colour, row, row == 1, dash=one.dash)
+            new, rank = row == 1, parts[0][0] is not one
+            line(figure, expected, seen, name, one.colour, row, new, rank, dash=one.dash)
         ends = np.array([min(x[0] for _, x, _ in parts), max(x[-1] for _, x, _ in parts)])
         line(figure, ends, ends, "as claimed", GREY, row, row == 1, dash="dash")
         log_range(
@@ -298,7 +306,7 @@ def _rejected(cause: str) -> tuple[str, dict[str, Any]]:
     """(name, style) of fixes that were rejected for a cause."""
     colour, symbol = CAUSES[cause]
     line = {"width": 1.5, "color": colour}
-    style = {"color": colour, "size": 7, "symbol": f"{symbol}-thin", "line": line}
+    style = {"color": colour, "size": 7, "symbol": symbol, "line": line}
     return f"rejected: {cause}" if cause else "rejected", style
 
 

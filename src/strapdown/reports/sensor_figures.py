@@ -105,8 +105,16 @@ def at_limit(triad: Triad) -> float:
 def _sources(recording: Recording) -> Iterator[tuple[str, Array]]:
     """(name, times) of the sources that were recorded and have an interval."""
     for aiding in recording.aidings:
-        if find(aiding.kind).recorded and len(aiding.t) > 1:
+        if len(aiding.t) > 1 and _recorded(aiding.kind):
             yield aiding.name or aiding.kind, aiding.t
+
+
+def _recorded(kind: str) -> bool:
+    """Whether fixes of this kind come from a sensor; so does what a plugin brought that is gone."""
+    try:
+        return find(kind).recorded
+    except ValueError:
+        return True
 
 
 def sensor_table(recording: Recording | None) -> str:
