@@ -1,6 +1,7 @@
 """What `--help` shows beside the options: commands by task, options in groups, examples, the page
 that tells more. Light, since every start loads it."""
 
+from textwrap import fill
 from typing import Any, NamedTuple
 
 from typer.core import TyperCommand, TyperGroup
@@ -293,6 +294,12 @@ def _grouped(command: Any, ctx: Any, formatter: Any) -> None:
                 formatter.write_dl(records)
 
 
+def _paragraph(formatter: Any, text: str) -> None:
+    indent = " " * formatter.current_indent
+    lines = fill(text, formatter.width, initial_indent=indent, subsequent_indent=indent)
+    formatter.write(lines + "\n")
+
+
 class Command(TyperCommand):
     """A command whose help has its options in groups, examples and a page. Where it reads
     recordings, their formats are found when its own help is asked for: the readers are too heavy
@@ -322,7 +329,7 @@ class Command(TyperCommand):
                 for what, line in about.examples:
                     formatter.write(f"{indent}# {what}\n{indent}{line}\n")
             with formatter.section("More"):
-                formatter.write_text(f"docs/{about.page}")
+                _paragraph(formatter, f"docs/{about.page}")
 
 
 class Commands(TyperGroup):
@@ -349,8 +356,9 @@ class Commands(TyperGroup):
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """As click asks."""
         with formatter.section("More"):
-            formatter.write_text(
+            _paragraph(
+                formatter,
                 "`strapdown COMMAND --help` has the options and examples of a command, docs/index.md "
-                "the documentation."
+                "the documentation.",
             )
-            formatter.write_text(ENDS)
+            _paragraph(formatter, ENDS)
