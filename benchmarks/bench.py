@@ -560,7 +560,7 @@ def peer_figure(name, title, function, seconds, release):
     ours = subject.timed_run(w, "open-loop" if "feedforward" in title else "closed-loop")
     ours()
     before = ours()
-    us, rms = function(w, seconds)
+    us, rms, _ = function(w, seconds)
     own = (before + ours()) / 2 / (len(w.t) - 1) * 1e6
     note = f"{release}: {us:.1f} us per IMU sample over {seconds:g} s" + (f"; {rms}" if rms else "")
     return figures.informative(f"{name} {title} time", us / own, "x strapdown", note)
