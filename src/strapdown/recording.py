@@ -139,9 +139,10 @@ class Recording:
             self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings)
         )
 
-    def plot(self, what: str = "imu") -> go.Figure:
-        """A plotly Figure, which can be changed: "imu", rates and specific forces; "sources", when
-        each source has fixes; "track", fixes and reference from above. Raises DataError."""
+    def plot(self, what: str = "readings") -> go.Figure:
+        """A plotly Figure, which can be changed: "readings" of the IMU; "spectra" of its vibration;
+        "intervals" from sample to sample and fix to fix; "sources", when each has fixes; "track",
+        fixes and reference from above. Raises DataError."""
         from .notebook.plots import of_recording
 
         return of_recording(self, what)

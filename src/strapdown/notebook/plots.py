@@ -74,12 +74,13 @@ def _drawn(figure: Figure, solution: Solution, reference: Trajectory | None) -> 
         "colour": COLOURS[0],
         "window": None,
         "recording": solution.recording,
+        "solutions": {name: solution},
     }
     subject = {name: solution} if figure.together else solution
     return figure.draw(subject, reference, **{each: given[each] for each in figure.takes})
 
 
-def of_recording(recording: Recording, what: str = "imu") -> go.Figure:
+def of_recording(recording: Recording, what: str = "readings") -> go.Figure:
     """The figure of a Recording that is called `what`. Raises DataError."""
     draw: Callable[[Recording], go.Figure | None]
     heading, draw = recording_figures.FIGURES[

@@ -1,4 +1,5 @@
-"""Figures of what was recorded: samples of the IMU, fixes from above, and when each source spoke."""
+"""Figures of what was recorded: those that the report has of the sensors, fixes from above, and when
+each source spoke."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
+from ..reports import sensor_figures
 from ..reports.drawing import (
     COLOURS,
     GREY,
@@ -17,28 +19,16 @@ from ..reports.drawing import (
     even,
     finish,
     ground,
-    line,
     origin,
     panels,
     path,
     seen_from_above,
+    time_axis,
 )
-from ..time_scales import utc
 from ..typing import Array
 
 if TYPE_CHECKING:
     from ..recording import Recording
-
-
-def imu(recording: Recording) -> go.Figure:
-    """Angular rate and specific force along the axes of the body, over time."""
-    samples = recording.imu
-    zero = origin(samples.t)
-    figure = panels(["angular rate [deg/s]", "specific force [m/s²]"], 230)
-    for row, values in enumerate((np.degrees(samples.dtheta), samples.dv), start=1):
-        for axis, colour, part in zip("xyz", COLOURS, (values / samples.dt[:, None]).T):
-            line(figure, samples.t - zero, part, axis, colour, row)
-    return _timed(figure, recording, zero, rows=2)
 
 
 def sources(recording: Recording) -> go.Figure:
@@ -47,7 +37,7 @@ def sources(recording: Recording) -> go.Figure:
     if recording.reference is not None:
         parts.append(("reference", recording.reference.t))
     zero = origin(recording.imu.t)
-    figure = finish(go.Figure(), 110 + 34 * len(parts))
+    figure = panels([""], 25 + 34 * len(parts))
     for i, (name, t) in enumerate(parts):
         at = t[even(len(t))]
         figure.add_trace(
@@ -66,7 +56,7 @@ def sources(recording: Recording) -> go.Figure:
         tickmode="array", tickvals=list(range(len(parts))), ticktext=names, autorange="reversed"
     )
     figure.update_layout(hovermode="closest")
-    return _timed(figure, recording, zero)
+    return time_axis(figure, recording, zero)
 
 
 def track(recording: Recording) -> go.Figure | None:
@@ -102,18 +92,10 @@ def _places(recording: Recording) -> Iterator[tuple[str, Array, bool]]:
             yield name, whole, fixes
 
 
-def _timed(figure: go.Figure, recording: Recording, zero: float, rows: int = 1) -> go.Figure:
-    """With the label of the time axis, which says the date where the clock is absolute."""
-    label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
-    if "epoch" in recording.meta:
-        begin = str(utc(recording.meta["epoch"], [zero])[0])[:19].replace("T", " ")
-        label += f", from {begin} UTC on"
-    last = {"row": rows, "col": 1} if rows > 1 else {}
-    return figure.update_xaxes(title_text=label, **last)
-
-
 FIGURES: dict[str, tuple[str, Callable[[Recording], go.Figure | None]]] = {
-    "imu": ("Samples of the IMU", imu),
+    "readings": ("Specific force and angular rate", sensor_figures.readings),
+    "spectra": ("Vibration", sensor_figures.spectra),
+    "intervals": ("Intervals", sensor_figures.intervals),
     "sources": ("When each source spoke", sources),
     "track": ("Fixes and reference from above", track),
 }
