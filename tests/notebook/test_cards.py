@@ -112,7 +112,9 @@ def test_names_with_markup_are_inert(recording, solution):
     judged = replace(
         solution, innovations=fixes, meta=solution.meta | meta | {"verdict": verdict.as_dict()}
     )
-    assert "<script" not in made.plot("sources").to_json() + made.plot("track").to_json()
+    labels = made.plot("sources").layout.yaxis.ticktext
+    names = [trace.name for what in ("sources", "track") for trace in made.plot(what).data]
+    assert MARKUP in str(made) and "<script" not in "".join([*labels, *names])
     for each in (made, made.aidings[0], judged, verdict):
         assert "script&gt;alert" in each._repr_html_() and "<script" not in each._repr_html_()
     framed = replace(sd.report(solution), html=f"<p title=\"'x'\">{MARKUP}")._repr_html_()
