@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from synthetic import flight, solution
 
 from strapdown import report
@@ -183,6 +184,13 @@ def test_expected_bounds_are_those_of_the_covariance():
     assert [t.line.color for t in figure.data if t.name == "±2σ" and t.yaxis == "y"] == [
         drawing.GREY
     ]
+
+
+@pytest.mark.parametrize("freedom", range(1, 7))
+def test_quantiles_of_chi_square_are_those_of_scipy(freedom):
+    chance = np.array([1e-3, 0.01, 0.1, 0.5, 0.9, 0.99, 0.9999])
+    found = fix_figures._chi_square(freedom, chance)
+    np.testing.assert_allclose(found, chi2.ppf(chance, freedom), rtol=1e-5)
 
 
 def test_whiteness_tells_a_walk_from_noise_and_quantiles_what_is_claimed():

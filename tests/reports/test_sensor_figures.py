@@ -3,6 +3,7 @@ known."""
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 from synthetic import solution
 
 from strapdown.core.contract import Imu
@@ -39,6 +40,15 @@ def cells(html, sensor):
         .replace("</td>", "")
         .split("<td>")[1:]
     )
+
+
+@pytest.mark.parametrize("segment", [64, 65])
+def test_spectra_are_those_of_scipy(segment):
+    walk = np.random.default_rng(0).normal(size=(1003, 3)).cumsum(axis=0)
+    f, density = sensor_figures._welch(walk, 50.0, segment)
+    expected = welch(walk, 50.0, nperseg=segment, axis=0)
+    np.testing.assert_allclose(f, expected[0])
+    np.testing.assert_allclose(density, expected[1], rtol=1e-9)
 
 
 def test_the_table_has_rates_jitter_and_gaps():

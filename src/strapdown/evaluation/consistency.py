@@ -233,15 +233,14 @@ def coverage(error: ArrayLike, sd: ArrayLike, sigmas: Sequence[float] = (1, 2, 3
     )
 
 
-def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
-    """Whiteness of the normalised innovations (m, k) of one source in time order.
+def autocorrelation(innovation: ArrayLike, lags: int = 20) -> tuple[Array, float]:
+    """(lags, k) autocorrelation of the normalised innovations (m, k) of one source in time order at
+    the lags 1, 2, ..., and the bound that 95 % of the lags of a white sequence keep.
 
     The mean is not taken off: it belongs to the hypothesis that it is zero, so that a constant
     innovation is not white. Rows with a missing component are left out, components that are never
-    measured give NaN. Ljung & Box (1978). Raises DataError where m <= lags.
+    measured give NaN. Raises DataError where m <= lags.
     """
-    from scipy.special import gammaincc
-
     innovation = np.asarray(innovation, float)
     z = innovation.reshape(len(innovation), -1)
     measured = np.isfinite(z).any(axis=0)
@@ -251,15 +250,24 @@ def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
         raise DataError(f"{m} innovations are too few for {lags} lags; give fewer lags, at least 1")
     power = np.square(z).sum(axis=0)
     power[power == 0] = np.nan  # an innovation that is always 0 tells nothing
-    autocorrelation = (
-        np.array([(z[lag:] * z[:-lag]).sum(axis=0) for lag in range(1, lags + 1)]) / power
-    )
-    statistic = (
-        m
-        * (m + 2)
-        * (np.square(autocorrelation) / (m - np.arange(1, lags + 1))[:, None]).sum(axis=0)
-    )
-    return Whiteness(autocorrelation, 1.96 / np.sqrt(m), gammaincc(lags / 2, statistic / 2))
+    products = np.array([(z[lag:] * z[:-lag]).sum(axis=0) for lag in range(1, lags + 1)])
+    return products / power, float(BOUND / np.sqrt(m))
+
+
+BOUND = 1.96
+"""Standard deviations that 95 % of normal values are within."""
+
+
+def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
+    """Whiteness of the normalised innovations (m, k) of one source in time order, by their
+    `autocorrelation`. Ljung & Box (1978). Raises DataError where m <= lags."""
+    from scipy.special import gammaincc
+
+    found, bound = autocorrelation(innovation, lags)
+    m = (BOUND / bound) ** 2
+    left = m - np.arange(1, lags + 1)
+    statistic = m * (m + 2) * (np.square(found) / left[:, None]).sum(axis=0)
+    return Whiteness(found, bound, gammaincc(lags / 2, statistic / 2))
 
 
 def normalised(solution: Solution, source: str | int, window: int = 101) -> Array:
