@@ -12,7 +12,7 @@ from strapdown.plugins import PluginWarning
 def offered(monkeypatch, *entries):
     """Let these be the installed entry points `strapdown.reproductions`."""
     monkeypatch.setattr(
-        "importlib.metadata.entry_points",
+        "strapdown.cli.complete.entry_points",
         lambda group: entries if group == "strapdown.reproductions" else (),
     )
 

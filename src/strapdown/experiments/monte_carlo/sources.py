@@ -21,9 +21,9 @@ TOP = __name__.partition(".")[0]
 ROOT = Path(__file__).parents[2]
 CHUNKS = __name__.rpartition(".")[0] + ".chunks"
 """The module of the chunk function."""
-NOT_ASKED = {f"{TOP}.diagnosis"}
-"""Rooms that functions of the closure import, and that no chunk asks for: a verdict is asked of a
-Solution by its user."""
+NOT_ASKED = {f"{TOP}.diagnosis", f"{TOP}.notebook"}
+"""Rooms that functions of the closure import, and that no chunk asks for: a verdict and what a
+notebook shows are asked of a Solution by its user."""
 NO_NUMBERS = {"h5netcdf", "h5py", "pandas", "pydantic", "pydantic_core", "fcntl"}
 """Packages that only read, write and lay out."""
 NO_DATA = {".py", ".pyc", ".pyi", ".md", ".typed"}
