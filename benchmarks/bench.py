@@ -28,9 +28,9 @@ import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
 import numpy as np  # noqa: E402
-import pages  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
+import report_pages  # noqa: E402
 import smoothing  # noqa: E402
 import studies  # noqa: E402
 import subject  # noqa: E402
@@ -337,7 +337,7 @@ def file_figures(book):
 
 
 def page_figures(book):
-    book.measure(list(pages.FIGURES), pages.pages)
+    book.measure(list(report_pages.FIGURES), report_pages.pages)
 
 
 def recorded_figures(book):

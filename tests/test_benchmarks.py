@@ -160,7 +160,9 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
         )
     monkeypatch.setattr(logs, "tables", lambda: [(0.3, "")] * len(logs.TABLES))
     monkeypatch.setattr(logs, "slowest", lambda: [(0.3, "")] * len(logs.HOURS_READ))
-    monkeypatch.setattr(bench.pages, "pages", lambda: [(0.3, "")] * len(bench.pages.FIGURES))
+    monkeypatch.setattr(
+        bench.report_pages, "pages", lambda: [(0.3, "")] * len(bench.report_pages.FIGURES)
+    )
     monkeypatch.setattr(smoothing, "smoothing", lambda: [(0.3, "")] * len(smoothing.FIGURES))
     monkeypatch.setattr(
         attitude, "peer_figures", lambda: [figures.informative("attitude, BROAD vqf", 2.6, "deg")]
