@@ -298,5 +298,5 @@ EKF = Filter(
     lanes=True,
     bias=DECAYING,
     good_for="checking closed-loop against a textbook's filter",
-    poor_for="daily use: the result of closed-loop in 8 times its time",
+    poor_for="daily use: the result of closed-loop in 5 times its time",
 )
