@@ -1,6 +1,7 @@
 """The first block of a page: words, reasons and remedies as text that cannot break the page."""
 
 import re
+from dataclasses import replace
 
 import pytest
 from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
@@ -30,6 +31,13 @@ def test_it_says_word_cause_what_was_seen_and_what_to_do():
         "Not tested: heading without turns."
     )
     assert "class='verdict doubt'" in verdict_block({"a": DOUBTFUL})
+
+
+def test_what_is_trusted_with_a_reason_is_so_but_for_a_part():
+    shown = text(verdict_block({"a": replace(TRUSTED, reasons=WRONG.reasons[:1])}))
+    assert shown.startswith("✓ Trusted Nothing that could be tested speaks against it as a whole.")
+    assert "Probable cause: axes" in shown
+    assert "as a whole" not in verdict_block({"a": TRUSTED})
 
 
 def test_several_results_are_named_and_those_that_agree_share_a_block():

@@ -31,6 +31,10 @@ LOOKS = {
     NOT_JUDGED: ("unknown", "?", "Nothing tells whether to trust it."),
 }
 """{word: its class in page.css, its mark, what it means}."""
+OF_A_PART = (
+    "Nothing that could be tested speaks against it as a whole. Of a part, this is to be said."
+)
+"""What "trusted" means where there are reasons."""
 
 
 def verdict_block(verdicts: Mapping[str, Verdict]) -> str:
@@ -44,6 +48,8 @@ def verdict_block(verdicts: Mapping[str, Verdict]) -> str:
 
 def _block(verdict: Verdict, names: str) -> str:
     look, mark, meaning = LOOKS[verdict.word]
+    if verdict.word == TRUSTED and verdict.reasons:
+        meaning = OF_A_PART
     whose = f"<span class=whose>{escape(names)}</span>" if names else ""
     reasons = "".join(f"<li>{_reason(reason)}</li>" for reason in verdict.reasons)
     untested = f"Not tested: {'; '.join(verdict.untested)}." if verdict.untested else ""
