@@ -270,7 +270,7 @@ def _welch(values: Array, rate: float, segment: int) -> tuple[Array, Array]:
     density[0] /= 2  # these have no negative twin
     if segment % 2 == 0:
         density[-1] /= 2
-    return np.fft.rfftfreq(segment, 1 / rate), density
+    return np.arange(len(density)) * (rate / segment), density
 
 
 def _binned(f: Array, density: Array) -> tuple[Array, Array]:
