@@ -270,7 +270,8 @@ def _welch(values: Array, rate: float, segment: int) -> tuple[Array, Array]:
     density[0] /= 2  # these have no negative twin
     if segment % 2 == 0:
         density[-1] /= 2
-    return np.arange(len(density)) * (rate / segment), density
+    last = (len(density) - 1) * rate / segment
+    return np.linspace(0.0, last, len(density)), density
 
 
 def _binned(f: Array, density: Array) -> tuple[Array, Array]:
