@@ -328,16 +328,24 @@ class Solution:
             "rejected": [run for run in rejected if run["stop"] >= start],
         }
         return replace(
+            self.taking(rows),
+            innovations=self.innovations.between(start, stop),
+            events=tuple(event for event in self.events if start <= event[0] <= stop),
+            meta={**self.meta, **meta},
+        )
+
+    def taking(self, rows: slice | Mask | Ints) -> Solution:
+        """These rows of it, with all fixes and events."""
+        apart = self.separation
+        return replace(
             self,
             trajectory=self.trajectory.taking(rows),
             b_a=self.b_a[rows],
             b_g=self.b_g[rows],
             status=self.status[rows],
-            innovations=self.innovations.between(start, stop),
-            events=tuple(event for event in self.events if start <= event[0] <= stop),
             columns={name: values[rows] for name, values in self.columns.items()},
             covariance=None if self.covariance is None else self.covariance[rows],
-            meta={**self.meta, **meta},
+            separation=apart and Separation(apart.size[rows], apart.sd[rows]),
         )
 
     def seconds(self, status: int) -> float:

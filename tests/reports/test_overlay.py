@@ -238,6 +238,10 @@ def test_the_separation_of_a_smoother_is_what_it_was_from_the_filter():
     figure = separation_figures.separation(made)
     assert {t.name for t in figure.data} == {"separation", "3σ"}
     assert separation_figures.separation(filtered) is None
+    middle, late = 0.5 * (made.t[0] + made.t[-1]), made.t[-1]
+    part = made[middle:late]
+    np.testing.assert_array_equal(part.separation.size, made.separation.size[made.t >= middle])
+    assert separation_figures.separation(part).data
 
 
 # Machado, Oliveira & Fernandes (2009), severity 1

@@ -7,7 +7,6 @@ import io
 import json
 import lzma
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -56,7 +55,7 @@ def write_csv(solution: Solution, part: Path, path: Path, utc: bool = False) -> 
 def _texts(solution: Solution, utc: bool) -> Iterator[bytes]:
     """The header and the rows, some thousands at a time."""
     for k in range(0, max(len(solution.t), 1), ROWS):
-        part = _rows(solution, slice(k, k + ROWS))
+        part = solution.taking(slice(k, k + ROWS))
         columns = columns_of(part)
         if not k:
             names = ["t", *([UTC] if utc else []), *map(str, columns)]
@@ -64,20 +63,6 @@ def _texts(solution: Solution, utc: bool) -> Iterator[bytes]:
         moments = part.utc if utc else None
         stamps = [] if moments is None else [iso_text(moments, 6)]
         yield lines([part.t, *stamps, *columns.values()]) if len(part.t) else b""
-
-
-def _rows(solution: Solution, rows: slice) -> Solution:
-    """These rows of its table."""
-    return replace(
-        solution,
-        trajectory=solution.trajectory.taking(rows),
-        b_a=solution.b_a[rows],
-        b_g=solution.b_g[rows],
-        status=solution.status[rows],
-        columns={name: values[rows] for name, values in solution.columns.items()},
-        covariance=None,
-        recording=None,
-    )
 
 
 def _header(names: Iterator[str]) -> bytes:
