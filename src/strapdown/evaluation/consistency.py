@@ -241,21 +241,22 @@ def autocorrelation(innovation: ArrayLike, lags: int = 20) -> tuple[Array, float
     innovation is not white. Rows with a missing component are left out, components that are never
     measured give NaN. Raises DataError where m <= lags.
     """
-    innovation = np.asarray(innovation, float)
-    z = innovation.reshape(len(innovation), -1)
-    measured = np.isfinite(z).any(axis=0)
-    z = z[np.isfinite(z[:, measured]).all(axis=1)]
+    z = _complete(innovation)
     m = len(z)
     if not 1 <= lags < m:
         raise DataError(f"{m} innovations are too few for {lags} lags; give fewer lags, at least 1")
     power = np.square(z).sum(axis=0)
     power[power == 0] = np.nan  # an innovation that is always 0 tells nothing
     products = np.array([(z[lag:] * z[:-lag]).sum(axis=0) for lag in range(1, lags + 1)])
-    return products / power, float(BOUND / np.sqrt(m))
+    return products / power, float(1.96 / np.sqrt(m))
 
 
-BOUND = 1.96
-"""Standard deviations that 95 % of normal values are within."""
+def _complete(innovation: ArrayLike) -> Array:
+    """The rows of (m, k) that miss no component that is ever measured."""
+    innovation = np.asarray(innovation, float)
+    z = innovation.reshape(len(innovation), -1)
+    measured = np.isfinite(z).any(axis=0)
+    return z[np.isfinite(z[:, measured]).all(axis=1)]
 
 
 def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
@@ -264,7 +265,7 @@ def whiteness(innovation: ArrayLike, lags: int = 20) -> Whiteness:
     from scipy.special import gammaincc
 
     found, bound = autocorrelation(innovation, lags)
-    m = (BOUND / bound) ** 2
+    m = len(_complete(innovation))
     left = m - np.arange(1, lags + 1)
     statistic = m * (m + 2) * (np.square(found) / left[:, None]).sum(axis=0)
     return Whiteness(found, bound, gammaincc(lags / 2, statistic / 2))
