@@ -4,14 +4,20 @@ rotations, TOML read with complaints."""
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from strapdown.alignment.location import GIVEN_SD, place_of
 from strapdown.checks import DataError
 from strapdown.data import Aiding
 from strapdown.files import read_toml
 from strapdown.preprocessing.stationary import stretches
-from strapdown.rotation_products import running_matrices, running_products
+from strapdown.rotation_products import (
+    running_matrices,
+    running_products,
+    slerp,
+    turns_between,
+    unit,
+)
 
 pytestmark = pytest.mark.short
 NAN = np.nan
@@ -101,3 +107,42 @@ def test_toml_ends_in_a_line(tmp_path, content, message):
 def test_toml_is_read(tmp_path):
     (tmp_path / "x.toml").write_text("[a]\nb = 'ü'", encoding="utf-8")
     assert read_toml(str(tmp_path / "x.toml"), "") == {"a": {"b": "ü"}}
+
+
+def random_quaternions(n, seed):
+    """(n, 4), scalar first, of either sign."""
+    q = Rotation.random(n, random_state=seed).as_quat()[:, [3, 0, 1, 2]]
+    return q * np.where(np.arange(n) % 2, -1, 1)[:, None]
+
+
+def rotations(q):
+    return Rotation.from_quat(q[:, [1, 2, 3, 0]])
+
+
+def test_turns_between_quaternions_are_those_of_scipy():
+    p, q = random_quaternions(500, 1), random_quaternions(500, 2)
+    p[0], p[1] = q[0], -q[1]  # no turn
+    p[2] = [-q[2, 1], q[2, 0], -q[2, 3], q[2, 2]]  # half a turn, about x
+    found, expected = turns_between(p, q), (rotations(p) * rotations(q).inv()).as_rotvec()
+    assert np.abs(found[2]).tolist() == pytest.approx([np.pi, 0, 0], abs=1e-12)
+    found[2] = expected[2]  # of either sign
+    assert found == pytest.approx(expected, abs=1e-12)
+    small = turns_between(q, q + 1e-12 * np.roll(q, 1, axis=1))
+    assert np.isfinite(small).all() and np.abs(small).max() < 1e-11
+
+
+def test_slerp_is_that_of_scipy():
+    q, rng = random_quaternions(300, 3), np.random.default_rng(3)
+    q[7] = q[6]  # nothing between them
+    left, share = rng.integers(0, 299, 2000), rng.uniform(0, 1, 2000)
+    left[:3], share[:2] = 6, [0.0, 1.0]
+    found = slerp(q, left, share)
+    away = rotations(found) * Slerp(np.arange(300), rotations(q))(left + share).inv()
+    assert away.magnitude().max() < 1e-12
+    assert np.linalg.norm(found, axis=1) == pytest.approx(1, abs=1e-12)
+
+
+def test_a_quaternion_of_no_size_has_no_direction():
+    assert unit(np.array([[0.0, 0, 3, 4], [0, 0, 0, 0], [NAN, 1, 0, 0]])) == pytest.approx(
+        np.array([[0, 0, 0.6, 0.8], [NAN] * 4, [NAN] * 4]), nan_ok=True
+    )

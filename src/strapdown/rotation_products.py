@@ -1,5 +1,5 @@
-"""Arithmetic of many rotations at once: as scipy Rotation, or as matrices where scipy alone would
-take 0.2 s to load. The kernels have their own in core/rotation."""
+"""Arithmetic of many rotations at once: as scipy Rotation, or as arrays where scipy would take
+longer, to load or to multiply. The kernels have their own in core/rotation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .core.rotation_vectors import exponentials
-from .typing import Array
+from .typing import Array, Ints
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -37,3 +37,37 @@ def _running(found: Any, product: Callable[[Any, Any], Any], joined: Callable[[A
         found = joined([found[:reach], product(found[:-reach], found[reach:])])
         reach *= 2
     return found
+
+
+def unit(q: Array) -> Array:
+    """The quaternions (n, 4) divided by their norms; NaN where that is zero."""
+    size = np.sqrt(np.einsum("ij,ij->i", q, q))
+    return np.asarray(q / np.where(size > 0, size, np.nan)[:, None])
+
+
+def slerp(q: Array, left: Ints, share: Array) -> Array:
+    """(m, 4) unit quaternions, a `share` (m,) of the shorter way from those of the rows `left` (m,)
+    of q (n, 4) to the rows after them, at constant rate (Shoemake 1985)."""
+    first, second = q[left], q[left + 1]
+    second = np.where(np.einsum("ij,ij->i", first, second)[:, None] < 0, -second, second)
+    between = 2 * np.arctan2(*(np.linalg.norm(first + sign * second, axis=1) for sign in (-1, 1)))
+    parts = [part * np.sinc(part * between / np.pi) for part in (1 - share, share)]
+    whole = np.sinc(between / np.pi)
+    turned: Array = (parts[0] / whole)[:, None] * first + (parts[1] / whole)[:, None] * second
+    return turned
+
+
+def turns_between(p: Array, q: Array) -> Array:
+    """(n, 3) rotation vectors of p (x) q*, rad, of at most half a turn: from the attitudes q to the
+    attitudes p, unit quaternions (n, 4), in the frame that both lead to."""
+    (pw, px, py, pz), (w, x, y, z) = np.ascontiguousarray(p.T), np.ascontiguousarray(q.T)
+    scalar = pw * w + px * x + py * y + pz * z
+    vector = np.array(
+        [
+            px * w - pw * x - py * z + pz * y,
+            py * w - pw * y - pz * x + px * z,
+            pz * w - pw * z - px * y + py * x,
+        ]
+    ) * np.where(scalar < 0, -1.0, 1.0)
+    half = np.arctan2(np.sqrt((vector**2).sum(axis=0)), np.abs(scalar))
+    return (2 * vector / np.sinc(half / np.pi)).T

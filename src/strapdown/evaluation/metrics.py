@@ -9,17 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
+from typing import Any, NamedTuple, TypeGuard
 
 import numpy as np
 
 from ..checks import DataError
+from ..core.rotation import quaternion_to_euler
 from ..data import Solution, Trajectory
 from ..geodesy import displacement, radii, wrap
+from ..rotation_products import slerp, turns_between, unit
 from ..typing import Array, Ints, Mask
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 NED_AXES, EULER = ("north", "east", "down"), ("roll", "pitch", "heading")
 """Names of the columns of errors."""
@@ -106,12 +105,7 @@ def interpolated(reference: Trajectory, t: Array) -> Trajectory:
     """The Trajectory of a reference at times t (n,), s, interpolated as for `errors`: NaN
     outside its span and in its gaps, None where nothing is known."""
     v_n = _linear(reference.t, reference.v_n, t) if any_known(reference.v_n) else None
-    q_nb = None
-    if any_known(reference.q_nb):
-        q_nb = np.full((len(t), 4), np.nan)
-        usable, true = _turned(reference.t, reference.q_nb, t)
-        if true is not None:
-            q_nb[usable] = true.as_quat()[:, [3, 0, 1, 2]]
+    q_nb = _turned(reference.t, reference.q_nb, t) if any_known(reference.q_nb) else None
     return Trajectory(t, _position(reference, t), v_n, q_nb)
 
 
@@ -220,33 +214,23 @@ def _position(reference: Trajectory, t: Array) -> Array:
     return out
 
 
-def _turned(t_ref: Array, q_ref: Array, t: Array) -> tuple[Mask, Rotation | None]:
-    """((n,) bool: where the attitude of the reference is known, Rotation at those of the times
-    t, None where there are none)."""
-    from scipy.spatial.transform import Rotation, Slerp
-
-    known, left = _brackets(t_ref, _known_rows(q_ref), t)
-    usable = left >= 0
-    if not usable.any():
-        return usable, None
-    turns = Slerp(t_ref[known], Rotation.from_quat(q_ref[known][:, [1, 2, 3, 0]]))
-    return usable, turns(t[usable])
+def _turned(t_ref: Array, q_ref: Array, t: Array) -> Array:
+    """(n, 4) the attitude of the reference at times t, NaN where it is not known."""
+    rows, left = _brackets(t_ref, _known_rows(q_ref), t)
+    out, inside = np.full((len(t), 4), np.nan), left >= 0
+    if inside.any():
+        left, times = left[inside], t_ref[rows]
+        share = (t[inside] - times[left]) / (times[left + 1] - times[left])
+        out[inside] = slerp(unit(q_ref[rows]), left, share)
+    return out
 
 
 def _attitude(t_ref: Array, q_ref: Array, t: Array, q_nb: Array) -> tuple[Array, Array]:
     """Rotation vector and errors of roll, pitch and heading (n, 3), rad, at times t (n,), of an
     estimate q_nb (n, 4); NaN where either attitude is not known."""
-    from scipy.spatial.transform import Rotation
-
-    usable, turned = _turned(t_ref, q_ref, t)
-    both = usable & _known_rows(q_nb)
-    attitude, rph = np.full((len(both), 3), np.nan), np.full((len(both), 3), np.nan)
-    if turned is not None and both.any():
-        true = turned[both[usable]]
-        estimate = Rotation.from_quat(q_nb[both][:, [1, 2, 3, 0]])
-        attitude[both] = (true * estimate.inv()).as_rotvec()
-        rph[both] = wrap(true.as_euler("ZYX")[:, ::-1] - estimate.as_euler("ZYX")[:, ::-1])
-    return attitude, rph
+    true, estimate = _turned(t_ref, q_ref, t), unit(q_nb)
+    angles = quaternion_to_euler(true) - quaternion_to_euler(estimate)
+    return turns_between(true, estimate), wrap(angles)
 
 
 class Outage(NamedTuple):
