@@ -133,6 +133,22 @@ def test_errors_of_positions_that_last_accuse_nobody():
     assert accused == 0
 
 
+def test_the_noise_of_a_velocity_on_level_ground_is_no_scale():
+    """Heights that hardly change, a hundred seeds: regressed on a vertical velocity that is mostly
+    noise, they seem to follow a part of it."""
+    t, level = np.arange(0.0, 300.0), [1, 1, 0]
+    told = accused = 0
+    for seed in range(2000, 2100):
+        position, velocity = receiver(
+            t, lambda t: winding(t) * level, lambda t: wound(t) * level, 1.0, seed
+        )
+        noise = np.random.default_rng(seed).normal(0, [0.1, 0.1, 0.5], velocity.y.shape)
+        found = position_against_velocity(position, replace(velocity, y=velocity.y + noise))
+        accused += len(found.reasons)
+        told += any("the height changes too little" in text for text in found.inconclusive)
+    assert accused == 0 and told == 100
+
+
 def test_what_cannot_be_told_is_said():
     at_rest = receiver(T, lambda t: np.zeros((len(t), 3)), lambda t: np.zeros((len(t), 3)), 0.5)
     found = position_against_velocity(*at_rest)
