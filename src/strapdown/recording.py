@@ -32,8 +32,8 @@ class Recording:
     imu: Imu
     aidings: tuple[Aiding, ...] = ()
     reference: Trajectory | None = None
-    # name, epoch (UTC of t = 0, ISO text, where the clock is absolute), date, grade, notes (list of
-    # what was handled while reading)
+    # name, epoch (UTC of t = 0, ISO text, where the clock is absolute), date, grade, temperature of the
+    # IMU ((m, 2) s and degC), notes (list of what was handled while reading)
     meta: dict[str, Any] = field(default_factory=dict)
 
     @classmethod
@@ -140,8 +140,8 @@ class Recording:
         )
 
     def plot(self, what: str = "readings") -> go.Figure:
-        """A plotly Figure, which can be changed: "readings" of the IMU; "spectra" of its vibration;
-        "intervals" from sample to sample and fix to fix; "sources", when each has fixes; "track",
+        """A plotly Figure, which can be changed: "readings" of the IMU, its "temperature" and the
+        "spectra" of its vibration; "intervals" from sample to sample and fix to fix; "sources", when each has fixes; "track",
         fixes and reference from above. Raises DataError."""
         from .notebook.plots import of_recording
 

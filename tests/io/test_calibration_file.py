@@ -1,6 +1,8 @@
 """Calibration files: read, written and read again; temperature tables; a calibration in the axes
 of the columns, and calibrated twice; the command."""
 
+from dataclasses import replace
+
 import nine_axis
 import numpy as np
 import pandas as pd
@@ -9,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.io import read
+from strapdown.io import read, write_recording
 from strapdown.io.calibration_file import (
     Correction,
     composed,
@@ -17,6 +19,7 @@ from strapdown.io.calibration_file import (
     read_corrections,
     write_calibration,
 )
+from strapdown.io.inspection import inspect
 
 pytestmark = pytest.mark.short
 MATRIX = np.array([[1.01, 0.002, 0.0], [0.0, 0.98, 0.001], [0.003, 0.0, 1.02]])
@@ -135,14 +138,33 @@ def test_temperature_without_table_or_column_is_refused(build, tmp_path):
         )
     with pytest.raises(DataError, match=r"column 'T'|'T'"):
         read(build(toml=lambda s: s.replace('axes = "FRD"\n', 'axes = "FRD"\n' + TEMPERATURE)))
-    (tmp_path / "warm.toml").write_text("[gyro]\nbias = [0, 0, 0]\n")
-    with pytest.raises(DataError, match="belongs to a temperature table of gyro or accel"):
-        read(
-            build(
-                imu=heated,
-                toml=lambda s: s.replace('axes = "FRD"\n', 'axes = "FRD"\n' + TEMPERATURE),
-            )
-        )
+
+
+def test_a_temperature_without_a_table_is_kept_and_said(build, tmp_path):
+    """Means over each second, of the cells that are not empty; times of the file."""
+    path = build(
+        imu=heated,
+        toml=lambda s: s.replace(
+            'axes = "FRD"\n', 'axes = "FRD"\ntemperature = { column = "T" }\n'
+        ),
+    )
+    recording = read(path)
+    t, degrees = recording.meta["temperature"].T
+    whole = np.linspace(0, 80, len(recording.imu.t))
+    assert len(t) <= np.ptp(recording.imu.t) + 2 and np.diff(t).min() > 0.5
+    assert degrees == pytest.approx(np.interp(t, recording.imu.t, whole), abs=0.1)
+    found = inspect(path)
+    assert f"temperature of the IMU: {degrees.min():.1f} to {degrees.max():.1f} degC" in found.facts
+    write_recording(recording, tmp_path / "all.nc")
+    assert np.array_equal(
+        read(tmp_path / "all.nc").meta["temperature"], recording.meta["temperature"]
+    )
+    bent = replace(recording, meta=recording.meta | {"temperature": degrees})
+    write_recording(bent, tmp_path / "bent.nc")
+    with pytest.raises(
+        DataError, match=r"meta_temperature has the shape .* rows of time \(s\) and"
+    ):
+        read(tmp_path / "bent.nc")
 
 
 def test_a_correction_in_body_axes_comes_back_to_the_columns():

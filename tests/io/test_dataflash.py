@@ -317,3 +317,15 @@ def test_a_clock_that_jumps(flown, log, monkeypatch, jump):
     messages["GPA"][1]["SMS"] = messages["GPA"][1]["TimeUS"] // 1000
     in_order(monkeypatch, written)
     check_jump(log(messages), flown, jump)
+
+
+def test_the_temperature_of_the_imu_is_kept(flown, log):
+    """The column T, where it is not the zeros of a simulator."""
+    letters, imu = written.messages_of(flown)["IMU"]
+    t = imu["TimeUS"] * 1e-6
+    for of_none in (0 * t, 0 * t + np.nan, 0 * t - 273):
+        path = log({"IMU": (letters + "f", imu | {"T": of_none})})
+        assert "temperature" not in sd.read(path).meta
+    path = log({"IMU": (letters + "f", imu | {"T": 25 + t})})
+    degrees = sd.read(path).meta["temperature"]
+    assert np.diff(degrees[:, 1]) == pytest.approx(np.diff(degrees[:, 0]), rel=1e-4)

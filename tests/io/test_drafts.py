@@ -524,3 +524,22 @@ def test_the_scale_of_gyro_counts_is_asked_for(tmp_path):
     frame.to_csv(path, index=False, header=["t", "gx", "gy", "gz", "ax", "ay", "az"])
     with pytest.raises(sd.DataError, match="gx, gy, gz are whole numbers .* unit and scale"):
         sd.read(path)
+
+
+@pytest.mark.short
+@pytest.mark.parametrize(
+    "column, assumed",
+    [("Temp [°C]", False), ("imu_temperature_degC", False), ("temp", True), ("baro_temp", None)],
+)
+def test_the_column_of_the_temperature(tmp_path, column, assumed):
+    values = np.random.default_rng(5).normal([0, 0, 0, 0, 0, -9.8], 0.01, (900, 6))
+    path, names = tmp_path / "imu.csv", ["t", "gx", "gy", "gz", "ax", "ay", "az", column]
+    warmth = np.linspace(20, 30, 900)
+    pd.DataFrame(np.c_[np.arange(900) / 50, values, warmth], columns=names).to_csv(path)
+    found = sd.read(path).meta
+    assert ("temperature" in found) == (assumed is not None)
+    assert any("temperature" in line and "degC" in line for line in found["read"]) == bool(assumed)
+    if assumed is not None:
+        assert found["temperature"][:, 1] == pytest.approx(
+            20 + found["temperature"][:, 0] / 1.8, abs=0.1
+        )

@@ -511,3 +511,24 @@ def test_a_clock_that_jumps(flown, log, monkeypatch, jump):
         topics[key] = topic | {"timestamp": (kind, jumping(t, jump))}
     in_order(monkeypatch, written)
     check_jump(log(topics), flown, jump)
+
+
+def thermometer(t, degrees):
+    """A topic `sensor_accel` at times t (n,) s with a temperature."""
+    return {
+        "timestamp": ("uint64_t", written.microseconds(t)),
+        "temperature": ("float", degrees),
+    }
+
+
+def test_the_temperature_of_the_imu_is_kept(flown, log):
+    """Of the IMU that is read, where the log says which one that is; not the zeros of a
+    simulator."""
+    topics, t = written.topics_of(flown), np.arange(0.0, 20.0, 0.5)
+    warm = {("sensor_accel", 0): thermometer(t, 30 + t)}
+    degrees = sd.read(log(topics | warm)).meta["temperature"]
+    assert degrees[:, 1] == pytest.approx(30 + degrees[:, 0]) and len(degrees) == 20
+    cold = {("sensor_accel", 0): thermometer(t, 0 * t)}
+    two = warm | {("sensor_accel", 1): thermometer(t, 20 + t)}
+    for others in ({}, cold, two):
+        assert "temperature" not in sd.read(log(topics | others)).meta

@@ -114,3 +114,12 @@ def test_readings_and_intervals_share_the_time_of_the_solutions():
     ]
     force = [t for t in sensor_figures.readings(made).data if t.yaxis == "y2"]
     assert [t.name for t in force] == ["x", "y", "z"] and np.mean(force[2].y) < -5
+
+
+def test_the_temperature_is_drawn_where_there_is_one():
+    warm = np.c_[np.arange(0.0, 200.0), np.linspace(20, 35, 200)]
+    figure = sensor_figures.temperature(recording(temperature=warm))
+    (trace,) = figure.data
+    assert trace.y[[0, -1]].tolist() == [20, 35] and "±" not in trace.hovertemplate
+    assert figure.layout.yaxis.title.text == "temperature of the IMU [°C]"
+    assert sensor_figures.temperature(recording()) is None

@@ -13,6 +13,7 @@ from strapdown.sensor_models.errors import WarmUp
 from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
 from strapdown.sensor_models.streams import Stream
+from strapdown.sim.synthesis import simulate
 from strapdown.units import UNITS
 
 FILE = """
@@ -439,6 +440,16 @@ def test_saturated_samples_are_clipped_and_counted():
         "accelerometer: 1 of 100 samples saturated at 2.039 g",
     ]
     assert saturated(full, moving(T[:101])) == [] == saturated(grade("tactical"), made)
+
+
+def test_a_simulated_recording_has_the_temperature_of_its_warm_up():
+    table = ((0, 0, 0, 0), (50, 1, 0, 0))
+    warm = ImuSpec("test", Triad(), Triad(temperature=table), warm_up=WarmUp(10.0, 40.0, 20.0))
+    made = simulate("car", 60.0, warm, seed=1)
+    t, degrees = made.meta["temperature"].T
+    assert degrees == pytest.approx(40 - 30 * np.exp(-(t - made.span[0]) / 20))
+    assert (t[0], t[-1]) == made.span and len(t) == 61
+    assert "temperature" not in simulate("car", 60.0, "consumer", seed=1).meta
 
 
 def test_temperature_bias_follows_the_table_along_the_warm_up():

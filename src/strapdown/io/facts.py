@@ -31,6 +31,7 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     unusual = doubts(imu, gyro_bias_sd(recording.meta))
     found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
     found.add(imu_facts(imu), [f"imu: {text}" for text in unusual])
+    found.add(temperature_facts(recording.meta))
     found.add(*aiding_facts(imu, recording.aidings, recording.meta))
     for aiding in recording.aidings:
         if find(aiding.kind).parameters == "field":
@@ -49,6 +50,14 @@ def gyro_bias_sd(meta: Mapping[str, Any]) -> float:
 def clock_facts(imu: Imu, epoch: str | None) -> list[str]:
     """A line on when it was, where the clock is absolute."""
     return [] if epoch is None else [f"clock: {span(utc(epoch, imu.t))}; t = 0 is {epoch}"]
+
+
+def temperature_facts(meta: Mapping[str, Any]) -> list[str]:
+    """A line on how warm the IMU was, where it was measured."""
+    if "temperature" not in meta:
+        return []
+    degrees = meta["temperature"][:, 1]
+    return [f"temperature of the IMU: {degrees.min():.1f} to {degrees.max():.1f} degC"]
 
 
 def imu_facts(imu: Imu) -> list[str]:

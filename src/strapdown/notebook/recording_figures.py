@@ -94,6 +94,7 @@ def _places(recording: Recording) -> Iterator[tuple[str, Array, bool]]:
 
 FIGURES: dict[str, tuple[str, Callable[[Recording], go.Figure | None]]] = {
     "readings": ("Specific force and angular rate", sensor_figures.readings),
+    "temperature": ("Temperature of the IMU", sensor_figures.temperature),
     "spectra": ("Vibration", sensor_figures.spectra),
     "intervals": ("Intervals", sensor_figures.intervals),
     "sources": ("When each source spoke", sources),

@@ -8,7 +8,7 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 import numpy as np
 
 from ..core.contract import Imu
-from ..typing import Array
+from ..typing import Array, ArrayLike
 from ..vehicle import GivenVehicle, find
 from .stationary import rate_at_rest
 
@@ -34,6 +34,16 @@ ACCEL_SLIPS = (
 NO_GRAVITY = "gravity was taken out of them; record the raw accelerometer"
 UNEVEN = 2.0
 """Ratio of the 90th to the 10th percentile of a force that is not mostly gravity."""
+
+COLDEST, HOTTEST = -60.0, 130.0
+"""degC that the inside of an IMU can have."""
+
+
+def is_temperature(values: ArrayLike) -> bool:
+    """Whether these are degC of an IMU; all zeros stand for none, as simulators write them."""
+    values = np.asarray(values, float)
+    known = values[np.isfinite(values)]
+    return bool(known.any() and known.min() > COLDEST and known.max() < HOTTEST)
 
 
 def mistakes(

@@ -177,8 +177,8 @@ def log_ticks(low: float, high: float) -> dict[str, Any]:
 
 
 def ticks_125(low: float, high: float) -> list[float]:
-    """The numbers 1, 2, 5 x 10^k between 10^low and 10^high; where these are fewer than two, all
-    digits x 10^k."""
+    """The numbers 1, 2, 5 x 10^k between 10^low and 10^high; where these are fewer than two, of
+    more digits x 10^k."""
 
     def every(digits: Sequence[float]) -> list[float]:
         return [
@@ -188,8 +188,9 @@ def ticks_125(low: float, high: float) -> list[float]:
             if low <= np.log10(digit) + k <= high
         ]
 
-    found = every((1, 2, 5))
-    return found if len(found) > 1 else every((1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9))
+    few, some, many = (1, 2, 5), (1, 1.5, 2, 3, 5, 7), (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9)
+    found = (every(digits) for digits in (few, some))
+    return next((ticks for ticks in found if len(ticks) > 1), every(many))
 
 
 def finish(figure: go.Figure, height: int) -> go.Figure:

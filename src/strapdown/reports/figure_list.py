@@ -365,6 +365,16 @@ FIGURES: list[Figure] = [
         together=True,
     ),
     Figure(
+        "temperature",
+        "Temperature",
+        lambda all, reference, recording: sensor_figures.temperature(recording, all),
+        "As the IMU measured it. A bias that follows it can be corrected by a table of biases over "
+        "temperature in the calibration file.",
+        SENSORS,
+        ("recording",),
+        together=True,
+    ),
+    Figure(
         "spectra",
         "Vibration",
         lambda all, reference, recording: sensor_figures.spectra(recording),

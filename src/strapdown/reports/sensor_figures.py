@@ -201,6 +201,19 @@ def readings(
     return time_axis(figure, solutions or recording, zero)
 
 
+def temperature(
+    recording: Recording | None, solutions: Mapping[str, Solution] | None = None
+) -> go.Figure | None:
+    """Temperature of the IMU over time, degC, where it was measured."""
+    if recording is None or "temperature" not in recording.meta:
+        return None
+    t, degrees = np.asarray(recording.meta["temperature"], float).T
+    zero = origin(recording.imu.t)
+    figure = panels(["temperature of the IMU [°C]"], 200)
+    line(figure, t - zero, degrees, "temperature", COLOURS[0], legend=False, unit="°C")
+    return time_axis(figure, solutions or recording, zero)
+
+
 def _names(figure: go.Figure) -> set[str]:
     return {trace.name for trace in figure.data}
 

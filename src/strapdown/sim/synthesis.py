@@ -91,14 +91,19 @@ class Simulator:
 
         meta holds the true biases "b_a" (m/s^2, the scenario's offset included) and "b_g" (rad/s),
         (n, 3) at the IMU samples, and, of a barometer, "b_baro" (m): by how much its heights exceed
-        the ellipsoidal ones but for noise, (n,) at its samples.
+        the ellipsoidal ones but for noise, (n,) at its samples; of an IMU that warms up, its
+        "temperature" (m, 2), s and degC.
         """
         spec = grade(imu)
         stream = Stream.of(seed)
         samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
         sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
-        notes = saturated(spec, samples) + sources.meta["notes"]
-        return replace(sources, imu=samples, meta=sources.meta | {"notes": notes})
+        more: dict[str, Any] = {"notes": saturated(spec, samples) + sources.meta["notes"]}
+        if spec.warm_up is not None:
+            since, last = samples.t[0] - samples.dt[0], samples.t[-1]
+            t = np.append(np.arange(since, last), last)
+            more["temperature"] = np.c_[t, spec.warm_up.temperature(t - since)]
+        return replace(sources, imu=samples, meta=sources.meta | more)
 
     def felt(self, spec: ImuSpec) -> Imu:
         """What an IMU without errors feels in the scenario: the ideal increments with its

@@ -1,7 +1,7 @@
 """The rule of `strapdown advise`: what the runs of a study say of each filter, whether that makes
 it admissible, and the answer.
 
-Criteria and answer are in `Rules`, `judge` and `decide`; docs/how-to/advise.md says why they are so.
+Criteria and answer are in `Rules`, `judge` and `decide`; docs/how-to/advise.md lists them.
 Everything is computed from the stored rows of the runs, so that the answer for a shorter mission
 needs no runs of its own.
 """

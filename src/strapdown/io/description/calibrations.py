@@ -31,12 +31,6 @@ def of_the_imu(part: ImuPart, files: Files) -> dict[str, Correction]:
             f"{part.calibration} needs "
             'temperature = { column = "...", unit = "degC" }'
         )
-    if part.temperature is not None and not tables:
-        raise DataError(
-            f"{files.path}: [imu] temperature: belongs to a temperature table of gyro or accel in "
-            f"calibration, "
-            "and there is none; leave it out"
-        )
     return found
 
 
@@ -48,13 +42,11 @@ def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list
     """
     found = of_the_imu(part, files)
     notes: list[str] = []
-    temperature = (
-        None if part.temperature is None else _temperatures(part, part.temperature, files, imu)
-    )
     results = []
     for name, increments in (("gyro", imu.dtheta), ("accel", imu.dv)):
         correction, bias = found[name], found[name].bias
-        if correction.temperature and temperature is not None:
+        if correction.temperature and part.temperature is not None:
+            temperature = np.interp(imu.t, *temperatures(part, part.temperature, files))
             bias, outside = correction.at(temperature)
             if outside.any():
                 low, high, beyond = (
@@ -77,10 +69,15 @@ def corrected(part: ImuPart, files: Files, imu: Imu) -> tuple[Array, Array, list
     return gyro, accel, notes
 
 
-def _temperatures(part: ImuPart, column: Temperature, files: Files, imu: Imu) -> Array:
-    """(n,) degC at the samples of the IMU; linear across cells that are empty."""
+def temperatures(part: ImuPart, column: Temperature, files: Files) -> tuple[Array, Array]:
+    """(t (m,) s, (m,) degC) of the cells that are not empty, in the order of time. Raises
+    DataError where there is none."""
     table, t, (values,), _ = files.columns(
-        part.file, part.time, [column.column], part.table, part.where
+        part.file,
+        column.time or part.time,
+        [column.column],
+        column.table or part.table,
+        part.where if column.table is None else (),
     )
     known = np.isfinite(t) & np.isfinite(values)
     if not known.any():
@@ -89,11 +86,18 @@ def _temperatures(part: ImuPart, column: Temperature, files: Files, imu: Imu) ->
             f"out"
         )
     order = np.argsort(t[known], kind="stable")
-    return np.interp(
-        imu.t,
-        t[known][order],
-        values[known][order] * column.scale + column.offset,
-    )
+    return t[known][order], values[known][order] * column.scale + column.offset
+
+
+def kept_temperatures(part: ImuPart, files: Files) -> dict[str, Array]:
+    """{"temperature": (m, 2) s and degC} for the meta of a Recording, at most one a second; empty
+    where [imu] names none. Raises DataError."""
+    if part.temperature is None:
+        return {}
+    t, values = temperatures(part, part.temperature, files)
+    first = np.flatnonzero(np.diff(np.floor(t), prepend=-np.inf))
+    count = np.diff(np.r_[first, len(t)])
+    return {"temperature": np.c_[[np.add.reduceat(each, first) / count for each in (t, values)]].T}
 
 
 def frames(

@@ -11,9 +11,10 @@ from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, doubts, mistakes
 from ...verdict import Reason
 from ..contract import Findings
-from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts
+from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts, temperature_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
+from .calibrations import kept_temperatures
 from .complaints import complaints, parse
 from .fix_columns import Whereabouts
 from .logs import Take, join, opened
@@ -80,6 +81,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     ]
     no_gravity = any(NO_GRAVITY in line for line in (*found.problems, *wrong))
     meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
+    meta |= found.attempt(kept_temperatures, description.imu, files) or {}
     unusual = doubts(imu, gyro_bias_sd(meta))
     if no_gravity:  # without it, its direction says nothing
         unusual = [line for line in unusual if not line.startswith("specific force")]
@@ -88,6 +90,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     wrong += unusual
     found.add(clock_facts(imu, meta.get("epoch")))
     found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
+    found.add(temperature_facts(meta))
     aidings: list[Aiding] = []
     parts: list[tuple[AidingPart, int]] = []
     place = description.lla

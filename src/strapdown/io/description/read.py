@@ -29,7 +29,7 @@ from ...typing import Array, File
 from ...units import DEG, factor
 from ..magnetic_record import sound
 from ..tables.table_file import Table
-from .calibrations import corrected, frames
+from .calibrations import corrected, frames, kept_temperatures
 from .complaints import load
 from .fix_columns import Whereabouts, read_fixes
 from .installed import INSTALLED, installed
@@ -94,6 +94,7 @@ def recording_of(description: Description, files: Files) -> Recording:
         reference,
         meta
         | ({"sensors": sensors} if sensors else {})
+        | kept_temperatures(description.imu, files)
         | {INSTALLED: installed(description), "notes": notes},
     )
 

@@ -88,12 +88,15 @@ class Mounting(Part):
 
 
 class Temperature(Part):
-    """temperature: the column of the IMU's own, degC = column * scale + offset."""
+    """temperature: the column of the IMU's own, degC = column * scale + offset. The table and time
+    are those of the section, or its own."""
 
     column: Column
     unit: Literal["degC"] = "degC"
     scale: Finite = 1.0
     offset: Finite = 0.0
+    table: str | None = None
+    time: Time | None = None
 
 
 class ImuPart(Part):

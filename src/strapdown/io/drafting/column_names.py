@@ -18,6 +18,7 @@ OWN_NAMES = {
 """Names without x, y, z of the three columns of a sensor."""
 MAG = r"(m|mag|magn|magnet|magnetometer|magnetic|magnetic_?field|compass)"
 ACCEL = r"(a|f|acc|accel|acceleration|accelerometer|lin(ear)?_?acc(el|eleration)?|spec(ific)?_?(force|acc))"
+TEMPERATURE = r"((gyro?|acc(el)?|sensor|chip|die)_?)?temp(erature)?"
 OF = r"(gps|gnss|pos|position|nav|fix|ubx)?[_ .]?"
 """What may stand before the name of a column of fixes."""
 POSITION = {
@@ -82,6 +83,7 @@ SPELLINGS = {
     "m/s^2": r"(m.?/?s.?\^?2|m_s_?s|mps2|m/s²|m/s/s)",
     "mg": r"mg",
     "g": r"g",
+    "degC": r"(deg_?c|°_?c|c|celsius)",
     "ns": r"ns(ec)?",
     "us": r"(us|µs|μs|usec)",
     "ms": r"(ms|msec|millis(ec(onds?)?)?)",

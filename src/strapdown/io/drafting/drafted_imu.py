@@ -8,13 +8,19 @@ import numpy as np
 from ...checks import DataError
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
-from ...preprocessing.plausible import LEAST_MEDIAN_FORCE, NO_GRAVITY, G, mistakes
+from ...preprocessing.plausible import (
+    LEAST_MEDIAN_FORCE,
+    NO_GRAVITY,
+    G,
+    is_temperature,
+    mistakes,
+)
 from ...typing import Array
 from ...units import UNITS
 from ..contract import Section
 from ..description.magnetic_sources import EARTH_FIELD
 from ..description.schema_aiding import HEADING
-from .column_names import ACCEL, GYRO, MAG, Names
+from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, Names
 
 ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
 NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
@@ -84,7 +90,12 @@ def imu_section(
         facts.append(
             f"gyro: {', '.join(gyro)} in {unit}{f' times {milli:g}' if milli != 1 else ''}{' (a guess)' if why else ''}"
         )
-    order = ("time", "kind", "axes", "gyro", "accel")
+    warmth = columns.find(TEMPERATURE)
+    if warmth is not None and is_temperature(columns.numbers(warmth)):
+        keys["temperature"] = {"column": warmth}
+        if columns.unit(warmth, ("degC",)) is None:
+            assumed["temperature"] = "in degC"
+    order = ("time", "kind", "axes", "gyro", "accel", "temperature")
     keys = {key: keys[key] for key in order if key in keys}
     return Section("imu", "imu", keys, assumed=assumed, remarks=IMU_KEYS), facts, asked
 

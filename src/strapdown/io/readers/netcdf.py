@@ -225,6 +225,12 @@ def _meta_of(found: Content, path: Path) -> dict[str, Any]:
     for name, values in arrays.items():
         if values.dtype.kind not in "iuf":
             raise DataError(f"{path}: meta_{name} is no array of numbers; {DAMAGED}")
+    warmth = arrays.get("temperature")
+    if warmth is not None and (warmth.ndim != 2 or warmth.shape[1] != 2 or not len(warmth)):
+        raise DataError(
+            f"{path}: meta_temperature has the shape {warmth.shape}, it must have rows of time (s) and "
+            f"degC; {DAMAGED}"
+        )
     known = {name: arrays[name].tolist() for name in set(arrays) & set(RecordingMeta.model_fields)}
     check_values(RecordingMeta, meta | known, where)
     return {**meta, **arrays}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....preprocessing.plausible import is_temperature
 from ...contract import Section
 from . import autopilot
 from .dataflash import DataFlash
@@ -108,6 +109,8 @@ def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]
             "gyro": {"columns": ["GyrX", "GyrY", "GyrZ"], "unit": "rad/s"},
             "accel": {"columns": ["AccX", "AccY", "AccZ"], "unit": "m/s^2"},
         }
+        if is_temperature(columns.get("T", ())):
+            keys["temperature"] = {"column": "T"}
         assumed = {"grade": autopilot.GRADE_OF_MEMS}
         if any(trim):
             keys["mounting"] = {

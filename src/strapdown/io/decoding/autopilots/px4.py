@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....preprocessing.plausible import is_temperature
 from ...contract import Section
 from . import autopilot
 from .ulog import ULog
@@ -159,10 +160,28 @@ def _imu(log: ULog, name: str, instance: int, hz: float) -> Section:
         "time": time_of(log, columns),
         "gyro": {"columns": GYRO, "unit": "rad/s"},
         "accel": {"columns": ACCEL, "unit": "m/s^2"},
+        **_temperature(log, name, instance),
     }
     title = f"{name} {instance}, {hz:.3g} Hz, mean rates"
     title += ", the one that PX4 selected" if _selected(log, columns) else ""
     return _of_imu(log, instance, title, keys, {})
+
+
+def _temperature(log: ULog, name: str, instance: int) -> dict[str, Any]:
+    """The key `temperature` of the section, where the log has that of this IMU."""
+    for topic, column in (
+        ("vehicle_imu_status", "temperature_accel"),
+        ("sensor_accel", "temperature"),
+    ):
+        there = [each for known, each in log.topics if known == topic]
+        # those of a `sensor_combined` do not say which IMU they are of
+        own = there if name != "sensor_combined" or len(there) == 1 else []
+        of = instance if instance in own else own[0] if len(own) == 1 else None
+        columns = {} if of is None else log.columns(topic, of)
+        if is_temperature(columns.get(column, ())):
+            key = {"column": column, "table": f"{topic} {of}", "time": time_of(log, columns)}
+            return {"temperature": key}
+    return {}
 
 
 def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
@@ -178,6 +197,7 @@ def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
             "table": f"sensor_accel {instance}",
             "time": time_of(log, accel),
         },
+        **_temperature(log, name, instance),
     }
     why = "raw sensors: neither their calibration nor SENS_BOARD_ROT is applied"
     title = f"sensor_gyro and sensor_accel {instance}, {hz:.3g} Hz, raw"
