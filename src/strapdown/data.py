@@ -306,7 +306,7 @@ class Solution:
     meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
-    # of a smoothed solution; None of others, and of a file
+    # of a smoothed solution; None of others, and of a file that is no NetCDF
     separation: Separation | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:

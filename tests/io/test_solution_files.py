@@ -13,10 +13,11 @@ import h5netcdf
 import numpy as np
 import pandas as pd
 import pytest
+from structured_mutators import sealed
 from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown.checks import DataError
-from strapdown.data import UNITS
+from strapdown.data import UNITS, Separation
 from strapdown.io.solution import read_solution, write_solution
 from strapdown.verdict import NOT_JUDGED
 
@@ -76,6 +77,22 @@ def test_netcdf_holds_everything(made, tmp_path):
         "sd": [1.0, np.inf],
     }
     assert back.counts() == made.counts()
+
+
+def test_netcdf_holds_the_separation_of_a_smoother(made, tmp_path):
+    parts = np.random.default_rng(2).random((2, 150, 3)).astype(np.float32)
+    parts[:, 7] = np.nan
+    write_solution(replace(made, separation=Separation(*parts)), tmp_path / "a.nc")
+    back = read_solution(tmp_path / "a.nc").separation
+    assert np.array_equal(back, parts, equal_nan=True)
+    write_solution(made, tmp_path / "b.nc")
+    assert read_solution(tmp_path / "b.nc").separation is None
+    with h5netcdf.File(tmp_path / "b.nc", "a") as file:
+        file.dimensions["part"] = 3
+        file.create_variable("separation", ("time", "part"), data=parts[0])
+    (tmp_path / "b.nc").write_bytes(sealed((tmp_path / "b.nc").read_bytes()))
+    with pytest.raises(DataError, match="separation and separation_sd belong together"):
+        read_solution(tmp_path / "b.nc")
 
 
 def test_netcdf_says_its_units_to_any_reader(made, tmp_path):

@@ -12,7 +12,15 @@ import numpy as np
 from ...checks import DataError
 from ...checksum import DAMAGED
 from ...core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
-from ...data import BIAS_COLUMNS, NAV_COLUMNS, SD_COLUMNS, UNITS, Innovations, Solution
+from ...data import (
+    BIAS_COLUMNS,
+    NAV_COLUMNS,
+    SD_COLUMNS,
+    UNITS,
+    Innovations,
+    Separation,
+    Solution,
+)
 from ...files import netcdf
 from ...typing import Array
 from ...verdict import NOT_JUDGED
@@ -92,6 +100,9 @@ SCHEMA = {
     },
     "status": Column("time", "1", least=VALID, most=DOUBTFUL, whole=True),
     "covariance": Column("time state state", missing=True, infinite=True, optional=True),
+    **dict.fromkeys(
+        ("separation", "separation_sd"), Column("time part", missing=True, least=0.0, optional=True)
+    ),
     "fix_time": Column("fix", "s", ordered=True),
     "fix_source": Column("fix", "1", least=0, whole=True),
     "innovation": Column("fix row", missing=True, infinite=True),
@@ -186,6 +197,16 @@ def arrays_of(solution: Solution) -> Variables:
             solution.covariance,
             {"long_name": "covariance of the error states in order, m, m/s, rad, m/s^2, rad/s"},
         )
+    if solution.separation is not None:
+        apart = "of the filter from the smoother: position, velocity, attitude, m, m/s, rad"
+        found |= {
+            "separation": (("time", "part"), solution.separation.size, {"long_name": apart}),
+            "separation_sd": (
+                ("time", "part"),
+                solution.separation.sd,
+                {"long_name": "standard deviation of the separation"},
+            ),
+        }
     return found | {
         "fix_time": (("fix",), fixes.t, {"long_name": "time of the fix", **clock}),
         "fix_source": (("fix",), fixes.source, {"units": "1", "long_name": "index into `sources`"}),
@@ -248,7 +269,7 @@ def read_netcdf(path: Path) -> Solution:
     schema = SCHEMA | dict.fromkeys(extra, EXTRA_COLUMN)
     has_attitude = not columns.keys().isdisjoint(QUATERNION)
     schema |= dict.fromkeys(QUATERNION if has_attitude else (), PART_OF_Q)
-    check_arrays(columns, schema, path, {"row": 3}, units)
+    check_arrays(columns, schema, path, {"row": 3, "part": 3}, units)
 
     def table(names: list[str]) -> Array:
         return np.column_stack([columns[name] for name in names])
@@ -267,7 +288,16 @@ def read_netcdf(path: Path) -> Solution:
         {found.names.get(name, name): column for name, column in extra.items()},
         columns.get("covariance"),
         texts["meta"] | ({"verdict": texts["verdict"]} if "verdict" in texts else {}),
+        separation=_separation(columns, path),
     )
+
+
+def _separation(columns: Mapping[str, Any], path: Path) -> Separation | None:
+    """Raises DataError where the file has one half of it."""
+    size, sd = (columns.get(name) for name in ("separation", "separation_sd"))
+    if (size is None) != (sd is None):
+        raise DataError(f"{path}: separation and separation_sd belong together; {DAMAGED}")
+    return None if size is None or sd is None else Separation(size, sd)
 
 
 def _texts(found: Content, path: Path) -> dict[str, Any]:
