@@ -74,9 +74,17 @@ def make(folder: Path) -> Path:
         place = kept / each.page
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(folder / each.page, place)
+        for link in linked(place.read_text(encoding="utf-8")):
+            if (there := (folder / each.page).parent / link).is_file():
+                shutil.copy(there, place.parent / link)
         _picture(place)
     stamp.write_text(wanted, encoding="utf-8")
     return kept
+
+
+def linked(html: str) -> set[str]:
+    """Names of the files beside it that a page leads to."""
+    return set(re.findall(r"(?:href|src)=[\"']?([\w.-]+\.(?:csv|svg|json|nc|toml))\b", html))
 
 
 def _has_data() -> Path | None:
