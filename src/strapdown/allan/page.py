@@ -311,7 +311,14 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
     everything = shown(np.concatenate([np.r_[curve.low, curve.high] for curve in sensor.axes]))
     low, high = np.log10(everything.min()) - 0.15, np.log10(everything.max()) + 0.15
     _slopes(drawn, sensor, si, low, high)
-    drawn.update_xaxes(type="log", title_text="cluster time [s]", exponentformat="power", dtick=1)
+    taus = np.log10(np.concatenate([curve.tau for curve in sensor.axes]))
+    drawn.update_xaxes(
+        type="log",
+        title_text="cluster time [s]",
+        range=[taus.min() - 0.1, taus.max() + 0.1],  # labels would widen it
+        exponentformat="power",
+        dtick=1,
+    )
     drawn.update_yaxes(
         type="log",
         title_text=f"Allan deviation [{SHEET[si]}]",

@@ -231,9 +231,9 @@ def asked(flight: Flight) -> go.Figure:
     figure, t = panels([label for label, *_ in rows], 150), log["t, s"]
     for row, (_, name, scale, flown, estimate) in enumerate(rows, 1):
         line(figure, t, log[name] * scale, "asked", GREY, row, dash="dash")
-        line(figure, t, flown, "flown", COLOURS[0], row)
+        line(figure, t, flown, "flown", COLOURS[2], row)
         if any_known(estimate):
-            line(figure, flight.solution.t, estimate, "estimate", COLOURS[1], row)
+            line(figure, flight.solution.t, estimate, "estimate", COLOURS[0], row)
     return _timed(figure, flight)
 
 
@@ -272,10 +272,10 @@ def route(flight: Flight) -> go.Figure:
         GREY,
         dash="dash",
     )
-    _path(figure, flown, "flown", COLOURS[0])
+    _path(figure, flown, "flown", COLOURS[2])
     if believed is not None:
-        _path(figure, believed, "estimate", COLOURS[1])
-        _mark(figure, believed[-1], "end of the estimate", "square-open", COLOURS[1])
+        _path(figure, believed, "estimate", COLOURS[0])
+        _mark(figure, believed[-1], "end of the estimate", "square-open", COLOURS[0])
     _mark(figure, flown[0], "start", "circle", "#2f9e44")
     _mark(figure, flown[-1], "end", "square", "#343a40")
     _frame(figure, flown, believed)
@@ -406,7 +406,7 @@ def _rows(
                 t,
                 flight.log[column] * scale,
                 name,
-                GREY if kind == "command" else COLOURS[0],
+                GREY if kind == "command" else COLOURS[2],
                 row,
                 legend=row == 1 and kind != "aircraft",
                 **style,

@@ -12,6 +12,7 @@ from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..geodesy import displacement
+from ..preprocessing.origin import counted
 from ..time_scales import utc
 from ..typing import Array
 from .drawing import metres, outages
@@ -94,7 +95,7 @@ def _lacks(solution: Solution) -> str:
     said = []
     if spans := outages(solution):
         longest = max(stop - start for start, stop in spans)
-        said.append(f"{len(spans)} outages, the longest {duration(longest)}")
+        said.append(f"{counted(len(spans), 'outage')}, the longest {duration(longest)}")
     for status, word in ((BRIDGED, "over gaps"), (INVALID, "not valid")):
         if (solution.status == status).any():
             said.append(f"{duration(solution.seconds(status))} {word}")

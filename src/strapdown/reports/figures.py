@@ -144,7 +144,11 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     room = 0.06 * max((high - low).max(), 10.0)
     spans = high - low + 2 * room
     axes = {
-        f"{axis}axis": {"title": f"{name} [m]", "range": [low[i] - room, high[i] + room]}
+        f"{axis}axis": {
+            "title": f"{name} [m]",
+            "range": [low[i] - room, high[i] + room],
+            "nticks": 4 if name == "up" else 8,
+        }
         for i, (axis, name) in enumerate(zip("xyz", ("east", "north", "up")))
     }
     return figure.update_layout(

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from html import escape
 from typing import Any, TypeAlias
 
+import numpy as np
 import plotly.graph_objects as go
 
 from .. import __version__
@@ -106,27 +107,26 @@ def _key(solutions: Mapping[str, Solution]) -> str:
         f"{count} events{f' of {name}' if len(solutions) > 1 else ''}"
         for name, count in many.items()
     )
+    every = solutions.values()
+    there = set(np.concatenate([solution.status for solution in every]).tolist())
     rows = [
-        (f"background:{SHADES[BRIDGED]}", "gap bridged"),
-        (f"background:{SHADES[DOUBTFUL]}", "doubtful"),
-        (f"background:{SHADES[INVALID]}", "not valid"),
-        *(
-            [(f"background:{OUTAGE}", "no position fix")]
-            if any(map(outages, solutions.values()))
-            else []
-        ),
-        *(
-            [(f"background:{WITHHELD}", "fixes withheld")]
-            if any(solution.meta.get("withheld") for solution in solutions.values())
-            else []
-        ),
-        (
-            "border-left:1px dotted; width:4px; margin-left:6px",
-            f"event, numbered as in the "
-            f"list{f'; the first {MARKED} of {counts} are marked' if many else ''}",
-        ),
+        (f"background:{SHADES[status]}", text)
+        for status, text in (
+            (BRIDGED, "gap bridged"),
+            (DOUBTFUL, "doubtful"),
+            (INVALID, "not valid"),
+        )
+        if status in there
     ]
-    return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span>{ZOOM_HINT}</span></p>"
+    if any(map(outages, every)):
+        rows.append((f"background:{OUTAGE}", "no position fix"))
+    if any(solution.meta.get("withheld") for solution in every):
+        rows.append((f"background:{WITHHELD}", "fixes withheld"))
+    if any(solution.events for solution in every):
+        first = f"; the first {MARKED} of {counts} are marked" if many else ""
+        style = "border-left:1px dotted; width:4px; margin-left:6px"
+        rows.append((style, f"event, numbered as in the list{first}"))
+    return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span class=hint>{ZOOM_HINT}</span></p>"
 
 
 def _named(

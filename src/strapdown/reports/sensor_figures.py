@@ -169,7 +169,7 @@ def intervals(
         return None
     shown = [("IMU", "ms", 1e3, recording.imu.t)]
     shown += [(name, "s", 1.0, t) for name, t in _sources(recording)][:MOST_SOURCES]
-    figure = panels([f"{escape(name)} [{unit}]" for name, unit, *_ in shown], 110, log=True)
+    figure = panels([_broken(name, unit) for name, unit, *_ in shown], 110, log=True)
     zero = origin(recording.imu.t)
     for row, (name, unit, scale, t) in enumerate(shown, start=1):
         steps = scale * np.diff(t)
@@ -199,6 +199,13 @@ def readings(
                 since = t[[0, -1]] - zero
                 line(figure, since, ends, "full scale", GREY, row, first, dash="dash")
     return time_axis(figure, solutions or recording, zero)
+
+
+def _broken(name: str, unit: str) -> str:
+    """The label of a low panel, whose words stand below one another where they are many."""
+    return "<br>".join(
+        [*map(escape, name.rsplit(" ", 1)[:-1]), f"{escape(name.split(' ')[-1])} [{unit}]"]
+    )
 
 
 def temperature(

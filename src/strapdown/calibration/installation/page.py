@@ -111,7 +111,7 @@ def _table(found: "Installation") -> str:
         f"<p class=note>{escape(text)}</p>" for text in found.lines[len(found.parameters) :]
     )
     return (
-        f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+        f"<div class=scroll><table class=last><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
         f"{said}{_changed(found)}"
     )
 

@@ -34,7 +34,7 @@ STYLE = """td.best{font-weight:700;background:color-mix(in srgb,var(--accent) 20
 .names thead th{white-space:normal;vertical-align:bottom;min-width:4.2rem}.names thead tr:first-child .split{text-align:center}
 .tall{max-height:560px;overflow:auto}.tall thead,.tall tfoot{position:sticky;z-index:1}.tall thead{top:0}.tall tfoot{bottom:0}
 .tall th,.tall tfoot td{background:var(--paper)}.tall thead tr + tr th:first-child{text-align:right;padding-left:10px}
-.text td,.text th{white-space:normal;text-align:left;vertical-align:top;overflow-wrap:anywhere}
+.text td,.text th{white-space:normal;text-align:left;vertical-align:top;min-width:8rem}
 .text td:first-child{white-space:nowrap}.text td:nth-child(3){min-width:11rem}
 .narrow{max-width:1000px}.answer{font-size:16.5px;max-width:95ch}main a{color:var(--accent)}details{margin:8px 0}"""
 RANKED = (
