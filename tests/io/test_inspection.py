@@ -76,7 +76,7 @@ def test_facts_of_a_good_recording(build, tmp_path):
         "imu: 1500 samples, 10.010 to 30.000 s (20.0 s), 100 Hz",
         "gaps: 1, the longest 5.000 s after 15.000 s",
         "median magnitude 9.80",
-        "at rest for 15.0 s",
+        "seems at rest, by the IMU alone, for 15.0 s",
         "z is negative, as it must be",
         "angular rate [1.0",
         "position: 20 fixes, 10.500 to 29.500 s, every 1 s",

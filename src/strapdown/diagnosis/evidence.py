@@ -346,9 +346,9 @@ def doubts(solution: Solution) -> Iterator[Reason]:
     sensors = [sensor for sensor in ("accelerometer", "gyro") if text.startswith(sensor)]
     yield Reason(
         "outliers" if sources else sensors[0] if sensors else "unknown",
-        f"{seconds:.0f} s of the result are doubtful, {100 * share:.0f} % of it "
+        f"{seconds:.0f} s of the result are doubtful, {'less than 1' if share < 0.01 else f'{100 * share:.0f}'} % of it "
         f"({100 * DOUBTED:.0f} % at most), the first at {first:.0f} s: {text}",
-        "mend what that says, or leave out the rows that `status` marks",
+        "mend its cause, or leave out the rows that `status` marks",
         max(sources, key=len, default=""),
         min(share / DOUBTED, GRAVE),
     )

@@ -113,7 +113,7 @@ def _rest_facts(imu: Imu, rate: Array, force: Array) -> list[str]:
     """What the sensors read at rest, deg/s and m/s^2."""
     rest = at_rest(imu)
     if not rest.any():
-        return ["at rest: never for a whole second"]
+        return ["seems at rest: never for a whole second"]
     part = _longest(rest)
     f, w = force[part].mean(axis=0), rate[part].mean(axis=0)
     sign = (
@@ -122,7 +122,7 @@ def _rest_facts(imu: Imu, rate: Array, force: Array) -> list[str]:
         else "z must read near -9.8 when level: forward-right-down"
     )
     return [
-        f"at rest for {imu.dt[rest].sum():.1f} s, the longest from {imu.t[part.start]:.1f} to "
+        f"seems at rest, by the IMU alone, for {imu.dt[rest].sum():.1f} s, the longest from {imu.t[part.start]:.1f} to "
         f"{imu.t[part.stop - 1]:.1f} s:",
         f"  specific force {_triple(f)} m/s^2 ({sign}), scatter "
         f"{_triple(force[part].std(axis=0), 3)}",
