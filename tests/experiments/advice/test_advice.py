@@ -431,6 +431,7 @@ def test_after_an_alignment_in_motion_runs_begin_with_its_errors():
     begun = np.degrees(np.sqrt(np.mean(error[:, :, 0, 8].astype(float) ** 2)))
     assert 0.3 * claimed[2] < begun < 1.4 * claimed[2]  # a second of fixes has been used
     given = advise("navigation", "dynamic", "60s", runs=2, quick=True, seed=1)
+    assert "If at the start" in given._repr_html_() and "<script" not in given._repr_html_()
     assert given.as_dict()["start_attitude_sd_deg"] == pytest.approx(
         [0.115, 0.115, 0.573], abs=1e-3
     )

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from killed import killed
-from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.contract import compile_kernel
@@ -24,7 +23,6 @@ from strapdown.experiments.monte_carlo.scoring import (
     ERROR_STATE_NAMES,
     RUN_REASONS,
     epochs,
-    rotation_between,
     score,
 )
 from strapdown.experiments.monte_carlo.study import Study, run_chunk, seeds
@@ -74,19 +72,6 @@ def finished(tmp_path_factory):
 
 
 # What is scored
-
-
-@pytest.mark.short
-def test_rotation_between_is_the_left_error_of_two_attitudes():
-    a, b = (Rotation.random(200, rng=seed) for seed in (1, 2))
-    scalar_first = lambda rotation: rotation.as_quat()[:, [3, 0, 1, 2]]
-    found = rotation_between(scalar_first(a), scalar_first(b))
-    np.testing.assert_allclose(found, (b * a.inv()).as_rotvec(), atol=1e-12)
-    np.testing.assert_allclose(rotation_between(scalar_first(a), -scalar_first(a)), 0, atol=1e-7)
-    tiny = Rotation.from_rotvec(np.full((1, 3), 1e-13))
-    np.testing.assert_allclose(
-        rotation_between(scalar_first(Rotation.identity(1)), scalar_first(tiny)), 1e-13, rtol=1e-6
-    )
 
 
 @pytest.mark.short
@@ -171,6 +156,8 @@ def test_the_summary_of_a_consistent_filter_is_consistent(finished):
     assert row.rmse_position_m_low < row.rmse_position_m < row.rmse_position_m_high
     assert row.nis == pytest.approx(1, abs=0.02) and abs(row.innovation_correlation) < 0.02
     assert row.within_1_sigma == pytest.approx(0.683, abs=0.06) and row.within_3_sigma > 0.98
+    shown = finished._repr_html_()
+    assert "Study" in shown and "closed-loop" in shown and "<script" not in shown
 
 
 def test_curves_are_sums_of_what_the_files_hold_and_the_bound_is_below(finished):

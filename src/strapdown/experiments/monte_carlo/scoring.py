@@ -13,6 +13,7 @@ from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...geodesy import displacement, wrap
+from ...rotation_products import turns_between
 from ...typing import Array, Ints, Mask
 
 ERROR_STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)
@@ -185,27 +186,9 @@ def _errors(solution: Solution, at: Epochs, b_a: Array, b_g: Array) -> tuple[Arr
     error = np.empty((kept, STATES))
     error[:, POS] = displacement(truth.lla[:kept], trajectory.lla)
     error[:, VEL] = truth.v_n[:kept] - trajectory.v_n
-    error[:, ATT] = rotation_between(trajectory.q_nb, truth.q_nb[:kept])
+    error[:, ATT] = turns_between(truth.q_nb[:kept], trajectory.q_nb)
     error[:, BA], error[:, BG] = b_a[:kept] - solution.b_a, b_g[:kept] - solution.b_g
     return error, wrap(truth.rph[:kept] - trajectory.rph)
-
-
-def rotation_between(estimate: Array, true: Array) -> Array:
-    """Rotation vectors (n, 3) in n with q_true = q(theta) (x) q_estimate, of quaternions (n, 4),
-    scalar first."""
-    w, x, y, z = estimate.T * [[1.0], [-1.0], [-1.0], [-1.0]]
-    W, X, Y, Z = true.T
-    real = W * w - X * x - Y * y - Z * z
-    vector = np.stack(
-        [
-            W * x + X * w + Y * z - Z * y,
-            W * y - X * z + Y * w + Z * x,
-            W * z + X * y - Y * x + Z * w,
-        ]
-    )
-    size = np.sqrt((vector**2).sum(axis=0))
-    angle = 2 * np.arctan2(size, np.abs(real)) * np.where(real < 0, -1.0, 1.0)
-    return (vector * np.where(size > 1e-12, angle / np.where(size > 1e-12, size, 1.0), 2.0)).T
 
 
 def _left_model(solution: Solution) -> float:
