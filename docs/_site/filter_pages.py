@@ -53,9 +53,23 @@ EXPLAINED = {
     "direct-euler": "explanation/navigation.md#direct-euler",
 }
 """{filter, else its family: page of docs/ that explains it}."""
+MEANINGS = {
+    "error_model": "`corrected`, or [what Hager & Bryne print](../filters.md#options), in whole or in part",
+    "crab": "standard deviation of the angle between course and heading, deg; it widens the claimed "
+    "one of the heading and changes no gain",
+    "kernel": "how wide a component is drawn, as a share of the mixture, above 0 and at most 1; "
+    "`None`: [by the number of components](../../explanation/particle.md#options)",
+}
+"""{option: its meaning on these pages, where a docstring leads to code}."""
 BIAS_MEANING = (
     "what becomes of an estimated bias between fixes: `decaying`, `held` or `random-walk`; "
     "[which](../evidence/bias-decay.md)"
+)
+VERDICTS = (
+    "*Consistent*: it errs as much as it says; *by chance*: a right filter may come out so too. "
+    "*Too cautious*, *too sure*: its standard deviations are too large, too small. *Diverging*: at "
+    "least 2 of 60 runs went 500 m off, or for more than 10 s far beyond what they claimed. "
+    "*Refused*: do not use it so; what to do instead stands below."
 )
 
 
@@ -105,6 +119,7 @@ def options(name: str, filter: Filter) -> list[str]:
     if not filter.options:
         return ["It has none."]
     said = meanings(filter.start.__doc__ or "", list(filter.options)) | {BIAS: BIAS_MEANING}
+    said |= {option: MEANINGS[option] for option in said if option in MEANINGS}
     lines = ["| option | default | meaning |", "|---|---|---|"]
     for option, default in filter.options.items():
         if option in said:
@@ -122,7 +137,7 @@ def consistency(name: str) -> list[str]:
     if not found:
         return [
             "The [study of consistency](../evidence/consistency.md) does not run this filter: it is "
-            "about filters of position that are no twin of another."
+            "about others that estimate a position."
             if 0 in filters.find(name).estimates
             else "The study of consistency is about filters of position. What the standard "
             f"deviations of this one are worth: {explanation(name)}."
@@ -140,6 +155,7 @@ def consistency(name: str) -> list[str]:
     for scenario in dict.fromkeys(row[0] for row in found):
         cells = [verdicts.get((scenario, grade), "–") for grade in grades]
         lines.append(f"| {scenario} | " + " | ".join(cells) + " |")
+    lines += ["", VERDICTS]
     refused = (EVIDENCE / "consistency.md").read_text(encoding="utf-8").partition("Refused cells:")
     for row in rows(refused[2])[1:]:
         if name in [each.strip() for each in row[0].split(",")]:
@@ -243,7 +259,7 @@ def table() -> str:
     for family, title in filters.FAMILIES.items():
         names = [name for name in filters.own_names() if filters.family(name) == family]
         names.sort(key=lambda name: (name != "closed-loop", name))
-        lines += [f"**{title}**", "", "| filter | good for | not for | time |"]
+        lines += [f"### {title}", "", "| filter | good for | not for | time |"]
         lines += ["|---|---|---|---|"]
         for name in names:
             filter, time = filters.find(name), float(measured[name]["over closed-loop"])
