@@ -167,7 +167,7 @@ def announce(kernels: Iterable[Any], what: str, say: Callable[[str], None] | Non
     if say and slow:
         why = library.why_not(slow) if library.there() else ""
         say(
-            f"compiling {what} for the first time on this machine, about 15 s ..."
+            f"compiling {what} for the first time on this machine, up to a minute ..."
             f"{f' ({why})' if why else ''}"
         )
 

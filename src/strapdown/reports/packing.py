@@ -59,8 +59,10 @@ def _column(values: Array, columns: list[bytes]) -> dict[str, Any] | None:
     step = _step(known)
     if np.abs(known).max() / step > 2**30:
         return None
-    last = np.maximum.accumulate(np.where(unknown, 0, np.arange(len(values))))
-    whole = np.rint(np.where(unknown[last], 0.0, values[last]) / step).astype(np.int64)
+    if len(known) < len(values):
+        last = np.maximum.accumulate(np.where(unknown, 0, np.arange(len(values))))
+        values = np.where(unknown[last], 0.0, values[last])
+    whole = np.rint(values / step).astype(np.int64)
     change = np.diff(whole, prepend=0)
     folded = ((change << 1) ^ (change >> 63)).astype("<u4")  # small ones of either sign stay small
     begin = sum(map(len, columns))
@@ -71,13 +73,21 @@ def _column(values: Array, columns: list[bytes]) -> dict[str, Any] | None:
 def _step(known: Array) -> float:
     """The power of two that the values are rounded to."""
     change, size = np.abs(np.diff(known)), np.abs(known)
-    usual = [np.median(change[change > 0]) / FINENESS] if change.any() else []
-    usual += [np.median(size[size > 0]) / FINENESS**2] if size.any() else [1.0]
+    usual = [_middle(change[change > 0]) / FINENESS] if change.any() else []
+    usual += [_middle(size[size > 0]) / FINENESS**2] if size.any() else [1.0]
     return float(2.0 ** np.floor(np.log2(min(usual))))
+
+
+def _middle(values: Array) -> float:
+    """The upper median; numpy's takes four times as long to look for NaN and to average."""
+    half = len(values) // 2
+    return float(np.partition(values, half)[half])
 
 
 def _runs(unknown: Array) -> list[int]:
     """[first, number, first, number, ...] of the rows that are not known."""
+    if not unknown.any():
+        return []
     edges = np.flatnonzero(np.diff(unknown.astype(int), prepend=0, append=0))
     edges[1::2] -= edges[::2]
     return [int(edge) for edge in edges]
