@@ -105,6 +105,9 @@ def test_a_docstring_lists_its_parameters():
         "Do ``it`` at \\*once\\*.\n\n- ``imu``: grade (default: ``x``)\n- ``start, stop``: s\n\n"
         "Raises DataError."
     )
+    assert docstrings.rst("See docs/how-to/imu.md and `docs/index.md`; not `a.md`.", []) == (
+        "See :doc:`/how-to/imu` and :doc:`/index`; not ``a.md``."
+    )
     assert docstrings.meanings("Gains: k1 of f, k2. low_pass: s.", ["k1", "low_pass"]) == {
         "low_pass": "s"
     }

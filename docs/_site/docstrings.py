@@ -69,10 +69,14 @@ def rst(text: str, names: Sequence[str]) -> str:
 
 
 def _escaped(text: str) -> str:
-    """`code` as ``code``; outside it, stars, bars and underscores that are no markup."""
-    parts = re.split(r"(`+[^`]*`+)", text)
+    """`code` as ``code``, docs/PAGE.md as a link to it; outside them, stars, bars and underscores that
+    are no markup."""
+    text = re.sub(r"`?\bdocs/([\w/-]+)\.md`?", r":doc:`/\1`", text)
+    parts = re.split(r"(:doc:`[^`]*`|`+[^`]*`+)", text)
     return "".join(
-        f"``{part.strip('`')}``"
+        part
+        if part.startswith(":doc:")
+        else f"``{part.strip('`')}``"
         if part[:1] == "`"
         else re.sub(r"([*|\\])|_(?=\W|$)", r"\\\g<0>", part)
         for part in parts
