@@ -225,6 +225,7 @@ def measured(trial, name):
 HEADER = (
     "recording",
     "system",
+    "time, µs per sample",
     "position, m",
     "velocity, m/s",
     "attitude, deg",
@@ -233,7 +234,6 @@ HEADER = (
     "attitude, deg",
     "within 3 sd, %",
     "error over sd",
-    "time, µs per sample",
 )
 
 
@@ -250,18 +250,19 @@ def text(rows):
 def cells(row):
     """The cells of a row, as text."""
     name = [row["recording"], row["system"]]
+    time = f"{row['us']:.0f}" if row.get("us", 0.0) >= 100 else f"{row.get('us', np.nan):.3g}"
     if "stopped" in row:
-        return [*name, f"stopped: {row['stopped']}", *[""] * 8]
+        return [*name, "", f"stopped: {row['stopped']}", *[""] * 7]
     if row["all"]["position"] > LOST or row["outages"]["position"] > LOST:
         lost = f"lost: {row['all']['position']:.2g} m with all fixes"
-        return [*name, lost, *[""] * 7, f"{row['us']:.3g}"]
+        return [*name, time, lost, *[""] * 7]
     errors = [
         f"{row[when][what]:.3g}" if what in row[when] else "–"
         for when in ("all", "outages")
         for what in ("position", "velocity", "attitude")
     ]
     honest = [f"{row['outages']['within']:.1f}", f"{row['outages']['ratio']:.2f}"]
-    return [*name, *errors, *honest, f"{row['us']:.3g}"]
+    return [*name, time, *errors, *honest]
 
 
 def timed(workload, name):
