@@ -529,7 +529,13 @@ def test_the_scale_of_gyro_counts_is_asked_for(tmp_path):
 @pytest.mark.short
 @pytest.mark.parametrize(
     "column, assumed",
-    [("Temp [°C]", False), ("imu_temperature_degC", False), ("temp", True), ("baro_temp", None)],
+    [
+        ("Temp [°C]", False),
+        ("imu_temperature_degC", False),
+        ("temp", True),
+        ("Temp [°F]", None),
+        ("baro_temp", None),
+    ],
 )
 def test_the_column_of_the_temperature(tmp_path, column, assumed):
     values = np.random.default_rng(5).normal([0, 0, 0, 0, 0, -9.8], 0.01, (900, 6))

@@ -84,6 +84,7 @@ SPELLINGS = {
     "mg": r"mg",
     "g": r"g",
     "degC": r"(deg_?c|°_?c|c|celsius)",
+    "degF": r"(deg_?f|°_?f|f|fahrenheit)",
     "ns": r"ns(ec)?",
     "us": r"(us|µs|μs|usec)",
     "ms": r"(ms|msec|millis(ec(onds?)?)?)",

@@ -91,10 +91,11 @@ def imu_section(
             f"gyro: {', '.join(gyro)} in {unit}{f' times {milli:g}' if milli != 1 else ''}{' (a guess)' if why else ''}"
         )
     warmth = columns.find(TEMPERATURE)
-    if warmth is not None and is_temperature(columns.numbers(warmth)):
-        keys["temperature"] = {"column": warmth}
-        if columns.unit(warmth, ("degC",)) is None:
-            assumed["temperature"] = "in degC"
+    if warmth is not None:
+        unit = columns.unit(warmth, ("degC", "degF"))
+        if unit != "degF" and is_temperature(columns.numbers(warmth)):
+            keys["temperature"] = {"column": warmth}
+            assumed |= {} if unit else {"temperature": "in degC"}
     order = ("time", "kind", "axes", "gyro", "accel", "temperature")
     keys = {key: keys[key] for key in order if key in keys}
     return Section("imu", "imu", keys, assumed=assumed, remarks=IMU_KEYS), facts, asked
