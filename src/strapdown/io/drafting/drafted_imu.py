@@ -92,10 +92,10 @@ def imu_section(
         )
     warmth = columns.find(TEMPERATURE)
     if warmth is not None:
-        unit = columns.unit(warmth, ("degC", "degF"))
-        if unit != "degF" and is_temperature(columns.numbers(warmth)):
+        said = columns.unit(warmth, ("degC", "degF"))
+        if said != "degF" and is_temperature(columns.numbers(warmth)):
             keys["temperature"] = {"column": warmth}
-            assumed |= {} if unit else {"temperature": "in degC"}
+            assumed |= {} if said else {"temperature": "in degC"}
     order = ("time", "kind", "axes", "gyro", "accel", "temperature")
     keys = {key: keys[key] for key in order if key in keys}
     return Section("imu", "imu", keys, assumed=assumed, remarks=IMU_KEYS), facts, asked
