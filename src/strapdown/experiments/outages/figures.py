@@ -381,7 +381,7 @@ def coverage(comparison: Comparison) -> go.Figure | None:
         margin={"t": 74}, legend={"y": 1 + 26 / (40 + 30 * len(known))}
     )
     for name, (col, k) in SHARES.items():
-        colour, symbol = PALETTE[k], MARKER_SYMBOLS[k]
+        colour, symbol = PALETTE[3 + k], MARKER_SYMBOLS[k]  # the first are of filters
         figure.add_trace(
             go.Scatter(
                 x=[100 * found[label][name].mean() for label in known],
@@ -398,7 +398,7 @@ def coverage(comparison: Comparison) -> go.Figure | None:
         )
         dashed = {"color": colour, "width": 1.2, "dash": "dash"}
         figure.add_vline(GAUSS[k], line=dashed, row=1, col=col)
-    figure.update_xaxes(title_text="share of the errors [%]", range=[-3, 103])
+    figure.update_xaxes(title_text="share of the errors [%]", range=[-8, 108])
     why = "No standard deviation is claimed, or nothing was scored"
     _left_out(figure, why, comparison.filters, known)
     return figure
