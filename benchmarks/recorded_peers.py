@@ -250,9 +250,9 @@ def text(rows):
 def cells(row):
     """The cells of a row, as text."""
     name = [row["recording"], row["system"]]
-    time = f"{row['us']:.0f}" if row.get("us", 0.0) >= 100 else f"{row.get('us', np.nan):.3g}"
     if "stopped" in row:
         return [*name, "", f"stopped: {row['stopped']}", *[""] * 7]
+    time = f"{row['us']:.0f}" if row["us"] >= 100 else f"{row['us']:.3g}"
     if row["all"]["position"] > LOST or row["outages"]["position"] > LOST:
         lost = f"lost: {row['all']['position']:.2g} m with all fixes"
         return [*name, time, lost, *[""] * 7]

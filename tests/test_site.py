@@ -133,6 +133,12 @@ def test_every_public_name_has_a_page_and_what_examples_import_stands_on_one():
 
 
 @pytest.mark.short
+def test_files_beside_a_page_are_found_and_no_others():
+    html = "<a href='table.csv'>CSV</a><img src=\"a-b.svg\"><a href=../c.csv><a href='https://d/e.csv'>"
+    assert gallery.linked(html) == {"table.csv", "a-b.svg"}
+
+
+@pytest.mark.short
 def test_the_gallery_shows_what_is_there_and_says_what_is_not(tmp_path):
     (tmp_path / "demo.html").write_text("", encoding="utf-8")
     text = gallery.with_pictures(gallery.PAGE.read_text(encoding="utf-8"), tmp_path)

@@ -55,6 +55,7 @@ def test_a_finding_shows_its_lines(found, name):
     words = re.sub(r"\s+", " ", re.sub("<[^>]*>", " ", shown.removeprefix(cards.STYLE)))
     words = unescape(words).strip()
     title, line = SAID[name]
+    assert ("&lt;script" in shown) == (name not in ("flight", "allan"))
     assert words.startswith(title) and line in words
 
 

@@ -14,6 +14,7 @@ from synthetic import flight, solution
 
 from strapdown import report
 from strapdown.checks import DataError
+from strapdown.core.contract import BRIDGED, INVALID, VALID
 from strapdown.evaluation import metrics
 from strapdown.reports.drawing import WITHHELD
 
@@ -185,6 +186,25 @@ def test_the_key_says_how_many_events_are_marked():
         and "are marked" not in report(SOLUTION, TRUTH).html
     )
     assert "57 events of a are marked" in report({"a": many, "b": SOLUTION}, TRUTH).html
+
+
+def test_the_key_has_the_shades_that_there_are():
+    made = solution(flight(60, rate=2.0))
+    words = ("gap bridged", "doubtful", "not valid", "event, numbered")
+    for events in (made.events, ()):
+        for status, shade in ((VALID, ""), (BRIDGED, words[0]), (INVALID, words[2])):
+            shown = replace(made, status=np.full_like(made.status, status), events=events)
+            key = report(shown).html.partition("caption key")[2].partition("</p>")[0]
+            assert {word for word in words if word in key} == {
+                *([shade] if shade else []),
+                *([words[3]] if events else []),
+            }
+
+
+def test_no_solution_is_refused():
+    for none in ({}, [], ()):
+        with pytest.raises(DataError, match="a report needs a solution; none is given"):
+            report(none)
 
 
 def test_no_claim_is_asked_for_where_none_is_drawn():

@@ -67,9 +67,11 @@ def report(
     recording: whose sensors are shown; by default that of the first solution, unless it was read
     from a file.
     map: also the track on a street map, for which the page then asks the network; no other page
-    does.
+    does. Raises DataError without a solution.
     """
     solutions = _named(solutions)
+    if not solutions:
+        raise DataError("a report needs a solution; none is given")
     scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
     title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"

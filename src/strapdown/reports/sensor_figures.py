@@ -203,9 +203,8 @@ def readings(
 
 def _broken(name: str, unit: str) -> str:
     """The label of a low panel, whose words stand below one another where they are many."""
-    return "<br>".join(
-        [*map(escape, name.rsplit(" ", 1)[:-1]), f"{escape(name.split(' ')[-1])} [{unit}]"]
-    )
+    *before, last = name.rsplit(" ", 1)
+    return "<br>".join(map(escape, [*before, f"{last} [{unit}]"]))
 
 
 def temperature(

@@ -97,7 +97,8 @@ def kept_temperatures(part: ImuPart, files: Files) -> dict[str, Array]:
     t, values = temperatures(part, part.temperature, files)
     first = np.flatnonzero(np.diff(np.floor(t), prepend=-np.inf))
     count = np.diff(np.r_[first, len(t)])
-    return {"temperature": np.c_[[np.add.reduceat(each, first) / count for each in (t, values)]].T}
+    means = [np.add.reduceat(each, first) / count for each in (t, values)]
+    return {"temperature": np.column_stack(means)}
 
 
 def frames(
