@@ -78,23 +78,37 @@ def test_an_error_of_the_known_attitude_is_a_velocity_error_of_g_times_time(name
         assert np.diag(belief.P)[5] < 1e-8
 
 
+@pytest.mark.parametrize("how", ["considered", "neglected"])
 @pytest.mark.parametrize("name", FED)
-def test_records_that_err_to_all_sides_do_not_shorten_the_force(name):
-    """The mean velocity after six records with the mean and the covariance of errors of 2 and 3 deg,
-    at rest with 20 deg of roll: each of them shortens g by its own tilt."""
-    deviation, heading, dt = np.radians([2.0, 3.0, 4.0]), 0.4, 0.01
-    true = Rotation.from_euler("ZYX", [heading, 0.0, np.radians(20)])
-    axes, u, found = Rotation.from_euler("z", heading).as_matrix(), np.zeros(6), []
-    for error in np.sqrt(3) * np.r_[np.diag(deviation), -np.diag(deviation)]:
-        filter, belief, _ = standing(name, heading, deviation=tuple(deviation))
-        measured = (Rotation.from_rotvec(axes @ error) * true).as_euler("ZYX")[::-1]
-        record(filter, belief, measured, deviation)
-        for _ in range(20):
-            stationary_increments(belief.lla, np.zeros(3), true.as_matrix(), dt, u)
-            filter.predict(belief, u, dt, STILL)
-        found.append(belief.v.copy())
-    mean, lost = np.mean(found, axis=0), 0.5 * 9.81 * 0.2 * np.sum(deviation[:2] ** 2)
-    assert np.abs(mean).max() < 0.05 * lost and np.ptp(found, axis=0)[:2].min() > 5 * lost
+def test_no_mean_is_shifted_by_a_stated_covariance(name, how):
+    """At rest with 20 deg of roll, exact records: the velocity stays 0 whether they are stated as
+    0.01, 10 or 57 deg. A shift by the mean of E exp[n x] would be g/2 with the last."""
+    true = Rotation.from_euler("ZYX", [0.4, 0.0, np.radians(20)])
+    found, u, dt = [], np.zeros(6), 0.01
+    for stated in (2e-4, 0.17, 1.0):
+        filter, belief, _ = standing(name, 0.4, deviation=(stated,) * 3, attitude_error=how)
+        for _ in range(5):
+            record(filter, belief, true.as_euler("ZYX")[::-1], (stated,) * 3)
+            for _ in range(10):
+                stationary_increments(belief.lla, np.zeros(3), true.as_matrix(), dt, u)
+                filter.predict(belief, u, dt, STILL)
+        found.append(np.r_[belief.v, belief.ba])
+    assert np.abs(found).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", FED)
+def test_neglected_errors_of_the_attitude_leave_the_velocity_certain(name):
+    """And with them the variance of velocity is (g t sd)^2, as the tests below have it."""
+    noise = STILL._replace(gyro=1e-3)
+    for how, expected in (("neglected", 0.0), ("considered", 0.5)):
+        filter, belief, advance = standing(
+            name, 0.0, noise, (0.1,) * 3, bias_sd=1e-3, attitude_error=how
+        )
+        record(filter, belief, (0.0, 0.0, np.nan), (0.1, 0.1, np.nan))
+        advance(1.0)
+        assert np.sqrt(belief.P[3, 3]) == pytest.approx(
+            9.81 * 0.1 * (expected > 0), rel=0.01, abs=1e-6
+        )
 
 
 @pytest.mark.parametrize("name", FED)

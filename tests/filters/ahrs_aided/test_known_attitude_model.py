@@ -81,13 +81,13 @@ def corrected(P, H, R, gained=None):
     return K, keep @ P @ keep.T + K @ R @ K.T
 
 
-def textbook(recording, begin):
+def textbook(recording, begin, considered):
     """Two linear filters over a measured attitude, in a local frame; yields (lla, v, C, b_a, b_g,
     variances of p v a theta g).
 
     The first is a Schmidt-Kalman filter: the error of the known attitude and the gyro bias that
-    turns it stand in its covariance, and get no gain; what they shorten the force by on average is
-    added.
+    turns it stand in its covariance, and get no gain. Where they are not `considered` it is the
+    chapter's, to which the known attitude is exact.
     """
     position, attitude = recording.aidings
     known = C = Rotation.from_euler("ZYX", begin.rph[::-1]).as_matrix()
@@ -106,12 +106,11 @@ def textbook(recording, begin):
         w_in, w_v = np.array([w0, w1, w2]), np.array([w0 + ie_n, w1, w2 + ie_d])
         middle = known @ Rotation.from_rotvec(r / 2).as_matrix()
         f = known @ (I + skew(r) / 2 + skew(r) @ skew(r) / 6) @ a / dt
-        lacking = (np.trace(P[9:12, 9:12]) * I - P[9:12, 9:12]) @ f / 2
         Phi, Q = step_of(
             np.block(
                 [
                     [O, I, O, O, O],
-                    [O, -skew(w_v), -middle, -skew(f), O],
+                    [O, -skew(w_v), -middle, -considered * skew(f), O],
                     [O, O, -NOISE.accel_decay * I, O, O],
                     [O, O, O, O, -middle],
                     [np.zeros((3, 15))],
@@ -127,7 +126,7 @@ def textbook(recording, begin):
             dt,
         )
         S = Phi @ S @ Phi.T + Q
-        change = (f + lacking + np.array([0, 0, gravity(sine, lla[2])]) - np.cross(w_v, v)) * dt
+        change = (f + np.array([0, 0, gravity(sine, lla[2])]) - np.cross(w_v, v)) * dt
         lla, v = displaced(lla, (v + change / 2) * dt), v + change
         turn = lambda D: (
             Rotation.from_rotvec(-w_in * dt).as_matrix() @ D @ Rotation.from_rotvec(r).as_matrix()
@@ -155,8 +154,9 @@ def textbook(recording, begin):
         yield lla, v, C, b_a, b_g, np.r_[p[:6], s[:3], p[6:9], s[3:]]
 
 
+@pytest.mark.parametrize("how", ["considered", "neglected"])
 @pytest.mark.parametrize("rate", [2.0, 0.2])
-def test_it_is_two_textbook_filters_beside_each_other(rate):
+def test_it_is_two_textbook_filters_beside_each_other(rate, how):
     """20 s at 20 Hz: coning and sculling (here below 1e-6), the gradient of gravity and the
     coupling of velocity into attitude are left out there.
 
@@ -164,9 +164,9 @@ def test_it_is_two_textbook_filters_beside_each_other(rate):
     correct what they did.
     """
     recording = recorded(rate)
-    solution = fused(recording, "indirect-ahrs-closed", bias="decaying")
+    solution = fused(recording, "indirect-ahrs-closed", bias="decaying", attitude_error=how)
     lla, v, C, b_a, b_g, variance = (
-        np.array(part) for part in zip(*textbook(recording, start(recording)))
+        np.array(part) for part in zip(*textbook(recording, start(recording), how == "considered"))
     )
     deviation = np.sqrt(variance)
     assert np.abs(displacement(solution.trajectory.lla, lla) / deviation[:, :3]).max() < 2e-3
@@ -266,6 +266,13 @@ def test_an_impossible_correlation_is_refused(correlation):
         DataError, match=f"correlation is {correlation} s; it must be a finite number, 0 or more"
     ):
         fused(recorded(), "direct-ahrs", correlation=correlation)
+
+
+def test_an_unknown_treatment_of_attitude_errors_is_refused():
+    with pytest.raises(
+        DataError, match="attitude_error is 'ignored'.*; it must be one of considered, neglected"
+    ):
+        fused(recorded(), "direct-ahrs", attitude_error="ignored")
 
 
 def test_which_of_them_need_an_attitude():

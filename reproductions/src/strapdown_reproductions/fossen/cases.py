@@ -112,6 +112,15 @@ OWN = EULER_FILTERS | {FORCE_OBSERVER.name: FORCE_OBSERVER}
 """The chapter's filters that are no part of the library."""
 
 
+AS_PUBLISHED = {"attitude_error": "neglected"}
+"""Filters with an AHRS: ins_ahrs takes each record for exact in the velocity; its R weighs the
+angles alone."""
+CONSIDERED = ", attitude error considered"
+"""What a case is called beside the published one, whose filter considers what errors of the records
+do to the velocity: only with the true noises, for R of the chapter is a weight of 1 rad^2 and not
+the variance of an AHRS."""
+
+
 class Case(NamedTuple):
     """A filter with its sensors. `white`: tunings with which its biases are driven by white
     noise alone; with the others they decay."""
@@ -198,6 +207,7 @@ CASES = (
         AHRS,
         white=(CHAPTER,),
         tunings=DECIDING,
+        options=AS_PUBLISHED,
     ),
     Case(
         "direct-ahrs, white-driven biases",
@@ -206,9 +216,26 @@ CASES = (
         AHRS,
         white=TUNINGS,
         tunings=(RIGHT,),
+        options=AS_PUBLISHED,
     ),
-    Case("indirect-ahrs-closed", "indirect-ahrs-closed", ("position", "attitude"), AHRS),
-    Case("indirect-ahrs-open", "indirect-ahrs-open", ("position", "attitude"), AHRS),
+    Case(
+        "indirect-ahrs-closed",
+        "indirect-ahrs-closed",
+        ("position", "attitude"),
+        AHRS,
+        options=AS_PUBLISHED,
+    ),
+    Case(
+        "indirect-ahrs-open",
+        "indirect-ahrs-open",
+        ("position", "attitude"),
+        AHRS,
+        options=AS_PUBLISHED,
+    ),
+    *(
+        Case(name + CONSIDERED, name, ("position", "attitude"), AHRS, tunings=(RIGHT,))
+        for name in ("direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open")
+    ),
     Case(
         "observer, reference by gravity",
         "force-observer",

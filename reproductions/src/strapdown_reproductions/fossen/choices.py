@@ -40,6 +40,12 @@ CHOICES = (
         "so here; a real one uses the same gyros and accelerometers",
     ),
     (
+        "errors of the AHRS in the velocity",
+        "none: ins_ahrs takes its attitude for exact, and R weighs the angles alone",
+        "none with the chapter's weights, of which R = 1 rad² is no variance of an AHRS; with the "
+        "true noises both neglected and considered (Schmidt 1966)",
+    ),
+    (
         "weights Q",
         "variances that the code adds as h² Q in each step of 1 ms",
         "densities q = h Q of that step, at every rate",

@@ -48,9 +48,17 @@ from .known_attitude import (
 LEAST_COSINE = math.cos(STEEP_PITCH)
 
 
-def start(start: Start, noise: Noise, correlation: float = 0.0) -> Belief:
-    """Belief at `start`. correlation: s for which errors of the AHRS are alike."""
-    return with_angles(know(start.belief(allocate(WITH_ANGLES)), correlation), start)
+def start(
+    start: Start,
+    noise: Noise,
+    correlation: float = 0.0,
+    attitude_error: str = "considered",
+) -> Belief:
+    """Belief at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
+    considered or neglected in the velocity."""
+    return with_angles(
+        know(start.belief(allocate(WITH_ANGLES)), correlation, attitude_error), start
+    )
 
 
 @kernel(PREDICT)

@@ -25,9 +25,15 @@ from .known_attitude import (
 )
 
 
-def start(start: Start, noise: Noise, correlation: float = 0.0) -> Belief:
-    """Belief at `start`. correlation: s for which errors of the AHRS are alike."""
-    return know(start.belief(allocate(KNOWN_ATTITUDE)), correlation)
+def start(
+    start: Start,
+    noise: Noise,
+    correlation: float = 0.0,
+    attitude_error: str = "considered",
+) -> Belief:
+    """Belief at `start`. correlation: s for which errors of the AHRS are alike; attitude_error:
+    considered or neglected in the velocity."""
+    return know(start.belief(allocate(KNOWN_ATTITUDE)), correlation, attitude_error)
 
 
 @kernel(PREDICT)

@@ -50,11 +50,17 @@ SLOTS = Slots(after=KNOWN_ATTITUDE)
 SLOTS.outputs(*open_loop.SLOTS.columns)  # which `compose` writes
 
 
-def start(start: Start, noise: Noise, correlation: float = 0.0) -> Belief:
+def start(
+    start: Start,
+    noise: Noise,
+    correlation: float = 0.0,
+    attitude_error: str = "considered",
+) -> Belief:
     """Belief at `start`: the INS begins there, only the initial biases of `start` are taken off its
-    IMU. correlation: s for which errors of the AHRS are alike.
+    IMU. correlation: s for which errors of the AHRS are alike; attitude_error: considered or
+    neglected in the velocity.
     """
-    return know(beside(start, SLOTS), correlation)
+    return know(beside(start, SLOTS), correlation, attitude_error)
 
 
 @kernel(PREDICT)

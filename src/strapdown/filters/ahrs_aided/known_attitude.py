@@ -7,13 +7,18 @@ attitude and gyro biases are two linear filters beside each other. Source: Fosse
 
 The errors of the known attitude are not estimated, but considered: their covariance with those of
 the states is kept beside P, so that a fix which corrects what they did to the velocity is weighed
-rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter VIII.
+rightly. Source: Schmidt (1966); Bierman (1977), Factorization Methods, chapter VIII. With
+`attitude_error="neglected"` they are taken as zero, as in Fossen's equations and code (`ins_ahrs` of
+the Marine Systems Simulator): the velocity trusts each record fully, and the standard deviations
+of the records weigh the angles alone.
+
+The stated covariance moves no mean: it is a bound, seldom the variance of the error.
 """
 
 import math
 from collections.abc import Mapping
 
-from ...checks import check_number
+from ...checks import check_choice, check_number
 from ...core.contract import (
     ATTITUDE_KIND,
     CORRELATED_STATE,
@@ -60,6 +65,7 @@ SINCE_TILT, SINCE_HEADING = KNOWN_ATTITUDE.numbers("SINCE_TILT", "SINCE_HEADING"
 DRIFT_TILT, DRIFT_HEADING = KNOWN_ATTITUDE.numbers("DRIFT_TILT", "DRIFT_HEADING")
 """Standard deviation of what gyro biases have turned each since, rad."""
 CORRELATION = KNOWN_ATTITUDE.number("CORRELATION")  # s for which the errors of records are alike
+CONSIDERED = KNOWN_ATTITUDE.number("CONSIDERED")  # 1, or 0 where these errors are neglected
 # covariance (3, n) of the errors of the known attitude, in n, with those of the n states; that with
 # attitude and gyro biases is left out
 SHARED = KNOWN_ATTITUDE.matrix("SHARED", 3, MOST_STATES)
@@ -67,23 +73,27 @@ STEEP_PITCH = math.radians(85.0)
 """Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11
 times as fast as the body, and ever faster."""
 SHORTEST_RECORD_INTERVAL = 1e-3  # s between two attitude records
+ATTITUDE_ERRORS = {"considered": 1.0, "neglected": 0.0}
+"""What the errors of the known attitude do to the velocity: names of the option, and CONSIDERED."""
 WITH_ANGLES = Slots(after=KNOWN_ATTITUDE)
 """Of those that integrate Euler angles."""
 BEYOND_COLUMN = "pitch_beyond_85_deg [s]"
 BEYOND = WITH_ANGLES.output(BEYOND_COLUMN)  # with the pitch beyond STEEP_PITCH
 
 
-def know(belief: Belief, correlation: float = 0.0) -> Belief:
+def know(belief: Belief, correlation: float, attitude_error: str) -> Belief:
     """`belief` with its attitude as the known one, as uncertain as P says.
 
     correlation: time constant (s) of the errors of attitude records; 0 for errors that are new with
-    each record.
+    each record. attitude_error: a name of ATTITUDE_ERRORS.
     """
     check_number(correlation, "correlation", "s", least=0)
+    considered = ATTITUDE_ERRORS[check_choice(attitude_error, "attitude_error", ATTITUDE_ERRORS)]
     P, slots = belief.P, KNOWN_ATTITUDE.named(belief.workspace)
     slots["KNOWN"][:], belief.workspace[CORRELATION] = belief.C, correlation
+    belief.workspace[CONSIDERED] = considered
     for k, i, j in ((ERROR_NN, 6, 6), (ERROR_NE, 6, 7), (ERROR_EE, 7, 7), (ERROR_DD, 8, 8)):
-        belief.workspace[k] = P[i, j]
+        belief.workspace[k] = considered * P[i, j]
     return belief
 
 
@@ -112,6 +122,8 @@ def take_attitude(belief: Belief, y: Array, sd: Array) -> None:
     else:
         workspace[ERROR_DD] = sd[2] * sd[2]
         workspace[SINCE_HEADING] = workspace[DRIFT_HEADING] = 0.0
+    for k in (ERROR_NN, ERROR_NE, ERROR_EE, ERROR_DD):
+        workspace[k] *= workspace[CONSIDERED]
     for j in range(n):
         S[0, j] = S[1, j] = 0.0
         S[2, j] *= keep
@@ -220,24 +232,7 @@ def move(
     _consider(S, workspace, f0, f1, f2, dt)
     _spread(belief, S, f0, f1, f2, dt)
     _consider(S, workspace, f0, f1, f2, dt)
-    _right_mean(belief, v, f0, f1, f2)
     _carry(belief, dt, noise)
-
-
-@helper
-def _right_mean(belief: Belief, v: Array, f0: float, f1: float, f2: float) -> None:
-    """Add to v what the velocity increment f, m/s, turned by the known attitude, lacks on average.
-
-    A turn by an error n of covariance S shortens what it turns: E exp[n x] = I - (tr S I - S) / 2 to
-    the second order. At 0.5 deg that is 0.7 mm/s^2 of gravity, in every record to the same side, and
-    would be taken for a bias of the accelerometers.
-    """
-    nn, ne, ee = tilt_variances(belief)
-    workspace = belief.workspace
-    dd = workspace[ERROR_DD] + workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING]
-    v[0] += 0.5 * ((ee + dd) * f0 - ne * f1)
-    v[1] += 0.5 * ((nn + dd) * f1 - ne * f0)
-    v[2] += 0.5 * (nn + ee) * f2
 
 
 @helper
@@ -316,8 +311,9 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
 def _carry(belief: Belief, dt: float, noise: Noise) -> None:
     """What the gyros add to the errors of the known attitude over dt: their noise, and the turn
     by their biases."""
-    workspace, P, walk = belief.workspace, belief.P, noise.gyro * noise.gyro * dt
-    drift = math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
+    workspace, P = belief.workspace, belief.P
+    walk = workspace[CONSIDERED] * noise.gyro * noise.gyro * dt
+    drift = workspace[CONSIDERED] * math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
     workspace[ERROR_NN] += walk
     workspace[ERROR_EE] += walk
     workspace[ERROR_DD] += walk
