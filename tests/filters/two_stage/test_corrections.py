@@ -60,7 +60,7 @@ def test_means_are_those_of_vectors_that_the_gyros_carry_along():
         forces.append(middle @ f)
         turns.append(middle @ np.cross(r / dt, belief.C.T @ belief.v))
         u = np.r_[r, (f + belief.ba) * dt]
-        corrections.gather(belief, belief, u, *r, dt, False)
+        corrections.gather(belief, belief, belief.ba, u, *r, dt, False)
         belief.C[:] = belief.C @ Rotation.from_rotvec(r).as_matrix()
     workspace = belief.workspace
     assert workspace[model.SECONDS] == pytest.approx(40 * dt)
@@ -73,7 +73,7 @@ def test_means_are_those_of_vectors_that_the_gyros_carry_along():
     assert not np.array_equal(C, belief.C)
     since = workspace[model.SINCE_VELOCITY]
     workspace[model.KNOWN] = 1.0
-    corrections.gather(belief, belief, u, *r, dt, True)
+    corrections.gather(belief, belief, belief.ba, u, *r, dt, True)
     assert workspace[model.SECONDS] == workspace[model.KNOWN] == 0.0
     assert workspace[model.SINCE_VELOCITY] == pytest.approx(since + dt)
 
@@ -82,7 +82,9 @@ def test_means_are_those_of_vectors_that_the_gyros_carry_along():
 def test_a_raw_force_keeps_its_bias(raw):
     belief = begun()
     belief.workspace[model.RAW] = raw
-    corrections.gather(belief, belief, np.r_[0, 0, 0, 0.1, 0.2, 0.3], 0.0, 0.0, 0.0, 0.1, False)
+    corrections.gather(
+        belief, belief, belief.ba, np.r_[0, 0, 0, 0.1, 0.2, 0.3], 0.0, 0.0, 0.0, 0.1, False
+    )
     bias = (1 - raw) * belief.ba
     np.testing.assert_allclose(belief.workspace[model.FORCE], [1.0, 2.0, 3.0] - bias, atol=1e-12)
 

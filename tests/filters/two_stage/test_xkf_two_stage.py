@@ -22,6 +22,7 @@ from strapdown.core.contract import (
     compile_kernel,
     kernel,
 )
+from strapdown.core.mechanization import stationary_increments
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded
@@ -40,6 +41,7 @@ from strapdown.geodesy import displacement
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100
 )
+euler = lambda rph: Rotation.from_euler("ZYX", rph[::-1]).as_matrix()
 GIVEN = 21  # numbers at the end of workspace: the next state to linearise at
 
 
@@ -252,6 +254,28 @@ def test_which_attitude_drives_stage_2():
     swung = turned * np.array([-own[1], own[0], 0.0])
     assert turned > 1e-3
     assert np.linalg.norm(corrected - own - swung) < 0.05 * np.linalg.norm(swung)
+
+
+@pytest.mark.short
+def test_an_attitude_of_its_own_is_levelled_by_its_own_bias():
+    """Level and at rest without a fix for 8 s; the observer's accelerometer bias errs by 0.2 m/s^2,
+    the estimate's does not. Levelled by the estimate's it stays level; by the observer's it leans by
+    up to asin(0.2 / g) = 20 mrad."""
+    tilt, bias, dt = {}, np.array([0.2, -0.2, 0.0]), 0.02
+    for attitude in ("stage-1", "observer"):
+        begun = start(flight())._replace(rph=(0.0, 0.0, 0.7), v=(0.0,) * 3, ba=(0.0,) * 3)
+        begun = begun._replace(sd=(*begun.sd[:9], *[1e-3] * 3, *[1e-6] * 3))
+        still = dict(k1=1e-9, k1_start=1e-9, k2_start=1e-9, ki=0.0, ki_start=0.0, bias_law="norm")
+        belief = xkf_two_stage.start(begun, NOISE, attitude=attitude, outage_after=9.0, **still)
+        compile_kernel(XKF_TWO_STAGE.predict)
+        belief.workspace[ERROR][9:12] = bias
+        belief.ba[:] = bias
+        u = np.zeros(6)
+        for _ in range(round(8.0 / dt)):
+            stationary_increments(belief.lla, np.zeros(3), euler(begun.rph), dt, u)
+            XKF_TWO_STAGE.predict(belief, u + dt * np.r_[np.zeros(3), bias], dt, NOISE)
+        tilt[attitude] = np.hypot(*belief.C[2, :2])
+    assert tilt["stage-1"] < 1e-3 and tilt["observer"] > 5e-3
 
 
 def test_an_attitude_that_is_not_there_is_refused():

@@ -57,14 +57,22 @@ loop."""
 
 @inlined
 def gather(
-    belief: Belief, bar: Belief, u: Array, r0: float, r1: float, r2: float, dt: float, made_up: bool
+    belief: Belief,
+    bar: Belief,
+    b: Array,
+    u: Array,
+    r0: float,
+    r1: float,
+    r2: float,
+    dt: float,
+    made_up: bool,
 ) -> None:
-    """Take a sample, whose rotation is r, into the means of specific force and anti-centrifugal
-    acceleration omega x v_b.
+    """Take a sample, whose rotation is r, into the means of specific force, free of the
+    accelerometer bias b (m/s^2), and anti-centrifugal acceleration omega x v_b.
 
     The gyros carry both along. Over a gap the loop makes samples up: then the means begin anew.
     """
-    workspace, C, v, b = belief.workspace, bar.C, bar.v, bar.ba
+    workspace, C, v = belief.workspace, bar.C, bar.v
     workspace[SINCE_VELOCITY] += dt
     workspace[SINCE_HEADING] += dt
     if made_up:
