@@ -85,8 +85,8 @@ def textbook(recording, begin, considered):
     """Two linear filters over a measured attitude, in a local frame; yields (lla, v, C, b_a, b_g,
     variances of p v a theta g).
 
-    The first is a Schmidt-Kalman filter: the error of the known attitude and the gyro bias that
-    turns it stand in its covariance, and get no gain. Where they are not `considered` it is the
+    The first is a Schmidt-Kalman filter: the error of the known attitude, the gyro bias that turns it
+    and the share by which they shorten the force stand in its covariance, and get no gain. Where they are not `considered` it is the
     chapter's, to which the known attitude is exact.
     """
     position, attitude = recording.aidings
@@ -94,10 +94,10 @@ def textbook(recording, begin, considered):
     lla, v, b_a, b_g = np.array(begin.lla), np.array(begin.v), np.zeros(3), np.zeros(3)
     variances = np.square(begin.sd)
     P, S = (
-        np.diag(np.r_[variances[:6], variances[9:12], variances[6:9], variances[12:]]),
+        np.diag(np.r_[variances[:6], variances[9:12], variances[6:9], variances[12:], 1.0]),
         np.diag(np.r_[variances[6:9], variances[12:]]),
     )
-    O, I = np.zeros((3, 3)), np.eye(3)
+    O, o, I = np.zeros((3, 3)), np.zeros((3, 1)), np.eye(3)
     fade_a, fade_g = np.exp(-NOISE.accel_decay * 0.05), np.exp(-NOISE.gyro_decay * 0.05)
     for t, dt, dtheta, dv in zip(*recording.imu):
         r, a = dtheta - b_g * dt, dv - b_a * dt
@@ -106,17 +106,21 @@ def textbook(recording, begin, considered):
         w_in, w_v = np.array([w0, w1, w2]), np.array([w0 + ie_n, w1, w2 + ie_d])
         middle = known @ Rotation.from_rotvec(r / 2).as_matrix()
         f = known @ (I + skew(r) / 2 + skew(r) @ skew(r) / 6) @ a / dt
+        tilted = considered * P[9:12, 9:12]
+        lacking = ((np.trace(tilted) * I - tilted) @ f / 2)[:, None]
         Phi, Q = step_of(
             np.block(
                 [
-                    [O, I, O, O, O],
-                    [O, -skew(w_v), -middle, -considered * skew(f), O],
-                    [O, O, -NOISE.accel_decay * I, O, O],
-                    [O, O, O, O, -middle],
-                    [np.zeros((3, 15))],
+                    [O, I, O, O, O, o],
+                    [O, -skew(w_v), -middle, -considered * skew(f), O, lacking],
+                    [O, O, -NOISE.accel_decay * I, O, O, o],
+                    [O, O, O, O, -middle, o],
+                    [np.zeros((4, 16))],
                 ]
             ),
-            np.diag(np.repeat([0, NOISE.accel**2, NOISE.accel_bias**2, NOISE.gyro**2, 0], 3)),
+            np.diag(
+                np.r_[np.repeat([0, NOISE.accel**2, NOISE.accel_bias**2, NOISE.gyro**2, 0], 3), 0]
+            ),
             dt,
         )
         P = Phi @ P @ Phi.T + Q
@@ -133,7 +137,7 @@ def textbook(recording, begin, considered):
         )
         known, C, b_a, b_g = turn(known), turn(C), b_a * fade_a, b_g * fade_g
         for row in np.flatnonzero(np.abs(position.t - t) < 1e-6):
-            K, P = corrected(P, np.eye(3, 15), np.diag(position.sd[row] ** 2), 9)
+            K, P = corrected(P, np.eye(3, 16), np.diag(position.sd[row] ** 2), 9)
             dx = K @ displacement(position.y[row], lla)
             lla, v, b_a = displaced(lla, dx[:3]), v + dx[3:6], b_a + dx[6:9]
         for row in np.flatnonzero(np.abs(attitude.t - t) < 1e-6):
@@ -143,7 +147,9 @@ def textbook(recording, begin, considered):
             )
             R_known = level @ np.diag(attitude.sd[row] ** 2) @ level.T
             K, S = corrected(S, np.eye(3, 6), R_known)
-            P = block_diag(P[:9, :9], R_known, S[3:, 3:])
+            shared = P[:9, 15]
+            P = block_diag(P[:9, :9], R_known, S[3:, 3:], 1.0)
+            P[:9, 15] = P[15, :9] = shared
             dx = K @ (measured * Rotation.from_matrix(C).inv()).as_rotvec()
             C, b_g, known = (
                 Rotation.from_rotvec(dx[:3]).as_matrix() @ C,
