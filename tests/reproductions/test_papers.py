@@ -1,12 +1,16 @@
 """The table of all claims of the four papers, and what another seed does to it."""
 
+import csv
 import json
+import re
+from pathlib import Path
 
 import pytest
 
 from strapdown_reproductions.common.claims import Kind
 from strapdown_reproductions.common.kinds import ALWAYS
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, finding
+from strapdown_reproductions.common.write_docs import DOCS, PAGES
 from strapdown_reproductions.papers import main as papers
 
 pytestmark = pytest.mark.short
@@ -71,3 +75,51 @@ def test_each_paper_runs_with_its_own_options(tmp_path, monkeypatch):
     assert {options["seed"] for _, _, options in told.values()} == {5}
     assert told["hager-bryne"][2]["ablations"] is False and len(claims) == 4
     assert steps[-1] == pytest.approx(1.0) and steps == sorted(steps)
+
+
+VERDICT = re.compile(r"^\| (\d+) \| .*? \| \*\*(.+?)\*\* \|", re.MULTILINE)
+
+
+def claimed():
+    """{(authors, number): verdict} of the table of all claims in docs/."""
+    parts = (DOCS / "claims.md").read_text(encoding="utf-8").split("\n## ")
+    return {
+        (paper.authors, number): verdict
+        for paper in papers.PAPERS.values()
+        for part in parts
+        if part.startswith(paper.authors + "\n")
+        for number, verdict in VERDICT.findall(part)
+    }
+
+
+def test_a_verdict_that_changes_is_explained():
+    """Beginning with the verdicts of 2026-11-24, each change has its row with a reason in the page."""
+    with (Path(__file__).parent / "verdicts_before.csv").open(newline="") as file:
+        verdicts = {(row["paper"], row["claim"]): row["verdict"] for row in csv.DictReader(file)}
+    text = (DOCS / "claims.md").read_text(encoding="utf-8")
+    listed = text.partition("## Verdicts that changed\n")[2].partition("\n## ")[0]
+    changes = re.findall(r"^\| \d{4}-\d\d-\d\d \| (.+) \|$", listed, re.MULTILINE)
+    assert changes
+    for change in changes:
+        authors, claim, before, now, why = change.split(" | ")
+        assert verdicts.get((authors, claim), "none") == before != now and len(why) > 40, change
+        verdicts[authors, claim] = now
+    moved = {key for key in verdicts | claimed() if verdicts.get(key) != claimed().get(key)}
+    assert not moved, f"explain under 'Verdicts that changed' in claims.md: {sorted(moved)}"
+
+
+@pytest.mark.parametrize("name", papers.PAPERS)
+def test_the_page_of_a_paper_has_the_verdicts_of_the_table(name):
+    page = (DOCS / PAGES[name][1]).read_text(encoding="utf-8").partition("<!-- begin: findings.md")
+    authors = papers.PAPERS[name].authors
+    of_page = {(authors, number): verdict for number, verdict in VERDICT.findall(page[2])}
+    assert of_page == {key: verdict for key, verdict in claimed().items() if key[0] == authors}
+
+
+def test_one_study_run_again_renews_its_section():
+    both = found(REPRODUCED)
+    text = papers.markdown_of(both)
+    again = {name: found(UNDECIDED)[name] for name in both}
+    for name in both:
+        text = papers.with_section(text, name, again[name])
+    assert text == papers.markdown_of(again)

@@ -43,6 +43,12 @@ def insert(path: Path, text: str, mark: str) -> None:
         part.write_text(found, encoding="utf-8")
 
 
+def inserted(path: Path, mark: str) -> str:
+    """The text between `mark` and its end in the Markdown file `path`."""
+    page = path.read_text(encoding="utf-8")
+    return page.partition(f"{mark}\n")[2].partition("<!-- end")[0]
+
+
 def edited(page: str) -> list[str]:
     """What the marks say, as in "table.md of strapdown reproduce noise", of each text of a page
     that is not the one which its command wrote."""

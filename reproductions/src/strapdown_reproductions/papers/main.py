@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from strapdown.checks import DataError
 from strapdown.files import replacing, together
 from strapdown.reports.shell import shell
 from strapdown.typing import File, Progress, Say
@@ -115,22 +116,30 @@ def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str
 def markdown_of(found: Mapping[str, list[dict[str, Any]]]) -> str:
     """Text for docs/: the rules by kind, then the claims of each paper."""
     rules = pd.DataFrame([(kind.name, kind.rule) for kind in KINDS], columns=["kind", "rule"])
-    parts = [table(rules, plain)]
-    for name, own in found.items():
-        paper = PAPERS[name]
-        rows = pd.DataFrame(
-            [
-                (i, c["claim"], c["kind"], f"**{c['verdict']}**", c["answer"] or c["measured"])
-                for i, c in enumerate(own, 1)
-            ],
-            columns=["", "the paper says", "kind", "verdict", "what was found"],
-        )
-        parts += [
-            f"## {paper.authors}",
-            f"{counts(own)}. [Its page]({paper.page}).",
-            table(rows, lambda value: plain(str(value))),
-        ]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join([table(rules, plain), *map(section, found, found.values())]) + "\n"
+
+
+def section(name: str, own: list[dict[str, Any]]) -> str:
+    """Text for docs/: the claims of one paper under its heading."""
+    rows = pd.DataFrame(
+        [
+            (i, c["claim"], c["kind"], f"**{c['verdict']}**", c["answer"] or c["measured"])
+            for i, c in enumerate(own, 1)
+        ],
+        columns=["", "the paper says", "kind", "verdict", "what was found"],
+    )
+    said = f"{counts(own)}. [Its page]({PAPERS[name].page})."
+    parts = [f"## {PAPERS[name].authors}", said, table(rows, lambda value: plain(str(value)))]
+    return "\n\n".join(parts)
+
+
+def with_section(text: str, name: str, own: list[dict[str, Any]]) -> str:
+    """The text of `markdown_of` with the section of one paper, whose study was run again, anew."""
+    before, heading, rest = text.partition(f"## {PAPERS[name].authors}\n")
+    if not heading:
+        raise DataError(f"claims.md has no section on {PAPERS[name].authors}")
+    _, next_heading, after = rest.partition("\n## ")
+    return before + section(name, own) + "\n" + next_heading + after
 
 
 def seeds(own: list[dict[str, Any]], other: list[dict[str, Any]]) -> str:
