@@ -1,12 +1,15 @@
 """Sensors and filters from outside the library: from a file, a call of `register`, an installed
 package. Everything runs in a folder of its own and in processes of its own, as a user's would."""
 
+import importlib
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from strapdown.checks import DataError
 
 SENSOR = """
 from strapdown.core.contract import OBSERVE, Measurement, kernel
@@ -367,6 +370,29 @@ def test_workers_of_a_study_import_what_it_needs(run):
     run.write(sensor=SENSOR.replace("belief.v[2]", "belief.v[2] * 1"))
     code, _, err = run("main.py")
     assert code == 1 and "DataError: alone: " in err.splitlines()[-1], err
+
+
+def test_a_plugins_values_belong_to_a_campaign(tmp_path, monkeypatch):
+    """Of its kernels, wherever they come from; a value that nothing identifies is refused."""
+    from strapdown.experiments.monte_carlo.campaign import _digest
+    from strapdown.plugins import Plugin
+
+    monkeypatch.syspath_prepend(tmp_path)
+    value = "import os\nK = {}\n"
+    of_environment = value.format("float(os.environ['K'])")
+
+    def digest(code, K):
+        (tmp_path / "valued.py").write_text(code + SENSOR.replace("belief.v[2]", "belief.v[2] * K"))
+        monkeypatch.setenv("K", K)
+        monkeypatch.delitem(sys.modules, "valued", raising=False)
+        importlib.invalidate_caches()
+        importlib.import_module("valued")
+        return _digest(Plugin("valued.py", str(tmp_path / "valued.py"), "valued", whole=True))
+
+    one, again, three = (digest(of_environment, K) for K in ("1", "1", "3"))
+    assert one == again != three
+    with pytest.raises(DataError, match="^plugin valued.py: K in observe is an object, by which"):
+        digest(value.format("object()"), "1")
 
 
 @pytest.mark.short

@@ -1,6 +1,7 @@
 """Kernels on disk: an edit costs what it touches, nothing stale or broken is ever loaded,
 importing leaves no trace."""
 
+import importlib
 import os
 import re
 import shutil
@@ -395,3 +396,177 @@ def test_the_closure_of_every_kernel_holds_the_modules_of_its_helpers():
                 checked += 1
                 assert value.py_func.__module__ in files
     assert checked > 100
+
+
+# ---- values that a kernel closes over
+
+HEAD = """
+import enum, math, os
+import numpy as np
+from collections import namedtuple
+from strapdown.core.jit import helper, inlined, kernel
+from strapdown.core.signatures import REAL, signature
+K = float(os.environ["K"])
+ONE = signature("one", REAL, x=REAL)
+"""
+TAIL = """
+@kernel(ONE)
+def mine(x):
+    return {}
+"""
+FORMS = {
+    "number": ("", "K * x"),
+    "tuple": ("T = (1, (2.0, K))", "T[1][1] * x"),
+    "named tuple": ("T = namedtuple('T', 'a k')(1.0, K)", "T.k * x"),
+    "array": ("A = np.array([[0.0, K]])", "A[0, 1] * x"),
+    "number of numpy": ("N = np.float32(K)", "N * x"),
+    "slice": ("S = slice(int(K), 10)", "np.arange(10.0)[S][0] * x"),
+    "member of an enumeration": ("E = enum.IntEnum('E', {'A': int(K)})", "E.A * x"),
+    "of a module": ("import others", "others.K * x"),
+    "of a helper": ("@helper\ndef h(x):\n    return K * x", "h(x)"),
+    "of a helper's helper": (
+        "@inlined\ndef g(x):\n    return K * x\n@helper\ndef h(x):\n    return g(x)",
+        "h(x)",
+    ),
+    "of a helper in another module": ("from others import h", "h(x)"),
+    "in a cell": (
+        "def of(k):\n    @helper\n    def h(x):\n        return k * x\n    return h\nh = of(K)",
+        "h(x)",
+    ),
+    "which of two helpers": (
+        "if K > 1:\n    @helper\n    def h(x):\n        return 3 * x\n"
+        "else:\n    @helper\n    def h(x):\n        return 1 * x",
+        "h(x)",
+    ),
+    "which of two cells": (
+        "def of(k):\n    @helper\n    def h(x):\n        return k * x\n    return h\n"
+        "a, b, c = of(1), of(3), of(0)\nf, g = (a, c) if K == 1 else (b, c)",
+        "f(x) + g(x)",
+    ),
+    "a default": ("@helper\ndef h(x, k=K):\n    return k * x", "h(x)"),
+    "of numba's own": ("import numba\n@numba.njit\ndef h(x):\n    return K * x", "h(x)"),
+    "in a function inside": ("", "sum([K * y for y in (x, 0.0)])"),
+}
+WITHOUT_WORDS = {
+    "a plain function": (
+        "from numba.extending import register_jitable\n@register_jitable\ndef h(x):\n    return K * x",
+        "h(x)",
+        "h in mine is a function",
+    ),
+    "a ufunc of numba": (
+        "import numba\n@numba.vectorize(['f8(f8)'])\ndef h(x):\n    return K * x",
+        "h(x)",
+        "h in mine is a DUFunc",
+    ),
+    "a module by another name": (
+        "import others\n@helper\ndef h(x):\n    m = others\n    return m.K * x",
+        "h(x)",
+        "others in h is a module",
+    ),
+    "an object": ("class C:\n    k = K\nc = C()", "c.k * x", "c.k in mine is a C"),
+}
+OTHERS = """
+import os
+from strapdown.core.jit import helper
+K = float(os.environ["K"])
+
+@helper
+def h(x):
+    return K * x
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Function that writes the module of a kernel of one's own."""
+    (tmp_path / "others.py").write_text(OTHERS)
+    return lambda form, result: (tmp_path / "mine.py").write_text(HEAD + form + TAIL.format(result))
+
+
+@pytest.fixture
+def loaded(written, tmp_path, monkeypatch):
+    """Function that imports the module anew, where K has a value."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def load(K):
+        monkeypatch.setenv("K", str(K))
+        for name in ("mine", "others"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        return importlib.import_module("mine").mine
+
+    return load
+
+
+@pytest.fixture
+def user(tmp_path):
+    """Result of the kernel in a new process, and whether it was compiled."""
+    code = f"""
+        import sys
+        sys.path.insert(0, {str(tmp_path)!r})
+        import mine
+        new = mine.mine.ready()
+        print(mine.mine(1.0), new)
+        """
+    return lambda K: python(code, XDG_CACHE_HOME=str(tmp_path), NUMBA_CACHE_DIR="", K=str(K))
+
+
+@pytest.mark.parametrize("form, result", FORMS.values(), ids=FORMS)
+def test_values_that_a_kernel_closes_over_make_another_kernel(written, loaded, form, result):
+    written(form, result)
+    one, again, three = (kernel_cache.code_digest(loaded(K)) for K in (1, 1, 3))
+    assert one == again != three
+
+
+def test_a_kept_kernel_has_the_values_of_its_process(written, user):
+    written(*FORMS["of a helper's helper"])
+    assert [user(K) for K in (1, 3, 1)] == [["1.0", "True"], ["3.0", "True"], ["1.0", "False"]]
+
+
+def test_digests_are_the_same_in_every_process(written, tmp_path):
+    written(*FORMS["of a helper in another module"])
+    code = f"""
+        import sys
+        sys.path[:0] = [{str(Path(__file__).parents[1])!r}, {str(tmp_path)!r}]
+        import mine
+        from compile_all import kernels
+        from strapdown.core import kernel_cache, library
+        for kernel in (mine.mine, *kernels()):
+            print(kernel_cache.code_digest(kernel), library.values_of(kernel))
+        """
+    one, other = (python(code, PYTHONHASHSEED=seed, K="1") for seed in "12")
+    assert one == other and len(one) > 200
+
+
+@pytest.mark.parametrize("form, result, why", WITHOUT_WORDS.values(), ids=WITHOUT_WORDS)
+def test_a_kernel_of_values_without_words_says_why_it_is_not_kept(
+    written, loaded, form, result, why
+):
+    written(form, result)
+    mine, said = loaded(1), []
+    place = compiler.cache_of(mine)
+    assert (place.path, place.why_not) == (None, why) and not mine.at_hand
+    jit.announce([mine], "mine", said.append)
+    assert said == [f"compiling mine in each process, since {why}, up to a minute ..."]
+
+
+def test_a_kernel_that_is_not_kept_has_the_values_of_its_process(written, user, tmp_path):
+    written(*WITHOUT_WORDS["a plain function"][:2])
+    assert [user(K) for K in (1, 3)] == [["1.0", "True"], ["3.0", "True"]]
+    assert not list(tmp_path.rglob("*.kernel"))
+
+
+def test_a_value_that_changed_while_the_process_runs_is_not_kept(written, loaded):
+    """numba compiles a helper once in a process, whatever its values are by then."""
+    written(*FORMS["of a helper"])
+    mine = loaded(1)
+    assert compiler.cache_of(mine).path
+    sys.modules["mine"].K = 3.0
+    assert compiler.cache_of(mine).why_not == "a value in h has changed since it was compiled"
+
+
+def test_numbers_count_bit_for_bit(written, loaded):
+    written(
+        "Z = {'1': 0.0, '2': -0.0, '3': 0, '4': False, '5': math.nan}[os.environ['K']]", "Z + x"
+    )
+    digests = [kernel_cache.code_digest(loaded(K)) for K in (1, 2, 3, 4, 5, 5)]
+    assert len(set(digests)) == 5 and digests[4] == digests[5]

@@ -15,7 +15,7 @@ import pytest
 import strapdown as sd
 from strapdown.aiding import position
 from strapdown.checks import DataError
-from strapdown.core import jit, library
+from strapdown.core import elementary, jit, library
 from strapdown.core.contract import OBSERVE
 from strapdown.core.signatures import ABI
 from strapdown.native import link
@@ -29,7 +29,9 @@ KERNEL = SimpleNamespace(
     __module__="strapdown.aiding.position",
     stem=position.observe.stem,
     symbol=position.observe.symbol,
+    py_func=position.observe.py_func,
     at_hand=False,
+    why_not_kept="",
 )
 """A kernel of the package that is not compiled yet."""
 FILES = ("aiding/position.py", "core/earth.py", "core/contract.py")
@@ -75,6 +77,7 @@ def made(tmp_path, monkeypatch, machine_code):
         },
         "files": {file: digest((PACKAGE / file).read_bytes()) for file in FILES},
         "kernels": {KERNEL.symbol: [0, 1, 2]},
+        "values": {KERNEL.symbol: library.values_of(position.observe)},
     }
     (folder / library.MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
     for name in (library.REQUIRED, library.CONTRACTION):
@@ -160,7 +163,12 @@ CASES = {
     "empty": (code_is(b""), "is not whole or not the one that was made"),
     "missing": (lambda folder: (folder / "kernels.so").unlink(), "kernels.so is not there or"),
     "no machine code": (no_machine_code, "kernels.so cannot be loaded ("),
-    "no symbol": (with_values(kernels={KERNEL.symbol: [0], "gone": [0]}), "undefined symbol: gone"),
+    "no symbol": (
+        with_values(
+            kernels={KERNEL.symbol: [0], "gone": [0]}, values={KERNEL.symbol: "", "gone": ""}
+        ),
+        "undefined symbol: gone",
+    ),
     "no JSON": (manifest_is(b"{"), "kernels.json is not that of a library of kernels (JSON"),
     "no text": (manifest_is(b"\xff\xfe{"), "is not that of a library of kernels ("),
     "too deep": (manifest_is(b"[" * 200_000), "is not that of a library of kernels (Recursion"),
@@ -168,6 +176,8 @@ CASES = {
     "no ABI": (without("abi"), "is not that of a library of kernels (KeyError: 'abi')"),
     "no files": (without("files"), "is not that of a library of kernels (KeyError: 'files')"),
     "no kernels": (without("kernels"), "(KeyError: 'kernels')"),
+    "no values": (without("values"), "(KeyError: 'values')"),
+    "values a list": (with_values(values=[1]), "(TypeError: "),
     "kernels a list": (with_values(kernels=[1]), "(AttributeError: "),
     "files of no number": (with_values(kernels={KERNEL.symbol: [99]}), "(IndexError: "),
     "another ABI": (with_values(abi=ABI + 1), f"other rules (ABI {ABI + 1}, this strapdown has"),
@@ -215,6 +225,17 @@ def test_an_old_processor_takes_the_lower_level_and_an_unknown_one_none(made, re
     assert library.opened().level == lowest
     monkeypatch.setattr(library, "levels", library.cache(lambda: ()))
     assert reason().endswith(f"this processor is {library.platform.machine()}")
+
+
+def test_another_value_compiles_what_closes_over_it(made, monkeypatch):
+    """A number of a helper in another module, which no file says."""
+    assert library.find(KERNEL)
+    monkeypatch.setattr(elementary, "QUARTERS", 0.6)
+    assert library.why_not(KERNEL) == (
+        "strapdown.aiding.position.observe closes over other values than the library of kernels was "
+        "made from"
+    )
+    assert library.find(KERNEL) is None
 
 
 def test_an_edit_compiles_what_it_touches(made, monkeypatch, tmp_path, command):

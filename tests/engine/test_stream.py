@@ -5,7 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import OPTIONS, SWIFT, ahrs, alike, flight, position, start, without_samples
+from recordings import (
+    OPTIONS,
+    SWIFT,
+    ahrs,
+    alike,
+    events_of,
+    flight,
+    position,
+    start,
+    without_samples,
+)
 
 import strapdown as sd
 from strapdown import filters
@@ -42,23 +52,6 @@ def play(stream, events):
     """Step `stream` through `events`."""
     for event in events:
         stream.step(event)
-
-
-def events_of(recording):
-    """All samples and fixes in time order, a fix before the sample that ends with it."""
-    imu = recording.imu
-    samples = [
-        Sample(t, dt, tuple(a), tuple(b))
-        for t, dt, a, b in zip(
-            imu.t.tolist(), imu.dt.tolist(), imu.dtheta.tolist(), imu.dv.tolist()
-        )
-    ]
-    fixes = [
-        Fix(t, k, tuple(y), tuple(d))
-        for k, a in enumerate(recording.aidings)
-        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
-    ]
-    return sorted(samples + fixes, key=lambda event: (event.t, type(event) is Sample))
 
 
 def stream_of(recording, begin=None, name="closed-loop", **more):

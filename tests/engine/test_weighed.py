@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import OPTIONS, ahrs, flight, same, start
+from recordings import OPTIONS, ahrs, events_of, flight, same, start
 
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.engine.stream import Fix, Sample, Stream
+from strapdown.engine.stream import Stream
 from strapdown.geodesy import displaced
 from strapdown.sim.trajectory import demo_flight
 
@@ -37,14 +37,8 @@ def with_outliers(recording, share=0.1, size=20.0, seed=4):
 
 def live(recording, name, begin, **options):
     """The finished Stream of a recording's events in time order."""
-    imu, events = recording.imu, []
-    for t, dt, a, b in zip(imu.t.tolist(), imu.dt.tolist(), imu.dtheta.tolist(), imu.dv.tolist()):
-        events.append(Sample(t, dt, tuple(a), tuple(b)))
-    for k, a in enumerate(recording.aidings):
-        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.sd.tolist()):
-            events.append(Fix(t, k, tuple(y), tuple(d)))
     stream = Stream(name, begin, imu="tactical", aidings=recording.aidings, **options)
-    for event in sorted(events, key=lambda event: (event.t, type(event) is Sample)):
+    for event in events_of(recording):
         stream.step(event)
     stream.finish()
     return stream

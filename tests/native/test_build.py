@@ -14,7 +14,7 @@ import pytest
 import strapdown
 from strapdown.aiding import position
 from strapdown.checks import DataError
-from strapdown.core import c_calls, jit, library, signatures
+from strapdown.core import c_calls, elementary, jit, kernel_cache, library, signatures
 from strapdown.core.contract import PARAMETERS, Start
 from strapdown.native import build, link
 
@@ -109,6 +109,15 @@ def test_building_again_takes_what_did_not_change_from_the_cache(small, tmp_path
     assert "2 of 2 kernels did not change" in done.stderr and "observe, " not in done.stderr
     for file in folder.glob("*.so"):
         assert (tmp_path / "again" / file.name).read_bytes() == file.read_bytes()
+
+
+def test_an_object_is_found_by_the_values_of_its_kernel(monkeypatch):
+    """As for kernels on disk: a number of a helper in another module."""
+    before = build._name(position.observe, "x86-64-v3")
+    assert build._name(position.observe, "x86-64-v3") == before
+    monkeypatch.setattr(elementary, "QUARTERS", 0.6)
+    monkeypatch.setattr(kernel_cache, "_FROZEN", {})
+    assert build._name(position.observe, "x86-64-v3") != before
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from strapdown import filters
 from strapdown.core.contract import Imu, Start
 from strapdown.core.jit import COMPILED
 from strapdown.data import Aiding
+from strapdown.engine.stream import Fix, Sample
 from strapdown.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
@@ -123,6 +124,23 @@ def without_samples(recording, *windows):
     for begin, end in windows:
         keep &= (imu.t <= begin + 1e-9) | (imu.t > end + 1e-9)
     return replace(recording, imu=Imu(*(column[keep] for column in imu)))
+
+
+def events_of(recording):
+    """All samples and fixes in time order, a fix before the sample that ends with it."""
+    imu = recording.imu
+    samples = [
+        Sample(t, dt, tuple(a), tuple(b))
+        for t, dt, a, b in zip(
+            imu.t.tolist(), imu.dt.tolist(), imu.dtheta.tolist(), imu.dv.tolist()
+        )
+    ]
+    fixes = [
+        Fix(t, k, tuple(y), tuple(d))
+        for k, a in enumerate(recording.aidings)
+        for t, y, d in zip(a.t.tolist(), a.y.tolist(), a.sd.tolist())
+    ]
+    return sorted(samples + fixes, key=lambda event: (event.t, type(event) is Sample))
 
 
 def split(recording, row, share):

@@ -14,6 +14,7 @@ from ..core.contract import Imu
 from ..data import Aiding
 from ..geodesy import displacement
 from ..preprocessing.stationary import at_rest
+from ..preprocessing.unbroken import is_unbroken, unbroken
 from ..typing import Array
 from .fixes import velocities
 from .initial_heading import UNKNOWN_SD, Found
@@ -29,6 +30,7 @@ MOVING = 5.0  # m/s: a course that is worth waiting for
 WAIT = 300.0  # s for it, from the first course on
 ENOUGH = 0.06  # rad of noise: no more fixes are asked
 LONGEST = 10.0  # s that the fixes of one course may span
+UNSEEN_TURN = 1e3  # rad: a turn in a gap of samples, of which nothing is known
 
 
 class Courses(NamedTuple):
@@ -102,7 +104,9 @@ def _rms(sd: Array) -> Array:
 def _turns(imu: Imu, t: Array) -> Array:
     """(n, 3) rad: what the gyros sum up to before each of these times since the one before."""
     rows = np.minimum(np.searchsorted(imu.t, t, side="right"), len(imu.t) - 1)
-    sums = np.add.reduceat(imu.dtheta, rows, axis=0)
+    dtheta = imu.dtheta.copy()
+    dtheta[unbroken(imu)[1:, 0], 2] += UNSEEN_TURN
+    sums = np.add.reduceat(dtheta, rows, axis=0)
     sums[:-1][rows[1:] == rows[:-1]] = 0.0  # where no sample lies between
     return np.vstack([np.zeros(3), sums[:-1]])
 
@@ -110,7 +114,13 @@ def _turns(imu: Imu, t: Array) -> Array:
 def heading_of(courses: Courses, imu: Imu, t: float) -> Found | None:
     """The Found heading at t, by the courses before and after; None where neither is sure."""
     after = int(np.searchsorted(courses.t, t))
-    near = [k for k in (after - 1, after) if 0 <= k < len(courses.t) and is_sure(courses, imu, k)]
+    near = [
+        k
+        for k in (after - 1, after)
+        if 0 <= k < len(courses.t)
+        and is_sure(courses, imu, k)
+        and is_unbroken(imu, courses.t[k], t)
+    ]
     if not near:
         return None
     k = min(near, key=lambda k: abs(courses.t[k] - t))

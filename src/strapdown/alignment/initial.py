@@ -19,6 +19,7 @@ from ..core.rotation import matrix_to_euler
 from ..data import Aiding
 from ..geodesy import displaced, displacement
 from ..preprocessing.lever_arm import swung
+from ..preprocessing.unbroken import felt, is_unbroken, nearest_felt
 from ..recording import Recording
 from ..rotation_products import running_matrices
 from ..typing import Array, Ints
@@ -47,6 +48,7 @@ REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
 EARTH_RADIUS = 6.4e6  # m: standard deviation of a place that is not known
 GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
 SWAYING = 0.01  # rad/s: mean rates of single seconds that scatter by more are those of no rest
+LEAST_LINE = 0.25  # s: noise makes a slope of a shorter line, 8 times that over half a second
 UNFELT = 0.5  # m/s^2: steady acceleration that smooth motion hides
 WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
 
@@ -76,6 +78,11 @@ def align(
             f"cannot start at {at:g} s; the IMU record covers {recording.span[0]:.3f} to "
             f"{recording.span[1]:.3f} s"
         )
+    if at is not None and not felt(recording.imu, np.array([at])).all():
+        raise DataError(
+            f"cannot start at {at:g} s, in a gap of the IMU record; the nearest time with samples is "
+            f"{nearest_felt(recording.imu, at)[1]:.3f} s"
+        )
     given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
     if not position:
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
@@ -86,7 +93,7 @@ def align(
             "or choose a filter of attitude alone (attitude-mekf, mahony, vru)"
         )
     if at is None:
-        first = max(fixes.t[0], recording.span[0])
+        first = _first_felt(recording, fixes.t)
         heading_known = _heading(recording, imu, first, given, np.zeros(3), fixes.y[0]).known
         at = first if heading_known else _instant(recording, fixes, velocity)
     moment = _moment(recording, imu, fixes, velocity, at)
@@ -127,13 +134,13 @@ class _Moment(NamedTuple):
     spin: Array  # rad/s^2, body
     bg: Array  # rad/s, gyro bias
     bias_sd: Array  # m/s^2 and rad/s, of both biases
-    force: MeanForce
+    force: MeanForce | None
     felt: _Felt | None  # None where a rest tells the level, or fixes are too few
     note: str  # on the gyro bias
 
     def rested(self, imu: Imu) -> bool:
         """Whether a rest tells the level."""
-        return bool(self.rest) and self.t - imu.t[self.rest[-1][-1]] < REST_AGE
+        return _age(imu, self.rest, self.t) < REST_AGE
 
 
 def _moment(
@@ -165,7 +172,7 @@ def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Sta
     psi = heading.heading
     roll, pitch, level_sd, level_note = (
         _level_at_rest(moment.force, moment.bias_sd[0], _sways(recording.imu, moment.rest))
-        if heading.at_rest
+        if heading.at_rest and moment.force
         else _level(recording, moment, heading)
     )
     if record := _recorded(recording, t, moment.bg):
@@ -247,7 +254,8 @@ def _attitude_start(
         _heading(recording, imu, t, given, bg, place), recording, fixes, velocity, t
     )
     force = mean_force(recording, t, bg)
-    age = t - recording.imu.t[rest[-1][-1]] if rest else np.inf
+    assert force is not None  # samples reach to t
+    age = _age(recording.imu, rest, t)
     record = _recorded(recording, t, bg)
     if force.off > WEIGHTLESS and not record:
         raise DataError(
@@ -326,8 +334,8 @@ def _recorded(recording: Recording, t: float, bg: Array) -> Record | None:
             if a.kind == "attitude"
             else np.empty(0, int)
         )
-        if len(near):
-            k = near[np.argmin(np.abs(a.t[near] - t))]
+        k = near[np.argmin(np.abs(a.t[near] - t))] if len(near) else -1
+        if len(near) and is_unbroken(imu, a.t[k], t):
             between = slice(*np.searchsorted(imu.t, sorted((a.t[k], t)), side="right"))
             turns = imu.dtheta[between] - bg * imu.dt[between, None]
             rph = _turned(a.y[k], turns, t < a.t[k])
@@ -379,18 +387,21 @@ def _arm(source: Aiding | None) -> Array:
 
 def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array, Array]:
     """Angular rate (rad/s, less the gyro bias) at t, of a straight line through half a second before
-    and after, mean specific force (m/s^2) over these, and the slope of the line (rad/s^2)."""
-    imu = recording.imu
+    and after without a gap, mean specific force (m/s^2) over these, and the slope of the line (rad/s^2),
+    which is 0 where samples of less than `LEAST_LINE` tell it."""
+    imu, (near, _) = recording.imu, nearest_felt(recording.imu, t)
     rows = slice(
         *np.clip(
-            np.searchsorted(imu.t, [t - 0.5, t + 0.5 + 1e-9]), [0, 1], [len(imu.t) - 1, len(imu.t)]
+            np.searchsorted(imu.t, [t - 0.5, t + 0.5 + 1e-9]),
+            [near.start, near.start + 1],
+            [near.stop - 1, near.stop],
         )
     )
     dt = imu.dt[rows]
     seconds, after = dt.sum(), imu.t[rows] - 0.5 * dt - t
     mean, rate = after @ dt / seconds, imu.dtheta[rows].sum(axis=0) / seconds
     away = after - mean
-    slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9)
+    slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9) * (seconds > LEAST_LINE)
     return rate - mean * slope - bg, imu.dv[rows].sum(axis=0) / seconds, slope
 
 
@@ -399,7 +410,20 @@ def _instant(recording: Recording, position: Aiding, velocity: Aiding | None) ->
     with the first fix."""
     found = courses(recording.imu, position, velocity)
     best = best_instant(found, recording.imu) if not _by_thrust(recording) else None
-    return max(float(found.t[best or 0]), recording.span[0])
+    return _first_felt(recording, found.t if best is None else found.t[best:])
+
+
+def _first_felt(recording: Recording, t: Array) -> float:
+    """The first of the times t of fixes that lies in no gap of the samples; where all do, the time
+    with samples that is nearest to the first."""
+    inside = t[felt(recording.imu, t)]
+    return float(inside[0]) if len(inside) else nearest_felt(recording.imu, float(t[0]))[1]
+
+
+def _age(imu: Imu, rest: list[Ints], t: float) -> float:
+    """s from the end of the last rest to t, inf without one or where samples are missing between."""
+    end = float(imu.t[rest[-1][-1]]) if rest else t
+    return t - end if rest and is_unbroken(imu, end, t) else np.inf
 
 
 def _by_thrust(recording: Recording) -> bool:
@@ -441,7 +465,7 @@ def _heading(
         )
     field, b_a_sd = source(recording, "magnetic-field"), imu.bias_sd()[0]
     rest = rests(recording, t).before if field is not None else []
-    tilt_sd = LEVEL_SD_REST if rest and t - recording.imu.t[rest[-1][-1]] < 1.0 else LEVEL_SD_MOVING
+    tilt_sd = LEVEL_SD_REST if _age(recording.imu, rest, t) < 1.0 else LEVEL_SD_MOVING
     found = [
         magnetic_heading(recording, field, t, bg, np.hypot(tilt_sd, b_a_sd / GRAVITY_EQUATOR)),
         earth_rate_heading(recording, imu, t, place, lambda t: moves(recording, t)),
@@ -501,8 +525,9 @@ def _felt(recording: Recording, moment: _Moment) -> _Felt | None:
         return _felt_by_positions(recording, moment)
     t, v, sd = (column[list(between)] for column in (velocity.t, velocity.y, velocity.sd))
     noise = np.hypot(*sd[:, :2]).max() / (t[1] - t[0])
-    return _Felt(
-        mean_force(recording, moment.t, moment.bg, (t[0], t[1])).f,
+    force = mean_force(recording, moment.t, moment.bg, (t[0], t[1]))
+    return force and _Felt(
+        force.f,
         (v[1] - v[0]) / (t[1] - t[0]),
         float(np.hypot(LEVEL_SD_MOVING, noise / GRAVITY_EQUATOR)),
     )
@@ -529,7 +554,7 @@ def _felt_by_positions(recording: Recording, moment: _Moment) -> _Felt | None:
         return None
     level_sd, t, acceleration = min(found, key=lambda each: each[0])
     force = mean_force(recording, moment.t, moment.bg, (t[0], t[2]), t[1])
-    return _Felt(force.f, acceleration, level_sd)
+    return force and _Felt(force.f, acceleration, level_sd)
 
 
 def _three(t: Array, at: float, apart: float) -> Ints | None:

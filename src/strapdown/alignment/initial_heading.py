@@ -6,11 +6,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..core.contract import Noise
+from ..core.contract import Imu, Noise
 from ..core.earth import GRAVITY_EQUATOR, RATE
 from ..data import Aiding
 from ..geodesy import wrap
 from ..preprocessing.stationary import motionless
+from ..preprocessing.unbroken import nearest_felt
 from ..recording import Recording
 from ..rotation_products import running_matrices
 from ..typing import Array, Mask
@@ -22,6 +23,9 @@ UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
 MAGNETIC_SD = np.radians(5.0)
 MAGNETIC_SD_LIMIT = np.radians(60.0)  # deviation from which on a magnetic heading is none
 GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
+LEAST_FELT = 0.8
+"""Share of a window between fixes that samples must cover: 3 m/s^2 in the rest of it tilt the level by
+3.5 deg, which is less than `LEVEL_SD_MOVING`."""
 
 
 class StatesBiases(Protocol):
@@ -62,6 +66,8 @@ def magnetic_heading(
     if source is None:
         return None
     force = mean_force(recording, t, bg)
+    if force is None:
+        return Found(0.0, UNKNOWN_SD, "no IMU sample there")
     near = np.flatnonzero((source.t >= force.begin) & (source.t <= force.end))
     if not len(near):
         return Found(0.0, UNKNOWN_SD, "no sample of the magnetic field there")
@@ -113,25 +119,22 @@ def mean_force(
     bg: Array,
     window: tuple[float, float] | None = None,
     peak: float | None = None,
-) -> MeanForce:
+) -> MeanForce | None:
     """The MeanForce at t: over the `window` (begin and end, s), else over half a second before and
-    after it, or over a second after or before it where the record begins or ends there; weighted by
-    a triangle over the window where its `peak` (s) is given, as a second difference weights.
+    after it, or over a second after or before it where the record, or a stretch of it without a gap,
+    begins or ends there; None where samples cover less than `LEAST_FELT` of a given window, or none
+    of another one; weighted by a triangle over the window where its `peak` (s) is given, as a second difference weights.
 
     Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
     rotation does not blur the mean.
     """
-    imu, (first, last) = recording.imu, recording.span
-    begin = min(max(t - 0.5, first), last - 1.0)
-    begin, end = window or (begin, begin + 1.0)
-    rows = slice(
-        *np.clip(
-            np.searchsorted(imu.t, [begin + 1e-9, end + 1e-9]),
-            [0, 1],
-            [len(imu.t) - 1, len(imu.t)],
-        )
-    )
-    seconds, turned = imu.dt[rows], _turned(imu.dtheta[rows] - bg * imu.dt[rows, None])
+    imu = recording.imu
+    begin, end = window or _second_around(imu, t)
+    rows = slice(*np.searchsorted(imu.t, [begin + 1e-9, end + 1e-9]))
+    seconds = imu.dt[rows]
+    if not len(seconds) or (window and seconds.sum() < LEAST_FELT * (end - begin)):
+        return None
+    turned = _turned(imu.dtheta[rows] - bg * seconds[:, None])
     middles, edges = imu.t[rows] - 0.5 * seconds, np.r_[imu.t[rows][0] - seconds[0], imu.t[rows]]
     to_now = turned[2 * int(np.argmin(np.abs(edges - t)))].T
 
@@ -154,6 +157,14 @@ def mean_force(
         float(edges[-1]),
         turns,
     )
+
+
+def _second_around(imu: Imu, t: float) -> tuple[float, float]:
+    """Half a second before and after t, s, moved into the stretch of samples without a gap."""
+    rows, _ = nearest_felt(imu, t)
+    first, last = imu.t[rows][0] - imu.dt[rows][0], imu.t[rows][-1]
+    begin = min(max(t - 0.5, float(first)), float(last) - 1.0)
+    return begin, begin + 1.0
 
 
 def _turned(dtheta: Array) -> Array:

@@ -7,6 +7,7 @@ import numpy as np
 from ..core.contract import Imu
 from ..core.earth import RATE
 from ..preprocessing.stationary import at_rest, stretches
+from ..preprocessing.unbroken import unbroken
 from ..recording import Recording
 from ..typing import Array, Ints, Mask
 from .fixes import position_and_velocity, velocities
@@ -36,10 +37,13 @@ def rests(recording: Recording, t: float) -> Rests:
     first, n = np.searchsorted(imu.t, [t - REST_SEARCH, t + REST_SEARCH])
     if n - first < 2:
         return Rests([], [])
-    still = at_rest(type(imu)(*(column[first:n] for column in imu))) & ~moves(
-        recording, imu.t[first:n]
-    )
-    runs = [np.arange(*run) for run in first + stretches(still)]
+    near = Imu(*(column[first:n] for column in imu))
+    still = at_rest(near) & ~moves(recording, near.t)
+    runs = [
+        first + begin + np.arange(*run)
+        for begin, end in unbroken(near)
+        for run in stretches(still[begin:end])
+    ]
     runs = [run for run in runs if imu.t[run[-1]] - imu.t[run[0]] >= REST_TIME]
     begun = [imu.t[run[0]] - imu.dt[run[0]] <= t + 0.1 for run in runs]
     return Rests(
@@ -117,7 +121,7 @@ def unsteadiness(imu: Imu, rest: list[Ints]) -> Array:
     seconds = [
         (imu.dtheta[part].sum(axis=0) / imu.dt[part].sum(), len(part))
         for run in rest
-        for part in np.array_split(run, max(1, int(imu.t[run[-1]] - imu.t[run[0]])))
+        for part in np.array_split(run, min(len(run), max(1, int(imu.t[run[-1]] - imu.t[run[0]]))))
     ]
     rows = np.concatenate(rest)
     rate = imu.dtheta[rows] / imu.dt[rows, None]

@@ -37,6 +37,11 @@ class Helper:
         return self.py_func(*arguments, **named)
 
     @property
+    def closes_over(self) -> tuple[Any, ...]:
+        """Its part in the machine code of a kernel that calls it (`closed_over`)."""
+        return "helper", self.py_func, self.inlined
+
+    @property
     def _numba_type_(self) -> Any:
         from . import compiler
 
@@ -100,6 +105,18 @@ class Kernel:
         from . import compiler
 
         return compiler.is_cached(self)
+
+    @property
+    def why_not_kept(self) -> str:
+        """The value for which it is compiled in each process; empty where there is none."""
+        from . import compiler
+
+        return compiler.cache_of(self).why_not
+
+    @property
+    def closes_over(self) -> tuple[Any, ...]:
+        """Its part in the machine code of a kernel that calls it by name (`closed_over`)."""
+        return "kernel", self.py_func, self.options
 
     def bound(self, *arguments: Any) -> Callable[[], Any]:
         """The call with these arguments, checked once; arrays may change, but not move. Raises
@@ -166,10 +183,11 @@ def announce(kernels: Iterable[Any], what: str, say: Callable[[str], None] | Non
     slow = next((kernel for kernel in kernels if not kernel.at_hand), None) if say else None
     if say and slow:
         why = library.why_not(slow) if library.there() else ""
-        say(
-            f"compiling {what} for the first time on this machine, up to a minute ..."
-            f"{f' ({why})' if why else ''}"
+        unkept = slow.why_not_kept
+        when = (
+            f"in each process, since {unkept}" if unkept else "for the first time on this machine"
         )
+        say(f"compiling {what} {when}, up to a minute ...{f' ({why})' if why else ''}")
 
 
 def address(kernel: Any) -> int:
@@ -191,6 +209,11 @@ class Intrinsic:
     def __call__(self, *arguments: Any) -> Any:
         """The twin."""
         return self._twin(*arguments)
+
+    @property
+    def closes_over(self) -> tuple[Any, ...]:
+        """Its part in the machine code of a kernel that calls it (`closed_over`)."""
+        return "intrinsic", self._name, self._arguments
 
     @cached_property
     def _numba_type_(self) -> Any:

@@ -3,8 +3,8 @@
 numba's own cache looks at the file of the outermost function alone: after an edit to a helper in
 another module, or with vectorising switched off, it would go on with machine code of before. Here
 the name of a kernel's file is a digest of the code of all modules that it imports (docstrings,
-comments and annotations left out), of numba's version, of the processor and of numba's settings.
-Files are written at once and carry a checksum, so that what a killed process or a full disk leaves
+comments and annotations left out), of the values that this code closes over, of numba's version, of
+the processor and of numba's settings. A kernel is not kept where one of these cannot be told. Files are written at once and carry a checksum, so that what a killed process or a full disk leaves
 is never loaded.
 """
 
@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import llvmlite
@@ -27,6 +27,7 @@ from numba.core import compiler, config as numba_config, serialize
 from numba.core.registry import cpu_target
 
 from ..file_locks import part_of
+from .closed_over import NoWords, Words, digest, functions
 
 Import = ast.Import | ast.ImportFrom
 
@@ -41,8 +42,10 @@ WITHOUT_EFFECT = re.compile(
 brings, makes another key."""
 COMPILER = f"{__package__}.compiler"
 """The module that makes the C functions around kernels, which no kernel imports."""
-WITHOUT_CODE = {f"{__package__}.{name}" for name in ("jit", "c_calls", "library")}
+WITHOUT_CODE = {f"{__package__}.{name}" for name in ("jit", "c_calls", "library", "closed_over")}
 """Modules that declare, find and call kernels, and put no code into them."""
+HAS_DOCSTRING = 0x4000000
+"""Flag of code since Python 3.13; before, the first constant is the docstring or None."""
 CHECKSUM = hashlib.sha256().digest_size
 
 
@@ -190,15 +193,51 @@ def closure_digest(name: str) -> str:
     return digest.hexdigest()
 
 
+def code_digest(kernel: Any) -> str:
+    """Digest of the code of a kernel's module and of all that it imports, and of the values that the
+    kernel closes over. Raises OSError, NoWords."""
+    of = functions(kernel)
+    _check_frozen(of)
+    return closure_digest(kernel.__module__) + digest(of, _bytecode)
+
+
+_FROZEN: dict[FunctionType, Words] = {}  # values that were looked up first, which numba may hold
+
+
+def _check_frozen(of: dict[FunctionType, Words]) -> None:
+    """Raise NoWords where a function closed over other values before: numba compiles a helper once in
+    a process, with the values of then."""
+    for function, words in of.items():
+        if _FROZEN.setdefault(function, words) != words:
+            raise NoWords(f"a value in {function.__qualname__} has changed since it was compiled")
+
+
+@cache
+def _bytecode(code: CodeType) -> str:
+    """Digest of what a function does, of which a module may define two by one name. Its docstring,
+    names of files and numbers of lines do not count."""
+    documented = sys.version_info < (3, 13) or code.co_flags & HAS_DOCSTRING
+    first = bool(documented and code.co_consts and isinstance(code.co_consts[0], str))
+    constants = [_constant(each) for each in code.co_consts[first:]]
+    said = (code.co_code, constants, code.co_names, code.co_varnames, code.co_freevars)
+    return hashlib.sha256(repr(said).encode()).hexdigest()
+
+
+def _constant(value: Any) -> str:
+    if isinstance(value, CodeType):
+        return _bytecode(value)
+    return repr(sorted(map(repr, value)) if isinstance(value, frozenset) else value)
+
+
 def key(kernel: Any, options: dict[str, Any]) -> str:
-    """Digest of all that the machine code of a kernel comes from."""
+    """Digest of all that the machine code of a kernel comes from. Raises OSError, NoWords."""
     said = sorted(
         (name, sorted(value) if isinstance(value, set) else value)
         for name, value in options.items()
     )
     processor = cpu_target.target_context.codegen().magic_tuple()
     parts = (
-        closure_digest(kernel.__module__),
+        code_digest(kernel),
         closure_digest(COMPILER),
         numba.__version__,
         llvmlite.__version__,
@@ -228,9 +267,14 @@ class KernelCache:
         known = "<" not in self._stem and getattr(module, "__file__", None)
         place = folder()
         self.path: Path | None = None
-        with suppress(OSError):  # its file is gone
+        self.why_not = ""
+        try:
             if known and place and not _edited_since(kernel.__module__, kernel.declared):
                 self.path = place / f"{self._stem}-{key(kernel, options)}.kernel"
+        except NoWords as error:
+            self.why_not = str(error)
+        except OSError:  # its file is gone
+            pass
 
     @property
     def cache_path(self) -> str:

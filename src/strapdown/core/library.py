@@ -2,8 +2,8 @@
 address. Imports neither numba nor LLVM.
 
 A kernel of it is used where the library is of this ABI, whole and made for this processor, and where
-the files that the kernel's code comes from are those that it was made from. Otherwise the kernel is
-compiled on use.
+the files that the kernel's code comes from and the values that it closes over are those that it was
+made from. Otherwise the kernel is compiled on use.
 """
 
 import ctypes
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..checks import DataError
+from .closed_over import NoWords, digest, functions
 from .signatures import ABI
 
 PACKAGE = Path(__file__).parents[1]
@@ -50,6 +51,7 @@ class Library(NamedTuple):
     level: str
     made_with: str
     kernels: dict[str, tuple[str, ...]]  # files that its code comes from, by symbol
+    values: dict[str, str]  # digest of what it closes over, by symbol
     files: dict[str, str]  # digest, by path below the package
     functions: Any  # of ctypes
 
@@ -81,7 +83,20 @@ def why_not(kernel: Any) -> str:
     if not kernel.__module__.startswith("strapdown.") or kernel.symbol not in library.kernels:
         return f"{kernel.stem} is not in the library of kernels"
     edited = next((file for file in library.kernels[kernel.symbol] if _edited(file)), None)
-    return f"{edited} is another than the library of kernels was made from" if edited else ""
+    if edited:
+        return f"{edited} is another than the library of kernels was made from"
+    if values_of(kernel) != library.values[kernel.symbol]:
+        return f"{kernel.stem} closes over other values than the library of kernels was made from"
+    return ""
+
+
+def values_of(kernel: Any) -> str:
+    """Digest of the values that a kernel of unedited files closes over, the same under every version
+    of Python; empty where they cannot be told."""
+    try:
+        return digest(functions(kernel), lambda code: (code.co_name, code.co_firstlineno))
+    except NoWords:
+        return ""
 
 
 def there() -> bool:
@@ -142,13 +157,14 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
         symbol: tuple(files[number] for number in numbers)
         for symbol, numbers in made["kernels"].items()
     }
+    values = {symbol: str(made["values"][symbol]) for symbol in kernels}
     try:
-        functions = ctypes.CDLL(str(file))
+        loaded = ctypes.CDLL(str(file))
         for symbol in kernels:
-            getattr(functions, symbol)
+            getattr(loaded, symbol)
     except (OSError, AttributeError) as error:
         return f"{file} cannot be loaded ({error}): install strapdown again"
-    return Library(file, level, made["built_with"], kernels, made["files"], functions)
+    return Library(file, level, made["built_with"], kernels, values, made["files"], loaded)
 
 
 @cache

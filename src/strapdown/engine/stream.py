@@ -56,6 +56,8 @@ from .prepare import (
     check_options,
     check_start,
     fitted,
+    positioned,
+    prepare,
     usable,
 )
 from .source_noise import followed
@@ -92,7 +94,8 @@ class Stream:
     and it is not called again. history: samples of which `solution` and `verdict` tell; at least
     the newer half of so many are kept, with covariances where `covariance` asks for them; every:
     the solution has each n-th row. estimate: as of `fuse` (default: what the Aidings name, and
-    nothing of the IMU). Other arguments as of `fuse`. Raises DataError.
+    nothing of the IMU). Other arguments as of `fuse`. Raises DataError. All kernels are compiled or
+    loaded when the constructor returns.
     """
 
     def __init__(
@@ -184,12 +187,21 @@ class Stream:
         if start is not None:
             check_start(start, self.noise, left_open(start) if isinstance(start, Start) else ())
         check_options(filter, options)
+        self._make_ready(aidings, tries=start is None and self._spec is not None)
         self.belief = _nothing_known()
         self._gathered = Gathering(
             filter, aidings, self._spec, noise, start, align_within, history, say, self._meta
         )
         if start is not None and whole:
             self.begin(start)
+
+    def _make_ready(self, aidings: Sequence[Aiding], tries: bool) -> None:
+        """Compile or load all kernels that a step may need, those of the headings that a start
+        `tries` among them: no sample shall wait for them."""
+        prepare(self._filter, [a.kind for a in self._used], self._say)
+        if tries and positioned(self._filter):
+            closed_loop = filters.find("closed-loop")
+            prepare(closed_loop, [a.kind for a in usable(closed_loop, aidings)[0]], self._say)
 
     # ---- the start
 

@@ -174,8 +174,9 @@ def _cache() -> Path | None:
 def _name(kernel: Kernel, level: str) -> str:
     """File of a kernel's object, after all that it comes from."""
     importlib.import_module(kernel_cache.COMPILER)
-    code = (kernel.__module__, kernel_cache.COMPILER, ir.__name__, emit.__name__)
+    code = (kernel_cache.COMPILER, ir.__name__, emit.__name__)
     parts = (
+        kernel_cache.code_digest(kernel),
         *map(kernel_cache.closure_digest, code),
         numba.__version__,
         llvmlite.__version__,
@@ -250,6 +251,7 @@ def _manifest(
             kernel.symbol: [number[file] for file in sources[kernel.stem]]
             for kernel in sorted(kernels, key=lambda kernel: kernel.symbol)
         },
+        "values": {kernel.symbol: library.values_of(kernel) for kernel in kernels},
     }
 
 

@@ -25,7 +25,8 @@ def at_rest(imu: Imu, window: float = 1.0) -> Mask:
     Smooth straight motion looks the same to an IMU: use it for what stops now and then, or together
     with the speed of fixes.
     """
-    n, width = len(imu.t), max(2, round(window / float(np.median(imu.dt))))
+    n = len(imu.t)
+    width = max(2, round(window / float(np.median(imu.dt)))) if n else 1
     if n < width:
         return np.zeros(n, bool)
     force, _ = spread(imu.dv, imu.dt, width)

@@ -27,7 +27,9 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...checks import DataError, brief
-from ...core.kernel_cache import closure_digest
+from ...core.closed_over import NoWords
+from ...core.jit import COMPILED, Kernel
+from ...core.kernel_cache import closure_digest, code_digest
 from ...core.library import processor
 from ...file_limits import LimitError, regular
 from ...file_locks import lock
@@ -360,9 +362,20 @@ def describe(study: Study) -> dict[str, Any]:
 
 
 def _digest(plugin: Plugin) -> str:
-    """A short digest of the code of a plugin. Raises DataError."""
+    """A short digest of the code of a plugin and of the values that its kernels close over. Raises
+    DataError."""
+    if not plugin.where:
+        return plugin.module
+    parts = (part for each in plugin.values if isinstance(each, tuple) for part in each)
+    kernels = {part for part in parts if isinstance(part, Kernel)} if COMPILED else set()
     try:
-        return closure_digest(plugin.module)[:12] if plugin.where else plugin.module
+        said = [closure_digest(plugin.module), *sorted(map(code_digest, kernels))]
+        return hashlib.sha256("".join(said).encode()).hexdigest()[:12]
+    except NoWords as error:
+        raise DataError(
+            f"plugin {plugin.name}: {error}, by which nobody can tell whether runs of a study belong "
+            f"together; make it a number, a tuple or an array"
+        ) from None
     except OSError as error:
         raise DataError(
             f"plugin {plugin.name}: its file cannot be read any more ({error.strerror}); put it back"

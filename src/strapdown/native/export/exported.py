@@ -139,7 +139,7 @@ def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:
     from ...core import compiler, kernel_cache
 
     stems = [kernel.stem for kernel in kernels]
-    code = [kernel_cache.closure_digest(kernel.__module__) for kernel in kernels]
+    code = list(map(kernel_cache.code_digest, kernels))
     code += [kernel_cache.closure_digest(module) for module in (compiler.__name__, ir.__name__)]
     versions = [version(package) for package in ("numba", "llvmlite")]
     digest = sha256(

@@ -1,0 +1,38 @@
+"""Stretches of IMU samples without a gap. Across a gap nothing is known of the motion, so no mean, no
+rest and no turn goes on there."""
+
+import numpy as np
+
+from ..core.contract import Imu
+from ..typing import Array, Ints, Mask
+
+UNSEEN = 0.5
+"""s without samples from which on a stretch ends; single lost samples end none."""
+
+
+def unbroken(imu: Imu) -> Ints:
+    """(k, 2): the first row and the row after the last of each stretch, in order."""
+    missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
+    inner = np.flatnonzero(missing > UNSEEN) + 1
+    return np.stack([np.r_[0, inner], np.r_[inner, len(imu.t)]], axis=1)
+
+
+def nearest_felt(imu: Imu, t: float) -> tuple[slice, float]:
+    """(rows of the stretch that holds t or is nearest to it, the time in it that is nearest to t)."""
+    found = unbroken(imu)
+    begin, end = imu.t[found[:, 0]] - imu.dt[found[:, 0]], imu.t[found[:, 1] - 1]
+    inside = np.clip(t, begin, end)
+    nearest = int(np.argmin(np.abs(inside - t)))
+    return slice(*found[nearest].tolist()), float(inside[nearest])
+
+
+def felt(imu: Imu, t: Array) -> Mask:
+    """Whether the times t (n,) lie in a stretch."""
+    after = np.searchsorted(imu.t, t)
+    begin, end = np.r_[imu.t - imu.dt, np.inf][after], np.r_[-np.inf, imu.t][after]
+    return (t >= begin) | (t <= end) | (begin - end <= UNSEEN)
+
+
+def is_unbroken(imu: Imu, a: float, b: float) -> bool:
+    """Whether no gap lies between the times a and b."""
+    return nearest_felt(imu, a)[0] == nearest_felt(imu, b)[0]
