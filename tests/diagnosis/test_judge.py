@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import strapdown as sd
+from strapdown.cross_checks.heights import COLUMNS
 from strapdown.data import DOUBTFUL
+from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
 
@@ -53,6 +55,32 @@ def test_axes_turned_by_a_quarter_are_named(drive):
 def test_standard_deviations_five_times_too_small_are_doubted(drive):
     small = with_fixes(drive, lambda a: replace(a, sd=a.sd / 5), "position", "velocity")
     assert not sd.fuse(small).verdict.trusted
+
+
+def with_imu(recording, change):
+    """Samples whose rates and forces (n, 6) are `change` of them."""
+    imu = recording.imu
+    values = change(np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]) * imu.dt[:, None]
+    return replace(
+        recording, imu=imu._replace(dtheta=values[:, :3].copy(), dv=values[:, 3:].copy())
+    )
+
+
+INSPECTED = {  # problems that leave the innovations as they are, and one that does not
+    "height": lambda r: replace(r, meta={**r.meta, COLUMNS: {"hMSL": r.aidings[0].name}}),
+    "each sample twice": lambda r: with_imu(r, lambda x: x[np.arange(len(x)) // 2 * 2]),
+    "column": lambda r: with_imu(r, lambda x: x * [1, 1, 1, 1, 0, 1]),
+    "gyro bias": lambda r: with_imu(r, lambda x: x + np.radians([3.0, 0, 0, 0, 0, 0])),
+}
+
+
+@pytest.mark.parametrize("what", INSPECTED)
+def test_every_problem_of_inspect_is_a_reason(drive, what):
+    recording = INSPECTED[what](drive)
+    problems, verdict = recording_facts(recording).problems, sd.fuse(recording).verdict
+    assert problems and not verdict.trusted
+    for problem in problems:
+        assert any(reason.seen in problem for reason in verdict.reasons), (problem, str(verdict))
 
 
 def test_held_fixes_are_never_trusted(drive):
