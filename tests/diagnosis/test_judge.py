@@ -8,6 +8,8 @@ import pytest
 import strapdown as sd
 from strapdown.cross_checks.heights import COLUMNS
 from strapdown.data import DOUBTFUL
+from strapdown.diagnosis import evidence
+from strapdown.geodesy import displaced
 from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
@@ -81,6 +83,44 @@ def test_every_problem_of_inspect_is_a_reason(drive, what):
     assert problems and not verdict.trusted
     for problem in problems:
         assert any(reason.seen in problem for reason in verdict.reasons), (problem, str(verdict))
+
+
+def smoothed_fixes(scenario, interval, lasts, seed):
+    """A recording whose receiver smooths: errors of 2 m that last for so many s, with a stated
+    standard deviation of 15 m."""
+    right = sd.simulate(
+        scenario, duration=200.0, imu="industrial", seed=seed, gnss=Gnss(interval=interval)
+    )
+    rng, kept = np.random.default_rng(seed), np.exp(-interval / lasts)
+
+    def smoothed(a):
+        e = rng.normal(0, 2.0, a.y.shape)
+        for k in range(1, len(e)):
+            e[k] = kept * e[k - 1] + np.sqrt(1 - kept**2) * e[k]
+        truth = [np.interp(a.t, right.reference.t, column) for column in right.reference.lla.T]
+        y = displaced(np.stack(truth, axis=1), e * [1, 1, -1])
+        return replace(a, y=y, sd=np.full_like(a.y, 15.0), parameters=(0.0, 0.0, 0.0))
+
+    return with_fixes(right, smoothed, "position")
+
+
+@pytest.mark.parametrize(
+    "scenario, interval, lasts, seed",
+    [("car", 1.0, 30.0, 1), ("car", 0.2, 200.0, 2), ("demo", 1.0, 100.0, 3)],
+)
+def test_the_sd_of_a_receiver_that_smooths_is_not_to_be_divided(scenario, interval, lasts, seed):
+    """Neither advised nor, where it is done, trusted: most errors of the positions exceed three
+    claimed standard deviations then."""
+    stated = smoothed_fixes(scenario, interval, lasts, seed)
+    solution = sd.fuse(stated)
+    assert "lasting errors" in {reason.cause for reason in solution.verdict.reasons}
+    assert not any("divide" in reason.remedy for reason in solution.verdict.reasons)
+    times = np.sqrt(np.median(evidence.by_source(solution)[0].ratio))
+    divided = with_fixes(stated, lambda a: replace(a, sd=a.sd * times), "position")
+    solution = sd.fuse(divided)
+    errors = sd.errors(solution, divided.reference)
+    assert np.median((np.abs(errors.position) / errors.sd[:, :3]).max(axis=1)) > 3
+    assert not solution.verdict.trusted, str(solution.verdict)
 
 
 def test_held_fixes_are_never_trusted(drive):
