@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,23 +20,41 @@ def running_products(turns: Rotation) -> Rotation:
     """Products of the first 1, 2, ... n of the Rotations `turns` (n,), in order."""
     from scipy.spatial.transform import Rotation
 
-    found: Rotation = _running(turns, operator.mul, Rotation.concatenate)
-    return found
+    return Rotation.from_quat(_running(turns.as_quat(), _times)) if len(turns) else turns
 
 
 def running_matrices(vectors: Array) -> Array:
     """The same of rotation vectors (n, 3), rad, as matrices (n, 3, 3)."""
-    found: Array = _running(exponentials(vectors), operator.matmul, np.concatenate)
-    return found
+    return _running(exponentials(vectors), operator.matmul)
 
 
-def _running(found: Any, product: Callable[[Any, Any], Any], joined: Callable[[Any], Any]) -> Any:
-    """By doubling: each holds those of the 2, 4, 8 ... before it."""
-    reach = 1
-    while reach < len(found):
-        found = joined([found[:reach], product(found[:-reach], found[reach:])])
-        reach *= 2
-    return found
+def _running(found: Array, product: Callable[[Array, Array], Array]) -> Array:
+    """In blocks: the products within each, all blocks at once, then of those with the blocks
+    before it."""
+    n, shape = len(found), found.shape[1:]
+    size = max(1, int(np.ceil(np.sqrt(n))))
+    filled = np.concatenate([found, np.repeat(found[-1:], -n % size, axis=0)])
+    blocks = filled.reshape(-1, size, *shape)
+    for k in range(1, size):
+        blocks[:, k] = product(blocks[:, k - 1], blocks[:, k])
+    if len(blocks) > 1:
+        blocks[1:] = product(_running(blocks[:-1, -1], product)[:, None], blocks[1:])
+    return blocks.reshape(-1, *shape)[:n]
+
+
+def _times(p: Array, q: Array) -> Array:
+    """Products of quaternions (..., 4), the scalar last, as scipy has them."""
+    px, py, pz, pw = np.moveaxis(p, -1, 0)
+    x, y, z, w = np.moveaxis(q, -1, 0)
+    return np.stack(
+        [
+            pw * x + px * w + py * z - pz * y,
+            pw * y - px * z + py * w + pz * x,
+            pw * z + px * y - py * x + pz * w,
+            pw * w - px * x - py * y - pz * z,
+        ],
+        axis=-1,
+    )
 
 
 def unit(q: Array) -> Array:

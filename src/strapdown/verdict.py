@@ -30,6 +30,7 @@ CAUSES = {
     "fix noise": "standard deviations",
     "lasting errors": "lasting errors",
     "repeated": "repeated or held values",
+    "calibration": "calibration",
     "imu noise": "description of the IMU",
     "accelerometer": "accelerometer bias or scale",
     "gyro": "gyro bias or scale",
@@ -55,6 +56,12 @@ class Reason(NamedTuple):
         """The cause in words, with the source."""
         words = CAUSES.get(self.cause, self.cause)  # a later version may know more causes
         return f"{words} of {self.source}" if self.source else words
+
+    @classmethod
+    def told(cls, cause: str, text: str, source: str = "") -> Reason:
+        """The Reason of a line that ends in its remedy: `what was seen: what to do`."""
+        seen, _, remedy = text.removeprefix(f"{source}: ").rpartition(": ")
+        return cls(cause, seen, remedy, source)
 
     def __str__(self) -> str:
         return f"{self.what}: {self.seen}; {self.remedy}"

@@ -8,6 +8,7 @@ import pytest
 from strapdown.core.contract import DOUBTFUL as CONTRADICTED, Imu
 from strapdown.data import Aiding, Innovations, Solution, Trajectory
 from strapdown.diagnosis import evidence
+from strapdown.evaluation.fix_statistics import MEDIANS
 from strapdown.recording import Recording
 from strapdown.verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, Reason, Verdict
 
@@ -32,7 +33,14 @@ def made_up(nis_factor=1.0, seed=0, lasting=0.0, **meta):
         np.zeros((COUNT, 3)),
         np.zeros(COUNT, np.int8),
         Innovations(
-            t, np.zeros(COUNT, int), e, (e**2).sum(axis=1), np.ones(COUNT, bool), ("GNSS",), (16.3,)
+            t,
+            np.zeros(COUNT, int),
+            e,
+            (e**2).sum(axis=1),
+            np.ones(COUNT, bool),
+            ("GNSS",),
+            (16.3,),
+            whitened=e,
         ),
         meta={"start": {"t": 0.0}, "bias_sd": [0.02, 1e-4], "imu": "mems", **meta},
         recording=Recording(
@@ -56,7 +64,7 @@ def test_white_innovations_of_the_claimed_size_have_a_median_ratio_of_one():
 def test_medians_are_those_of_chi_square(rows):
     from scipy.stats import chi2
 
-    assert evidence.MEDIAN_CHI2[rows] == pytest.approx(chi2.median(rows), abs=1e-4)
+    assert MEDIANS[rows] == pytest.approx(chi2.median(rows), abs=1e-4)
 
 
 def test_right_statistics_give_no_reason():
@@ -90,6 +98,33 @@ def test_claims_five_times_too_large_are_doubtful_and_no_more():
     assert found.cause == "fix noise" and "5 times better" in found.seen
     assert Verdict.of([found]).word == DOUBTFUL
     assert not list(evidence.noise(source(made_up(0.1))))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_no_smaller_claim_is_advised_where_innovations_last(seed):
+    (found,) = evidence.noise(source(made_up(0.02, seed, lasting=0.9)))
+    assert found.cause == "lasting errors" and found.weight == 1
+    assert "divide" not in found.remedy and "keep its sd" in found.remedy
+
+
+@pytest.mark.parametrize(
+    "claimed, lasting, named", [(0.5, 0.9, 0), (0.1, 0.9, 1), (0.1, 0.0, 0), (0.5, 0.0, 0)]
+)
+def test_innovations_that_last_and_exceed_the_claim_are_named(claimed, lasting, named):
+    """Differences of 0.5 of the variance that the filter expects, of which its prediction brings
+    `claimed`: 0.45 of it lasts. The correlation of 1000 white ones comes to 0.3 once in 10^20."""
+    solution = made_up(0.5, lasting=lasting)
+    root = np.tile([1.0, 0, 1, 0, 0, 1], (COUNT, 1))
+    (aiding,) = solution.recording.aidings
+    stated = replace(aiding, t=solution.t, sd=np.full((COUNT, 3), np.sqrt(1 - claimed)))
+    solution = replace(
+        solution,
+        innovations=replace(solution.innovations, root=root),
+        recording=replace(solution.recording, aidings=(stated,)),
+    )
+    found = list(evidence.noise(source(solution)))
+    assert [reason.cause for reason in found] == ["lasting errors"] * named
+    assert all("receiver states" in reason.remedy for reason in found)
 
 
 def test_a_bad_part_of_a_run_is_named_with_its_times():

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import strapdown as sd
+from strapdown.cross_checks.heights import COLUMNS
 from strapdown.data import DOUBTFUL
+from strapdown.diagnosis import evidence
+from strapdown.geodesy import displaced
+from strapdown.io.facts import recording_facts
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.verdict import NOT_JUDGED, NOT_TO_BE_TRUSTED
 
@@ -53,6 +57,70 @@ def test_axes_turned_by_a_quarter_are_named(drive):
 def test_standard_deviations_five_times_too_small_are_doubted(drive):
     small = with_fixes(drive, lambda a: replace(a, sd=a.sd / 5), "position", "velocity")
     assert not sd.fuse(small).verdict.trusted
+
+
+def with_imu(recording, change):
+    """Samples whose rates and forces (n, 6) are `change` of them."""
+    imu = recording.imu
+    values = change(np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]) * imu.dt[:, None]
+    return replace(
+        recording, imu=imu._replace(dtheta=values[:, :3].copy(), dv=values[:, 3:].copy())
+    )
+
+
+INSPECTED = {  # problems that leave the innovations as they are, and one that does not
+    "height": lambda r: replace(r, meta={**r.meta, COLUMNS: {"hMSL": r.aidings[0].name}}),
+    "each sample twice": lambda r: with_imu(r, lambda x: x[np.arange(len(x)) // 2 * 2]),
+    "column": lambda r: with_imu(r, lambda x: x * [1, 1, 1, 1, 0, 1]),
+    "gyro bias": lambda r: with_imu(r, lambda x: x + np.radians([3.0, 0, 0, 0, 0, 0])),
+}
+
+
+@pytest.mark.parametrize("what", INSPECTED)
+def test_every_problem_of_inspect_is_a_reason(drive, what):
+    recording = INSPECTED[what](drive)
+    problems, verdict = recording_facts(recording).problems, sd.fuse(recording).verdict
+    assert problems and not verdict.trusted
+    for problem in problems:
+        assert any(reason.seen in problem for reason in verdict.reasons), (problem, str(verdict))
+
+
+def smoothed_fixes(scenario, interval, lasts, seed):
+    """A recording whose receiver smooths: errors of 2 m that last for so many s, with a stated
+    standard deviation of 15 m."""
+    right = sd.simulate(
+        scenario, duration=200.0, imu="industrial", seed=seed, gnss=Gnss(interval=interval)
+    )
+    rng, kept = np.random.default_rng(seed), np.exp(-interval / lasts)
+
+    def smoothed(a):
+        e = rng.normal(0, 2.0, a.y.shape)
+        for k in range(1, len(e)):
+            e[k] = kept * e[k - 1] + np.sqrt(1 - kept**2) * e[k]
+        truth = [np.interp(a.t, right.reference.t, column) for column in right.reference.lla.T]
+        y = displaced(np.stack(truth, axis=1), e * [1, 1, -1])
+        return replace(a, y=y, sd=np.full_like(a.y, 15.0), parameters=(0.0, 0.0, 0.0))
+
+    return with_fixes(right, smoothed, "position")
+
+
+@pytest.mark.parametrize(
+    "scenario, interval, lasts, seed",
+    [("car", 1.0, 30.0, 1), ("car", 0.2, 200.0, 2), ("demo", 1.0, 100.0, 3)],
+)
+def test_the_sd_of_a_receiver_that_smooths_is_not_to_be_divided(scenario, interval, lasts, seed):
+    """Neither advised nor, where it is done, trusted: most errors of the positions exceed three
+    claimed standard deviations then."""
+    stated = smoothed_fixes(scenario, interval, lasts, seed)
+    solution = sd.fuse(stated)
+    assert "lasting errors" in {reason.cause for reason in solution.verdict.reasons}
+    assert not any("divide" in reason.remedy for reason in solution.verdict.reasons)
+    times = np.sqrt(np.median(evidence.by_source(solution)[0].ratio))
+    divided = with_fixes(stated, lambda a: replace(a, sd=a.sd * times), "position")
+    solution = sd.fuse(divided)
+    errors = sd.errors(solution, divided.reference)
+    assert np.median((np.abs(errors.position) / errors.sd[:, :3]).max(axis=1)) > 3
+    assert not solution.verdict.trusted, str(solution.verdict)
 
 
 def test_held_fixes_are_never_trusted(drive):

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import draft as drafted, inspect
@@ -324,11 +325,12 @@ def test_jitter_is_one_line(drive, tmp_path):
 
 @pytest.mark.parametrize("name, wrong", [("hMSL", True), ("alt_amsl_m", True), ("h_ell", False)])
 def test_a_column_that_speaks_of_the_sea_level(build, name, wrong):
-    found = inspect(
-        build(
-            gnss=lambda f: f.rename(columns={"alt": name}),
-            toml=lambda s: s.replace('"alt"', f'"{name}"'),
-        )
+    path = build(
+        gnss=lambda f: f.rename(columns={"alt": name}),
+        toml=lambda s: s.replace('"alt"', f'"{name}"'),
     )
+    found = inspect(path)
     assert [reason.cause for reason in found.reasons] == ["height"] * wrong
     assert any("mean sea level" in problem for problem in found.problems) == wrong
+    verdict = sd.fuse(read(path), imu="consumer").verdict
+    assert any(reason in verdict.reasons for reason in found.reasons) == wrong, str(verdict)

@@ -1,6 +1,8 @@
 """Heights of two sources against each other: a constant difference is that of two zeros, such as
 the geoid (mean sea level) and the ellipsoid."""
 
+import re
+from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
@@ -18,11 +20,17 @@ LEAST_FIXES, SEVERAL = 10, 4.0
 """Fixes that are needed, and standard deviations of both from which a difference counts."""
 LEAST, GEOID = 5.0, 110.0
 """A difference counts from LEAST metres on; the geoid is up to GEOID off the ellipsoid."""
+COLUMNS = "height_columns"
+"""Key of the meta of a recording: {column of heights above the ellipsoid: source that takes it}."""
+SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
+"""Part of the name of a column of heights above mean sea level."""
 
 
 def check(subject: Subject) -> Checked:
-    """Each pair of sources that tell a height above the ellipsoid."""
+    """Each pair of sources that tell a height above the ellipsoid, and the name of its column."""
     found = Checked.nothing()
+    for column, name in subject.recording.meta.get(COLUMNS, {}).items():
+        found.reasons.extend(above_sea_level(name, column))
     sources = [(a, *_heights(a)) for a in subject.sources(*KINDS)]
     sources = [each for each in sources if len(each[1]) >= LEAST_FIXES]
     if len(sources) == 1:
@@ -40,6 +48,19 @@ def check(subject: Subject) -> Checked:
         claimed = float(np.hypot(np.median(sd), np.median(sd_other)))
         found.add(_compared(label(one), label(other), off, claimed))
     return found
+
+
+def above_sea_level(name: str, column: str) -> Iterator[Reason]:
+    """A Reason where the column of an ellipsoidal height is named as one above mean sea level."""
+    if SEA_LEVEL.search(column):
+        yield Reason(
+            "height",
+            f"its column {column!r} reads like a height above mean sea level; heights are above the "
+            f"WGS-84 ellipsoid, which is up to 110 m off",
+            'say so with geoid = "EGM96", or with the column of the undulation, geoid = { column, unit }; '
+            "or take the ellipsoidal height",
+            name,
+        )
 
 
 def _heights(aiding: Aiding) -> tuple[Array, Array, Array]:

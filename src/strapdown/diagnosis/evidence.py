@@ -13,13 +13,12 @@ import numpy as np
 from ..core.contract import ATT, BA, BG, DOUBTFUL
 from ..core.loop import BRIDGE
 from ..core.rotation import quaternion_to_euler
-from ..data import Rejected, Solution
-from ..typing import Array, Mask
+from ..data import Aiding, Innovations, Rejected, Solution
+from ..evaluation.fix_statistics import MEDIANS, correlation, lasts
+from ..typing import Array, Ints, Mask
 from ..vehicle import VEHICLES
 from ..verdict import GRAVE, Reason
 
-MEDIAN_CHI2 = {1: 0.4549, 2: 1.3863, 3: 2.3660}
-"""Median of chi-square by degrees of freedom: half of the NIS of a source are below it."""
 ENOUGH = 1000  # times at which course and heading are compared
 GATED = 20  # fixes of a source from which its statistics say something
 BIAS = 6.0  # estimated bias over what the description of the IMU allows
@@ -27,7 +26,11 @@ SURE = 3.0  # and over its own standard deviation
 NIS_HIGH, NIS_LOW = 2.0, 0.06  # median NIS of a source over its expectation
 NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, and in how many
 FEWEST_PARTS = 5
-LASTING = 0.5  # correlation of one innovation with the next
+EXCESS = {"position": 1.4, "velocity": 3.1}
+"""Variance of the innovations that lasts from fix to fix, over what the filter claims of its
+prediction: recorded receivers that state whole errors come to 0.85, the velocity of one to 2.8; those
+whose sd was divided until it is the scatter from fix to fix to 2.3 and 3.4 and more."""
+SURELY = 4.0  # standard deviations of a correlation that counts
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
 MOST_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
 LIFTED = 0.03  # share of the fixes for which the gate was lifted
@@ -52,6 +55,8 @@ class Fixes(NamedTuple):
     kind: str
     t: Array  # (m,) s
     innovation: Array  # (m, 3)
+    correlation: float  # of its whitened innovations one fix apart
+    predicted: float  # share of their variance that is the prediction's; NaN where it is not known
     ratio: Array  # (m,) NIS over its expected median; NaN where the filter does not gate
     accepted: Mask  # (m,)
     lifted: Mask  # (m,) used although their NIS was above the gate
@@ -61,7 +66,7 @@ def by_source(solution: Solution) -> list[Fixes]:
     """The Fixes of each source that measured something, in the order of the sources."""
     every = solution.innovations
     rows = np.isfinite(every.innovation).sum(axis=1)
-    expected = np.array([np.nan, *MEDIAN_CHI2.values()])[rows]
+    expected = np.array([np.nan, *MEDIANS.values()])[rows]
     found = []
     assert solution.recording is not None
     sources = zip(every.names, every.gates, solution.recording.aidings)
@@ -74,12 +79,29 @@ def by_source(solution: Solution) -> list[Fixes]:
                     aiding.kind,
                     every.t[own],
                     every.innovation[own],
+                    0.0 if every.whitened is None else correlation(every.whitened[own]),
+                    _predicted(every, own, aiding),
                     every.nis[own] / expected[own],
                     every.accepted[own],
                     every.accepted[own] & (every.nis[own] > gate),
                 )
             )
     return found
+
+
+def _predicted(every: Innovations, own: Ints, aiding: Aiding) -> float:
+    """Median share of the variance of the innovations in rows `own` that the prediction brings, by
+    the filter; NaN where it does not say, or the kind has no EXCESS."""
+    if every.root is None or aiding.kind not in EXCESS:
+        return np.nan
+    root, used = every.root[own], 1.0 if every.followed is None else every.followed[own]
+    variance = np.c_[
+        root[:, 0] ** 2, (root[:, 1:3] ** 2).sum(axis=1), (root[:, 3:] ** 2).sum(axis=1)
+    ]
+    row = np.minimum(np.searchsorted(aiding.t, every.t[own]), len(aiding.t) - 1)
+    share = 1 - (aiding.sd[row] * used) ** 2 / variance
+    known = [column[np.isfinite(column)] for column in share.T]
+    return float(np.mean([np.median(column) for column in known if len(column)] or [np.nan]))
 
 
 def stopped(solution: Solution) -> Iterator[Reason]:
@@ -155,7 +177,7 @@ def noise(source: Fixes) -> Iterator[Reason]:
     times = np.sqrt(ratio)
     if ratio > NIS_HIGH:
         yield Reason(
-            "lasting errors" if correlation(source) > LASTING else "fix noise",
+            "lasting errors" if lasts(source.correlation) else "fix noise",
             f"the fixes differ from the prediction {times:.2g} times as much as the standard "
             f"deviations say ({np.sqrt(NIS_HIGH):.2g} times at most)",
             DIAGNOSE + " give it a larger sd",
@@ -174,22 +196,53 @@ def noise(source: Fixes) -> Iterator[Reason]:
             worst / NIS_PART,
         )
     if ratio < NIS_LOW and source.kind in ("position", "velocity"):
-        yield Reason(
-            "fix noise",
-            f"the fixes agree with the prediction {1 / times:.0f} times better than the standard "
-            f"deviations say",
-            f"divide its sd by about {1 / times:.0f}; the result claims too little, and could be better",
+        yield _too_small(source, times)
+    elif ratio <= NIS_HIGH:
+        yield from _lasting(source, ratio)
+
+
+def _too_small(source: Fixes, times: float) -> Reason:
+    """The Reason of innovations that are `times` as large as their standard deviations say."""
+    seen = (
+        f"the fixes agree with the prediction {1 / times:.0f} times better than the standard "
+        f"deviations say"
+    )
+    if lasts(source.correlation):
+        return Reason(
+            "lasting errors",
+            f"{seen}, and their differences from it last ({source.correlation:.2f} correlated from fix "
+            f"to fix): the receiver smooths its fixes, or their errors last",
+            "keep its sd, a smaller one would claim what these fixes cannot; describe the errors that "
+            "last with `correlated`",
             source.name,
         )
+    return Reason(
+        "fix noise",
+        seen,
+        f"divide its sd by about {1 / times:.0f}; the result claims too little, and could be better",
+        source.name,
+    )
 
 
-def correlation(source: Fixes) -> float:
-    """Correlation of the innovations of neighbouring fixes, the mean over the components."""
-    e = source.innovation[:, np.isfinite(source.innovation).all(axis=0)]
-    power = (e * e).sum(axis=0)
-    if not e.size or not (power > 0).all():
-        return 0.0
-    return float(((e[1:] * e[:-1]).sum(axis=0) / power).mean())
+def _lasting(source: Fixes, ratio: float) -> Iterator[Reason]:
+    """Innovations that last and are larger than what the filter claims of its prediction: it takes
+    errors that last for noise that averages out."""
+    least = SURELY / np.sqrt(len(source.t))
+    if not lasts(source.correlation) or source.correlation < least or source.kind not in EXCESS:
+        return
+    excess = ratio * source.correlation / max(source.predicted, 1e-6)
+    most = EXCESS[source.kind]
+    if excess > most:
+        yield Reason(
+            "lasting errors",
+            f"its differences from the prediction last ({source.correlation:.2f} correlated from fix to "
+            f"fix) and are {np.sqrt(excess):.2g} times what the filter claims of its prediction "
+            f"({np.sqrt(most):.2g} times at most): it takes errors that last for noise",
+            "give it the sd of whole errors, as its receiver states it, or describe those that last "
+            "with `correlated`",
+            source.name,
+            excess / most,
+        )
 
 
 def _bad_parts(source: Fixes) -> tuple[float, float, float] | None:

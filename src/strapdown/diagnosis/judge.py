@@ -1,5 +1,5 @@
-"""The Verdict of a Solution, from the statistics of its run, its positions against its velocities
-and the sensitivity of its innovations to the installation."""
+"""The Verdict of a Solution, from the statistics of its run, the problems that `inspect` finds in its
+recording and the sensitivity of its innovations to the installation."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -7,11 +7,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..cross_checks import position_velocity
 from ..cross_checks.all import check
-from ..cross_checks.motion import Subject
-from ..cross_checks.repeats import repeated
 from ..data import Solution
+from ..io.facts import own_reasons
 from ..plugins import one_line
 from ..verdict import NOT_JUDGED, Reason, Verdict
 from . import evidence, screening
@@ -48,21 +46,18 @@ def judge(solution: Solution) -> Verdict:
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
         causes += looked
         untested += unknown if evidence.moves(solution) else []
-    causes += attempt("repeated fixes", lambda: list(repeated(recording))) or []
-    # what compares the parts of the recording takes longer: all of it only where there is doubt, or
-    # where the filter's own gates tell nothing
-    doubt = any(reason.weight >= 1.0 for reason in (*causes, *symptoms))
-    gated = all(np.isfinite(source.ratio).all() for source in sources)
-    checked = attempt(
-        "the parts of the recording",
-        lambda: (
-            check(recording) if doubt or not gated else position_velocity.check(Subject(recording))
-        ),
-    )
-    if not sources and not symptoms and not (checked and checked.reasons):
+    inspected = attempt("the recording", _inspected, solution) or []
+    if not sources and not symptoms and not inspected:
         return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
-    verdict = Verdict.of(_once(checked.reasons if checked else [], causes), untested, symptoms)
+    verdict = Verdict.of(_once(inspected, causes), untested, symptoms)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
+
+
+def _inspected(solution: Solution) -> list[Reason]:
+    """A Reason for each problem that `inspect` finds in what the filter used."""
+    recording, (_, gyro) = solution.recording, solution.meta.get("bias_sd") or (0.0, 0.0)
+    assert recording is not None
+    return [*check(recording).reasons, *own_reasons(recording, gyro)]
 
 
 def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:

@@ -1,7 +1,7 @@
 """What can be said of samples and fixes, in lines for people: rates, gaps, what the sensors read at
 rest, how fixes and gyro agree."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..recording import Recording
 from ..sensor_models.imu import grade
 from ..time_scales import span, utc
 from ..typing import Array, Ints, Mask
+from ..verdict import Reason
 from .contract import Findings
 from .magnetic_record import facts_and_problems as of_field
 
@@ -30,15 +31,26 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     imu, reference = recording.imu, recording.reference
     unusual = doubts(imu, gyro_bias_sd(recording.meta))
     found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
-    found.add(imu_facts(imu), [f"imu: {text}" for text in unusual])
+    found.add(imu_facts(imu), [f"imu: {text}" for _, text in unusual])
     found.add(temperature_facts(recording.meta))
     found.add(*aiding_facts(imu, recording.aidings, recording.meta))
     for aiding in recording.aidings:
-        if find(aiding.kind).parameters == "field":
-            found.add(*of_field(aiding, imu))
+        facts, problems = _of_magnetometer(imu, aiding)
+        found.add(facts, [text for _, text in problems])
     found.add([*more, *([f"reference: {reference!r}"] if reference is not None else [])])
     found.add(f"note: {note}" for note in recording.meta.get("notes", []))
     return found
+
+
+def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
+    """A Reason for each problem of a sensor by itself or beside the IMU; those that `cross_checks`
+    finds are not among them. `gyro_bias_sd` (rad/s) is what the description of the IMU allows."""
+    imu = recording.imu
+    for cause, text in doubts(imu, gyro_bias_sd):
+        yield Reason.told(cause, text)
+    for aiding in recording.aidings:
+        for cause, text in (*_of_fixes(imu, aiding)[1], *_of_magnetometer(imu, aiding)[1]):
+            yield Reason.told(cause, text, aiding.name or aiding.kind)
 
 
 def gyro_bias_sd(meta: Mapping[str, Any]) -> float:
@@ -145,22 +157,30 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: Mapping[str, Any]) -
     found, aidings = Findings.of(), list(aidings)
     for aiding in aidings:
         found.add([_span(imu, aiding)])
-        if find(aiding.kind).recorded:
-            found.add(problems=overlap_notes(imu, aiding))
     for aiding in aidings:
-        if aiding.kind == "attitude":
-            found.add(*of_attitude(aiding, imu))
-        if (
-            aiding.kind == "position"
-            and len(aiding.t)
-            and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03
-        ):
-            found.problems.append(
-                f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or "
-                f"is a scale wrong?"
-            )
+        facts, problems = _of_fixes(imu, aiding)
+        found.add(facts, [text for _, text in problems])
     found.take(*check(Recording(imu, tuple(aidings), None, dict(meta))))
     return found
+
+
+def _of_fixes(imu: Imu, aiding: Aiding) -> tuple[list[str], list[tuple[str, str]]]:
+    """Facts and [(cause, text)] of fixes beside the samples of the IMU."""
+    facts, problems = of_attitude(aiding, imu) if aiding.kind == "attitude" else ([], [])
+    if find(aiding.kind).recorded:
+        problems = [*(("clock", text) for text in overlap_notes(imu, aiding)), *problems]
+    if aiding.kind == "position" and len(aiding.t) and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03:
+        text = (
+            f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or "
+            f"is a scale wrong?"
+        )
+        problems.append(("unit", text))
+    return facts, problems
+
+
+def _of_magnetometer(imu: Imu, aiding: Aiding) -> tuple[list[str], list[tuple[str, str]]]:
+    """The same of a magnetometer that knows the Earth's field."""
+    return of_field(aiding, imu) if find(aiding.kind).parameters == "field" else ([], [])
 
 
 def _span(imu: Imu, aiding: Aiding) -> str:

@@ -133,8 +133,11 @@ def vertical(t: Array, imu: Imu) -> tuple[Array, Mask]:
     return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
 
 
-def strength_notes(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool) -> list[str]:
-    """Notes on a strength (T) that varies, or that is not that of `field` (3,) T; None: unknown."""
+def _strength(
+    aiding: Aiding, field: ArrayLike | None, is_calibrated: bool
+) -> list[tuple[str, str]]:
+    """[(cause, text)] of a strength (T) that varies, or that is not that of `field` (3,) T; None:
+    unknown."""
     if len(aiding.t) < 10:
         return []
     low, median, high = (
@@ -146,17 +149,19 @@ def strength_notes(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool)
         else "calibrate it (`strapdown calibrate`) and name the result as calibration"
     )
     if not median > 0 or (high - low) / median > VARIATION:
-        return [
+        text = (
             f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where "
             f"the Earth's field does not: {remedy}"
-        ]
+        )
+        return [("calibration", text)]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
-        return [
+        text = (
             f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's "
             f"field {total * 1e6:.3g} uT: "
             f"check the unit, or {remedy}"
-        ]
+        )
+        return [("calibration", text)]
     return []
 
 
@@ -166,20 +171,22 @@ def facts_and_problems(
     matrix: Array = AS_THE_BODY,
     known: bool = True,
     is_calibrated: bool = True,
-) -> tuple[list[str], list[str]]:
-    """(facts, problems) of a magnetometer that was read: its dip over quiet samples, a strength
-    that is wrong, axes that fit clearly better.
+) -> tuple[list[str], list[tuple[str, str]]]:
+    """([text], [(cause of verdict.py, text)]) of a magnetometer that was read: its dip over quiet
+    samples, a strength that is wrong, axes that fit clearly better.
 
     matrix: from its columns to the body; known: whether the parameters are the Earth's field, not
     that of the record itself.
     """
     facts, problems = _axes(aiding, imu, matrix, known)
-    return facts, strength_notes(
+    return facts, _strength(
         aiding, aiding.parameters if known else None, is_calibrated
     ) or problems  # uncalibrated, the dip says little
 
 
-def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[str], list[str]]:
+def _axes(
+    aiding: Aiding, imu: Imu, matrix: Array, known: bool
+) -> tuple[list[str], list[tuple[str, str]]]:
     down, quiet = vertical(aiding.t, imu)
     rows = np.flatnonzero(quiet & np.isfinite(aiding.y).all(axis=1))
     if len(rows) < 50:
@@ -228,7 +235,8 @@ def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[st
         if np.linalg.det(other) > 0
         else "they are left-handed, so one column has the wrong sign: put it right in the table"
     )
-    return facts, [
+    text = (
         f"{aiding.name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
         f"with {named_permutation(other)!r} by {np.degrees(best):.0f}: {remedy}"
-    ]
+    )
+    return facts, [("frame", text)]

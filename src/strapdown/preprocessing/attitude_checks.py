@@ -162,9 +162,9 @@ def _gyro_path(imu: Imu) -> "Slerp":
     return Slerp(imu.t, running_products(Rotation.from_rotvec(without_bias(imu))))
 
 
-def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
-    """([text], [text]) on an attitude beside an IMU: how well it turns as the gyro does, what is
-    probably wrong with unit, axes or clock."""
+def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[str, str]]]:
+    """([text], [(cause of verdict.py, text)]) on an attitude beside an IMU: how well it turns as the
+    gyro does, what is probably wrong with unit, axes or clock."""
     facts, problems = _level(aiding, imu)
     fit = turns(aiding.t, aiding.y, imu)
     recorded, gyro = fit()
@@ -182,20 +182,22 @@ def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
             if 0.5 < np.degrees(factor) < 2
             else "a wrong unit or scale, or other columns"
         )
-        return facts, [
-            f"{aiding.name} unit: it turns {factor:.3g} times as much as the gyro: {likely}?",
-            *problems,
-        ]
+        text = (
+            f"{aiding.name} unit: it turns {factor:.3g} times as much as the gyro: {likely}: "
+            "check its unit and columns"
+        )
+        return facts, [("unit", text), *problems]
     shifts = (
         np.arange(-LONGEST_SHIFT, LONGEST_SHIFT + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
     )
     others = np.array([_likeness(*fit(shift)) for shift in shifts])
     best = int(np.argmax(others))
     if others[best] > 0.9 and 1 - others[best] < 0.5 * (1 - now) and abs(shifts[best]) > 0.2:
-        problems.append(
+        text = (
             f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, "
             f"or {shifts[best]:+.2f} s to that of the IMU: check `offset`"
         )
+        problems.append(("clock", text))
     elif now < 0.7:
         fits = [
             (_likeness(recorded, gyro @ other.T), np.linalg.det(other), other)
@@ -203,11 +205,12 @@ def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
         ]
         likeness, _, other = max(fits, key=lambda each: (round(each[0], 2), each[1]))
         if likeness > 0.9:
-            problems.append(
+            text = (
                 f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} "
                 f"would: "
                 "check axes, order and signs of its columns against those of the IMU"
             )
+            problems.append(("frame", text))
     return facts, problems
 
 
@@ -217,7 +220,7 @@ def _likeness(recorded: Array, gyro: Array) -> float:
     return float((recorded * gyro).sum() / size) if size > 0 else 0.0
 
 
-def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
+def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[str, str]]]:
     """Facts and problems from the vertical at rest: that of the attitude against that of the
     accelerometer."""
     rest = at_rest(imu)
@@ -235,13 +238,9 @@ def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[str]]:
     force = imu.dv[row[still]]
     cosine = -(down * force).sum(axis=1) / np.linalg.norm(force, axis=1)
     off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
-    return [
-        f"at rest the vertical of {aiding.name} is {off:.1f} deg from that of the accelerometer"
-    ], (
-        [
-            f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: "
-            "check axes, order and signs of its columns, and mounting"
-        ]
-        if off > 10
-        else []
+    fact = f"at rest the vertical of {aiding.name} is {off:.1f} deg from that of the accelerometer"
+    text = (
+        f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: "
+        "check axes, order and signs of its columns, and mounting"
     )
+    return [fact], [("frame", text)] if off > 10 else []

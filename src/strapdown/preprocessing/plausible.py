@@ -152,25 +152,28 @@ USUAL_GYRO_BIAS = np.radians(2.5)
 """rad/s that gyros without a description may read at rest."""
 
 
-def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[str]:
-    """[text] of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s) is what the description
-    of the IMU allows, 0 where there is none."""
+def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[tuple[str, str]]:
+    """[(cause of verdict.py, text)] of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s)
+    is what the description of the IMU allows, 0 where there is none."""
     rate, force = half_seconds(imu)
     found = []
     median = np.median(force, axis=0)
     largest = int(np.argmax(np.abs(median)))
     if largest != 2 and abs(median[largest]) > 0.7 * np.linalg.norm(median):
-        found.append(
+        text = (
             f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on "
             f"z: check axes or mounting"
         )
+        found.append(("axes", text))
     bias = rate_at_rest(imu)
     most = max(USUAL_GYRO_BIAS, 5 * gyro_bias_sd)
     if bias is not None and np.abs(bias).max() > most:
-        found.append(
+        text = (
             f"the gyro reads [{' '.join(f'{b:.2f}' for b in np.degrees(bias))}] deg/s at rest: a "
-            f"large turn-on bias, or a wrong unit or scale"
+            f"large turn-on bias, or a wrong unit or scale: check `gyro.unit` and `gyro.scale`, or "
+            f"describe an IMU with such a bias"
         )
+        found.append(("gyro", text))
     for name, columns in (("gyro", imu.dtheta), ("accel", imu.dv)):
         still = [
             axis
@@ -178,5 +181,6 @@ def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[str]:
             if np.ptp(column) < 1e-9 * max(1.0, np.abs(column).max())
         ]
         if still and len(imu.t) > 10:
-            found.append(f"{name} {', '.join(still)} never changes: check its column")
+            text = f"{name} {', '.join(still)} never changes: check its column"
+            found.append(("repeated", text))
     return found

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..data import Solution
+from ..evaluation.fix_statistics import lasts
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, File
@@ -24,8 +25,6 @@ or its innovations are correlated for reasons that the model lacks, so that a sm
 mean nothing, and the given one stays."""
 IMU = "imu"
 """What names the IMU where a source could stand."""
-UNEXPLAINED = 0.3
-"""Correlation of whitened innovations one fix apart above which noise factors mean nothing."""
 MEANINGS = {
     "gyro noise": "white noise of the turn rate",
     "accel noise": "white noise of the specific force",
@@ -139,7 +138,7 @@ class Fit(NamedTuple):
     @property
     def unexplained(self) -> bool:
         """Whether its innovations stay correlated for reasons that the model lacks."""
-        return abs(self.correlation[1]) > UNEXPLAINED
+        return lasts(self.correlation[1])
 
     def __str__(self) -> str:
         nis, correlation, rejected = self.nis, self.correlation, self.rejected

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..data import Solution
+from ..evaluation.fix_statistics import counts
 from ..typing import Array
 from .findings import AT_LEAST, AT_MOST, IMU, KEPT, OPEN, TUNED, Direction, Fit, Parameter
-from .fix_statistics import counts
 from .scoring import CHI_SQUARE, Profile, Top, climb
 from .search import Search
 from .unknowns import Unknown

@@ -11,12 +11,12 @@ from ..core.contract import Filter, Start
 from ..data import Aiding, Solution
 from ..engine.batch import begin, fuse
 from ..engine.prepare import Asked, Run
+from ..evaluation.fix_statistics import correlation, counts, lasts
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
 from .counted import passed, rough, used
-from .findings import IMU, UNEXPLAINED
-from .fix_statistics import correlation, counts
+from .findings import IMU
 from .lasting import with_lasting
 from .likelihood import Likelihood
 from .part import check_length, part, smoothed_start
@@ -169,7 +169,7 @@ class Search:
             a = self.likelihood.aidings[s]
             _, used, _ = counts(solution.innovations, a.name or a.kind, *self.seconds)
             counted = correlation(self.top.point.seen.whitened[self._of(s)])
-            if max(abs(counted), abs(np.nan_to_num(used))) > UNEXPLAINED:
+            if lasts(counted) or lasts(used):
                 found.add(s)
         return found
 

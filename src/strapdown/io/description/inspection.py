@@ -1,15 +1,14 @@
 """What a `recording.toml` describes, part by part, in lines for people: where one part cannot be
 read, the others still are."""
 
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...core.contract import Imu
+from ...cross_checks.heights import above_sea_level
 from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, doubts, mistakes
-from ...verdict import Reason
 from ..contract import Findings
 from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts, temperature_facts
 from ..locate import locate
@@ -19,6 +18,7 @@ from .complaints import complaints, parse
 from .fix_columns import Whereabouts
 from .logs import Take, join, opened
 from .read import (
+    height_column,
     in_order,
     level_notes,
     read_aiding,
@@ -27,12 +27,9 @@ from .read import (
     read_meta,
     read_reference,
 )
-from .schema import Description, Vector
+from .schema import Description
 from .schema_aiding import AidingPart
 from .source_files import Files
-
-SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
-"""What is in the name of a column of heights above mean sea level."""
 
 
 def inspect_description(path: Path) -> Findings:
@@ -84,10 +81,10 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     meta |= found.attempt(kept_temperatures, description.imu, files) or {}
     unusual = doubts(imu, gyro_bias_sd(meta))
     if no_gravity:  # without it, its direction says nothing
-        unusual = [line for line in unusual if not line.startswith("specific force")]
+        unusual = [each for each in unusual if each[0] != "axes"]
     if any(NO_GRAVITY in line for line in found.problems):  # which name the columns
         wrong = [line for line in wrong if NO_GRAVITY not in line]
-    wrong += unusual
+    wrong += [text for _, text in unusual]
     found.add(clock_facts(imu, meta.get("epoch")))
     found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
     found.add(temperature_facts(meta))
@@ -101,13 +98,12 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
             aidings.append(read[0])
             parts.append((part, number))
             notes += read[1]
-            if part.sensor.name in ("position", "altitude"):
-                found.take([], _above_sea_level(part, read[0].name), [])
     notes += level_notes(aidings, meta)
     notes += _magnetometers(path, parts, aidings, imu, meta, found)
     if description.reference is not None:
         if description.reference.position is not None:
-            found.take([], _above_sea_level(description.reference.position, "reference"), [])
+            column = height_column(description.reference.position)
+            found.take([], above_sea_level("reference", column), [])
         whereabouts = Whereabouts(aidings, place)
         reference, more = found.attempt(
             read_reference, description.reference, imu, files, whereabouts
@@ -118,20 +114,6 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     # against what is no specific force fixes tell nothing
     found.add(*(of_fixes[:1] if no_gravity else of_fixes))
     return [*files.notes, *notes]
-
-
-def _above_sea_level(part: AidingPart | Vector, name: str) -> Iterator[Reason]:
-    """A Reason where the column of an ellipsoidal height is named as one above mean sea level."""
-    column = (part.columns or [""])[-1] if part.geoid is None else ""
-    if isinstance(column, str) and SEA_LEVEL.search(column):
-        yield Reason(
-            "height",
-            f"its column {column!r} reads like a height above mean sea level; heights are above the "
-            f"WGS-84 ellipsoid, which is up to 110 m off",
-            'say so with geoid = "EGM96", or with the column of the undulation, geoid = { column, unit }; '
-            "or take the ellipsoidal height",
-            name,
-        )
 
 
 def _magnetometers(
@@ -151,13 +133,14 @@ def _magnetometers(
         ) or (None, [])
         if with_field is not None and part.sensor.parameters == "field":
             aidings[k] = with_field
-            facts, wrong = facts_and_problems(
+            facts, problems = facts_and_problems(
                 with_field,
                 imu,
                 part.vector_matrix,
                 part.field != "record",
                 part.calibration is not None,
             )
+            wrong = [text for _, text in problems]
             found.add(facts, (f"{path}: [[aiding]] {number} {text}" for text in wrong))
             more = [note for note in more if note not in wrong]
         notes += more

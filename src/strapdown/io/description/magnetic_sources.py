@@ -52,9 +52,10 @@ def with_field(
     known = part.field != "record"
     _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH_FIELD)
     aiding = replace(aiding, parameters=tuple(map(float, field)))
-    return aiding, notes + facts_and_problems(
+    _, wrong = facts_and_problems(
         aiding, imu, part.vector_matrix, known, part.calibration is not None
-    )[1]
+    )
+    return aiding, notes + [text for _, text in wrong]
 
 
 def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:

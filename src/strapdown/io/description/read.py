@@ -11,6 +11,7 @@ import numpy as np
 from ...alignment.location import place_of
 from ...checks import DataError, located
 from ...core.contract import Imu
+from ...cross_checks.heights import COLUMNS
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
@@ -35,7 +36,7 @@ from .fix_columns import Whereabouts, read_fixes
 from .installed import INSTALLED, installed
 from .magnetic_sources import calibrated, with_field
 from .reference_columns import read_columns
-from .schema import Description, ImuPart, ReferencePart
+from .schema import Description, ImuPart, ReferencePart, Vector
 from .schema_aiding import AidingPart
 from .schema_base import Signal
 from .source_files import Files
@@ -127,12 +128,27 @@ def read_meta(description: Description, files: Files, first: float) -> dict[str,
         "grade": grade,
         "vehicle": description.vehicle,
         "estimate": description.imu.estimate or None,
+        COLUMNS: _height_columns(description.aiding) or None,
     }
     found = {key: value for key, value in found.items() if value is not None}
     mounting = description.imu.mounting
     if mounting is not None:
         found["imu_mounting"] = mounting.angles
     return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
+
+
+def _height_columns(parts: Iterable[AidingPart]) -> dict[str, str]:
+    """{column of heights above the ellipsoid: source that takes it}."""
+    of_heights = [part for part in parts if part.sensor.name in ("position", "altitude")]
+    return {
+        column: part.name or part.kind for part in of_heights if (column := height_column(part))
+    }
+
+
+def height_column(part: AidingPart | Vector) -> str:
+    """The column of a height above the ellipsoid; "" where it has no name or is above the geoid."""
+    column = (part.columns or [""])[-1] if part.geoid is None else ""
+    return column if isinstance(column, str) else ""
 
 
 def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:

@@ -39,3 +39,4 @@ class RecordingMeta(Said):
     point: Name = "imu"
     estimate: dict[Name, list[Deviation]] | None = None
     sensors: dict[str, Any] = {}
+    height_columns: dict[Name, Name] = {}

@@ -1,7 +1,8 @@
-"""What the fixes of a source say of how well their noise fits."""
+"""The fixes of a source against the noise that is stated of them."""
 
 import numpy as np
 
+from ..core.followed_noise import LASTING as UNEXPLAINED
 from ..data import Innovations
 from ..typing import Array, Mask
 
@@ -9,6 +10,12 @@ CLIPPED = 4.0
 """Standard deviations that count of a whitened innovation where their correlation is taken."""
 MEDIANS = {1: 0.4549, 2: 1.3863, 3: 2.3660}
 """Of chi-square, by its degrees of freedom."""
+
+
+def lasts(correlation: float) -> bool:
+    """True where innovations one fix apart are correlated for reasons that the model lacks, so that
+    their size says nothing of the noise: no smaller standard deviation follows from it."""
+    return abs(correlation) > UNEXPLAINED
 
 
 def counts(i: Innovations, name: str, first: float, last: float) -> tuple[float, float, float]:
