@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+GUESSED_AXES = "guessed_axes"
+"""Key of `Recording.meta`: the axes of the IMU where somebody guessed them and nobody confirmed them."""
+
+
 @dataclass(frozen=True)
 class Recording:
     """IMU samples, sources of fixes and, where there is one, a reference to score against."""

@@ -30,6 +30,11 @@ class Vehicle:
         that its course is no heading, and its accelerometer does not feel a tilt."""
         return self.name == "multicopter"
 
+    @property
+    def points_ahead(self) -> bool:
+        """Whether its forward axis points where it goes; what a person carries lies anyhow."""
+        return not self.by_thrust and self.name != "pedestrian"
+
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name):
             raise DataError(f"vehicle name is {self.name!r}; it must be text, such as 'rover'")

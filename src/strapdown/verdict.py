@@ -166,7 +166,12 @@ def together(verdicts: Mapping[str, Verdict]) -> list[tuple[list[str], Verdict]]
 
 def _merged(verdicts: list[Verdict]) -> Verdict:
     heaviest: dict[tuple[str, str], Reason] = {}
-    for reason in (reason for verdict in verdicts for reason in verdict.reasons):
+    # of one result the first of a cause, since causes stand before symptoms
+    firsts = (
+        {(each.cause, each.source): each for each in reversed(verdict.reasons)}
+        for verdict in verdicts
+    )
+    for reason in (each for first in firsts for each in reversed(first.values())):
         known = heaviest.setdefault((reason.cause, reason.source), reason)
         if reason.weight > known.weight:
             heaviest[reason.cause, reason.source] = reason

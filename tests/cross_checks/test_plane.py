@@ -1,11 +1,14 @@
 """The mounting in the plane: any angle is found, and what the remedy says puts it right."""
 
 import re
+from dataclasses import replace
 
 import bent
 import numpy as np
 import pytest
+from walking import RTK, robot
 
+import strapdown as sd
 from strapdown.cross_checks.motion import Subject
 from strapdown.cross_checks.plane import check
 from strapdown.preprocessing.axes import BODY_AXES, axes_matrix
@@ -61,3 +64,34 @@ def test_mirrored_axes_are_named(request, name, matrix, words):
 def test_without_motion_it_is_inconclusive(drive):
     found = check(Subject(drive.between(0.0, 19.0)))
     assert found.reasons == [] and "too few fixes" in found.inconclusive[0]
+
+
+WALKING = {
+    "positions of 5 cm": RTK,
+    "positions of 5 cm once a second": RTK._replace(interval=1.0),
+    "velocities of 10 cm/s": RTK._replace(position_sd=1.5, velocity_sd=0.1),
+}
+
+
+@pytest.mark.parametrize("seed", [4001, 4002])
+@pytest.mark.parametrize("name", WALKING)
+def test_walking_speed_tells_the_axes(seed, name):
+    """A robot that is never faster than 1.5 m/s."""
+    right = robot(seed, WALKING[name], 1.5)
+    assert np.hypot(*right.reference.v_n[:, :2].T).max() < 1.6
+    found = check(Subject(right))
+    assert found.reasons == [] and found.facts
+    for degrees in (90, 180, 270):
+        reason = reason_of(bent.imu(right, bent.turned(degrees)))
+        assert reason.cause == "axes" and f"turned by {degrees} deg" in reason.seen
+    assert reason_of(bent.imu(right, np.diag([1, -1, 1]))).cause == "axes"
+
+
+@pytest.mark.parametrize("seed", range(4003, 4007))
+def test_a_hand_at_walking_speed_has_no_axes(seed):
+    """What is carried turns as it likes; a person may also hold it askew."""
+    held = sd.simulate("hand-held", 60.0, seed=seed, gnss=RTK)
+    assert check(Subject(held)).reasons == []
+    walk = bent.imu(robot(seed), bent.turned(90))
+    walk = replace(walk, meta={**walk.meta, "vehicle": "pedestrian"})
+    assert check(Subject(walk)).reasons == []

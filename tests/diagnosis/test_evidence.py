@@ -205,6 +205,29 @@ def test_a_course_beside_the_heading_is_axes_or_mounting(turned, cause, seen):
     assert found.cause == cause and seen in found.seen
 
 
+@pytest.mark.parametrize(
+    ("speed", "speed_sd", "heading_sd", "degrees", "named"),
+    [
+        (1.0, 0.03, 0.02, 90, True),  # walking speed, known to 3 cm/s
+        (1.0, 0.03, 0.02, 40, False),  # a side wind or a current of 0.8 m/s
+        (1.0, 0.3, 0.02, 90, False),  # no faster than the noise
+        (1.0, 0.03, 0.6, 90, False),  # a heading that is not known either
+        (0.4, 0.01, 0.02, 90, False),  # hardly moves
+    ],
+)
+def test_a_course_at_walking_speed(speed, speed_sd, heading_sd, degrees, named):
+    solution = made_up()
+    half, sd = np.radians(degrees) / 2, np.full((COUNT, 15), 0.01)
+    sd[:, 3:6], sd[:, 8] = speed_sd, heading_sd
+    made = replace(
+        solution.trajectory,
+        v_n=np.tile([speed, 0.0, 0.0], (COUNT, 1)),
+        q_nb=np.tile([np.cos(half), 0.0, 0.0, np.sin(half)], (COUNT, 1)),
+        sd=sd,
+    )
+    assert bool(list(evidence.course(replace(solution, trajectory=made), solution.t))) == named
+
+
 def test_missing_samples_are_a_reason_and_end_what_the_course_says():
     solution = made_up()
     imu = solution.recording.imu

@@ -172,7 +172,7 @@ def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
             frame(
                 1, ["wx_rad_s", "wy_rad_s", "wz_rad_s"], ["fx_m_s2", "fy_m_s2", "fz_m_s2"], "t_s"
             ),
-            ['unit = "rad/s"', 'axes = "FRD"', 'unit = "m/s^2"'],
+            ['unit = "rad/s"', 'axes = "FRD?"', 'unit = "m/s^2"'],
         ),
         (
             frame(
@@ -187,7 +187,7 @@ def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
             frame(
                 -1000 / 9.80665, ["GyrX", "GyrY", "GyrZ"], ["AccX", "AccY", "AccZ"], rate=57.2958
             ),
-            ['axes = "FLU"', 'unit = "mg"', 'unit = "deg/s" } # check'],
+            ['axes = "FLU?"', 'unit = "mg"', 'unit = "deg/s" } # check'],
         ),
         (
             frame(4096 / 9.80665, ["imu_gx", "imu_gy", "imu_gz"], ["imu_ax", "imu_ay", "imu_az"]),
@@ -195,7 +195,7 @@ def frame(accel, gyro_names, accel_names, time="time", rate=1.0):
         ),
         (
             frame([1, 1, 1], ["gx", "gy", "gz"], ["az", "ax", "ay"]),
-            ['axes = "+x -z +y"', "gravity lies on y"],
+            ['axes = "+x -z +y?"', "gravity lies on y"],
         ),
     ],
 )

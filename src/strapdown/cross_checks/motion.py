@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 STEP = 0.05
 """Seconds between the instants at which the IMU's integrals are kept."""
 LEAST_FIXES = 30
+FAST, SLOWEST, SURE = 3.0, 0.3, 5.0
+"""m/s from which a course is known at any standard deviation of the velocity, and below which none
+is: a receiver at rest and a lever arm that swings make so much. Between them the speed must be so many
+standard deviations: the course is then known to 11 deg."""
 PAUSE_INTERVALS = 3
 """A pause of the fixes of more than so many intervals is not bridged."""
 
@@ -60,6 +64,18 @@ class Moved(NamedTuple):
     v: Array  # (n, 3) m/s NED; a vertical part that is not measured is 0
     interval: float  # s, the median one
     arm: Array  # (3,) m, body, from the IMU to the antenna
+    sd: float  # m/s, the median claimed one of a horizontal component
+    span: float  # s over which each is a mean: 0 of a velocity
+
+    @property
+    def fast(self) -> float:
+        """Speed in m/s from which its course is known."""
+        return float(np.clip(SURE * self.sd, SLOWEST, FAST))
+
+    def acceleration_noise(self, half: float) -> float:
+        """Variance (m^2/s^4) that the claimed noise gives a component of the acceleration over +-
+        `half` s; two means of velocity share the position between them."""
+        return (3 if self.span else 2) * (self.sd / (2 * half)) ** 2
 
     def at(self, t: Array) -> Array:
         """(k, 3) velocities at times `t`, straight between the fixes; NaN outside and in pauses."""
@@ -79,9 +95,12 @@ def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
     t, y = t[use], np.where(np.isfinite(y[use]), y[use], 0.0)
     if len(t) < LEAST_FIXES:
         return None
-    interval = float(np.median(np.diff(t)))
+    interval, span = float(np.median(np.diff(t))), 0.0
+    sd = float(np.median(np.broadcast_to(aiding.sd, aiding.y.shape)[:, :2]))
     if aiding.kind == "position":
         step = max(1, round(least / interval))
+        span = step * interval
+        sd *= np.sqrt(2) / span
         seconds = t[step:] - t[:-step]
         v = displacement(y[step:], y[:-step]) / seconds[:, None]
         whole = seconds < (step + PAUSE_INTERVALS) * interval + 0.1
@@ -89,7 +108,7 @@ def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
         if len(t) < LEAST_FIXES:
             return None
     arm = np.array(aiding.parameters[:3], float) if len(aiding.parameters) >= 3 else np.zeros(3)
-    return Moved(label(aiding), t, y, interval, arm)
+    return Moved(label(aiding), t, y, interval, arm, sd, span)
 
 
 class Felt(NamedTuple):
@@ -156,7 +175,7 @@ def _summed(increments: Array, t: Array, grid: Array) -> Array:
     return np.stack([np.interp(grid, t, column) for column in total.T], axis=1)
 
 
-def course_rate(fixes: Moved, half: float, fast: float = 3.0) -> Array:
+def course_rate(fixes: Moved, half: float, fast: float = FAST) -> Array:
     """(n,) rad/s: the rate of the course over ground at the fixes, over +- `half` s; NaN where
     the speed is below `fast` (m/s)."""
     first, last = fixes.at(fixes.t - half), fixes.at(fixes.t + half)

@@ -8,11 +8,15 @@ taken away from those of the fixes too. The same is tried with the y axis of the
 left-handed set then fits, since gyros and accelerometers of one turn against each other.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..data import Aiding
 from ..geodesy import wrap
+from ..preprocessing.axes import BODY_AXES, axes_matrix, named_permutation
+from ..recording import GUESSED_AXES
 from ..typing import Array
 from ..vehicle import find as find_vehicle
 from ..verdict import Reason
@@ -21,17 +25,18 @@ from .motion import Felt, Moved, Subject, moved
 
 HALF, LEVELLED = 0.5, 10.0
 """Half the window of an acceleration, and of the mean that is level, s."""
-FAST = 3.0
-"""Speed from which the vehicle points where it goes, m/s."""
 LEAST_FIXES, BLOCKS = 30, 10
-CLEAR, EVIDENCE = 0.6, 10.0
-"""Correlation from which the force is that of the accelerations, and what is asked of the logarithm
+CLEAR, NOISIEST, EVIDENCE = 0.6, 0.8, 10.0
+"""Correlation, freed of the claimed noise of the fixes up to a share of it, from which the force is that of the accelerations, and what is asked of the logarithm
 of the likelihood of a left-handed set over that of the axes as they are."""
 SURE, LEAST = 5.0, np.radians(20.0)
 """An angle is a reason from so many standard deviations and rad on: wind and current set a course
 off the heading by up to that."""
 RIGHT_ANGLE = np.radians(20.0)
 """What is this near to 90, 180 or 270 deg is called so."""
+MOUNTING = "mounting of the IMU about the vertical"
+TURNS = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
+"""Axes of what is turned by so many deg, in terms of the right ones, forward-right-down."""
 
 
 class Fit(NamedTuple):
@@ -41,6 +46,14 @@ class Fit(NamedTuple):
     sd: float  # rad
     correlation: float
     independent: float  # how many accelerations count
+    noise: float = (
+        0.0  # share of the squared accelerations that the claimed noise of the fixes makes
+    )
+
+    @property
+    def agreement(self) -> float:
+        """The correlation that it would have without that noise (Spearman's attenuation)."""
+        return self.correlation / float(np.sqrt(1 - min(self.noise, NOISIEST)))
 
     def likelier(self, other: "Fit") -> float:
         """Logarithm of the likelihood over that of another."""
@@ -49,51 +62,76 @@ class Fit(NamedTuple):
 
 
 def check(subject: Subject) -> Checked:
-    """The mounting in the plane, by the first velocity."""
-    source = next(iter(subject.sources("velocity")), None)
-    what = "mounting of the IMU about the vertical"
-    fixes = moved(source) if source is not None else None
-    if source is None or find_vehicle(subject.recording.meta.get("vehicle")).by_thrust:
-        return Checked.nothing()
+    """The mounting in the plane, by the first of the velocities and positions that shows it."""
+    meta, unclear = subject.recording.meta, Checked.nothing()
+    ahead = find_vehicle(meta.get("vehicle")).points_ahead
+    for source in subject.sources("velocity", "position") if ahead else ():
+        found = _by_source(subject, source)
+        if found.facts or found.reasons:
+            return found
+        unclear.inconclusive.extend(found.inconclusive)
+    if GUESSED_AXES in meta:
+        unclear.inconclusive.append(
+            f'axes of the IMU: "{meta[GUESSED_AXES]}" is a guess that the motion does not test; '
+            f"{confirm(meta[GUESSED_AXES])}"
+        )
+    return unclear
+
+
+def confirm(axes: str) -> str:
+    """What confirms axes that are a guess."""
+    return (
+        f"look up in the data sheet of the IMU where x, y and z point, then confirm the axes by this "
+        f'line in [imu] of recording.toml: axes = "{axes}"'
+    )
+
+
+def _by_source(subject: Subject, source: Aiding) -> Checked:
+    """The mounting in the plane, by one source of fixes."""
+    fixes = moved(source)
     fit = in_plane(fixes, subject.felt) if fixes is not None else None
-    if fixes is None or fit is None:
-        return Checked.unknown(what, f"too few fixes of {label(source)} above {FAST:g} m/s")
+    if fixes is None:
+        return Checked.unknown(MOUNTING, f"fewer than {LEAST_FIXES} fixes of {label(source)}")
+    if fit is None or fit.independent < BLOCKS:
+        why = f"too few fixes of {label(source)} above {fixes.fast:.2g} m/s"
+        return Checked.unknown(MOUNTING, why)
     mirrored = in_plane(fixes, subject.mirrored)
     if mirrored and mirrored.correlation > CLEAR and mirrored.likelier(fit) > EVIDENCE:
-        return Checked([], [_left_handed(mirrored, fit, label(source))], [])
-    if fit.correlation < CLEAR or not SURE * fit.sd < np.radians(45):
+        return Checked([], [_left_handed(mirrored, fit, source)], [])
+    if fit.agreement < CLEAR or not SURE * fit.sd < np.radians(45):
         why = f"forces and accelerations of {label(source)} hardly agree ({fit.correlation:.2f})"
-        return Checked.unknown(what, why)
+        return Checked.unknown(MOUNTING, why)
     degrees, sd = np.degrees(fit.angle), np.degrees(fit.sd)
     fact = (
-        f"{what}: forces point {degrees:+.0f} +- {sd:.0f} deg off the accelerations of "
+        f"{MOUNTING}: forces point {degrees:+.0f} +- {sd:.0f} deg off the accelerations of "
         f"{label(source)} (correlation {fit.correlation:.2f})"
     )
     weight = abs(fit.angle) / max(SURE * fit.sd, LEAST)
     if weight <= 1:
         return Checked([fact], [], [])
-    mounted = "imu_mounting" in subject.recording.meta
-    return Checked([], [_reason(fit, label(source), weight, mounted)], [])
+    return Checked([], [_reason(fit, label(source), weight, subject.recording.meta)], [])
 
 
 def in_plane(fixes: Moved, motion: Felt) -> Fit | None:
     """The Fit of what the IMU felt to a source of velocity; None where there are too few fixes."""
+    half = max(HALF, fixes.interval, fixes.span / 2)
+    noise = 2 * fixes.acceleration_noise(half)
     fits = [
         fit
-        for forces, accelerations in _levelled(fixes, motion)
-        if (fit := _fit(forces, accelerations, fixes.interval)) is not None
+        for forces, accelerations in _levelled(fixes, motion, half)
+        if (fit := _fit(forces, accelerations, fixes.interval, noise)) is not None
     ]
     return max(fits, key=lambda fit: fit.correlation, default=None)
 
 
-def _levelled(fixes: Moved, motion: Felt) -> list[tuple[Array, Array]]:
-    """[(forces, accelerations)], complex (n,), by the mean vertical of the body and by axes that
+def _levelled(fixes: Moved, motion: Felt, half: float) -> list[tuple[Array, Array]]:
+    """[(forces, accelerations)] over +- `half` s, complex (n,), by the mean vertical of the body and by axes that
     the gyros hold still; NaN where they are not known."""
-    t, half = fixes.t, max(HALF, fixes.interval)
+    t = fixes.t
     first, last = fixes.at(t - half), fixes.at(t + half)
     slow = (fixes.at(t + LEVELLED) - fixes.at(t - LEVELLED)) / (2 * LEVELLED)
     with np.errstate(invalid="ignore"):
-        fast = np.minimum(*(np.hypot(v[:, 0], v[:, 1]) for v in (first, last))) > FAST
+        fast = np.minimum(*(np.hypot(v[:, 0], v[:, 1]) for v in (first, last))) > fixes.fast
     along = np.exp(-1j * np.angle(_plane((first + last) / 2)))
     a = np.where(fast, (last - first)[:, :2].T / (2 * half), np.nan).T
     by_body = motion.mean(motion.body_v, t, half)
@@ -126,8 +164,8 @@ def _unit(v: Array) -> Array:
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
 
 
-def _fit(forces: Array, accelerations: Array, interval: float) -> Fit | None:
-    """The Fit of complex (n,) forces; its sd by leaving out one tenth of the record after the
+def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> Fit | None:
+    """The Fit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its sd by leaving out one tenth of the record after the
     other (jackknife)."""
     use = np.isfinite(forces) & np.isfinite(accelerations)
     if use.sum() < LEAST_FIXES:
@@ -147,17 +185,17 @@ def _fit(forces: Array, accelerations: Array, interval: float) -> Fit | None:
         sd,
         float(abs(total) / size),
         float(use.sum() * interval / 2),
+        float(noise / np.mean(np.abs(a) ** 2)),
     )
 
 
-def _reason(fit: Fit, source: str, weight: float, mounted: bool) -> Reason:
-    """The Reason of an IMU that is turned; `mounted` is whether its description has a mounting,
-    before which `axes` act."""
+def _reason(fit: Fit, source: str, weight: float, meta: Mapping[str, Any]) -> Reason:
+    """The Reason of an IMU that is turned; in a mounting of its description, the `meta` of the
+    recording, it turns after `axes` act."""
     turn = float(wrap(-fit.angle))
     near = np.round(turn / (np.pi / 2)) * np.pi / 2
     right = bool(near) and abs(turn - near) < RIGHT_ANGLE
     degrees = float(np.degrees(near if right else turn))
-    axes = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
     seen = (
         f"forces point {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.sd):.0f} deg off the "
         f"accelerations of {source} (correlation {fit.correlation:.2f})"
@@ -165,14 +203,23 @@ def _reason(fit: Fit, source: str, weight: float, mounted: bool) -> Reason:
     if right:
         seen += f": the IMU is turned by {-degrees % 360:.0f} deg about the vertical"
     remedy = f"add {degrees:+.0f} deg to `heading` of `mounting` of [imu]"
-    if right and not mounted:
-        remedy = (
-            f'turn `axes` of [imu] by {degrees:+.0f} deg (of FRD that is "{axes[round(degrees)]}")'
-        )
+    if right and "imu_mounting" not in meta:
+        remedy = _turned_axes(round(degrees), meta.get(GUESSED_AXES))
     return Reason("axes" if right else "mounting", seen, remedy, weight=weight)
 
 
-def _left_handed(mirrored: Fit, fit: Fit, source: str) -> Reason:
+def _turned_axes(degrees: int, guess: str | None) -> str:
+    """What to write where the axes must turn by so many deg about down: all of it where they were a
+    guess, since those that a user stated are not known here."""
+    if guess is None:
+        return f'turn `axes` of [imu] by {degrees:+d} deg (of FRD that is "{TURNS[degrees]}")'
+    C = axes_matrix(TURNS[degrees], BODY_AXES) @ axes_matrix(guess, BODY_AXES)
+    axes = named_permutation(C)
+    name = next((name for name, signed in BODY_AXES.items() if signed == axes), axes)
+    return f'replace the guess "{guess}" by this line in [imu] of recording.toml: axes = "{name}"'
+
+
+def _left_handed(mirrored: Fit, fit: Fit, source: Aiding) -> Reason:
     """The Reason of axes that are mirrored."""
     quarter = round(mirrored.angle / (np.pi / 2)) % 4
     what = (
@@ -183,8 +230,9 @@ def _left_handed(mirrored: Fit, fit: Fit, source: str) -> Reason:
     )[quarter]
     return Reason(
         "axes",
-        f"only a left-handed set of axes explains the accelerations of {source} (correlation "
+        f"only a left-handed set of axes explains the accelerations of {label(source)} (correlation "
         f"{mirrored.correlation:.2f}, as they are {fit.correlation:.2f}): {what}",
-        "correct `axes` or the columns of [imu], of gyro and accel alike",
+        "correct `axes` or the columns of [imu], of gyro and accel alike"
+        + ", or exchange latitude and longitude" * (source.kind == "position"),
         weight=10.0,
     )

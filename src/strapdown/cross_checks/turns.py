@@ -38,7 +38,7 @@ def check(subject: Subject) -> Checked:
         return Checked.nothing()
     what = f"turns of the gyro against the course of {label(sources[0])}"
     half = max(HALF, 2 * fixes.interval)
-    theirs = course_rate(fixes, half)
+    theirs = course_rate(fixes, half, fixes.fast)
     use = np.isfinite(theirs)
     if use.sum() < LEAST_FIXES or not theirs[use].std() > LEAST_TURN:
         return Checked.unknown(what, "the course is known too seldom, or hardly turns")

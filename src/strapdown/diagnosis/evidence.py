@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import ATT, BA, BG, DOUBTFUL
+from ..core.contract import ATT, BA, BG, DOUBTFUL, VEL
 from ..core.loop import BRIDGE
 from ..core.rotation import quaternion_to_euler
 from ..data import Aiding, Innovations, Rejected, Solution
@@ -37,6 +37,8 @@ LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
 MOVING = 3.0  # m/s above which a course is compared with the heading
+SLOWEST, KNOWN_COURSE = 0.5, 5.0  # the same of a velocity known well: m/s, and claimed sd of it
+SIDEWAYS = 1.0  # m/s of wind, current or side slip, which sets a course off the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
 LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
 SETTLED = 25.0  # s of a run in which a filter may still doubt its start, a fifth of it at most
@@ -333,13 +335,17 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
     follows the other."""
     made = solution.trajectory
     vehicle = VEHICLES.get(solution.meta.get("vehicle", ""), VEHICLES["any"])
-    if made.v_n is None or made.q_nb is None or vehicle.by_thrust:
+    if made.v_n is None or made.q_nb is None or not vehicle.points_ahead:
         return
     later = t[(t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])) & (t < first_gap(solution)[0])]
     later = later[:: max(1, len(later) // ENOUGH)]
     rows = np.minimum(np.searchsorted(made.t, later), len(made.t) - 1)
     v = made.v_n[rows]
-    fast = v[:, 0] ** 2 + v[:, 1] ** 2 > MOVING**2
+    sd = np.zeros((len(rows), ATT.stop)) if made.sd is None else np.nan_to_num(made.sd[rows])
+    speed, speed_sd = np.hypot(v[:, 0], v[:, 1]), sd[:, VEL].max(axis=1)
+    # a filter that claims nothing has no course below MOVING
+    known = np.where(speed_sd > 0, np.clip(KNOWN_COURSE * speed_sd, SLOWEST, MOVING), MOVING)
+    fast = speed > known
     if fast.sum() < GATED:
         return
     heading = quaternion_to_euler(made.q_nb[rows[fast]])[:, 2]
@@ -347,7 +353,9 @@ def course(solution: Solution, t: Array) -> Iterator[Reason]:
     mean = np.nanmean(np.exp(1j * angle))
     off = float(np.degrees(np.angle(mean)))
     spread = float(np.degrees(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0)))))
-    if spread > STEADY or abs(off) < max(OFF_COURSE, 1.5 * spread):
+    aside = np.arctan2(SIDEWAYS, np.median(speed[fast]))
+    unsure = np.degrees(max(aside, SURE * np.median(sd[fast, ATT.stop - 1])))
+    if spread > STEADY or abs(off) < max(OFF_COURSE, 1.5 * spread, unsure):
         return
     quarter = abs(abs(off) - 90) < 20 or abs(off) > 160
     yield Reason(

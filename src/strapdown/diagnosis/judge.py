@@ -15,6 +15,7 @@ from ..verdict import NOT_JUDGED, Reason, Verdict
 from . import evidence, screening
 from .estimated import installation
 from .evidence import GATED, Fixes
+from .guessed_axes import of_guessed_axes
 from .installation import CONSTRAINED
 
 Found = TypeVar("Found")
@@ -42,6 +43,7 @@ def judge(solution: Solution) -> Verdict:
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
     causes = [*evidence.gaps(solution), *installation(solution).reasons]
+    causes += attempt("guessed axes", of_guessed_axes, recording) or []
     if any(source.kind == "position" for source in sources):
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
         causes += looked

@@ -68,6 +68,10 @@ ROLES = {
 another."""
 
 
+GUESS = "?"
+"""Ends the `axes` of an IMU that a reader guessed and the user has not confirmed, as in "FLU?"."""
+
+
 class Section(NamedTuple):
     """A section of a `recording.toml` as a file's own format gives it, or as it was guessed.
 

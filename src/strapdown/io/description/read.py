@@ -24,7 +24,7 @@ from ...preprocessing.other_forms import attitudes
 from ...preprocessing.plausible import mistakes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
-from ...recording import Recording
+from ...recording import GUESSED_AXES, Recording
 from ...time_scales import iso, utc
 from ...typing import Array, File
 from ...units import DEG, factor
@@ -113,7 +113,7 @@ def _renamed(aiding: Aiding, number: int) -> Aiding:
 
 def read_meta(description: Description, files: Files, first: float) -> dict[str, Any]:
     """The meta of a Recording that its description gives: name, epoch, date (of the sample at `first`
-    s, where only an absolute clock tells), place, grade, vehicle,
+    s, where only an absolute clock tells), place, grade, vehicle, axes that are a guess,
     point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and what of it is
     estimated. Raises DataError."""
     grade = description.imu.grade
@@ -129,6 +129,7 @@ def read_meta(description: Description, files: Files, first: float) -> dict[str,
         "vehicle": description.vehicle,
         "estimate": description.imu.estimate or None,
         COLUMNS: _height_columns(description.aiding) or None,
+        GUESSED_AXES: description.imu.guessed_axes,
     }
     found = {key: value for key, value in found.items() if value is not None}
     mounting = description.imu.mounting

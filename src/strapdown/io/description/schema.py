@@ -17,6 +17,7 @@ from ...time_scales import gps_of
 from ...typing import Array
 from ...units import factor
 from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
+from ..contract import GUESS
 from .schema_aiding import (
     ECEF,
     FORMS,
@@ -45,7 +46,7 @@ MOST_SOURCES = 200
 
 
 def _body_axes(text: str) -> str:
-    axes_matrix(text, BODY_AXES)
+    axes_matrix(text.removesuffix(GUESS), BODY_AXES)
     return text
 
 
@@ -127,9 +128,14 @@ class ImuPart(Part):
         )
 
     @property
+    def guessed_axes(self) -> str | None:
+        """The axes where they are a guess."""
+        return self.axes.removesuffix(GUESS) if self.axes.endswith(GUESS) else None
+
+    @property
     def matrix(self) -> Array:
         """(3, 3) from the columns to the body: axes, then mounting."""
-        C = axes_matrix(self.axes, BODY_AXES)
+        C = axes_matrix(self.axes.removesuffix(GUESS), BODY_AXES)
         return C if self.mounting is None else self.mounting.matrix @ C
 
     @model_validator(mode="after")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...typing import Array
 from ...units import UNITS
-from ..contract import Log, Section
+from ..contract import GUESS, Log, Section
 from ..description.schema_base import Time
 from ..description.source_files import Files
 from ..tables.table_arrays import tables_of
@@ -70,7 +70,7 @@ def _of_table(table: Table, name: str | None) -> Log:
     t = _times(table, clock.keys)
     imu, more, asked = imu_section(columns, clock.keys, t)
     magnetometer, of_field = magnetometer_section(
-        columns, clock.keys, imu.keys.get("axes", "FRD") if imu else "FRD"
+        columns, clock.keys, imu.keys.get("axes", "FRD").removesuffix(GUESS) if imu else "FRD"
     )
     taken = [name for section in (imu, magnetometer) if section for name in named(section.keys)]
     fixes = fix_sections(columns.without(taken), clock.keys, t, is_imu)

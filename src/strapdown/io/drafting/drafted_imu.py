@@ -17,7 +17,7 @@ from ...preprocessing.plausible import (
 )
 from ...typing import Array
 from ...units import UNITS
-from ..contract import Section
+from ..contract import GUESS, Section
 from ..description.magnetic_sources import EARTH_FIELD
 from ..description.schema_aiding import HEADING
 from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, Names
@@ -69,7 +69,7 @@ def imu_section(
                 f"alone gives 9.8: {NO_GRAVITY}"
             )
         axes = _axes(np.median(whole, axis=0) * factor) if len(whole) else AXES
-        keys |= {"axes": axes[0], "accel": {"columns": accel, "unit": unit}}
+        keys |= {"axes": axes[0] + GUESS, "accel": {"columns": accel, "unit": unit}}
         keys["accel"] |= {"scale": float(f"{scale:.6g}")} if scale != 1 else {}
         assumed |= {"axes": axes[1]} | ({"accel": why} if why else {})
         facts.append(

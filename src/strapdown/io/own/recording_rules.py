@@ -36,6 +36,7 @@ class RecordingMeta(Said):
     vehicle: Name | dict[str, Any] | None = None
     imu_lever_arm: Triple = [0.0, 0.0, 0.0]
     imu_mounting: Triple = [0.0, 0.0, 0.0]
+    guessed_axes: Name | None = None
     point: Name = "imu"
     estimate: dict[Name, list[Deviation]] | None = None
     sensors: dict[str, Any] = {}

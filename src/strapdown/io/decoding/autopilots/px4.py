@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
-from ...contract import Section
+from ...contract import GUESS, Section
 from . import autopilot
 from .ulog import ULog
 
@@ -189,7 +189,7 @@ def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
     keys: dict[str, Any] = {
         "table": f"{name} {instance}",
         "time": time_of(log, log.columns(name, instance)),
-        "axes": "FRD",
+        "axes": f"FRD{GUESS}",
         "gyro": {"columns": ["x", "y", "z"], "unit": "rad/s"},
         "accel": {
             "columns": ["x", "y", "z"],

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....typing import Array, Ints
-from ...contract import Section
+from ...contract import GUESS, Section
 from ...tables.table_file import Table
 from .ubx_frames import Frames
 from .ubx_layouts import ESF_ALG, LAYOUTS
@@ -91,7 +91,7 @@ def _imu(
     keys = {
         "table": names[0],
         "time": time,
-        "axes": "FLU",
+        "axes": "FLU" if angles else f"FLU{GUESS}",
         "gyro": gyro[0],
         "accel": accel[0] | ({} if together else {"table": names[1], "time": time}),
         **({"mounting": angles} if angles else {}),
