@@ -299,7 +299,7 @@ def fuse(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
             "recording.toml (docs/reference/time.md), or leave --utc out"
         )
-    save_draft(write, recording, instances(asked_imu(imu)[0], take))
+    save_draft(write, recording, imu, take)
     named = grade or grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
@@ -386,9 +386,7 @@ def _start(
 def inspect(
     path: Annotated[list[Path], typer.Argument(metavar="PATH", help=FORMATS)],
     write: WRITE = None,
-    imu: Annotated[
-        int | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
-    ] = None,
+    imu: IMU = None,
     take: TAKE = None,
 ) -> None:
     """Say what a recording or a table holds, what is probably wrong with it (rates, gaps, clocks,
@@ -396,10 +394,14 @@ def inspect(
     from ..io.inspection import inspect
 
     check_draft(write, path)
-    asked = instances(imu, take)
-    found = inspect(*path, **asked)
+    number, grade = asked_imu(imu)
+    if grade is not None and write is None:
+        raise sd.DataError(
+            f"--imu {grade}: inspect writes a grade into a draft; add --write FILE, or leave it out"
+        )
+    found = inspect(*path, **instances(number, take))
     print(found)
-    save_draft(write, path, asked)
+    save_draft(write, path, imu, take)
     if found.problems:
         raise typer.Exit(NOT_TRUSTED)
 
