@@ -2,10 +2,12 @@
 wrong by `inspect`, or is not trusted with --strict, in 3; Ctrl-C in one line and 130; nothing is left
 half-written."""
 
+import os
 import signal
 import sys
 import threading
 import warnings
+from contextlib import suppress
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -14,6 +16,7 @@ import typer
 
 import strapdown as sd
 
+from ..checks import brief
 from . import calibrate, compare, diagnose, export, filters, fly, simulation, tune
 from .console import (
     ADAPTIVE,
@@ -76,7 +79,10 @@ def main() -> None:
     warnings.showwarning = _warn
     try:
         # typer takes Ctrl-C for itself and returns the code, as it does that of an Exit
-        code = app(standalone_mode=False, prog_name="strapdown")
+        try:
+            code = app(standalone_mode=False, prog_name="strapdown")
+        finally:  # here a full disk is refused, at the end of Python it no longer is
+            sys.stdout.flush()
         if code == INTERRUPTED:
             raise KeyboardInterrupt
         if code:
@@ -95,7 +101,19 @@ def main() -> None:
             _stop(str(error))
         if isinstance(error, MemoryError):
             _stop("memory ran out; take a part of the recording, or a larger machine")
+        if isinstance(error, OSError):
+            _refused(error)
         raise
+
+
+def _refused(error: OSError) -> NoReturn:
+    """End with what the system refuses: a file of a name, or else standard output."""
+    what = "standard output" if error.filename is None else brief(str(error.filename))
+    with suppress(OSError, ValueError):  # what is left to print goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _stop(
+        f"{what}: cannot be used ({error.strerror or error}); make room there, or choose another place"
+    )
 
 
 def _again(raised: "sys.UnraisableHookArgs") -> None:
@@ -118,7 +136,8 @@ _python_warns = warnings.showwarning
 
 
 def _stop(message: str, code: int = 2) -> NoReturn:
-    print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
+    with suppress(OSError):  # of a standard error that is full
+        print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
     raise SystemExit(code)
 
 

@@ -249,7 +249,7 @@ def check_draft(write: Path | None, paths: Sequence[Path]) -> None:
     if write is None:
         return
     check_drafted(paths)
-    if write.exists():
+    if os.path.exists(write):  # False of a name that is too long, which writing refuses
         raise DataError(
             f"--write {write}: there is such a file already; name another, or remove it"
         )
@@ -643,7 +643,7 @@ def _numbers(text: str) -> list[float]:
 def results_folder(path: Path) -> Iterator[Path]:
     """The folder for results, made and tried before the work begins; what was made is removed
     again where the work fails and left it empty."""
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    made = [folder for folder in (path, *path.parents) if not os.path.exists(folder)]
     try:
         try:
             path.mkdir(parents=True, exist_ok=True)
