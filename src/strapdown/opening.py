@@ -4,9 +4,11 @@ folder, TOML and JSON. `tests/test_opening.py` knows who else calls what opens a
 import io
 import json
 import re
+import struct
 import tomllib
 import zipfile
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -110,7 +112,8 @@ class Zip(zipfile.ZipFile):
     def __init__(self, path: File) -> None:
         self.path, self._found = path, _Few(path)
         plain = regular(path)
-        super().__init__(plain)
+        with _unzipping(path):
+            super().__init__(plain)
         self.meter = Meter(path, plain.stat().st_size)
 
     @property
@@ -124,7 +127,26 @@ class Zip(zipfile.ZipFile):
 
     def content(self, name: str, meter: Meter | None = None, lines: bool = False) -> BinaryIO:
         """What a file of the archive unpacks to, open to read. Raises as `open`, and DataError."""
-        return metered(cast(BinaryIO, self.open(name)), meter or self.meter, lines)
+        with _unzipping(self.path):
+            return metered(cast(BinaryIO, self.open(name)), meter or self.meter, lines)
+
+
+@contextmanager
+def _unzipping(path: File) -> Iterator[None]:
+    """Around what opens a zip: whatever `zipfile` raises of a damaged one is a BadZipFile, and of one
+    that it cannot read a DataError."""
+    try:
+        yield
+    except DataError:
+        raise
+    except (NotImplementedError, RuntimeError) as error:  # another version or method, a password
+        raise DataError(
+            f"{path}: is packed in a way that is not read ({error}); unpack it yourself, and name its "
+            f"files"
+        ) from None
+    except (ValueError, KeyError, IndexError, OverflowError, struct.error) as error:
+        reason = "a name in it is no text" if isinstance(error, UnicodeError) else error
+        raise zipfile.BadZipFile(str(reason)) from None
 
 
 class _Few(list[zipfile.ZipInfo]):

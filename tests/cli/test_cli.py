@@ -373,7 +373,7 @@ FUSE = ["fuse", "recording.toml", "--out", "result/deep"]
 BAD = [
     (["fuse", "nothing.toml", "--out", "result"], TOML, "nothing.toml: cannot be read"),
     (["fuse", ".", "--out", "result"], TOML, "is a folder in which no reader finds"),
-    (["fuse", "imu.csv"], TOML, "give --imu, one of"),
+    (["fuse", "imu.csv"], TOML, "no position fix to start from"),
     (["fuse"], TOML, "Missing argument 'RECORDING'. See `strapdown fuse --help`."),
     ([*FUSE, "--filter", "closed-lop"], TOML, "did you mean 'closed-loop'?"),
     ([*FUSE, "--option", "intervall=3"], TOML, "no option 'intervall'; it has error_model"),

@@ -395,3 +395,42 @@ def test_a_week_of_csv_is_not_stopped(tmp_path):
         read(path)
     assert "--max-size" not in str(caught.value)
     assert sys.getsizeof(caught.value) < 10_000
+
+
+def central(content, at, value, size=2):
+    """The zip with a field of its directory, at this place of the record, changed."""
+    start = content.index(b"PK\x01\x02") + at
+    return content[:start] + value.to_bytes(size, "little") + content[start + size :]
+
+
+def renamed(content, first):
+    """The zip whose name, said to be UTF-8, has a byte that is none; `first`: from the directory on."""
+    where = content.index(b"PK\x01\x02") if first else 0
+    flagged = content.replace(b"PK\x03\x04\x14\0\0\0", b"PK\x03\x04\x14\0\0\x08", 1)
+    at = flagged.index(b"imu.csv", where)
+    flagged = flagged[:at] + b"\xff" + flagged[at + 1 :]
+    return central(flagged, 8, 0x800) if first else flagged
+
+
+ZIPS = {
+    "a name in the directory": (lambda zip: renamed(zip, True), "a name in it is no text"),
+    "a name before the file": (lambda zip: renamed(zip, False), "a name in it is no text"),
+    "a version to come": (lambda zip: central(zip, 6, 99), "is packed in a way that is not read"),
+    "another method": (lambda zip: central(zip, 10, 77), "is packed in a way that is not read"),
+    "a password": (lambda zip: central(zip, 8, 1), "is packed in a way that is not read"),
+    "a place beyond the end": (lambda zip: central(zip, 42, 2**31, 4), "truncated or damaged"),
+}
+
+
+@pytest.mark.parametrize("name", ["table.csv.zip", "log.ulg.zip", "phone.zip", "trial.npz"])
+@pytest.mark.parametrize("kind", ZIPS)
+def test_a_zip_that_zipfile_cannot_take_ends_in_a_line(tmp_path, kind, name):
+    change, said = ZIPS[kind]
+    path = tmp_path / name
+    path.write_bytes(change(zipped({"imu.csv": TABLE[:1000]})))
+    for function in (inspect, read)[name == "trial.npz" :]:
+        with pytest.raises(DataError) as caught:
+            function(path)
+        assert name in str(caught.value) and len(str(caught.value).splitlines()) == 1
+    if name == "table.csv.zip":
+        assert said in str(caught.value)

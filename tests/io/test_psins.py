@@ -136,3 +136,18 @@ def test_the_ring_laser_record_feels_gravity_and_the_turning_earth(data_folder):
     heading = np.degrees(np.arctan2(-horizontal[1], horizontal[0])) % 360
     # the header's 90.6; the README's 88
     assert heading == pytest.approx(np.degrees(recording.meta["attitude"][2]), abs=5)
+
+
+@pytest.mark.parametrize("cell", ["\u0661", "\uff11"])
+def test_digits_that_one_of_two_parsers_takes_are_read(tmp_path, cell):
+    """Python reads digits of every script, numpy does not."""
+    path = tmp_path / "odd.imu"
+    path.write_text(LOG + f"{cell} 0 0 0 0 1000\n", encoding="utf-8")
+    assert read_psins(path).imu.dtheta[-1, 1] == pytest.approx(0.1 * np.radians(1 / 3600))
+
+
+def test_a_mark_of_comments_within_a_row_is_named(tmp_path):
+    path = tmp_path / "odd.imu"
+    path.write_text(LOG + "# 1 2 3 4 5 6\n")
+    with pytest.raises(DataError, match="line 11: .* is not six numbers"):
+        sd.read(path)

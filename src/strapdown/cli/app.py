@@ -2,10 +2,12 @@
 wrong by `inspect`, or is not trusted with --strict, in 3; Ctrl-C in one line and 130; nothing is left
 half-written."""
 
+import os
 import signal
 import sys
 import threading
 import warnings
+from contextlib import suppress
 from math import inf, isfinite, radians
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
@@ -14,6 +16,7 @@ import typer
 
 import strapdown as sd
 
+from ..checks import brief
 from . import calibrate, compare, diagnose, export, filters, fly, simulation, tune
 from .console import (
     ADAPTIVE,
@@ -76,7 +79,10 @@ def main() -> None:
     warnings.showwarning = _warn
     try:
         # typer takes Ctrl-C for itself and returns the code, as it does that of an Exit
-        code = app(standalone_mode=False, prog_name="strapdown")
+        try:
+            code = app(standalone_mode=False, prog_name="strapdown")
+        finally:  # here a full disk is refused, at the end of Python it no longer is
+            sys.stdout.flush()
         if code == INTERRUPTED:
             raise KeyboardInterrupt
         if code:
@@ -95,7 +101,19 @@ def main() -> None:
             _stop(str(error))
         if isinstance(error, MemoryError):
             _stop("memory ran out; take a part of the recording, or a larger machine")
+        if isinstance(error, OSError):
+            _refused(error)
         raise
+
+
+def _refused(error: OSError) -> NoReturn:
+    """End with what the system refuses: a file of a name, or else standard output."""
+    what = "standard output" if error.filename is None else brief(str(error.filename))
+    with suppress(OSError, ValueError):  # what is left to print goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _stop(
+        f"{what}: cannot be used ({error.strerror or error}); make room there, or choose another place"
+    )
 
 
 def _again(raised: "sys.UnraisableHookArgs") -> None:
@@ -118,7 +136,8 @@ _python_warns = warnings.showwarning
 
 
 def _stop(message: str, code: int = 2) -> NoReturn:
-    print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
+    with suppress(OSError):  # of a standard error that is full
+        print("strapdown: " + message.replace("\n", " "), file=sys.stderr)
     raise SystemExit(code)
 
 
@@ -299,7 +318,7 @@ def fuse(
             "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
             "recording.toml (docs/reference/time.md), or leave --utc out"
         )
-    save_draft(write, recording, instances(asked_imu(imu)[0], take))
+    save_draft(write, recording, imu, take)
     named = grade or grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
@@ -386,9 +405,7 @@ def _start(
 def inspect(
     path: Annotated[list[Path], typer.Argument(metavar="PATH", help=FORMATS)],
     write: WRITE = None,
-    imu: Annotated[
-        int | None, typer.Option(metavar="N", help="Which IMU of a log to take.")
-    ] = None,
+    imu: IMU = None,
     take: TAKE = None,
 ) -> None:
     """Say what a recording or a table holds, what is probably wrong with it (rates, gaps, clocks,
@@ -396,10 +413,14 @@ def inspect(
     from ..io.inspection import inspect
 
     check_draft(write, path)
-    asked = instances(imu, take)
-    found = inspect(*path, **asked)
+    number, grade = asked_imu(imu)
+    if grade is not None and write is None:
+        raise sd.DataError(
+            f"--imu {grade}: inspect writes a grade into a draft; add --write FILE, or leave it out"
+        )
+    found = inspect(*path, **instances(number, take))
     print(found)
-    save_draft(write, path, asked)
+    save_draft(write, path, imu, take)
     if found.problems:
         raise typer.Exit(NOT_TRUSTED)
 

@@ -1,6 +1,7 @@
 """What the commands share: options, the folder for results, tables, summaries, progress. Heavy
 imports inside functions, so that `--help` stays quick."""
 
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -217,7 +218,8 @@ def read_given(
     number, grade = asked_imu(imu)
     recording = sd.read(*paths, **instances(number, take))
     for line in recording.meta.get("read", []):
-        print(line)
+        if grade is None or not line.startswith("assumed: imu grade"):
+            print(line)
     return (recording if sources is None else sd.with_noise(recording, sources)), grade
 
 
@@ -247,20 +249,27 @@ def check_draft(write: Path | None, paths: Sequence[Path]) -> None:
     if write is None:
         return
     check_drafted(paths)
-    if write.exists():
+    if os.path.exists(write):  # False of a name that is too long, which writing refuses
         raise DataError(
             f"--write {write}: there is such a file already; name another, or remove it"
         )
 
 
-def save_draft(write: Path | None, paths: Sequence[Path], asked: Mapping[str, int | None]) -> None:
-    """Write the draft that --write asks for, where it does. Raises DataError."""
+def save_draft(
+    write: Path | None, paths: Sequence[Path], imu: str | None, take: Sequence[str] | None
+) -> None:
+    """Write the draft that --write asks for, where it does, with the grade of --imu. Raises
+    DataError."""
     from ..files import replacing
     from ..io.inspection import draft
 
     if write is None:
         return
-    text = draft(paths, asked, write.resolve().parent)
+    folder = write.resolve().parent
+    number, grade = asked_imu(imu)
+    if grade is not None and sd.grade(grade).name and Path(grade).suffix == ".toml":
+        grade = Path(os.path.relpath(grade, folder)).as_posix()
+    text = draft(paths, instances(number, take), folder, grade)
     with replacing(write) as part:
         part.write_text(text, encoding="utf-8")
     print(f"wrote {write}: read it through, then `strapdown inspect {write}`")
@@ -634,7 +643,7 @@ def _numbers(text: str) -> list[float]:
 def results_folder(path: Path) -> Iterator[Path]:
     """The folder for results, made and tried before the work begins; what was made is removed
     again where the work fails and left it empty."""
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    made = [folder for folder in (path, *path.parents) if not os.path.exists(folder)]
     try:
         try:
             path.mkdir(parents=True, exist_ok=True)

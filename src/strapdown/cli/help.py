@@ -170,7 +170,7 @@ ABOUT = {
             (
                 "A wrong installation that is estimated",
                 "strapdown study car --filter closed-loop:estimate=clock+lever-arm --installation "
-                "clock=0.1,lever-arm=0.5",
+                "clock=0.1,lever-arm=0.5 --out installed",
             ),
         ),
     ),

@@ -73,8 +73,11 @@ def check_drafted(paths: Sequence[Path]) -> None:
             )
 
 
-def draft(paths: Sequence[Path], take: Mapping[str, int | None], folder: Path) -> str:
-    """Text of the `recording.toml` in `folder` that says what `read` takes from the files.
+def draft(
+    paths: Sequence[Path], take: Mapping[str, int | None], folder: Path, grade: str | None = None
+) -> str:
+    """Text of the `recording.toml` in `folder` that says what `read` takes from the files; `grade`:
+    of the IMU, else one is assumed.
 
     Raises DataError, also where a file is a recording already.
     """
@@ -84,4 +87,4 @@ def draft(paths: Sequence[Path], take: Mapping[str, int | None], folder: Path) -
     joined = join(opened(paths), take)
     if not joined.taken and not joined.left:
         raise DataError(joined.asked[0])
-    return joined.text(folder)
+    return joined.graded(grade).text(folder)

@@ -5,6 +5,7 @@ Every column says its unit: as an attribute in NetCDF, in brackets behind the na
 [deg]`). docs/how-to/report.md lists them.
 """
 
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -54,8 +55,8 @@ def read_solution(path: File) -> Solution:
     events or covariance. Raises DataError."""
     path = Path(path)
     read = read_netcdf if _ending(path, READ) == "nc" else read_csv
-    if not path.is_file():
-        reason = "is a folder" if path.is_dir() else "no such file"
+    if not os.path.isfile(path):
+        reason = "is a folder" if os.path.isdir(path) else "no such file"
         raise DataError(
             f"{path}: {reason}; give a solution file that strapdown wrote (.nc or .csv)"
         )

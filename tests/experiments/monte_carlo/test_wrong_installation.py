@@ -2,16 +2,20 @@
 belongs to it; and studies that draw one."""
 
 import json
+import shutil
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from structured_mutators import sealed
 
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data import Aiding
 from strapdown.diagnosis.installation import applied, constants
+from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.experiments.monte_carlo.wrong_installation import (
     drawn,
@@ -206,3 +210,60 @@ def test_what_is_drawn_is_part_of_the_study(finished, tmp_path):
 def test_bad_standard_deviations_are_refused(installation, said):
     with pytest.raises(DataError, match=said):
         study(installation=installation)
+
+
+def damaged(folder, name, change):
+    """Change a variable of every chunk file, each with a new checksum; None: it goes."""
+    for path in sorted(folder.rglob("*.nc")):
+        with h5py.File(path, "a") as file:
+            values = None if change is None else change(file[name][()])
+            del file[name]
+            if values is not None:
+                file[name] = values
+        path.write_bytes(sealed(path.read_bytes()))
+
+
+def one_number(values):
+    """A single number, without an axis."""
+    return 1.0
+
+
+def whole_text(values):
+    """One text."""
+    return "clock"
+
+
+def fewer(values):
+    """One less along the last axis."""
+    return values[..., :-1]
+
+
+@pytest.mark.parametrize("change", [None, one_number, whole_text, fewer])
+@pytest.mark.parametrize(
+    "name", ["parameter", "parameter_error", "parameter_sd", "nees_all", "nees_parameters", "t"]
+)
+def test_a_damaged_chunk_file_is_one_line(finished, tmp_path, name, change):
+    folder = tmp_path / "copy"
+    shutil.copytree(finished.folder, folder)
+    damaged(folder, name, change)
+    campaign = Campaign.open(folder)
+    for table in ("summary", "runs")[: 1 + (name != "t")]:  # runs have no times
+        with pytest.raises(
+            DataError, match=r"\.nc: cannot be read .*run the study again"
+        ) as caught:
+            getattr(campaign, table)
+        assert len(str(caught.value).splitlines()) == 1
+    with pytest.raises(DataError):
+        campaign.parameters(campaign.cells[0])
+        campaign.numbers(campaign.cells[0])
+        campaign.curves(campaign.cells[0])
+
+
+def test_chunks_of_which_one_alone_has_more_are_read_as_the_manifest_says(tmp_path):
+    plain = study(installation={}, filters=("closed-loop",), runs=2, chunk_steps=1)
+    made = plain.run(tmp_path / "plain", threads=1)
+    first = sorted(made.folder.rglob("*.nc"))[0]
+    with h5py.File(first, "a") as file:
+        file["parameter_error"] = np.zeros((1, 1, 1))
+    first.write_bytes(sealed(first.read_bytes()))
+    assert len(Campaign.open(made.folder).runs) == 2

@@ -40,7 +40,7 @@ from ...plugins import Plugin
 from ...spreadsheet import inert_table
 from ...typing import File
 from . import processors, sources
-from .chunk_files import OF_INSTALLATION, fill, read
+from .chunk_files import LABELS, OF_INSTALLATION, fill, read
 from .chunks import SCALARS, Arrays, Chunk, plugins_of, run_chunk
 from .scoring import ERROR_STATE_NAMES
 from .summaries import run_rows, summary_row
@@ -212,7 +212,7 @@ class Campaign:
                 path, names, self.manifest, self._identity(path), known, path in self._whole
             )
             self._whole.add(path)
-            known["t"] = len(arrays["t"])
+            known |= {name: len(arrays[name]) for name in ("t", LABELS) if name in arrays}
             found.append({name: arrays[name] for name in names if name in arrays})
         return found
 
@@ -231,7 +231,8 @@ class Campaign:
         "parameter_error" and "parameter_sd" (`parameters`)."""
 
         def made() -> Arrays:
-            parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *OF_INSTALLATION))
+            more = OF_INSTALLATION if self.manifest.get("installation") else ()
+            parts = self.read(cell, (*SCALARS, "mean_square", "coverage", *more))
             return {
                 name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]
             }
@@ -242,8 +243,7 @@ class Campaign:
         """The parameters of the installation that were drawn wrong, with their units."""
         if not self.manifest.get("installation"):
             return []
-        found = self.read(cell, ("parameter",))[0].get("parameter", ())
-        return list(map(str, found))
+        return list(map(str, self.read(cell, (LABELS,))[0][LABELS]))
 
     def curves(self, cell: str) -> Arrays:
         """{name: array} over the stored epochs of a cell, from sums over the runs that were

@@ -47,6 +47,8 @@ COLUMNS = {
     "parameter_sd": _number("filter run parameter", optional=True),
 }
 """The numbers of a chunk file, by name. Their axes are its dimensions."""
+LABELS = "parameter"
+"""Names of the parameters of a wrong installation."""
 OF_INSTALLATION = (*PARAMETER_SCALARS, "parameter_error", "parameter_sd")
 """Those of a study with a wrong installation."""
 ABOUT = {
@@ -115,6 +117,8 @@ def read(
     known: further lengths of dimensions; whole: its checksum was looked at before.
     """
     try:
+        if manifest.get("installation"):
+            names = {*names, LABELS}
         found = content(path, "chunk of a study", {*names, "t"}, whole)
         if found.attributes.get("identity") != identity:
             raise DataError(
@@ -122,7 +126,8 @@ def read(
             )
         arrays = found.variables
         schema = {name: _required(name, manifest) for name in ("t", *names) if name in COLUMNS}
-        check_arrays(arrays, schema, path, {**known, **_sizes(path, manifest, arrays)})
+        sizes = _sizes(path, manifest) | _labelled(path, names, arrays)
+        check_arrays(arrays, schema, path, {**known, **sizes})
     except DataError as error:
         said = str(error).removeprefix(f"{path}: ").removesuffix(f"; {DAMAGED}")
         raise DataError(
@@ -139,13 +144,22 @@ def _required(name: str, manifest: Mapping[str, Any]) -> Column:
     )
 
 
-def _sizes(path: Path, manifest: Mapping[str, Any], arrays: Arrays) -> dict[str, int]:
-    """{dimension: length}, as far as the manifest, the name of the file and its texts say it."""
+def _labelled(path: Path, names: Collection[str], arrays: Arrays) -> dict[str, int]:
+    """{"parameter": how many it names} where that is wanted. Raises DataError."""
+    if LABELS not in names:
+        return {}
+    labels = arrays.get(LABELS)
+    if labels is None or labels.ndim != 1 or labels.dtype.kind != "O":
+        raise DataError(f"{path}: {LABELS} is no list of names; {DAMAGED}")
+    return {LABELS: len(labels)}
+
+
+def _sizes(path: Path, manifest: Mapping[str, Any]) -> dict[str, int]:
+    """{dimension: length}, as far as the manifest and the name of the file say it."""
     runs = RUNS.fullmatch(path.name)
     if not runs or not int(runs[1]) < int(runs[2]) <= manifest["runs"]:
         raise DataError(f"{path}: its name is not that of runs of the study")
-    labels = {"parameter": len(arrays["parameter"])} if "parameter" in arrays else {}
-    return labels | {
+    return {
         "filter": len(manifest["filters"]),
         "run": int(runs[2]) - int(runs[1]),
         "state": len(ERROR_STATE_NAMES),

@@ -18,6 +18,7 @@ from .complaints import complaints, parse
 from .fix_columns import Whereabouts
 from .logs import Take, join, opened
 from .read import (
+    assumed,
     height_column,
     in_order,
     level_notes,
@@ -36,6 +37,7 @@ def inspect_description(path: Path) -> Findings:
     """Findings on a description and all that it names. Raises DataError where it is no TOML."""
     found, description = Findings.of(), complaints(path)
     if isinstance(description, Description):
+        found.add(assumed(description.imu))
         notes = _parts(path, description, found, Files(path, description.epoch))
         found.add(f"note: {note}" for note in notes if note not in found.problems)
         return found
@@ -51,7 +53,7 @@ def inspect_description(path: Path) -> Findings:
 def inspect_logs(paths: Sequence[Path], take: Take) -> Findings:
     """Findings on the files of devices that make one recording together, also where they do not
     make one. Raises DataError where one of them cannot be read."""
-    joined = join(opened(paths), take)
+    joined = join(opened(paths), take).graded()
     found = Findings.of(fact for path in paths for fact in joined.logs[path].facts)
     found.add(joined.told, joined.asked)
     if joined.without_imu:

@@ -16,8 +16,9 @@ from ..contract import ROLES, Log, Section
 from ..registry import ask, looker
 from .clocks import OneClock, one_clock
 from .complaints import load
+from .imu_grade import CLASSES, nearest_grade
 from .imu_rate import slow
-from .read import recording_of
+from .read import read_imu, recording_of
 from .source_files import Files
 
 HEAD = """# Drafted from {names}. Check every line marked "check".
@@ -118,6 +119,34 @@ class Joined(NamedTuple):
         ]
         notes = [f"note: {line}" for line, refused in self._slow() if not refused]
         return list(dict.fromkeys([*taken, *assumed, *notes, *left]))
+
+    def graded(self, grade: str | None = None) -> "Joined":
+        """The same with the grade of its IMU: `grade`, or the one that the log states, or else one
+        that the samples fit, as assumed."""
+        of_imu = [each for each in self.taken if each.section.of == "imu"]
+        if grade is None and any("grade" in each.section.keys for each in of_imu):
+            return self
+        name, why = (grade, "") if grade else self._fitting()
+
+        def known(each: Taken) -> Taken:
+            if each not in of_imu:
+                return each
+            keys, assumed = dict(each.section.keys), dict(each.section.assumed)
+            keys["grade"], assumed["grade"] = name, why
+            told = {key: text for key, text in assumed.items() if text}
+            return each._replace(section=each.section._replace(keys=keys, assumed=told))
+
+        return self._replace(taken=tuple(map(known, self.taken)))
+
+    def _fitting(self) -> tuple[str, str]:
+        """(grade, why) that the samples fit; the worst one where they cannot be read."""
+        label = Path(", ".join(map(str, self.paths)))
+        try:
+            description = load(label, self.content("."))
+            files = Files(label, description.epoch, ".", dict(self.logs))
+            return nearest_grade(read_imu(description.imu, files)[0])
+        except DataError:  # which reading or inspection tells
+            return CLASSES[-1], "the samples cannot be read yet: the worst one"
 
     def content(self, folder: File) -> dict[str, Any]:
         """The description as a `recording.toml` in `folder` has it."""
@@ -282,6 +311,9 @@ def _text(each: Taken, folder: File) -> str:
     for key, value in keys.items():
         line, why = f"{key} = {_value(value)}", each.section.assumed.get(key, "")
         lines.append(f"{line:{COMMENT - 1}} # check: {printable(why)}" if why else line)
+    if of == "imu" and (guessed := [key for key in keys if each.section.assumed.get(key)]):
+        line = f"assumed = {_value(guessed)}"
+        lines.append(f"{line:{COMMENT - 1}} # take a key out once you have checked its line")
     return "\n".join([*lines, *map(printable, each.section.remarks)]) + "\n"
 
 
@@ -299,6 +331,7 @@ def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
     joined = join(opened(paths), take)
     if joined.asked:
         raise DataError(joined.asked[0])
+    joined = joined.graded()
     label = Path(", ".join(map(str, paths)))
     description = load(label, joined.content("."))
     recording = recording_of(description, Files(label, description.epoch, ".", dict(joined.logs)))

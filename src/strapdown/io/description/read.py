@@ -56,7 +56,18 @@ note."""
 def read_description(path: File) -> Recording:
     """The Recording that a `recording.toml` describes. Raises DataError of one line."""
     description = load(Path(path))
-    return recording_of(description, Files(path, description.epoch))
+    recording = recording_of(description, Files(path, description.epoch))
+    told = assumed(description.imu)
+    return replace(recording, meta={**recording.meta, "read": told}) if told else recording
+
+
+def assumed(part: ImuPart) -> list[str]:
+    """Lines on what a description marks as assumed of its IMU."""
+    return [
+        f"assumed: imu {key}{f' = {value}' if isinstance(value := getattr(part, key), str) else ''}: "
+        f"the description marks it; check it, then take it out of [imu] assumed"
+        for key in part.assumed
+    ]
 
 
 def recording_of(description: Description, files: Files) -> Recording:

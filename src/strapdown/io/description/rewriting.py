@@ -19,6 +19,7 @@ from ...typing import File
 from ...units import DEG
 
 TIME, LEVER_ARM, MOUNTING, SCALE = "time", "lever_arm", "mounting", "scale"
+ASSUMED = "assumed"  # key of [imu]; what is written anew is no longer assumed, but for a clock
 ARM_AXES, ANGLES = ("forward", "right", "down"), ("roll", "pitch", "heading")
 UNITS = {TIME: " s", LEVER_ARM: " m", MOUNTING: " deg", SCALE: ""}
 FEWEST = {TIME: 3, LEVER_ARM: 2, MOUNTING: 3, SCALE: 4}
@@ -94,6 +95,8 @@ def rewritten(
         for edit in edits:
             section: Any = content["imu"] if edit.source is None else content["aiding"][edit.source]
             change(section, edit, mark)
+            if edit.key != TIME and edit.key in section.get(ASSUMED, ()):
+                section[ASSUMED].remove(edit.key)
         # tomlkit ends lines of its own with \n
         ends = "\r\n" if "\r\n" in text else "\n"
         new = tomlkit.dumps(content).replace("\r\n", "\n").replace("\n", ends)
@@ -317,6 +320,7 @@ def _others(content: dict[str, Any], edits: Iterable[Keyed]) -> Any:
         for step in way:
             place = place[step]
         place.pop(last, None)
+    left["imu"].pop(ASSUMED, None)
     return left
 
 

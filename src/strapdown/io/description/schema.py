@@ -117,6 +117,7 @@ class ImuPart(Part):
     lever_arm: Triple = [0.0, 0.0, 0.0]
     estimate: Annotated[Any, AfterValidator(_estimate)] = None
     grade: str | None = None
+    assumed: list[str] = []
 
     @property
     def dimensions(self) -> tuple[str, str]:
@@ -144,6 +145,17 @@ class ImuPart(Part):
             ("gyro", "accel"), (self.gyro, self.accel), self.dimensions
         ):
             named(f"{name}.unit", factor, signal.unit, dimension)
+        return self
+
+    @model_validator(mode="after")
+    def _assumed(self) -> Self:
+        for name in self.assumed:
+            refuse(
+                (
+                    name not in self.model_fields_set,
+                    f"assumed: {name!r} is no key of this section; take it out of the list",
+                )
+            )
         return self
 
 

@@ -76,15 +76,15 @@ class Files:
             tables = self._logs[same].tables
         else:
             tables = self._opened(path, header, table is None)
-        for found in tables.values():
-            self.notes += [note for note in found.notes if note not in self.notes]
         if table is None and len(tables) == 1:
-            return next(iter(tables.values()))
+            (table,) = tables
         if table is None or table not in tables:
             wrong = "is missing" if table is None else f"{table!r} is none of the file"
             hint = did_you_mean(table, tables) if table is not None else ""
             raise DataError(f"{path}: table: {wrong}{hint}; it has {', '.join(tables) or 'none'}")
-        return tables[table]
+        found = tables[table]
+        self.notes += [note for note in found.notes if note not in self.notes]
+        return found
 
     def _opened(self, path: Path, header: bool, alone: bool) -> Mapping[str, Table]:
         """The tables of a file that is not yet read; `alone`: a description names none of them."""

@@ -31,7 +31,6 @@ IMU_KEYS = (
     "the IMU is not aligned with the vehicle",
     "# lever_arm = [0.0, 0.0, 0.0]    # m, forward-right-down, from the vehicle's reference point to "
     "the IMU",
-    '# grade = "consumer"             # a name from `strapdown imus`, or an ImuSpec file',
 )
 UNCALIBRATED = (
     "uncalibrated as far as the table tells: iron near it bends the heading; calibrate it first "

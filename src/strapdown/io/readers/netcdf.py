@@ -2,6 +2,7 @@
 variable says its unit. SI and radians."""
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -176,9 +177,9 @@ def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | N
     """(meta, Imu, aidings, reference) as they stand in the file, which is as the format declares it.
     Raises DataError."""
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise DataError(
-            f"{path}: cannot be read ({'it is a folder' if path.is_dir() else 'no such file'}); "
+            f"{path}: cannot be read ({'it is a folder' if os.path.isdir(path) else 'no such file'}); "
             f"check the path"
         )
     found = content(path, WHAT)

@@ -107,13 +107,11 @@ def parse(path: File) -> tuple[Header, Array]:
         )
     rows = [_numbers(path, *line) for line in lines[:3]]
     try:
-        counts = np.loadtxt([text for _, text in lines[3:]], ndmin=2)
+        counts = np.loadtxt([text for _, text in lines[3:]], ndmin=2, comments=None)
     except ValueError:
-        counts = None
-    if counts is None or counts.shape[1] != 6:
-        for line in lines[3:]:
-            _numbers(path, *line)
-    assert counts is not None  # what cannot be read was refused line by line
+        counts = np.empty((0, 0))
+    if counts.shape[1] != 6:  # one by one, which is slower and says where the fault is
+        counts = np.array([_numbers(path, *line) for line in lines[3:]])
     if not np.isfinite(counts).all():
         raise DataError(
             f"{path}, line {lines[3 + int(np.argmin(np.isfinite(counts).all(axis=1)))][0]}: a count "

@@ -6,6 +6,7 @@ import gzip
 import io
 import lzma
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -46,7 +47,8 @@ def broken() -> tuple[type[Exception], ...]:
     """What unpacking raises of a damaged file."""
     import zstandard
 
-    return EOFError, lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstandard.ZstdError
+    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstandard.ZstdError
+    return EOFError, struct.error, *damaged
 
 
 SUFFIXES = packed(".csv", ".txt", ".tsv", ".dat")
@@ -211,7 +213,7 @@ def files_in(path: Path) -> list[str]:
     try:
         with Zip(path) as archive:
             return [PurePosixPath(name).name for name in _files(archive)]
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError):
+    except (zipfile.BadZipFile, OSError, DataError):
         return []
 
 

@@ -42,7 +42,8 @@ SD = {
 m, m/s, gauss, m."""
 TRIPLE = ("[0]", "[1]", "[2]")
 FIX = {"fix_type", "time_utc_usec", "eph", "epv", "s_variance_m_s", "vel_ned_valid"}
-FIX |= {f"vel_{axis}_m_s" for axis in "ned"}
+VELOCITY = {f"vel_{axis}_m_s" for axis in "ned"}
+FIX |= VELOCITY
 OLD = FIX | {"lat", "lon", "alt", "alt_ellipsoid"}
 NEW = FIX | {"latitude_deg", "longitude_deg", "altitude_msl_m", "altitude_ellipsoid_m"}
 INTEGRALS = {f"delta_{of}{k}" for of in ("angle", "velocity") for k in TRIPLE}
@@ -76,7 +77,7 @@ def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.i
         rows = np.flatnonzero(np.isin(found["fix_type"], FIX_3D))
         found = {key: values[rows] for key, values in found.items()}
         _usable(found)
-    if "delta_angle_dt" in found:
+    if found.keys() >= {*INTEGRALS, "delta_angle_dt", "delta_velocity_dt"}:
         for names, of in ((GYRO, "delta_angle"), (ACCEL, "delta_velocity")):
             seconds = found[f"{of}_dt"] * 1e-6
             seconds[seconds <= 0] = np.nan
@@ -91,8 +92,7 @@ def _usable(fixes: Columns) -> None:
             fixes[sd] = np.where(fixes[sd] > 0, fixes[sd], np.nan)
     valid = fixes.get("vel_ned_valid")
     if valid is not None and valid.any():
-        for axis in "ned":
-            key = f"vel_{axis}_m_s"
+        for key in VELOCITY & fixes.keys():
             fixes[key] = np.where(valid, fixes[key], np.nan)
 
 
@@ -117,9 +117,22 @@ def instances(log: ULog, name: str) -> dict[int, float]:
     rates = {}
     for topic, instance in log.topics:
         columns = log.columns(name, instance) if topic == name else {}
-        if any(needed <= set(columns) for needed in NEEDED[name]):
+        if any(needed | {"timestamp"} <= set(columns) for needed in NEEDED[name]):
             rates[instance] = autopilot.rate(columns["timestamp"])
     return rates
+
+
+def lacking(log: ULog, name: str) -> list[str]:
+    """Lines on the instances of a topic that lack a field which is needed."""
+    lines = []
+    for topic, instance in log.topics:
+        columns = log.columns(name, instance) if topic == name else {}
+        missing = min((needed - columns.keys() for needed in NEEDED[name]), key=len)
+        if columns and missing:
+            lines.append(
+                f"{name} {instance}: it has no {', '.join(sorted(missing))}; it is not taken"
+            )
+    return lines
 
 
 def imus(log: ULog) -> tuple[list[Section], list[str]]:

@@ -11,7 +11,17 @@ import numpy as np
 
 from ...contract import Section
 from . import autopilot
-from .px4 import EQUAL, NEARLY, Columns, instances, prepared, same_heights, setting, time_of
+from .px4 import (
+    EQUAL,
+    NEARLY,
+    Columns,
+    instances,
+    lacking,
+    prepared,
+    same_heights,
+    setting,
+    time_of,
+)
 from .ulog import ULog
 
 OLD_DELAY = "EKF2_GPS_DELAY"
@@ -29,6 +39,7 @@ def receivers(log: ULog) -> tuple[list[Section], list[str]]:
     if fast and fast >= NEARLY * slow:
         name, other, own, chosen, fast, slow = other, name, chosen, own, slow, fast
     sections, left = [], [f"{other}, {fast:.3g} Hz: of the same receiver as {name}"] if own else []
+    left += lacking(log, other) + lacking(log, name)
     for instance in sorted(chosen):
         fixes, rows = prepared(log, name, instance)
         lost = len(log.columns(name, instance)["timestamp"]) - len(rows)

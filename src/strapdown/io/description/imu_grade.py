@@ -1,0 +1,104 @@
+"""The IMU grade that a recording fits where nothing states one: by white noise, and by the readings of
+gyro and accelerometer at rest."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.contract import Imu
+from ...core.earth import RATE
+from ...preprocessing.plausible import G
+from ...preprocessing.stationary import at_rest
+from ...sensor_models.imu import grade
+from ...typing import Array
+from ...units import in_units
+
+CLASSES = ("navigation", "tactical", "industrial", "consumer")
+"""Grades from the best to the worst; the other grade that ships is of one product."""
+MARGIN = 1.4
+"""Times the noise of a grade that an IMU of it may show: the gyro noises of neighbouring grades are a
+factor of 2.1 or more apart."""
+SIGMAS = 3.0
+"""Standard deviations of its bias that a reading at rest may be off."""
+GRAVITY_RANGE = 0.03  # m/s^2: standard gravity is that far off at most, at sea level
+WINDOW = 50  # samples of which one estimate of noise is made
+QUIETEST = 10.0  # percent of the windows, which have the least motion
+CLUSTERS = (1, 4)
+"""Samples averaged at rest: a low-pass filter of the device hides noise from neighbouring samples."""
+MEANS, STEADY = 1.0, 5.0
+"""A reading at rest is the mean of so many seconds, and differs from the next one by less than so many
+of its standard deviations: smooth motion passes for a rest otherwise."""
+THIRD = 20.0
+"""Variance of the third difference of white noise of variance 1; it takes slow motion out."""
+
+
+class Shown(NamedTuple):
+    """White noise, the largest of what the record shows, and means at rest, NaN without a rest."""
+
+    gyro: float  # rad/sqrt(s)
+    accel: float  # m/s/sqrt(s)
+    rate: float  # rad/s
+    excess: float  # of the magnitude of specific force over gravity, m/s^2
+
+
+def nearest_grade(imu: Imu) -> tuple[str, str]:
+    """(name of the best grade that allows the noise and the biases of `imu`, why)."""
+    seen = shown(imu)
+    found = next((name for name in CLASSES if _allowed(name, seen)), CLASSES[-1])
+    gyro = in_units(seen.gyro, "rad/sqrt(s)")
+    accel = in_units(seen.accel, "m/s/sqrt(s)")
+    rest = f", mean rate at rest {np.degrees(seen.rate):.2g} deg/s"
+    return found, (
+        f"estimated from its white noise of {gyro:.2g} deg/sqrt(h) and {accel:.2g} m/s/sqrt(h)"
+        + (", no rest shows its biases" if np.isnan(seen.rate) else rest)
+    )
+
+
+def _allowed(name: str, seen: Shown) -> bool:
+    """Whether a grade allows all of it; NaN is allowed."""
+    spec = grade(name)
+    accel_sd, gyro_sd = spec.bias_sd()
+    return not (
+        seen.gyro > MARGIN * spec.gyro.noise
+        or seen.accel > MARGIN * spec.accel.noise
+        or seen.rate > SIGMAS * np.sqrt(3) * gyro_sd + RATE
+        or abs(seen.excess) > SIGMAS * accel_sd + GRAVITY_RANGE
+    )
+
+
+def shown(imu: Imu) -> Shown:
+    """The noise and biases that the samples show."""
+    dt = float(np.median(imu.dt))
+    rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
+    noise = [np.sqrt(dt) * _deviation(each) for each in (rate, force)]
+    rest, many = at_rest(imu), max(1, round(MEANS / dt))
+    means = [_blocks(each[rest], many).mean(axis=1) for each in (rate, force)]
+    steps = [np.abs(np.diff(each, axis=0)).max(axis=1) for each in means]
+    steady = np.logical_and(
+        *(step < STEADY * np.sqrt(2 / MEANS) * sd for step, sd in zip(steps, noise))
+    )
+    if not steady.any():
+        return Shown(*noise, np.nan, np.nan)
+    rates, forces = (np.linalg.norm(each[1:][steady], axis=1) for each in means)
+    return Shown(*noise, float(rates.min()), float(np.median(forces)) - G)
+
+
+def _deviation(values: Array) -> float:
+    """Standard deviation of a sample (n, 3) in the quietest windows, mean of the axes, the largest of
+    the clusters; at least that of rounding."""
+    steps = np.abs(np.diff(values, axis=0))
+    moved = steps[steps > 0]
+    found = [
+        many * np.percentile((thirds**2).mean(axis=(1, 2)), QUIETEST) / THIRD
+        for many in CLUSTERS
+        if len(thirds := _blocks(np.diff(_blocks(values, many).mean(axis=1), 3, axis=0), WINDOW))
+    ]
+    if not found or not len(moved):
+        return np.inf
+    # the least steps of rounded values are their unit, of others a hundredth of the noise
+    return float(np.sqrt(max(found) + np.percentile(moved, 1.0) ** 2 / 12))
+
+
+def _blocks(values: Array, many: int) -> Array:
+    """(k, many, 3): the rows in blocks, without those of the last one that is not full."""
+    return values[: len(values) // many * many].reshape(-1, many, 3)
