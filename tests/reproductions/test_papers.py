@@ -12,6 +12,7 @@ from strapdown_reproductions.common.kinds import ALWAYS
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, finding
 from strapdown_reproductions.common.write_docs import DOCS, PAGES
 from strapdown_reproductions.papers import main as papers
+from strapdown_reproductions.papers.renew import with_section
 
 pytestmark = pytest.mark.short
 
@@ -121,5 +122,5 @@ def test_one_study_run_again_renews_its_section():
     text = papers.markdown_of(both)
     again = {name: found(UNDECIDED)[name] for name in both}
     for name in both:
-        text = papers.with_section(text, name, again[name])
+        text = with_section(text, name, again[name])
     assert text == papers.markdown_of(again)

@@ -2,17 +2,15 @@
 
     python -m strapdown_reproductions.common.write_docs NAME OUT
 
-NAME is that of `strapdown reproduce`, OUT the folder of its results. The study of one paper also
-renews its section in the table of all claims.
+NAME is that of `strapdown reproduce`, OUT the folder of its results. For the study of one paper
+`python -m strapdown_reproductions.papers.renew` also renews its section in the table of all claims.
 """
 
-import json
 import sys
 from pathlib import Path
 
 from strapdown.files import replacing
 
-from ..papers import main as papers
 from . import markdown
 
 DOCS = Path(__file__).resolve().parents[4] / "docs" / "reference" / "evidence"
@@ -62,11 +60,6 @@ def main(name: str, out: str) -> None:
         file, page = MORE[name]
         text = (Path(out) / file).read_text(encoding="utf-8")
         markdown.insert(DOCS / page, text, markdown.begin(file, name))
-    if name in papers.PAPERS:
-        own = json.loads((Path(out) / "claims.json").read_text(encoding="utf-8"))
-        page, of_all = DOCS / PAGES["papers"][1], mark("papers")
-        text = papers.with_section(markdown.inserted(page, of_all), name, own)
-        markdown.insert(page, text, of_all)
     if name in PICTURES:
         with replacing(DOCS / PICTURES[name]) as part:
             part.write_bytes((Path(out) / PICTURES[name]).read_bytes())

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from strapdown.checks import DataError
 from strapdown.files import replacing, together
 from strapdown.reports.shell import shell
 from strapdown.typing import File, Progress, Say
@@ -131,15 +130,6 @@ def section(name: str, own: list[dict[str, Any]]) -> str:
     said = f"{counts(own)}. [Its page]({PAPERS[name].page})."
     parts = [f"## {PAPERS[name].authors}", said, table(rows, lambda value: plain(str(value)))]
     return "\n\n".join(parts)
-
-
-def with_section(text: str, name: str, own: list[dict[str, Any]]) -> str:
-    """The text of `markdown_of` with the section of one paper, whose study was run again, anew."""
-    before, heading, rest = text.partition(f"## {PAPERS[name].authors}\n")
-    if not heading:
-        raise DataError(f"claims.md has no section on {PAPERS[name].authors}")
-    _, next_heading, after = rest.partition("\n## ")
-    return before + section(name, own) + "\n" + next_heading + after
 
 
 def seeds(own: list[dict[str, Any]], other: list[dict[str, Any]]) -> str:
