@@ -70,17 +70,17 @@ def shown(imu: Imu) -> Shown:
     """The noise and biases that the samples show."""
     dt = float(np.median(imu.dt))
     rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
-    noise = [np.sqrt(dt) * _deviation(each) for each in (rate, force)]
+    gyro, accel = (np.sqrt(dt) * _deviation(each) for each in (rate, force))
     rest, many = at_rest(imu), max(1, round(MEANS / dt))
     means = [_blocks(each[rest], many).mean(axis=1) for each in (rate, force)]
     steps = [np.abs(np.diff(each, axis=0)).max(axis=1) for each in means]
     steady = np.logical_and(
-        *(step < STEADY * np.sqrt(2 / MEANS) * sd for step, sd in zip(steps, noise))
+        *(step < STEADY * np.sqrt(2 / MEANS) * sd for step, sd in zip(steps, (gyro, accel)))
     )
     if not steady.any():
-        return Shown(*noise, np.nan, np.nan)
+        return Shown(gyro, accel, np.nan, np.nan)
     rates, forces = (np.linalg.norm(each[1:][steady], axis=1) for each in means)
-    return Shown(*noise, float(rates.min()), float(np.median(forces)) - G)
+    return Shown(gyro, accel, float(rates.min()), float(np.median(forces)) - G)
 
 
 def _deviation(values: Array) -> float:
