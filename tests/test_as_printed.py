@@ -38,15 +38,18 @@ def named(line):
     return re.findall(r"[\w./-]+\.\w+", line)
 
 
-def give(line, folder):
-    """Write the files of one's own that a line names and that no line before has made."""
-    words = words_of(line)
-    made = {after for word, after in pairwise(words) if word in ("--write", "--out")}
-    for name in named(line):
-        special = " ".join(words[1:3]) if words[2:3] == [name] else name
-        write = given_files.GIVEN.get(special, given_files.GIVEN.get(name))
-        if write and name not in made and not (folder / name).exists():
-            write(folder / name)
+def give(lines, folder):
+    """Write the files of one's own that lines name and none of them makes."""
+    words = [words_of(line) for line in lines]
+    made = {
+        after for each in words for word, after in pairwise(each) if word in ("--write", "--out")
+    }
+    for each, line in zip(words, lines):
+        for name in named(line):
+            special = " ".join(each[1:3]) if each[2:3] == [name] else name
+            write = given_files.GIVEN.get(special, given_files.GIVEN.get(name))
+            if write and name not in made and not (folder / name).exists():
+                write(folder / name)
 
 
 def in_shell(text, folder):
@@ -67,9 +70,9 @@ def in_shell(text, folder):
 
 
 def run_lines(lines, folder):
-    """Each line, after the files that it needs."""
+    """Each line, with the files that they need."""
+    give(lines, folder)
     for line in lines:
-        give(line, folder)
         in_shell(line, folder)
 
 
@@ -145,7 +148,6 @@ def test_it_installs_as_it_is_printed(page, tmp_path):
         ]
         if any(map(named, lines_of(block))):
             script.append(f"cd {empty}")
-        for line in lines:
-            give(line, empty)
+        give(lines, empty)
         script += [line for line in lines if not line.startswith("make test")]
     fresh("\n".join(script), copy, tmp_path)

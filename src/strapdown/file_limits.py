@@ -21,7 +21,8 @@ from .typing import File
 class Limits(NamedTuple):
     """What a file may be. A week at 200 Hz as CSV has 15 GB."""
 
-    size: float = 64e9  # bytes of a file's content, once unpacked
+    # bytes of a file's content, once unpacked; of text of what it takes in memory, if that is more
+    size: float = 64e9
     # unpacked bytes by packed one beyond FREE: logs reach 30, a file made to fill memory 1000
     expansion: float = 200.0
     settings: float = 4e6  # bytes of a TOML or JSON file

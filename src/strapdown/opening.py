@@ -24,6 +24,9 @@ STEP = 1 << 12
 ENDS = b"\n", b"\r"
 WHOLE = 64
 """Bits of a whole number of TOML, by its specification."""
+CELL, ROW, TEXT = 8, 32, 64
+"""Bytes that a number, the rest of its row and a cell of text take in memory at least."""
+SEPARATORS = b",", b";", b"\t", b"|"
 NOT_KEYS = re.compile(
     r'"""(?:[^"\\]++|\\.|"(?!""))*+(?:""")?'
     r"|'''(?:[^']++|'(?!''))*+(?:''')?"
@@ -47,6 +50,14 @@ def open_file(path: File) -> BinaryIO:
     return path.open("rb")
 
 
+def in_memory(text: bytes) -> int:
+    """Bytes that the rows of a text become in memory, by its signs: never fewer than it has."""
+    lines = max(map(text.count, ENDS))
+    blanks = text.count(b" ") - text.count(b"  ")  # several are one separator
+    cells = lines + max(blanks, *map(text.count, SEPARATORS))
+    return max(len(text), CELL * cells + ROW * lines)
+
+
 class _Metered(io.RawIOBase):
     """An open file whose bytes are counted while they are read."""
 
@@ -59,9 +70,12 @@ class _Metered(io.RawIOBase):
 
     def readinto(self, into: Any) -> int:
         count: int = self._file.readinto(into)  # type: ignore[attr-defined]
-        self._meter.add(count)
         if self._lines:
-            self._check_line(bytes(memoryview(into)[:count]))
+            piece = bytes(memoryview(into)[:count])
+            self._meter.add(in_memory(piece))
+            self._check_line(piece)
+        else:
+            self._meter.add(count)
         return count
 
     def _check_line(self, piece: bytes) -> None:
@@ -82,8 +96,8 @@ class _Metered(io.RawIOBase):
 
 
 def metered(file: BinaryIO, meter: Meter, lines: bool = False) -> BinaryIO:
-    """An open file whose content is counted while it is read; of `lines`, none may be without an
-    end. Raises DataError."""
+    """An open file whose content is counted while it is read; of `lines` as `in_memory`, and none
+    may be without an end. Raises DataError."""
     return cast(BinaryIO, io.BufferedReader(_Metered(file, meter, lines), PIECE))
 
 

@@ -120,7 +120,7 @@ def read(
         if manifest.get("installation"):
             names = {*names, LABELS}
         found = content(path, "chunk of a study", {*names, "t"}, whole)
-        if found.attributes.get("identity") != identity:
+        if str(found.attributes.get("identity")) != identity:
             raise DataError(
                 f"{path}: it is the file of another study, cell or chunk, or manifest.json was changed"
             )

@@ -111,7 +111,7 @@ def sniff(path: Path) -> bool:
 
 def open_log(path: Path) -> Log:
     """The Log of a file. Raises DataError."""
-    file = Lines.of(read_bytes(path))
+    file = Lines.of(read_bytes(path, lines=True))
     left: list[str] = []
     tables = {kind: _table(path, kind, file, left) for kind in WANTED if kind in file.names}
     tables = {kind: table for kind, table in tables.items() if len(table.lines)}

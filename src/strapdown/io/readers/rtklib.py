@@ -73,7 +73,7 @@ class Solution(NamedTuple):
 
 def open_pos(path: Path) -> Log:
     """The Log of a file. Raises DataError where its header does not say what it holds."""
-    text = read_bytes(path).decode("utf-8", "replace")
+    text = read_bytes(path, lines=True).decode("utf-8", "replace")
     names = NAMES.search(text)
     if names is None:
         raise DataError(

@@ -224,9 +224,10 @@ def open_text(path: Path) -> TextIO:
     )
 
 
-def read_bytes(path: Path, most: int = -1) -> bytes:
-    """The content of a file, plain or compressed, or its first `most` bytes. Raises DataError."""
-    with reading(path), open_bytes(path) as file:
+def read_bytes(path: Path, most: int = -1, lines: bool = False) -> bytes:
+    """The content of a file, plain or compressed, or its first `most` bytes; `lines` as in
+    `open_bytes`. Raises DataError."""
+    with reading(path), open_bytes(path, lines) as file:
         return file.read(most)
 
 

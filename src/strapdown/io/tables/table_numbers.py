@@ -4,18 +4,21 @@ import io
 import re
 import warnings
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...file_limits import regular
-from ...opening import open_file
+from ...checks import DataError
+from ...file_limits import check_size, regular
+from ...opening import CELL, ROW, open_file
 from .table_file import Numbers
 from .table_layout import Layout
 
-SHORT = 30_000_000
-"""Bytes of a text that is tried; with longer ones pandas, which parses twice as fast, is ahead."""
+SHORT, LINES = 30_000_000, 500_000
+"""Bytes and lines of a text that is tried; with longer ones pandas, which parses twice as fast, is
+ahead, and keeps no text of each line."""
 WHOLE = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
 
 
@@ -27,8 +30,11 @@ def numbers_of(path: Path, found: Layout) -> Numbers | None:
         return None
     try:
         with io.TextIOWrapper(open_file(path), "utf-8-sig") as file:
-            lines = file.readlines()[found.skipped :]
+            lines = list(islice(file, LINES + found.skipped + 1))[found.skipped :]
+        if len(lines) > LINES:
+            return None
         square = _parsed(lines, found.separator, float)
+        check_size(CELL * square.size + ROW * len(lines), path)
         names = found.names or range(1, square.shape[1] + 1)
         if square.shape != (len(lines), len(names)) or not np.isfinite(square).all():
             return None
@@ -39,6 +45,8 @@ def numbers_of(path: Path, found: Layout) -> Numbers | None:
         if whole:  # as numbers of 64 bits, which floats are too short for
             integers = _parsed(lines, found.separator, np.int64, whole)
             columns |= zip([names[k] for k in whole], np.ascontiguousarray(integers.T))
+    except DataError:  # too large
+        raise
     except (ValueError, Warning):  # something is no number, or missing
         return None
     return columns

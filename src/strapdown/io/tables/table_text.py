@@ -3,7 +3,7 @@
 import io
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...checks import DataError
-from ...file_limits import check_count, regular
-from ...opening import check_lines
+from ...file_limits import Meter, check_count, regular
+from ...opening import CELL, ROW, TEXT, check_lines
 from ...preprocessing.origin import counted
 from ...typing import Ints, Mask
 from .table_file import PACKED, Table, is_number, open_bytes, reading, split_error
@@ -181,7 +181,10 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
     """What pandas makes of the file without the lines `left`, counted from 0. To skip blanks before
     cells takes time, so that it is done where there is more than numbers."""
     frame = _as_pandas_parses(path, found, left, blanks=False)
-    return _as_pandas_parses(path, found, left, blanks=True) if _texts(frame) else frame
+    if not _texts(frame):
+        return frame
+    del frame  # before the second one comes
+    return _as_pandas_parses(path, found, left, blanks=True)
 
 
 def _as_pandas_parses(
@@ -212,8 +215,19 @@ def _as_pandas_parses(
             chunksize=CHUNK,
         )
         with chunks:
-            frames = list(chunks)
+            frames = _gathered(chunks, path)
     return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
+
+
+def _gathered(chunks: Iterable["pd.DataFrame"], path: Path) -> list["pd.DataFrame"]:
+    """All of them, their cells counted. Raises DataError where they are too many."""
+    packed = regular(path).stat().st_size if path.suffix.lower() in PACKED else None
+    frames, meter = [], Meter(path, packed)
+    for frame in chunks:
+        texts = sum(int(frame[name].notna().sum()) for name in _texts(frame))
+        meter.add(CELL * frame.size + ROW * len(frame) + (TEXT - CELL) * texts)
+        frames.append(frame)
+    return frames
 
 
 def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:

@@ -98,7 +98,7 @@ def export(path: Path) -> Export:
             with Zip(path) as archive:
                 files = _of_zip(archive)
         elif path.name.lower().endswith(CSV):
-            files = {_name(path.name): partial(open_bytes, path)}
+            files = {_name(path.name): partial(open_bytes, path, True)}
         else:
             files = {}
     return found._replace(files=dict(sorted(files.items())[:MOST_FILES]))
@@ -125,7 +125,7 @@ def _name(file: str) -> str:
 def _of_folder(path: Path) -> dict[str, Callable[[], BinaryIO]]:
     files = [*files_of(path), *files_of(path, "meta/*")]
     return {
-        _name(file.relative_to(path).as_posix()): partial(open_bytes, file)
+        _name(file.relative_to(path).as_posix()): partial(open_bytes, file, True)
         for file in files
         if file.name.lower().endswith(CSV) and not file.name.startswith(".") and file.is_file()
     }
@@ -151,4 +151,4 @@ def _of_zip(archive: Zip) -> dict[str, Callable[[], BinaryIO]]:
 
 def _member(path: Path, name: str, meter: Meter) -> BinaryIO:
     """A file of an archive, open to read; what all of them unpack to is counted together."""
-    return Zip(path).content(name, meter)
+    return Zip(path).content(name, meter, True)
