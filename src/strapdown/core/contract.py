@@ -595,6 +595,8 @@ class Filter(NamedTuple):
     # whether its kernels also compile for eight runs at once: they choose by `core.choosing` and
     # have no `if` on a value
     lanes: bool = False
+    # kernels that its `start` calls, so that they are compiled before a stream begins
+    start_kernels: tuple[Callable[..., Any], ...] = ()
     # the one of BIAS_MODELS that it assumes where nobody says; "": none of its estimates decays, and
     # there is no such option
     bias: str = ""

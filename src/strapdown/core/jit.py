@@ -100,7 +100,9 @@ class Kernel:
     @property
     def at_hand(self) -> bool:
         """Whether `ready` would not take seconds."""
-        if self._address or not COMPILED or library.find(self):
+        if not self._address and COMPILED:
+            self._address = library.find(self) or 0
+        if self._address or not COMPILED:
             return True
         from . import compiler
 

@@ -111,7 +111,7 @@ def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) 
     is told once where that takes seconds."""
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
-    slow: list[Any] = [filter.predict, filter.correct, loop.run]
+    slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
     announce(slow, filter.name, say)
     for kernel in slow:
         filters.compiled(filter, kernel)

@@ -46,6 +46,7 @@ from ...core.kalman import decay, of_estimates, update, used_rows
 from ...core.mechanization import mechanize
 from ...core.rotation_vectors import exponentials
 from ...core.signatures import LANES
+from ...core.threefry import normal_rows
 from ...typing import Array
 from .ins_mixture import (
     COMPONENTS,
@@ -344,6 +345,7 @@ PKF = Filter(
     correct,
     slots=SLOTS,
     diagnose=lost,
+    start_kernels=(normal_rows,),
     bias=DECAYING,
     good_for="beliefs that are no one Gaussian: any heading, beacons",
     poor_for="daily use: 500 closed loops for the result of one",
