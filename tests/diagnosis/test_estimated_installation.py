@@ -156,7 +156,7 @@ def test_the_stamps_of_a_reference_are_doubted_with_those_of_the_receiver(turnin
     assert f"off by {found.parameters[0].seen} too" in found.of_reference
     sd.report(solution, logged.reference).save(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
-    assert "it may err itself: the reference keeps its time stamps" in page
+    assert "The reference may itself be wrong: the reference keeps its time stamps" in page
     for other in (recording, replace(logged, reference=None)):
         assert not installation(
             sd.fuse(other, start=start(turning), estimate=["clock"])

@@ -253,7 +253,8 @@ def test_missing_samples_are_a_reason_and_end_what_the_course_says():
     ],
 )
 def test_doubtful_rows_count_by_their_share_with_what_was_said_first(said, cause, source):
-    """170 s of the 200 s come after the start and the doubt that began in it."""
+    """170 s of the 200 s come after the start and the doubt that began in it; the seconds are all
+    that the status has, as everywhere."""
     solution = made_up()
     events = ((20.0, "earlier"), (99.9, said), (99.95, "IMU gap of 3 s"), (101.0, "later"))
     status = np.where((solution.t >= 100) & (solution.t < 180), CONTRADICTED, 0)
@@ -261,8 +262,10 @@ def test_doubtful_rows_count_by_their_share_with_what_was_said_first(said, cause
     doubted = replace(solution, status=status, events=events)
     (found,) = evidence.doubts(doubted)
     assert (found.cause, found.source) == (cause, source)
-    assert found.seen.startswith("80 s of the result are doubtful, 47 % of it")
-    assert found.seen.endswith(f"the first at 100 s: {said}")
+    assert found.seen.startswith(
+        f"{doubted.seconds(CONTRADICTED):.0f} s of the result are doubtful, and 47 % of it after its start"
+    )
+    assert found.seen.endswith(f"first at 100 s: {said}")
     assert found.weight == pytest.approx(80 / 170 / evidence.DOUBTED, rel=0.01)
     assert Verdict.of([found]).word == DOUBTFUL
     few = np.where(solution.t > 180, CONTRADICTED, 0)

@@ -188,19 +188,35 @@ def test_no_band_is_promised_where_none_is_claimed():
 
 def test_errors_beyond_the_claim_are_told():
     e = metrics.errors(ATTITUDE, TRUTH)
-    assert summary.beyond({"a": e}) == ""
+    assert summary.contradictions({"a": e}) == {}
     sure = replace(e, sd=e.sd / 100)
     share = (np.abs(e.attitude) > 0.03 * e.sd[:, 6:9]).any(axis=1)
-    assert summary.beyond({"a": sure}).startswith(
-        f"<p class=note>a: attitude error beyond 3σ of what the filter claims at {100 * share.mean():.0f} % of the"
+    (said,) = summary.contradictions({"a": sure})["a"]
+    assert said.startswith(
+        f"attitude error beyond 3σ of what the filter claims at {100 * share.mean():.0f} % of the"
     )
     inside = (e.t >= 100) & (e.t <= 110)
-    assert f"at {100 * share[inside].mean():.0f} %" in summary.beyond({"a": sure}, (100, 110))
-    assert (
-        summary.beyond({"a": replace(e, sd=None)})
-        == summary.beyond({"a": replace(e, sd=np.full_like(e.sd, np.nan))})
-        == ""
+    assert f"at {100 * share[inside].mean():.0f} %" in str(
+        summary.contradictions({"a": sure}, (100, 110))
     )
+    for unknown in (None, np.full_like(e.sd, np.nan)):
+        assert summary.contradictions({"a": replace(e, sd=unknown)}) == {}
+
+
+@pytest.mark.parametrize(
+    "steady, suspect", [(True, "of the reference first"), (False, "solution first")]
+)
+def test_what_of_the_two_to_suspect_is_told(steady, suspect):
+    """Errors of 9 deg of roll against a claim of 1 deg: all along, or as a sine."""
+    e = metrics.errors(ATTITUDE, TRUTH)
+    error = np.radians(9.0) * (np.ones(len(e.t)) if steady else np.sin(e.t))
+    off = replace(
+        e,
+        attitude=np.c_[error, 0 * error, 0 * error],
+        sd=np.full_like(e.sd, np.radians(1.0)),
+    )
+    (said,) = summary.contradictions({"a": off})["a"]
+    assert suspect in said and ("median 9.00" in said) == steady
 
 
 def test_a_field_that_counts_little_is_explained():

@@ -3,10 +3,12 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown import report
+from strapdown.geodesy import displaced
 from strapdown.reports.verdict_block import verdict_block
 from strapdown.verdict import Reason, Verdict
 
@@ -46,6 +48,16 @@ def test_several_results_are_named_and_those_that_agree_share_a_block():
     assert text(shown).startswith("✕ Not to be trusted b") and "✓ Trusted a, c" in text(shown)
 
 
+def test_a_reference_that_contradicts_what_is_trusted_makes_its_block_amber():
+    against = {"a": ["attitude error beyond 3σ at 30 % of the times. Suspect the <reference>."]}
+    shown = verdict_block({"a": TRUSTED, "b": TRUSTED}, against)
+    assert "class='verdict doubt'" in shown and "class='verdict right'" in shown
+    assert "Trusted, but contradicted by the reference a" in text(shown)
+    assert "one of the two is wrong" in text(shown) and "&lt;reference&gt;" in shown
+    grave = verdict_block({"a": WRONG}, against)
+    assert "class='verdict wrong'" in grave and "Suspect the" in grave
+
+
 def test_texts_are_escaped_and_what_is_quoted_is_code():
     reason = Reason("unit", "<b>5 & 6</b>", 'set `unit = "rad"`', "<i>")
     shown = verdict_block({"<u>": Verdict.of([reason]), "x": TRUSTED})
@@ -58,3 +70,14 @@ def test_it_is_the_first_block_of_the_page():
     html = report(made).html
     assert html.index("<main id=main><div class='verdict wrong'") < html.index("<section")
     assert "class='verdict unknown'" in report(solution(flight(60, rate=1.0))).html
+
+
+def test_a_page_says_once_and_first_that_its_reference_contradicts_it():
+    """A solution 9 m beside its reference, of claims of a metre."""
+    true = flight(60, rate=1.0)
+    made = solution(true, verdict=TRUSTED.as_dict())
+    off = np.full((len(true.t), 3), [9.0, 0.0, 0.0])
+    html = report(made, replace(true, lla=displaced(true.lla, off))).html
+    assert html.index("Trusted, but contradicted by the reference") < html.index("<section")
+    assert "class='verdict doubt'" in html and html.count("position error beyond 3σ") == 1
+    assert "class='verdict right'" in report(made, true).html

@@ -433,20 +433,21 @@ def print_errors(
     reference: "sd.Trajectory",
     window: tuple[float, float] | None = None,
 ) -> None:
-    """A table of root mean square errors; says in one line why there is none. The angles of the
-    attitude error where a solution has no position.
+    """A table of root mean square errors and what of them contradicts the claims; says in one line
+    why there is none. The angles of the attitude error where a solution has no position.
 
     A heading that runs free is not scored, nor the angle of the whole rotation with it.
     """
     import numpy as np
 
     from ..evaluation.metrics import AttitudeAngles, errors, rms
-    from ..reports.summary import heading_held
+    from ..reports.summary import contradictions, heading_held
 
-    rows = []
+    rows, found = [], {}
     for name, solution in solutions.items():
         try:
-            r = rms(errors(solution, reference), window)
+            found[name] = errors(solution, reference)
+            r = rms(found[name], window)
         except sd.DataError as error:
             print(f"not scored: {error}")
             continue
@@ -474,6 +475,8 @@ def print_errors(
             header if all_columns else header[:-1],
             rows if all_columns else [row[:-1] for row in rows],
         )
+    for name, texts in contradictions(found, window).items():
+        print(*(f"{name}: {text}" for text in texts), sep="\n")
 
 
 def table(header: Sequence[object], rows: Sequence[Sequence[object]]) -> None:

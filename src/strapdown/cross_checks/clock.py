@@ -117,7 +117,10 @@ def coarse_lag(subject: Subject, source: Aiding) -> Lag | None:
     sure = [lag for lag in lags if lag.evidence > EVIDENCE] or [best]
     known = [(lag.seconds, lag.sd) for lag in sure]
     known += [_by_vectors(fixes, source.kind, subject.felt, best.seconds)]
-    seconds, weight = np.array([(lag, sd**-2) for lag, sd in known if np.isfinite(sd)]).T
+    known = [(lag, sd) for lag, sd in known if np.isfinite(sd)]
+    if not known:
+        return best._replace(sd=np.inf)
+    seconds, weight = np.array([(lag, sd**-2) for lag, sd in known]).T
     mean = float(np.average(seconds, weights=weight))
     # quantities that disagree are not better known than that
     spread = float(np.sqrt(max(1.0, (weight * (seconds - mean) ** 2).sum())))
@@ -146,13 +149,15 @@ def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[flo
     left = np.stack([_left_over(a, motion.mean(integral, t + lag, half), edges) for lag in lags])
     total = left.sum(axis=1)
     independent = 3 * len(t) * fixes.interval / (2 * half)
-    if not independent / 2 * np.log(np.median(total) / max(total.min(), 1e-12)) > EVIDENCE:
+    # the least of a misfit that has none inside, as of few fixes, is an end of the search: it moves
+    # with no part of the record, so that leaving parts out would call it certain
+    ends = min(total[0], total[-1])
+    if not independent / 2 * np.log(ends / max(total.min(), 1e-12)) > EVIDENCE:
         return near, np.inf
     # leaving out one part of the record after the other (jackknife)
     parts = np.array_split(np.arange(len(edges)), min(BLOCKS, len(edges)))
     others = np.array([_top(lags, left[:, part].sum(axis=1) - total) for part in parts])
-    sd = np.sqrt((len(parts) - 1) * np.mean((others - others.mean()) ** 2))
-    return _top(lags, -total), float(np.hypot(sd, SYSTEMATIC["vectors"]))
+    return _top(lags, -total), float(np.hypot(_jackknife(others), SYSTEMATIC["vectors"]))
 
 
 def _left_over(a: Array, f: Array, edges: Ints) -> Array:
@@ -217,17 +222,23 @@ def correlations(theirs: Array, ours: Array, weight: Array | None = None) -> Arr
 
 def _refined(series: Series, lag: float) -> tuple[float, float]:
     """(lag, sd) in s near a lag: the top of the correlation, and by leaving out one tenth of the
-    record after the other (jackknife)."""
+    record after the other (jackknife); sd is infinite where the top is an end of the search."""
     lags = lag + np.arange(-1.0, 1.0 + FINE / 2, FINE)
     ours = series.felt(lags)
     tops = [_top(lags, correlations(series.theirs, ours))]
+    if not lags[0] < tops[0] < lags[-1]:
+        return tops[0], np.inf
     for left_out in np.array_split(np.arange(len(series.t)), BLOCKS):
         weight = np.ones(len(series.t))
         weight[left_out] = 0.0
         tops.append(_top(lags, correlations(series.theirs, ours, weight)))
-    others = np.array(tops[1:])
-    sd = np.sqrt((BLOCKS - 1) * np.mean((others - others.mean()) ** 2))
-    return tops[0], float(sd)
+    return tops[0], _jackknife(np.array(tops[1:]))
+
+
+def _jackknife(others: Array) -> float:
+    """Standard deviation of a value from those (k,) that are left without one part after the
+    other."""
+    return float(np.sqrt((len(others) - 1) * others.var()))
 
 
 def _top(lags: Array, r: Array) -> float:
@@ -247,6 +258,8 @@ def _unclear(lag: Lag) -> str:
     """Why a Lag is not believed."""
     if lag.evidence <= EVIDENCE:
         return "the motion is too even to tell one time from another"
+    if not np.isfinite(lag.sd):
+        return "no lag within a second of the likeliest fits best"
     return f"acceleration and turns disagree by {2 * lag.sd:.1f} s"
 
 

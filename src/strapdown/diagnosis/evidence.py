@@ -392,7 +392,7 @@ def doubts(solution: Solution) -> Iterator[Reason]:
     doubtful = settled & (solution.status == DOUBTFUL)
     if not doubtful.any():
         return
-    seconds, share = span[doubtful].sum(), span[doubtful].sum() / span[settled].sum()
+    share = span[doubtful].sum() / span[settled].sum()
     first = t[np.argmax(doubtful)]
     others = {str(run) for run in solution.rejected}  # which need not make rows doubtful
     said = [
@@ -407,8 +407,9 @@ def doubts(solution: Solution) -> Iterator[Reason]:
     sensors = [sensor for sensor in ("accelerometer", "gyro") if text.startswith(sensor)]
     yield Reason(
         "outliers" if sources else sensors[0] if sensors else "unknown",
-        f"{seconds:.0f} s of the result are doubtful, {'less than 1' if share < 0.01 else f'{100 * share:.0f}'} % of it "
-        f"({100 * DOUBTED:.0f} % at most), the first at {first:.0f} s: {text}",
+        f"{solution.seconds(DOUBTFUL):.0f} s of the result are doubtful, and "
+        f"{'less than 1' if share < 0.01 else f'{100 * share:.0f}'} % of it after its start "
+        f"({100 * DOUBTED:.0f} % at most), first at {first:.0f} s: {text}",
         "mend its cause, or leave out the rows that `status` marks",
         max(sources, key=len, default=""),
         min(share / DOUBTED, GRAVE),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from html import escape
 
 import numpy as np
@@ -17,17 +17,20 @@ from ..time_scales import utc
 from ..typing import Array
 from .drawing import metres, outages
 from .summary import claimed_sd, number
+from .verdict_block import worded
 
 
 def cards(
     solutions: Mapping[str, Solution],
     scores: Mapping[str, Errors],
     window: tuple[float, float] | None = None,
+    contradicted: Collection[str] = (),
 ) -> str:
     """HTML: one card on what was recorded, and one on each of {name: Solution}; `scores` are its
-    metrics.Errors where there is a reference, RMS over `window` in s."""
+    metrics.Errors where there is a reference, RMS over `window` in s; `contradicted` are the names of
+    those whose claims it contradicts."""
     shown = [_card("Recorded", *_recorded(next(iter(solutions.values()))))] + [
-        _card(name, *_made(solution, scores.get(name), window))
+        _card(name, *_made(solution, scores.get(name), window, name in contradicted))
         for name, solution in solutions.items()
     ]
     return f"<div class=cards>{''.join(shown)}</div>"
@@ -59,7 +62,10 @@ def _recorded(solution: Solution) -> tuple[str, list[str]]:
 
 
 def _made(
-    solution: Solution, e: Errors | None, window: tuple[float, float] | None
+    solution: Solution,
+    e: Errors | None,
+    window: tuple[float, float] | None,
+    contradicted: bool,
 ) -> tuple[str, list[str]]:
     """The verdict; errors and what the filter claims; fixes taken, time without them."""
     if not len(solution.t):
@@ -87,7 +93,7 @@ def _made(
     if all_fixes:
         parts.append(f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted")
     parts.append(_lacks(solution))
-    return solution.verdict.word.capitalize(), parts
+    return worded(solution.verdict, contradicted), parts
 
 
 def _lacks(solution: Solution) -> str:

@@ -88,8 +88,11 @@ def report(
         policy = MAP_POLICY
         sections[1] = sections[1][0], draw.place(drawn, "On a map", CAPTION) + sections[1][1]
     below = listed(_facts(solutions, window, facts))
-    verdicts = verdict_block({name: solution.verdict for name, solution in solutions.items()})
-    glance = verdicts + cards(solutions, scores, window)
+    of_reference = {name: installation(s).of_reference for name, s in solutions.items()}
+    contradicted = summary.contradictions(scores, window, of_reference)
+    verdicts = {name: solution.verdict for name, solution in solutions.items()}
+    shown = cards(solutions, scores, window, contradicted)
+    glance = verdict_block(verdicts, contradicted) + shown
     several, notes = len(solutions) > 1, tuple(draw.notes)
     bar = playback_bar(solutions)
     return shell(
@@ -252,9 +255,6 @@ def _summary(
         summary.run_table(solutions),
         summary.fix_table(solutions),
         "</div></div>",
-        summary.beyond(
-            scores, window, {name: installation(s).of_reference for name, s in solutions.items()}
-        ),
     ]
     parts += [summary.withheld_table(solutions, scores), summary.rejection_table(solutions)]
     notes = list(

@@ -146,38 +146,61 @@ def _scores(values: Array) -> list[list[str]]:
     ]
 
 
-ERROR_GROUPS = (("position", POS), ("velocity", VEL), ("attitude", ATT))
-BEYOND_SHARE, SIGMAS = 0.05, 3.0
+ERROR_GROUPS = (
+    ("position", "m", 1.0, POS),
+    ("velocity", "m/s", 1.0, VEL),
+    ("attitude", "deg", np.degrees(1), ATT),
+)
+BEYOND_SHARE, SIGMAS, STEADY = 0.05, 3.0, 3.0
 """Share of the times above which it is said that errors leave the band of so many standard
-deviations; it would be 0.8 % for three normal errors."""
+deviations; it would be 0.8 % for three normal errors. An error is much the same throughout where its
+median is so many times its scatter."""
 
 
-def beyond(
+def contradictions(
     found: Mapping[str, Errors],
     window: tuple[float, float] | None = None,
     of_reference: Mapping[str, str] | None = None,
-) -> str:
-    """Paragraphs on the errors of {name: metrics.Errors} that any of their components exceeds
-    its claim too often by; "" where none does. of_reference: {name: what must be known of the
-    reference}, said where positions exceed it."""
-    said = []
+) -> dict[str, list[str]]:
+    """{name: sentences} on the errors of {name: metrics.Errors} that any of their components exceeds
+    its claim too often by, and on which of the two may be wrong. of_reference: {name: what must be
+    known of the reference}, said where positions exceed it."""
+    said: dict[str, list[str]] = {}
     for name, e in found.items():
         inside = e.inside(window)
-        for group, states in ERROR_GROUPS:
+        for group, unit, factor, states in ERROR_GROUPS:
             errors, sd = getattr(e, group), None if e.sd is None else e.sd[inside, states]
             if errors is None or sd is None:
                 continue
-            errors = np.abs(errors[inside])
+            errors = errors[inside]
             known = (np.isfinite(errors) & np.isfinite(sd)).any(axis=1)
-            share = (errors > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
+            share = (np.abs(errors) > SIGMAS * sd).any(axis=1)[known].mean() if known.any() else 0.0
             if share > BEYOND_SHARE:
                 why = (of_reference or {}).get(name, "") if group == "position" else ""
-                said.append(
-                    f"{name}: {group} error beyond 3σ of what the filter claims at "
-                    f"{100 * share:.0f} % of the times, against the reference. The verdict does not "
-                    f"know it, and it may err itself{why and ': '}{why}."
+                said.setdefault(name, []).append(
+                    f"{group} error beyond 3σ of what the filter claims at {100 * share:.0f} % of the "
+                    f"times, against the reference. {_suspect(factor * errors, unit)}"
+                    f"{' The reference may itself be wrong: ' * bool(why)}{why}{'.' * bool(why)}"
                 )
-    return "".join(f"<p class=note>{escape(text)}</p>" for text in said)
+    return said
+
+
+def _suspect(errors: Array, unit: str) -> str:
+    """Which of solution and reference the errors (n, 3) speak against."""
+    known = np.flatnonzero(np.isfinite(errors).any(axis=0))
+    k = int(known[np.nanargmax(np.nanmean(errors[:, known] ** 2, axis=0))])
+    middle = float(np.nanmedian(errors[:, k]))
+    scatter = 1.48 * float(np.nanmedian(np.abs(errors[:, k] - middle)))
+    size = f"{NED_AXES[k]}, median {number(middle)}, scatter {number(scatter)} {unit}"
+    if abs(middle) > STEADY * scatter:
+        return (
+            f"It is much the same throughout ({size}), so suspect the point, mounting, datum or clock "
+            f"of the reference first, then those of the set-up."
+        )
+    return (
+        f"It changes ({size}), so suspect the solution first where no fix measures this; a reference "
+        f"that is no better than this looks the same."
+    )
 
 
 def run_table(solutions: Mapping[str, Solution]) -> str:

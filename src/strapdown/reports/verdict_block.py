@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from ..verdict import (
     DOUBTFUL,
     NOT_JUDGED,
     NOT_TO_BE_TRUSTED,
+    SEVERITY,
     TRUSTED,
     Reason,
     Verdict,
@@ -37,25 +38,61 @@ OF_A_PART = (
 """What "trusted" means where there are reasons."""
 
 
-def verdict_block(verdicts: Mapping[str, Verdict]) -> str:
+CONTRADICTED = (
+    "Nothing that the recording itself tells speaks against it, but the reference contradicts what it "
+    "claims: one of the two is wrong. The verdict never sees the reference."
+)
+"""What "trusted" means where a reference says otherwise."""
+
+
+def verdict_block(
+    verdicts: Mapping[str, Verdict], contradicted: Mapping[str, Sequence[str]] = {}
+) -> str:
     """HTML of the verdict on each of {name: result}, the gravest first; results that agree share
-    theirs. Names are shown where there are several."""
-    groups = together(verdicts)
+    theirs. Names are shown where there are several. contradicted: {name: sentences on how a
+    reference contradicts what it claims}."""
+    apart = [
+        {name: each for name, each in verdicts.items() if (name in contradicted) == known}
+        for known in (True, False)
+    ]
+    groups = sorted(
+        (group for part in apart for group in together(part)),
+        key=lambda group: SEVERITY.index(group[1].word),
+    )
     return "".join(
-        _block(verdict, ", ".join(names) if len(verdicts) > 1 else "") for names, verdict in groups
+        _block(
+            verdict,
+            ", ".join(names) if len(verdicts) > 1 else "",
+            {name: contradicted[name] for name in names if name in contradicted},
+        )
+        for names, verdict in groups
     )
 
 
-def _block(verdict: Verdict, names: str) -> str:
+def worded(verdict: Verdict, contradicted: bool) -> str:
+    """The word of a verdict, with what a reference says of it."""
+    said = ", but contradicted by the reference" if contradicted and verdict.trusted else ""
+    return _begun(verdict.word) + said
+
+
+def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str]]) -> str:
     look, mark, meaning = LOOKS[verdict.word]
-    if verdict.word == TRUSTED and verdict.reasons:
+    if verdict.trusted and contradicted:
+        look, mark, meaning = *LOOKS[DOUBTFUL][:2], CONTRADICTED
+    elif verdict.trusted and verdict.reasons:
         meaning = OF_A_PART
+    against = "".join(
+        f"<p class=note>{escape(f'{name}: {text}')}</p>"
+        for name, texts in contradicted.items()
+        for text in texts
+    )
     whose = f"<span class=whose>{escape(names)}</span>" if names else ""
     reasons = "".join(f"<li>{_reason(reason)}</li>" for reason in verdict.reasons)
     untested = f"Not tested: {'; '.join(verdict.untested)}." if verdict.untested else ""
     return (
         f"<div class='verdict {look}' role=note><p class=word><i aria-hidden=true>{mark}</i>"
-        f"<strong>{escape(_begun(verdict.word))}</strong>{whose}</p><p>{meaning}</p>"
+        f"<strong>{escape(worded(verdict, bool(contradicted)))}</strong>{whose}</p><p>{meaning}</p>"
+        + against
         + (f"<ol>{reasons}</ol>" if reasons else "")
         + (f"<p class=untested>{_text(untested)}</p>" if untested else "")
         + "</div>"
