@@ -33,6 +33,11 @@ def in_degrees(recording: Recording) -> float:
     return likelier(Subject(recording), np.radians(1))
 
 
+def fixes_confirm(recording: Recording) -> bool:
+    """Whether the fixes say that the gyro is in rad/s, and not in deg/s."""
+    return in_degrees(recording) < -EVIDENCE
+
+
 def decided(recording: Recording, accused: str) -> Recording:
     """The recording with what its fixes or its vehicle say of an `accusation`: a note where the
     fixes contradict it, and where nothing decides the line itself, for whoever names the vehicle

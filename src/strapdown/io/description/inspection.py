@@ -15,7 +15,7 @@ from ..contract import Findings
 from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts, temperature_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
-from ..unfelt_tilt import EVIDENCE, in_degrees
+from ..unfelt_tilt import fixes_confirm
 from .calibrations import kept_temperatures
 from .complaints import complaints, parse
 from .fix_columns import Whereabouts
@@ -117,7 +117,7 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
     recording = Recording(imu, tuple(aidings), None, meta)
-    if any(UNFELT in line for line in found.problems) and in_degrees(recording) < -EVIDENCE:
+    if any(UNFELT in line for line in found.problems) and fixes_confirm(recording):
         found.problems[:] = [line for line in found.problems if UNFELT not in line]
         found.add(
             [f"tilting {UNFELT}, as on a multicopter: the fixes confirm the unit of the gyro"]
