@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 GUESSED_AXES = "guessed_axes"
 """Key of `Recording.meta`: the axes of the IMU where somebody guessed them and nobody confirmed them."""
+UNDECIDED_GYRO = "undecided_gyro"
+"""The same: a complaint of the unit of the gyro, which holds unless the vehicle is a multicopter."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Recording:
         Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median
         one. Raises DataError.
         """
-        imu, notes = imu_from_arrays(t, gyro, accel, kind)
+        imu, notes = imu_from_arrays(t, gyro, accel, kind, meta.get("vehicle"))
         aidings, more = checked_aidings(imu, aidings)
         return cls(
             imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": [*notes, *more]}

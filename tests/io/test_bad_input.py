@@ -89,7 +89,7 @@ REFUSED = {
         ["gnss.csv, line", "is the unit mm or ft?"],
     ),
     "deg/s given as rad/s": (
-        dict(toml=lambda s: s.replace("deg/s", "rad/s")),
+        dict(toml=lambda s: 'vehicle = "car"\n' + s.replace("deg/s", "rad/s")),
         ["recording.toml: [imu] gyro.unit", "deg/s read as rad/s?"],
     ),
     "g given as m/s^2": (

@@ -2,6 +2,7 @@
 ArduPilot's own tables against what they were written from, and what is wrong with such files."""
 
 from collections import defaultdict
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from jumped import HOUR, check_jump, in_order, jumping
 from multicopter import motion
 
 import strapdown as sd
+from strapdown.checks import DataError
 from strapdown.io.decoding.autopilots.dataflash import DataFlash
 from strapdown.io.tables.table_file import read_bytes
 from strapdown.time_scales import WEEK, iso
@@ -329,3 +331,47 @@ def test_the_temperature_of_the_imu_is_kept(flown, log):
     path = log({"IMU": (letters + "f", imu | {"T": 25 + t})})
     degrees = sd.read(path).meta["temperature"]
     assert np.diff(degrees[:, 1]) == pytest.approx(np.diff(degrees[:, 0]), rel=1e-4)
+
+
+@pytest.mark.parametrize("letters", ["Iffffff", "IffffffII"])
+def test_a_log_with_times_in_ms(flown, tmp_path, letters):
+    """Logs of 2013 to 2015, of which GPS has the boot clock as T."""
+    path = tmp_path / "2014.bin"
+    path.write_bytes(written.log_of_2014(flown, later=0.2, letters=letters))
+    found = sd.read(path)
+    np.testing.assert_allclose(found.imu.t, flown.imu.t, atol=0.6e-3)
+    np.testing.assert_allclose(
+        found.imu.dv / found.imu.dt[:, None], flown.imu.dv / flown.imu.dt[:, None], rtol=1e-6
+    )
+    position, velocity = found.aidings
+    expected, theirs = flown.aidings
+    np.testing.assert_allclose(position.t, expected.t, atol=1.1e-3)
+    np.testing.assert_allclose(position.y[:, :2], expected.y[:, :2], atol=1e-9)
+    np.testing.assert_allclose(velocity.y, theirs.y, atol=2e-2)
+    assert found.meta["vehicle"] == "multicopter"
+    assert found.meta["epoch"][:18] == iso(written.WEEK * WEEK + written.DAY)[:18]
+
+
+def test_no_fix_of_an_old_log_is_no_fix(flown, tmp_path):
+    path = tmp_path / "2014.bin"
+    fixes = len(flown.aidings[0].t)
+    status = np.array([0, 1, 2, 3])[np.arange(fixes) % 4]
+    path.write_bytes(written.log_of_2014(flown, status=status))
+    found = sd.read(path)
+    assert [len(a.t) for a in found.aidings] == [np.count_nonzero(status == 3)] * 2
+    lost = np.count_nonzero(status < 3)
+    assert f"{lost} of {fixes} rows without a 3D fix" in " ".join(found.meta["read"])
+
+
+@pytest.mark.parametrize(("every", "refused"), [(20, True), (12, True), (8, False)])
+def test_an_old_log_is_refused_for_its_rate(flown, tmp_path, every, refused):
+    """10, 16.7 and 25 Hz of point samples."""
+    path = tmp_path / "2014.bin"
+    slow = replace(flown, imu=type(flown.imu)(*(column[::every] for column in flown.imu)))
+    path.write_bytes(written.log_of_2014(slow))
+    if not refused:
+        assert len(sd.read(path).imu.t) == len(slow.imu.t)
+        return
+    with pytest.raises(DataError, match=r"Hz is too slow .*20 Hz are needed.*IMU_FAST") as error:
+        sd.read(path)
+    assert "\n" not in str(error.value)

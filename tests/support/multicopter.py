@@ -2,6 +2,7 @@
 acceleration, with the quick corrections of its controller."""
 
 import numpy as np
+from scipy.special import jv
 
 from strapdown.sim.trajectory import Motion
 
@@ -35,3 +36,24 @@ def motion():
         return roll, pitch, heading
 
     return Motion("multicopter", (DEG * 47.4, DEG * 8.5, 500.0), velocity, attitude)
+
+
+def rocking(seed, angle=0.38, period=1.7):
+    """Motion of a multicopter that rocks about its roll axis by `angle` (rad) at constant thrust: its
+    accelerometer feels none of it. The integrals are series of Bessel functions (Jacobi-Anger)."""
+    rng, rate = np.random.default_rng(seed), 2 * np.pi / period
+    heading, phase = rng.uniform(0, 2 * np.pi, 2)
+    thrust = GRAVITY / jv(0, angle)
+
+    def velocity(t):
+        forward = 3.0 + np.sin(2 * np.pi * t / 31 + phase)
+        right = sum(jv(k, angle) * np.cos(k * rate * t) / (k * rate) for k in (1, 3, 5, 7))
+        down = sum(jv(k, angle) * np.sin(k * rate * t) / (k * rate) for k in (2, 4, 6))
+        c, s = np.cos(heading), np.sin(heading)
+        right, down = -2 * thrust * right, -2 * thrust * down
+        return c * forward - s * right, s * forward + c * right, down
+
+    def attitude(t):
+        return angle * np.sin(rate * t), 0 * t, heading + 0 * t
+
+    return Motion("rocking", (DEG * 47.4, DEG * 8.5, 500.0), velocity, attitude)

@@ -132,3 +132,48 @@ def fixes(position, velocity, later):
 def write(path, recording, parameters=None, later=0.0):
     """An ArduPilot log of a recording at `path`."""
     Path(path).write_bytes(dataflash(messages_of(recording, later), parameters))
+
+
+def log_of_2014(recording, later=0.0, status=None, letters="Iffffff"):
+    """The bytes of a log by `DataFlash.h` of 2013 to 2015: TimeMS of IMU and MAG is ms since boot, that
+    of GPS ms of the week, and its T is ms since boot, `later` s after the fix was measured. `status`
+    (n,) is that of the fixes: 0 no GPS, 1 no fix, 2 and 3 a fix in 2D and 3D."""
+    imu = recording.imu
+    rates = (np.hstack([imu.dtheta, imu.dv]) / imu.dt[:, None]).T
+    boot = np.round(imu.t * 1e3)
+    extra = [np.zeros(len(boot))] * (len(letters) - 7)
+    position, velocity = (
+        next(each for each in recording.aidings if each.kind == kind)
+        for kind in ("position", "velocity")
+    )
+    north, east, down = velocity.y.T
+    one = np.ones(len(position.t))
+    fixes = (
+        3 * one if status is None else status,
+        np.round((DAY + position.t) * 1e3),
+        WEEK * one,
+        9 * one,
+        0.9 * one,
+        *np.degrees(position.y[:, :2]).T,
+        position.y[:, 2] - position.y[0, 2],
+        position.y[:, 2],
+        np.hypot(north, east),
+        np.degrees(np.arctan2(east, north)) % 360,
+        down,
+        np.round((position.t + later) * 1e3),
+    )
+    columns = "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,ErrG,ErrA".split(",")[: len(letters)]
+    of_gps = "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,VZ,T".split(",")
+    parameters = np.array(["LAND_SPEED"], "S16"), np.array([50.0])
+    written = declaration(128, "FMT", FORMAT, ["Type", "Length", "Name", "Format", "Columns"])
+    written += declaration(129, "PARM", "Nf", ["Name", "Value"])
+    written += declaration(130, "GPS", "BIHBcLLeeEefI", of_gps)
+    written += declaration(131, "IMU", letters, columns)
+    written += declaration(132, "MSG", "Z", ["Message"])
+    written += records(129, "Nf", parameters).tobytes()
+    written += records(132, "Z", [np.array(["ArduCopter V3.1.5 (3c57e771)"], "S64")]).tobytes()
+    blocks = [
+        records(131, letters, [boot, *rates, *extra]),
+        records(130, "BIHBcLLeeEefI", fixes),
+    ]
+    return written + interleaved(blocks, [boot, fixes[-1]])

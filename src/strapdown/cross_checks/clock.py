@@ -146,7 +146,7 @@ def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[flo
     if len(edges) < LEAST_BLOCKS or len(t) < LEAST_FIXES:
         return near, np.inf
     integral = motion.at_antenna(fixes.arm)
-    left = np.stack([_left_over(a, motion.mean(integral, t + lag, half), edges) for lag in lags])
+    left = np.stack([left_over(a, motion.mean(integral, t + lag, half), edges) for lag in lags])
     total = left.sum(axis=1)
     independent = 3 * len(t) * fixes.interval / (2 * half)
     # the least of a misfit that has none inside, as of few fixes, is an end of the search: it moves
@@ -160,7 +160,7 @@ def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[flo
     return _top(lags, -total), float(np.hypot(_jackknife(others), SYSTEMATIC["vectors"]))
 
 
-def _left_over(a: Array, f: Array, edges: Ints) -> Array:
+def left_over(a: Array, f: Array, edges: Ints) -> Array:
     """(k,) sum of squares that is left of vectors `a` (n, 3) less `f` (n, 3), rotated as fits best
     in each stretch that begins at a row of `edges` (k,)."""
     u, s, v = np.linalg.svd(np.add.reduceat(a[:, :, None] * f[:, None, :], edges, axis=0))

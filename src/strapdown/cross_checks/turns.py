@@ -1,14 +1,18 @@
 """Turns of the gyro about the vertical against turns of the course over ground: sign and unit.
 
 The vertical is that of the specific force, so that no mounting matters and no attitude is
-integrated: a gyro in a wrong unit would spoil it.
+integrated: a gyro in a wrong unit would spoil it. Where the course does not tell, the accelerations
+of the fixes do.
 """
 
 import numpy as np
 
+from ..data import Aiding
+from ..vehicle import find as find_vehicle
 from ..verdict import Reason
 from .checked import Checked, label
 from .clock import LEAST_FIXES, correlations
+from .gyro_fit import EVIDENCE, likelier
 from .motion import Subject, course_rate, moved
 
 HALF, REACH, STEP = 1.0, 3.0, 0.1
@@ -18,6 +22,9 @@ SURE, VERY_SURE = 0.7, 0.95
 counts: the antenna of a rolling ship swings, and its course with it."""
 LEAST_TURN = np.radians(1.0)
 """Root mean square rate of the course that tells something, rad/s."""
+FAST_TURNS = 1.0
+"""Root mean square rate of a gyro that may be in deg/s, read as rad/s."""
+REMEDY = "correct `gyro.unit` or `gyro.scale` of [imu]"
 LEAST_RATIO, MOST_RATIO = 0.4, 2.5
 """What turns of the gyro may be as multiples of those of the course."""
 FACTORS = {
@@ -31,7 +38,18 @@ FACTORS = {
 
 
 def check(subject: Subject) -> Checked:
-    """The gyro against the course of the first velocity, or else position."""
+    """The gyro against the course of the first velocity, or else position; where that tells nothing,
+    or the course is no heading, against the accelerations of the fixes."""
+    if find_vehicle(subject.recording.meta.get("vehicle")).points_ahead:
+        found = _by_course(subject)
+    else:
+        found = Checked.nothing()
+    return found if found.facts or found.reasons else _by_accelerations(subject, found)
+
+
+def _by_course(subject: Subject) -> Checked:
+    """The gyro against the course. What the accelerations contradict is not said: of a multicopter
+    that nobody named the course is no heading."""
     sources = subject.sources("velocity", "position")
     fixes = moved(sources[0]) if sources else None
     if fixes is None:
@@ -55,30 +73,52 @@ def check(subject: Subject) -> Checked:
     top = int(np.nanargmax(np.abs(r)))
     known = np.isfinite(ours[top])
     ratio = float(ours[top][known].std() / theirs[use][known].std())
-    of_positions = sources[0].kind == "position"
-    found = Checked.nothing()
-    found.facts.append(f"{what}: correlation {r[top]:.3f}, gyro / course {ratio:.3g}")
-    if r[top] < 0:
-        found.reasons.append(
-            Reason(
-                "axes",
-                f"the gyro turns left where the course of {label(sources[0])} turns right "
-                f"(correlation {r[top]:.2f})",
-                "check the sign of gyro z, or `axes` of [imu]"
-                + ", or whether latitude and longitude are exchanged" * of_positions,
-                weight=10.0,
-            )
+    reasons = _reasons(sources[0], float(r[top]), ratio)
+    as_course = np.array([1.0, 1.0, np.sign(r[top])])
+    if not LEAST_RATIO < ratio < MOST_RATIO:
+        as_course /= ratio
+    if reasons and likelier(subject, as_course) < -EVIDENCE:
+        return Checked.unknown(what, "they differ, and the accelerations of the fixes fit the gyro")
+    fact = f"{what}: correlation {r[top]:.3f}, gyro / course {ratio:.3g}"
+    return Checked([fact], reasons, [])
+
+
+def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:
+    """Reasons of a correlation with the course of a source and a ratio to it."""
+    found = []
+    if r < 0:
+        seen = (
+            f"the gyro turns left where the course of {label(source)} turns right (correlation "
+            f"{r:.2f})"
         )
+        remedy = "check the sign of gyro z, or `axes` of [imu]"
+        if source.kind == "position":
+            remedy += ", or whether latitude and longitude are exchanged"
+        found.append(Reason("axes", seen, remedy, weight=10.0))
     near = min(FACTORS, key=lambda known: abs(np.log(ratio / known)))
     likely = FACTORS[near] if abs(np.log(ratio / near)) < np.log(2) else ""
-    if not LEAST_RATIO < ratio < MOST_RATIO and (likely or abs(r[top]) > VERY_SURE):
-        found.reasons.append(
-            Reason(
-                "unit",
-                f"the gyro turns {ratio:.3g} times as much as the course of {label(sources[0])}: "
-                f"{likely or 'a wrong unit or scale'}",
-                "correct `gyro.unit` or `gyro.scale` of [imu]",
-                weight=10.0,
-            )
+    if not LEAST_RATIO < ratio < MOST_RATIO and (likely or abs(r) > VERY_SURE):
+        seen = (
+            f"the gyro turns {ratio:.3g} times as much as the course of {label(source)}: "
+            f"{likely or 'a wrong unit or scale'}"
         )
+        found.append(Reason("unit", seen, REMEDY, weight=10.0))
+    return found
+
+
+def _by_accelerations(subject: Subject, found: Checked) -> Checked:
+    """What was found, and a unit of the gyro that fits the accelerations of the fixes better."""
+    imu = subject.recording.imu
+    rms = float(np.sqrt((imu.dtheta**2).sum() / (imu.dt**2).sum()))
+    for factor in (np.degrees(1), np.radians(1)):
+        # a bias alone is no unit: what is 57 times too large turns fast
+        if factor > 1 and rms < FAST_TURNS:
+            continue
+        evidence = likelier(subject, 1 / factor)
+        if evidence > EVIDENCE:
+            seen = (
+                f"the accelerations of the fixes fit rates {1 / factor:.3g} times those of the gyro: "
+                f"{FACTORS[factor]}"
+            )
+            return Checked(found.facts, [Reason("unit", seen, REMEDY, weight=10.0)], [])
     return found

@@ -92,7 +92,7 @@ class Gathering:
 
     def check(self) -> None:
         """Raise DataError where the samples contradict gravity."""
-        for _, text in mistakes(self.recording().imu, "increment"):
+        for _, text in mistakes(self.recording().imu, "increment", self._meta.get("vehicle")):
             raise DataError(f"IMU: {text}")
 
     def start(self) -> Start:

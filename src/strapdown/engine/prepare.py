@@ -46,7 +46,7 @@ from ..core.earth import LATITUDE_LIMIT
 from ..core.recent_motion import new_recent
 from ..data import Aiding
 from ..plugins import one_line
-from ..recording import Recording
+from ..recording import UNDECIDED_GYRO, Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Ints, Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
@@ -426,6 +426,8 @@ def ready(
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
     vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))
+    if UNDECIDED_GYRO in recording.meta and not vehicle.by_thrust:
+        raise DataError(recording.meta[UNDECIDED_GYRO])
     cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle), of_imu)
     every = asked.every
     cursor.at[places.ROW], cursor.at[places.FIXES], cursor.at[places.EVERY] = (

@@ -477,7 +477,7 @@ class Stream:
         self._look_at = self._began + next(
             seconds for seconds in LOOKS if self._began + seconds > t
         )
-        for _, text in mistakes(live.samples, "increment"):
+        for _, text in mistakes(live.samples, "increment", self._vehicle):
             self._stop(t, f"IMU: {text}")
 
     def _stop(self, t: float, text: str) -> NoReturn:

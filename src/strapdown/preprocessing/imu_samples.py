@@ -8,6 +8,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.contract import Imu
 from ..typing import Array, ArrayLike, Ints
+from ..vehicle import GivenVehicle
 from .origin import Origin, Rows, counted
 from .plausible import mistakes
 
@@ -29,12 +30,16 @@ ARRAYS = Origin("IMU")
 
 
 def imu_from_arrays(
-    t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, kind: str = "rate"
+    t: ArrayLike,
+    gyro: ArrayLike,
+    accel: ArrayLike,
+    kind: str = "rate",
+    vehicle: GivenVehicle | None = None,
 ) -> tuple[Imu, list[str]]:
     """(Imu, notes) from t (n,) s, gyro and accel (n, 3) in body FRD axes, SI and radians, cleaned
-    by `increments` and checked by `plausible`. Raises DataError."""
+    by `increments` and checked by `plausible` for what carries the IMU. Raises DataError."""
     imu, notes = increments(t, gyro, accel, kind)
-    for _, text in mistakes(imu, kind):
+    for _, text in mistakes(imu, kind, vehicle):
         raise DataError(f"IMU: {text}")
     return imu, notes
 

@@ -116,8 +116,9 @@ def _unit_of_gyro(imu: Imu, rate: Array, force: Array, feels_tilt: bool) -> list
         return [
             (
                 "gyro.unit",
-                f"the gyro claims tilting at up to {tilt.max():.3g} rad/s while the specific force "
-                f"stays steady: {remedy}",
+                f"the gyro claims tilting at up to {tilt.max():.3g} rad/s {UNFELT}: {remedy} A "
+                f'multicopter feels no tilt: if it is one, say vehicle = "multicopter" (--vehicle '
+                f"multicopter)",
             )
         ]
     return []
@@ -148,6 +149,8 @@ def _gravity_sign(force: Array) -> list[tuple[str, str]]:
     ]
 
 
+UNFELT = "while the specific force stays steady"
+"""What is said of tilting that only a multicopter does not feel."""
 USUAL_GYRO_BIAS = np.radians(2.5)
 """rad/s that gyros without a description may read at rest."""
 

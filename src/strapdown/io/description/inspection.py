@@ -8,11 +8,14 @@ from typing import Any
 from ...core.contract import Imu
 from ...cross_checks.heights import above_sea_level
 from ...data import Aiding
-from ...preprocessing.plausible import NO_GRAVITY, doubts, mistakes
+from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
+from ...recording import Recording
+from ...verdict import Reason
 from ..contract import Findings
 from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts, temperature_facts
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
+from ..unfelt_tilt import fixes_confirm
 from .calibrations import kept_temperatures
 from .complaints import complaints, parse
 from .fix_columns import Whereabouts
@@ -112,6 +115,12 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         ) or (None, [])
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
+    recording = Recording(imu, tuple(aidings), None, meta)
+    if any(UNFELT in line for line in found.problems) and fixes_confirm(recording):
+        found.problems[:] = [line for line in found.problems if UNFELT not in line]
+        found.add(
+            [f"tilting {UNFELT}, as on a multicopter: the fixes confirm the unit of the gyro"]
+        )
     of_fixes = aiding_facts(imu, aidings, meta)
     # against what is no specific force fixes tell nothing
     found.add(*(of_fixes[:1] if no_gravity else of_fixes))

@@ -21,7 +21,6 @@ from ...preprocessing.imu_samples import increments
 from ...preprocessing.joined_imu import joined
 from ...preprocessing.origin import Origin
 from ...preprocessing.other_forms import attitudes
-from ...preprocessing.plausible import mistakes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
 from ...recording import GUESSED_AXES, Recording
@@ -30,6 +29,7 @@ from ...typing import Array, File
 from ...units import DEG, factor
 from ..magnetic_record import sound
 from ..tables.table_file import Table
+from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures
 from .complaints import load
 from .fix_columns import Whereabouts, read_fixes
@@ -76,8 +76,7 @@ def recording_of(description: Description, files: Files) -> Recording:
     parts = [*description.aiding, description.reference]
     files.later = {part.file for part in parts if part is not None and part.file is not None}
     imu, notes = read_imu(description.imu, files)
-    for field, text in mistakes(imu, description.imu.kind, description.vehicle):
-        raise DataError(f"{path}: [imu] {field}: {text}")
+    accused = accusation(imu, description.imu.kind, description.vehicle, str(path))
     aidings: list[Aiding] = []
     found: dict[int, Aiding] = {}
     arm, place = description.imu.lever_arm, description.lla
@@ -100,7 +99,7 @@ def recording_of(description: Description, files: Files) -> Recording:
         notes += more
     notes = [*files.notes, *notes]
     sensors = frames(description, files, aidings)
-    return Recording(
+    recording = Recording(
         imu,
         tuple(aidings),
         reference,
@@ -109,6 +108,7 @@ def recording_of(description: Description, files: Files) -> Recording:
         | kept_temperatures(description.imu, files)
         | {INSTALLED: installed(description), "notes": notes},
     )
+    return decided(recording, accused)
 
 
 def in_order(description: Description) -> list[tuple[int, AidingPart]]:

@@ -11,6 +11,7 @@ from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import (
     LEAST_MEDIAN_FORCE,
     NO_GRAVITY,
+    UNFELT,
     G,
     is_temperature,
     mistakes,
@@ -131,8 +132,10 @@ def _gyro_unit(
         return "rad/s", 1.0, "the unit is not in the name"
     turn = axes_matrix(axes, BODY_AXES).T
     imu = imu._replace(dtheta=imu.dtheta @ turn, dv=imu.dv @ turn)
-    if any(field == "gyro.unit" for field, _ in mistakes(imu, "rate")):
-        return "deg/s", 1.0, "too large for rad/s"
+    wrong = [text for field, text in mistakes(imu, "rate") if field == "gyro.unit"]
+    if wrong:
+        unless = ", unless it is a multicopter" * (UNFELT in wrong[0])
+        return "deg/s", 1.0, f"too large for rad/s{unless}"
     return "rad/s", 1.0, "the unit is not in the name"
 
 

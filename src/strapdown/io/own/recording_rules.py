@@ -37,6 +37,7 @@ class RecordingMeta(Said):
     imu_lever_arm: Triple = [0.0, 0.0, 0.0]
     imu_mounting: Triple = [0.0, 0.0, 0.0]
     guessed_axes: Name | None = None
+    undecided_gyro: Line | None = None
     point: Name = "imu"
     estimate: dict[Name, list[Deviation]] | None = None
     sensors: dict[str, Any] = {}

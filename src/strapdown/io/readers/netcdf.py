@@ -17,7 +17,6 @@ from ...core.contract import Imu
 from ...data import Aiding, Correlated, Trajectory
 from ...files import netcdf, replacing
 from ...preprocessing.fixes import checked_aidings, overlap
-from ...preprocessing.plausible import mistakes
 from ...quantities import dimension, innovation_dimension, si
 from ...recording import Recording
 from ...typing import Array, File
@@ -26,6 +25,7 @@ from ..facts import recording_facts
 from ..own.array_rules import Column, Schema, check_arrays
 from ..own.hdf5_content import Content, content
 from ..solutions.solution_netcdf import Variables, fill, plain
+from ..unfelt_tilt import accusation, decided
 
 FORMAT = "strapdown recording 1"
 WHAT = "NetCDF recording"
@@ -160,17 +160,17 @@ def read_recording(path: File) -> Recording:
     """The Recording in a file of `write_recording`, checked as when it was first read. Raises
     DataError."""
     meta, imu, aidings, reference = parts(path)
-    for _, text in mistakes(imu):
-        raise DataError(f"{path}: imu: {text}")
+    accused = accusation(imu, None, meta.get("vehicle"), str(path), field=False)
     checked, notes = checked_aidings(imu, aidings)
     if reference is not None:
         overlap(imu, reference.t, f"{path}: reference")
-    return Recording(
+    recording = Recording(
         imu,
         checked,
         reference,
         meta | {"notes": list(dict.fromkeys([*meta.get("notes", []), *notes]))},
     )
+    return decided(recording, accused)
 
 
 def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:

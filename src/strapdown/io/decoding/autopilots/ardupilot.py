@@ -49,6 +49,20 @@ NEEDED = {
 """Columns without which a message is left."""
 
 
+def _since_boot(columns: Columns) -> Columns:
+    """Columns with the names that they have today. Logs of 2013 to 2015 have ms since boot: T of a
+    receiver, whose TimeMS is that of the week, and TimeMS of all others."""
+    if "TimeUS" in columns or "TimeMS" not in columns:
+        return columns
+    ms = columns["TimeMS"]
+    if "Status" in columns:
+        if not {"Week", "T"} <= set(columns):
+            return columns
+        columns = {**columns, "GMS": ms, "GWk": columns["Week"]}
+        ms = columns["T"]
+    return {**columns, "TimeUS": ms.astype(np.int64) * 1000}
+
+
 def _of(log: DataFlash, name: str, instance: int) -> Columns:
     """The columns of one instance: of message NAME by its column I, or NAME2 of an old log; with
     times as signed numbers. {} where there is none."""
@@ -58,6 +72,7 @@ def _of(log: DataFlash, name: str, instance: int) -> Columns:
         found = {key: values[here] for key, values in found.items()}
     elif instance:
         found = log.columns(f"{name[:3]}{instance + 1}")
+    found = _since_boot(found)
     if "TimeUS" not in found or not len(found["TimeUS"]):
         return {}
     return found | {"TimeUS": found["TimeUS"].astype(np.int64)}
