@@ -78,9 +78,9 @@ def shown(imu: Imu) -> Shown:
         *(step < STEADY * np.sqrt(2 / MEANS) * sd for step, sd in zip(steps, noise))
     )
     if not steady.any():
-        return Shown(*noise, np.nan, np.nan)
+        return Shown(noise[0], noise[1], np.nan, np.nan)
     rates, forces = (np.linalg.norm(each[1:][steady], axis=1) for each in means)
-    return Shown(*noise, float(rates.min()), float(np.median(forces)) - G)
+    return Shown(noise[0], noise[1], float(rates.min()), float(np.median(forces)) - G)
 
 
 def _deviation(values: Array) -> float:
