@@ -374,6 +374,8 @@ BAD = [
     (["fuse", "nothing.toml", "--out", "result"], TOML, "nothing.toml: cannot be read"),
     (["fuse", ".", "--out", "result"], TOML, "is a folder in which no reader finds"),
     (["fuse", "imu.csv"], TOML, "no position fix to start from"),
+    (["inspect", "imu.csv", "--imu", "tactical"], TOML, "a grade into a draft; add --write FILE"),
+    (["allan", "imu.csv", "--imu", "tactical"], TOML, "allan finds the noise itself"),
     (["fuse"], TOML, "Missing argument 'RECORDING'. See `strapdown fuse --help`."),
     ([*FUSE, "--filter", "closed-lop"], TOML, "did you mean 'closed-loop'?"),
     ([*FUSE, "--option", "intervall=3"], TOML, "no option 'intervall'; it has error_model"),

@@ -38,7 +38,7 @@ def test_a_reproduction_from_another_package_runs_with_the_options_that_it_takes
     code, out, _ = command("reproduce", "mine", "--runs", 5, "--out", tmp_path)
     assert code == 0 and "holds in 5 runs" in out and (tmp_path / "index.html").exists()
     code, _, err = command("reproduce", "mine", "--quick", "--out", tmp_path)
-    assert code == 2 and err == ["strapdown: reproduce mine has no option --quick; leave it out"]
+    assert code == 2 and err == ["strapdown: reproduce mine has no option --quick; it takes --runs"]
 
 
 @pytest.mark.parametrize(
@@ -99,3 +99,30 @@ def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
         assert strapdown.grade("tactical").name == "tactical"
     finally:
         files.shipped.cache_clear()
+
+
+def test_help_names_what_takes_an_option_that_few_take():
+    """An option of three reproductions or fewer says which; faults has a filter."""
+    import inspect
+
+    from typer.main import get_command
+
+    from strapdown.cli import app, complete
+
+    found = complete.offered()
+    if "consistency" not in found:
+        pytest.skip("strapdown-reproductions is not installed")
+    takes = {name: inspect.signature(each.load()).parameters for name, each in found.items()}
+    assert "filter" in takes["faults"]
+    for parameter in get_command(app.app).commands["reproduce"].params:
+        taking = [name for name in sorted(takes) if parameter.name in takes[name]]
+        if parameter.name not in ("name", "out", "help") and len(taking) <= 3:
+            assert taking and all(name in parameter.help for name in taking), parameter.name
+
+
+def test_a_filter_of_the_faults_is_all_that_runs():
+    faults = pytest.importorskip("strapdown_reproductions.faults.main")
+    assert [each.name for each in faults.chosen(["vru"])] == ["vru"]
+    assert len(faults.chosen(())) > 20
+    with pytest.raises(strapdown.DataError, match="leave out --quick"):
+        faults.reproduce("nowhere", quick=True, filter=["vru"])

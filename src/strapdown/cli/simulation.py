@@ -150,6 +150,10 @@ def _carrying(scenario: "sd.Scenario", gnss: str | None) -> "sd.Scenario":
     return scenario if gnss is None else scenario.replace(gnss=sd.receiver(gnss, scenario.gnss))
 
 
+GIVEN_UP = "lost", "inconsistent", "quarantined"
+"""Columns of a summary that count the runs which did not survive."""
+
+
 def print_summary(summary: "pd.DataFrame") -> None:
     """The columns of a summary that a screen has room for."""
     header = (
@@ -158,7 +162,8 @@ def print_summary(summary: "pd.DataFrame") -> None:
         "filter",
         "survived",
         "position rms, m (95 %)",
-        "censored, m",
+        "until given up, m",
+        "given up",
         "heading, deg",
         "NEES/15",
         "rms/bound",
@@ -172,7 +177,8 @@ def print_summary(summary: "pd.DataFrame") -> None:
                 row["filter"],
                 f"{row.survived:.0%}",
                 _interval(row, "rmse_position_m"),
-                _digits(row.censored_position_m),
+                _digits(row.until_abort_position_m),
+                ", ".join(f"{row[why]} {why}" for why in GIVEN_UP if row[why]) or "-",
                 _digits(row.rmse_heading_deg),
                 _digits(row.anees),
                 _digits(row.bound_ratio),
@@ -187,7 +193,9 @@ def _digits(value: float) -> str:
 
 
 def _interval(row: "pd.Series[Any]", name: str) -> str:
-    """A number of a row of the summary, and its interval."""
+    """A number of a row of the summary, and its interval; a dash where no run tells it."""
+    if row[name] != row[name]:
+        return "-"
     return f"{_digits(row[name])} ({_digits(row[name + '_low'])}-{_digits(row[name + '_high'])})"
 
 
@@ -307,7 +315,7 @@ def reproduce(
         ),
     ] = False,
     ablations: Annotated[
-        bool, typer.Option("--ablations", help="Also what decides the result.")
+        bool, typer.Option("--ablations", help="Also what decides the result, of hager-bryne.")
     ] = False,
     runs: Annotated[
         int | None, typer.Option(metavar="N", help="Runs of each configuration.")
@@ -317,7 +325,14 @@ def reproduce(
         typer.Option(help="Of the random errors [default: that of the published pages]."),
     ] = None,
     workers: WORKERS = 0,
-    scheduler: SCHEDULER = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="A Dask scheduler, tcp://HOST:PORT, whose workers see the folder of the results; of "
+            "hager-bryne.",
+        ),
+    ] = None,
     recordings: Annotated[
         Path | None,
         typer.Option(
@@ -330,7 +345,7 @@ def reproduce(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.filters,
-            help="Only this filter; may be repeated.",
+            help="Only this filter, of consistency and faults; may be repeated.",
         ),
     ] = None,
     scenario: Annotated[
@@ -338,30 +353,34 @@ def reproduce(
         typer.Option(
             metavar="NAME",
             autocompletion=complete.scenarios,
-            help="Only this scenario; may be repeated.",
+            help="Only this scenario, of consistency; may be repeated.",
         ),
     ] = None,
 ) -> None:
     """Run a published or recorded result again: writes index.html, CSV tables and claims.json."""
     run = _reproduction(name)
+    asked = dict(
+        quick=quick,
+        ablations=ablations,
+        runs=runs,
+        seed=seed,
+        workers=workers,
+        scheduler=scheduler,
+        recordings=recordings,
+        filter=filter or None,
+        scenario=scenario or None,
+    )
     given = {
         key: value
-        for key, value in dict(
-            quick=quick,
-            ablations=ablations,
-            runs=runs,
-            seed=seed,
-            workers=workers,
-            scheduler=scheduler,
-            recordings=recordings,
-            filter=filter or None,
-            scenario=scenario or None,
-        ).items()
+        for key, value in asked.items()
         if value is not None and value is not False and (key, value) != ("workers", 0)
     }
     takes = inspect.signature(run).parameters
     if foreign := [key for key in given if key not in takes]:
-        raise sd.DataError(f"reproduce {name} has no option --{foreign[0]}; leave it out")
+        own = [f"--{key}" for key in asked if key in takes]
+        raise sd.DataError(
+            f"reproduce {name} has no option --{foreign[0]}; it takes {', '.join(own)}"
+        )
     with results_folder(out), Progress() as progress:
         told: dict[str, Callable[[], object]] = {
             "say": lambda: progress.say,
@@ -395,7 +414,13 @@ def allan(
     suggest."""
     from ..allan.page import analyse
 
-    analysis = analyse(read_given(recording, imu)[0], start, stop)
+    found, grade = read_given(recording, imu)
+    if grade is not None:
+        raise sd.DataError(
+            f"--imu {grade}: allan finds the noise itself; give the number of an IMU of the log, or "
+            f"leave it out"
+        )
+    analysis = analyse(found, start, stop)
     for note in analysis.notes:
         print(f"note: {note}")
     table(analysis.header, analysis.rows)

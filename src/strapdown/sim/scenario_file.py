@@ -118,6 +118,8 @@ DISTURBANCE_KEYS = {
     "field_uT": Key("field", scaled(MICRO, exactly_three), ""),
     "frame": Key("frame", text),
 }
+MEASURED = "position_sd", "velocity_sd"
+"""Fields of which a receiver needs one."""
 MAGNETOMETER_KEYS = {
     "rate_hz": Key("rate", number),
     "sd_uT": Key("sd", scaled(MICRO, three)),
@@ -180,6 +182,12 @@ TOP_KEYS = {
     "start": Key("start", section(_start)),
 }
 """Keys of a scenario and of its tables, each with the field that it sets and how it is read."""
+GO_WITH = (
+    ("", "accel_offset_decays", ("accel_offset_m_s2",)),
+    ("gnss", "stated", ("position_correlated", "velocity_correlated", "receiver")),
+    ("barometer", "drift_time_s", ("drift_Pa",)),
+)
+"""(section, key, those of which it needs one there to change anything)."""
 
 
 def read(path: File) -> Scenario:
@@ -193,6 +201,7 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
     """The Scenario of a parsed scenario file; `path` gives a missing name and the folder of an
     IMU's or receiver's file. Raises DataError naming the key."""
     values = {"name": path.stem} | read_table(table, TOP_KEYS)
+    _together(table)
     motion = _motion(values["motion"], values.get("duration"))
     values["motion"] = motion = motion._replace(name=values["name"])
     if not (rate := values.get("rate", 100.0)) > 0:
@@ -207,8 +216,22 @@ def from_table(table: dict[str, Any], path: Path) -> Scenario:
         named = values["gnss"].pop("receiver", None)
         # what [gnss] does not name, the receiver does not measure
         carried = NOTHING if named is None else receiver(_beside(path, named))
+        if named is None and values["gnss"] and not {*MEASURED} & values["gnss"].keys():
+            raise DataError(
+                "[gnss] measures nothing: give position_sd_m, velocity_sd_m_s or receiver, or leave "
+                "the section empty where there is no receiver"
+            )
         values["gnss"] = carried._replace(**values["gnss"])
     return Scenario(**values | values.pop("start", {}))
+
+
+def _together(table: dict[str, Any]) -> None:
+    """Refuse a key that changes nothing without another one. Raises DataError."""
+    for name, key, others in GO_WITH:
+        part = table.get(name, {}) if name else table
+        if key in part and not any(other in part for other in others):
+            where = within(f"[{name}]" if name else "", key)
+            raise DataError(f"{where} changes nothing without {' or '.join(others)}; leave it out")
 
 
 def _beside(path: Path, name: str) -> str:

@@ -13,6 +13,7 @@ from structured_mutators import sealed
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.cli.simulation import print_summary
 from strapdown.data import Aiding
 from strapdown.diagnosis.installation import applied, constants
 from strapdown.experiments.monte_carlo.campaign import Campaign
@@ -158,6 +159,18 @@ def test_a_study_scores_the_parameters(finished):
     mounting = "mounting pitch error of imu [deg]"
     assert runs.loc[LABEL, f"sd of {mounting}"].isna().all()
     np.testing.assert_array_equal(runs.loc[LABEL, mounting], runs.loc["closed-loop", mounting])
+
+
+def test_what_a_study_prints_counts_errors_and_not_the_limit(finished, capsys):
+    """Runs that are given up as inconsistent are metres off, and not the limit's 500 m."""
+    print_summary(finished.summary)
+    rows = {line.split()[2]: line for line in capsys.readouterr().out.splitlines()[2:]}
+    table = finished.summary.set_index("filter")
+    for name, row in rows.items():
+        assert f" {table.loc[name, 'until_abort_position_m']:.3g} " in row
+        given_up = int(table.loc[name, "inconsistent"])
+        assert (f"{given_up} inconsistent" in row) == (given_up > 0)
+    assert table.loc["closed-loop", "inconsistent"] and "500" not in rows["closed-loop"]
 
 
 def test_a_run_is_that_of_fuse_on_what_was_drawn(finished):

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from strapdown import filters
-from strapdown.checks import check_choice, check_number
+from strapdown.checks import DataError, check_choice, check_number
 from strapdown.typing import File, Progress
 
 from ..common import markdown
@@ -37,20 +37,24 @@ def reproduce(
     runs: int | None = None,
     seed: int = 1,
     workers: int = 0,
-    names: Sequence[str] | None = None,
+    filter: Sequence[str] = (),
     progress: Progress | None = None,
 ) -> list[dict[str, Any]]:
     """Run every cell and the jumps, write the page into the folder `out`, return the claims.
 
     quick: one seed, the gentle motion, few filters and jumps; runs: number of seeds; seed: the first
-    of them; workers: processes, the processors by default; names: what runs, as in the table
-    ("closed-loop", "closed-loop live", ...); progress: called with the fraction done. Raises
+    of them; workers: processes, the processors by default; filter: what runs, as in the table
+    ("closed-loop", "closed-loop live", ..., default: all); progress: called with the fraction done. Raises
     DataError.
     """
     count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
     check_number(count, "runs", least=1, whole=True)
     check_number(seed, "seed", least=0, whole=True)
-    matrix = tasks(chosen(QUICK if quick and names is None else names), seed, count, quick)
+    matrix = tasks(chosen(filter or (QUICK if quick else ())), seed, count, quick)
+    if not matrix:
+        raise DataError(
+            f"{', '.join(filter)}: runs in no motion of the reduced form; leave out --quick"
+        )
     flights = range(seed, seed + count * (QUICK_TRIALS if quick else TRIALS))
     rows: list[dict[str, Any]] = []
     trials: list[dict[str, Any]] = []
@@ -68,12 +72,12 @@ def reproduce(
     return write(Path(out), pd.DataFrame(rows), pd.DataFrame(trials, columns=jumps.COLUMNS))
 
 
-def chosen(names: Sequence[str] | None) -> list[Subject]:
-    """The subjects of these names, or all. Raises DataError."""
+def chosen(names: Sequence[str]) -> list[Subject]:
+    """The subjects of these names, without any all. Raises DataError."""
     known = {one.name: one for one in subjects()}
-    for name in names or ():
+    for name in names:
         check_choice(name, "what runs", tuple(known))
-    return [one for name, one in known.items() if names is None or name in names]
+    return [one for name, one in known.items() if not names or name in names]
 
 
 def tasks(subjects: Sequence[Subject], seed: int, count: int, quick: bool = False) -> list[Task]:

@@ -10,7 +10,6 @@ from ...cross_checks.heights import above_sea_level
 from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
 from ...recording import Recording
-from ...verdict import Reason
 from ..contract import Findings
 from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts, temperature_facts
 from ..locate import locate
