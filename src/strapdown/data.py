@@ -322,10 +322,10 @@ class Solution:
         rows = within(self.t, start, stop, "solution")
         untested = (*self.verdict.untested, OF_WHOLE)
         verdict = replace(self.verdict, untested=tuple(dict.fromkeys(untested)))
-        rejected = (run for run in self.meta.get("rejected", ()) if run["start"] <= stop)
-        meta = {
-            "verdict": verdict.as_dict(),
-            "rejected": [run for run in rejected if run["stop"] >= start],
+        meta = {"verdict": verdict.as_dict()} | {
+            key: [run for run in self.meta[key] if run["start"] <= stop and run["stop"] >= start]
+            for key in ("rejected", "heights_apart")
+            if key in self.meta
         }
         return replace(
             self.taking(rows),

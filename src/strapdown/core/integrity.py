@@ -120,9 +120,15 @@ def confirm(cursor: Cursor, t: float) -> None:
 @helper
 def leave_out(cursor: Cursor, s: int) -> None:
     """Source `s` contradicts nothing any more, until one of its fixes passes."""
-    for channel in range(CHANNELS):
-        cursor.tests[s, FAILS][channel] = cursor.tests[s, SUM][channel] = 0.0
+    forget(cursor.tests[s])
     cursor.tests[s, REJECTING] = LEFT
+
+
+@helper
+def forget(tests: Array) -> None:
+    """Begin the sums of a source anew."""
+    for channel in range(CHANNELS):
+        tests[FAILS][channel] = tests[SUM][channel] = 0.0
 
 
 @helper

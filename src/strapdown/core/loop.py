@@ -12,7 +12,8 @@ Rules (docs/reference/conventions.md):
   NIS/gate, DOUBT at most; where a position is further off than that, its squared innovation is
   added to the variances of position. Sources of neither position nor velocity are given LIFTS such
   uses, LIFT_AFTER seconds apart: one that nothing in the states explains, such as a field beside
-  iron, would let P explode.
+  iron, would let P explode. Of two heights that contradict each other one is left out instead
+  (heights.py), and an altitude moves the height alone.
 """
 
 import math
@@ -20,6 +21,7 @@ import math
 from ..typing import Array, Ints
 from . import contract
 from .contract import (
+    ALTITUDE_KIND,
     BEND,
     BRIDGED,
     BROUGHT,
@@ -57,11 +59,13 @@ from .cursor import (
     BROKEN,
     CLOCK_OFF,
     CONDITION,
+    CORRECTED,
     DOUBTFUL_CONDITIONS,
     EVERY,
     FAULT,
     FIX,
     FIXES,
+    HEIGHTS,
     HELD_GAP,
     HIGHEST,
     IN_CONDITION,
@@ -89,7 +93,15 @@ from .cursor import (
 )
 from .earth import LATITUDE_LIMIT
 from .followed_noise import followed
-from .heavy_tails import WIDENED, correct_at, observe_at, weigh
+from .heavy_tails import correct_at, observe_at, weigh
+from .heights import (
+    JACOBIAN,
+    follow_level,
+    height_alone,
+    leave_out_pulling,
+    leave_out_wrong,
+    row_of_height,
+)
 from .integrity import (
     CONFIRM,
     LEFT,
@@ -132,7 +144,7 @@ LONGEST_HOLD = (
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
-SLIPPING, INNOVATION, WORK_SIZE = slice(18, 21), slice(21, 33), WIDENED.stop  # of Cursor.work
+SLIPPING, INNOVATION, WORK_SIZE = slice(18, 21), slice(21, 33), JACOBIAN.stop  # of Cursor.work
 SAME_TIME = 1e-6  # s: a fix this close to a sample's end is taken there
 
 predict_at, save_step_at = caller(PREDICT), caller(contract.SAVE_STEP)
@@ -305,6 +317,14 @@ def _use_fix(
         sd = followed(sd, tests, cursor.floor[s], cursor.work[SLIPPING], row[F_FACTOR:])
     if weighed:
         gate = -1.0  # ask first
+    of_height, h = max(row_of_height(fixes.kind[s]), 0), belief.lla[2]
+    down = fixes.y[k, of_height]
+    several = at[HEIGHTS] > 1
+    if several and believable:
+        if follow_level(observers, belief, fixes, k, cursor):
+            fixes.y[k, of_height] = math.nan
+        else:
+            leave_out_pulling(belief, fixes, s, t, cursor)
     while believable:  # once, or a second time with the gate lifted
         for i in range(9):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -340,10 +360,21 @@ def _use_fix(
             say(cursor, TOO_FAR, s, t, length(innovation))
             weight = 0.0
             break
+        vertical = height_alone(fixes.kind[s], innovation) and (
+            several or fixes.kind[s] == ALTITUDE_KIND
+        )
+        if vertical and several and leave_out_wrong(belief, fixes, s, t, cursor):
+            weight = 0.0
+            break
         if tests[LIFTED_AT] == 0:
             say(cursor, LIFTED, s, t, length(innovation))
-        _doubt(belief.P, nis / fixes.gate[s], fixes.kind[s] == POSITION_KIND, innovation)
+        if vertical:
+            _doubt_height(belief.P, fixes.kind[s], innovation)
+        else:
+            _doubt(belief.P, nis / fixes.gate[s], fixes.kind[s] == POSITION_KIND, innovation)
         gate, lifted, fixes.parameters[s, KEPT] = math.inf, True, 1.0
+    fixes.y[k, of_height] = down
+    cursor.now[CORRECTED] += belief.lla[2] - h
     use = ACCEPTED if believable else NOT_ASKED
     if believable and math.isnan(nis):
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
@@ -468,6 +499,14 @@ def _doubt(P: Array, excess: float, position: bool, innovation: Array) -> None:
         for i in range(3):
             if not math.isnan(innovation[i]):
                 P[i, i] += innovation[i] * innovation[i]
+
+
+@helper
+def _doubt_height(P: Array, kind: int, innovation: Array) -> None:
+    """Make room for a fix that only its height contradicts, or its vertical velocity: it shall move
+    that and bend nothing else, least of all attitude and biases."""
+    row, state = row_of_height(kind), 5 if kind == VELOCITY_KIND else 2
+    P[state, state] += innovation[row] * innovation[row]
 
 
 @helper

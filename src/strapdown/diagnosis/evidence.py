@@ -140,6 +140,28 @@ def gaps(solution: Solution) -> Iterator[Reason]:
         )
 
 
+def heights(solution: Solution) -> Iterator[Reason]:
+    """Sources whose height was left out, because it and that of another contradict each other."""
+    for each in solution.meta.get("heights_apart", ()):
+        off = each["difference"]
+        seen = (
+            f"from {each['start']:.0f} to {each['stop']:.0f} s its height is up to {off:+.3g} m off "
+            f"that of {each['other']}, and is left out"
+        )
+        if not each["decided"]:
+            seen += (
+                f"; no data tell which of them is wrong, so the height may be {abs(off):.3g} m off; "
+                f"horizontal position, velocity and attitude do not depend on it"
+            )
+        yield Reason(
+            "height",
+            seen,
+            'say of heights above mean sea level geoid = "EGM96" in recording.toml, or leave out the '
+            "source that is wrong",
+            each["source"],
+        )
+
+
 def biases(solution: Solution) -> Iterator[Reason]:
     """Biases at the end beyond what the description of the IMU allows."""
     described, claimed = solution.meta.get("bias_sd"), solution.trajectory.sd

@@ -42,7 +42,11 @@ def judge(solution: Solution) -> Verdict:
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
-    causes = [*evidence.gaps(solution), *installation(solution).reasons]
+    causes = [
+        *evidence.gaps(solution),
+        *evidence.heights(solution),
+        *installation(solution).reasons,
+    ]
     causes += attempt("guessed axes", of_guessed_axes, recording) or []
     if any(source.kind == "position" for source in sources):
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
@@ -64,9 +68,10 @@ def _inspected(solution: Solution) -> list[Reason]:
 
 def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
     """Reasons of both, each cause of each source once: the weightiest. A small clock offset that the
-    innovations ask for is known better than one that motions compared ask for."""
-    if any(reason.cause == "clock" for reason in of_run):
-        of_recording = [reason for reason in of_recording if reason.cause != "clock"]
+    innovations ask for is known better than one that motions compared ask for, and a height that the
+    run left out no longer harms it."""
+    known = {reason.cause for reason in of_run} & {"clock", "height"}
+    of_recording = [reason for reason in of_recording if reason.cause not in known]
     ranked = sorted([*of_recording, *of_run], key=lambda reason: reason.weight)
     return list({(reason.cause, reason.source): reason for reason in ranked}.values())
 
@@ -79,7 +84,8 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
     biases, smoother = list(evidence.biases(solution)), list(evidence.smoother(solution))
     yield from (*biases, *smoother)
     of_sources, runs = [], solution.rejected
-    for source in sources:
+    left_out = {each["source"] for each in solution.meta.get("heights_apart", ())}
+    for source in (each for each in sources if each.name not in left_out):
         found = [
             *evidence.noise(source),
             *(evidence.explained(each, runs) for each in evidence.rejections(source)),

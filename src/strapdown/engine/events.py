@@ -2,6 +2,7 @@
 fixes as events (t, text)."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -143,6 +144,29 @@ class Events:
         width = len(aiding.find(kind).quantities)
         return f"{self.name(s)} {NED[i]}" if width == 3 else self.name(s)
 
+    def apart(self, which: int) -> tuple[int, int, bool]:
+        """Of sources whose heights contradict each other: that which is left out, that which is
+        used, and whether the data tell which is wrong."""
+        pair, told = divmod(which, 2)
+        return *divmod(pair, len(self._aidings)), bool(told)
+
+    @property
+    def heights_apart(self) -> list[dict[str, Any]]:
+        """What is told of heights that were left out, as plain values."""
+        return [
+            {
+                "source": self.name(wrong),
+                "other": self.name(other),
+                "decided": told,
+                "start": float(row[log.T]),
+                "stop": float(row[log.UNTIL]),
+                "difference": float(row[log.VALUE]),
+            }
+            for row in self.rows
+            if row[log.CODE] == log.HEIGHT_APART
+            for wrong, other, told in [self.apart(int(row[log.WHICH]))]
+        ]
+
     def size(self, s: int, value: float) -> str:
         """An innovation of source `s` with its unit."""
         unit, shown = quantities.shown_unit(aiding.find(self._aidings[s].kind).quantities[0])
@@ -260,6 +284,19 @@ def _mean_off(events: Events, row: Array, which: int, value: float) -> str:
     )
 
 
+def _height_apart(events: Events, row: Array, which: int, value: float) -> str:
+    wrong, other, told = events.apart(which)
+    why = (
+        "vertical velocity or a third source contradicts it"
+        if told
+        else f"no data tell which is wrong, so the height may be {abs(value):.3g} m off"
+    )
+    return (
+        f"{events.name(wrong)}: its height is left out from here{_till(row)}, up to {value:+.3g} m off "
+        f"that of {events.name(other)}; {why}"
+    )
+
+
 Words = Callable[[Events, Array, int, float], str]
 WORDS: dict[int, Words] = {
     log.BRIDGED_GAP: lambda e, row, s, value: _gap(e, row, value, "bridged"),
@@ -275,6 +312,10 @@ WORDS: dict[int, Words] = {
     log.TOO_FAR: lambda e, row, s, value: (
         f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, further than {e.vehicle} can have "
         f"gone at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
+    ),
+    log.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
+    log.HEIGHT_AGAIN: lambda e, row, s, value: (
+        f"{e.name(s)}: its height agrees with the others again and is used"
     ),
     log.OUT_OF_RANGE: _out_of_range,
     log.FULL_SCALE: _full_scale,

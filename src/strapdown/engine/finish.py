@@ -39,6 +39,8 @@ def solution(run: Run) -> Solution:
     meta |= {key: recording.meta[key] for key in ("epoch", "read") if recording.meta.get(key)}
     if run.events.rejected:
         meta["rejected"] = [each._asdict() for each in run.events.rejected]
+    if run.events.heights_apart:
+        meta["heights_apart"] = run.events.heights_apart
     if cursor.at[places.FAULT]:
         t = samples.t[cursor.at[places.ROW]]
         meta["stopped"] = stopped(t)

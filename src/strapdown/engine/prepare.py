@@ -68,6 +68,8 @@ LARGEST_OF_START = {
     "bg": (1.0, "rad/s: is it in deg/s or deg/h?"),
 }
 """What a component of a start can be, generously, and what is probably wrong beyond it."""
+HEIGHTS = ("position", "altitude")
+"""Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
 LONGEST_GAP = 86400.0
 """s without IMU samples; more is a mistaken clock and no pause."""
 AHRS_RATE = 10.0
@@ -292,7 +294,7 @@ def new_cursor(
 
     cursor = Cursor(
         np.zeros(places.CURSOR_SIZE, np.int64),
-        np.array([float(t), -np.inf, 0.0]),
+        np.zeros(places.MOMENTS),
         np.zeros(7),
         np.zeros(loop.WORK_SIZE),
         count(),
@@ -310,13 +312,19 @@ def new_cursor(
         installation.coupled(parameters, first),
     )
     at = cursor.at
+    cursor.now[[places.NOW, places.CAUSE, places.CLIMB_AT]] = float(t), -np.inf, -np.inf
     at[places.LATEST] = 1
+    if positioned(filter):
+        at[places.HEIGHTS] = sum(a.kind in HEIGHTS for a in aidings)
     at[places.EVERY], at[places.POSITIONED] = 1, positioned(filter)
     at[places.CONDITION] = -1 if filter.condition is None else filter.condition
     doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
     at[places.DOUBTFUL_CONDITIONS] = sum(1 << k for k in doubtful)
     cursor.watched[:, places.STEP] = np.inf
-    cursor.tests[:, places.TESTED], cursor.tests[:, places.LAST_USED] = -np.inf, t
+    cursor.tests[:, [places.TESTED, places.LEVEL_AT]], cursor.tests[:, places.LAST_USED] = (
+        -np.inf,
+        t,
+    )
     cursor.tests[:, places.FACTOR] = cursor.tests[:, [places.POWER]] = 1.0
     cursor.tests[:, places.FOLLOWED_AT] = t
     return cursor

@@ -47,7 +47,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
     },
     "cursor": {
         "at": "counts and switches of the loop, see strapdown_at",
-        "now": "time of the belief; of the last cause of doubt; seconds for which samples could not be",
+        "now": "time of the belief; of the last cause of doubt; seconds for which samples could not be; of heights that are compared",
         "previous": "the last sample: dtheta, dv, dt",
         "work": "of the loop",
         "accepted": "fixes of each source that were used",
@@ -189,6 +189,9 @@ CODE = Names(
             "HELD_GAP": "longer gap of value s: velocity and attitude held",
             "LIFTED": "gate of source `which` lifted, its fixes were rejected for long; value: distance",
             "LEFT_OUT": "source `which` left out until one of its fixes passes",
+            "HEIGHT_APART": "height of one source left out, because another's contradicts it; "
+            "which / 2 is left out * sources + other; value: difference in m",
+            "HEIGHT_AGAIN": "height of source `which` agrees again and is used",
             "TOO_FAR": "position of source `which` further away than the vehicle can have gone",
             "OUT_OF_RANGE": "axis `which` (gyro 0-2, accelerometer 3-5) read value, beyond its range",
             "FULL_SCALE": "axis `which` at full scale",
