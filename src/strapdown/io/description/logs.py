@@ -12,7 +12,7 @@ import tomlkit
 from ...checks import DataError, check_choice, printable
 from ...recording import Recording
 from ...typing import File
-from ..contract import ROLES, Log, Section
+from ..contract import GUESS, ROLES, Log, Section
 from ..registry import ask, looker
 from .clocks import OneClock, one_clock
 from .complaints import load
@@ -311,7 +311,10 @@ def _text(each: Taken, folder: File) -> str:
     for key, value in keys.items():
         line, why = f"{key} = {_value(value)}", each.section.assumed.get(key, "")
         lines.append(f"{line:{COMMENT - 1}} # check: {printable(why)}" if why else line)
-    if of == "imu" and (guessed := [key for key in keys if each.section.assumed.get(key)]):
+    guessed = [key for key in keys if each.section.assumed.get(key)]
+    if str(keys.get("axes", "")).endswith(GUESS):  # marks itself
+        guessed.remove("axes")
+    if of == "imu" and guessed:
         line = f"assumed = {_value(guessed)}"
         lines.append(f"{line:{COMMENT - 1}} # take a key out once you have checked its line")
     return "\n".join([*lines, *map(printable, each.section.remarks)]) + "\n"

@@ -63,10 +63,13 @@ def read_description(path: File) -> Recording:
 
 def assumed(part: ImuPart) -> list[str]:
     """Lines on what a description marks as assumed of its IMU."""
+    remedies = {key: "take it out of [imu] assumed" for key in part.assumed}
+    if part.guessed_axes:
+        remedies["axes"] = "take its question mark away"
     return [
         f"assumed: imu {key}{f' = {value}' if isinstance(value := getattr(part, key), str) else ''}: "
-        f"the description marks it; check it, then take it out of [imu] assumed"
-        for key in part.assumed
+        f"the description marks it; check it, then {remedy}"
+        for key, remedy in remedies.items()
     ]
 
 
