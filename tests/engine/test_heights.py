@@ -196,8 +196,8 @@ def test_altitude_alone_bends_neither_attitude_nor_biases():
 @pytest.mark.parametrize("stated", [True, False])
 @pytest.mark.parametrize("seed", [31, 32, 33])
 def test_right_sources_stay_in_use(seed, stated):
-    """With errors of the position of 3 m that last, stated or taken for white. Of 240 such runs of
-    300 s with other seeds none lost the altitude."""
+    """With errors of the position of 3 m that last, stated or taken for white. Of 60 such runs of
+    300 s on other seeds (300 to 329) none left a height out."""
     lasting = Correlated((1.5, 1.5, 3.0), 30.0)
     gnss = Gnss(position_sd=(0.5, 0.5, 0.8), position_correlated=lasting, stated=stated)
     sensors = [Simulated("altitude", 1.0, 10.0)]

@@ -89,7 +89,8 @@ def follow_level(observers: Ints, belief: Belief, fixes: Fixes, k: int, cursor: 
     kind, tests, now, row = fixes.kind[s], cursor.tests[s], cursor.now, row_of_height(fixes.kind[s])
     if row < 0:
         return False
-    e = _innovation(observers, belief, fixes, k, row, cursor)
+    observe_fix(observers, belief, fixes, k, cursor)
+    e = cursor.work[OTHER][row]
     if math.isnan(e):
         return False
     if kind == VELOCITY_KIND:
@@ -117,11 +118,9 @@ def follow_level(observers: Ints, belief: Belief, fixes: Fixes, k: int, cursor: 
 
 
 @helper
-def _innovation(
-    observers: Ints, belief: Belief, fixes: Fixes, k: int, row: int, cursor: Cursor
-) -> float:
-    """One row of that of fix `k` as its kind observes it, without the estimates of errors that
-    last."""
+def observe_fix(observers: Ints, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
+    """The innovation of fix `k` as its kind observes it, without the estimates of errors that last,
+    in work[OTHER], and its H (3, n) in work[JACOBIAN]."""
     s, e, n = fixes.source[k], cursor.work[OTHER][0:3], belief.P.shape[0]
     H = matrix(cursor.work, JACOBIAN.start, 3, n)
     for i in range(3):
@@ -129,7 +128,6 @@ def _innovation(
         for j in range(n):
             H[i, j] = 0.0
     observe_at(observers[fixes.kind[s]])(belief, fixes.y[k], fixes.parameters[s], e, H)
-    return float(e[row])
 
 
 @helper

@@ -125,6 +125,15 @@ def leave_out(cursor: Cursor, s: int) -> None:
 
 
 @helper
+def fails(tests: Array) -> bool:
+    """Whether any test of the innovations of a source fails."""
+    failing = 0.0
+    for channel in range(CHANNELS):
+        failing += tests[FAILS][channel]
+    return failing > 0
+
+
+@helper
 def forget(tests: Array) -> None:
     """Begin the sums of a source anew."""
     for channel in range(CHANNELS):

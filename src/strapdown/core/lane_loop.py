@@ -19,6 +19,7 @@ from .contract import (
     FIXES,
     IN_LANES,
     NOISE,
+    NUMBERED,
     OBSERVE,
     POSITION_KIND,
     PREDICT,
@@ -38,7 +39,7 @@ from .cursor import (
     SPEED,
 )
 from .earth import LATITUDE_LIMIT
-from .integrity import NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
+from .integrity import HEARD, NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
 from .jit import caller, helper, inlined, kernel
 from .loop import LIFT_AFTER, REJECTED, SAME_TIME, walk
 from .mechanization import compensate
@@ -257,7 +258,7 @@ def _use_fix(
     )
     rejected = nis > gate
     lift = rejected & (books[IN_A_ROW] >= REJECTED) & (t - books[SINCE] >= LIFT_AFTER)
-    _mark(LEFT, lift, t, cursor)
+    _mark(LEFT, lift | (rejected & _may_be_alone(fixes, s, t, cursor)), t, cursor)
     books[SINCE] = where(rejected & (books[IN_A_ROW] == 0.0), t, books[SINCE])
     books[IN_A_ROW] = where(rejected, books[IN_A_ROW] + 1, where(nis <= gate, 0.0, books[IN_A_ROW]))
     nothing = math.isnan(innovation[0]) & math.isnan(innovation[1]) & math.isnan(innovation[2])
@@ -265,6 +266,17 @@ def _use_fix(
     for i in range(3):
         row[INNOVATION + i] = innovation[i]
     cursor.at[FIX] += 1
+
+
+@inlined
+def _may_be_alone(fixes: Fixes, s: int, t: float, cursor: LaneCursor) -> bool:
+    """Whether the one loop may treat a rejected fix as one that nothing contradicts, as it does with
+    velocities in the body while it dead reckons."""
+    alone = fixes.kind[s] >= len(NUMBERED)
+    for k in range(fixes.kind.size):
+        if fixes.kind[k] == POSITION_KIND or fixes.kind[k] == VELOCITY_KIND:
+            alone &= t - cursor.last[k] > HEARD
+    return alone
 
 
 @inlined

@@ -13,7 +13,9 @@ Rules (docs/reference/conventions.md):
   added to the variances of position. Sources of neither position nor velocity are given LIFTS such
   uses, LIFT_AFTER seconds apart: one that nothing in the states explains, such as a field beside
   iron, would let P explode. Of two heights that contradict each other one is left out instead
-  (heights.py), and an altitude moves the height alone.
+  (heights.py), and an altitude moves the height alone. Velocities in the body that nothing else
+  helps (no position or velocity for HEARD seconds) have their gates lifted after LIFT_ALONE s, as
+  often as it takes, and opened while their tests fail: the filter shall not lose its only aid.
 """
 
 import math
@@ -93,22 +95,25 @@ from .cursor import (
 )
 from .earth import LATITUDE_LIMIT
 from .followed_noise import followed
-from .heavy_tails import correct_at, observe_at, weigh
+from .heavy_tails import OTHER, correct_at, observe_at, weigh
 from .heights import (
     JACOBIAN,
     follow_level,
     height_alone,
     leave_out_pulling,
     leave_out_wrong,
+    observe_fix,
     row_of_height,
 )
 from .integrity import (
     CONFIRM,
+    HEARD,
     LEFT,
     NO_ACCEL,
     NO_GYRO,
     confirm,
     doubt,
+    fails,
     leave_out,
     length,
     level_again,
@@ -117,7 +122,7 @@ from .integrity import (
     reachable,
     test,
 )
-from .jit import caller, flatten, helper, inlined, kernel
+from .jit import caller, flatten, helper, inlined, kernel, matrix
 from .mechanization import compensate, stationary_increments
 from .recent_motion import keep, look_back
 from .rotation import matrix_to_quaternion
@@ -142,6 +147,9 @@ LONGEST_HOLD = (
     300.0  # s: how long P grows in a gap; beyond, the unstable height alone would let it explode
 )
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
+LIFT_ALONE, OPENED = 1.0, 100.0
+"""s, and the factor on the gate while innovations fail their tests, of wheels and constraints that
+nothing else helps. A fix ten times as far off as the gate has it is wild."""
 DOUBT = 9.0  # largest growth of P at once, when a gate is lifted
 LIFTS = 3  # uses in a row with the gate lifted, of sources of neither position nor velocity
 SLIPPING, INNOVATION, WORK_SIZE = slice(18, 21), slice(21, 33), JACOBIAN.stop  # of Cursor.work
@@ -325,6 +333,9 @@ def _use_fix(
             fixes.y[k, of_height] = math.nan
         else:
             leave_out_pulling(belief, fixes, s, t, cursor)
+    alone = believable and _carries_alone(observers, belief, fixes, k, t, cursor)
+    if alone and not weighed and fails(tests):
+        gate *= OPENED
     while believable:  # once, or a second time with the gate lifted
         for i in range(9):
             innovation[3 + i] = math.nan  # not every filter whitens
@@ -340,10 +351,10 @@ def _use_fix(
         )
         lift = (
             not lifted
-            and found > fixes.gate[s]
+            and found > max(gate, fixes.gate[s])
             and cursor.in_a_row[s] >= REJECTED
-            and t - cursor.since[s] >= LIFT_AFTER
-            and cursor.lifts[s] < LIFTS
+            and t - cursor.since[s] >= (LIFT_ALONE if alone else LIFT_AFTER)
+            and (cursor.lifts[s] < LIFTS or alone)
         )
         if weighed and not lift and found > gate:
             weight = weigh(correct, observers, belief, fixes, k, sd, innovation, found, cursor)
@@ -370,6 +381,8 @@ def _use_fix(
             say(cursor, LIFTED, s, t, length(innovation))
         if vertical:
             _doubt_height(belief.P, fixes.kind[s], innovation)
+        elif alone:
+            _doubt_velocity(belief.P, cursor.work)
         else:
             _doubt(belief.P, nis / fixes.gate[s], fixes.kind[s] == POSITION_KIND, innovation)
         gate, lifted, fixes.parameters[s, KEPT] = math.inf, True, 1.0
@@ -380,13 +393,18 @@ def _use_fix(
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
             use = UNMEASURED
     elif nis > fixes.gate[s]:
-        use = REACQUIRED if lifted else REJECTED_FIX
+        use = REACQUIRED if lifted or nis <= gate else REJECTED_FIX
         if cursor.in_a_row[s] == 0:
             cursor.since[s] = t
         cursor.in_a_row[s] += 1
         if lifted:
             tests[LIFTED_AT] = cursor.in_a_row[s]
-        if lifted and fixes.kind[s] != POSITION_KIND and fixes.kind[s] != VELOCITY_KIND:
+        if (
+            lifted
+            and not alone
+            and fixes.kind[s] != POSITION_KIND
+            and fixes.kind[s] != VELOCITY_KIND
+        ):
             cursor.lifts[s] += 1
             cursor.since[s] = t
         if cursor.lifts[s] == LIFTS and cursor.in_a_row[s] == tests[LIFTED_AT] + REJECTED:
@@ -499,6 +517,38 @@ def _doubt(P: Array, excess: float, position: bool, innovation: Array) -> None:
         for i in range(3):
             if not math.isnan(innovation[i]):
                 P[i, i] += innovation[i] * innovation[i]
+
+
+@helper
+def _carries_alone(
+    observers: Ints, belief: Belief, fixes: Fixes, k: int, t: float, cursor: Cursor
+) -> bool:
+    """Whether fix `k` measures a velocity in the body, and the filter has for long used neither a
+    position nor a velocity: nothing that it knows contradicts such a source. H of the fix is then in
+    cursor.work."""
+    own = fixes.kind[fixes.source[k]]
+    if cursor.at[POSITIONED] == 0 or own == POSITION_KIND or own == VELOCITY_KIND:
+        return False
+    for s in range(fixes.kind.size):
+        if fixes.kind[s] == POSITION_KIND or fixes.kind[s] == VELOCITY_KIND:
+            if t - cursor.tests[s, LAST_USED] <= HEARD:
+                return False
+    observe_fix(observers, belief, fixes, k, cursor)
+    H = matrix(cursor.work, JACOBIAN.start, 3, belief.P.shape[0])
+    return H[0, 3] != 0 or H[0, 4] != 0 or H[0, 5] != 0
+
+
+@helper
+def _doubt_velocity(P: Array, work: Array) -> None:
+    """Make room for a fix along the velocities that it measures: all else stays as it is."""
+    H = matrix(work, JACOBIAN.start, 3, P.shape[0])
+    for row in range(3):
+        h, e = H[row, 3:6], work[OTHER][row]
+        square = h[0] * h[0] + h[1] * h[1] + h[2] * h[2]
+        if square > 0 and not math.isnan(e):
+            for i in range(3):
+                for j in range(3):
+                    P[3 + i, 3 + j] += h[i] * h[j] * (e / square) ** 2
 
 
 @helper
