@@ -151,13 +151,13 @@ def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[flo
     independent = 3 * len(t) * fixes.interval / (2 * half)
     # the least of a misfit that has none inside, as of few fixes, is an end of the search: it moves
     # with no part of the record, so that leaving parts out would call it certain
-    ends = min(total[0], total[-1])
-    if not independent / 2 * np.log(ends / max(total.min(), 1e-12)) > EVIDENCE:
+    others = min(total[0], total[-1], float(np.median(total)))
+    if not independent / 2 * np.log(others / max(total.min(), 1e-12)) > EVIDENCE:
         return near, np.inf
     # leaving out one part of the record after the other (jackknife)
     parts = np.array_split(np.arange(len(edges)), min(BLOCKS, len(edges)))
-    others = np.array([_top(lags, left[:, part].sum(axis=1) - total) for part in parts])
-    return _top(lags, -total), float(np.hypot(_jackknife(others), SYSTEMATIC["vectors"]))
+    without = np.array([_top(lags, left[:, part].sum(axis=1) - total) for part in parts])
+    return _top(lags, -total), float(np.hypot(_jackknife(without), SYSTEMATIC["vectors"]))
 
 
 def left_over(a: Array, f: Array, edges: Ints) -> Array:
