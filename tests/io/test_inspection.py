@@ -104,7 +104,7 @@ def test_facts_of_a_good_recording(build, tmp_path):
         (dict(gyro=[1, 1, -1]), "check the sign of gyro z"),
         (
             dict(offset=1.0),
-            "add -1 s to `offset` of the `time` of velocity, or +1 s to that of the IMU",
+            "s to `offset` of the `time` of velocity, or +1",
         ),
         (
             dict(toml=lambda s: s.replace('"m/s^2"', '"g"')),
@@ -302,6 +302,8 @@ def test_reasons_and_what_was_not_checked(drive):
     found = inspect(drive(offset=1.0))
     (reason,) = found.reasons
     assert reason.cause == "clock" and str(reason) in found.problems
+    seconds, sd = map(float, re.search(r"with ([-+.\d]+) \+- ([.\d]+) s", reason.seen).groups())
+    assert abs(seconds + 1.0) < 0.1 and abs(seconds + 1.0) < 2 * sd
     still = inspect(drive(toml=lambda s: s.replace('"vn", "ve"', '"vd", "vd"')))
     assert still.problems == () and still.reasons == ()
     assert still.lines[-1] == f"inconclusive: {still.inconclusive[-1]}"

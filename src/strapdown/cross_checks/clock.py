@@ -32,6 +32,9 @@ off is above EVIDENCE."""
 SYSTEMATIC = {"acceleration": 0.02, "turns": 0.08, "vectors": 0.01}
 """What no scatter shows, s: the course of an antenna ahead of the rear axle leads the turn of the
 vehicle, that of an aircraft lags its own."""
+ALONE = 0.1 * HALF
+"""The same of one quantity that no other confirms, s: a tenth of half its window. What else changes
+the size of the specific force, such as a mounting that is off, shifts where it fits best."""
 STRETCH = 30.0
 """Seconds over which the gyros hold axes still."""
 LEAST_FIXES, BLOCKS, LEAST_BLOCKS = 30, 10, 4
@@ -115,9 +118,10 @@ def coarse_lag(subject: Subject, source: Aiding) -> Lag | None:
         return None
     best = max(lags, key=lambda lag: lag.evidence)
     sure = [lag for lag in lags if lag.evidence > EVIDENCE] or [best]
-    known = [(lag.seconds, lag.sd) for lag in sure]
-    known += [_by_vectors(fixes, source.kind, subject.felt, best.seconds)]
-    known = [(lag, sd) for lag, sd in known if np.isfinite(sd)]
+    vectors = _by_vectors(fixes, source.kind, subject.felt, best.seconds)
+    confirmed = len(sure) > 1 or np.isfinite(vectors[1])
+    known = [(lag.seconds, float(np.hypot(lag.sd, 0.0 if confirmed else ALONE))) for lag in sure]
+    known = [(lag, sd) for lag, sd in (*known, vectors) if np.isfinite(sd)]
     if not known:
         return best._replace(sd=np.inf)
     seconds, weight = np.array([(lag, sd**-2) for lag, sd in known]).T

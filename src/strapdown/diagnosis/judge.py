@@ -42,11 +42,8 @@ def judge(solution: Solution) -> Verdict:
             return None
 
     symptoms = attempt("the run", lambda: list(_symptoms(solution, sources))) or []
-    causes = [
-        *evidence.gaps(solution),
-        *evidence.heights(solution),
-        *installation(solution).reasons,
-    ]
+    installed = installation(solution)
+    causes = [*evidence.gaps(solution), *evidence.heights(solution), *installed.reasons]
     causes += attempt("guessed axes", of_guessed_axes, recording) or []
     if any(source.kind == "position" for source in sources):
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
@@ -55,6 +52,9 @@ def judge(solution: Solution) -> Verdict:
     inspected = attempt("the recording", _inspected, solution) or []
     if not sources and not symptoms and not inspected:
         return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
+    # what the filter has estimated is not as the recording has it
+    found = {each.cause for each in installed.parameters if each.status != "not observable"}
+    inspected = [reason for reason in inspected if reason.cause not in found]
     verdict = Verdict.of(_once(inspected, causes), untested, symptoms)
     return replace(verdict, word=NOT_JUDGED) if verdict.trusted and little else verdict
 

@@ -16,6 +16,7 @@ from ..preprocessing.imu_samples import GAP_MEDIANS, MOST_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
+from ..preprocessing.vehicle_rest import moving
 from ..recording import Recording
 from ..sensor_models.imu import grade
 from ..time_scales import span, utc
@@ -29,7 +30,7 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     """Findings on a Recording: samples, fixes, magnetometers, then the lines `more`, reference and
     notes."""
     imu, reference = recording.imu, recording.reference
-    unusual = doubts(imu, gyro_bias_sd(recording.meta))
+    unusual = unusual_imu(recording, gyro_bias_sd(recording.meta))
     found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
     found.add(imu_facts(imu), [f"imu: {text}" for _, text in unusual])
     found.add(temperature_facts(recording.meta))
@@ -42,11 +43,22 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     return found
 
 
+def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[tuple[str, str]]:
+    """[(cause, text)] of what is unusual about the IMU: `doubts`, but for a gyro bias at what the
+    fixes say is no rest but an even turn."""
+    imu = recording.imu
+    found = doubts(imu, gyro_bias_sd)
+    if any(cause == "gyro" for cause, _ in found):
+        if (at_rest(imu) & moving(recording.aidings, imu.t)).any():
+            found = [each for each in found if each[0] != "gyro"]
+    return found
+
+
 def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
     """A Reason for each problem of a sensor by itself or beside the IMU; those that `cross_checks`
     finds are not among them. `gyro_bias_sd` (rad/s) is what the description of the IMU allows."""
     imu = recording.imu
-    for cause, text in doubts(imu, gyro_bias_sd):
+    for cause, text in unusual_imu(recording, gyro_bias_sd):
         yield Reason.told(cause, text)
     for aiding in recording.aidings:
         for cause, text in (*_of_fixes(imu, aiding)[1], *_of_magnetometer(imu, aiding)[1]):

@@ -11,7 +11,14 @@ from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
 from ...recording import Recording
 from ..contract import Findings
-from ..facts import aiding_facts, clock_facts, gyro_bias_sd, imu_facts, temperature_facts
+from ..facts import (
+    aiding_facts,
+    clock_facts,
+    gyro_bias_sd,
+    imu_facts,
+    temperature_facts,
+    unusual_imu,
+)
 from ..locate import locate
 from ..magnetic_record import facts_and_problems
 from ..unfelt_tilt import fixes_confirm
@@ -115,6 +122,9 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
         found.add([f"reference: {reference!r}"] if reference is not None else [])
         notes += more
     recording = Recording(imu, tuple(aidings), None, meta)
+    kept = {text for _, text in unusual_imu(recording, gyro_bias_sd(meta))}
+    denied = [text for _, text in unusual if text not in kept]
+    found.problems[:] = [line for line in found.problems if not line.endswith(tuple(denied))]
     if any(UNFELT in line for line in found.problems) and fixes_confirm(recording):
         found.problems[:] = [line for line in found.problems if UNFELT not in line]
         found.add(
