@@ -33,6 +33,7 @@ def test_units_become_si(build):
     np.testing.assert_allclose(position.sd, 1.5)
     np.testing.assert_allclose(velocity.sd, 0.1)
     assert recording.meta == {
+        "height_columns": {"alt": "position"},
         "installed": {
             "[imu] time offset": [0.0],
             "[imu] mounting": [0.0, 0.0, 0.0],

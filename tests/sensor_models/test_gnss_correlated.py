@@ -147,7 +147,7 @@ def test_a_scenario_file_has_them(tmp_path):
         (("time_s = 30", "time = 30"), "time_s"),
         (("time_s = 30", "time_s = 0"), "correlated errors, time .* above 0"),
         (("sd_m = [1.5, 2, 3]", "sd_m = 0"), "all standard deviations are 0"),
-        (("position_sd_m = 0.5\n", ""), "and no white noise"),
+        (("position_sd_m = 0.5\n", ""), "measures nothing: give position_sd_m"),
     ):
         file.write_text(text.replace(*change))
         with pytest.raises(DataError, match=words) as refused:

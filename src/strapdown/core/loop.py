@@ -372,7 +372,7 @@ def _use_fix(
             weight = 0.0
             break
         vertical = height_alone(fixes.kind[s], innovation) and (
-            several or fixes.kind[s] == ALTITUDE_KIND
+            several or (fixes.kind[s] == ALTITUDE_KIND and at[POSITIONED] > 0)
         )
         if vertical and several and leave_out_wrong(belief, fixes, s, t, cursor):
             weight = 0.0
@@ -393,7 +393,8 @@ def _use_fix(
         if math.isnan(innovation[0]) and math.isnan(innovation[1]) and math.isnan(innovation[2]):
             use = UNMEASURED
     elif nis > fixes.gate[s]:
-        use = REACQUIRED if lifted or nis <= gate else REJECTED_FIX
+        # a gate that was opened from the start is no second call of `correct`
+        use = REACQUIRED if lifted else ACCEPTED if nis <= gate else REJECTED_FIX
         if cursor.in_a_row[s] == 0:
             cursor.since[s] = t
         cursor.in_a_row[s] += 1

@@ -237,6 +237,7 @@ AT = Names(
             "DOUBTFUL_CONDITIONS": "bits of those that make rows doubtful",
             "LOGGED": "events in the log",
             "LATEST": "not used",
+            "HEIGHTS": "sources that measure the height above the ellipsoid",
         },
     ),
 )
