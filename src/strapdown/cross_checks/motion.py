@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,12 +14,9 @@ from ..data import Aiding
 from ..geodesy import displacement, wrap
 from ..preprocessing.stationary import rate_at_rest
 from ..recording import Recording
-from ..rotation_products import running_products
+from ..rotation_products import running_matrices
 from ..typing import Array
 from .checked import label
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 STEP = 0.05
 """Seconds between the instants at which the IMU's integrals are kept."""
@@ -120,14 +117,14 @@ class Felt(NamedTuple):
     turn: Array  # (n, 3) rad, integral of the angular rate
     body_v: Array  # (n, 3) m/s, integral of the specific force in the body's own axes
     body_turn: Array  # (n, 3) rad, integral of the angular rate in the body's own axes
-    attitude: Rotation  # (n,) from the body to the axes of the beginning
+    attitude: Array  # (n, 3, 3) from the body to the axes of the beginning
 
     def at_antenna(self, arm: Array) -> Array:
         """(n, 3) m/s: what `v` is at a point of the body, `arm` (3,) m from the IMU."""
         if not arm.any() or len(self.t) < 2:
             return self.v
         rate = np.gradient(self.body_turn, STEP, axis=0)
-        return self.v + self.attitude.apply(np.cross(rate, arm))
+        return self.v + turned(self.attitude, np.cross(rate, arm))
 
     def mean(self, integral: Array, at: Array, half: float) -> Array:
         """(k, 3) mean over +- `half` s around the times `at` (k,); NaN outside."""
@@ -145,8 +142,6 @@ class Felt(NamedTuple):
 def felt(imu: Imu) -> Felt:
     """The Felt of an IMU record; the gyros without their mean at rest, what is missing in gaps as
     in the sample after it."""
-    from scipy.spatial.transform import Rotation
-
     before = np.r_[imu.t[0] - imu.dt[0], imu.t]
     grid = np.arange(before[0], before[-1], STEP)
     bias = rate_at_rest(imu)
@@ -156,17 +151,20 @@ def felt(imu: Imu) -> Felt:
         np.diff(_summed(values * whole, before, grid), axis=0)
         for values in (rate, imu.dv / imu.dt[:, None])
     )
-    zero = np.zeros((1, 3))
-    attitude = Rotation.from_rotvec(zero)
+    zero, attitude = np.zeros((1, 3)), np.eye(3)[None]
     if len(dtheta):
-        attitude = Rotation.concatenate([attitude, running_products(Rotation.from_rotvec(dtheta))])
-    turned = attitude[:-1] if len(dtheta) else attitude[:0]
+        attitude = np.concatenate([attitude, running_matrices(dtheta)])
     v, turn = (
-        np.cumsum(np.vstack([zero, turned.apply(column)]), axis=0)
+        np.cumsum(np.vstack([zero, turned(attitude[: len(column)], column)]), axis=0)
         for column in (dv + np.cross(dtheta, dv) / 2, dtheta)
     )
     body_v, body_turn = (np.cumsum(np.vstack([zero, column]), axis=0) for column in (dv, dtheta))
     return Felt(grid, v, turn, body_v, body_turn, attitude)
+
+
+def turned(C: Array, vectors: Array) -> Array:
+    """(n, 3) vectors (n, 3) or (3,), each by its matrix of C (n, 3, 3)."""
+    return np.asarray((C * vectors[..., None, :]).sum(axis=-1))
 
 
 def _summed(increments: Array, t: Array, grid: Array) -> Array:

@@ -142,7 +142,7 @@ def _levelled(fixes: Moved, motion: Felt, half: float) -> list[tuple[Array, Arra
     f = motion.mean(motion.at_antenna(fixes.arm), t, half)
     up = _unit(motion.mean(motion.v, t, LEVELLED))
     k = np.clip(np.searchsorted(motion.t, t), 0, len(motion.t) - 1)
-    ahead = motion.attitude[k].apply([1.0, 0.0, 0.0])
+    ahead = motion.attitude[k][..., 0]
     ahead = _unit(ahead - (ahead * up).sum(axis=1)[:, None] * up)
     forward = _unit(np.array([1.0, 0.0, 0.0]) - down[0] * down)
     return [

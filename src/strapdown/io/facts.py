@@ -49,7 +49,8 @@ def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[tuple[str, st
     imu = recording.imu
     found = doubts(imu, gyro_bias_sd)
     if any(cause == "gyro" for cause, _ in found):
-        if (at_rest(imu) & moving(recording.aidings, imu.t)).any():
+        rest = at_rest(imu)
+        if rest.any() and moving(recording.aidings, imu.t)[rest].mean() > 0.5:
             found = [each for each in found if each[0] != "gyro"]
     return found
 
