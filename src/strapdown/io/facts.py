@@ -43,14 +43,19 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     return found
 
 
+EVEN = 5.0
+"""s of even motion that are needed for a reading of the gyro there to be a bias: a roll that is even
+for a second or two is none."""
+
+
 def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[tuple[str, str]]:
-    """[(cause, text)] of what is unusual about the IMU: `doubts`, but for a gyro bias at what the
-    fixes say is no rest but an even turn."""
+    """[(cause, text)] of what is unusual about the IMU: `doubts`, but for a gyro bias at what is no
+    rest, as the fixes say, and shorter than EVEN."""
     imu = recording.imu
     found = doubts(imu, gyro_bias_sd)
     if any(cause == "gyro" for cause, _ in found):
         rest = at_rest(imu)
-        if rest.any() and moving(recording.aidings, imu.t)[rest].mean() > 0.5:
+        if imu.dt[rest].sum() < EVEN and moving(recording.aidings, imu.t)[rest].any():
             found = [each for each in found if each[0] != "gyro"]
     return found
 
