@@ -20,6 +20,8 @@ COMMANDS = (
     *("diagnose drive.nc", "advise --help", "inspect none.nc"),
 )
 """What prints; commands that take longer print by the same functions."""
+NO_DETECTION = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+"""The script of the shell that is named, whichever runs the tests."""
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,7 @@ def ended(words, folder, buffered="", **streams):
     done = subprocess.run(
         [sys.executable, "-m", "strapdown", *words.split()],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": buffered},
+        env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": buffered, **NO_DETECTION},
         stderr=subprocess.PIPE,
         text=True,
         **streams,
