@@ -15,6 +15,7 @@ from strapdown.checks import DataError
 from strapdown.core.contract import Noise
 from strapdown.core.earth import gravity, place, rotation_rates
 from strapdown.geodesy import displaced, displacement
+from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import Motion
 
@@ -272,6 +273,16 @@ def test_an_impossible_correlation_is_refused(correlation):
         DataError, match=f"correlation is {correlation} s; it must be a finite number, 0 or more"
     ):
         fused(recorded(), "direct-ahrs", correlation=correlation)
+
+
+def test_with_errors_of_the_imu_as_states_the_covariance_stays_one():
+    """The loop couples those states into P alone: what is considered must not contradict it."""
+    drive = sd.simulate("car", 120.0, "dmu10", 31, attitude=Ahrs())
+    found = sd.fuse(drive, "indirect-ahrs-closed", covariance=True, every=100)
+    assert found.covariance.shape[1] > 15
+    scale = 1 / np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+    correlation = found.covariance * scale[:, :, None] * scale[:, None, :]
+    assert np.linalg.eigvalsh(correlation).min() > 0
 
 
 def test_an_unknown_treatment_of_attitude_errors_is_refused():

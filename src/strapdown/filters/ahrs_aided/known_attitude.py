@@ -16,7 +16,7 @@ The stated covariance moves no mean, for it is a bound and seldom the variance o
 second order a turn by an error n of covariance S shortens what it turns: E exp[n x] = I - (tr S I -
 S) / 2, 0.7 mm/s^2 of gravity at 0.5 deg, in every record to the same side. The share of it that is
 real, 0 to 1, is considered as a constant of mean 0 and variance 1: it widens the standard deviation
-of the accelerometer bias that it cannot be told from.
+of the accelerometer bias that it cannot be told from, where the filter has its 15 states alone.
 """
 
 import math
@@ -28,6 +28,7 @@ from ...core.contract import (
     CORRELATED_STATE,
     KEPT,
     MOST_STATES,
+    STATES,
     Belief,
     Noise,
     Observe,
@@ -242,9 +243,17 @@ def move(
 
 
 @helper
-def _shortening(workspace: Array, f0: float, f1: float, f2: float) -> tuple[float, float, float]:
+def _shortening(
+    workspace: Array, n: int, f0: float, f1: float, f2: float
+) -> tuple[float, float, float]:
     """(tr S I - S) / 2 f of the velocity increment f, m/s: what errors of the known attitude, of
-    covariance S, shorten it by on average."""
+    covariance S, shorten it by on average.
+
+    0 with more than STATES states (n): a scale of the accelerometers has that uncertainty already,
+    and the loop couples such states into P alone (core/coupling.py).
+    """
+    if n > STATES:
+        return 0.0, 0.0, 0.0
     tilt, heading = workspace[DRIFT_TILT], workspace[DRIFT_HEADING]
     nn, ne = workspace[ERROR_NN] + tilt * tilt, workspace[ERROR_NE]
     ee, dd = workspace[ERROR_EE] + tilt * tilt, workspace[ERROR_DD] + heading * heading
@@ -275,7 +284,7 @@ def _consider(S: Array, workspace: Array, f0: float, f1: float, f2: float, dt: f
     )
     for k, x, y, z in ((0, nn, ne, 0.0), (1, ne, ee, 0.0), (2, 0.0, 0.0, dd)):
         _move(S[k], y * f2 - z * f1, z * f0 - x * f2, x * f1 - y * f0, dt)
-    m0, m1, m2 = _shortening(workspace, f0, f1, f2)
+    m0, m1, m2 = _shortening(workspace, S.shape[1], f0, f1, f2)
     _move(S[3], 0.5 * m0, 0.5 * m1, 0.5 * m2, dt)
 
 
@@ -299,7 +308,7 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
     workspace, P, n, half = belief.workspace, belief.P, S.shape[1], 0.5 * dt
     # covariance of the velocity that is gained with the states
     G = matrix(workspace, JACOBIAN, 3, n)
-    m0, m1, m2 = _shortening(workspace, f0, f1, f2)
+    m0, m1, m2 = _shortening(workspace, n, f0, f1, f2)
     for j in range(n):
         s0, s1, s2, s = S[0, j], S[1, j], S[2, j], S[3, j]
         G[0, j] = s1 * f2 - s2 * f1 + m0 * s
