@@ -1,7 +1,6 @@
 """A filter without positions and velocities does not lose the wheels and constraints that it has to
 its own gate."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -84,13 +83,10 @@ def test_one_fix_makes_room_along_what_it_measures_alone():
 
 
 @pytest.mark.parametrize("heading", [0.0, 90.0])
-def test_a_recorded_robot_comes_home(heading):
+def test_a_recorded_robot_comes_home(heading, data_folder):
     """A simulated Jackal in a recorded bag drives 80 m and ends 2 m from its start; its IMU
     vibrates by 1 m/s^2. With gates that locked its only aid out it ended 20 km off."""
-    if "STRAPDOWN_DATA" not in os.environ:
-        pytest.skip("needs the data folder")
-    native = os.environ["STRAPDOWN_DATA"] + "/native/rosbag2/"
-    recording = sd.read(native + "jackal_sim_imu_odom_61s.mcap.xz")
+    recording = sd.read(data_folder / "native" / "rosbag2" / "jackal_sim_imu_odom_61s.mcap.xz")
     t = np.arange(47.7, 108.7, 0.1)
     recording = replace(recording, aidings=(*recording.aidings, *constraints(t)))
     first = recording.imu.t[0] - recording.imu.dt[0]

@@ -97,7 +97,7 @@ def _doubt_rates(
     workspace, P = belief.workspace, belief.P
     ch, sh, climb = mid[0] / cosine, mid[3] / cosine, -mid[6] / cosine * pitch
     share = 1.0 if workspace[CORRELATION] == 0 else 0.0
-    a, b, c = along(ch, sh, *tilt_variances(belief))
+    a, b, c = along(ch, sh, *tilt_variances(belief.workspace))
     a0, b0, c0 = along(ch, sh, P[6, 6], P[6, 7], P[7, 7])
     a, c = max(a - share * a0, 0.0), max(c - share * c0, 0.0)
     b = max(-math.sqrt(a * c), min(b - share * b0, math.sqrt(a * c)))

@@ -254,9 +254,8 @@ def _shortening(
     """
     if n > STATES:
         return 0.0, 0.0, 0.0
-    tilt, heading = workspace[DRIFT_TILT], workspace[DRIFT_HEADING]
-    nn, ne = workspace[ERROR_NN] + tilt * tilt, workspace[ERROR_NE]
-    ee, dd = workspace[ERROR_EE] + tilt * tilt, workspace[ERROR_DD] + heading * heading
+    nn, ne, ee = tilt_variances(workspace)
+    dd = workspace[ERROR_DD] + workspace[DRIFT_HEADING] * workspace[DRIFT_HEADING]
     return (
         0.5 * ((ee + dd) * f0 - ne * f1),
         0.5 * ((nn + dd) * f1 - ne * f0),
@@ -363,9 +362,8 @@ def _carry(belief: Belief, dt: float, noise: Noise) -> None:
 
 
 @helper
-def tilt_variances(belief: Belief) -> tuple[float, float, float]:
+def tilt_variances(workspace: Array) -> tuple[float, float, float]:
     """Covariance of the tilt of the known attitude, rad^2: nn, ne, ee."""
-    workspace = belief.workspace
     drift = workspace[DRIFT_TILT] * workspace[DRIFT_TILT]
     return workspace[ERROR_NN] + drift, workspace[ERROR_NE], workspace[ERROR_EE] + drift
 
