@@ -43,19 +43,20 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     return found
 
 
-EVEN = 5.0
-"""s of even motion that are needed for a reading of the gyro there to be a bias: a roll that is even
-for a second or two is none."""
+LEAST_REST = 5.0
+"""s of rest that no fix denies, where one denies some of it, for a reading of the gyro there to be a
+bias: an even turn and a roll that is even for a second look like rest to the IMU."""
 
 
 def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[tuple[str, str]]:
-    """[(cause, text)] of what is unusual about the IMU: `doubts`, but for a gyro bias at what is no
-    rest, as the fixes say, and shorter than EVEN."""
+    """[(cause, text)] of what is unusual about the IMU: `doubts`, but for a gyro bias at what the
+    fixes say is no rest, see `LEAST_REST`."""
     imu = recording.imu
     found = doubts(imu, gyro_bias_sd)
     if any(cause == "gyro" for cause, _ in found):
         rest = at_rest(imu)
-        if imu.dt[rest].sum() < EVEN and moving(recording.aidings, imu.t)[rest].any():
+        denied = rest & moving(recording.aidings, imu.t)
+        if denied.any() and imu.dt[rest & ~denied].sum() < LEAST_REST:
             found = [each for each in found if each[0] != "gyro"]
     return found
 
