@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test docs compile library wheel dist deep versions branches mutants bench lint clean
+.PHONY: demo test docs compile library wheel dist deep changed versions branches mutants bench lint clean
 
 demo: $(VENV)/installed
 	$(BIN)/strapdown demo --out report.html
@@ -12,6 +12,7 @@ test: $(VENV)/installed-test
 	$(MAKE) --no-print-directory -j2 lint compile
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not deep"
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "short and not deep" $(KERNEL_TESTS)
+	$(BIN)/python tests/deep.py --fitting
 
 # Where code differs without the compiler; `make deep` runs all short tests without it.
 KERNEL_TESTS := tests/core tests/aiding tests/filters tests/evaluation tests/test_golden.py
@@ -35,6 +36,11 @@ dist: $(VENV)/installed-dist
 deep: $(VENV)/installed-test
 	$(BIN)/python tests/compile_all.py --deep
 	$(BIN)/python tests/deep.py
+
+# The deep tests that changes since the commit of tests/deep.txt can reach.
+changed: $(VENV)/installed-test
+	$(BIN)/python tests/compile_all.py --deep
+	$(BIN)/python tests/deep.py --changed
 
 # The suite on each Python and numba that is there; lists what is not. NOX="-s bounds" runs a part.
 versions: $(VENV)/installed-versions
