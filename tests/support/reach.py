@@ -142,22 +142,17 @@ def needs(path: Path) -> tuple[set[str], set[Path]]:
 
 
 def _changed_modules(changed: Iterable[Path]) -> set[str]:
-    """Modules of the packages that changed files are, or lie beside as data."""
+    """Modules of the packages that changed files are, or beside which they lie as data."""
     found: set[str] = set()
     for path in changed:
-        for root in SOURCES.values():
-            if root in path.parents:
-                parts = path.relative_to(root).with_suffix("").parts
-                own = ".".join(parts).removesuffix(".__init__")
-                package = ".".join(parts[:-1])
-                if path.suffix == ".py":
-                    found.add(own)
-                else:
-                    found |= (
-                        {package, *graph().find_children(package)}
-                        if package in graph().modules
-                        else set()
-                    )
+        root = next((root for root in SOURCES.values() if root in path.parents), None)
+        if root is None:
+            continue
+        name = ".".join(path.relative_to(root).with_suffix("").parts)
+        if path.suffix == ".py":
+            found.add(name.removesuffix(".__init__"))
+        elif package := _module(name.rpartition(".")[0]):
+            found |= {package, *graph().find_children(package)}
     return found
 
 
