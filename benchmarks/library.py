@@ -68,11 +68,10 @@ assert "numba" not in sys.modules
 
 
 def built(folder):
-    """(seconds, {level: bytes}) of building the library for all levels, with nothing cached."""
+    """(seconds, {level: bytes}) of building the library for this processor's level, with nothing
+    cached."""
     with TemporaryDirectory() as empty:
-        took, _ = processes.child(
-            *("-m", "strapdown.native.build", folder, "--levels", "all"), NUMBA_CACHE_DIR=empty
-        )
+        took, _ = processes.child(*("-m", "strapdown.native.build", folder), NUMBA_CACHE_DIR=empty)
     made = json.loads((folder / library.MANIFEST).read_bytes())["libraries"]
     return took, {level: each["bytes"] for level, each in made.items()}
 
