@@ -40,6 +40,7 @@ import workload  # noqa: E402
 import yardstick  # noqa: E402
 
 import strapdown as sd  # noqa: E402
+from strapdown.io.locate import VARIABLE  # noqa: E402
 from strapdown.sim.scenario import scenario  # noqa: E402
 from strapdown.sim.synthesis import Simulator  # noqa: E402
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
@@ -100,8 +101,11 @@ class Book:
 
 
 def first_line(error):
-    """Of an error, with its kind."""
-    return f"{type(error).__name__}: {error}".splitlines()[0]
+    """Of an error, with its kind, without the path of this checkout."""
+    text = f"{type(error).__name__}: {error}".splitlines()[0]
+    if VARIABLE in text:
+        return f"no data folder; set {VARIABLE}"
+    return text.replace(f"{HERE.parent}{os.sep}", "")
 
 
 def processor_seconds():
@@ -226,7 +230,8 @@ def library_figures(book):
         except RuntimeError as error:  # nothing of it can be measured then
             book.add(figures.informative("library, build", None, "s", str(error)))
         else:
-            book.add(figures.informative("library, build", took, "s", f"{os.cpu_count()} cores"))
+            note = f"{os.cpu_count()} cores; kernels that did not change come from the cache"
+            book.add(figures.informative("library, build", took, "s", note))
             for level, size in levels.items():
                 book.add(figures.informative(f"library, {level}", size / 1e3, "kB"))
         log = subject.write_log(workload.load("A").first(600))
