@@ -95,6 +95,7 @@ STUDIES = (
             "wrong set-ups, found": measured(SETUPS["found"]),
             "wrong set-ups, named": measured(SETUPS["named"]),
             "right set-ups, doubted": measured(SETUPS["alarms"]),
+            "verdict, time over filter": measured(SETUPS["cost"]),
             "diagnose, filter runs": measured(SETUPS["runs"]),
         },
     ),

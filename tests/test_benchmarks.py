@@ -125,8 +125,8 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     claims = [{"value": 0.45}] * 13
     monkeypatch.setattr(bench.recordings, "scored", lambda *_: (claims, {}, []))
     monkeypatch.setattr(reproduced, "read", lambda study: [(9.0, "")] * len(study.figures))
-    for name in ("calibrate_installation", "tune", "fuse"):
-        monkeypatch.setattr(bench.sd, name, lambda *_: SimpleNamespace(runs=3, verdict="trusted"))
+    for name in ("calibrate_installation", "tune"):
+        monkeypatch.setattr(bench.sd, name, lambda *_: SimpleNamespace(runs=3))
     monkeypatch.setattr(bench, "CAR", 61.0)
     monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
     monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)

@@ -50,12 +50,17 @@ def row(figure: figures.Figure) -> str:
     return f"| {name} | {value} | {target} | {judged} | {linked(figure.note)} |"
 
 
-def summary(found: Iterable[figures.Figure]) -> str:
-    """How many targets hold, and which are missed."""
+def summary(about: Mapping[str, Any], found: Iterable[figures.Figure]) -> list[str]:
+    """Lines: how many targets hold, which are missed, how many were not measured and why parts ended
+    early."""
     judged = [figure for figure in found if figure.target is not None]
-    missed = [figure.name for figure in judged if not figure.holds]
-    said = f"{len(judged) - len(missed)} of {len(judged)} targets hold."
-    return said + f" Missed: {'; '.join(missed)}." * bool(missed)
+    missed = [figure.name for figure in judged if figure.value is not None and not figure.holds]
+    unknown = sum(figure.value is None for figure in judged)
+    holding = len(judged) - len(missed) - unknown
+    lines = [f"{holding} of {len(judged)} targets hold, {unknown} were not measured."]
+    lines[0] += f" Missed: {'; '.join(missed)}." * bool(missed)
+    early = "; ".join(f"{part}: {why}" for part, why in about["broken"].items())
+    return [*lines, "", f"Incomplete: {markdown.plain(early)}."] if early else lines
 
 
 def papers() -> list[str]:
@@ -71,7 +76,7 @@ def papers() -> list[str]:
 def tables() -> str:
     """The text between the marks of the page. Raises ValueError where there is no result."""
     about, found = figures.read()
-    lines = [measured_on(about), "", summary(found)]
+    lines = [measured_on(about), "", *summary(about, found)]
     for part in about["parts"]:
         own = [row(figure) for figure in found if figure.part == part["name"]]
         lines += ["", f"## {part['title']}", "", *HEAD, *own] if own else []
