@@ -59,8 +59,10 @@ lint: $(VENV)/installed-test
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
 
+# Speed and accuracy against their targets: benchmarks/result.json and docs/reference/figures.md, which are committed.
 bench: $(VENV)/installed-bench
 	$(BIN)/python benchmarks/bench.py
+	$(BIN)/python docs/_site/figure_pages.py
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -1,17 +1,18 @@
-"""`python benchmarks/bench.py [--quick] [--full]`: the library against the yardstick and its peers,
-every figure as one line and in build/bench.json.
+"""`python benchmarks/bench.py`: the library against the yardstick and its peers, every figure as one
+line and in result.json beside this file, which is committed and from which docs/reference/figures.md
+is made.
 
 Times are measured alternating in one process and compared as ratios: absolute times on shared machines say little.
---quick leaves out the day, the processes and the peers; --full also scores the slow peers on the whole 30 minutes (minutes of work).
+Names of parts run those alone and write nothing; --full also scores the slow peers on the whole 30 minutes (minutes of work).
 """
 
 import argparse
+import json
 import os
-import platform
 import sys
 import tempfile
 import time
-from importlib.metadata import version
+from collections import Counter
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -31,6 +32,7 @@ import numpy as np  # noqa: E402
 import peers  # noqa: E402
 import processes  # noqa: E402
 import report_pages  # noqa: E402
+import reproduced  # noqa: E402
 import smoothing  # noqa: E402
 import studies  # noqa: E402
 import subject  # noqa: E402
@@ -38,24 +40,12 @@ import workload  # noqa: E402
 import yardstick  # noqa: E402
 
 import strapdown as sd  # noqa: E402
+from strapdown.io.locate import VARIABLE  # noqa: E402
 from strapdown.sim.scenario import scenario  # noqa: E402
 from strapdown.sim.synthesis import Simulator  # noqa: E402
-from strapdown_reproductions.consistency import main as consistency  # noqa: E402
-from strapdown_reproductions.consistency.summary import TARGETS as CONSISTENCY_TARGETS  # noqa: E402
-from strapdown_reproductions.faults import main as faults  # noqa: E402
-from strapdown_reproductions.faults.summary import TARGETS as FAULT_TARGETS  # noqa: E402
-from strapdown_reproductions.installation import main as installation  # noqa: E402
-from strapdown_reproductions.installation.summary import (  # noqa: E402
-    TARGETS as INSTALLATION_TARGETS,
-)
-from strapdown_reproductions.noise import main as noise  # noqa: E402
-from strapdown_reproductions.noise.summary import TARGETS as NOISE_TARGETS  # noqa: E402
 from strapdown_reproductions.recordings import main as recordings  # noqa: E402
-from strapdown_reproductions.vehicle_kit import on_drive  # noqa: E402
-from strapdown_reproductions.wrong_setups import main as wrong_setups  # noqa: E402
-from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUP_TARGETS  # noqa: E402
 
-OUT = HERE.parent / "build" / "bench.json"
+RESULT = figures.RESULT
 FIVE_STATES = {"clock": None, "lever-arm": None, "mounting": (0.0, 0.03, 0.0)}
 WITH_SCALE = {"clock": None, "lever-arm": None, "gyro-scale": (0.0, 0.0, 0.01)}
 """Parameters of the installation that become states: {name: prior standard deviations}."""
@@ -63,10 +53,26 @@ ERRORS = (("position", "m"), ("velocity", "m/s"), ("attitude", "deg"))
 
 
 class Book:
-    """The figures so far; each is printed when it is known."""
+    """The figures so far; each is printed when it is known. `parts` has a line for each part that
+    ran, `broken` {name of a part: why it ended early}."""
 
     def __init__(self):
         self.tables, self.figures = figures.targets(), []
+        self.parts, self.broken = [], {}
+
+    def run(self, name, title, function):
+        """Run one part; one that fails must not hide the others."""
+        before, (begin, busy) = len(self.figures), (time.perf_counter(), processor_seconds())
+        try:
+            function(self)
+        except Exception as error:
+            self.broken[name] = first_line(error)
+        own = [figure._replace(part=name) for figure in self.figures[before:]]
+        self.figures[before:] = own
+        took, used = time.perf_counter() - begin, processor_seconds() - busy
+        self.parts.append(
+            {"name": name, "title": title, "seconds": round(took), "processor_s": round(used)}
+        )
 
     def add(self, figure):
         self.figures.append(figure)
@@ -81,17 +87,31 @@ class Book:
         try:
             found = function()
         except Exception as error:  # a broken part must not hide the other figures
-            found = [(None, f"{type(error).__name__}: {error}".splitlines()[0])] * len(names)
+            found = [(None, first_line(error))] * len(names)
         for name, (value, note) in zip(names, found):
             self.target(name, value, note)
 
-    def skip(self, names):
-        for name in names:
-            self.add(
-                figures.against_target(name, None, self.tables, "left out by --quick")._replace(
-                    holds=None
-                )
-            )
+    def missing(self):
+        """Add the targets that no part measured."""
+        known = {figure.name for figure in self.figures}
+        why = "; ".join(f"{part}: {reason}" for part, reason in self.broken.items())
+        for name in self.tables:
+            if name not in known:
+                self.target(name, None, why or "no part measures it")
+
+
+def first_line(error):
+    """Of an error, with its kind, without the path of this checkout."""
+    text = f"{type(error).__name__}: {error}".splitlines()[0]
+    if VARIABLE in text:
+        return f"no data folder; set {VARIABLE}"
+    return text.replace(f"{HERE.parent}{os.sep}", "")
+
+
+def processor_seconds():
+    """Of this process and of those that it has waited for."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 def seconds_of(function):
@@ -163,7 +183,7 @@ def more_states(times, estimate=FIVE_STATES):
     ]
 
 
-def speed_figures(book, times):
+def speed_figures(book, times=15):
     book.measure(["A closed loop time"], lambda: ratio("A", times))
     book.measure(["B closed loop time"], lambda: ratio("B", 2 * times))
     book.measure(["five more states"], lambda: more_states(times))
@@ -210,7 +230,8 @@ def library_figures(book):
         except RuntimeError as error:  # nothing of it can be measured then
             book.add(figures.informative("library, build", None, "s", str(error)))
         else:
-            book.add(figures.informative("library, build", took, "s", f"{os.cpu_count()} cores"))
+            note = f"{os.cpu_count()} cores; kernels that did not change come from the cache"
+            book.add(figures.informative("library, build", took, "s", note))
             for level, size in levels.items():
                 book.add(figures.informative(f"library, {level}", size / 1e3, "kB"))
         log = subject.write_log(workload.load("A").first(600))
@@ -256,6 +277,8 @@ def study_figures(book):
 
 
 def two_threads():
+    if os.cpu_count() == 1:
+        return [(None, "not measurable on one core")]
     ours, processes_alone = studies.threads()
     if processes_alone < 1.8:
         return [
@@ -343,189 +366,56 @@ def page_figures(book):
 def recorded_figures(book):
     def measured():
         with tempfile.TemporaryDirectory() as folder:
-            return [
-                (claim["value"], "strapdown reproduce recordings")
-                for claim in recordings.reproduce(Path(folder))
-            ]
+            claims, _, _ = recordings.scored(recordings.DESCRIPTIONS, Path(folder))
+        return [(claim["value"], "as strapdown reproduce recordings") for claim in claims]
 
     book.measure(RECORDED, measured)
 
 
-SETUPS = {
-    "wrong set-ups, found": "found",
-    "wrong set-ups, named": "named",
-    "right set-ups, doubted": "alarms",
-    "verdict, time over filter": "cost",
-    "diagnose, filter runs": "runs",
-}
-"""{figure: name of its target in `strapdown reproduce wrong-setups`}."""
-SETUP_SEEDS = 2
-"""Of its 20."""
-
-
-def setup_figures(book):
-    """Of the mistakes of set-ups that inspect and the verdict find."""
-    claimed(
-        book,
-        SETUPS,
-        SETUP_TARGETS,
-        lambda out: wrong_setups.reproduce(out, runs=SETUP_SEEDS),
-        f"strapdown reproduce wrong-setups --runs {SETUP_SEEDS}",
-    )
-
-
-FAULTS = {
-    "faults, silently wrong": "silent",
-    "faults, jumps of 50 m refused": "50 m",
-    "faults, jumps of 20 m refused": "20 m",
-    "faults, jumps of 10 m refused": "10 m",
-    "faults, lasting jump of 5 m said": "lasting",
-    "faults, right flights doubted": "alarms",
-}
-"""{figure: name of its target in `strapdown reproduce faults`}."""
-FAULT_FILTERS = ("closed-loop", "closed-loop live", "closed-loop smoothed")
-
-
-def fault_figures(book):
-    """Of the faults of sensors that the closed loop is silent about, one seed."""
-    claimed(
-        book,
-        FAULTS,
-        FAULT_TARGETS,
-        lambda out: faults.reproduce(out, runs=1, names=FAULT_FILTERS),
-        f"strapdown reproduce faults, {FAULT_FILTERS[0]} alone, one seed",
-    )
-
-
-CONSISTENCY = {
-    "consistency, epochs in the band": "inside",
-    "consistency, survival": "survived",
-    "consistency, cells refused": "refused",
-}
-"""{figure: name of its target in `strapdown reproduce consistency`}."""
-CONSISTENT_FILTERS = ("closed-loop",)
-
-
-def consistency_figures(book):
-    """Of the closed loop at every grade in every scenario, 60 runs."""
-    claimed(
-        book,
-        CONSISTENCY,
-        CONSISTENCY_TARGETS,
-        lambda out: consistency.reproduce(out, filter=CONSISTENT_FILTERS),
-        f"strapdown reproduce consistency --filter {CONSISTENT_FILTERS[0]}",
-    )
-
-
-INSTALLATION = {
-    "drive0708 from wrong set-ups, clock": "drive clock",
-    "drive0708 from wrong set-ups, arm": "drive lever-arm",
-    "drive0708 from wrong set-ups, mounting": "drive mounting",
-    "drive0708 calibrated, alone": "drive alone",
-    "drive0708 calibrated, constrained": "drive constrained",
-    "installation, NEES from a known start": "nees, known start",
-    "installation, NEES from own alignment": "nees, own alignment",
-    "installation, found though not shown": "unseen",
-    "odometer scale after five minutes": "scale",
-    "thor75 roll, installation found": "thor75 roll",
-    "thor75 D, installation found": "thor75 position D",
-    "drive0708 alone, installation found": "drive0708 alone",
-}
-"""{figure: name of its target in `strapdown reproduce installation`}. Intervals need its 100
-seeds."""
-INSTALLATION_SEEDS = 10
-
-
-def installation_figures(book):
-    """Of clocks, lever arms, mounting and scale as states."""
-    claimed(
-        book,
-        INSTALLATION,
-        INSTALLATION_TARGETS,
-        lambda out: installation.reproduce(out, runs=INSTALLATION_SEEDS),
-        f"strapdown reproduce installation --runs {INSTALLATION_SEEDS}",
-    )
+def study_pages(book):
+    """Of studies that take hours, from the pages that they wrote."""
+    for study in reproduced.STUDIES:
+        own = [name for name in study.figures if name in book.tables]
+        try:
+            found = dict(zip(study.figures, reproduced.read(study)))
+        except Exception as error:  # one page must not hide the others
+            found = dict.fromkeys(own, (None, first_line(error)))
+        for name, (value, note) in found.items():
+            if name in book.tables:
+                book.target(name, value, note)
+            else:
+                book.add(figures.informative(name, value, "", note))
 
 
 CAR = 600.0
 """s at 100 Hz."""
+TOOLS = (
+    "calibrate installation, 10 minutes at 100 Hz",
+    "tune, 10 minutes at 100 Hz",
+)
 
 
-def calibration_figures(book):
-    """The drive with the vehicle kit, and what it costs to calibrate the installation of a log."""
-    kit = "drive0708, vehicle kit with clock and arm as states"
+def tool_figures(book):
+    """Of the time of calibrating the installation of a log, of tuning its noise."""
+    car = scenario("car").replace(duration=CAR, imu="industrial")
+    recording = Simulator(car).recording("industrial", np.random.default_rng(1))
+    note = f"{CAR / 60:.0f} min, 100 Hz"
 
-    def drive():
-        folder = Path(__file__).resolve().parents[1] / "examples" / "recordings"
-        _, table = on_drive.outage_errors(folder)
-        row = (table["windows"] == "README") & table["set-up"].str.contains("states too")
-        return [(float(table.loc[row, "median, m"].iloc[0]), "strapdown reproduce vehicle-kit")]
-
-    def log():
-        car = scenario("car").replace(duration=CAR, imu="industrial")
-        recording = Simulator(car).recording("industrial", np.random.default_rng(1))
+    def calibrated():
         sd.calibrate_installation(recording)  # compiles
-        before = time.perf_counter()
-        sd.calibrate_installation(recording)
-        return [(time.perf_counter() - before, f"{CAR / 60:.0f} min, 100 Hz")]
+        return [(seconds_of(lambda: sd.calibrate_installation(recording)), note)]
 
-    book.measure([kit], drive)
-    book.measure(["calibrate installation, 10 minutes at 100 Hz"], log)
-
-
-NOISE = {
-    "correlated errors as states, lowest": "correlated low, states",
-    "correlated errors as states, highest": "correlated high, states",
-    "correlated errors tuned, lowest": "correlated low, tuned",
-    "correlated errors tuned, highest": "correlated high, tuned",
-    "white errors tuned": "white, tuned",
-    "noise stated wrongly, tuned": "misstated rms",
-    "noise stated wrongly, NIS lowest": "misstated NIS low",
-    "noise stated wrongly, NIS highest": "misstated NIS high",
-    "robust, a tenth of the fixes wrong": "robust outliers",
-    "robust, clean fixes": "robust clean",
-    "adaptive, clean fixes": "adaptive clean",
-    "hidden fixes within 1 sd, tuned": "coverage 1",
-    "hidden fixes within 3 sd, tuned": "coverage 3",
-}
-"""{figure: name of its target in `strapdown reproduce noise`}."""
-NOISE_SEEDS = 2
-TUNE_FIGURE = "tune, 10 minutes at 100 Hz"
-
-
-def noise_figures(book):
-    """Of correlated errors, tune, robust and adaptive sources."""
-    claimed(
-        book,
-        NOISE,
-        NOISE_TARGETS,
-        lambda out: noise.reproduce(out, runs=NOISE_SEEDS),
-        f"strapdown reproduce noise --runs {NOISE_SEEDS}",
-    )
-
-    def log():
-        car = scenario("car").replace(duration=CAR, imu="industrial")
-        recording = Simulator(car).recording("industrial", np.random.default_rng(1))
-        sd.tune(recording.between(0, 60))  # compiles
-        before = time.perf_counter()
+    def tuned():
+        sd.tune(recording.between(0, 180))  # compiles
+        begin = time.perf_counter()
         found = sd.tune(recording)
-        return [(time.perf_counter() - before, f"{found.runs} runs of the filter")]
+        return [(time.perf_counter() - begin, f"{note}; {found.runs} runs of the filter")]
 
-    book.measure([TUNE_FIGURE], log)
-
-
-def claimed(book, figures, targets, reproduce, note):
-    """The values of a reproduction's claims; figures: {figure: name of its target}."""
-
-    def measured():
-        with tempfile.TemporaryDirectory() as folder:
-            values = {claim["claim"]: claim["value"] for claim in reproduce(Path(folder))}
-        return [(values[targets[name].text], note) for name in figures.values()]
-
-    book.measure(list(figures), measured)
+    for name, function in zip(TOOLS, (calibrated, tuned)):
+        book.measure([name], function)
 
 
-def peer_figures(book, full):
+def peer_figures(book, full=False):
     """Times of the peers over strapdown's on the same workload, strapdown run before and after
     each."""
     versions = peers.versions()
@@ -566,57 +456,69 @@ def peer_figure(name, title, function, seconds, release):
     return figures.informative(f"{name} {title} time", us / own, "x strapdown", note)
 
 
-def machine():
-    """What was measured on and with."""
-    packages = {name: version(name) for name in ("numpy", "scipy", "numba")}
-    return {
-        "python": platform.python_version(),
-        "system": f"{platform.system()} {platform.machine()}",
-        "cores": os.cpu_count(),
-        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-        **packages,
-        **peers.versions(),
-    }
+PARTS = {
+    "accuracy": ("Accuracy on the workloads", accuracy_figures),
+    "speed": ("Time of the loop", speed_figures),
+    "processes": ("A day, the first solution, the command line", process_figures),
+    "library": ("Library of kernels, export as C", library_figures),
+    "studies": ("Studies of many runs", study_figures),
+    "files": ("Logs and tables", file_figures),
+    "pages": ("Pages of a solution", page_figures),
+    "recorded": ("Recorded flight and drive", recorded_figures),
+    "tools": ("Calibration and tuning of a log", tool_figures),
+    "attitude": ("Attitude alone", attitude_figures),
+    "navigation": ("Other filters, smoothing", navigation_figures),
+    "observers": ("Observers", exogenous_figures),
+    "flight": ("Sigma points, particles, aircraft", airborne_figures),
+    "peers": ("Peers", peer_figures),
+    "evidence": ("Studies that take hours, from their pages", study_pages),
+}
+"""{name of a part: (title, function of a Book)}, in order."""
+
+
+def measured(names, full):
+    """The Book of these parts, each with a line before it: which of how many, and the seconds so
+    far."""
+    book, begin = Book(), time.perf_counter()
+    for number, name in enumerate(names, 1):
+        title, function = PARTS[name]
+        if name == "peers" and full:
+            function = lambda book: peer_figures(book, full=True)
+        so_far = time.perf_counter() - begin
+        print(
+            f"-- part {number} of {len(names)}, after {so_far:.0f} s: {name}: {title}", flush=True
+        )
+        book.run(name, title, function)
+    return book
+
+
+def summary(book):
+    """Lines: how many figures hold; in one line why some are not measured; what parts broke."""
+    judged = Counter(figure.holds for figure in book.figures if figure.target is not None)
+    took = sum(part["seconds"] for part in book.parts)
+    lines = [f"{judged[True]} figures hold, {judged[False]} missed, in {took} s"]
+    if why := Counter(figure.note for figure in book.figures if figure.value is None):
+        said = "; ".join(f"{note} ({count})" for note, count in why.items())
+        lines.append(f"not measured: {said}")
+    return lines + [f"part {name} ended early: {why}" for name, why in book.broken.items()]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="accuracy, ratios and stream only")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument(
         "--full", action="store_true", help="score the slow peers on the whole workloads, too"
     )
     options = parser.parse_args()
-    print(", ".join(f"{key} {value}" for key, value in machine().items()))
-    book = Book()
-    accuracy_figures(book)
-    speed_figures(book, 5 if options.quick else 15)
-    if options.quick:
-        book.skip(
-            [name for name in book.tables if name not in {figure.name for figure in book.figures}]
-        )
-    else:
-        process_figures(book)
-        library_figures(book)
-        study_figures(book)
-        file_figures(book)
-        page_figures(book)
-        recorded_figures(book)
-        setup_figures(book)
-        fault_figures(book)
-        consistency_figures(book)
-        installation_figures(book)
-        calibration_figures(book)
-        noise_figures(book)
-        attitude_figures(book)
-        navigation_figures(book)
-        exogenous_figures(book)
-        airborne_figures(book)
-        peer_figures(book, options.full)
-    figures.write(OUT, book.figures, machine())
-    judged = [figure.holds for figure in book.figures if figure.target is not None]
-    print(
-        f"{judged.count(True)} figures hold, {judged.count(False)} missed, {judged.count(None)} left out; {OUT}"
-    )
+    if unknown := [name for name in options.parts if name not in PARTS]:
+        parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
+    about = figures.about() | {"peers": peers.versions()}  # of the code as it is when it begins
+    print(json.dumps(about))
+    book = measured(options.parts or list(PARTS), options.full)
+    if not options.parts:
+        book.missing()
+        figures.write(RESULT, book.figures, about, book.parts, book.broken)
+    print("\n".join(summary(book)))
 
 
 if __name__ == "__main__":

@@ -138,7 +138,7 @@ def hours(formats=None):
                 size = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
                 read = lambda: sd.read(*paths)
                 samples = len(read().imu.t)
-                found[each] = seconds(read), f"{samples} samples, {size / 1e6:.0f} MB"
+                found[each] = seconds(read, 1), f"{samples} samples, {size / 1e6:.0f} MB"
     return found
 
 

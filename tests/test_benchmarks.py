@@ -1,10 +1,10 @@
 """The measuring stick itself: targets, judgement of figures, workloads, the yardstick against a
 textbook step. No times are asserted."""
 
-import json
 import math
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,10 +15,12 @@ import airborne  # noqa: E402
 import attitude  # noqa: E402
 import bench  # noqa: E402
 import exogenous  # noqa: E402
+import figure_pages  # noqa: E402
 import figures  # noqa: E402
 import library  # noqa: E402
 import logs  # noqa: E402
 import navigation  # noqa: E402
+import reproduced  # noqa: E402
 import smoothing  # noqa: E402
 import subject  # noqa: E402
 import workload  # noqa: E402
@@ -99,7 +101,7 @@ def test_lines_say_name_value_unit_target_and_verdict():
 
 
 def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short, capsys):
-    monkeypatch.setattr(bench, "OUT", tmp_path / "build" / "bench.json")
+    monkeypatch.setattr(bench, "RESULT", tmp_path / "result.json")
     monkeypatch.setattr(sys, "argv", ["bench.py"])
     monkeypatch.setattr(workload, "load", lambda name: short)
     monkeypatch.setattr(workload, "stored_period", lambda: tmp_path)
@@ -120,17 +122,12 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     monkeypatch.setattr(library, "sizes", lambda: sizes)
     monkeypatch.setattr(library, "in_c", lambda: 0.5)
     monkeypatch.setattr(library, "in_python", lambda: 1.5)
-    monkeypatch.setattr(bench.recordings, "reproduce", lambda out: [{"value": 0.45}] * 13)
-    found = [{"claim": target.text, "value": 9.0} for target in bench.SETUP_TARGETS.values()]
-    monkeypatch.setattr(bench.wrong_setups, "reproduce", lambda out, runs: found)
-    faults = [{"claim": target.text, "value": 9.0} for target in bench.FAULT_TARGETS.values()]
-    monkeypatch.setattr(bench.faults, "reproduce", lambda out, runs, names: faults)
-    cells = [{"claim": t.text, "value": 9.0} for t in bench.CONSISTENCY_TARGETS.values()]
-    monkeypatch.setattr(bench.consistency, "reproduce", lambda out, filter: cells)
-    of_targets = [{"claim": t.text, "value": 9.0} for t in bench.INSTALLATION_TARGETS.values()]
-    monkeypatch.setattr(bench.installation, "reproduce", lambda out, runs: of_targets)
-    of_noise = [{"claim": t.text, "value": 9.0} for t in bench.NOISE_TARGETS.values()]
-    monkeypatch.setattr(bench.noise, "reproduce", lambda out, runs: of_noise)
+    claims = [{"value": 0.45}] * 13
+    monkeypatch.setattr(bench.recordings, "scored", lambda *_: (claims, {}, []))
+    monkeypatch.setattr(reproduced, "read", lambda study: [(9.0, "")] * len(study.figures))
+    for name in ("calibrate_installation", "tune"):
+        monkeypatch.setattr(bench.sd, name, lambda *_: SimpleNamespace(runs=3))
+    monkeypatch.setattr(bench, "CAR", 61.0)
     monkeypatch.setattr(bench.studies, "threads", lambda: (1.7, 1.9))
     monkeypatch.setattr(bench.studies, "peak", lambda runs: 300.0)
     monkeypatch.setattr(bench.studies, "paper", lambda *options: (50.0, 1e8, 1.0))
@@ -147,6 +144,7 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
     for name, lines in (
         ("times", exogenous.TIMES),
         ("starts", exogenous.STARTS),
+        ("drifts", exogenous.DRIFTS),
         ("compared", exogenous.COMPARED),
     ):
         monkeypatch.setattr(exogenous, name, lambda *_, lines=lines: [(0.3, "")] * len(lines))
@@ -183,26 +181,117 @@ def test_bench_measures_every_target_and_writes_it(tmp_path, monkeypatch, short,
         raise RuntimeError("no stream today\nmore")
 
     monkeypatch.setattr(subject, "stream_times", broken)
+    parts = bench.PARTS | {"pages": ("Pages of a solution", lambda book: broken(None))}
+    monkeypatch.setattr(bench, "PARTS", parts)
     bench.main()
-    written = {line["name"]: line for line in json.loads(bench.OUT.read_text())["figures"]}
-    assert set(figures.targets()) <= set(written)
-    assert {name for name, line in written.items() if line["target"] is not None} == set(
-        figures.targets()
+    about, found = figures.read(bench.RESULT)
+    written = {figure.name: figure for figure in found}
+    assert figures.apart(found, figures.targets()) == []
+    assert len(written) == len(found) and set(figures.targets()) <= set(written)
+    assert [part["name"] for part in about["parts"]] == list(bench.PARTS)
+    assert about["commit"] == figures.git("rev-parse", "HEAD") == figures.commit(bench.RESULT)
+    assert written["N closed loop position"].holds is True
+    assert written["A accuracy position"].holds is False
+    assert written["A closed loop time"].holds is False
+    assert written["export, four sources on cortex-m7"].value == 46.0
+    assert written["export, a sample in C"].note == "a step of a stream 3.0 x as long"
+    broke = "RuntimeError: no stream today"
+    fix = written["stream step, fix"]
+    assert (fix.value, fix.holds, fix.note, fix.part) == (None, False, broke, "speed")
+    assert about["broken"] == {"pages": broke} and written["page, script"].note == f"pages: {broke}"
+    assert written["A absent time"].note == "no such package is not installed"
+    lines = capsys.readouterr().out.splitlines()
+    assert len([line for line in lines if line.startswith("-- part ")]) == len(bench.PARTS)
+    assert f"{broke} (2)" in lines[-2] and "no such package is not installed (1)" in lines[-2]
+    assert lines[-1] == f"part pages ended early: {broke}"
+
+
+@pytest.mark.short
+def test_a_part_alone_writes_nothing_and_a_wrong_name_is_refused(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(bench, "RESULT", tmp_path / "result.json")
+    monkeypatch.setattr(bench, "PARTS", {"none": ("Nothing", lambda book: None)})
+    monkeypatch.setattr(sys, "argv", ["bench.py", "none"])
+    bench.main()
+    assert "0 figures hold, 0 missed" in capsys.readouterr().out and not bench.RESULT.exists()
+    monkeypatch.setattr(sys, "argv", ["bench.py", "nil"])
+    with pytest.raises(SystemExit, match="2"):
+        bench.main()
+    assert "no part 'nil'; there are none" in capsys.readouterr().err
+
+
+@pytest.mark.short
+def test_without_the_data_folder_all_figures_say_the_same(monkeypatch, tmp_path):
+    monkeypatch.setenv("STRAPDOWN_DATA", str(tmp_path / "absent"))
+    book = bench.Book()
+    book.measure(
+        ["thor75 roll"], lambda: bench.recordings.scored(bench.recordings.DESCRIPTIONS, tmp_path)
     )
-    assert (
-        written["N closed loop position"]["holds"] is True
-        and written["A accuracy position"]["holds"] is False
-    )
-    assert written["A closed loop time"]["holds"] is False
-    assert written["export, four sources on cortex-m7"]["value"] == 46.0
-    assert written["export, a sample in C"]["note"] == "a step of a stream 3.0 x as long"
-    assert (
-        written["stream step, fix"]
-        | {"value": None, "holds": False, "note": "RuntimeError: no stream today"}
-        == written["stream step, fix"]
-    )
-    assert written["A absent time"]["note"] == "no such package is not installed"
-    assert len(capsys.readouterr().out.splitlines()) == len(written) + 2
+    book.measure(["attitude, BROAD MEKF mean"], attitude.accuracy)
+    book.run("attitude", "Attitude", lambda book: attitude.trial())
+    assert bench.summary(book)[1:] == [
+        "not measured: no data folder; set STRAPDOWN_DATA (2)",
+        "part attitude ended early: no data folder; set STRAPDOWN_DATA",
+    ]
+
+
+@pytest.mark.short
+def test_two_threads_on_one_core_are_not_measurable(monkeypatch):
+    monkeypatch.setattr(bench.os, "cpu_count", lambda: 1)
+    assert bench.two_threads() == [(None, "not measurable on one core")]
+
+
+@pytest.mark.short
+def test_studies_are_read_from_their_pages():
+    for study in reproduced.STUDIES:
+        found = reproduced.read(study)
+        assert len(found) == len(study.figures)
+        assert all(math.isfinite(value) and study.name in note for value, note in found)
+
+
+@pytest.mark.short
+def test_a_page_without_a_figure_is_named(monkeypatch):
+    study = reproduced.Study("noise", {"gone": lambda text: text[10**9]})
+    with pytest.raises(ValueError, match=r"noise.md: holds no 'gone'.*strapdown reproduce noise"):
+        reproduced.read(study)
+
+
+@pytest.mark.short
+def test_targets_without_figure_and_figures_without_target_are_named():
+    tables = dict(list(figures.targets().items())[:3])
+    names = list(tables)
+    found = [figures.against_target(name, 1.0, tables) for name in names]
+    assert figures.apart([*found, figures.informative("x", 1, "s")], tables) == []
+    changed = tables | {names[1]: tables[names[1]] | {"target": 7.0}}
+    del changed[names[2]]
+    assert figures.apart(found[1:], changed) == [
+        f"{names[0]}: no figure",
+        f"{names[2]}: no target",
+        f"{names[1]}: judged by another target",
+    ]
+
+
+@pytest.mark.short
+def test_a_damaged_result_is_named(tmp_path):
+    for text in ("", "[]", "{}", '{"figures": [{"nonsense": 1}]}'):
+        (tmp_path / "result.json").write_text(text)
+        with pytest.raises(ValueError, match="no result of a bench .* run `make bench`"):
+            figures.read(tmp_path / "result.json")
+        assert figures.commit(tmp_path / "result.json") == ""
+
+
+@pytest.mark.short
+def test_a_stale_page_of_figures_is_named(monkeypatch):
+    assert figure_pages.stale() == []
+    monkeypatch.setattr(figures, "targets", lambda: {})
+    lines = figure_pages.stale()
+    assert "benchmarks/result.json: A closed loop time: no target; run `make bench`" in lines
+    monkeypatch.undo()
+    text = figure_pages.PAGE.read_text(encoding="utf-8")
+    monkeypatch.setattr(figure_pages, "tables", lambda: "other")
+    assert figure_pages.stale() == [
+        "docs/reference/figures.md: is not what `python docs/_site/figure_pages.py` writes; run it"
+    ]
+    assert figure_pages.PAGE.read_text(encoding="utf-8") == text
 
 
 @pytest.mark.short

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import doc_lists as lists
+import figure_pages
 import filter_pages
 from doc_pages import ROOT, every
 
@@ -33,4 +34,4 @@ def picture() -> list[str]:
 
 def stale() -> list[str]:
     """A line for each stale text, with its page and the command that writes it."""
-    return [*filter_pages.stale(), *lists.stale(), *edited()]
+    return [*filter_pages.stale(), *figure_pages.stale(), *lists.stale(), *edited()]

@@ -7,7 +7,6 @@ pages of evidence and benchmarks/filter_costs.csv.
 """
 
 import csv
-import re
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from docstrings import meanings
 
 from strapdown import filters
 from strapdown.core.contract import BIAS, Filter
+from strapdown_reproductions.common import markdown
 
 FOLDER = DOCS / "reference" / "filters"
 TABLE = DOCS / "reference" / "filters.md"
@@ -97,21 +97,9 @@ def costs() -> dict[str, dict[str, str]]:
         return {row["filter"]: row for row in csv.DictReader(file)}
 
 
-def rows(text: str) -> list[list[str]]:
-    """Cells of the first table of a Markdown text, the head first."""
-    table = re.search(r"(?:^\|.*\n)+", text, re.MULTILINE)
-    if not table:
-        return []
-    lines = [line.strip("|").split("|") for line in table[0].splitlines()]
-    return [[cell.strip() for cell in line] for i, line in enumerate(lines) if i != 1]
-
-
-def section(page: Path, heading: str) -> str:
-    """What stands below a heading of an evidence page, to the next one of any level."""
-    text = page.read_text(encoding="utf-8")
-    return re.split(r"^#+ ", text.rpartition(f"# {heading}\n")[2], maxsplit=1, flags=re.MULTILINE)[
-        0
-    ]
+def evidence(page: str) -> str:
+    """The text of a page of evidence."""
+    return (EVIDENCE / f"{page}.md").read_text(encoding="utf-8")
 
 
 def options(name: str, filter: Filter) -> list[str]:
@@ -133,7 +121,7 @@ def options(name: str, filter: Filter) -> list[str]:
 
 def consistency(name: str) -> list[str]:
     """Lines on what the study of consistency found: a grid of motions and grades."""
-    _, *found = rows(section(EVIDENCE / "consistency-each.md", name)) or [[]]
+    _, *found = markdown.rows(markdown.section(evidence("consistency-each"), name)) or [[]]
     if not found:
         return [
             "The [study of consistency](../evidence/consistency.md) does not run this filter: it is "
@@ -156,8 +144,8 @@ def consistency(name: str) -> list[str]:
         cells = [verdicts.get((scenario, grade), "–") for grade in grades]
         lines.append(f"| {scenario} | " + " | ".join(cells) + " |")
     lines += ["", VERDICTS]
-    refused = (EVIDENCE / "consistency.md").read_text(encoding="utf-8").partition("Refused cells:")
-    for row in rows(refused[2])[1:]:
+    refused = evidence("consistency").partition("Refused cells:")
+    for row in markdown.rows(refused[2])[1:]:
         if name in [each.strip() for each in row[0].split(",")]:
             lines += ["", f"Refused, {row[1]} with {row[2]}: {row[3]}"]
     return lines
@@ -165,7 +153,9 @@ def consistency(name: str) -> list[str]:
 
 def recorded(name: str) -> list[str]:
     """Lines of its row in the table of every filter on every recording."""
-    head, *found = rows(section(EVIDENCE / "every-filter.md", "Every filter on every recording"))
+    head, *found = markdown.rows(
+        markdown.section(evidence("every-filter"), "Every filter on every recording")
+    )
     row = next((row for row in found if row[0] == name), None)
     if row is None:
         return [
@@ -182,8 +172,10 @@ def recorded(name: str) -> list[str]:
     for recording, cell in zip(head[1:], row[1:]):
         kept = [part for part in cell.split("<br>") if not part.startswith(("fixes", "others"))]
         lines.append(f"| {recording} | {'<br>'.join(kept)} |")
-    _, *found = rows(
-        section(EVIDENCE / "every-filter.md", "Dead reckoning without position and velocity fixes")
+    _, *found = markdown.rows(
+        markdown.section(
+            evidence("every-filter"), "Dead reckoning without position and velocity fixes"
+        )
     )
     row = next((row for row in found if row[0] == name), None)
     if row:

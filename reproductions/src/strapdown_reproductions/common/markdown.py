@@ -49,6 +49,21 @@ def inserted(path: Path, mark: str) -> str:
     return page.partition(f"{mark}\n")[2].partition("<!-- end")[0]
 
 
+def rows(text: str) -> list[list[str]]:
+    """Cells of the first table of a Markdown text, the head first."""
+    found = re.search(r"(?:^\|.*\n)+", text, re.MULTILINE)
+    if not found:
+        return []
+    lines = [line.strip("|").split("|") for line in found[0].splitlines()]
+    return [[cell.strip() for cell in line] for i, line in enumerate(lines) if i != 1]
+
+
+def section(text: str, heading: str) -> str:
+    """What stands below a heading of a Markdown text, to the next one of any level."""
+    below = text.rpartition(f"# {heading}\n")[2]
+    return re.split(r"^#+ ", below, maxsplit=1, flags=re.MULTILINE)[0]
+
+
 def edited(page: str) -> list[str]:
     """What the marks say, as in "table.md of strapdown reproduce noise", of each text of a page
     that is not the one which its command wrote."""

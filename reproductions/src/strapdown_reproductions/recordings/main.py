@@ -100,24 +100,12 @@ def reproduce(
             f"{folder}: no thor75.toml there; give the folder of the descriptions "
             f"(examples/recordings of the source tree)"
         )
-    flight, flight_claims, flight_links = _flight(folder, out, say)
-    drive, summary, drive_claims, drive_links = _drive(folder, out, say)
-    magnetic, magnetic_claims = calibrated_compass.magnetometer(folder, FLIGHT, say)
-    laser, laser_claims = _laser(folder)
-    claims = flight_claims + drive_claims + magnetic_claims + laser_claims
-    tables = {
-        "thor75": ("thor75: rms difference from the solution on board", flight),
-        "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
-        "drive0708": ("drive0708: every outage", drive),
-        **magnetic,
-    }
-    if laser is not None:
-        tables["lasergyro"] = ("lasergyro: the Earth's rate and the heading from it", laser)
+    claims, tables, links = scored(folder, out, say)
     every, shown = every_filter(folder, say, progress)
     introduction = (
         INTRODUCTION
         + calibrated_compass.INTRODUCTION
-        + (LASER_INTRODUCTION if laser is not None else NO_LASER)
+        + (LASER_INTRODUCTION if "lasergyro" in tables else NO_LASER)
         + recordings_table.INTRODUCTION
     )
     write_page(
@@ -126,11 +114,32 @@ def reproduce(
         introduction,
         claims,
         tables | every,
-        flight_links + drive_links,
+        links,
         notes=shown,
         texts={"table.md": in_docs(shown)},
     )
     return claims
+
+
+def scored(
+    folder: Path, out: Path, say: Say | None = None
+) -> tuple[list[dict[str, Any]], dict[str, tuple[str | None, pd.DataFrame]], list[tuple[str, str]]]:
+    """(claims, {name: (caption, DataFrame)}, links) of flight, drive, magnetometer and ring laser;
+    the pages of their solutions go into the folder `out`. Raises DataError."""
+    flight, flight_claims, flight_links = _flight(folder, out, say)
+    drive, summary, drive_claims, drive_links = _drive(folder, out, say)
+    magnetic, magnetic_claims = calibrated_compass.magnetometer(folder, FLIGHT, say)
+    laser, laser_claims = _laser(folder)
+    tables = {
+        "thor75": ("thor75: rms difference from the solution on board", flight),
+        "drive0708-summary": ("drive0708: largest horizontal error in the nine outages", summary),
+        "drive0708": ("drive0708: every outage", drive),
+        **magnetic,
+    }
+    if laser is not None:
+        tables["lasergyro"] = ("lasergyro: the Earth's rate and the heading from it", laser)
+    claims = flight_claims + drive_claims + magnetic_claims + laser_claims
+    return claims, tables, flight_links + drive_links
 
 
 def in_docs(shown: Sequence[tuple[str, pd.DataFrame]]) -> str:

@@ -1,0 +1,207 @@
+"""Figures of studies that take hours: not run again, but read from the pages of docs/ that they wrote.
+
+Each note names the page, the commit that last changed the text of the study there, and its command.
+"""
+
+import re
+import subprocess
+from collections.abc import Callable
+from typing import NamedTuple
+
+from strapdown_reproductions.common import markdown, write_docs
+from strapdown_reproductions.consistency.summary import TARGETS as CONSISTENCY
+from strapdown_reproductions.faults.summary import TARGETS as FAULTS
+from strapdown_reproductions.installation.summary import TARGETS as INSTALLATION
+from strapdown_reproductions.noise.summary import TARGETS as NOISE
+from strapdown_reproductions.wrong_setups.summary import TARGETS as SETUPS
+
+ROOT = write_docs.DOCS.parents[2]
+FILTER = "closed-loop"
+"""Of the studies of every filter, this one has targets."""
+
+
+class Study(NamedTuple):
+    """A study by its name in `strapdown reproduce`, and {figure: function of its text}."""
+
+    name: str
+    figures: dict[str, Callable[[str], float]]
+    more: bool = False
+    """Whether the figures stand in its second page."""
+
+
+def number(cell):
+    """Of a cell such as "97.7 %"."""
+    return float(cell.split()[0])
+
+
+def measured(target):
+    """A function that finds what the study measured for one of its targets."""
+
+    def found(text):
+        cells = {row[0]: row[2] for row in markdown.rows(text)[1:]}
+        return number(cells[markdown.cell(target.text)])
+
+    return found
+
+
+def column(heading, name, text, **wanted):
+    """Numbers of a column of the table below a heading, of the rows that have the wanted cells."""
+    head, *rows = markdown.rows(markdown.section(text, heading))
+    found = [dict(zip(head, row)) for row in rows]
+    return [
+        number(row[name])
+        for row in found
+        if all(row[key] in allowed for key, allowed in wanted.items())
+    ]
+
+
+def silent(text):
+    """Runs of the closed loop, in batch, live and smoothed, that are silently wrong."""
+    own = (FILTER, f"{FILTER} live", f"{FILTER} smoothed")
+    heading = "What became of the runs whose fault the data can show"
+    return sum(column(heading, "silent", text, runs=own))
+
+
+def doubted(text):
+    """Flights of the closed loop without a fault that are doubted, of 200."""
+    counts = [
+        sum(column("Flights without a fault", name, text, filter=(FILTER,)))
+        for name in ("doubted", "flights")
+    ]
+    return 200 * counts[0] / counts[1]
+
+
+def worst_cell(name):
+    """A function that finds the least of a column of the cells of the closed loop that are not
+    refused."""
+
+    def found(text):
+        head, *rows = markdown.rows(markdown.section(text, FILTER))
+        place, verdict = head.index(name), head.index("verdict")
+        return min(number(row[place]) for row in rows if row[verdict] != "refused")
+
+    return found
+
+
+def refused(text):
+    """Refused cells of the closed loop."""
+    return sum(column("Cells of each filter", "refused", text, filter=(FILTER,)))
+
+
+STUDIES = (
+    Study(
+        "wrong-setups",
+        {
+            "wrong set-ups, found": measured(SETUPS["found"]),
+            "wrong set-ups, named": measured(SETUPS["named"]),
+            "right set-ups, doubted": measured(SETUPS["alarms"]),
+            "verdict, time over filter": measured(SETUPS["cost"]),
+            "diagnose, filter runs": measured(SETUPS["runs"]),
+        },
+    ),
+    Study(
+        "faults",
+        {
+            "faults, silently wrong": silent,
+            "faults, jumps of 50 m refused": measured(FAULTS["50 m"]),
+            "faults, jumps of 20 m refused": measured(FAULTS["20 m"]),
+            "faults, jumps of 10 m refused": measured(FAULTS["10 m"]),
+            "faults, lasting jump of 5 m said": measured(FAULTS["lasting"]),
+            "faults, right flights doubted": doubted,
+        },
+    ),
+    Study(
+        "consistency",
+        {
+            "consistency, epochs in the band": worst_cell("inside, %"),
+            "consistency, survival": worst_cell("survived, %"),
+            "consistency, cells refused": refused,
+            "consistency, cells of all filters that miss": measured(CONSISTENCY["missed"]),
+            "consistency, of them not by chance": measured(CONSISTENCY["wrong"]),
+        },
+        more=True,
+    ),
+    Study(
+        "installation",
+        {
+            "drive0708 from wrong set-ups, clock": measured(INSTALLATION["drive clock"]),
+            "drive0708 from wrong set-ups, arm": measured(INSTALLATION["drive lever-arm"]),
+            "drive0708 from wrong set-ups, mounting": measured(INSTALLATION["drive mounting"]),
+            "drive0708 calibrated, alone": measured(INSTALLATION["drive alone"]),
+            "drive0708 calibrated, constrained": measured(INSTALLATION["drive constrained"]),
+            "installation, NEES from a known start": measured(INSTALLATION["nees, known start"]),
+            "installation, NEES from own alignment": measured(INSTALLATION["nees, own alignment"]),
+            "installation, found though not shown": measured(INSTALLATION["unseen"]),
+            "odometer scale after five minutes": measured(INSTALLATION["scale"]),
+            "thor75 roll, installation found": measured(INSTALLATION["thor75 roll"]),
+            "thor75 D, installation found": measured(INSTALLATION["thor75 position D"]),
+            "drive0708 alone, installation found": measured(INSTALLATION["drive0708 alone"]),
+        },
+    ),
+    Study(
+        "noise",
+        {
+            "correlated errors as states, lowest": measured(NOISE["correlated low, states"]),
+            "correlated errors as states, highest": measured(NOISE["correlated high, states"]),
+            "correlated errors tuned, lowest": measured(NOISE["correlated low, tuned"]),
+            "correlated errors tuned, highest": measured(NOISE["correlated high, tuned"]),
+            "white errors tuned": measured(NOISE["white, tuned"]),
+            "noise stated wrongly, tuned": measured(NOISE["misstated rms"]),
+            "noise stated wrongly, NIS lowest": measured(NOISE["misstated NIS low"]),
+            "noise stated wrongly, NIS highest": measured(NOISE["misstated NIS high"]),
+            "robust, a tenth of the fixes wrong": measured(NOISE["robust outliers"]),
+            "robust, clean fixes": measured(NOISE["robust clean"]),
+            "adaptive, clean fixes": measured(NOISE["adaptive clean"]),
+            "hidden fixes within 1 sd, tuned": measured(NOISE["coverage 1"]),
+            "hidden fixes within 3 sd, tuned": measured(NOISE["coverage 3"]),
+        },
+    ),
+    Study(
+        "vehicle-kit",
+        {
+            "drive0708, vehicle kit with clock and arm as states": lambda text: number(
+                next(
+                    row[3]
+                    for row in markdown.rows(text)
+                    if row[:2] == ["README", "kit, clock and lever arm as states too"]
+                )
+            )
+        },
+    ),
+)
+
+
+def place(study):
+    """(page, mark above the text) of a study."""
+    file, page = (write_docs.MORE if study.more else write_docs.PAGES)[study.name]
+    return (write_docs.DOCS / page).resolve(), markdown.begin(file, study.name)
+
+
+def last_change(page, mark):
+    """The commit, shortened, that was the last to change a line below the mark; "no known commit"
+    without git."""
+    lines = page.read_text(encoding="utf-8").splitlines()
+    first = lines.index(mark) + 2
+    last = next(i for i in range(first, len(lines)) if lines[i].startswith("<!-- end"))
+    command = ["git", "blame", "--line-porcelain", f"-L{first},{last}", "--", page]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    times = re.findall(r"^(\w{40}) (?:.*\n)*?committer-time (\d+)$", done.stdout, re.MULTILINE)
+    return max(times, key=lambda found: int(found[1]))[0][:8] if times else "no known commit"
+
+
+def read(study):
+    """[(value, note)] for the figures of a study. Raises ValueError that names a figure whose page
+    does not hold it."""
+    page, mark = place(study)
+    text = markdown.inserted(page, mark)
+    where = page.relative_to(ROOT)
+    note = f"{where} as of {last_change(page, mark)}, strapdown reproduce {study.name}"
+    found = []
+    for figure, value in study.figures.items():
+        try:
+            found.append((value(text), note))
+        except (KeyError, IndexError, StopIteration, ValueError) as error:
+            raise ValueError(
+                f"{where}: holds no {figure!r} ({error}); run `strapdown reproduce {study.name}`"
+            ) from None
+    return found
