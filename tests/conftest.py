@@ -5,9 +5,11 @@ import fcntl
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
+from browser import NO_CHROMIUM
 
 import strapdown
 from strapdown import plugins
@@ -16,6 +18,8 @@ from strapdown.cli import app
 from strapdown.io.locate import data_folder as find_data_folder
 
 NO_DATA = "recorded data not found (STRAPDOWN_DATA)"
+LEAST_ROOM = 2**26
+"""Bytes in the temporary folder without which hundreds of tests fail."""
 
 
 @pytest.fixture(scope="session")
@@ -105,12 +109,22 @@ def good(command):
     return run
 
 
+def pytest_sessionstart(session):
+    """End with one line where no test could have a folder of its own."""
+    try:
+        place = session.config.option.basetemp
+        with tempfile.TemporaryFile(dir=place and Path(place).resolve().parent) as file:
+            file.write(bytes(LEAST_ROOM))
+    except OSError as error:
+        raise pytest.UsageError(
+            f"the temporary folder does not take {LEAST_ROOM // 2**20} MiB "
+            f"({error.strerror or error}); make room there, or name another one (TMPDIR)"
+        ) from None
+
+
 def pytest_terminal_summary(terminalreporter):
-    """One line for all tests that were skipped for want of recorded data."""
-    skipped = [
-        report
-        for report in terminalreporter.stats.get("skipped", [])
-        if NO_DATA in str(report.longrepr)
-    ]
-    if skipped:
-        terminalreporter.write_line(f"{len(skipped)} tests skipped: {NO_DATA}")
+    """One line for all tests that were skipped for want of one thing."""
+    reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
+    for wanted in (NO_DATA, NO_CHROMIUM):
+        if skipped := sum(wanted in reason for reason in reasons):
+            terminalreporter.write_line(f"{skipped} tests skipped: {wanted}")

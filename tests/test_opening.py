@@ -4,6 +4,7 @@ import ast
 import io
 import json
 import os
+import tempfile
 import threading
 import time
 import zipfile
@@ -30,6 +31,7 @@ from strapdown.opening import (
 
 pytestmark = pytest.mark.short
 PACKAGE = Path(sd.__file__).parent
+FULL = Path("/dev/full")
 ATTRIBUTES = {
     *("open", "read_text", "read_bytes", "File", "ZipFile", "load", "loads", "loadmat", "loadtxt"),
     *("connect", "mmap", "read_csv", "read_parquet", "ParquetFile", "open_mfdataset", "fromfile"),
@@ -253,6 +255,18 @@ def test_a_pipe_is_bounded(tmp_path):
     threading.Thread(target=pipe.write_bytes, args=(bytes(5000),), daemon=True).start()
     with sd.reading_limits(pipes=True, size=4999), pytest.raises(LimitError, match="--max-size"):
         regular(pipe)
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full")
+def test_a_pipe_that_the_temporary_folder_does_not_hold_is_one_line(tmp_path, monkeypatch):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    threading.Thread(target=pipe.write_bytes, args=(bytes(5000),), daemon=True).start()
+    full = lambda **_: open(FULL, "wb", 0)  # as a file on a full disk
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", full)
+    with pytest.raises(sd.DataError, match=r"pipe: the temporary folder .*No space.*TMPDIR"):
+        with sd.reading_limits(pipes=True):
+            regular(pipe)
 
 
 def test_links_that_lead_out_are_refused_where_files_stay_inside(tmp_path):

@@ -57,14 +57,28 @@ class _Copies:
         found = path.stat()
         key = found.st_dev, found.st_ino
         if key not in self.paths:
-            copy = self.files.enter_context(tempfile.NamedTemporaryFile(prefix="strapdown-"))
-            with path.open("rb") as pipe:
-                while piece := pipe.read(PIECE):
-                    copy.write(piece)
-                    check_size(copy.tell(), path)
-            copy.flush()
-            self.paths[key] = Path(copy.name)
+            try:
+                self.paths[key] = self._copy(path)
+            except OSError as error:
+                if error.filename == str(path):  # the pipe itself is refused
+                    raise
+                raise DataError(
+                    f"{path}: the temporary folder has no room for a copy of the pipe "
+                    f"({error.strerror or error}); make room there, or name another one (TMPDIR)"
+                ) from error
         return self.paths[key]
+
+    def _copy(self, path: Path) -> Path:
+        # without a buffer, which would be refused once more where the file is closed
+        new = tempfile.NamedTemporaryFile(prefix="strapdown-", buffering=0)
+        copy, size = self.files.enter_context(new), 0
+        with path.open("rb") as pipe:
+            while piece := pipe.read(PIECE):
+                size += len(piece)
+                check_size(size, path)
+                while piece := piece[copy.write(piece) :]:  # a write may take a part
+                    pass
+        return Path(copy.name)
 
 
 @contextmanager

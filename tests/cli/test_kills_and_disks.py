@@ -10,7 +10,6 @@ import shutil
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,8 +37,8 @@ COMMANDS = {
     "demo": ("demo",),
     "calibrate": ("calibrate", "tumble.nc"),
 }
-ROOM = {"study": "20k"}
-"""Of the disk, where it is not 2 MB, which hold all but the page of a set."""
+PAGE = 4096
+"""Of a file system in memory: bytes of which it gives whole ones."""
 
 
 def tumble():
@@ -75,14 +74,15 @@ def out_of(name, folder):
 ON_A_DISK = """
 mount -t tmpfs -o size={room} tmpfs {disk} && echo old > {disk}/report.html
 mount -o remount,{mode} {disk} && "$@"
-echo "exit $?"; find {disk} -mindepth 1 -type f
+echo "exit $?"; find {disk} -mindepth 1 -type f -printf '%P %b\n'
 """
 
 
-def on_a_disk(name, files, disk, mode="rw"):
-    """(exit code, lines of standard error, {name of a file that is left}) of a command whose
-    folder for results is a disk of its own, with one old file."""
-    script = ON_A_DISK.format(room=ROOM.get(name, "2m"), disk=disk, mode=mode)
+def on_a_disk(name, files, disk, room=2**26, mode="rw"):
+    """(exit code, lines of standard error, {path of a file that is left: its bytes on the disk}) of
+    a command whose folder for results is a disk of its own with that many bytes, of which one old
+    file takes a PAGE."""
+    script = ON_A_DISK.format(room=room, disk=disk, mode=mode)
     words = (sys.executable, "-m", "strapdown", *COMMANDS[name], *out_of(name, disk))
     space = ("unshare", "--user", "--map-root-user", "--mount")
     done = subprocess.run(
@@ -91,7 +91,7 @@ def on_a_disk(name, files, disk, mode="rw"):
     *_, code, left = done.stdout.partition("exit ")
     code, *left = left.split()
     shown = [line for line in done.stderr.splitlines() if not line.startswith("compiling")]
-    return int(code), shown, {Path(each).name for each in left}
+    return int(code), shown, {at: 512 * int(size) for at, size in zip(left[::2], left[1::2])}
 
 
 @pytest.fixture
@@ -108,17 +108,23 @@ def disk(tmp_path):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_full_disk_is_one_line_and_keeps_what_was_there(name, files, disk):
-    code, shown, left = on_a_disk(name, files, disk)
-    assert code == 2 and len(shown) == 1 and shown[0].startswith(f"strapdown: {disk}/"), shown
-    assert "cannot be written (No space left on device); choose another folder" in shown[0]
-    # a study's finished chunks are kept, and what says of which study they are
-    assert left - {"manifest.json", "lock"} == {"report.html"}
+    """Disks for half of what the command writes where it has room, and for all but two pages of
+    it."""
+    code, shown, written = on_a_disk(name, files, disk)
+    assert (code, shown) == (0, [])
+    for room in (sum(written.values()) // 2, sum(written.values()) - PAGE):
+        code, shown, left = on_a_disk(name, files, disk, room)
+        assert code == 2 and len(shown) == 1 and shown[0].startswith(f"strapdown: {disk}/"), shown
+        assert "cannot be written (No space left on device); choose another folder" in shown[0]
+        # a study's finished chunks are kept, and what says of which study they are
+        mine = {at for at in left if at in ("manifest.json", "lock") or at.startswith("chunks/")}
+        assert {*left} - mine == {"report.html"} and left["report.html"] == PAGE
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_read_only_disk_is_one_line(name, files, disk):
-    code, shown, left = on_a_disk(name, files, disk, "ro")
-    assert code == 2 and left == {"report.html"}
+    code, shown, left = on_a_disk(name, files, disk, mode="ro")
+    assert code == 2 and {*left} == {"report.html"}
     assert shown == [
         f"strapdown: --out {disk}: nothing can be written there (Read-only file system); "
         f"choose another folder"

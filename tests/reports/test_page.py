@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, browse
+from browser import browse, needs_chromium
 from pages import own, plotly
 from synthetic import flight, solution
 
@@ -150,10 +150,7 @@ def test_saving_is_whole_or_not_at_all(page, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.html"]
 
 
-@pytest.mark.skipif(
-    CHROMIUM is None,
-    reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in a browser",
-)
+@needs_chromium
 def test_a_browser_without_network_draws_every_figure(tmp_path):
     dated = replace(SOLUTION, meta=SOLUTION.meta | {"epoch": "2024-05-01T12:00:00Z"})
     page = report([dated, OPEN], TRUTH)

@@ -5,17 +5,12 @@ import re
 from dataclasses import replace
 
 import pytest
-from browser import CHROMIUM, Driven
+from browser import Driven, needs_chromium
 from synthetic import flight, solution
 
 from strapdown import report
 
-pytestmark = [
-    pytest.mark.short,
-    pytest.mark.skipif(
-        CHROMIUM is None, reason="no Chromium found (chromium, chromium-browser or google-chrome)"
-    ),
-]
+pytestmark = [pytest.mark.short, needs_chromium]
 TRUTH = flight(600, rate=2.0)
 MADE = solution(TRUTH)
 ALIKE = [(float(50 + k), f"fix rejected: {k} m off") for k in range(37)]

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from browser import CHROMIUM
+from browser import CHROMIUM, needs_chromium
 from pages import own
 from test_hager_bryne_claims import world
 
@@ -434,11 +434,7 @@ def test_a_wild_open_loop_does_not_flatten_the_biases():
     assert left and -10 < low < -1 and 1 < high < 10
 
 
-@pytest.mark.skipif(
-    CHROMIUM is None,
-    reason="no Chromium found (chromium, chromium-browser or google-chrome): the page is not looked at in "
-    "a browser",
-)
+@needs_chromium
 def test_a_browser_without_network_draws_every_figure(out, claims, tmp_path):
     flags = [
         "--headless",

@@ -7,9 +7,13 @@ import shutil
 import subprocess
 import time
 
+import pytest
+
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
+NO_CHROMIUM = "Chromium not found (chromium, chromium-browser or google-chrome)"
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
 
 FLAGS = [
     "--headless",

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, browse
+from browser import browse, needs_chromium
 from compared import LIST, SWEEP, TRUTH, made
 from pages import own
 
@@ -436,10 +436,7 @@ def test_texts_are_escaped():
     assert "alert(1)" in html and "<script>alert" not in html and "<b>" not in html
 
 
-@pytest.mark.skipif(
-    CHROMIUM is None,
-    reason="no Chromium (chromium, chromium-browser or google-chrome): the page is not looked at in a browser",
-)
+@needs_chromium
 def test_a_browser_without_network_draws_every_figure(tmp_path):
     finished = page(LOST)
     finished.save(tmp_path / "a.html")
