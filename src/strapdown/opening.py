@@ -64,12 +64,17 @@ class _Metered(io.RawIOBase):
     def __init__(self, file: BinaryIO, meter: Meter, lines: bool) -> None:
         self._file, self._meter, self._lines = file, meter, lines
         self._line = 0  # bytes since the last end of a line
+        self._at = 0  # bytes that were read
 
     def readable(self) -> bool:
         return True
 
+    def tell(self) -> int:
+        return self._at
+
     def readinto(self, into: Any) -> int:
         count: int = self._file.readinto(into)  # type: ignore[attr-defined]
+        self._at += count
         if self._lines:
             piece = bytes(memoryview(into)[:count])
             self._meter.add(in_memory(piece))

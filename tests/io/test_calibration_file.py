@@ -68,6 +68,12 @@ def test_sections_that_are_missing_change_nothing(tmp_path):
         ),
         ("[accel]\nbias = [1, 2, nan]", "must be 3 finite numbers"),
         ("[accel]\nmatrix = [[1, 0, 0], [0, 1, 0], [1, 1, 0]]", "cannot be inverted"),
+        ("[gyro]\nbias = [1e308, 0, 0]", "gyro. bias is .*, each -1e.06 or more and at most 1e.06"),
+        ("[gyro]\nmatrix = [[1, 0, 1e308], [0, 1, 0], [1e308, 0, 1]]", "matrix is .*at most 1e.06"),
+        (
+            '[accel]\ntemperature = { unit = "g", rows = [[0, 1, 1e308, 3], [1, 1e308, 2, 3]] }',
+            "accel.temperature: rows is .*, each -1e.06 or more",
+        ),
         (
             '[gyro]\ntemperature = { unit = "degrees", rows = [[0, 1, 2, 3], [1, 1, 2, 3]] }',
             "gyro.temperature: unknown unit 'degrees'",

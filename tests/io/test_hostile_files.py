@@ -26,6 +26,7 @@ from strapdown.checks import DataError
 from strapdown.file_limits import LimitError
 from strapdown.io import read
 from strapdown.io.inspection import draft, inspect
+from strapdown.io.registry import readers
 from strapdown.io.tables.table_arrays import tables_of
 from strapdown.io.tables.table_text import read_table
 
@@ -33,6 +34,7 @@ pytestmark = pytest.mark.short
 MB = 1_000_000
 ROW = b"0,0,0,0,0,0,0\n"
 TABLE = b"t,gx,gy,gz,ax,ay,az\n" + ROW * (4 * MB // len(ROW))
+PLAIN = {".csv": lambda content: content}
 PACKERS = {
     ".csv.gz": lambda content: gzip.compress(content, 9),
     ".csv.xz": lzma.compress,
@@ -95,6 +97,17 @@ def test_a_packed_table_is_read_as_far_as_it_is_in_proportion(tmp_path, ending):
         refused(path, "unpacks to .* as no log does", 60 * MB)
     path = written(path, PACKERS[ending](TABLE[: MB // 7]))
     assert len(read_table(path).lines) > 10_000
+
+
+PACKED_LOGS = sorted(
+    {end for each in readers().values() for end in each.suffixes if end.endswith(".gz")}
+)
+
+
+@pytest.mark.parametrize("ending", PACKED_LOGS)
+def test_a_packed_file_of_nothing_is_refused(tmp_path, ending):
+    path = written(tmp_path / f"x{ending}", gzip.compress(b""))
+    refused(path, r"x\S*: (?!.*more memory|.*fails at it)")
 
 
 def test_a_zip_that_lies_of_its_sizes_is_counted(tmp_path):
@@ -285,6 +298,24 @@ def test_a_table_of_too_many_columns_is_refused(tmp_path):
     refused(written(tmp_path / "x.csv", long), "a line of more than|no table|columns", 60 * MB)
 
 
+@pytest.mark.parametrize("ending", [".csv", ".csv.gz"])
+@pytest.mark.parametrize("header", [False, True])
+def test_short_lines_below_a_long_row_are_not_filled_up(tmp_path, ending, header):
+    """50 kB of text that would be 1e8 cells, while as many written ones are a table."""
+    row, pack = b",".join([b"1"] * 2000) + b"\n", (PLAIN | PACKERS)[ending]
+    path = written(tmp_path / f"x{ending}", pack(2 * row + b"\n" * 50_000))
+    with sd.reading_limits(expansion=1e6):
+        tracemalloc.start()
+        try:
+            with pytest.raises(DataError, match="a row has 2000 cells, and most others have few"):
+                read_table(path, header)
+            assert tracemalloc.get_traced_memory()[1] < 60 * MB
+        finally:
+            tracemalloc.stop()
+        whole = read_table(written(path, pack(row * 600)), header)
+    assert (len(whole.lines), len(whole.names)) == (600 - header, 2000)
+
+
 @pytest.mark.parametrize("name", ["x.csv", "x.csv.gz", "x.csv.zip"])
 def test_a_table_with_a_line_without_an_end_is_refused(tmp_path, name):
     content = b"t,x\n" + b"1,2\n" * 20_000 + b"1," * 3 * MB
@@ -439,7 +470,6 @@ def test_a_zip_that_zipfile_cannot_take_ends_in_a_line(tmp_path, kind, name):
 SHORT = b"t,gx,gy,gz,ax,ay,az\n" + b"1,0,0,4,5,2,7\n" * 100_000
 """A table whose numbers take four times its text in memory, and with what a row takes six times."""
 WORDS = b"t,name\n" + b"".join(b"%d,a%x\n" % (k % 10, k) for k in range(100_000))
-PLAIN = {".csv": lambda content: content}
 
 
 @pytest.mark.parametrize("ending", [*PLAIN, *PACKERS])

@@ -13,6 +13,7 @@ from multicopter import motion
 import strapdown as sd
 from strapdown.io.decoding.autopilots.ulog import ULog
 from strapdown.io.description.logs import join, opened
+from strapdown.io.inspection import inspect
 from strapdown.io.tables.table_file import read_bytes
 from strapdown.time_scales import gps_from_unix, iso
 
@@ -412,6 +413,15 @@ def test_a_format_that_contains_itself_is_left():
     head += bytes_of("A", struct.pack("<BH", 0, 1) + b"knot")
     log = ULog(head + bytes_of("D", struct.pack("<HQ", 1, 5)))
     assert log.topics == {}
+
+
+def test_a_format_that_has_a_field_twice_is_left_and_said(flown, log):
+    topics = written.topics_of(flown)
+    path = log(topics)
+    path.write_bytes(path.read_bytes().replace(b"float eph;", b"float epv;"))
+    assert [each.kind for each in sd.read(path).aidings] == []
+    remark = "1 topic not read: the format is missing or contradicts itself"
+    assert remark in str(inspect(path))
 
 
 def test_dropouts_and_unknown_messages_are_passed(flown, log):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import DataError, check_array
+from ..checks import DataError, check_array, located
 from ..files import read_toml, replacing
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import temperature_rows
@@ -21,6 +21,9 @@ HEATED = ("gyro", "accel")
 """Sections that take a temperature table."""
 MOST_BIAS = 1e-3
 """T: beyond it no magnetometer of a vehicle reads."""
+MOST = 1e6
+"""Magnitude of a number of a calibration, SI or degC, which no sensor reaches: sums and products of
+what is far beyond it overflow."""
 
 
 class Correction(NamedTuple):
@@ -80,7 +83,7 @@ def _correction(path: File, name: str, section: Any) -> Correction:
             f"{path}: [{name}] has {', '.join(keys[:-1])} and {keys[-1]} and no other key"
         )
     bias, matrix = (
-        check_array(section.get(key, default), f"{path}: [{name}] {key}", np.shape(default))
+        _bounded(section.get(key, default), f"{path}: [{name}] {key}", np.shape(default))
         for key, default in (("bias", np.zeros(3)), ("matrix", np.eye(3)))
     )
     if abs(np.linalg.det(matrix)) <= 1e-6:
@@ -99,14 +102,19 @@ def _correction(path: File, name: str, section: Any) -> Correction:
     return Correction(bias, matrix, _temperature(path, name, section))
 
 
+def _bounded(value: Any, where: str, shape: tuple[int | None, ...]) -> Array:
+    return check_array(value, where, shape, least=-MOST, most=MOST)
+
+
 def _temperature(path: File, name: str, section: dict[str, Any]) -> tuple[tuple[float, ...], ...]:
     if "temperature" not in section:
         return ()
-    rows = temperature_rows(section["temperature"], SECTIONS[name], f"{path}, {name}.temperature")
-    try:
+    where = f"{path}, {name}.temperature"
+    rows = temperature_rows(section["temperature"], SECTIONS[name], where)
+    if rows:
+        _bounded(rows, f"{where}: rows", (None, 4))
+    with located(where):
         return Triad(temperature=tuple(rows)).temperature
-    except DataError as error:
-        raise DataError(f"{path}, {name}.temperature: {error}") from None
 
 
 def composed(

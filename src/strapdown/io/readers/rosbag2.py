@@ -69,6 +69,8 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
         from ..decoding.mapped import mapped
 
         content = mapped(path)
+        if not len(content):  # of which SQLite says that memory ran out
+            raise DataError(f"{path}: is empty; copy it again from the device")
         database = sqlite3.connect(":memory:")
         database.deserialize(content)
         return database, len(content)

@@ -44,6 +44,7 @@ class Layout(NamedTuple):
     decimal: str
     skipped: int  # lines before the first row
     names: list[str]  # of the columns; empty where there is no header
+    columns: int  # cells of the header or of a row, if those are more
     units: dict[str, str]  # of a line of units below the header
 
 
@@ -74,14 +75,15 @@ def layout(path: Path) -> Layout:
     ]
     rows = [cells_of(line, separator) for _, line in used[first : first + SAMPLE]]
     names, units = _header([cells_of(line, separator, many) for line in titles], rows, many)
-    check_count(max(many, len(names)), path, "columns", "columns")
+    columns = max(many, len(names), *map(len, rows[:1]))
+    check_count(columns, path, "columns", "columns")
     if rows and not _is_table(rows, names, separator, many):
         raise DataError(
             f"{path}: is no table: most of its first lines are no rows of numbers; give a table with "
             f"a line of names and rows of numbers, or the device's own format"
         )
     decimal = _decimal(rows)
-    return Layout(encoding, separator, decimal, skipped, names, units)
+    return Layout(encoding, separator, decimal, skipped, names, columns, units)
 
 
 def _encoding(head: bytes) -> str:

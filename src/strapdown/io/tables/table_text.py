@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -23,8 +23,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DIGITS = frozenset("0123456789")
-CHUNK = 65536
-"""Rows that are parsed at a time: pandas keeps the text of as many."""
+CHUNK, CELLS = 65536, 1 << 20
+"""Rows that are parsed at a time, and cells: pandas keeps the text of as many."""
+FEW, PADDED = 1_000_000, 4
+"""Cells that any text may become, and those by byte of a longer one: written cells have a byte each,
+but a row is filled up with empty ones, also an empty line below a row of thousands."""
 SAMPLED = 200
 """Cells of a column of text that say whether it may hold numbers."""
 MARK = re.compile(r"\s*(#|%|//|[-=*]{3})")
@@ -212,20 +215,29 @@ def _as_pandas_parses(
             index_col=False,
             encoding=found.encoding,
             encoding_errors="replace",
-            chunksize=CHUNK,
+            chunksize=max(1, min(CHUNK, CELLS // found.columns)),
         )
         with chunks:
-            frames = _gathered(chunks, path)
+            frames = _gathered(chunks, path, content if packed else None)
     return frames[0] if len(frames) == 1 else pd.concat(frames, ignore_index=True)
 
 
-def _gathered(chunks: Iterable["pd.DataFrame"], path: Path) -> list["pd.DataFrame"]:
-    """All of them, their cells counted. Raises DataError where they are too many."""
-    packed = regular(path).stat().st_size if path.suffix.lower() in PACKED else None
-    frames, meter = [], Meter(path, packed)
+def _gathered(
+    chunks: Iterable["pd.DataFrame"], path: Path, unpacked: BinaryIO | None
+) -> list["pd.DataFrame"]:
+    """All of them, their cells counted, of a file that is `unpacked` or plain. Raises DataError
+    where they are too many, at all or for its text."""
+    size, cells = regular(path).stat().st_size, 0
+    frames, meter = [], Meter(path, size if unpacked else None)
     for frame in chunks:
         texts = sum(int(frame[name].notna().sum()) for name in _texts(frame))
         meter.add(CELL * frame.size + ROW * len(frame) + (TEXT - CELL) * texts)
+        cells += frame.size
+        if cells > FEW + PADDED * (unpacked.tell() if unpacked else size):
+            raise DataError(
+                f"{path}: is no table: a row has {frame.shape[1]} cells, and most others have few "
+                f"or none; correct the long row, or export a table from the device's own format"
+            )
         frames.append(frame)
     return frames
 

@@ -228,6 +228,8 @@ class ULog:
         fields: Fields = []
         try:
             whole, logged = self._flat(name, "", 0, fields, 0)
+            if len({label for label, _, _ in fields}) < len(fields):
+                raise DataError(f"{name} has a field twice")
         except DataError:
             whole = logged = 0
             fields = []
@@ -294,6 +296,10 @@ class ULog:
             lines.append(
                 f"{counted(len(self.dropouts), 'dropout')} of the logger, {sum(self.dropouts)} ms "
                 f"together: its card was too slow"
+            )
+        if unknown := sum(not topic.fields for topic in self._topics.values()):
+            lines.append(
+                f"{counted(unknown, 'topic')} not read: the format is missing or contradicts itself"
             )
         if self.unread:
             lines.append(
