@@ -136,3 +136,12 @@ def test_what_is_no_array_in_a_matlab_file_ends_in_one_line(tmp_path, name):
             h5py.h5g.create(file.id, name)
     with pytest.raises(DataError, match="a.mat: (holds no numeric arrays|is no whole MATLAB)"):
         tables_of(path)
+
+
+def test_numbers_of_a_type_that_numpy_has_not_end_in_one_line(tmp_path):
+    wide = h5py.h5t.IEEE_F64LE.copy()
+    wide.set_ebias(2**20)
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        h5py.h5d.create(file.id, b"x", wide, h5py.h5s.create_simple((3,)))
+    with pytest.raises(DataError, match="a.mat: is no whole MATLAB file"):
+        tables_of(tmp_path / "a.mat")

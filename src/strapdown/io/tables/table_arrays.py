@@ -130,7 +130,9 @@ def _of_version_73(path: Path) -> dict[str, Any]:
     try:
         with open_hdf5(path) as file:
             return read(file)
-    except (OSError, RuntimeError, KeyError, UnicodeError) as error:
+    except (DataError, MemoryError):
+        raise
+    except Exception as error:  # h5py raises what it stumbles over, of types ValueError
         raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
 
 
