@@ -161,16 +161,34 @@ HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM"
 def test_matrices_of_matlab_may_not_state_more_than_they_hold(tmp_path, kind):
     names = (struct.pack("<HHi", 5, 4, 8), element(1, b"field".ljust(8))) if kind == 2 else ()
     path = written(tmp_path / "x.mat", HEADER + matrix(kind, (30000, 30000), *names))
-    refused(path, "states 900000000 elements|no whole MATLAB file")
+    refused(path, "states 900000000 elements|no whole MATLAB file|holds no numeric arrays")
 
 
 def test_matrices_of_matlab_may_not_nest_without_end(tmp_path):
+    names = struct.pack("<HHi", 5, 4, 8), element(1, b"field".ljust(8))
     inner = matrix(1, (0, 0))
     for _ in range(60):
-        inner = matrix(1, (1, 1), inner)
+        inner = matrix(2, (1, 1), *names, inner)
     packed = zlib.compress(inner)
     for content in (inner, struct.pack("<II", 15, len(packed)) + packed):
         refused(written(tmp_path / "x.mat", HEADER + content), "61 matrices within|41 matrices")
+
+
+MATRICES = {
+    "numbers of no type": matrix(6, (2, 1), element(0x7000, bytes(16))),
+    "a text of 4 GB": matrix(4, (1, 2), struct.pack("<II", 1, 2**32 - 8) + bytes(16)),
+    "numbers of 4 GB": matrix(6, (2, 1), struct.pack("<II", 9, 2**32 - 8)),
+    "a shape of none": matrix(6, (), element(9, bytes(16))),
+    "a negative shape": matrix(6, (-2, -1), element(9, bytes(16))),
+    "a long tag": matrix(6, (2, 1), struct.pack("<HHi", 5, 9, 0)),
+    "no matrix": element(9, bytes(16)),
+}
+
+
+@pytest.mark.parametrize("kind", MATRICES)
+def test_damaged_matrices_of_matlab_end_in_a_line(tmp_path, kind):
+    path = written(tmp_path / "x.mat", HEADER + MATRICES[kind])
+    refused(path, "x.mat: (is no whole MATLAB file|holds no numeric arrays)")
 
 
 def hdf5(path, fill):
@@ -216,6 +234,18 @@ def test_hdf5_may_not_show_what_it_does_not_hold(tmp_path, kind, name):
     path = hdf5(tmp_path / name, HDF5[kind])
     with sd.reading_limits(expansion=20), pytest.raises(LimitError, match=name):
         read(path)
+
+
+@pytest.mark.parametrize("size", [0, 8, 2**64 - 16, 2**63])
+@pytest.mark.parametrize("name", ["x.mat", "x.nc"])
+def test_texts_of_hdf5_fill_their_place_one_after_the_other(tmp_path, name, size):
+    """HDF5 looks for ever for the end of a rest of no bytes."""
+    path = hdf5(tmp_path / name, lambda file: file.attrs.update({"a": "text"}))
+    content = bytearray(path.read_bytes())
+    rest = content.index(b"GCOL") + 16 + 16 + 8  # behind the one text
+    assert struct.unpack_from("<HHI", content, rest) == (0, 0, 0)
+    struct.pack_into("<Q", content, rest + 8, size)
+    refused(written(path, bytes(content)), "its texts end beyond their place")
 
 
 def test_a_chunk_that_unpacks_to_more_than_it_is_long_is_tried(tmp_path, monkeypatch):

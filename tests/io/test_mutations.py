@@ -3,6 +3,7 @@ little memory."""
 
 import re
 
+import looks
 import mutations
 import numpy as np
 import pytest
@@ -52,6 +53,13 @@ def test_what_may_not_be_is_found(tmp_path, monkeypatch, body, words):
     assert [each.seed for each in found] == [0, 1, 2]
     assert all(re.search(words, each.said) for each in found), found
     assert all((each.kept / "a.mine").is_file() for each in found)
+
+
+def test_a_log_named_as_another_format_has_no_seal(tmp_path):
+    made = CASES["mcap"](tmp_path)
+    path = tmp_path / "a.nc"
+    path.write_bytes(made.files[made.bent[0]])
+    assert looks.recording([path], False) == ""
 
 
 PLUGIN = """

@@ -6,10 +6,11 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.io.tables.matlab_file import variables
 from strapdown.io.tables.table_arrays import tables_of
 
 pytestmark = pytest.mark.short
@@ -64,6 +65,20 @@ def test_arrays_of_one_length_are_a_table(tmp_path):
     assert list(found) == ["log.t", "log.utc"] or list(found) == ["t", "utc"]
     names = [f"{name}_{k}" for name in ("gyro", "acc") for k in (1, 2, 3)]
     assert sorted(next(iter(found.values())).frame.columns) == sorted(["t", *names])
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+def test_arrays_of_matlab_are_what_scipy_reads(tmp_path, version):
+    """What is real numbers of more than one row, of any type."""
+    path = tmp_path / "log.mat"
+    kept = {"t": T, "gyro": GYRO, "raw": np.arange(9, dtype="i2"), "row": np.ones((1, 7), "u1")}
+    left = {"text": "x", "phase": T * 1j, "one": 1.0}
+    savemat(path, kept | left, format=version)
+    found, expected = variables(path), loadmat(path, squeeze_me=True)
+    assert set(found) - {"one"} == set(kept)
+    for name in kept:
+        assert found[name].dtype == expected[name].dtype
+        np.testing.assert_array_equal(found[name], expected[name])
 
 
 @pytest.mark.parametrize("cut", [0, 3, 100, 600, 5000])
@@ -121,3 +136,12 @@ def test_what_is_no_array_in_a_matlab_file_ends_in_one_line(tmp_path, name):
             h5py.h5g.create(file.id, name)
     with pytest.raises(DataError, match="a.mat: (holds no numeric arrays|is no whole MATLAB)"):
         tables_of(path)
+
+
+def test_numbers_of_a_type_that_numpy_has_not_end_in_one_line(tmp_path):
+    wide = h5py.h5t.IEEE_F64LE.copy()
+    wide.set_ebias(2**20)
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        h5py.h5d.create(file.id, b"x", wide, h5py.h5s.create_simple((3,)))
+    with pytest.raises(DataError, match="a.mat: is no whole MATLAB file"):
+        tables_of(tmp_path / "a.mat")

@@ -72,10 +72,11 @@ def bent(case: Case, seed: int) -> dict[str, bytes]:
     name = case.bent[rng.integers(len(case.bent))]
     ways = BYTES + TEXT * 2 if is_text(files[name]) else BYTES
     own = BY_SUFFIX.get(Path(name).suffix, ())
-    for _ in range(rng.integers(1, 4)):
+    drawn = [own if own and rng.integers(2) else ways for _ in range(rng.integers(1, 4))]
+    # a library that writes a file anew gets it whole: of damaged bytes it could hang or crash here
+    for way in sorted(drawn, key=lambda way: way is not own):
         if not files[name]:
             break
-        way = own if own and rng.integers(2) else ways
         files[name] = way[rng.integers(len(way))](rng, files[name])
     if name.endswith(".nc") and rng.integers(3):
         files[name] = sealed(files[name])

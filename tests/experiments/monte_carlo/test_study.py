@@ -178,6 +178,15 @@ def test_curves_are_sums_of_what_the_files_hold_and_the_bound_is_below(finished)
     assert np.all((ratio > 0.85) & (ratio < 1.15))
 
 
+def test_chunk_files_that_xarray_cannot_take_end_in_a_line(finished, monkeypatch):
+    def broken(*_, **__):
+        raise IndexError("tuple index out of range")
+
+    monkeypatch.setattr("xarray.open_mfdataset", broken)
+    with pytest.raises(sd.DataError, match="as labelled arrays .IndexError.; compute the study"):
+        finished.arrays(finished.cells[0])
+
+
 def test_paired_comparison_uses_the_same_runs(finished):
     found = summaries.compare(finished, finished.cells[0], *LOOPS)
     # a minute is too short for the two to differ

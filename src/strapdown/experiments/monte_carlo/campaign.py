@@ -289,13 +289,11 @@ class Campaign:
                 driver_kwds={"locking": False},
                 drop_variables=("squares", "variances", "nees_sum", "alive"),
             )
-        except (ImportError, ValueError) as error:
-            if not re.search("xarray|dask", str(error)):
-                raise
-            raise DataError(
-                "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
-            ) from None
-        except (KeyError, OSError, RuntimeError, AttributeError, TypeError) as error:
+        except Exception as error:  # xarray raises what it stumbles over
+            if isinstance(error, ImportError | ValueError) and re.search("xarray|dask", str(error)):
+                raise DataError(
+                    "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
+                ) from None
             raise DataError(
                 f"{self.folder}: the chunk files of {cell} cannot be opened as labelled arrays "
                 f"({type(error).__name__}); compute the study again"

@@ -4,6 +4,9 @@ what of other files they show, what they state and do not hold, and what they un
 By the HDF5 File Format Specification, https://support.hdfgroup.org/documentation/hdf5/latest/_s_p_e_c.html
 """
 
+import mmap
+import re
+import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +23,10 @@ LONG_CHUNK = 10e6
 """Bytes of a chunk that count though its array is shorter."""
 MANY_PACKED = 400_000
 """Packed bytes of a chunk that may unpack to so much that it is tried: deflate makes 1032 of one."""
+HEAP = re.compile(re.escape(b"GCOL\x01"))
+"""Begins a collection of the global heap, which holds the texts; it has no checksum of its own."""
+OBJECT = 16
+"""Bytes before each object of a collection, and before the first."""
 
 
 @contextmanager
@@ -29,8 +36,31 @@ def open_hdf5(path: Path) -> Iterator[Any]:
 
     plain = regular(path)
     with h5py.File(plain, "r", locking=False) as file:
+        _check_heaps(plain, Path(path))
         _check(file, Meter(path, plain.stat().st_size))
         yield file
+
+
+def _check_heaps(plain: Path, path: Path) -> None:
+    """Refuse a collection whose objects do not fill it one after the other: HDF5 follows their lengths
+    wherever they lead, for ever where they lead back. Raises DataError."""
+    with plain.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        for found in HEAP.finditer(content):
+            begin = found.start()
+            if begin + OBJECT > len(content):
+                continue
+            end = begin + struct.unpack_from("<Q", content, begin + 8)[0]
+            at = begin + OBJECT if end <= len(content) else end + 1
+            while at + OBJECT <= end:
+                number, size = struct.unpack_from("<H6xQ", content, at)
+                step = (
+                    OBJECT + size + -size % 8 if number else size
+                )  # of 0, the free rest, all of it
+                at = at + step if step >= OBJECT else end + 1
+            if at > end:
+                raise DataError(
+                    f"{path}: is damaged (its texts end beyond their place); copy it again"
+                )
 
 
 def _check(file: Any, meter: Meter) -> None:

@@ -1,24 +1,47 @@
-"""MATLAB files of version 5 to 7, unpacked within the limits and looked through before they are read: a
-matrix may state no more elements than it has bytes.
+"""MATLAB files of version 4 to 7: their arrays of numbers and structs, unpacked within the limits. What
+a matrix states is compared with the bytes that it has before anything is made of it.
 
 By "MAT-File Format", The MathWorks,
 https://www.mathworks.com/help/pdf_doc/matlab/matfile_format.pdf
 """
 
-import io
 import math
 import struct
 import zlib
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ...checks import DataError
 from ...file_limits import PIECE, Meter, check_count
 from ...opening import open_file
 
 HEADER, MATRIX, COMPRESSED = 128, 14, 15
-CELL, STRUCT, OBJECT, SPARSE = 1, 2, 3, 5
-"""Classes of matrices whose elements are matrices, and one whose elements are not all there."""
+STRUCT, DOUBLE, UINT64 = 2, 6, 15
+"""Classes of matrices: structs, and those of numbers from one to the other."""
+COMPLEX = 0x0800
+"""Flag of a matrix that has a second array."""
+RANK = 32
+"""Dimensions of a matrix at most."""
+STORED = dict(zip((1, 2, 3, 4, 5, 6, 7, 9, 12, 13), "i1 u1 i2 u2 i4 u4 f4 f8 i8 u8".split()))
+"""NumPy type of the numbers in an element of each type."""
+STORED_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
+"""The same of version 4."""
+
+
+class Part(NamedTuple):
+    """Bytes and the order of the numbers in them."""
+
+    content: bytes
+    order: str  # of `struct` and NumPy
+    path: Path
+
+    def numbers(self, kind: str, at: int) -> tuple[int, ...]:
+        """Numbers of `struct` that begin at a byte."""
+        return struct.unpack_from(self.order + kind, self.content, at)
 
 
 class Element(NamedTuple):
@@ -30,27 +53,75 @@ class Element(NamedTuple):
     next: int
 
 
-def unpacked(path: Path) -> io.BytesIO:
-    """The content of a file of version 7 or older with nothing packed in it. Raises OSError, and
-    DataError where it is damaged, states more than it holds or is beyond the limits."""
+def variables(path: Path) -> dict[str, Any]:
+    """{name: array} of the real numbers in a file of version 7 or older, of a struct {field: array}; all
+    else is left out. Raises OSError, and DataError where it is damaged, states more than it holds or
+    is beyond the limits."""
     with open_file(path) as file:
         content = file.read()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
-    if order is None or 0 in content[:4]:  # version 4, in which nothing is packed
-        return io.BytesIO(content)
-    meter = Meter(path, len(content))
-    parts, at = [content[:HEADER]], HEADER
-    while at + 8 <= len(content):
-        kind, size = struct.unpack_from(order + "II", content, at)
-        part = content[at : at + 8 + size]
-        part = _inflated(part[8:], meter) if kind == COMPRESSED else part
-        _check(part, order, path)
-        parts.append(part)
+    try:
+        if 0 in content[:4]:
+            return dict(_of_version_4(content, path))
+        if order is None:
+            raise _damaged(path, "its header says no version")
+        return dict(_of_version_5(Part(content, order, path)))
+    except struct.error as error:
+        raise _damaged(path, "it ends within a matrix") from error
+
+
+def _damaged(path: Path, why: str) -> DataError:
+    return DataError(f"{path}: is no whole MATLAB file ({why}); save or copy it again")
+
+
+def _array(part: Part, kind: str, at: int, sizes: tuple[int, ...], end: int) -> Any:
+    """The array of that type and shape that begins at a byte and has those up to `end`."""
+    count, end = math.prod(sizes), min(end, len(part.content))
+    if min(sizes) < 0 or count * int(kind[1]) > end - at:
+        raise _damaged(
+            part.path, f"a matrix states {count} elements and has {max(0, end - at)} bytes"
+        )
+    if not count:
+        return np.empty(0)
+    found = np.frombuffer(part.content, part.order + kind, count, at)
+    return found.reshape(sizes, order="F").squeeze().astype(kind)
+
+
+def _of_version_4(content: bytes, path: Path) -> Iterator[tuple[str, Any]]:
+    at = 0
+    while at < len(content):
+        part = Part(content, "<", path)
+        if not 0 <= part.numbers("i", at)[0] < 1000:
+            part = part._replace(order=">")
+        said, rows, columns, imaginary, length = part.numbers("5i", at)
+        stored, kind = said // 10 % 10, said % 10
+        if not 0 <= said < 2000 or stored >= len(STORED_4) or kind > 2 or length < 1:
+            raise _damaged(path, "it has a matrix of no known type")
+        begin = at + 20 + length
+        name = content[at + 20 : begin].rstrip(b"\0").decode("latin1")
+        array = _array(part, STORED_4[stored], begin, (rows, columns), len(content))
+        if not kind and not imaginary:
+            yield name, array
+        at = begin + array.nbytes * (2 if imaginary else 1)
+
+
+def _of_version_5(file: Part) -> Iterator[tuple[str, Any]]:
+    meter, at = Meter(file.path, len(file.content)), HEADER
+    while at + 8 <= len(file.content):
+        kind, size = file.numbers("II", at)
+        part = file._replace(content=file.content[at : at + 8 + size])
+        if kind == COMPRESSED:
+            part = part._replace(content=_inflated(part.content[8:], meter, file.path))
+        found = _element(part, 0)
+        if found.kind != MATRIX or found.next < len(part.content):
+            raise _damaged(file.path, "it has a variable that is not one matrix")
+        name, value = _matrix(part, found, 1)
+        if name and value is not None:
+            yield name, value
         at += 8 + size
-    return io.BytesIO(b"".join(parts))
 
 
-def _inflated(packed: bytes, meter: Meter) -> bytes:
+def _inflated(packed: bytes, meter: Meter, path: Path) -> bytes:
     pieces, stream = [], zlib.decompressobj()
     try:
         while packed and not stream.eof:
@@ -58,70 +129,67 @@ def _inflated(packed: bytes, meter: Meter) -> bytes:
             packed = stream.unconsumed_tail
             meter.add(len(pieces[-1]))
     except zlib.error as error:
-        raise _damaged(Path(meter.path)) from error
+        raise _damaged(path, str(error)) from error
     return b"".join(pieces)
 
 
-def _damaged(path: Path) -> DataError:
-    return DataError(f"{path}: is no whole MATLAB file; save or copy it again")
-
-
-def _check(content: bytes, order: str, path: Path) -> None:
-    """Refuse matrices that are deep in one another, or state more than they hold. Raises
-    DataError."""
-    try:
-        left = [(_element(content, 0, order), 1)]
-        while left:
-            matrix, depth = left.pop()
-            check_count(depth, path, "matrices within matrices", "depth")
-            if matrix.kind != MATRIX or matrix.begin == matrix.end:
-                continue
-            if matrix.end > len(content):
-                raise _damaged(path)
-            inner = _inner(content, matrix, order)
-            _check_count(content, matrix, inner, order, path)
-            left += [(each, depth + 1) for each in inner if each.kind == MATRIX]
-    except struct.error as error:
-        raise _damaged(path) from error
-
-
-def _inner(content: bytes, matrix: Element, order: str) -> list[Element]:
-    found, at = [], matrix.begin
-    while at + 8 <= matrix.end:
-        found.append(_element(content, at, order))
-        at = found[-1].next
-    return found
-
-
-def _element(content: bytes, at: int, order: str) -> Element:
-    kind, size = struct.unpack_from(order + "II", content, at)
+def _element(part: Part, at: int) -> Element:
+    kind, size = part.numbers("II", at)
     if kind >> 16:  # a small one has its data within its tag
-        return Element(kind & 0xFFFF, at + 4, at + 4 + min(kind >> 16, 4), at + 8)
+        if kind >> 16 > 4:
+            raise _damaged(part.path, f"a tag holds {kind >> 16} bytes of 4")
+        return Element(kind & 0xFFFF, at + 4, at + 4 + (kind >> 16), at + 8)
     return Element(kind, at + 8, at + 8 + size, at + 8 + size + -size % 8)
 
 
-def _check_count(
-    content: bytes, matrix: Element, inner: list[Element], order: str, path: Path
-) -> None:
-    """Refuse a matrix of more elements than bytes, or of more matrices than tags."""
-    if len(inner) < 2:
-        raise _damaged(path)
-    flags, dimensions = inner[0].begin, inner[1]
-    kind = struct.unpack_from(order + "I", content, flags)[0] & 0xFF
-    sizes = struct.unpack_from(
-        f"{order}{(dimensions.end - dimensions.begin) // 4}i", content, dimensions.begin
-    )
-    fields = 1
-    if kind in (STRUCT, OBJECT) and len(inner) > 4 + (kind == OBJECT):
-        length, names = inner[3 + (kind == OBJECT) : 5 + (kind == OBJECT)]
-        longest = struct.unpack_from(order + "i", content, length.begin)[0]
-        fields = max(1, (names.end - names.begin) // max(1, longest))
-    count = math.prod(sizes) * fields
-    least = 8 if kind in (CELL, STRUCT, OBJECT) else 1
-    if min(sizes, default=0) < 0 or (
-        kind != SPARSE and count > 1 and count * least > matrix.end - matrix.begin
-    ):
-        raise DataError(
-            f"{path}: is no whole MATLAB file (a matrix states {count} elements and has "
-            f"{matrix.end - matrix.begin} bytes); save or copy it again"
-        )
+def _inner(part: Part, matrix: Element) -> Iterator[Element]:
+    at = matrix.begin
+    while at + 8 <= matrix.end:
+        found = _element(part, at)
+        yield found
+        at = found.next
+
+
+def _matrix(part: Part, matrix: Element, depth: int) -> tuple[str, Any]:
+    """(name, value) of a matrix; None of what is neither real numbers nor one struct."""
+    check_count(depth, part.path, "matrices within matrices", "depth")
+    if matrix.end > len(part.content):
+        raise _damaged(part.path, "it ends within a matrix")
+    inner = _inner(part, matrix)
+    head = list(islice(inner, 3))
+    if len(head) < 3:
+        if not head:  # a matrix of nothing
+            return "", None
+        raise _damaged(part.path, "a matrix says no class, shape or name")
+    flags = part.numbers("I", head[0].begin)[0]
+    rank = (head[1].end - head[1].begin) // 4
+    if not 2 <= rank <= RANK:
+        raise _damaged(part.path, f"a matrix of {rank} dimensions")
+    sizes = part.numbers(f"{rank}i", head[1].begin)
+    name = part.content[head[2].begin : head[2].end].decode("latin1")
+    if flags & 0xFF == STRUCT and math.prod(sizes) == 1:
+        return name, _struct(part, inner, depth)
+    if not DOUBLE <= flags & 0xFF <= UINT64 or flags & COMPLEX:
+        return name, None
+    data = next(inner, None)
+    if data is None or data.kind not in STORED:
+        raise _damaged(part.path, "a matrix of numbers has none")
+    return name, _array(part, STORED[data.kind], data.begin, sizes, data.end)
+
+
+def _struct(part: Part, inner: Iterator[Element], depth: int) -> dict[str, Any]:
+    """{field: value} of the elements after the name of a struct."""
+    head = list(islice(inner, 2))
+    length = part.numbers("i", head[0].begin)[0] if len(head) == 2 else 0
+    if length < 1:
+        raise _damaged(part.path, "a struct says no fields")
+    found = {}
+    for at in range(head[1].begin, head[1].end, length):
+        field = next(inner, None)
+        if field is None or field.kind != MATRIX:
+            raise _damaged(part.path, "a struct has fewer fields than names")
+        name = part.content[at : at + length].partition(b"\0")[0].decode("latin1")
+        value = _matrix(part, field, depth + 1)[1]
+        if value is not None:
+            found[name] = value
+    return found

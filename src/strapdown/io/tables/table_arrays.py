@@ -3,7 +3,7 @@ Parquet."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ...checks import DataError
 from ...file_limits import Meter, check_count, regular
 from ...opening import open_file
 from .hdf5_file import open_hdf5
-from .matlab_file import unpacked
+from .matlab_file import variables
 from .table_file import SUFFIXES as TEXT, Table, first_line_of, is_number, reading
 from .table_text import read_table
 
@@ -99,7 +99,7 @@ def _plain(cells: Any) -> Any:
 def _matlab(path: Path) -> dict[str, Table]:
     with open_file(path) as file:
         is_hdf5 = file.read(4) == HDF5 or _is_hdf5_with_header(file)
-    content = _of_version_73(path) if is_hdf5 else _of_version_7(path)
+    content = _of_version_73(path) if is_hdf5 else variables(path)
     found = dict(_tables(path, path.stem, content))
     if not found:
         raise DataError(
@@ -112,20 +112,6 @@ def _matlab(path: Path) -> dict[str, Table]:
 def _is_hdf5_with_header(file: Any) -> bool:
     file.seek(512)  # MATLAB writes a text of its own before
     return bool(file.read(4) == HDF5)
-
-
-def _of_version_7(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(
-            cast(Any, unpacked(path)), simplify_cells=True
-        )  # scipy takes open files too
-    except (DataError, MemoryError):
-        raise
-    except Exception as error:  # scipy raises what its parser stumbles over
-        raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
-    return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
 def _of_version_73(path: Path) -> dict[str, Any]:
@@ -144,7 +130,9 @@ def _of_version_73(path: Path) -> dict[str, Any]:
     try:
         with open_hdf5(path) as file:
             return read(file)
-    except (OSError, RuntimeError, KeyError, UnicodeError) as error:
+    except (DataError, MemoryError):
+        raise
+    except Exception as error:  # h5py raises what it stumbles over, of types ValueError
         raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
 
 
