@@ -184,15 +184,17 @@ def test_intervals_hold_the_truth_at_their_rate():
 
 @pytest.mark.deep
 def test_intervals_of_lasting_errors_hold_the_truth_at_their_rate():
-    """Of 20 drives, size and time: 35 of 40 at least."""
+    """Of 20 drives, 17 at least each of size and time (binomial: fewer in 1.6 % of such tests). The two
+    are not counted together, since they err together: the likelihood knows size squared over time
+    best."""
     lasting = Correlated(SIZES, 15.0)
     gnss = RECEIVER._replace(position_sd=(0.3, 0.3, 0.5), position_correlated=lasting, stated=False)
     inside = []
     for seed in range(101, 121):
         tuning = sd.tune(car(seed, 300.0, gnss))
         size, time = found(tuning, "correlated error horizontal"), found(tuning, "correlation time")
-        inside += [size.low <= SIZES[0] <= size.high, time.low <= 15 <= time.high]
-    assert sum(inside) >= 35
+        inside.append((size.low <= SIZES[0] <= size.high, time.low <= 15 <= time.high))
+    assert min(np.sum(inside, axis=0)) >= 17
 
 
 @pytest.mark.deep

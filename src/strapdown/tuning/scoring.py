@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..typing import Array, Ints
+from ..typing import Array, Ints, Mask
 from .likelihood import Likelihood, Point, Slope, slope
 
 ENOUGH = 0.02
@@ -19,7 +19,7 @@ ROUNDS = 30
 CHI_SQUARE = 3.841
 """95 % of one degree of freedom."""
 COUPLED = 0.1
-"""Correlation in the information from which another unknown follows along a profile."""
+"""Correlation in the information from which unknowns follow each other along a profile."""
 POINTS = 8  # on each side of a profile
 FOLLOWING = 2  # steps of the other unknowns at each of them
 
@@ -121,9 +121,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
     here, at = top.slope, top.point
     k = int(np.flatnonzero(here.free == j)[0])
     F = here.information + FLAT * np.eye(len(here.free))
-    d = np.sqrt(np.diag(F))
-    near = np.abs(F[k] / d[k] / d) > COUPLED
-    near[k] = False
+    near = _coupled(F, k)
     others = here.free[near]
     follow = -np.linalg.solve(F[np.ix_(near, near)], F[near, k]) if near.any() else np.empty(0)
     alone = F[k, k] + follow @ F[near, k]
@@ -147,6 +145,18 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
         grown = np.sqrt(CHI_SQUARE / max(loss, 1e-3))
         stride = float(np.clip(abs(x - at.theta[j]) * (1.1 * grown - 1), 0.5 * stride, 4 * stride))
     return points
+
+
+def _coupled(F: Array, k: int) -> Mask:
+    """(q,) Which unknowns are coupled to the k-th, straight or through others: the sizes of
+    horizontal and vertical errors share their correlation time, and one held would hold it."""
+    d = np.sqrt(np.diag(F))
+    coupled = np.abs(F / d[:, None] / d) > COUPLED
+    near = coupled[k]
+    for _ in range(len(F)):
+        near = coupled[near].any(axis=0)
+    near[k] = False
+    return near
 
 
 def _followed(likelihood: Likelihood, theta: Array, others: Ints) -> Point:

@@ -3,8 +3,9 @@ from a 6-DOF IMU.
 
 Attitude and gyro bias are those of `attitude_mekf` without a heading reference. Beside them a
 Kalman filter of height, vertical velocity and accelerometer bias is driven by the specific force
-turned to n: v_D' = (C (f - b_a))_D + g. The two are decoupled, as in the textbook: the vertical
-channel takes the attitude for known, and its measurements correct no attitude.
+turned to n: v_D' = (C (f - b_a))_D + g. Its measurements correct no attitude, as in the textbook,
+but it reckons with the tilt: while that settles, the body's own acceleration leans into the
+vertical, and a channel that took the attitude for known would learn accelerometer biases of it.
 """
 
 import math
@@ -29,12 +30,25 @@ from ...core.contract import (
 from ...core.earth import gravity
 from ...core.error_state import DX, JACOBIAN, WORK, inject_tail, observed
 from ...core.kalman import decay, of_estimates, update
+from ...core.rotation import turned
 from ...typing import Array
 from . import attitude_mekf
-from .attitude_mekf import TOLD, predict_attitude
+from .attitude_error_state import DOWN, GAIN, KEEP, NORTH, SIX, count_bias
+from .attitude_mekf import (
+    BIAS_VARIANCE,
+    FIRST_RECORD,
+    LAST,
+    SECOND_RECORD,
+    SENSITIVITY,
+    STEP,
+    TOLD,
+    predict_attitude,
+)
 
 VERTICAL = (2, 5, 9, 10, 11)
 """Places of height, vertical velocity and accelerometer bias among the error states."""
+TILT_AND_BIAS = (6, 7, 9, 10, 11)
+"""Places of those by which the vertical acceleration errs."""
 HEIGHT_SD = 10e3
 """m: nothing that a barometer or the sea aids is further from height 0; an unknown place says
 the radius of the Earth."""
@@ -53,6 +67,8 @@ DENSITY = SLOTS.number("DENSITY")  # of waves with 1 m of heave, m^2 s
 INDEPENDENT = SLOTS.number("INDEPENDENT")  # s from which on heights are independent
 SETTLED = SLOTS.number("SETTLED")  # s since the start or the last gap
 DEVIATION = SLOTS.array("DEVIATION", 3)  # of a fix, with what it does not know, m
+ERRS = SLOTS.array("ERRS", 5)  # by TILT_AND_BIAS: the velocity gained in the last step errs by it
+ATTITUDE_P = SLOTS.matrix("ATTITUDE_P", 6, 6)  # kept over a correction
 
 
 def start(
@@ -104,10 +120,11 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """The vertical channel at the attitude where the sample begins, then the attitude; the mean
     level as long as nothing else aids the height."""
     if dt > 0:
+        workspace = belief.workspace
         _fall(belief, u, dt, noise)
         _spread(belief, dt, noise)
         predict_attitude(belief, u, dt, noise)
-        workspace = belief.workspace
+        _follow(belief.P, workspace[LAST])
         workspace[SINCE_LEVEL] += dt
         workspace[SETTLED] = 0.0 if noise.accel > workspace[TOLD] else workspace[SETTLED] + dt
         if workspace[MEASURED] == 0:
@@ -128,15 +145,16 @@ def _waves(workspace: Array, variance: float) -> float:
 @helper
 def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Height and vertical velocity over a sample, by the bias-free velocity increment at
-    mid-interval and gravity."""
-    C, ba, bg = belief.C, belief.ba, belief.bg
+    mid-interval and gravity; keep the row by which acceleration errs."""
+    C, ba, bg, row = belief.C, belief.ba, belief.bg, belief.workspace[ERRS]
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
-    gained = (
-        C[2, 0] * (a0 + r1 * a2 - r2 * a1)
-        + C[2, 1] * (a1 + r2 * a0 - r0 * a2)
-        + C[2, 2] * (a2 + r0 * a1 - r1 * a0)
+    north, east, gained = turned(
+        C, a0 + r1 * a2 - r2 * a1, a1 + r2 * a0 - r0 * a2, a2 + r0 * a1 - r1 * a0
     )
+    row[0], row[1] = east, -north
+    for i in range(3):
+        row[2 + i] = -dt * C[2, i]
     gained += gravity(math.sin(belief.lla[0]), belief.lla[2]) * dt
     belief.lla[2] -= (belief.v[2] + 0.5 * gained) * dt
     belief.v[2] += gained
@@ -147,35 +165,74 @@ def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @helper
 def _spread(belief: Belief, dt: float, noise: Noise) -> None:
-    """P of the vertical channel over dt: p' = v, v' = - c b with c the down row of C, and with
-    the states that aidings brought along."""
-    P, C, half = belief.P, belief.C, 0.5 * dt
-    c0, c1, c2 = dt * C[2, 0], dt * C[2, 1], dt * C[2, 2]
+    """P of the vertical channel over dt: p' = v, v' = the row ERRS of tilt and accelerometer bias;
+    its covariances with the attitude and with the states that aidings brought along."""
+    P, workspace, n = belief.P, belief.workspace, belief.P.shape[0]
+    row, w = workspace[ERRS], workspace[DX]  # of the velocity gained, w = row . x
     keep, q = decay(noise.accel_decay * dt), noise.accel * noise.accel * dt
-    # with u = dt c b: the covariances of u with the others
-    u_p = c0 * P[2, 9] + c1 * P[2, 10] + c2 * P[2, 11]
-    u_v = c0 * P[5, 9] + c1 * P[5, 10] + c2 * P[5, 11]
-    u0 = c0 * P[9, 9] + c1 * P[9, 10] + c2 * P[9, 11]
-    u1 = c0 * P[9, 10] + c1 * P[10, 10] + c2 * P[10, 11]
-    u2 = c0 * P[9, 11] + c1 * P[10, 11] + c2 * P[11, 11]
-    u_u = c0 * u0 + c1 * u1 + c2 * u2
+    sensitivity, biases = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
+    # a tilt by accelerometer biases is as constant as they are, and the channel knows them
+    count_bias(P, sensitivity, biases, -1.0)
+    w_w = 0.0
+    for k in range(n):
+        w[k] = 0.0
+        for i in range(5):
+            w[k] += row[i] * P[TILT_AND_BIAS[i], k]
+    for i in range(5):
+        w_w += row[i] * w[TILT_AND_BIAS[i]]
     pp, pv, vv = P[2, 2], P[2, 5], P[5, 5]
-    P[2, 2] = pp + dt * (2 * pv + dt * vv - u_p - dt * u_v + 0.25 * dt * u_u + dt * q / 3)
-    P[2, 5] = P[5, 2] = pv - u_p + dt * (vv - 1.5 * u_v + 0.5 * u_u + 0.5 * q)
-    P[5, 5] = vv - 2 * u_v + u_u + q
-    for i in range(3):
-        u_b = u0 if i == 0 else (u1 if i == 1 else u2)
-        P[2, 9 + i] = P[9 + i, 2] = keep * (P[2, 9 + i] + dt * P[5, 9 + i] - half * u_b)
-        P[5, 9 + i] = P[9 + i, 5] = keep * (P[5, 9 + i] - u_b)
-        for j in range(3):
-            P[9 + i, 9 + j] *= keep * keep
-        P[9 + i, 9 + i] += noise.accel_bias * noise.accel_bias * dt
-    for k in range(STATES, P.shape[0]):
-        u_k = c0 * P[9, k] + c1 * P[10, k] + c2 * P[11, k]
-        P[2, k] = P[k, 2] = P[2, k] + dt * P[5, k] - half * u_k
-        P[5, k] = P[k, 5] = P[5, k] - u_k
-        for i in range(3):
-            P[9 + i, k] = P[k, 9 + i] = keep * P[9 + i, k]
+    for k in range(n):
+        P[2, k] += dt * P[5, k] + 0.5 * dt * w[k]
+        P[5, k] += w[k]
+    P[2, 2] = pp + dt * (2 * pv + dt * vv + w[2] + dt * w[5] + 0.25 * dt * w_w + dt * q / 3)
+    P[2, 5] = P[5, 2] = pv + w[2] + dt * (vv + 1.5 * w[5] + 0.5 * w_w + 0.5 * q)
+    P[5, 5] = vv + 2 * w[5] + w_w + q
+    for i in range(9, 12):
+        for k in range(n):
+            P[i, k] *= keep * keep if 9 <= k < 12 else keep
+        P[i, i] += noise.accel_bias * noise.accel_bias * dt
+        P[2, i] *= keep
+        P[5, i] *= keep
+    _mirror(P)
+    count_bias(P, sensitivity, biases, 1.0)
+
+
+@helper
+def _mirror(P: Array) -> None:
+    """The columns of the vertical channel as its rows."""
+    for i in range(5):
+        a = VERTICAL[i]
+        for k in range(P.shape[0]):
+            P[k, a] = P[a, k]
+
+
+@helper
+def _follow(P: Array, last: Array) -> None:
+    """Covariances with the six states of the attitude over their step `last`: they were propagated
+    and then levelled, of which the vertical channel took nothing."""
+    step, first, second = last[STEP], last[FIRST_RECORD], last[SECOND_RECORD]
+    w0, w2, keep = step[NORTH], step[DOWN], step[KEEP]
+    for a in range(P.shape[0]):
+        if a in SIX:
+            continue
+        x0, x1, x2 = P[a, 6], P[a, 7], P[a, 8]
+        b0, b1, b2 = P[a, 12], P[a, 13], P[a, 14]
+        P[a, 6] = x0 + w2 * x1 - (step[0] * b0 + step[1] * b1 + step[2] * b2)
+        P[a, 7] = x1 - w2 * x0 + w0 * x2 - (step[3] * b0 + step[4] * b1 + step[5] * b2)
+        P[a, 8] = x2 - w0 * x1 - (step[6] * b0 + step[7] * b1 + step[8] * b2)
+        for i in range(12, 15):
+            P[a, i] *= keep
+        _levelled(P, a, P[a, 6], first[GAIN])
+        _levelled(P, a, P[a, 7], second[GAIN])
+        for i in SIX:
+            P[i, a] = P[a, i]
+
+
+@helper
+def _levelled(P: Array, a: int, seen: float, gain: Array) -> None:
+    """Row a after a levelling that sees the tilt with which its covariance is `seen`."""
+    for i in range(6):
+        P[a, SIX[i]] -= gain[i] * seen
 
 
 @helper
@@ -183,17 +240,22 @@ def _tether(belief: Belief, variance: float) -> None:
     """Correct the vertical channel by the height of the start, measured with that variance
     (m^2): the mean of the heave is zero."""
     P, e = belief.P, belief.lla[2] - belief.workspace[LEVEL]
-    k = (P[2, 2], P[2, 5], P[2, 9], P[2, 10], P[2, 11])
+    h = belief.workspace[DX]
     scale = 1 / (P[2, 2] + variance)
+    for k in range(STATES):
+        h[k] = P[2, k]
     for i in range(5):
-        for j in range(i, 5):
-            P[VERTICAL[i], VERTICAL[j]] -= scale * k[i] * k[j]
-            P[VERTICAL[j], VERTICAL[i]] = P[VERTICAL[i], VERTICAL[j]]
+        a = VERTICAL[i]
+        for k in range(STATES):
+            P[a, k] -= scale * h[a] * h[k]
+    _mirror(P)
     e *= scale
-    belief.lla[2] -= k[0] * e
-    belief.v[2] += k[1] * e
+    belief.lla[2] -= h[2] * e
+    belief.v[2] += h[5] * e
     for i in range(3):
-        belief.ba[i] += k[2 + i] * e
+        belief.ba[i] += h[9 + i] * e
+    for k in range(STATES):
+        h[k] = 0.0
 
 
 @kernel(CORRECT)
@@ -239,15 +301,29 @@ def correct(
         _untie(P, workspace)
     if nis <= gate:
         workspace[DEVIATION][0] = math.sqrt(variance)
+        kept = matrix(workspace, ATTITUDE_P, 6, 6)
+        _copy_attitude(P, kept, False)
         found = update(
             P, H, innovation, workspace[DEVIATION], rows, limit, workspace[WORK], workspace[DX]
         )
+        _copy_attitude(P, kept, True)  # heights correct no attitude
         nis = nis if gated else found
     if nis <= gate:
         if kind == SEA_LEVEL_KIND:
             workspace[SINCE_LEVEL] = 0.0
         _inject_vertical(belief, workspace[DX])
     return nis
+
+
+@helper
+def _copy_attitude(P: Array, kept: Array, back: bool) -> None:
+    """Keep P of the six states of the attitude, or give it back."""
+    for i in range(6):
+        for j in range(6):
+            if back:
+                P[SIX[i], SIX[j]] = kept[i, j]
+            else:
+                kept[i, j] = P[SIX[i], SIX[j]]
 
 
 @helper
