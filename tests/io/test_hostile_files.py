@@ -326,6 +326,14 @@ def test_a_table_of_too_many_columns_is_refused(tmp_path):
     refused(written(tmp_path / "x.csv", b"1," * 40_000), "does not end within 64 KB")
     long = b"# a title\n" + b"1," * 3 * MB
     refused(written(tmp_path / "x.csv", long), "a line of more than|no table|columns", 60 * MB)
+    below = b"# a title\n" + b"1," * 80_000 + b"\n"  # no more than a line may have
+    refused(written(tmp_path / "x.csv", below), "its first row does not end within 64 KB")
+
+
+def test_a_long_name_among_thousands_takes_little_memory(tmp_path):
+    """A square of texts as wide as the longest would be 400 MB."""
+    content = b"a" * 30_000 + b",0" * 3500
+    refused(written(tmp_path / "x.csv", content), "has a header but no rows", 60 * MB)
 
 
 @pytest.mark.parametrize("ending", [".csv", ".csv.gz"])

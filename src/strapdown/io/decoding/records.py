@@ -16,6 +16,8 @@ IN_A_ROW = 4
 """Records that must follow each other for a place to be the beginning of one."""
 MOST_DAMAGES = 1000
 """Places at which a walk finds its way again; what follows the last is left out."""
+MOST_AT_ONCE = 1 << 18
+"""Places that are looked at together: each takes some hundred bytes of arrays."""
 
 
 def side_by_side(data: Bytes, starts: NDArray[np.int64], size: int) -> Bytes:
@@ -41,7 +43,7 @@ def next_record(follow: Follow, begin: int, end: int) -> int:
             last = np.where(inside, follow(np.where(inside, last, begin)), last)
         if (last >= 0).any():
             return int(at[np.argmax(last >= 0)])
-        begin, size = begin + size, size * 2
+        begin, size = begin + size, min(2 * size, MOST_AT_ONCE)
     return end
 
 

@@ -59,11 +59,10 @@ def layout(path: Path) -> Layout:
     if "\0" in text:
         raise DataError(f"{path}: is no table of text, such as comma-separated values")
     lines = text.splitlines()
-    if len(head) == HEAD:
-        if len(lines) == 1:
-            raise DataError(f"{path}: is no table: its first line does not end within 64 KB")
-        del lines[-1]
+    unfinished = lines.pop() if len(head) == HEAD else ""
     used = [(k, line) for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
+    if not used and unfinished and not COMMENT.match(unfinished):
+        raise DataError(f"{path}: is no table: its first row does not end within 64 KB")
     separator, many = _separator([line for _, line in used])
     first = next(
         (i for i, (_, line) in enumerate(used) if _is_row(cells_of(line, separator), many)),

@@ -139,7 +139,9 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
         marks[[row for row, cell in odd if MARK.match(cell)]] = True
         if 2 * len(words) < len(known):
             marks[words] = True
-    suspect = np.flatnonzero(filled & frame.drop(columns=texts).isna().all(axis=1).to_numpy())
+    # `drop` makes a square of the names, all as wide as the longest
+    numbers_there = frame.loc[:, ~frame.columns.isin(texts)]
+    suspect = np.flatnonzero(filled & numbers_there.isna().all(axis=1).to_numpy())
     start, many = 0, 1
     while start < len(texts) and len(suspect):  # the first column alone tells most of them
         square = frame[texts[start : start + many]].iloc[suspect].to_numpy(object)
