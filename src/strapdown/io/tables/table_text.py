@@ -76,10 +76,8 @@ def _of_any_cells(path: Path, found: Layout) -> Table:
     if not found.names:
         frame.columns = pd.Index(range(1, frame.shape[1] + 1))
     _to_numbers(frame)
-    empty = [
-        name for name in frame if str(name).startswith("Unnamed: ") and frame[name].isna().all()
-    ]
-    frame = frame.drop(columns=empty) if empty else frame
+    kept = [not str(name).startswith("Unnamed: ") or frame[name].notna().any() for name in frame]
+    frame = frame if all(kept) else frame.loc[:, kept]
     return Table(str(path), frame, lines, units=found.units, notes=tuple(notes))
 
 
@@ -139,16 +137,18 @@ def _marks(frame: "pd.DataFrame", filled: Mask) -> Mask:
         marks[[row for row, cell in odd if MARK.match(cell)]] = True
         if 2 * len(words) < len(known):
             marks[words] = True
-    # `drop` makes a square of the names, all as wide as the longest
-    numbers_there = frame.loc[:, ~frame.columns.isin(texts)]
+    # by places: pandas makes of a list of names an array in which all are as wide as the longest
+    is_text = frame.columns.isin(texts)
+    places = np.flatnonzero(is_text)
+    numbers_there = frame.loc[:, ~is_text]
     suspect = np.flatnonzero(filled & numbers_there.isna().all(axis=1).to_numpy())
     start, many = 0, 1
     while start < len(texts) and len(suspect):  # the first column alone tells most of them
-        square = frame[texts[start : start + many]].iloc[suspect].to_numpy(object)
+        square = frame.iloc[suspect, places[start : start + many]].to_numpy(object)
         numbers = pd.to_numeric(_with_points(pd.Series(square.ravel())), errors="coerce")
         suspect = suspect[numbers.isna().to_numpy().reshape(square.shape).all(axis=1)]
         start, many = start + many, 2 * many
-    left = frame[texts].iloc[suspect].to_numpy(object)
+    left = frame.iloc[suspect, places].to_numpy(object)
     for row, texts_there, filled_there in zip(suspect, left, pd.notna(left)):
         known_texts = map(str, texts_there[filled_there])
         marks[row] |= not any(STAMP.fullmatch(text.strip()) for text in known_texts)
