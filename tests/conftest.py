@@ -50,6 +50,16 @@ KERNELS = (
 def kernel_library(tmp_path_factory):
     """Folder of a library of KERNELS, one for all processes that test; skipped where none can be
     built."""
+    return _built_once(tmp_path_factory, "kernels", "--only", ",".join(KERNELS))
+
+
+@pytest.fixture(scope="session")
+def whole_library(tmp_path_factory):
+    """Folder of the whole library for all levels of processor, one for all processes that test."""
+    return _built_once(tmp_path_factory, "whole-library", "--levels", "all")
+
+
+def _built_once(tmp_path_factory, name, *words):
     from strapdown.native import build, link
 
     try:
@@ -58,14 +68,13 @@ def kernel_library(tmp_path_factory):
     except DataError as error:
         pytest.skip(str(error))
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "kernels"
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
     with open(f"{folder}.lock", "wb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         if not folder.exists():
             source = str(Path(strapdown.__file__).parents[1])
-            words = ("-m", "strapdown.native.build", str(folder), "--only", ",".join(KERNELS))
             done = subprocess.run(
-                [sys.executable, *words],
+                [sys.executable, "-m", "strapdown.native.build", str(folder), *words],
                 env={**os.environ, "PYTHONPATH": source, "NUMBA_DISABLE_JIT": "0"},
                 capture_output=True,
                 text=True,

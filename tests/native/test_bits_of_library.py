@@ -27,26 +27,17 @@ print(library.opened().level, *(name for name in found if found[name] != kept[na
 LEVELS = library.LEVELS.get(platform.machine(), {}) if sys.platform == "linux" else {}
 
 
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("whole")
-    command = [sys.executable, "-m", "strapdown.native.build", str(folder), "--levels", "all"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return folder
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize("level", LEVELS)
-def test_every_filter_of_the_library_has_its_bits(whole, tmp_path, level):
+def test_every_filter_of_the_library_has_its_bits(whole_library, tmp_path, level):
     if bits.libm() != bits.kept()["libm"]:
         pytest.skip("another mathematical library than that of bits.json")
     if level not in library.levels():
         pytest.skip(f"this processor is not {level}")
-    made = json.loads((whole / library.MANIFEST).read_bytes())
+    made = json.loads((whole_library / library.MANIFEST).read_bytes())
     made["libraries"] = {level: made["libraries"][level]}
     (tmp_path / library.MANIFEST).write_text(json.dumps(made))
-    shutil.copy(whole / made["libraries"][level]["file"], tmp_path)
+    shutil.copy(whole_library / made["libraries"][level]["file"], tmp_path)
     matrices = bits.MATRICES if "x86-64-v3" in library.levels() else {}
     environment = {library.SETTING: str(tmp_path), library.REQUIRED: "1", "NUMBA_DISABLE_JIT": "0"}
     paths = os.pathsep.join(path for path in sys.path if path)

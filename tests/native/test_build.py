@@ -176,10 +176,8 @@ print(*library.told(), sep=chr(10))
 
 
 @pytest.mark.deep
-def test_the_whole_library_is_built_and_used_without_the_compiler(tmp_path):
-    folder = tmp_path / "lib"
-    done = built(folder, "--levels", "all")
-    assert done.returncode == 0, done.stderr
+def test_the_whole_library_is_built_and_used_without_the_compiler(whole_library):
+    folder = whole_library
     made = json.loads((folder / "kernels.json").read_bytes())
     assert set(made["kernels"]) == {kernel.symbol for kernel in build.kernels_of_package()}
     environment = {library.SETTING: str(folder), library.REQUIRED: "1", "NUMBA_DISABLE_JIT": "0"}
