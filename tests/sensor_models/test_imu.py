@@ -584,6 +584,11 @@ def test_new_terms_leave_the_draws_of_the_old_ones_alone():
         ),
         (
             "[accel]",
+            '[accel]\nbias_walk = { value = 1e200, unit = "m/s^2/sqrt(s)" }',
+            r"\[accel\]: bias_walk is 1e\+200; it must be a finite number, 0 or more and at most",
+        ),
+        (
+            "[accel]",
             '[accel]\ng_sensitivity = { value = 1, unit = "deg/h/g" }',
             "unknown key 'g_sensitivity'",
         ),
