@@ -28,7 +28,8 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
-sys.path.insert(0, str(HERE / "support"))
+sys.path[:0] = [str(HERE / "support"), str(ROOT / "benchmarks")]
+import figures  # noqa: E402
 import reach  # noqa: E402
 
 RECORD = HERE / "deep.txt"
@@ -244,6 +245,16 @@ def ago(last: Recorded, files: list[str], within: int, run_now: int) -> int:
     return int(commits > MOST_COMMITS)
 
 
+def bench_ago() -> str:
+    """How long ago the whole bench was run, for the line of `make test`."""
+    commit = figures.commit()
+    if not git("cat-file", "-t", commit):
+        return "bench: the commit of benchmarks/result.json is not in this checkout"
+    commits = git("rev-list", "--count", f"{commit}..HEAD")
+    number = changed_kernels(commit, changed_since(commit))
+    return f"bench: run {commits} commits and {number} changed functions of kernels ago"
+
+
 def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(
@@ -257,7 +268,11 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.child:
         return child(asked.child, asked.files, asked.told)
-    return some(asked.fitting) if asked.changed or asked.fitting else whole()
+    if not (asked.changed or asked.fitting):
+        return whole()
+    status = some(asked.fitting)
+    print(bench_ago())
+    return status
 
 
 if __name__ == "__main__":
