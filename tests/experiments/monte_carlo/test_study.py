@@ -387,7 +387,7 @@ def test_two_processes_do_not_work_in_one_folder(tmp_path):
 
 FULL = """
 import resource, sys
-sys.path.insert(0, {tests!r})
+sys.path[:] = {path!r}
 from test_study import study, sd
 first = study(runs=5)
 first.run()
@@ -402,7 +402,7 @@ except sd.DataError as error:
 @pytest.mark.deep
 @pytest.mark.skipif(not COMPILED, reason="a process without the compiler is too slow")
 def test_a_full_disk_is_one_line_and_leaves_no_half_chunk(tmp_path):
-    code = FULL.format(tests=str(Path(__file__).parent), out=str(tmp_path / "full"))
+    code = FULL.format(path=sys.path, out=str(tmp_path / "full"))
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (
         run.returncode == 0
