@@ -2,6 +2,7 @@
 
     python tests/deep.py             all of them, then all short tests without the compiler: `make deep`
     python tests/deep.py --changed   those that changes since the recorded commit can reach: `make changed`
+    python tests/deep.py --again     those that failed, and records which of them pass now
     python tests/deep.py --fitting   those of them that are soon done, and how long ago all were run;
                                      fails beyond MOST_COMMITS: the end of `make test`
 
@@ -117,14 +118,38 @@ def whole() -> int:
     return status
 
 
+def again() -> int:
+    """Those that failed; in the record, those that pass now are no longer among the failed."""
+    first, *parts = RECORD.read_text(encoding="utf-8").rstrip("\n").split("\n\n")
+    status = 0
+    for k, (marks, off) in enumerate(PARTS[: len(parts)]):
+        failed = re.findall(r"^FAILED (.*)$", parts[k], re.MULTILINE)
+        if not failed:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            told = Path(folder) / "told.json"
+            status |= run(marks, off, failed, told)
+            still = json.loads(told.read_text())["failed"]
+        for each in set(failed) - set(still):
+            now = f"failed, mended, passes at {here()}: {each}"
+            parts[k] = parts[k].replace(f"FAILED {each}", now)
+    RECORD.write_text("\n\n".join([first, *parts]) + "\n", encoding="utf-8")
+    return status
+
+
+def here() -> str:
+    """The commit, and whether something is not committed."""
+    changed = ", with changes that are not committed" * bool(git("status", "--porcelain", "-uno"))
+    return f"commit {git('rev-parse', 'HEAD')}{changed}"
+
+
 def heading() -> list[str]:
     """Commit, date, versions and machine."""
     import numba
     import numpy
 
-    changed = ", with changes that are not committed" * bool(git("status", "--porcelain", "-uno"))
     return [
-        f"make deep, {date.today().isoformat()}, commit {git('rev-parse', 'HEAD')}{changed}",
+        f"make deep, {date.today().isoformat()}, {here()}",
         f"Python {platform.python_version()}, numba {numba.__version__}, numpy {numpy.__version__}, "
         f"{os.cpu_count()} cores, {platform.machine()}",
     ]
@@ -261,6 +286,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--changed", action="store_true")
+    parser.add_argument("--again", action="store_true")
     parser.add_argument("--fitting", action="store_true")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     parser.add_argument("--told", type=Path, help=argparse.SUPPRESS)
@@ -268,6 +294,8 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.child:
         return child(asked.child, asked.files, asked.told)
+    if asked.again:
+        return again()
     if not (asked.changed or asked.fitting):
         return whole()
     status = some(asked.fitting)
