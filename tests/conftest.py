@@ -3,6 +3,7 @@ with one line that says so where it is missing."""
 
 import fcntl
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,8 +19,11 @@ from strapdown.cli import app
 from strapdown.io.locate import data_folder as find_data_folder
 
 NO_DATA = "recorded data not found (STRAPDOWN_DATA)"
-LEAST_ROOM = 2**26
-"""Bytes in the temporary folder without which hundreds of tests fail."""
+LEAST_ROOM = 2**28
+"""Bytes that the temporary folder must take for tests to be run there."""
+ELSEWHERE = Path(__file__).resolve().parents[1] / "build" / "tmp"
+"""Where they are run otherwise."""
+NO_ROOM = pytest.StashKey[str]()
 
 
 @pytest.fixture(scope="session")
@@ -118,17 +122,20 @@ def good(command):
     return run
 
 
-def pytest_sessionstart(session):
-    """End with one line where no test could have a folder of its own."""
+def pytest_configure(config):
+    """Where the temporary folder has no room, take one in the checkout, also for processes of tests."""
+    if config.option.basetemp or hasattr(config, "workerinput"):
+        return
     try:
-        place = session.config.option.basetemp
-        with tempfile.TemporaryFile(dir=place and Path(place).resolve().parent) as file:
-            file.write(bytes(LEAST_ROOM))
-    except OSError as error:
-        raise pytest.UsageError(
-            f"the temporary folder does not take {LEAST_ROOM // 2**20} MiB "
-            f"({error.strerror or error}); make room there, or name another one (TMPDIR)"
-        ) from None
+        is_full = shutil.disk_usage(tempfile.gettempdir()).free < LEAST_ROOM
+    except OSError:
+        is_full = True
+    if is_full:
+        config.stash[NO_ROOM] = (
+            f"temporary folder without {LEAST_ROOM // 2**20} MiB: used {ELSEWHERE}"
+        )
+        ELSEWHERE.mkdir(parents=True, exist_ok=True)
+        os.environ["TMPDIR"], tempfile.tempdir = str(ELSEWHERE), None
 
 
 def pytest_terminal_summary(terminalreporter):
@@ -137,3 +144,5 @@ def pytest_terminal_summary(terminalreporter):
     for wanted in (NO_DATA, NO_CHROMIUM):
         if skipped := sum(wanted in reason for reason in reasons):
             terminalreporter.write_line(f"{skipped} tests skipped: {wanted}")
+    if no_room := terminalreporter.config.stash.get(NO_ROOM, ""):
+        terminalreporter.write_line(no_room)

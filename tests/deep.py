@@ -2,6 +2,7 @@
 
     python tests/deep.py             all of them, then all short tests without the compiler: `make deep`
     python tests/deep.py --changed   those that changes since the recorded commit can reach: `make changed`
+    python tests/deep.py --again     those that failed, and records which of them pass now
     python tests/deep.py --fitting   those of them that are soon done, and how long ago all were run;
                                      fails beyond MOST_COMMITS: the end of `make test`
 
@@ -28,7 +29,8 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
-sys.path.insert(0, str(HERE / "support"))
+sys.path[:0] = [str(HERE / "support"), str(ROOT / "benchmarks")]
+import figures  # noqa: E402
 import reach  # noqa: E402
 
 RECORD = HERE / "deep.txt"
@@ -116,14 +118,38 @@ def whole() -> int:
     return status
 
 
+def again() -> int:
+    """Those that failed; in the record, those that pass now are no longer among the failed."""
+    first, *parts = RECORD.read_text(encoding="utf-8").rstrip("\n").split("\n\n")
+    status = 0
+    for k, (marks, off) in enumerate(PARTS[: len(parts)]):
+        failed = re.findall(r"^FAILED (.*)$", parts[k], re.MULTILINE)
+        if not failed:
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            told = Path(folder) / "told.json"
+            status |= run(marks, off, failed, told)
+            still = json.loads(told.read_text())["failed"]
+        for each in set(failed) - set(still):
+            now = f"failed, mended, passes at {here()}: {each}"
+            parts[k] = parts[k].replace(f"FAILED {each}", now)
+    RECORD.write_text("\n\n".join([first, *parts]) + "\n", encoding="utf-8")
+    return status
+
+
+def here() -> str:
+    """The commit, and whether something is not committed."""
+    changed = ", with changes that are not committed" * bool(git("status", "--porcelain", "-uno"))
+    return f"commit {git('rev-parse', 'HEAD')}{changed}"
+
+
 def heading() -> list[str]:
     """Commit, date, versions and machine."""
     import numba
     import numpy
 
-    changed = ", with changes that are not committed" * bool(git("status", "--porcelain", "-uno"))
     return [
-        f"make deep, {date.today().isoformat()}, commit {git('rev-parse', 'HEAD')}{changed}",
+        f"make deep, {date.today().isoformat()}, {here()}",
         f"Python {platform.python_version()}, numba {numba.__version__}, numpy {numpy.__version__}, "
         f"{os.cpu_count()} cores, {platform.machine()}",
     ]
@@ -244,12 +270,23 @@ def ago(last: Recorded, files: list[str], within: int, run_now: int) -> int:
     return int(commits > MOST_COMMITS)
 
 
+def bench_ago() -> str:
+    """How long ago the whole bench was run, for the line of `make test`."""
+    commit = figures.commit()
+    if not git("cat-file", "-t", commit):
+        return "bench: the commit of benchmarks/result.json is not in this checkout"
+    commits = git("rev-list", "--count", f"{commit}..HEAD")
+    number = changed_kernels(commit, changed_since(commit))
+    return f"bench: run {commits} commits and {number} changed functions of kernels ago"
+
+
 def main() -> int:
     """The command."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--changed", action="store_true")
+    parser.add_argument("--again", action="store_true")
     parser.add_argument("--fitting", action="store_true")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     parser.add_argument("--told", type=Path, help=argparse.SUPPRESS)
@@ -257,7 +294,13 @@ def main() -> int:
     asked = parser.parse_args()
     if asked.child:
         return child(asked.child, asked.files, asked.told)
-    return some(asked.fitting) if asked.changed or asked.fitting else whole()
+    if asked.again:
+        return again()
+    if not (asked.changed or asked.fitting):
+        return whole()
+    status = some(asked.fitting)
+    print(bench_ago())
+    return status
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The record of the deep tests, and which of them a change can reach."""
 
+import json
 import re
 
 import deep
@@ -30,6 +31,23 @@ def test_what_is_recorded_is_read_again(record):
     assert last.seconds == pytest.approx(
         {"tests/test_b.py": 40.25, "tests/io/test_a.py": 3.0}, abs=0.06
     )
+
+
+def test_what_failed_is_run_again_and_counts_no_longer_where_it_passes(record, monkeypatch):
+    """In the first part it passes, in the second it still fails."""
+
+    def run(marks, off, files, told):
+        assert files == TOLD["failed"]
+        told.write_text(json.dumps({"failed": files if off else []}))
+        return int(off)
+
+    monkeypatch.setattr(deep, "run", run)
+    monkeypatch.setattr(deep, "git", lambda *words: COMMIT if "rev-parse" in words else "")
+    before = deep.recorded()
+    assert deep.again() == 1
+    assert deep.recorded() == before._replace(failed=1)
+    (line,) = [each for each in deep.RECORD.read_text().splitlines() if "mended" in each]
+    assert line == f"failed, mended, passes at commit {COMMIT}: {TOLD['failed'][0]}"
 
 
 def test_the_shortest_that_fit_are_chosen(record):

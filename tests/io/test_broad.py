@@ -203,6 +203,7 @@ def test_samples_without_values_are_dropped_and_counted(tmp_path):
         ),
         ({"fs": np.array([1.0, 2.0])}, "fs must be one sampling rate"),
         ({"fs": np.array(-3.0)}, "fs must be one sampling rate"),
+        ({"fs": np.zeros((3, 0))}, r"it is an array of shape \(3, 0\)"),
         ({"fs": np.array(np.nan)}, "fs must be"),
         ({"acc": np.array([["a"] * 3] * N)}, "are numbers"),
         ({"acc": arrays()["acc"] / 9.81}, "unit g"),

@@ -5,6 +5,7 @@ import bz2
 import gzip
 import io
 import lzma
+import re
 import zipfile
 
 import mutations
@@ -128,7 +129,8 @@ def test_fixes_of_damaged_nmea_are_sentences_that_another_parser_finds(tmp_path)
         theirs = set()
         for line in content.replace(b"\r", b"\n").replace(b"$", b"\n$").split(b"\n"):
             try:
-                message = NMEAReader.parse(line + b"\r\n")
+                # what follows the checksum is of no sentence; that parser refuses it
+                message = NMEAReader.parse(re.sub(rb"(\*..).*", rb"\1", line) + b"\r\n")
             except Exception:  # of many kinds
                 continue
             if (

@@ -330,6 +330,16 @@ def test_a_table_of_too_many_columns_is_refused(tmp_path):
     refused(written(tmp_path / "x.csv", below), "its first row does not end within 64 KB")
 
 
+def test_separators_of_records_and_next_lines_of_unicode_end_no_line(tmp_path):
+    """Neither for those who look at the first lines, nor for those who read all."""
+    for mark in ("\x1c", "\x1e", "\x85", "\u2028", "\v"):
+        content = f"t,gyro{mark},accel\n" + "1,2,3\n" * 5
+        table = read_table(written(tmp_path / "x.csv", content.encode()))
+        assert len(table.lines) == 5 and list(table.names)[0] == "t", repr(mark)
+    said = told(read, written(tmp_path / "x.csv", b"t,lat\x1e$,0.5"))
+    assert str(tmp_path / "x.csv") in said
+
+
 def test_a_long_name_among_thousands_takes_little_memory(tmp_path):
     """A square of texts as wide as the longest would be 400 MB."""
     content = b"a" * 30_000 + b",0" * 3500

@@ -185,7 +185,7 @@ ABOUT = {
             ),
             (
                 "The short answer",
-                "strapdown advise --imu consumer --flight car --duration 10min --quick",
+                "strapdown advise --imu consumer --flight car --duration 10min --quick --out short",
             ),
         ),
     ),

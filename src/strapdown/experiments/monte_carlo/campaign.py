@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import shutil
 import tempfile
 import weakref
@@ -275,29 +274,17 @@ class Campaign:
         stays in the chunk files until it is used."""
         self.read(cell, ("t",))  # are the files whole, and of this study?
         try:
-            import xarray
-
-            return xarray.open_mfdataset(
-                self._files(cell),
-                combine="nested",
-                concat_dim="run",
-                data_vars="minimal",
-                coords="minimal",
-                compat="override",
-                engine="h5netcdf",
-                # as `read` opens them: HDF5 refuses one file opened both with locks and without
-                driver_kwds={"locking": False},
-                drop_variables=("squares", "variances", "nees_sum", "alive"),
-            )
-        except Exception as error:  # xarray raises what it stumbles over
-            if isinstance(error, ImportError | ValueError) and re.search("xarray|dask", str(error)):
-                raise DataError(
-                    "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
-                ) from None
+            from .labelled import labelled
+        except ImportError:
             raise DataError(
-                f"{self.folder}: the chunk files of {cell} cannot be opened as labelled arrays "
-                f"({type(error).__name__}); compute the study again"
-            ) from error
+                "labelled arrays need xarray and dask: pip install 'strapdown[study]'"
+            ) from None
+
+        def load(path: Path, names: Collection[str]) -> Arrays:
+            return read(path, names, self.manifest, self._identity(path), {}, True)
+
+        filters = self.manifest["filters"]
+        return labelled(self._files(cell), load, filters, self.parameters(cell))
 
     @cached_property
     def summary(self) -> pd.DataFrame:

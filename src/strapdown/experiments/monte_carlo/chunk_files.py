@@ -68,11 +68,10 @@ ABOUT = {
 }
 
 
-def fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> None:
-    """Write a chunk into an h5netcdf file, each array with a checksum of its own, for those who read
-    it in parts."""
-    import h5py
-
+def labels_of(
+    filters: Sequence[str], runs: Sequence[int] | Any, t: Any, parameters: Sequence[str] | Any
+) -> dict[str, Any]:
+    """{dimension: what stands along it}."""
     labels: dict[str, Any] = {
         "filter": list(filters),
         "run": np.array(runs),
@@ -80,10 +79,17 @@ def fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> None
         "group": list(ERROR_GROUPS),
         "sigma": np.array([1, 2, 3]),
         "bias_axis": list(ERROR_STATE_NAMES[9:]),
-        "t": arrays["t"],
+        "t": t,
     }
-    if "parameter" in arrays:
-        labels["parameter"] = arrays["parameter"].tolist()
+    return labels | ({LABELS: list(map(str, parameters))} if len(parameters) else {})
+
+
+def fill(file: Any, arrays: Arrays, filters: Sequence[str], runs: range) -> None:
+    """Write a chunk into an h5netcdf file, each array with a checksum of its own, for those who read
+    it in parts."""
+    import h5py
+
+    labels = labels_of(filters, runs, arrays["t"], arrays.get(LABELS, ()))
     file.dimensions = {name: len(values) for name, values in labels.items()}
     dimensions = {name: (name,) for name in labels} | {
         name: tuple(column.axes.split()) for name, column in COLUMNS.items()

@@ -105,8 +105,10 @@ def parse(path: File) -> tuple[float, dict[str, np.ndarray[Any, Any]]]:
         ) from None
     fs = found.pop("fs")
     if fs.size != 1 or not 0 < fs.item() < np.inf:
+        # an array of shape (2**31, 0) is no text either
+        found_there = repr(fs.item()) if fs.size == 1 else f"an array of shape {fs.shape}"
         raise DataError(
-            f"{path}: fs must be one sampling rate in Hz, above 0; it is {fs.tolist()!r:.60}"
+            f"{path}: fs must be one sampling rate in Hz, above 0; it is {found_there:.60}"
         )
     n = len(found["gyr"]) if found["gyr"].ndim else 0
     for name, columns in ARRAY_COLUMNS.items():

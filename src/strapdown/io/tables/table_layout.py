@@ -2,6 +2,7 @@
 lines."""
 
 import csv
+import io
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -58,7 +59,7 @@ def layout(path: Path) -> Layout:
     text = head.decode(encoding, "replace")
     if "\0" in text:
         raise DataError(f"{path}: is no table of text, such as comma-separated values")
-    lines = text.splitlines()
+    lines = [line.rstrip("\n") for line in io.StringIO(text, newline=None)]  # as files end lines
     unfinished = lines.pop() if len(head) == HEAD else ""
     used = [(k, line) for k, line in enumerate(lines) if line.strip() and not COMMENT.match(line)]
     if not used and unfinished and not COMMENT.match(unfinished):

@@ -1,0 +1,71 @@
+"""The stored rows of a cell as labelled arrays that stay in the chunk files until they are used.
+
+They are read as every other part of a chunk is: what damaged dimension scales tell is not given to a
+library that ends the process over them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import dask.array
+import numpy as np
+import xarray
+from dask.delayed import delayed
+
+from .chunk_files import ABOUT, COLUMNS, RUNS, labels_of
+from .chunks import Arrays
+
+SUMS = ("t", "squares", "variances", "nees_sum", "alive")
+"""Epochs and sums over the runs of one chunk: no rows."""
+
+
+def labelled(
+    files: Sequence[Path],
+    load: Callable[[Path, Sequence[str]], Arrays],
+    filters: Sequence[str],
+    parameters: Sequence[str],
+) -> xarray.Dataset:
+    """Dataset of what is stored of each run (and of the bound) over all `files`, which follow each
+    other. `load` gives those of the named arrays that a file has."""
+    first = load(files[0], [*COLUMNS])
+    spans = [[int(number) for number in _runs(path)] for path in files]
+    runs = np.concatenate([np.arange(*span) for span in spans])
+    found = {
+        name: (
+            COLUMNS[name].axes.split(),
+            values,
+            {"long_name": ABOUT[name]} if name in ABOUT else {},
+        )
+        for name, values in first.items()
+        if name not in SUMS
+    }
+    for name, (axes, values, about) in found.items():
+        if "run" in axes:
+            found[name] = axes, _joined(files, load, name, values), about
+    labels = labels_of(filters, runs, first["t"], parameters)
+    return xarray.Dataset(found, {name: (name, list(values)) for name, values in labels.items()})
+
+
+def _runs(path: Path) -> tuple[str, str]:
+    found = RUNS.fullmatch(path.name)
+    assert found is not None  # `load` looked at it
+    return found[1], found[2]
+
+
+def _joined(files: Sequence[Path], load: Any, name: str, first: Any) -> Any:
+    """The array of that name of all files along its runs, each file a block; `first` is of the first
+    file."""
+    axis, blocks = COLUMNS[name].axes.split().index("run"), []
+    for path in files:
+        begin, stop = map(int, _runs(path))
+        shape = (*first.shape[:axis], stop - begin, *first.shape[axis + 1 :])
+        block = delayed(_one)(load, path, name)
+        blocks.append(dask.array.from_delayed(block, shape, first.dtype))
+    return dask.array.concatenate(blocks, axis)
+
+
+def _one(load: Any, path: Path, name: str) -> Any:
+    return load(path, [name])[name]
