@@ -472,5 +472,7 @@ def test_no_fixes_at_all():
 def test_compiling_tells_which_filter_it_is_for(monkeypatch):
     said = []
     monkeypatch.setattr(Kernel, "at_hand", False)
+    # without the compiler nothing is kept, and nothing is said either
+    monkeypatch.setattr(Kernel, "why_not_kept", "")
     preparation.prepare("mahony", ["magnetic-field"], said.append)
     assert said == ["compiling mahony for the first time on this machine, up to a minute ..."]
