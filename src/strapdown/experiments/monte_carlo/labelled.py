@@ -18,9 +18,6 @@ from dask.delayed import delayed
 from .chunk_files import ABOUT, COLUMNS, RUNS, labels_of
 from .chunks import Arrays
 
-SUMS = ("t", "squares", "variances", "nees_sum", "alive")
-"""Epochs and sums over the runs of one chunk: no rows."""
-
 
 def labelled(
     files: Sequence[Path],
@@ -31,8 +28,7 @@ def labelled(
     """Dataset of what is stored of each run (and of the bound) over all `files`, which follow each
     other. `load` gives those of the named arrays that a file has."""
     first = load(files[0], [*COLUMNS])
-    spans = [[int(number) for number in _runs(path)] for path in files]
-    runs = np.concatenate([np.arange(*span) for span in spans])
+    runs = np.concatenate([np.arange(*_runs(path)) for path in files])
     found = {
         name: (
             COLUMNS[name].axes.split(),
@@ -40,7 +36,7 @@ def labelled(
             {"long_name": ABOUT[name]} if name in ABOUT else {},
         )
         for name, values in first.items()
-        if name not in SUMS
+        if "run" in COLUMNS[name].axes.split() or name == "bound"  # others: sums over one chunk
     }
     for name, (axes, values, about) in found.items():
         if "run" in axes:
@@ -49,10 +45,11 @@ def labelled(
     return xarray.Dataset(found, {name: (name, list(values)) for name, values in labels.items()})
 
 
-def _runs(path: Path) -> tuple[str, str]:
+def _runs(path: Path) -> tuple[int, int]:
+    """The first run of a chunk file, and that after its last."""
     found = RUNS.fullmatch(path.name)
     assert found is not None  # `load` looked at it
-    return found[1], found[2]
+    return int(found[1]), int(found[2])
 
 
 def _joined(files: Sequence[Path], load: Any, name: str, first: Any) -> Any:
@@ -60,7 +57,7 @@ def _joined(files: Sequence[Path], load: Any, name: str, first: Any) -> Any:
     file."""
     axis, blocks = COLUMNS[name].axes.split().index("run"), []
     for path in files:
-        begin, stop = map(int, _runs(path))
+        begin, stop = _runs(path)
         shape = (*first.shape[:axis], stop - begin, *first.shape[axis + 1 :])
         block = delayed(_one)(load, path, name)
         blocks.append(dask.array.from_delayed(block, shape, first.dtype))
