@@ -63,8 +63,8 @@ class _Copies:
                 if error.filename == str(path):  # the pipe itself is refused
                     raise
                 raise DataError(
-                    f"{path}: the temporary folder has no room for a copy of the pipe "
-                    f"({error.strerror or error}); make room there, or name another one (TMPDIR)"
+                    f"{path}: the temporary folder takes no copy of the pipe "
+                    f"({error.strerror or error}); make room there, or name another folder (TMPDIR)"
                 ) from error
         return self.paths[key]
 
