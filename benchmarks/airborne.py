@@ -50,7 +50,7 @@ def aircraft(times):
     import numba
 
     import strapdown as sd
-    from strapdown.core.jit import compile_kernel
+    from strapdown.core.compile.jit import compile_kernel
     from strapdown.flight.aircraft.dynamics import step
 
     compile_kernel(step)

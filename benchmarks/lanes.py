@@ -11,10 +11,10 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.aiding import find
-from strapdown.core import loop
-from strapdown.core.c_calls import aligned
-from strapdown.core.jit import kernel
-from strapdown.core.signatures import LANES, WHOLE, in_lanes, reals, signature
+from strapdown.core.compile.c_calls import aligned
+from strapdown.core.compile.jit import kernel
+from strapdown.core.compile.signatures import LANES, WHOLE, in_lanes, reals, signature
+from strapdown.core.loop import loop
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.engine.side_by_side import SideBySide

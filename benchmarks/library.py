@@ -25,7 +25,8 @@ import subject
 import workload
 
 from strapdown import aiding, filters
-from strapdown.core import library, loop
+from strapdown.core.compile import library
+from strapdown.core.loop import loop
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 WHEEL = [
@@ -155,7 +156,7 @@ class Kernels:
     """What a run of a filter calls, by the library of a folder and by the compiler."""
 
     def __init__(self, name, kinds, folder):
-        from strapdown.core import compiler
+        from strapdown.core.compile import compiler
 
         filter = filters.find(name)
         observers = (aiding.find(kind).observe for kind in kinds)

@@ -49,8 +49,8 @@ def accuracy(name=FILTER):
 def times(name=FILTER, turns=TURNS, **more):
     """(us per sample of both ways of the smoother, of the filter's loop, ratio): medians of runs
     in turns; arrays and kernels are there before."""
-    from strapdown.core import loop
-    from strapdown.core.contract import compile_kernel
+    from strapdown.core.loop import loop
+    from strapdown.core.loop.contract import compile_kernel
     from strapdown.engine import batch
     from strapdown.engine.prepare import Asked
     from strapdown.engine.smoothing import both_ways, run_back

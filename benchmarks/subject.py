@@ -25,7 +25,7 @@ sd = [1.0, 1.0, 1.0]
 
 def noise(p):
     """strapdown's Noise of the workload's parameters: random-walk biases."""
-    from strapdown.core.contract import Noise
+    from strapdown.core.loop.contract import Noise
 
     return Noise(
         p["gyro_noise"], p["accel_noise"], p["gyro_bias_walk"], p["accel_bias_walk"], 0.0, 0.0
@@ -34,7 +34,7 @@ def noise(p):
 
 def start(workload):
     """strapdown's Start of the workload: its perturbed state and standard deviations."""
-    from strapdown.core.contract import Start
+    from strapdown.core.loop.contract import Start
 
     lla, v, rph = workload.start
     return Start(

@@ -9,7 +9,7 @@ from multiprocessing import get_context
 
 import strapdown
 import strapdown_reproductions
-from strapdown.core import jit, kernel_cache
+from strapdown.core.compile import jit, kernel_cache
 from strapdown.native import ir
 
 SLOW = ("xkf", "two_stage", "ins_sigma_points", "pkf", "six_state", "ekf")

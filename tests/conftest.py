@@ -44,7 +44,7 @@ def registered_for_this_file_alone():
 
 
 KERNELS = (
-    *("strapdown.core.loop.run", "strapdown.aiding.position.observe"),
+    *("strapdown.core.loop.loop.run", "strapdown.aiding.position.observe"),
     *("strapdown.aiding.velocity.observe", "strapdown.filters.ins.closed_loop.predict"),
     "strapdown.filters.ins.closed_loop.correct",
 )

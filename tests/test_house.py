@@ -103,7 +103,7 @@ PAGES = [
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_files_that_a_page_names_exist(page):
-    """Paths from a room on, such as `core/loop.py`; an example of a file to come says so."""
+    """Paths from a room on, such as `core/loop/loop.py`; an example of a file to come says so."""
     text = page.read_text(encoding="utf-8")
     named = re.findall(r"(?<![\w/.])((?:[a-z_]+/)+[a-z_0-9]+\.(?:py|toml|txt))\b", text)
     places = (ROOT, PACKAGE, ROOT / "tests", page.parent, REPRODUCTIONS.parent)

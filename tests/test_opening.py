@@ -72,14 +72,14 @@ ALLOWED = {
     "sensor_models/geoid.py": {"files().joinpath().read_bytes"},
     "time_scales.py": {"files().joinpath().read_text"},
     "reports/shell.py": {"resources.files().joinpath().read_text"},
-    "core/kernel_cache.py": {
+    "core/compile/kernel_cache.py": {
         "ast.parse",
         "file.read_bytes",
         "pickle.loads",
         "self.path.read_bytes",
     },
     # what this package built, known by its digest, and asks of the system
-    "core/library.py": {"open", "json.loads", "manifest.read_bytes", "file.read_bytes"},
+    "core/compile/library.py": {"open", "json.loads", "manifest.read_bytes", "file.read_bytes"},
     "native/ir.py": {"json.loads", "file.read_text"},
     "native/build.py": {"?.read_bytes"},
     "native/link.py": {"library.read_bytes"},

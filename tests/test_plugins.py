@@ -12,7 +12,7 @@ import pytest
 from strapdown.checks import DataError
 
 SENSOR = """
-from strapdown.core.contract import OBSERVE, Measurement, kernel
+from strapdown.core.loop.contract import OBSERVE, Measurement, kernel
 
 
 @kernel(OBSERVE)

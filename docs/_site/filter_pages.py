@@ -15,7 +15,7 @@ from doc_pages import DOCS, ROOT
 from docstrings import meanings
 
 from strapdown import filters
-from strapdown.core.contract import BIAS, Filter
+from strapdown.core.loop.contract import BIAS, Filter
 from strapdown_reproductions.common import markdown
 
 FOLDER = DOCS / "reference" / "filters"

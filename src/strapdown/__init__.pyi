@@ -6,7 +6,7 @@ from .calibration.fitting import Calibration as Calibration, calibrate as calibr
 from .calibration.installation.calibrate import calibrate_installation as calibrate_installation
 from .calibration.installation.findings import Installation as Installation
 from .checks import DataError as DataError
-from .core.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
+from .core.loop.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
 from .data import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory
 from .diagnosis.diagnose import diagnose as diagnose
 from .diagnosis.estimated import (

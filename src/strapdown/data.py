@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from . import geodesy
 from .checks import DataError as DataError
-from .core.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
-from .core.rotation import quaternion_to_euler
+from .core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
+from .core.mathematics.rotation import quaternion_to_euler
 from .time_scales import ends, utc, within
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict

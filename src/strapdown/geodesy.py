@@ -1,12 +1,12 @@
 """Geodesy of arrays at the edge (numpy): displacements in metres NED between geodetic positions.
-The kernels have their own in core/earth."""
+The kernels have their own in core/mathematics/earth."""
 
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.earth import (
+from .core.mathematics.earth import (
     E2,
     FAR_HEIGHT,
     GRAVITY_EQUATOR,
@@ -96,7 +96,7 @@ def gravity_ned(lat: ArrayLike, h: ArrayLike = 0.0) -> Array:
     (m), as the INS filters here compute it.
 
     Down is `gravity`. North is -1.63e-8 h sin L cos L: above the ellipsoid gravity leans towards
-    the equator, by 8.3e-6 rad at 45 deg and 10 km (`core.earth.gravity_north`).
+    the equator, by 8.3e-6 rad at 45 deg and 10 km (`core.mathematics.earth.gravity_north`).
     """
     lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
     north = np.where(

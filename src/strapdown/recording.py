@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .aiding import find
 from .checks import DataError, brief
-from .core.contract import Imu
+from .core.loop.contract import Imu
 from .data import Aiding, Trajectory
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays

@@ -1,5 +1,5 @@
 """Arithmetic of many rotations at once: as scipy Rotation, or as arrays where scipy would take
-longer, to load or to multiply. The kernels have their own in core/rotation."""
+longer, to load or to multiply. The kernels have their own in core/mathematics/rotation."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .core.rotation_vectors import exponentials
+from .core.mathematics.rotation_vectors import exponentials
 from .typing import Array, Ints
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.contract import NUMBERED, PARAMETERS, Belief, compile_kernel
+from strapdown.core.loop.contract import NUMBERED, PARAMETERS, Belief, compile_kernel
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180

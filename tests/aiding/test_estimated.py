@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.contract import (
+from strapdown.core.loop.contract import (
     ARM_STATE,
     CLOCK_STATE,
     DELAY,
@@ -21,7 +21,7 @@ from strapdown.core.contract import (
     Belief,
     compile_kernel,
 )
-from strapdown.core.recent_motion import keep, look_back
+from strapdown.core.loop.recent_motion import keep, look_back
 from strapdown.data import Aiding
 from strapdown.engine.limits import limits
 from strapdown.engine.prepare import new_cursor

@@ -5,7 +5,7 @@ import pytest
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import NUMBERED
+from strapdown.core.loop.contract import NUMBERED
 
 pytestmark = pytest.mark.short
 

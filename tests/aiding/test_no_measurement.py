@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from strapdown import aiding
 from strapdown.aiding.course import LEAST_SPEED, SURELY
 from strapdown.aiding.pressure import pressure_altitude
-from strapdown.core.contract import PARAMETERS, Belief, compile_kernel
+from strapdown.core.loop.contract import PARAMETERS, Belief, compile_kernel
 
 pytestmark = pytest.mark.short
 

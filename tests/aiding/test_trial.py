@@ -7,7 +7,7 @@ import pytest
 from strapdown import aiding, plugins
 from strapdown.aiding.trial import tried
 from strapdown.checks import DataError
-from strapdown.core.contract import OBSERVE, Measurement, compile_kernel, kernel
+from strapdown.core.loop.contract import OBSERVE, Measurement, compile_kernel, kernel
 
 
 @pytest.mark.short

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.alignment.initial import UNKNOWN_SD, level
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.geodesy import displacement
 from strapdown.recording import Recording

@@ -12,7 +12,7 @@ from strapdown.alignment.course import COURSE_SD
 from strapdown.alignment.initial import EARTH_RADIUS, align
 from strapdown.alignment.initial_heading import GYROCOMPASS_SD, MAGNETIC_SD, UNKNOWN_SD, mean_force
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.preprocessing.stationary import motionless
 from strapdown.recording import Recording

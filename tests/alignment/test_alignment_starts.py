@@ -11,8 +11,8 @@ import strapdown as sd
 from strapdown.alignment.course import COURSE_SD
 from strapdown.alignment.initial import UNKNOWN_SD, align, body_to_navigation
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
-from strapdown.core.earth import RATE
+from strapdown.core.loop.contract import Imu
+from strapdown.core.mathematics.earth import RATE
 from strapdown.data import Aiding
 from strapdown.geodesy import displacement
 from strapdown.recording import Recording

@@ -7,7 +7,7 @@ import pytest
 from recordings import at_rest, flight, start
 
 import strapdown as sd
-from strapdown.core.contract import Start
+from strapdown.core.loop.contract import Start
 
 pytestmark = pytest.mark.short
 

@@ -11,7 +11,7 @@ from strapdown.alignment.course import (
     courses,
     heading_of,
 )
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.geodesy import displaced
 

@@ -8,7 +8,7 @@ import pytest
 import strapdown as sd
 from strapdown.alignment.initial import align
 from strapdown.alignment.rest import gyro_bias, rests
-from strapdown.core.earth import RATE
+from strapdown.core.mathematics.earth import RATE
 from strapdown.data import Aiding
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad

@@ -10,7 +10,7 @@ from strapdown.allan.deviation import CONFIDENCE, allan, cluster_sizes, first_ga
 from strapdown.allan.fit import COEFFICIENTS, edf, fit
 from strapdown.allan.suggested_grade import expected, suggest
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec, grade
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance

@@ -12,7 +12,7 @@ from pages import own
 import strapdown as sd
 from strapdown.allan.page import analyse, figure, longest
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.recording import Recording
 from strapdown.reports.shell import Page
 from strapdown.sensor_models.imu import grade

@@ -13,8 +13,8 @@ import strapdown as sd
 from strapdown.calibration.ellipsoid import ellipsoid, inflation
 from strapdown.calibration.gyro_aided import turning, windows
 from strapdown.calibration.methods import coverage, hard_and_soft_iron, lacking, rests
-from strapdown.core.contract import Imu
-from strapdown.core.earth import gravity
+from strapdown.core.loop.contract import Imu
+from strapdown.core.mathematics.earth import gravity
 from strapdown.data import Aiding
 from strapdown.recording import Recording
 

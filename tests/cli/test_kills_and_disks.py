@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.cli import app
-from strapdown.core.contract import Imu
-from strapdown.core.jit import COMPILED
+from strapdown.core.compile.jit import COMPILED
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.file_locks import PART
 from strapdown.recording import Recording

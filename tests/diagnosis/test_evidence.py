@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strapdown.core.contract import DOUBTFUL as CONTRADICTED, Imu
+from strapdown.core.loop.contract import DOUBTFUL as CONTRADICTED, Imu
 from strapdown.data import Aiding, Innovations, Solution, Trajectory
 from strapdown.diagnosis import evidence
 from strapdown.evaluation.fix_statistics import MEDIANS

@@ -11,7 +11,7 @@ from scripted_filter import SCRIPTED, scripted
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.jit import Kernel
+from strapdown.core.compile.jit import Kernel
 from strapdown.data import BRIDGED, INVALID, Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.sensor_models.imu import grades

@@ -8,8 +8,8 @@ import pytest
 from recordings import start
 
 import strapdown as sd
-from strapdown.core import loop
-from strapdown.core.contract import Start
+from strapdown.core.loop import loop
+from strapdown.core.loop.contract import Start
 from strapdown.sensor_models.simulated import Simulated
 
 pytestmark = pytest.mark.short

@@ -1,6 +1,6 @@
 """Sources of height that contradict each other: the rest of the state does not suffer, what is left
 out is said, and right sources stay in use. Seeds are others than those by which the thresholds of
-core/heights.py were chosen (3, 7, 11 and 100 to 111)."""
+core/loop/heights.py were chosen (3, 7, 11 and 100 to 111)."""
 
 from dataclasses import replace
 from functools import cache

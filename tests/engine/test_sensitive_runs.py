@@ -12,7 +12,8 @@ from recordings import flight, without_samples
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core import cursor as places, loop
+from strapdown.core.loop import cursor as places, loop
+from strapdown.core.mathematics import solution_row
 from strapdown.diagnosis.installation import ARM, CLOCK, Model, applied, constants
 from strapdown.engine import sensitivity
 from strapdown.engine.prepare import Asked, Run
@@ -152,7 +153,9 @@ def test_the_run_is_that_of_fuse(troubled):
     """Recording changes nothing in what the filter does."""
     run, _, _ = sensitive(troubled)
     fused = sd.fuse(troubled)
-    np.testing.assert_array_equal(run.out.nav[:, loop.LLA : loop.V], fused.trajectory.lla)
+    np.testing.assert_array_equal(
+        run.out.nav[:, solution_row.LLA : solution_row.V], fused.trajectory.lla
+    )
 
 
 @pytest.mark.short

@@ -7,12 +7,13 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core import lane_loop, loop
-from strapdown.core.c_calls import aligned
-from strapdown.core.contract import kernel
-from strapdown.core.jit import COMPILED
-from strapdown.core.lane_loop import KEEP, KEEP_LANES
-from strapdown.core.signatures import LANES
+from strapdown.core.compile.c_calls import aligned
+from strapdown.core.compile.jit import COMPILED
+from strapdown.core.compile.signatures import LANES
+from strapdown.core.loop import lane_loop, loop
+from strapdown.core.loop.contract import kernel
+from strapdown.core.loop.lane_loop import KEEP, KEEP_LANES
+from strapdown.core.mathematics import solution_row
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.engine.side_by_side import SideBySide, why_alone
@@ -93,8 +94,8 @@ class Both:
         nav, P = run.out.nav, run.out.covariance
         C = np.empty((len(nav), 3, 3))
         return np.c_[
-            nav[:, loop.LLA : loop.Q],
-            nav[:, loop.BIASES : loop.SD],
+            nav[:, solution_row.LLA : solution_row.Q],
+            nav[:, solution_row.BIASES : solution_row.SD],
             C.reshape(-1, 9),
             np.einsum("kii->ki", P[:, :15, :15]),
         ]

@@ -12,8 +12,9 @@ from smoothed_ins import State, least_squares, log_of, rauch_tung_striebel
 
 import strapdown as sd
 from strapdown.aiding.pressure import BAROMETER_BIAS
-from strapdown.core import cursor, loop
-from strapdown.core.contract import Imu, Noise
+from strapdown.core.loop import cursor
+from strapdown.core.loop.contract import Imu, Noise
+from strapdown.core.mathematics import solution_row
 from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine import prepare as preparation, smoothing
 from strapdown.engine.batch import begin
@@ -552,18 +553,18 @@ def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
     run = begin(recording, "closed-loop", Asked({}, every=20, **given))
     run.complete()
     nav = run.out.nav
-    nav[:, loop.ROW_STATUS] = status
-    nav[:, loop.SD : loop.SD + 9], smoothed = 1.0, nav.copy()
-    smoothed[:, loop.SD : loop.SD + 9] = 0.6  # sd of the difference: 0.8
-    smoothed[30:32, loop.V + 2] += [4.1, -4.5]
-    smoothed[50, loop.V + 2] += 3.9
-    smoothed[45, loop.SD + 2] = 0.99  # nothing to compare
-    smoothed[45, loop.LLA + 2] += 100.0
+    nav[:, solution_row.ROW_STATUS] = status
+    nav[:, solution_row.SD : solution_row.SD + 9], smoothed = 1.0, nav.copy()
+    smoothed[:, solution_row.SD : solution_row.SD + 9] = 0.6  # sd of the difference: 0.8
+    smoothed[30:32, solution_row.V + 2] += [4.1, -4.5]
+    smoothed[50, solution_row.V + 2] += 3.9
+    smoothed[45, solution_row.SD + 2] = 0.99  # nothing to compare
+    smoothed[45, solution_row.LLA + 2] += 100.0
     differences = Differences()
     for rows in (slice(40, 60), slice(0, 40)):
         differences.add(nav[rows], smoothed[rows])
     differences.tell(run)
-    marked = nav[:, loop.ROW_STATUS] != status
+    marked = nav[:, solution_row.ROW_STATUS] != status
     if status == INVALID:  # what is said already
         assert not marked.any() and not run.events.rows
         return
@@ -574,12 +575,17 @@ def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
 
 
 def test_an_attitude_that_is_apart_counts():
-    filtered, smoothed = np.zeros((2, 3, loop.ROW_STATUS))
-    filtered[:, loop.SD : loop.SD + 9], smoothed[:, loop.SD : loop.SD + 9] = 0.01, 0.006
+    filtered, smoothed = np.zeros((2, 3, solution_row.ROW_STATUS))
+    (
+        filtered[:, solution_row.SD : solution_row.SD + 9],
+        smoothed[:, solution_row.SD : solution_row.SD + 9],
+    ) = 0.01, 0.006
     turn = Rotation.from_rotvec([[0.0, 0.0, 0.02], [0.0, -0.045, 0.0], [0.0, 0.0, 0.0]])
     first = Rotation.from_euler("zyx", [2.0, 0.4, -0.3])
-    filtered[:, loop.Q : loop.BIASES] = np.roll(first.as_quat(), 1)
-    smoothed[:, loop.Q : loop.BIASES] = -np.roll((turn * first).as_quat(), 1, axis=1)
+    filtered[:, solution_row.Q : solution_row.BIASES] = np.roll(first.as_quat(), 1)
+    smoothed[:, solution_row.Q : solution_row.BIASES] = -np.roll(
+        (turn * first).as_quat(), 1, axis=1
+    )
     differences = Differences()
     differences.add(filtered, smoothed)
     np.testing.assert_allclose(differences._ratio[0], [2.5, 5.625, 0.0], rtol=1e-3)
@@ -588,11 +594,14 @@ def test_an_attitude_that_is_apart_counts():
 def test_filter_and_smoother_differ_as_their_standard_deviations_allow():
     differences = Differences()
     rng = np.random.default_rng(5)
-    filtered, smoothed = np.zeros((2, 4000, loop.ROW_STATUS))
-    filtered[:, loop.SD : loop.SD + 6], smoothed[:, loop.SD : loop.SD + 6] = 1.0, 0.6
+    filtered, smoothed = np.zeros((2, 4000, solution_row.ROW_STATUS))
+    (
+        filtered[:, solution_row.SD : solution_row.SD + 6],
+        smoothed[:, solution_row.SD : solution_row.SD + 6],
+    ) = 1.0, 0.6
     # var(filter) - var(smoother) = 0.64
-    filtered[:, loop.V : loop.Q] = rng.normal(0, 0.8, (4000, 3))
-    smoothed[:, loop.LLA + 2] = rng.normal(0, 1.6, 4000)
+    filtered[:, solution_row.V : solution_row.Q] = rng.normal(0, 0.8, (4000, 3))
+    smoothed[:, solution_row.LLA + 2] = rng.normal(0, 1.6, 4000)
     differences.add(filtered, smoothed)
     found = differences.ratios()
     # mean of 12 000 squares: sd 0.013; of the position only the height differs, twice too much

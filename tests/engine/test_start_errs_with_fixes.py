@@ -4,7 +4,7 @@ import numpy as np
 from installed import flown
 
 import strapdown as sd
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 from strapdown.diagnosis.installation import ARM, CLOCK, applied, constants
 from strapdown.engine.batch import begin
 from strapdown.engine.installation import with_estimates

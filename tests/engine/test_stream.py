@@ -20,7 +20,7 @@ from recordings import (
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.loop import SAME_TIME
+from strapdown.core.loop.loop import SAME_TIME
 from strapdown.data import BRIDGED, INVALID, VALID
 from strapdown.engine import stream as live
 from strapdown.engine.prepare import positioned

@@ -11,7 +11,7 @@ from test_heading_hypotheses import carried
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core import jit
+from strapdown.core.compile import jit
 from strapdown.engine.stream import Stream
 from strapdown.sensor_models.gnss import Gnss
 

@@ -9,7 +9,7 @@ from test_stream import events_of, play, stream_of
 import strapdown as sd
 from strapdown.alignment.completed import left_open
 from strapdown.checks import DataError
-from strapdown.core.contract import Start
+from strapdown.core.loop.contract import Start
 from strapdown.data import INVALID
 from strapdown.engine.stream import Fix, Stream
 

@@ -9,8 +9,8 @@ from scipy.linalg import expm
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise, Start
-from strapdown.core.error_dynamics import dynamics
+from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.data import Aiding
 from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.geodesy import displaced

@@ -10,7 +10,7 @@ from recordings import ahrs, flight, same, start
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import BIAS_MODELS, Noise, compile_kernel
+from strapdown.core.loop.contract import BIAS_MODELS, Noise, compile_kernel
 from strapdown.engine.stream import Fix, Sample
 from strapdown.filters.attitude import vru
 

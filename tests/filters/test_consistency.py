@@ -14,7 +14,7 @@ from recordings import ahrs
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad

@@ -5,7 +5,7 @@ import pytest
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 
 pytestmark = pytest.mark.short
 

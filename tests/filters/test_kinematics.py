@@ -4,10 +4,10 @@ against two mechanizations and against hand-made products."""
 import numpy as np
 import pytest
 
-from strapdown.core.contract import Noise, Start, compile_kernel
-from strapdown.core.earth import radii
-from strapdown.core.error_state import X
-from strapdown.core.mechanization import mechanize
+from strapdown.core.loop.contract import Noise, Start, compile_kernel
+from strapdown.core.mathematics.earth import radii
+from strapdown.core.mathematics.error_state import X
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.filters import find
 from strapdown.filters.ins import open_loop
 from strapdown.geodesy import displacement

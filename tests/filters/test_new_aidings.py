@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.contract import STATES, Imu
+from strapdown.core.loop.contract import STATES, Imu
 from strapdown.data import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream

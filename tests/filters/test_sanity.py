@@ -14,7 +14,7 @@ import pytest
 from test_consistency import COARSE, MEMS, flight, flown  # noqa: F401
 
 from strapdown import filters
-from strapdown.core.contract import ATT, BA, BG, POS, VEL
+from strapdown.core.loop.contract import ATT, BA, BG, POS, VEL
 
 SEEDS, SETTLED = 10, 120  # flights; s
 GROUPS = POS, VEL, ATT, BA, BG

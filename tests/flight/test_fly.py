@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise
+from strapdown.core.loop.contract import Noise
 from strapdown.filters import find
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.fly import LOG, fly

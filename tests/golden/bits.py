@@ -22,8 +22,8 @@ import numpy as np
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core import library
-from strapdown.core.contract import Noise, Start
+from strapdown.core.compile import library
+from strapdown.core.loop.contract import Noise, Start
 
 FILE = Path(__file__).with_name("bits.json")
 SAMPLES, DT = 600, 1 / 64

@@ -11,7 +11,7 @@ import pytest
 import zstandard
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.io import read
 from strapdown.io.inspection import inspect

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.io.description.imu_grade import CLASSES, nearest_grade
 from strapdown.io.description.rewriting import rewritten
 from strapdown.io.description.rewriting_noise import GRADE, NoiseEdit, change_noise

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Measurement
+from strapdown.core.loop.contract import Measurement
 from strapdown.io import read
 from strapdown.io.locate import data_folder, locate
 

@@ -11,14 +11,14 @@ import sys
 import pytest
 from golden import bits
 
-from strapdown.core import library
+from strapdown.core.compile import library
 
 RUN = """
 import sys
 sys.modules["numba"] = None  # importing it raises
 from golden import bits
 from strapdown import filters
-from strapdown.core import library
+from strapdown.core.compile import library
 kept = bits.kept()
 other = bits.BY_LAPACK if bits.lapack() != kept["lapack"] else ()
 found = {name: bits.digest(name) for name in filters.names() if name not in other}

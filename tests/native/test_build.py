@@ -14,8 +14,9 @@ import pytest
 import strapdown
 from strapdown.aiding import position
 from strapdown.checks import DataError
-from strapdown.core import c_calls, elementary, jit, kernel_cache, library, signatures
-from strapdown.core.contract import PARAMETERS, Start
+from strapdown.core.compile import c_calls, jit, kernel_cache, library, signatures
+from strapdown.core.loop.contract import PARAMETERS, Start
+from strapdown.core.mathematics import elementary
 from strapdown.native import build, link
 
 SOURCE = Path(strapdown.__file__).parents[1]
@@ -65,11 +66,11 @@ def test_the_manifest_says_what_the_library_is(small):
     assert {
         "aiding/position.py",
         "aiding/estimated.py",
-        "core/earth.py",
-        "core/compiler.py",
-        "core/signatures.py",
+        "core/mathematics/earth.py",
+        "core/compile/compiler.py",
+        "core/compile/signatures.py",
     } <= of_position
-    assert not of_position & {"aiding/zero_velocity.py", "core/loop.py"}
+    assert not of_position & {"aiding/zero_velocity.py", "core/loop/loop.py"}
     assert set(os.listdir(folder)) == {
         "kernels.json",
         *(each["file"] for each in made["libraries"].values()),
@@ -155,9 +156,9 @@ def test_every_kernel_of_the_package_is_known_and_every_level_has_a_target():
     stems = [kernel.stem for kernel in build.kernels_of_package()]
     assert len(stems) == len(set(stems)) > 60
     assert {
-        "strapdown.core.loop.run",
-        "strapdown.core.loop.run_recorded",
-        "strapdown.core.smoother.run_back",
+        "strapdown.core.loop.loop.run",
+        "strapdown.core.loop.loop.run_recorded",
+        "strapdown.core.mathematics.smoother.run_back",
         "strapdown.evaluation.nees.normalised_rows",
         "strapdown.flight.flight_loop.fly",
         "strapdown.filters.ins.closed_loop.predict",
@@ -168,7 +169,7 @@ def test_every_kernel_of_the_package_is_known_and_every_level_has_a_target():
 
 USED = """
 import strapdown as sd, sys
-from strapdown.core import library
+from strapdown.core.compile import library
 solution = sd.fuse(sd.simulate("car", duration=60.0), filter="closed-loop")
 assert "numba" not in sys.modules
 print(*library.told(), sep=chr(10))

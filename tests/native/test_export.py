@@ -8,8 +8,9 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core import contract, cursor, loop
-from strapdown.core.signatures import Numbers
+from strapdown.core.compile.signatures import Numbers
+from strapdown.core.loop import contract, cursor, loop
+from strapdown.core.mathematics import solution_row
 from strapdown.native.export.chosen import chosen
 from strapdown.native.export.exported import find_target
 from strapdown.native.export.glue import glue
@@ -126,7 +127,7 @@ def test_the_header_shows_every_field_with_its_words():
         ("STATES", 16),
         ("SOURCES", 3),
         ("SOURCE_PRESSURE", 1),
-        ("ROW_SD", loop.SD),
+        ("ROW_SD", solution_row.SD),
         ("DOUBTFUL", contract.DOUBTFUL),
         ("FIX_NIS", loop.F_NIS),
         ("AT_FAULT", cursor.FAULT),

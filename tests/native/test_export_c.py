@@ -8,8 +8,8 @@ import pytest
 from exports import STRICT, InC, build_example, rough_flight, run
 
 import strapdown as sd
-from strapdown.core.contract import DOUBTFUL, INVALID
-from strapdown.core.loop import ACCEPTED, NOT_ASKED, REACQUIRED, REJECTED_FIX
+from strapdown.core.loop.contract import DOUBTFUL, INVALID
+from strapdown.core.loop.loop import ACCEPTED, NOT_ASKED, REACQUIRED, REJECTED_FIX
 from strapdown.native.export.chosen import chosen
 from strapdown.native.export.exported import export, find_target
 from strapdown.native.export.layout import layout, sizes_of

@@ -8,7 +8,7 @@ import zipfile
 
 import pytest
 
-from strapdown.core import library
+from strapdown.core.compile import library
 from strapdown.native import wheel
 
 NEEDS = "glibc 2.17 or newer, of which it asks for libm.so.6"

@@ -14,7 +14,7 @@ from synthetic import flight, solution
 
 from strapdown import report
 from strapdown.checks import DataError
-from strapdown.core.contract import BRIDGED, INVALID, VALID
+from strapdown.core.loop.contract import BRIDGED, INVALID, VALID
 from strapdown.evaluation import metrics
 from strapdown.reports.drawing import WITHHELD
 

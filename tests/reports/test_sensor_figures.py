@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import welch
 from synthetic import solution
 
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 from strapdown.reports import drawing, sensor_figures

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from strapdown.checks import DataError
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 from strapdown.data import Solution, Trajectory
 from strapdown.evaluation.metrics import Errors
 from strapdown.sim.scenario import scenario

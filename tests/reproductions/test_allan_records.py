@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.recording import Recording
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.imu import ImuSpec

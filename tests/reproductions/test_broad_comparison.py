@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Trajectory
 from strapdown.recording import Recording
 from strapdown_reproductions.broad import figures, main, peers

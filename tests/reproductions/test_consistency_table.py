@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 from strapdown.evaluation.consistency import band, state_errors
 from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.sensor_models.imu import grade

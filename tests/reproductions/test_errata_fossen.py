@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.alignment.static_attitude import level, static_attitude
-from strapdown.core.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
-from strapdown.core.rotation import matrix_to_quaternion, rotate_left
+from strapdown.core.loop.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
+from strapdown.core.mathematics.rotation import matrix_to_quaternion, rotate_left
 from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 

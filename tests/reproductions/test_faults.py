@@ -10,7 +10,7 @@ import pytest
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
+from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from strapdown.data import Trajectory
 from strapdown.geodesy import displaced, displacement
 from strapdown_reproductions.faults import cells as of_cells, jumps, main, summary

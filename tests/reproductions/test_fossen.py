@@ -9,7 +9,7 @@ import pytest
 from ins_equations import derivatives
 
 from strapdown.checks import DataError
-from strapdown.core.contract import BA, BG, Noise
+from strapdown.core.loop.contract import BA, BG, Noise
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.recording import Recording

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Noise, Start, compile_kernel
 from strapdown_reproductions.fossen import euler_filters
 from strapdown_reproductions.fossen.euler_filters import DIRECT, INDIRECT, SLOTS
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise
+from strapdown.core.loop.contract import Noise
 from strapdown.data import Aiding
 from strapdown.sim.trajectory import DEG, Motion, increments, sample
 from strapdown_reproductions.fossen import cases, signals

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.earth import gravity
+from strapdown.core.mathematics.earth import gravity
 from strapdown.engine import stream as live
 from strapdown.vehicle import Vehicle
 from strapdown_reproductions.mollaei.six_state import filters

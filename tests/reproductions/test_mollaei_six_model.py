@@ -9,7 +9,7 @@ from flown import acceleration, flown
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.contract import Noise
+from strapdown.core.loop.contract import Noise
 from strapdown.engine import batch
 from strapdown.engine.prepare import Asked
 from strapdown.evaluation.metrics import errors

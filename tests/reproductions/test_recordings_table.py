@@ -12,8 +12,8 @@ from recordings import flight, position
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
-from strapdown.core.earth import RATE
+from strapdown.core.loop.contract import Imu
+from strapdown.core.mathematics.earth import RATE
 from strapdown.data import Aiding
 from strapdown.recording import Recording
 from strapdown_reproductions.common import markdown, write_docs

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from strapdown.aiding import names
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.geodesy import displacement
 from strapdown.io.locate import data_folder

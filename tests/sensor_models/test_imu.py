@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import WarmUp
 from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import Triad, WarmUp
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sensor_models.imu_errors import RATES, simulate_errors

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import PARAMETERS, Start
+from strapdown.core.loop.contract import PARAMETERS, Start
 from strapdown.data import Trajectory
 from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording

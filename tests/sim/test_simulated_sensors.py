@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import PARAMETERS
+from strapdown.core.loop.contract import PARAMETERS
 from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording
 from strapdown.sensor_models.barometer import Barometer

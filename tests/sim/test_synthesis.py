@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.contract import ATT, BA, BG, POS, VEL
+from strapdown.core.loop.contract import ATT, BA, BG, POS, VEL
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.streams import Stream

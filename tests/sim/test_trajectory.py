@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.mechanization import mechanize
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.sim.trajectory import (
     DEG,
     EARTH_RATE,

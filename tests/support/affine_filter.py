@@ -7,10 +7,15 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.contract import Noise
-from strapdown.core.error_dynamics import BLOCKS, cross_matrix, dynamics, kinematic_blocks
-from strapdown.core.kalman import propagate_error
-from strapdown.core.mechanization import mechanize
+from strapdown.core.loop.contract import Noise
+from strapdown.core.mathematics.error_dynamics import (
+    BLOCKS,
+    cross_matrix,
+    dynamics,
+    kinematic_blocks,
+)
+from strapdown.core.mathematics.kalman import propagate_error
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.geodesy import radii
 
 NOISE = Noise(

@@ -5,9 +5,9 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.contract import Noise
-from strapdown.core.error_dynamics import dynamics
-from strapdown.core.mechanization import mechanize
+from strapdown.core.loop.contract import Noise
+from strapdown.core.mathematics.error_dynamics import dynamics
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.geodesy import displaced
 
 NOISE = Noise(

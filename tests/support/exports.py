@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import strapdown as sd
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.sim.trajectory import demo_flight
 
 STRICT = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic")

@@ -4,7 +4,7 @@ sums by a Markov chain (Brook and Evans 1972). `python tests/support/false_alarm
 import numpy as np
 from scipy import stats
 
-from strapdown.core.integrity import (
+from strapdown.core.loop.integrity import (
     MEAN_ALARM,
     MEAN_ALLOWED,
     MOST_NIS,

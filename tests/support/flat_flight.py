@@ -6,8 +6,8 @@ import pyins.earth
 from scipy.spatial.transform import Rotation
 
 from strapdown import Start, Trajectory
-from strapdown.core.contract import Imu, Noise
-from strapdown.core.earth import gravity
+from strapdown.core.loop.contract import Imu, Noise
+from strapdown.core.mathematics.earth import gravity
 from strapdown.data import Aiding
 from strapdown.recording import Recording
 

@@ -7,7 +7,7 @@ import numpy as np
 from flat_flight import ORIGIN, flat, geodetic
 
 from strapdown import Start
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, step
 from strapdown.flight.aircraft.parameters import aircraft

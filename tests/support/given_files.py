@@ -13,7 +13,7 @@ from described import TOML, described
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.sim.motions import hand_held

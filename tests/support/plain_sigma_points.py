@@ -6,7 +6,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from strapdown.core import jit
+from strapdown.core.compile import jit
 from strapdown.filters.sigma_point import sigma_points
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.contract import Imu, Start
-from strapdown.core.jit import COMPILED
+from strapdown.core.compile.jit import COMPILED
+from strapdown.core.loop.contract import Imu, Start
 from strapdown.data import Aiding
 from strapdown.engine.stream import Fix, Sample
 from strapdown.recording import Recording

@@ -3,7 +3,7 @@ loop's rules meet any series of them."""
 
 import numpy as np
 
-from strapdown.core.contract import CORRECT, PREDICT, Filter, kernel
+from strapdown.core.loop.contract import CORRECT, PREDICT, Filter, kernel
 from strapdown.data import Aiding
 
 GATE = 16.0

@@ -8,8 +8,8 @@ plain numpy for each equation of docs/explanation/two-stage.md.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.earth import RATE, gravity
-from strapdown.core.mechanization import mechanize
+from strapdown.core.mathematics.earth import RATE, gravity
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.filters.attitude.attitude_error_state import carry
 from strapdown.geodesy import displaced, displacement
 

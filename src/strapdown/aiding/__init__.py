@@ -8,7 +8,7 @@ from threading import Lock
 
 from .. import plugins, quantities
 from ..checks import DataError, check_choice, check_number, located
-from ..core.contract import NUMBERED, OBSERVE, Measurement, Observe, compile_kernel
+from ..core.loop.contract import NUMBERED, OBSERVE, Measurement, Observe, compile_kernel
 from .trial import tried
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")

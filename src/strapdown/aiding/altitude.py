@@ -1,7 +1,7 @@
 """Ellipsoidal height of a point of the body: y = m."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
-from ..core.rotation import turned
+from ..core.loop.contract import OBSERVE, Belief, Measurement, helper, kernel
+from ..core.mathematics.rotation import turned
 from ..typing import Array
 
 

@@ -8,8 +8,8 @@ pitch and heading of a body that is not steep, and no pitch is singular.
 
 import math
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.rotation import euler_terms, measured_heading, rotation_between
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.mathematics.rotation import euler_terms, measured_heading, rotation_between
 from ..typing import Array
 
 

@@ -4,7 +4,7 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.contract import OBSERVE, Belief, Measurement, helper, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, helper, kernel
 from ..typing import Array
 from . import estimated
 

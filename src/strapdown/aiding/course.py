@@ -8,10 +8,10 @@ standard deviations.
 
 import math
 
-from ..core.choosing import all_of, where
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.elementary import arctangent2
-from ..core.rotation import turned, wrap
+from ..core.compile.choosing import all_of, where
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.mathematics.elementary import arctangent2
+from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
 
 LEAST_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations

@@ -2,14 +2,14 @@
 velocities of a vehicle and its heading see then, with the columns of H of all states.
 
 The clock's state says that the fix held AGE s before the belief, and later by the difference of the
-state to CLOCK_AT; see core/recent_motion.py. What the arm and the clock do to the columns of the
+state to CLOCK_AT; see core/loop/recent_motion.py. What the arm and the clock do to the columns of the
 attitude and of the biases is in them; what a gyro bias turns in AGE, 1e-3 m/s with one of 1e-3 rad/s,
 is left out.
 """
 
 import math
 
-from ..core.contract import (
+from ..core.loop.contract import (
     AGE,
     ARM_STATE,
     BIAS_AT,
@@ -30,7 +30,7 @@ from ..core.contract import (
     helper,
     matrix,
 )
-from ..core.rotation import turned
+from ..core.mathematics.rotation import turned
 from ..typing import Array
 
 Three = tuple[float, float, float]

@@ -6,9 +6,9 @@ the estimated C and f, m/s^2 in n: three rows, the third for the bias alone. An 
 body goes into the attitude as its angle against g; its standard deviation is what `sd` must say.
 """
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.earth import gravity, gravity_north, place
-from ..core.rotation import turned
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.mathematics.earth import gravity, gravity_north, place
+from ..core.mathematics.rotation import turned
 from ..typing import Array
 
 

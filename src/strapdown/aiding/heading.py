@@ -1,9 +1,9 @@
 """Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at
 every heading (the published compass row is not)."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.elementary import arctangent2
-from ..core.rotation import wrap
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.mathematics.elementary import arctangent2
+from ..core.mathematics.rotation import wrap
 from ..typing import Array
 from . import estimated
 

@@ -6,7 +6,7 @@ right: where only its direction in the horizontal plane is to be trusted, the at
 that.
 """
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 
 

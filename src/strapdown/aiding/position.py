@@ -1,9 +1,9 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.earth import radii
-from ..core.elementary import cosine
-from ..core.rotation import turned, wrap
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.mathematics.earth import radii
+from ..core.mathematics.elementary import cosine
+from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
 from . import estimated
 

@@ -8,7 +8,7 @@ metres, and drift. So each source brings a bias along, in m: what the barometer 
 import math
 from typing import Any
 
-from ..core.contract import FIRST, OBSERVE, STATES, Belief, Measurement, helper, kernel
+from ..core.loop.contract import FIRST, OBSERVE, STATES, Belief, Measurement, helper, kernel
 from ..typing import Array
 from .altitude import height
 

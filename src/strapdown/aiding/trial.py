@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import FIRST, PARAMETERS, STATES, Belief, Measurement, Observe
+from ..core.loop.contract import FIRST, PARAMETERS, STATES, Belief, Measurement, Observe
 from ..typing import Array
 
 TYPICAL = {

@@ -1,7 +1,7 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
 lever-arm term (7e-5 rad/s) is left out."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 from . import estimated
 

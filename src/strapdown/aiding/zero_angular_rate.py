@@ -1,9 +1,9 @@
 """Zero angular rate over ground while the vehicle is at rest: what the gyro reads then is its bias
 and the Earth's rate. y = its mean reading over the step before, rad/s, body."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
-from ..core.earth import RATE
-from ..core.elementary import cosine, sine
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.mathematics.earth import RATE
+from ..core.mathematics.elementary import cosine, sine
 from ..typing import Array
 
 

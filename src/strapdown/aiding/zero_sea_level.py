@@ -5,7 +5,7 @@ y is the height of mean sea level above the ellipsoid, m: the undulation of the 
 are ellipsoidal, 0 where heave is all that is wanted.
 """
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 from .altitude import height
 

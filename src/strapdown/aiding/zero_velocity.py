@@ -1,7 +1,7 @@
 """Zero velocity over ground while the vehicle is at rest;
 `strapdown.preprocessing.stationary.at_rest` finds when."""
 
-from ..core.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
 from ..typing import Array
 
 

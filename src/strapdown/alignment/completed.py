@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.contract import ATT, POS, VEL, Start
+from ..core.loop.contract import ATT, POS, VEL, Start
 from ..recording import Recording
 from .fixes import source
 from .initial import align

@@ -13,9 +13,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..checks import DataError, brief
-from ..core.contract import Imu, Start
-from ..core.earth import GRAVITY_EQUATOR, gravity
-from ..core.rotation import matrix_to_euler
+from ..core.loop.contract import Imu, Start
+from ..core.mathematics.earth import GRAVITY_EQUATOR, gravity
+from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding
 from ..geodesy import displaced, displacement
 from ..preprocessing.lever_arm import swung

@@ -6,8 +6,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..core.contract import Imu, Noise
-from ..core.earth import GRAVITY_EQUATOR, RATE
+from ..core.loop.contract import Imu, Noise
+from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
 from ..data import Aiding
 from ..geodesy import wrap
 from ..preprocessing.stationary import motionless

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import Imu
-from ..core.earth import RATE
+from ..core.loop.contract import Imu
+from ..core.mathematics.earth import RATE
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.unbroken import unbroken
 from ..recording import Recording

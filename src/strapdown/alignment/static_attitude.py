@@ -11,8 +11,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..core.earth import GRAVITY_EQUATOR, RATE
-from ..core.rotation import euler_terms
+from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
+from ..core.mathematics.rotation import euler_terms
 from ..typing import Array, ArrayLike
 
 PARALLEL = 1e-6

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array, Ints
 from ..units import SHEET, in_units
 from .fit import COEFFICIENTS, Fit, edf, fit
@@ -179,7 +179,7 @@ class Allan:
 
 
 def allan(imu: Imu, gauss_markov: bool = False) -> Allan:
-    """The Allan analysis of an `Imu` (core.contract) that does not move, at a constant rate without
+    """The Allan analysis of an `Imu` (core.loop.contract) that does not move, at a constant rate without
     gaps.
 
     gauss_markov: fit a first-order Gauss-Markov bias (its standard deviation and time constant) in

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from .. import __version__
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..files import replacing, together
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording

@@ -18,7 +18,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
 from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction

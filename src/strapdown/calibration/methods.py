@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..preprocessing.stationary import at_rest, stretches
 from ..typing import Array, Ints
 from .ellipsoid import Fit, ellipsoid

@@ -149,7 +149,7 @@ def _version(context: typer.Context, given: typer.CallbackParam, wanted: bool) -
         if said["version"]:
             print(f"strapdown {sd.__version__}")
             if said["verbose"]:
-                from ..core import library
+                from ..core.compile import library
 
                 print("\n".join(library.told()))
             raise typer.Exit()

@@ -278,7 +278,7 @@ def save_draft(
 def summarise(solution: "sd.Solution") -> None:
     """What a user must know of a solution beside its errors: the verdict first, then notes,
     start, fixes, events, uncertainty at the end."""
-    from ..core.contract import DOUBTFUL
+    from ..core.loop.contract import DOUBTFUL
     from ..reports.summary import claimed_sd
 
     print_verdicts({"": solution.verdict})

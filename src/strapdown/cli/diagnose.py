@@ -23,7 +23,7 @@ from .console import (
 )
 
 if TYPE_CHECKING:
-    from ..core.contract import Start
+    from ..core.loop.contract import Start
 
 
 def diagnose(

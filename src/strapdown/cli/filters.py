@@ -11,7 +11,7 @@ from . import complete
 from .console import table, text_width
 
 if TYPE_CHECKING:
-    from ..core.contract import Filter
+    from ..core.loop.contract import Filter
 
 NAMES = "position", "velocity", "attitude", "accelerometer bias", "gyro bias"
 """What the 15 error states are, three components each."""

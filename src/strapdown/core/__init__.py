@@ -1,1 +1,1 @@
-"""Compiled mathematics on arrays, SI and radians, one sample at a time."""
+"""Compiled code: the mathematics, the loop that runs filters, and the tool that compiles."""

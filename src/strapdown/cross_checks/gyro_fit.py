@@ -5,7 +5,7 @@ sign does not hold them. No course is needed, so that it tells of a multicopter 
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array
 from ..vehicle import STANDARD_GRAVITY
 from .clock import left_over

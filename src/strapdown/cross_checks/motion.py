@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..geodesy import displacement, wrap
 from ..preprocessing.stationary import rate_at_rest

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..aiding import find
-from ..core.contract import Imu
-from ..core.earth import A
+from ..core.loop.contract import Imu
+from ..core.mathematics.earth import A
 from ..data import Aiding
 from ..preprocessing.stationary import at_rest
 from ..recording import Recording

@@ -9,8 +9,8 @@ import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core import cursor as places
-from ..core.contract import Filter, Start
+from ..core.loop import cursor as places
+from ..core.loop.contract import Filter, Start
 from ..cross_checks.motion import Subject
 from ..engine.finish import solution
 from ..engine.prepare import Asked, GivenImu, Run

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import estimable
 from ..checks import DataError, brief
-from ..core.rotation import matrix_to_euler
+from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Solution
 from ..estimable import Estimable
 from ..preprocessing.axes import rotation_matrix

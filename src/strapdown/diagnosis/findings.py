@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.rotation import matrix_to_euler
+from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding, Solution
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..aiding import find
-from ..core.contract import Imu
-from ..core.earth import gravity
-from ..core.error_dynamics import cross_matrix
-from ..core.rotation_vectors import exponentials
+from ..core.loop.contract import Imu
+from ..core.mathematics.earth import gravity
+from ..core.mathematics.error_dynamics import cross_matrix
+from ..core.mathematics.rotation_vectors import exponentials
 from ..data import Aiding
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import filters
-from ..core import cursor as places, loop
-from ..core.contract import POS, STATES, VEL, Imu, Noise, Start
-from ..core.rotation import matrix_to_euler
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import POS, STATES, VEL, Imu, Noise, Start
+from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
 from ..engine.sensitivity import begin_sensitive, fit, sums

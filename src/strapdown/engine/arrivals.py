@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import aiding, quantities
 from ..checks import DataError, brief, is_number, shown
-from ..core.earth import LATITUDE_LIMIT
+from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding
 from ..preprocessing.attitude_record import possible_attitude
 from ..preprocessing.fixes import possible

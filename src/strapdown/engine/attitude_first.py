@@ -16,7 +16,7 @@ import numpy as np
 from .. import filters
 from ..alignment.initial import align
 from ..checks import DataError
-from ..core.contract import ATT, VALID, Filter, Imu, Noise, Start
+from ..core.loop.contract import ATT, VALID, Filter, Imu, Noise, Start
 from ..data import Aiding, Trajectory
 from ..preprocessing.stationary import motionless
 from ..recording import Recording

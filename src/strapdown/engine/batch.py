@@ -6,7 +6,7 @@ from typing import Any
 from .. import filters
 from ..alignment.completed import completed, left_open
 from ..checks import check_flag, check_number
-from ..core.contract import Filter, Noise, Start
+from ..core.loop.contract import Filter, Noise, Start
 from ..data import Solution
 from ..progress import listener, with_bar
 from ..recording import Recording, check_recording

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from .. import aiding, quantities
-from ..core import cursor as log, loop
-from ..core.contract import POS, Cursor, Filter
-from ..core.integrity import MOST_NIS, MOST_WHITENED
+from ..core.loop import cursor as log, loop
+from ..core.loop.contract import POS, Cursor, Filter
+from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
 from ..data import Aiding, Rejected
 from ..preprocessing.origin import counted
 from ..typing import Array

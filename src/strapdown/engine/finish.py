@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..checks import DataError
-from ..core import cursor as places, loop
-from ..core.contract import BA, BG, POS, STATES, VEL
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import BA, BG, POS, STATES, VEL
+from ..core.mathematics import solution_row
 from ..data import Aiding, Innovations, Solution, Trajectory
 from ..typing import Array
 from .installation import told
@@ -50,39 +51,46 @@ def solution(run: Run) -> Solution:
             raise DataError(f"{filter.name} {meta['stopped']}")
     # what is not estimated is no number
     for columns_of, states in (
-        (loop.LLA, POS),
-        (loop.V, VEL),
-        (loop.BIASES, BA),
-        (loop.BIASES + 3, BG),
+        (solution_row.LLA, POS),
+        (solution_row.V, VEL),
+        (solution_row.BIASES, BA),
+        (solution_row.BIASES + 3, BG),
     ):
         nav[:, [columns_of + i for i in range(3) if states.start + i not in filter.estimates]] = (
             np.nan
         )
-    sd = nav[:, loop.SD : loop.ROW_STATUS]
+    sd = nav[:, solution_row.SD : solution_row.ROW_STATUS]
     sd[:, [i for i in range(STATES) if i not in filter.states]] = np.nan
     trajectory = Trajectory(
-        nav[:, loop.T],
-        nav[:, loop.LLA : loop.V],
-        nav[:, loop.V : loop.Q],
-        nav[:, loop.Q : loop.BIASES],
+        nav[:, solution_row.T],
+        nav[:, solution_row.LLA : solution_row.V],
+        nav[:, solution_row.V : solution_row.Q],
+        nav[:, solution_row.Q : solution_row.BIASES],
         sd,
     )
     if recording.meta.get("point") == "reference":
         rows = np.searchsorted(samples.t, trajectory.t)
-        omega = samples.dtheta[rows] / samples.dt[rows, None] - nav[:, loop.BIASES + 3 : loop.SD]
+        omega = (
+            samples.dtheta[rows] / samples.dt[rows, None]
+            - nav[:, solution_row.BIASES + 3 : solution_row.SD]
+        )
         trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
     own = brought(recording.aidings, recording.meta.get("estimate"))
     names = [(name, 1.0) for name in filter.columns]
     names += [(each.name, each.factor) for each in own]
     names += [(f"sd of {each.name}", each.factor) for each in own]
-    columns = {name: nav[:, loop.NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)}
+    columns = {
+        name: nav[:, solution_row.NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)
+    }
     if filter.diagnose:
-        events += filter.diagnose(nav[:, loop.T], nav[:, loop.LLA : loop.V], columns)
+        events += filter.diagnose(
+            nav[:, solution_row.T], nav[:, solution_row.LLA : solution_row.V], columns
+        )
     return Solution(
         trajectory,
-        nav[:, loop.BIASES : loop.BIASES + 3],
-        nav[:, loop.BIASES + 3 : loop.SD],
-        nav[:, loop.ROW_STATUS].astype(np.int8),
+        nav[:, solution_row.BIASES : solution_row.BIASES + 3],
+        nav[:, solution_row.BIASES + 3 : solution_row.SD],
+        nav[:, solution_row.ROW_STATUS].astype(np.int8),
         innovations(used, recording.aidings, fixes.gate),
         tuple(sorted(events)),
         columns,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..alignment.completed import completed
 from ..checks import DataError
-from ..core.contract import Filter, Imu, Noise, Start
+from ..core.loop.contract import Filter, Imu, Noise, Start
 from ..data import Aiding
 from ..preprocessing.plausible import mistakes
 from ..recording import Recording

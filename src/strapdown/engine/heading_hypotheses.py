@@ -18,8 +18,8 @@ from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
-from ..core import cursor as places, loop
-from ..core.contract import Noise, Start
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import Noise, Start
 from ..geodesy import wrap
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec

@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import aiding, estimable, filters
 from ..checks import DataError, brief, check_choice, located
-from ..core.contract import (
+from ..core.loop.contract import (
     ARM_STATE,
     CLOCK_STATE,
     DELAY,
@@ -24,7 +24,7 @@ from ..core.contract import (
     Filter,
     Start,
 )
-from ..core.error_dynamics import cross_matrix
+from ..core.mathematics.error_dynamics import cross_matrix
 from ..data import Aiding
 from ..estimable import (
     ACCEL_MISALIGNMENT,

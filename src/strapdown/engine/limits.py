@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from .. import aiding, quantities
-from ..core import cursor
-from ..core.contract import Noise
+from ..core.loop import cursor
+from ..core.loop.contract import Noise
 from ..data import Aiding
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array

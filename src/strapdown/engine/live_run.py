@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError
-from ..core import cursor as places, loop
-from ..core.contract import DELAY, STATES, Belief, Cursor, Filter, Imu, Noise, Start, bound
-from ..core.rotation import quaternion_to_euler
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import DELAY, STATES, Belief, Cursor, Filter, Imu, Noise, Start, bound
+from ..core.mathematics import solution_row
+from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Aiding, Solution, Trajectory
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
@@ -276,9 +277,15 @@ class LiveRun:
         row = (
             self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.at[places.OUT] - 1]
         )
-        sd = row[None, loop.SD : loop.ROW_STATUS].copy()
+        sd = row[None, solution_row.SD : solution_row.ROW_STATUS].copy()
         sd[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
-        parts = (loop.T, loop.LLA, loop.V, loop.Q, loop.BIASES)
+        parts = (
+            solution_row.T,
+            solution_row.LLA,
+            solution_row.V,
+            solution_row.Q,
+            solution_row.BIASES,
+        )
         lla, v, q = (row[None, a:b].copy() for a, b in zip(parts[1:], parts[2:]))
         return Trajectory(row[:1].copy(), lla, v, q, sd)
 
@@ -298,8 +305,15 @@ class LiveRun:
 
 def start_at(row: Array) -> Start:
     """The Start that a row of the output tells; correlations are left out."""
-    t, rph_now = float(row[loop.T]), quaternion_to_euler(row[loop.Q : loop.BIASES])
-    parts = np.r_[row[loop.LLA : loop.Q], rph_now, row[loop.BIASES : loop.ROW_STATUS]].tolist()
+    t, rph_now = (
+        float(row[solution_row.T]),
+        quaternion_to_euler(row[solution_row.Q : solution_row.BIASES]),
+    )
+    parts = np.r_[
+        row[solution_row.LLA : solution_row.Q],
+        rph_now,
+        row[solution_row.BIASES : solution_row.ROW_STATUS],
+    ].tolist()
     lla, v, rph, ba, bg = (tuple(parts[k : k + 3]) for k in range(0, 15, 3))
     note = f"what the filter knew at {t:.2f} s"
     return Start(t, lla, v, rph, ba, bg, tuple(parts[15:]), note)

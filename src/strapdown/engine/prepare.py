@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from .. import aiding, filters, quantities
 from ..alignment.completed import MOST_HEADING, PARTS
 from ..checks import DataError, brief, check_number, shown
-from ..core import cursor as places, loop
-from ..core.contract import (
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import (
     BIAS,
     BROUGHT,
     COMPILED,
@@ -42,8 +42,9 @@ from ..core.contract import (
     address,
     announce,
 )
-from ..core.earth import LATITUDE_LIMIT
-from ..core.recent_motion import new_recent
+from ..core.loop.recent_motion import new_recent
+from ..core.mathematics import solution_row
+from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding
 from ..plugins import one_line
 from ..recording import UNDECIDED_GYRO, Recording
@@ -479,7 +480,7 @@ def new_output(
 ) -> Output:
     """An Output of so many rows, with their covariances or not, and of so many fixes; with a
     record of so many calls for the smoother."""
-    width = loop.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
+    width = solution_row.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
     return Output(
         np.empty((rows, width)),
         np.empty((rows if covariance else 0, *belief.P.shape)),

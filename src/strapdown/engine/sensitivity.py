@@ -1,5 +1,5 @@
 """A run of a filter that also says what unknown constants would change in its innovations: the
-normal equations of a least-squares estimate of them (core/sensitivity.py).
+normal equations of a least-squares estimate of them (core/mathematics/sensitivity.py).
 
 It goes forwards in pieces of `RECORDED_ROWS` samples, each with a record of its calls, so beside the
 solution memory is that of a piece.
@@ -12,12 +12,12 @@ import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core import cursor as places, loop
-from ..core.adjoint import INNOVATION, SMOOTHER, width
-from ..core.contract import COMPILED, Filter, Imu, address, announce, compile_kernel
-from ..core.correlated import FADED
-from ..core.error_state import PREDICTED
-from ..core.sensitivity import (
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import COMPILED, Filter, Imu, address, announce, compile_kernel
+from ..core.mathematics.adjoint import INNOVATION, SMOOTHER, width
+from ..core.mathematics.correlated import FADED
+from ..core.mathematics.error_state import PREDICTED
+from ..core.mathematics.sensitivity import (
     BEHIND,
     LANES,
     MOVED,

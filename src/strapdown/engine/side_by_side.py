@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding
-from ..core import cursor as places, lane_loop
-from ..core.c_calls import aligned
-from ..core.contract import (
+from ..core.compile.c_calls import aligned
+from ..core.compile.signatures import LANES
+from ..core.loop import cursor as places, lane_loop
+from ..core.loop.contract import (
     COMPILED,
     CORRELATION_TIME,
     DELAY,
@@ -24,9 +25,8 @@ from ..core.contract import (
     address,
     side_by_side,
 )
-from ..core.lane_loop import LaneCursor, LaneOutput
-from ..core.loop import SAME_TIME
-from ..core.signatures import LANES
+from ..core.loop.lane_loop import LaneCursor, LaneOutput
+from ..core.loop.loop import SAME_TIME
 from ..recording import Recording
 from ..typing import Array
 from .prepare import Run, brought, rows_of, usable, used_in_order
@@ -78,7 +78,7 @@ class SideBySide:
         numbers: int,
     ) -> None:
         """first: a Run like those of the LANES `starts` and `recordings`, which `why_alone` finds
-        nothing against. keep: the kernel that keeps rows, of core.lane_loop.KEEP_LANES; it is handed
+        nothing against. keep: the kernel that keeps rows, of core.loop.lane_loop.KEEP_LANES; it is handed
         `true` (rows, ...), lanes of `biases` (rows, 6, LANES) and `scratch` numbers to write in, and
         writes so many `numbers` of a row. Raises ValueError where the fixes of the recordings differ
         in more than what was measured."""

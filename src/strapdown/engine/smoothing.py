@@ -1,5 +1,5 @@
 """Offline: the best estimate at each time from the whole recording, before and after it. Forwards
-with the filter, then backwards (core/smoother.py).
+with the filter, then backwards (core/mathematics/smoother.py).
 
 The filter runs twice: once to its end, keeping its state every `RECORDED_ROWS` samples, and once
 more through each such piece, the last one first, leaving in a record what the way back needs. So
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from .. import filters
 from ..checks import DataError
-from ..core import cursor as places, loop
-from ..core.contract import (
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import (
     COMPILED,
     DOUBTFUL,
     INVALID,
@@ -34,7 +34,8 @@ from ..core.contract import (
     announce,
     compile_kernel,
 )
-from ..core.smoother import run_back, work_size
+from ..core.mathematics import solution_row
+from ..core.mathematics.smoother import run_back, work_size
 from ..data import Separation, Solution
 from ..geodesy import displacement
 from ..progress import listener, with_bar
@@ -204,7 +205,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
         run.cursor.at[[places.EVERY, places.PHASE]] = keeping
         run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
         _leave_out_considered(run, room, rows, run.out.nav[whole])
-        filtered = run.out.nav[whole, : loop.ROW_STATUS].copy()
+        filtered = run.out.nav[whole, : solution_row.ROW_STATUS].copy()
         run_back(
             adjoint_step,
             room.record[: run.cursor.at[places.RECORDED]],
@@ -232,7 +233,7 @@ def _leave_out_considered(run: Run, room: Output, rows: int, nav: Array) -> None
     P = room.covariance[:rows]
     P -= considered(room.record[room.mark[:rows] - 1])  # a row follows the last of its calls
     variance = np.diagonal(P, axis1=1, axis2=2)[:, :STATES]
-    nav[:, loop.SD : loop.SD + STATES] = np.sqrt(np.maximum(variance, 0.0))
+    nav[:, solution_row.SD : solution_row.SD + STATES] = np.sqrt(np.maximum(variance, 0.0))
 
 
 class Differences:
@@ -248,10 +249,19 @@ class Differences:
 
     def add(self, filtered: Array, smoothed: Array) -> None:
         """Take in rows of the output of the filter and of the smoother, the last rows first."""
-        position = displacement(smoothed[:, loop.LLA : loop.V], filtered[:, loop.LLA : loop.V])
-        velocity = smoothed[:, loop.V : loop.Q] - filtered[:, loop.V : loop.Q]
-        turn = _turn(filtered[:, loop.Q : loop.BIASES], smoothed[:, loop.Q : loop.BIASES])
-        first, last = loop.SD, loop.SD + 9
+        position = displacement(
+            smoothed[:, solution_row.LLA : solution_row.V],
+            filtered[:, solution_row.LLA : solution_row.V],
+        )
+        velocity = (
+            smoothed[:, solution_row.V : solution_row.Q]
+            - filtered[:, solution_row.V : solution_row.Q]
+        )
+        turn = _turn(
+            filtered[:, solution_row.Q : solution_row.BIASES],
+            smoothed[:, solution_row.Q : solution_row.BIASES],
+        )
+        first, last = solution_row.SD, solution_row.SD + 9
         before, after = filtered[:, first:last] ** 2, smoothed[:, first:last] ** 2
         apart = np.c_[position, velocity, turn] ** 2
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -280,7 +290,7 @@ class Differences:
         and say it."""
         ratio = np.concatenate(self._ratio[::-1])
         rows = run.out.nav[: len(ratio)]
-        t, status = rows[:, loop.T], rows[:, loop.ROW_STATUS]
+        t, status = rows[:, solution_row.T], rows[:, solution_row.ROW_STATUS]
         apart = np.r_[t[(ratio > APART) & (status != INVALID)], np.inf]
         near = apart[np.searchsorted(apart, t)] - t <= REACH
         status[near & (status != INVALID)] = DOUBTFUL

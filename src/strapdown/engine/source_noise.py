@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import DataError, brief, check_array, check_flag, check_number
-from ..core.contract import (
+from ..core.loop.contract import (
     CORRELATED_SD,
     CORRELATED_STATE,
     CORRELATION_TIME,

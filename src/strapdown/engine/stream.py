@@ -12,9 +12,9 @@ import numpy as np
 from .. import filters
 from ..alignment.completed import left_open
 from ..checks import DataError, check_flag, check_number
-from ..core import cursor as places
-from ..core.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
-from ..core.loop import SAME_TIME
+from ..core.loop import cursor as places
+from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
+from ..core.loop.loop import SAME_TIME
 from ..data import Aiding, Solution
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from ..checks import DataError, brief
-from ..core import cursor as log
+from ..core.loop import cursor as log
 from ..plugins import one_line
 from ..typing import Array
 from . import events as words

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_choice
-from ..core.contract import ATT, BA, BG, POS, STATES, VEL
+from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL
 from ..data import Solution
 from ..engine.prepare import Brought, brought
 from ..recording import Recording

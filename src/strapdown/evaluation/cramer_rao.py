@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Noise, Start
+from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise, Start
 from ..data import Solution, Trajectory
 from ..engine.batch import fuse
 from ..recording import Recording

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeGuard
 import numpy as np
 
 from ..checks import DataError
-from ..core.rotation import quaternion_to_euler
+from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Solution, Trajectory
 from ..geodesy import displacement, radii, wrap
 from ..rotation_products import slerp, turns_between, unit

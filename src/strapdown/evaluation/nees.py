@@ -3,9 +3,9 @@ states scaled to their standard deviations."""
 
 import math
 
-from ..core.choosing import where
-from ..core.jit import helper, kernel
-from ..core.signatures import reals, signature
+from ..core.compile.choosing import where
+from ..core.compile.jit import helper, kernel
+from ..core.compile.signatures import reals, signature
 from ..typing import Array
 
 NORMALISED_ROWS = signature(

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from .. import estimable, filters
 from ..checks import DataError, check_choice
-from ..core.contract import STATES, Filter, Noise, Start
+from ..core.loop.contract import STATES, Filter, Noise, Start
 from ..engine.prepare import check_options, new_belief
 
 ESTIMATE, NOTHING = "estimate", "none"

@@ -11,7 +11,7 @@ from typing import Any
 
 from .. import plugins
 from ..checks import DataError, check_choice
-from ..core.contract import (
+from ..core.loop.contract import (
     ADJOINT_STEP,
     BIAS,
     BIAS_MODELS,

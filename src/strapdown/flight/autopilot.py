@@ -8,8 +8,8 @@ Unmanned Aircraft", chapters 6 (autopilot) and 10 (straight lines and orbits).
 
 import math
 
-from ..core.jit import helper, inlined
-from ..core.rotation import wrap
+from ..core.compile.jit import helper, inlined
+from ..core.mathematics.rotation import wrap
 from ..typing import Array
 
 (

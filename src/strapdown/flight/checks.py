@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number
-from ..core.contract import Filter, Noise
+from ..core.loop.contract import Filter, Noise
 from ..data import Aiding
 from ..engine.prepare import check_needs, positioned
 from ..filters import find as find_filter, names as find_names

@@ -19,13 +19,13 @@ from ..aiding.pressure import (
     TROPOPAUSE,
     pressure_altitude,
 )
-from ..core import cursor as places, loop
-from ..core.contract import (
-    BELIEF,
+from ..core.compile.jit import caller, helper, inlined, kernel, matrix
+from ..core.compile.signatures import WHOLE, reals, record, signature, wholes
+from ..core.loop import cursor as places, loop
+from ..core.loop.contract import (
     CURSOR,
     FIXES,
     IMU,
-    NOISE,
     OUTPUT,
     POSITION_KIND,
     PRESSURE_ALTITUDE_KIND,
@@ -39,10 +39,9 @@ from ..core.contract import (
     Output,
     Slots,
 )
-from ..core.earth import radii
-from ..core.jit import caller, helper, inlined, kernel, matrix
-from ..core.rotation import matrix_to_quaternion, turned, wrap
-from ..core.signatures import WHOLE, reals, record, signature, wholes
+from ..core.mathematics.belief import BELIEF, NOISE
+from ..core.mathematics.earth import radii
+from ..core.mathematics.rotation import matrix_to_quaternion, turned, wrap
 from ..typing import Array, Ints
 from . import inputs
 from .aircraft.dynamics import (

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError
-from ..core import loop
-from ..core.contract import Filter, Fixes, Imu, Noise, Start
-from ..core.jit import address, bound
+from ..core.compile.jit import address, bound
+from ..core.loop import loop
+from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
 from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of

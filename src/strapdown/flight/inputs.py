@@ -1,6 +1,6 @@
 """What a filter that computes with the controls is told before each sample, in its workspace."""
 
-from ..core.workspace import Slots
+from ..core.compile.workspace import Slots
 
 TOLD = Slots()
 BY_MODEL = TOLD.number("BY_MODEL")  # 1 where the model is to predict, 0 where the IMU

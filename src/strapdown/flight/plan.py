@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_array, check_number, did_you_mean, located
-from ..core.earth import LATITUDE_LIMIT
+from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..files import read_toml
 from ..geodesy import wrap
 from ..toml_keys import Key, listed, made, number, read_table, scaled, text

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Fixes, Imu
+from ..core.loop.contract import Fixes, Imu
 from ..data import Aiding, Trajectory
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.errors import Triad
@@ -123,7 +123,7 @@ def in_loop_order(
 ) -> tuple[Array, Array, Ints]:
     """(errors (m, 3), when each is measured (m,) s, order in which they are (m,)) of the sources
     that a filter uses, of the FixErrors `made`, in the order of the merged `fixes`
-    (core.contract.Fixes)."""
+    (core.loop.contract.Fixes)."""
     merged, measured = np.zeros((len(fixes.t), 3)), fixes.t.copy()
     of_kind = {a.kind: (error, delay) for a, error, delay in zip(*made)}
     for s, a in enumerate(used):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..aiding import find
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..cross_checks.all import check
 from ..data import Aiding
 from ..preprocessing.attitude_checks import facts_and_problems as of_attitude

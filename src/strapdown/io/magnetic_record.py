@@ -8,7 +8,7 @@ vertical (its dip) in every attitude: that is what the checks rest on.
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..geodesy import STANDARD_GRAVITY
 from ..preprocessing.axes import named_permutation, signed_permutations

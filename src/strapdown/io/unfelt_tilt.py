@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..cross_checks.gyro_fit import EVIDENCE, likelier
 from ..cross_checks.motion import Subject
 from ..preprocessing.plausible import UNFELT, mistakes

@@ -1,6 +1,6 @@
 """The library of the package's kernels, built: `python -m strapdown.native.build OUT`.
 
-Leaves in OUT one kernels-LEVEL.so per level of processor, and kernels.json, by which `core/library.py`
+Leaves in OUT one kernels-LEVEL.so per level of processor, and kernels.json, by which `core/compile/library.py`
 knows it. What did not change since the last build is taken from the cache.
 """
 
@@ -26,8 +26,8 @@ import numba
 import strapdown
 
 from ..checks import DataError, check_choice, did_you_mean
-from ..core import kernel_cache, library, signatures
-from ..core.jit import Kernel
+from ..core.compile import kernel_cache, library, signatures
+from ..core.compile.jit import Kernel
 from ..file_locks import part_of
 from . import emit, ir, link, object_files
 

@@ -16,9 +16,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..core.contract import Filter, Measurement, side_by_side
-from ..core.jit import Kernel
-from ..core.signatures import Function, Number, Signature
+from ..core.compile.jit import Kernel
+from ..core.compile.signatures import Function, Number, Signature
+from ..core.loop.contract import Filter, Measurement, side_by_side
 
 NEUTRAL = {
     "NUMBA_OPT": "0",
@@ -125,7 +125,7 @@ def c_function(symbol: str, inner: str, signature: Signature) -> str:
 
 def text_of(kernel: Any) -> str:
     """The representation of a kernel, in a process that runs under NEUTRAL."""
-    from ..core import compiler
+    from ..core.compile import compiler
 
     text, name = compiler.intermediate(kernel)
     inner = f'"{name}"' if not re.fullmatch(r"[\w.$]+", name) else name
@@ -133,7 +133,7 @@ def text_of(kernel: Any) -> str:
 
 
 def _main(folder: str, small: str, sizes: str, *stems: str) -> None:
-    from ..core import compiler
+    from ..core.compile import compiler
 
     compiler.small[0] = small == "1"
     compiler.fixed.update(json.loads(sizes))

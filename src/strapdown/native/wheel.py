@@ -12,7 +12,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from ..core import library
+from ..core.compile import library
 
 CHECKOUT = library.PACKAGE.parents[1]
 

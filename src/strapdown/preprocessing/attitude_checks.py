@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask

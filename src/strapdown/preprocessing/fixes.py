@@ -8,8 +8,8 @@ import numpy as np
 
 from ..aiding import find
 from ..checks import DataError
-from ..core.contract import Imu, Measurement
-from ..core.earth import LATITUDE_LIMIT
+from ..core.loop.contract import Imu, Measurement
+from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
 from ..time_scales import iso, span, utc

@@ -6,7 +6,7 @@ from bisect import bisect_right
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike, Ints
 from ..vehicle import GivenVehicle
 from .origin import Origin, Rows, counted

@@ -4,7 +4,7 @@ IMU."""
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array
 from .imu_samples import GAP_MEDIANS
 from .origin import counted

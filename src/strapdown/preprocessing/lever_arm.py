@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import DataError, check_array
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Aiding, Trajectory
 from ..geodesy import displaced
 from ..typing import Array, ArrayLike

@@ -7,7 +7,7 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike
 from ..vehicle import GivenVehicle, find
 from .stationary import rate_at_rest

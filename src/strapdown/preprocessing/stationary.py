@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.contract import Imu
-from ..core.earth import RATE
+from ..core.loop.contract import Imu
+from ..core.mathematics.earth import RATE
 from ..typing import Array, Ints, Mask
 
 REST_ACCEL, REST_RATE, REST_MEAN = 0.25, 0.1, 0.1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array, Ints, Mask
 from .stationary import without_bias
 

@@ -3,7 +3,7 @@ rest and no turn goes on there."""
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..typing import Array, Ints, Mask
 
 UNSEEN = 0.5

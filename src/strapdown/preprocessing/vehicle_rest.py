@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..typing import Array, Mask
 from .stationary import in_all_windows, spread

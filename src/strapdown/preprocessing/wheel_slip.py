@@ -8,7 +8,7 @@ of a car that does not slip sideways is yaw rate times speed.
 
 import numpy as np
 
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..typing import Array, Mask
 from .stationary import rate_at_rest, stretches

@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from ..core.contract import BRIDGED, INVALID, VALID
+from ..core.loop.contract import BRIDGED, INVALID, VALID
 from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors

@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from ..core.contract import BRIDGED, DOUBTFUL, INVALID
+from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution
 from ..geodesy import displacement
 from ..recording import Recording

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 
 from .. import estimable, plugins
 from ..checks import DataError, check_keys
-from ..core.contract import ATT, BA, BG, POS, VEL
+from ..core.loop.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors

@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
-from ..core.contract import ATT, BA, BG, POS, VEL
+from ..core.loop.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..diagnosis.estimated import installation
 from ..evaluation import metrics

@@ -9,7 +9,7 @@ from html import escape
 
 import numpy as np
 
-from ..core.contract import BRIDGED, DOUBTFUL, INVALID
+from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution
 from ..time_scales import utc
 from .drawing import outages, stretches

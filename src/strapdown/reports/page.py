@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 
 from .. import __version__
 from ..checks import DataError
-from ..core.contract import BRIDGED, DOUBTFUL, INVALID
+from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution, Trajectory
 from ..diagnosis.estimated import installation
 from ..evaluation import metrics

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.contract import ATT, POS, VEL
-from ..core.rotation import quaternion_to_euler
+from ..core.loop.contract import ATT, POS, VEL
+from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Solution
 from ..time_scales import utc
 from ..typing import Array

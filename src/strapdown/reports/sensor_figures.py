@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 
 from ..aiding import find
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Solution
 from ..engine.limits import AT_FULL_SCALE
 from ..io.magnetic_record import LEAST_LEVELS, PILE, TIMES

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import ATT, BRIDGED, DOUBTFUL, INVALID, POS, VEL
+from ..core.loop.contract import ATT, BRIDGED, DOUBTFUL, INVALID, POS, VEL
 from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_number, is_number
-from ..core.earth import LATITUDE_LIMIT
+from ..core.mathematics.earth import LATITUDE_LIMIT
 
 YEARS = 5.0  # that each WMM is meant for
 IGRF, IGRF_YEARS = "IGRF-14", (1900.0, 2030.0)

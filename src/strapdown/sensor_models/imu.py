@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, brief, check_number, did_you_mean, located
-from ..core.contract import Imu, Noise
+from ..core.loop.contract import Imu, Noise
 from ..estimable import ACCEL_MISALIGNMENT, ACCEL_SCALE, GYRO_MISALIGNMENT, GYRO_SCALE
 from ..files import find_shipped, read_toml, replacing, shipped
 from ..toml_keys import Key, Read, made, read_table, section, text
@@ -70,7 +70,7 @@ class ImuSpec:
 
     def noise(self) -> Noise:
         """What a filter with one bias state per axis should assume (see `Triad.bias_model`), as
-        core.contract.Noise."""
+        core.loop.contract.Noise."""
         (gyro_bias, gyro_decay), (accel_bias, accel_decay) = (
             self.gyro.bias_model(self.warm_up),
             self.accel.bias_model(self.warm_up),

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.choosing import where
-from ..core.contract import Imu
-from ..core.elementary import floor
-from ..core.jit import helper, kernel
-from ..core.signatures import in_lanes, reals, record, signature, wholes
-from ..core.threefry import normal_pair
+from ..core.compile.choosing import where
+from ..core.compile.jit import helper, kernel
+from ..core.compile.signatures import in_lanes, reals, record, signature, wholes
+from ..core.loop.contract import Imu
+from ..core.mathematics.elementary import floor
+from ..core.mathematics.threefry import normal_pair
 from ..typing import Array, Ints
 from .errors import Triad, WarmUp
 from .noise import FLICKER_TIMES, FLICKER_VARIANCE, even, kept

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
-from ..core.elementary import exponential
-from ..core.jit import helper, kernel
-from ..core.signatures import reals, signature
+from ..core.compile.jit import helper, kernel
+from ..core.compile.signatures import reals, signature
+from ..core.mathematics.elementary import exponential
 from ..typing import Array, ArrayLike
 from .streams import SeedLike, Stream
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..aiding import compiled, find
 from ..checks import DataError, check_array, check_number
-from ..core.contract import (
+from ..core.loop.contract import (
     FIRST,
     PARAMETERS,
     STATES,

@@ -1,5 +1,5 @@
 """Where the chance of a simulation comes from: random numbers that are a function of a key and of
-their place, without a state (core/threefry.py).
+their place, without a state (core/mathematics/threefry.py).
 
 A run has a key, each of its sensors and terms another one that follows from it by a name. So no
 sensor or term changes what another one draws, and sample r of a table is the same however long the
@@ -13,7 +13,7 @@ from typing import TypeAlias, Union
 
 import numpy as np
 
-from ..core.threefry import fill_normals, fill_uniforms
+from ..core.mathematics.threefry import fill_normals, fill_uniforms
 from ..typing import Array
 
 SeedLike: TypeAlias = Union[

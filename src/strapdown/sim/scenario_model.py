@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number, located
-from ..core.contract import STATES
-from ..core.earth import LATITUDE_LIMIT
+from ..core.loop.contract import STATES
+from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Trajectory
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer

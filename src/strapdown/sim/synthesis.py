@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_array, check_number
-from ..core.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
+from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
 from ..data import Aiding, Trajectory
 from ..geodesy import displaced
 from ..recording import Recording
@@ -65,7 +65,7 @@ class Simulator:
         known = _known_records if count <= KEPT else _known_records.__wrapped__
         self.truth, self.ideal = known(scenario.motion, count, scenario.rate, scenario.gravity)
         """The true trajectory at 0, 1/rate, ... s, and the increments of an ideal IMU
-        (core.contract.Imu) from row to row of it."""
+        (core.loop.contract.Imu) from row to row of it."""
         self._offset = np.asarray(scenario.accel_offset, float)
         self.plan = scenario.gnss.plan(self.truth, scenario.gate)
         self.magnetic = (

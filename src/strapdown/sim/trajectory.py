@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..checks import DataError
-from ..core.contract import Imu
+from ..core.loop.contract import Imu
 from ..data import Trajectory
 from ..typing import Array, ArrayLike, Ints
 from .analytic import Numbers, Times

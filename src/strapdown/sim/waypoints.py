@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..checks import DataError
-from ..core.earth import LATITUDE_LIMIT
+from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..geodesy import displacement
 from ..typing import Array
 from .analytic import Profile

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core import cursor as places, loop
+from ..core.loop import cursor as places, loop
 from ..engine.prepare import Asked, Run, ready
 from ..recording import Recording
 from ..typing import Array, Mask

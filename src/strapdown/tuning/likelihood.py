@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core import cursor as places, loop
+from ..core.loop import cursor as places, loop
 from ..engine.prepare import Asked, Run, ready
 from ..typing import Array, Ints, Mask
 from .unknowns import Unknown, noise_with, sources_with

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import DataError, check_number
-from ..core.contract import Imu, Start
+from ..core.loop.contract import Imu, Start
 from ..data import Solution
 from ..diagnosis.screening import started, window
 from ..engine.prepare import Asked, Run

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..aiding import find
 from ..checks import DataError
-from ..core.contract import Filter, Start
+from ..core.loop.contract import Filter, Start
 from ..data import Aiding, Solution
 from ..engine.batch import begin, fuse
 from ..engine.prepare import Asked, Run

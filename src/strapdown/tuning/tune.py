@@ -7,7 +7,7 @@ import numpy as np
 from .. import filters
 from ..aiding import find
 from ..checks import DataError, check_flag
-from ..core.contract import Filter, Start
+from ..core.loop.contract import Filter, Start
 from ..engine.prepare import Asked, GivenImu, assumed_noise
 from ..progress import listener, with_bar
 from ..recording import Recording, check_recording

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import quantities
 from ..aiding import find
-from ..core.contract import Noise
+from ..core.loop.contract import Noise
 from ..data import Aiding, Correlated
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec

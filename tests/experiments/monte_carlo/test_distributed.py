@@ -7,7 +7,7 @@ import pytest
 from test_study import FLIGHT, study, tables
 
 import strapdown as sd
-from strapdown.core.jit import COMPILED
+from strapdown.core.compile.jit import COMPILED
 from strapdown.sensor_models.imu import ImuSpec, grade
 from strapdown.sensor_models.streams import Stream
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_study import FLIGHT, study, tables
 
-from strapdown.core.jit import COMPILED
+from strapdown.core.compile.jit import COMPILED
 from strapdown.experiments.monte_carlo import chunks, processors, study as studies
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.sensor_models.gnss import Gnss

@@ -9,8 +9,8 @@ import pytest
 from strapdown.experiments.monte_carlo import sources
 
 MATTER = (
-    "core/loop.py",
-    "core/kalman.py",
+    "core/loop/loop.py",
+    "core/mathematics/kalman.py",
     "aiding/position.py",
     "filters/ins/closed_loop.py",
     "sim/synthesis.py",

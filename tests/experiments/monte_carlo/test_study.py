@@ -12,8 +12,8 @@ import pytest
 from killed import killed
 
 import strapdown as sd
-from strapdown.core.contract import compile_kernel
-from strapdown.core.jit import COMPILED
+from strapdown.core.compile.jit import COMPILED
+from strapdown.core.loop.contract import compile_kernel
 from strapdown.evaluation import consistency
 from strapdown.evaluation.consistency import Limits
 from strapdown.evaluation.nees import normalised_rows

@@ -12,7 +12,7 @@ from recordings import flight, rows, turning
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Trajectory
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.experiments.outages import runs

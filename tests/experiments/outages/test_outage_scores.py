@@ -11,7 +11,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison

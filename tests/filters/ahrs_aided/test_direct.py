@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.contract import Imu, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Imu, Noise, Start, compile_kernel
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
 from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
 from strapdown.geodesy import displaced, displacement

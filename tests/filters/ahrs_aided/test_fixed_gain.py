@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding, filters
 from strapdown.checks import DataError
-from strapdown.core.contract import (
+from strapdown.core.loop.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
     PARAMETERS,
@@ -23,7 +23,7 @@ from strapdown.core.contract import (
     Start,
     compile_kernel,
 )
-from strapdown.core.mechanization import stationary_increments
+from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
 from strapdown.geodesy import displaced, displacement
 

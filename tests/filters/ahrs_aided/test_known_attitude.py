@@ -6,8 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding, filters
-from strapdown.core.contract import ATTITUDE_KIND, PARAMETERS, Noise, Start, compile_kernel
-from strapdown.core.mechanization import stationary_increments
+from strapdown.core.loop.contract import ATTITUDE_KIND, PARAMETERS, Noise, Start, compile_kernel
+from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.filters.ahrs_aided.known_attitude import KNOWN, KNOWN_ATTITUDE, SINCE_TILT
 from strapdown.filters.ins import open_loop
 

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise
-from strapdown.core.earth import gravity, place, rotation_rates
+from strapdown.core.loop.contract import Noise
+from strapdown.core.mathematics.earth import gravity, place, rotation_rates
 from strapdown.geodesy import displaced, displacement
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss

@@ -9,8 +9,8 @@ from scipy.integrate import quad_vec
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.contract import Noise, Start
-from strapdown.core.error_state import ERROR_STATE, allocate
+from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.mathematics.error_state import ERROR_STATE, allocate
 from strapdown.filters.attitude.attitude_error_state import (
     INVERSE,
     RECORD,

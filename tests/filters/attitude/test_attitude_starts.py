@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.core.contract import Noise, Start
+from strapdown.core.loop.contract import Noise, Start
 from strapdown.data import Aiding
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.sensor_models.gnss import Gnss

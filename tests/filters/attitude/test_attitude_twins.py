@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.contract import OF_KIND, PARAMETERS, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import OF_KIND, PARAMETERS, Noise, Start, compile_kernel
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF, GRAVITY, MAGNETOMETERS
 from strapdown.filters.attitude.mahony import MAHONY, poles

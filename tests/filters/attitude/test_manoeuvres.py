@@ -9,7 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.contract import (
+from strapdown.core.loop.contract import (
     OF_KIND,
     PARAMETERS,
     Belief,

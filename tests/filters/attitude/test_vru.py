@@ -11,8 +11,8 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
-from strapdown.core.earth import RATE as EARTH_RATE
+from strapdown.core.loop.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
+from strapdown.core.mathematics.earth import RATE as EARTH_RATE
 from strapdown.data import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream

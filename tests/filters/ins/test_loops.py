@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise
-from strapdown.core.error_dynamics import dynamics
-from strapdown.core.mechanization import mechanize
+from strapdown.core.loop.contract import Noise
+from strapdown.core.mathematics.error_dynamics import dynamics
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.geodesy import displaced, displacement
 from strapdown.vehicle import Vehicle
 

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Noise, Start, compile_kernel
-from strapdown.core.earth import place, rotation_rates
-from strapdown.core.error_dynamics import cross_matrix, dynamics
-from strapdown.core.mechanization import mechanize
+from strapdown.core.loop.contract import PARAMETERS, Noise, Start, compile_kernel
+from strapdown.core.mathematics.earth import place, rotation_rates
+from strapdown.core.mathematics.error_dynamics import cross_matrix, dynamics
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.data import Aiding
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.ekf import EKF

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Noise, compile_kernel
-from strapdown.core.smoother import work_size
+from strapdown.core.loop.contract import PARAMETERS, Noise, compile_kernel
+from strapdown.core.mathematics.smoother import work_size
 from strapdown.filters.ins.mekf import MEKF
 from strapdown.geodesy import displacement
 

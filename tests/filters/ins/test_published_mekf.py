@@ -13,7 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.core.contract import Noise, Start
+from strapdown.core.loop.contract import Noise, Start
 from strapdown.data import Aiding
 from strapdown.geodesy import displaced, displacement
 from strapdown.recording import Recording
@@ -195,7 +195,7 @@ def both():
 def round_earth(t, f, w, rotations, states):
     """The samples of an IMU with gravity and rotation of the ellipsoid added to what the flat Earth
     at rest has, at the true motion."""
-    from strapdown.core.contract import Imu
+    from strapdown.core.loop.contract import Imu
     from strapdown.sim.trajectory import normal_gravity, radii
 
     dt = np.full(len(t), H)

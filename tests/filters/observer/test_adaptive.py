@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.contract import (
+from strapdown.core.loop.contract import (
     ALTITUDE_KIND,
     PARAMETERS,
     POSITION_KIND,

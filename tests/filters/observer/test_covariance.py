@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.contract import (
+from strapdown.core.loop.contract import (
     HEADING_KIND,
     MAGNETIC_KIND,
     PARAMETERS,

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.contract import Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Noise, Start, compile_kernel
 from strapdown.filters.observer import covariance, equations
 from strapdown.filters.observer.gains import begin, implant
 from strapdown.filters.observer.translation_gains import SPREAD

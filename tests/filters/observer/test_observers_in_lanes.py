@@ -7,9 +7,9 @@ from recordings import flight, start
 from test_xkf import NOISE, world
 
 from strapdown import aiding
-from strapdown.core.contract import PARAMETERS, Belief, side_by_side
-from strapdown.core.jit import COMPILED
-from strapdown.core.signatures import LANES
+from strapdown.core.compile.jit import COMPILED
+from strapdown.core.compile.signatures import LANES
+from strapdown.core.loop.contract import PARAMETERS, Belief, side_by_side
 from strapdown.engine.side_by_side import alongside
 from strapdown.filters.observer import xkf
 from strapdown.filters.observer.equations import FADE, SINCE_COURSE, SINCE_FIX, SLOW

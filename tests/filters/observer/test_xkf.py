@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import CORRECT, PARAMETERS, PREDICT, compile_kernel, kernel
+from strapdown.core.loop.contract import CORRECT, PARAMETERS, PREDICT, compile_kernel, kernel
 from strapdown.data import Aiding
 from strapdown.filters.observer import nlo, xkf
 from strapdown.filters.observer.equations import embedded

@@ -8,7 +8,7 @@ import pytest
 from plain_sigma_points import uncompiled
 from scipy.special import logsumexp
 
-from strapdown.core.threefry import COUNTER, new_stream
+from strapdown.core.mathematics.threefry import COUNTER, new_stream
 from strapdown.filters.particle import mixture as compiled_mixture
 from strapdown.filters.particle.mixture import MOST_COMPONENTS, begin, kernel_width, silverman
 

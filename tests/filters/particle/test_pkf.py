@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import OBSERVE, PARAMETERS, Noise, Start, compile_kernel, kernel
-from strapdown.core.signatures import LANES
+from strapdown.core.compile.signatures import LANES
+from strapdown.core.loop.contract import OBSERVE, PARAMETERS, Noise, Start, compile_kernel, kernel
 from strapdown.data import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from test_loops import NOISE, difference, fused, textbook
 
 import strapdown as sd
-from strapdown.core.contract import Belief, compile_kernel
-from strapdown.core.error_dynamics import dynamics
+from strapdown.core.loop.contract import Belief, compile_kernel
+from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.sigma_point.ckf import CKF
 from strapdown.filters.sigma_point.ukf import UKF

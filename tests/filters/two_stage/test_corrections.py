@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import filters
-from strapdown.core.contract import Noise, Start
-from strapdown.core.earth import RATE, gravity
-from strapdown.core.error_state import JACOBIAN
-from strapdown.core.jit import COMPILED, matrix
+from strapdown.core.compile.jit import COMPILED, matrix
+from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.mathematics.earth import RATE, gravity
+from strapdown.core.mathematics.error_state import JACOBIAN
 from strapdown.filters.observer.equations import LONG_HELD
 from strapdown.filters.two_stage import corrections, model
 

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.core.contract import Noise, Start
-from strapdown.core.earth import gravity
+from strapdown.core.loop.contract import Noise, Start
+from strapdown.core.mathematics.earth import gravity
 from strapdown.engine.prepare import prepare
 from strapdown.filters.two_stage.model import (
     doubt,

@@ -13,7 +13,7 @@ from two_stage_twin import WRAP, State, Twin
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.contract import (
+from strapdown.core.loop.contract import (
     CORRECT,
     HEADING_KIND,
     PARAMETERS,
@@ -22,7 +22,7 @@ from strapdown.core.contract import (
     compile_kernel,
     kernel,
 )
-from strapdown.core.mechanization import stationary_increments
+from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded

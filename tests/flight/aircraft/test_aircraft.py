@@ -13,7 +13,7 @@ from textbook_aircraft import actuators, forces, motion
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.contract import Noise, Start
+from strapdown.core.loop.contract import Noise, Start
 from strapdown.data import Trajectory
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
 from strapdown.flight.aircraft.parameters import GRAVITY, NAMES, SECTIONS, flat_metres

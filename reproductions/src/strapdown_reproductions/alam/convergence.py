@@ -15,7 +15,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Start
+from strapdown.core.loop.contract import Start
 from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import attitude_angles, errors

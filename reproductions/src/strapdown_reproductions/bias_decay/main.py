@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown.checks import check_number
-from strapdown.core.contract import DECAYING, HELD
+from strapdown.core.loop.contract import DECAYING, HELD
 from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors

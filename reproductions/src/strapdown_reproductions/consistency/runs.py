@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 from strapdown.evaluation.consistency import INCONSISTENT, POSITION_LOST, SURVIVED
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study

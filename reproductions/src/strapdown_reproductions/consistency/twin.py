@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.core.contract import ATT, BA, BG, POS, STATES, VEL, Noise
+from strapdown.core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise
 from strapdown.data import Aiding
 from strapdown.evaluation.consistency import band
 from strapdown.geodesy import radii

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from strapdown.checks import DataError
-from strapdown.core.contract import STATES
+from strapdown.core.loop.contract import STATES
 from strapdown.experiments.filter_label import parsed
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss

@@ -6,7 +6,7 @@ import numpy as np
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Start
+from strapdown.core.loop.contract import Start
 from strapdown.recording import Recording
 
 from . import of_gnss, of_imu, of_others  # noqa: F401  (they fill the table of faults)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.checks import DataError
-from strapdown.core.contract import BRIDGED, DOUBTFUL, VALID
+from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, VALID
 from strapdown.data import Trajectory
 from strapdown.evaluation.metrics import errors, interpolated
 from strapdown.typing import Array, Ints

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from strapdown import filters
-from strapdown.core.contract import DOUBTFUL
+from strapdown.core.loop.contract import DOUBTFUL
 from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.geodesy import displaced

@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from strapdown.core.contract import Start
+from strapdown.core.loop.contract import Start
 from strapdown.data import Aiding, Trajectory
 from strapdown.geodesy import displaced
 from strapdown.recording import Recording

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strapdown import filters
-from strapdown.core.contract import STATES, Filter, Start
+from strapdown.core.loop.contract import STATES, Filter, Start
 from strapdown.data import Aiding, Solution, Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.smoothing import smooth

@@ -16,7 +16,17 @@ import numpy as np
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import BA, BG, BIAS, DECAYING, HELD, RANDOM_WALK, Filter, Noise, Start
+from strapdown.core.loop.contract import (
+    BA,
+    BG,
+    BIAS,
+    DECAYING,
+    HELD,
+    RANDOM_WALK,
+    Filter,
+    Noise,
+    Start,
+)
 from strapdown.data import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors

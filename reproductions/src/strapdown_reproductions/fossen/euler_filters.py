@@ -20,7 +20,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from strapdown.checks import check_choice
-from strapdown.core.contract import (
+from strapdown.core.compile.jit import helper, inlined, matrix
+from strapdown.core.loop.contract import (
     CORRECT,
     HEADING_KIND,
     HELD,
@@ -37,12 +38,11 @@ from strapdown.core.contract import (
     Start,
     kernel,
 )
-from strapdown.core.earth import displace, place, rotation_rates
-from strapdown.core.error_state import bias_free, decay_biases, publish_rates
-from strapdown.core.jit import helper, inlined, matrix
-from strapdown.core.kalman import WORKSPACE, update
-from strapdown.core.mechanization import mechanize
-from strapdown.core.rotation import euler_to_matrix, turned
+from strapdown.core.mathematics.earth import displace, place, rotation_rates
+from strapdown.core.mathematics.error_state import bias_free, decay_biases, publish_rates
+from strapdown.core.mathematics.kalman import WORKSPACE, update
+from strapdown.core.mathematics.mechanization import mechanize
+from strapdown.core.mathematics.rotation import euler_to_matrix, turned
 from strapdown.typing import Array
 
 SLOTS = Slots()
@@ -58,7 +58,7 @@ T = SLOTS.matrix("T", 3, 3)  # T(Theta)
 H = SLOTS.matrix("H", 3, STATES)
 DX = SLOTS.array("DX", STATES)
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
-WORK = SLOTS.array("WORK", WORKSPACE)  # of core.kalman
+WORK = SLOTS.array("WORK", WORKSPACE)  # of core.mathematics.kalman
 PRINTED = SLOTS.number("PRINTED")  # 1 where the errors are the printed ones of the indirect filter
 ERRORS = {"corrected": 0.0, "printed": 1.0}
 KINDS = ("position", "velocity", "heading")

@@ -16,7 +16,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from strapdown.checks import check_choice, check_number
-from strapdown.core.contract import (
+from strapdown.core.compile.jit import helper
+from strapdown.core.loop.contract import (
     CORRECT,
     DECAYING,
     HEADING_KIND,
@@ -32,10 +33,15 @@ from strapdown.core.contract import (
     Start,
     kernel,
 )
-from strapdown.core.earth import RATE, gravity
-from strapdown.core.jit import helper
-from strapdown.core.kalman import decay, of_estimates
-from strapdown.core.rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
+from strapdown.core.mathematics.earth import RATE, gravity
+from strapdown.core.mathematics.kalman import decay, of_estimates
+from strapdown.core.mathematics.rotation import (
+    orthonormalise,
+    rotate_left,
+    rotate_right,
+    turned,
+    wrap,
+)
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.typing import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from strapdown.core.contract import BA, BG, DECAYING
+from strapdown.core.loop.contract import BA, BG, DECAYING
 from strapdown.recording import Recording
 from strapdown.typing import Array, Progress
 

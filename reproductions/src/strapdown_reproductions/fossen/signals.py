@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs, AhrsPlan

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from strapdown.core.contract import BA, BG, POS, STATES, VEL
+from strapdown.core.loop.contract import BA, BG, POS, STATES, VEL
 from strapdown.evaluation.consistency import (
     POSITION_LOST,
     SURVIVED,

@@ -8,7 +8,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from strapdown.core.contract import POS
+from strapdown.core.loop.contract import POS
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.scoring import RUN_REASONS
 from strapdown.reports.drawing import (

@@ -9,8 +9,8 @@ printed.
 
 from strapdown import register
 from strapdown.checks import DataError, check_choice
-from strapdown.core.choosing import any_of, where
-from strapdown.core.contract import (
+from strapdown.core.compile.choosing import any_of, where
+from strapdown.core.loop.contract import (
     ATT,
     BA,
     BG,
@@ -24,7 +24,7 @@ from strapdown.core.contract import (
     Start,
     kernel,
 )
-from strapdown.core.error_state import (
+from strapdown.core.mathematics.error_state import (
     DX,
     ERROR_STATE,
     HEIGHT,
@@ -37,7 +37,7 @@ from strapdown.core.error_state import (
     measure,
     turn_half,
 )
-from strapdown.core.mechanization import mechanize
+from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.filters.ins import open_loop
 from strapdown.typing import Array
 

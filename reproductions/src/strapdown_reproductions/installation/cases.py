@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strapdown.core.contract import Start
+from strapdown.core.loop.contract import Start
 from strapdown.data import Aiding
 from strapdown.experiments.monte_carlo.wrong_installation import Installation, drawn, start_of
 from strapdown.recording import Recording

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from strapdown.checks import DataError
-from strapdown.core.contract import Filter
+from strapdown.core.loop.contract import Filter
 from strapdown.data import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors

@@ -20,7 +20,7 @@ import pandas as pd
 from strapdown.allan.deviation import Allan, Curve, Sensor, allan
 from strapdown.allan.page import longest
 from strapdown.allan.suggested_grade import MISFIT, expected, suggest
-from strapdown.core.contract import Imu, Noise
+from strapdown.core.loop.contract import Imu, Noise
 from strapdown.io import read
 from strapdown.io.locate import data_folder
 from strapdown.recording import Recording

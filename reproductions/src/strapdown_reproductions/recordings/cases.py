@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown import io
 from strapdown.alignment.static_attitude import body_to_navigation, gyrocompass
-from strapdown.core.contract import Imu
+from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding, Trajectory
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions

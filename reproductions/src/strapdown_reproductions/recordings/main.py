@@ -17,8 +17,8 @@ import pandas as pd
 from strapdown import io
 from strapdown.alignment.static_attitude import Gyrocompass, gyrocompass
 from strapdown.checks import DataError
-from strapdown.core.contract import Imu
-from strapdown.core.earth import RATE
+from strapdown.core.loop.contract import Imu
+from strapdown.core.mathematics.earth import RATE
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, outages, rms
 from strapdown.files import together

@@ -15,7 +15,7 @@ import pandas as pd
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.contract import Filter
+from strapdown.core.loop.contract import Filter
 from strapdown.data import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...aiding import find
 from ...checks import DataError
-from ...core.contract import Filter, Start
+from ...core.loop.contract import Filter, Start
 from ...diagnosis.diagnose import LARGEST_SD, LEAST
 from ...diagnosis.findings import (
     CONSISTENT,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ... import estimable
-from ...core.contract import Filter, Start
+from ...core.loop.contract import Filter, Start
 from ...diagnosis.findings import Estimate
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE, constants
 from ...diagnosis.settling import unknowns

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...core.cursor import FOLD
-from ...core.loop import F_SOURCE
+from ...core.loop.cursor import FOLD
+from ...core.loop.loop import F_SOURCE
 from ...data import Aiding
 from ...typing import Ints, Mask
 from . import causes

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core import loop
+from ...core.loop import loop
 from ...typing import Array, Ints, Mask
 from .causes import Window
 

@@ -11,7 +11,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ...core.contract import POS, STATES
+from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import band
 from ...reports.drawing import COLOURS, GREY, RED, line, log_range, note, panels
 from ...typing import Array

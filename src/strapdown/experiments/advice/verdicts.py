@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import DataError
-from ...core.contract import POS, STATES
+from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import SURVIVED, Interval, mean_of_known, paired, proportion
 from ...typing import Array
 from ..monte_carlo.scoring import RUN_REASONS

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...checks import DataError, brief
-from ...core.closed_over import NoWords
-from ...core.jit import COMPILED, Kernel
-from ...core.kernel_cache import closure_digest, code_digest
-from ...core.library import processor
+from ...core.compile.closed_over import NoWords
+from ...core.compile.jit import COMPILED, Kernel
+from ...core.compile.kernel_cache import closure_digest, code_digest
+from ...core.compile.library import processor
 from ...file_limits import LimitError, regular
 from ...file_locks import lock
 from ...files import netcdf, replacing, together

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ... import aiding, filters
 from ...checks import DataError
-from ...core.contract import STATES, Start, announce, compile_kernel
-from ...core.signatures import LANES
+from ...core.compile.signatures import LANES
+from ...core.loop.contract import STATES, Start, announce, compile_kernel
 from ...engine.batch import fuse
 from ...engine.installation import Parameter
 from ...engine.prepare import prepare

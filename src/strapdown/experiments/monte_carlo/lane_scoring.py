@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-from ...core.contract import STATES, Belief, kernel, matrix
-from ...core.earth import radii
-from ...core.lane_loop import KEEP, KEEP_LANES
-from ...core.rotation import rotation_between, wrap
+from ...core.loop.contract import STATES, Belief, kernel, matrix
+from ...core.loop.lane_loop import KEEP, KEEP_LANES
+from ...core.mathematics.earth import radii
+from ...core.mathematics.rotation import rotation_between, wrap
 from ...evaluation.nees import normalised
 from ...typing import Array
 from .scoring import Epochs

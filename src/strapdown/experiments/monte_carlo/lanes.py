@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from ...aiding import find
-from ...core import lane_loop
-from ...core.c_calls import aligned
-from ...core.contract import Filter, Start, bound
-from ...core.loop import SAME_TIME
-from ...core.signatures import LANES
+from ...core.compile.c_calls import aligned
+from ...core.compile.signatures import LANES
+from ...core.loop import lane_loop
+from ...core.loop.contract import Filter, Start, bound
+from ...core.loop.loop import SAME_TIME
 from ...engine.batch import begin
 from ...engine.prepare import Asked, Run
 from ...engine.side_by_side import SideBySide, alongside, kernels, why_alone

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core import library
+from ...core.compile import library
 from .chunks import Chunk, run_chunk
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.contract import ATT, BA, BG, POS, STATES, VEL
+from ...core.loop.contract import ATT, BA, BG, POS, STATES, VEL
 from ...data import SD_COLUMNS, Solution, Trajectory
 from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows

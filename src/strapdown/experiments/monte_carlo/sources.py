@@ -3,7 +3,7 @@ function can reach, the data files beside them, and the versions of the packages
 
 Imports are followed as they stand in the files, those inside functions too. Of a package that looks for its
 modules by itself (filters, kinds of aiding) all count. Docstrings, comments and annotations do not, as in
-`core.kernel_cache`.
+`core.compile.kernel_cache`.
 """
 
 import ast
@@ -15,7 +15,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from ...core.kernel_cache import Import, module_code
+from ...core.compile.kernel_cache import Import, module_code
 
 TOP = __name__.partition(".")[0]
 ROOT = Path(__file__).parents[2]

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from os import cpu_count
 
 from ...checks import DataError, check_number
-from ...core.contract import COMPILED, Filter
-from ...core.signatures import LANES
+from ...core.compile.signatures import LANES
+from ...core.loop.contract import COMPILED, Filter
 from ...evaluation.consistency import Limits
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec

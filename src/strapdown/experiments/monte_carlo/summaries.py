@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...checks import check_choice
-from ...core.contract import POS, STATES
+from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import SURVIVED, Paired, mean_of_known, paired, proportion, rmse
 from ...typing import Array
 from .scoring import ERROR_GROUPS, RUN_REASONS

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...aiding import find
 from ...checks import DataError, located
-from ...core.contract import Start
+from ...core.loop.contract import Start
 from ...data import Aiding, Trajectory
 from ...engine.installation import Parameter, Prior, parameters, with_estimates
 from ...estimable import (

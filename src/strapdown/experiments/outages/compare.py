@@ -14,7 +14,7 @@ import pandas as pd
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core.contract import Noise, Start
+from ...core.loop.contract import Noise, Start
 from ...data import Trajectory
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import Estimate, with_estimates

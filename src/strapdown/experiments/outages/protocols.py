@@ -14,7 +14,7 @@ from itertools import islice
 from typing import NamedTuple, TypeAlias
 
 from ...checks import DataError, check_number
-from ...core.contract import Start
+from ...core.loop.contract import Start
 
 Window: TypeAlias = tuple[float, float]
 """Start and stop, s."""

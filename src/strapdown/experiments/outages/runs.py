@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ...checks import DataError
-from ...core import cursor as places, loop
-from ...core.contract import DELAY, DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
+from ...core.loop import cursor as places, loop
+from ...core.loop.contract import DELAY, DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
 from ...data import Aiding
 from ...engine.batch import begin
 from ...engine.events import Events

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...core.contract import Start
-from ...core.loop import SAME_TIME
+from ...core.loop.contract import Start
+from ...core.loop.loop import SAME_TIME
 from ...data import Solution, Trajectory
 from ...evaluation.consistency import coverage
 from ...evaluation.metrics import EULER, NED_AXES, interpolated

@@ -7,7 +7,8 @@ price is an error of its own while the body turns.
 
 import math
 
-from ...core.contract import (
+from ...core.compile.jit import flatten, matrix
+from ...core.loop.contract import (
     CORRECT,
     PREDICT,
     RANDOM_WALK,
@@ -19,9 +20,8 @@ from ...core.contract import (
     helper,
     kernel,
 )
-from ...core.error_state import DV, MID, allocate
-from ...core.jit import flatten, matrix
-from ...core.rotation import rotate_right
+from ...core.mathematics.error_state import DV, MID, allocate
+from ...core.mathematics.rotation import rotate_right
 from ...typing import Array
 from .known_attitude import (
     BEYOND,

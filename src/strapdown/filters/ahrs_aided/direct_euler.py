@@ -7,7 +7,7 @@ its prediction is the same to first order.
 
 import math
 
-from ...core.contract import (
+from ...core.loop.contract import (
     ATT,
     CORRECT,
     PREDICT,
@@ -20,7 +20,7 @@ from ...core.contract import (
     helper,
     kernel,
 )
-from ...core.error_state import (
+from ...core.mathematics.error_state import (
     DX,
     HEIGHT,
     allocate,
@@ -28,7 +28,7 @@ from ...core.error_state import (
     linearised_step,
     turn_half,
 )
-from ...core.mechanization import mechanize
+from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
 from .known_attitude import (
     ANGLES,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import check_number
-from ...core.contract import (
+from ...core.loop.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
     CORRECT,
@@ -32,11 +32,11 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import displace
-from ...core.error_state import bias_free, observed, publish_rates
-from ...core.joseph import JOSEPH, SECONDS, await_step, carry, changed, spread, test
-from ...core.mechanization import mechanize
-from ...core.rotation import euler_to_matrix, measured_heading
+from ...core.mathematics.earth import displace
+from ...core.mathematics.error_state import bias_free, observed, publish_rates
+from ...core.mathematics.joseph import JOSEPH, SECONDS, await_step, carry, changed, spread, test
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import euler_to_matrix, measured_heading
 from ...typing import Array
 
 POLES = Slots()
@@ -54,7 +54,7 @@ GAIN = SLOTS.array("GAIN", 9)  # on the three, of each axis, by a fix
 JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H
 CORRELATION = SLOTS.number("CORRELATION")  # s for which the errors of attitudes are alike
 SINCE_TILT, SINCE_HEADING = SLOTS.numbers("SINCE_TILT", "SINCE_HEADING")  # s since each
-A = SLOTS.matrix("A", 3, STATES)  # of core.joseph.spread
+A = SLOTS.matrix("A", 3, STATES)  # of core.mathematics.joseph.spread
 B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
 OWN = SLOTS.part("OWN", JOSEPH)

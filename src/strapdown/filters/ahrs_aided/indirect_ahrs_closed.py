@@ -1,7 +1,7 @@
 """Indirect filter with the attitude of an AHRS, feedback: the estimated error of the INS is
 reset into it at each fix."""
 
-from ...core.contract import (
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -12,8 +12,8 @@ from ...core.contract import (
     Start,
     kernel,
 )
-from ...core.error_state import DV, DX, TRANSPORT, allocate, inject_all, measure
-from ...core.rotation import rotate_left, rotate_right
+from ...core.mathematics.error_state import DV, DX, TRANSPORT, allocate, inject_all, measure
+from ...core.mathematics.rotation import rotate_left, rotate_right
 from ...typing import Array
 from .known_attitude import (
     KNOWN_ATTITUDE,

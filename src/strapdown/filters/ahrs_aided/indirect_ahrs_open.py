@@ -6,7 +6,7 @@ beside a small-angle error would be over with the first tens of degrees that unc
 drift.
 """
 
-from ...core.contract import (
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -19,8 +19,8 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.error_state import BLOCK, DV, TRANSPORT, X, decay_biases, linearised_step
-from ...core.rotation import orthonormalise, rotate_left, rotate_right
+from ...core.mathematics.error_state import BLOCK, DV, TRANSPORT, X, decay_biases, linearised_step
+from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right
 from ...typing import Array
 from ..ins import open_loop
 from ..ins.open_loop import (

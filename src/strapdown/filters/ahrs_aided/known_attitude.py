@@ -23,7 +23,8 @@ import math
 from collections.abc import Mapping
 
 from ...checks import check_choice, check_number
-from ...core.contract import (
+from ...core.compile.jit import helper, matrix
+from ...core.loop.contract import (
     ATTITUDE_KIND,
     CORRELATED_STATE,
     KEPT,
@@ -36,7 +37,7 @@ from ...core.contract import (
     Start,
     first_event,
 )
-from ...core.error_state import (
+from ...core.mathematics.error_state import (
     BLOCK,
     DV,
     DX,
@@ -50,10 +51,9 @@ from ...core.error_state import (
     linearised_step,
     measure,
 )
-from ...core.jit import helper, matrix
-from ...core.kalman import propagate_error, used_rows, whiten
-from ...core.mechanization import mechanize
-from ...core.rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
+from ...core.mathematics.kalman import propagate_error, used_rows, whiten
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
 from ...typing import Array
 from ..ins.open_loop import BESIDE
 
@@ -250,7 +250,7 @@ def _shortening(
     covariance S, shorten it by on average.
 
     0 with more than STATES states (n): a scale of the accelerometers has that uncertainty already,
-    and the loop couples such states into P alone (core/coupling.py).
+    and the loop couples such states into P alone (core/mathematics/coupling.py).
     """
     if n > STATES:
         return 0.0, 0.0, 0.0

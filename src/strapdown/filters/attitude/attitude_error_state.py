@@ -7,10 +7,10 @@ covariance, whose other rows stay zero.
 
 import math
 
-from ...core.contract import Belief, Noise, Slots
-from ...core.jit import helper, inlined
-from ...core.kalman import LEAST_NOISE, decay
-from ...core.rotation import orthonormalise, rotate_left, rotate_right, turned
+from ...core.compile.jit import helper, inlined
+from ...core.loop.contract import Belief, Noise, Slots
+from ...core.mathematics.kalman import LEAST_NOISE, decay
+from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned
 from ...typing import Array
 
 SIX = (6, 7, 8, 12, 13, 14)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ...checks import check_number
-from ...core.contract import (
+from ...core.loop.contract import (
     ADJOINT_STEP,
     CORRECT,
     DECAYING,
@@ -34,10 +34,10 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import GRAVITY_EQUATOR, RATE, gravity
-from ...core.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
-from ...core.kalman import LEAST_NOISE, decay, of_estimates
-from ...core.rotation import turned
+from ...core.mathematics.earth import GRAVITY_EQUATOR, RATE, gravity
+from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
+from ...core.mathematics.kalman import LEAST_NOISE, decay, of_estimates
+from ...core.mathematics.rotation import turned
 from ...typing import Array
 from .attitude_error_state import (
     DOWN,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import check_number
-from ...core.contract import (
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     HEADING_KIND,
@@ -32,9 +32,9 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import GRAVITY_EQUATOR
-from ...core.kalman import decay, of_estimates
-from ...core.rotation import orthonormalise, rotate_left, turned, wrap
+from ...core.mathematics.earth import GRAVITY_EQUATOR
+from ...core.mathematics.kalman import decay, of_estimates
+from ...core.mathematics.rotation import orthonormalise, rotate_left, turned, wrap
 from ...typing import Array
 from . import attitude_mekf
 from .attitude_error_state import (

@@ -11,7 +11,7 @@ vertical, and a channel that took the attitude for known would learn acceleromet
 import math
 
 from ...checks import check_number
-from ...core.contract import (
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -27,10 +27,10 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import gravity
-from ...core.error_state import DX, JACOBIAN, WORK, inject_tail, observed
-from ...core.kalman import decay, of_estimates, update
-from ...core.rotation import turned
+from ...core.mathematics.earth import gravity
+from ...core.mathematics.error_state import DX, JACOBIAN, WORK, inject_tail, observed
+from ...core.mathematics.kalman import decay, of_estimates, update
+from ...core.mathematics.rotation import turned
 from ...typing import Array
 from . import attitude_mekf
 from .attitude_error_state import DOWN, GAIN, KEEP, NORTH, SIX, count_bias

@@ -1,9 +1,8 @@
 """Closed loop: errors are injected into the INS at each fix, biases are corrected inside the
 INS. The default filter."""
 
-from ...core.adjoint import SMOOTHER
-from ...core.choosing import any_of
-from ...core.contract import (
+from ...core.compile.choosing import any_of
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -14,7 +13,8 @@ from ...core.contract import (
     Start,
     kernel,
 )
-from ...core.error_state import (
+from ...core.mathematics.adjoint import SMOOTHER
+from ...core.mathematics.error_state import (
     DX,
     ERROR_STATE,
     HEIGHT,
@@ -24,12 +24,12 @@ from ...core.error_state import (
     measure,
     take_over,
 )
-from ...core.mechanization import mechanize
+from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
 
 
 def start(start: Start, noise: Noise, error_model: str = "corrected") -> Belief:
-    """Belief at `start`. error_model: "corrected", or a name of core.error_dynamics.MODELS: what
+    """Belief at `start`. error_model: "corrected", or a name of core.mathematics.error_dynamics.MODELS: what
     Hager & Bryne print, whole or in part."""
     return start.belief(allocate(ERROR_STATE, error_model))
 

@@ -6,9 +6,9 @@ Phi [0, b] is not zero in position, velocity and attitude, and that part is comp
 nominal state at each step.
 """
 
-from ...core.adjoint import SMOOTHER
-from ...core.contract import BA, BG, DECAYING, PREDICT, Belief, Filter, Noise, kernel
-from ...core.error_state import (
+from ...core.loop.contract import BA, BG, DECAYING, PREDICT, Belief, Filter, Noise, kernel
+from ...core.mathematics.adjoint import SMOOTHER
+from ...core.mathematics.error_state import (
     DX,
     ERROR_STATE,
     HEIGHT,
@@ -16,7 +16,7 @@ from ...core.error_state import (
     added,
     linearised_step,
 )
-from ...core.mechanization import mechanize
+from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
 from .closed_loop import correct, start
 

@@ -7,8 +7,8 @@ this is the form to compare with.
 
 import math
 
-from ...core.choosing import all_of, any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import all_of, any_of, where
+from ...core.loop.contract import (
     ATT,
     CORRECT,
     DECAYING,
@@ -25,8 +25,17 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.error_dynamics import BLOCKS, CORRECTED, PP, TP, TV, VP, VV, kinematic_blocks
-from ...core.error_state import (
+from ...core.mathematics.error_dynamics import (
+    BLOCKS,
+    CORRECTED,
+    PP,
+    TP,
+    TV,
+    VP,
+    VV,
+    kinematic_blocks,
+)
+from ...core.mathematics.error_state import (
     bias_free,
     decay_biases,
     inject_all,
@@ -34,8 +43,8 @@ from ...core.error_state import (
     publish_rates,
     turn_half,
 )
-from ...core.kalman import LEAST_NOISE
-from ...core.mechanization import mechanize
+from ...core.mathematics.kalman import LEAST_NOISE
+from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
 
 SLOTS = Slots()

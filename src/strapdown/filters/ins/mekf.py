@@ -14,11 +14,11 @@ the errors it turns back by half of the correction, and P_n forward by as much (
 
 import math
 
-from ...core.adjoint import SMOOTHER
-from ...core.choosing import any_of
-from ...core.contract import ATT, CORRECT, DECAYING, Belief, Filter, Observe, helper, kernel
-from ...core.elementary import arctangent
-from ...core.error_state import DX, ERROR_STATE, measure, take_over
+from ...core.compile.choosing import any_of
+from ...core.loop.contract import ATT, CORRECT, DECAYING, Belief, Filter, Observe, helper, kernel
+from ...core.mathematics.adjoint import SMOOTHER
+from ...core.mathematics.elementary import arctangent
+from ...core.mathematics.error_state import DX, ERROR_STATE, measure, take_over
 from ...typing import Array
 from .closed_loop import predict, start
 

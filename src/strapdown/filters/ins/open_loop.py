@@ -9,9 +9,8 @@ largest and depend on the coordinates of the position error; see `KINEMATICS`.
 import math
 
 from ...checks import check_choice
-from ...core.adjoint import SMOOTHER
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.loop.contract import (
     ATT,
     BA,
     BG,
@@ -29,9 +28,10 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import FAR_HEIGHT
-from ...core.error_dynamics import TV
-from ...core.error_state import (
+from ...core.mathematics.adjoint import SMOOTHER
+from ...core.mathematics.earth import FAR_HEIGHT
+from ...core.mathematics.error_dynamics import TV
+from ...core.mathematics.error_state import (
     BLOCK,
     DX,
     ERROR_STATE,
@@ -45,7 +45,7 @@ from ...core.error_state import (
     measure,
     turn_half,
 )
-from ...core.mechanization import mechanize
+from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
 
 BESIDE = Slots(after=ERROR_STATE)
@@ -83,7 +83,7 @@ def start(
     """Belief at `start`: the INS begins there, and only the initial biases of `start` are taken off
     its IMU (decaying as the model says).
 
-    error_model: "corrected", or a name of core.error_dynamics.MODELS: what Hager & Bryne print,
+    error_model: "corrected", or a name of core.mathematics.error_dynamics.MODELS: what Hager & Bryne print,
     whole or in part. kinematics: of the position error, "second-order" (exact to
     second order), "metres" (linear, in metres NED) or "geodetic" (linear in latitude, longitude and
     height, as Hager & Bryne).

@@ -5,9 +5,8 @@ Interval 0 is the closed loop, an infinite one the open loop.
 """
 
 from ...checks import check_number
-from ...core.adjoint import SMOOTHER
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -20,7 +19,8 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.error_state import X
+from ...core.mathematics.adjoint import SMOOTHER
+from ...core.mathematics.error_state import X
 from ...typing import Array
 from . import open_loop
 from .open_loop import (

@@ -15,9 +15,9 @@ the law is ba' = -k C' xi. docs/explanation/observer.md has the argument for its
 
 import math
 
-from ...core.choosing import any_of, where
-from ...core.jit import helper, inlined, matrix
-from ...core.workspace import Slots
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.workspace import Slots
 from ...typing import Array
 
 ACCEL, GYRO, AIR, COUNT = 0, 3, 6, 8  # columns of U: where they begin, and how many there are

@@ -13,8 +13,9 @@ Gauss-Markov process that is never estimated, which the heading takes on. The sq
 
 from typing import TypeAlias
 
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import helper, inlined, matrix
+from ...core.loop.contract import (
     ALTITUDE_KIND,
     MAGNETIC_KIND,
     VELOCITY_KIND,
@@ -22,10 +23,18 @@ from ...core.contract import (
     Noise,
     Slots,
 )
-from ...core.jit import helper, inlined, matrix
-from ...core.joseph import FORCE, JOSEPH, NOISE, SECONDS, await_step, carry, changed, spread
-from ...core.kalman import decay
-from ...core.rotation import turned
+from ...core.mathematics.joseph import (
+    FORCE,
+    JOSEPH,
+    NOISE,
+    SECONDS,
+    await_step,
+    carry,
+    changed,
+    spread,
+)
+from ...core.mathematics.kalman import decay
+from ...core.mathematics.rotation import turned
 from ...typing import Array
 from . import adaptive
 from .equations import (
@@ -56,7 +65,7 @@ of the library."""
 SLOTS = Slots(after=OBSERVER)
 FULL = SLOTS.matrix("FULL", STATES, STATES)  # their covariance
 CRAB_SD = SLOTS.number("CRAB_SD")  # of the angle between course and heading, rad
-A = SLOTS.matrix("A", 3, STATES)  # of core.joseph.spread
+A = SLOTS.matrix("A", 3, STATES)  # of core.mathematics.joseph.spread
 B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
 OWN = SLOTS.part("OWN", JOSEPH)

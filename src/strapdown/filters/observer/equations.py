@@ -16,8 +16,9 @@ the view that `embedded` gives.
 
 import math
 
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import helper, inlined, matrix
+from ...core.loop.contract import (
     ALTITUDE_KIND,
     HEADING_KIND,
     MAGNETIC_KIND,
@@ -29,14 +30,13 @@ from ...core.contract import (
     Observe,
     Slots,
 )
-from ...core.earth import displace, place
-from ...core.elementary import arctangent, arctangent2, tangent
-from ...core.embedded import NAVIGATION, navigation
-from ...core.error_state import bias_free, observed, publish_rates
-from ...core.jit import helper, inlined, matrix
-from ...core.kalman import decay
-from ...core.mechanization import mechanize
-from ...core.rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
+from ...core.mathematics.earth import displace, place
+from ...core.mathematics.elementary import arctangent, arctangent2, tangent
+from ...core.mathematics.embedded import NAVIGATION, navigation
+from ...core.mathematics.error_state import bias_free, observed, publish_rates
+from ...core.mathematics.kalman import decay
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned, wrap
 from ...typing import Array
 from . import adaptive
 from .translation_gains import AGE, SPREAD, TRANSLATION, VELOCITY_AGE, pulled

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...checks import check_choice, check_number
-from ...core.contract import Belief, Noise, Source, Start
-from ...core.embedded import as_numbers
+from ...core.loop.contract import Belief, Noise, Source, Start
+from ...core.mathematics.embedded import as_numbers
 from ...typing import Array, Mask
 from . import adaptive, equations, translation_gains
 

@@ -10,8 +10,8 @@ import math
 from typing import Any
 
 from ...checks import check_number
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.loop.contract import (
     CORRECT,
     MAGNETIC_KIND,
     PREDICT,
@@ -24,8 +24,8 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.error_state import observed
-from ...core.joseph import test
+from ...core.mathematics.error_state import observed
+from ...core.mathematics.joseph import test
 from ...typing import Array
 from .covariance import CRAB, CRAB_SD, OWN, SLOTS, after_fix, after_sample, step
 from .equations import CONDITION, JACOBIAN, OBSERVER, advance, take

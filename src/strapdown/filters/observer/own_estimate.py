@@ -9,12 +9,12 @@ counted from the estimate, and P is theirs: to first order its tilts lie half of
 the vertical than those about the heading of the model, log(exp(a) exp([0 0 -TURN])).
 """
 
-from ...core.choosing import any_of, where
-from ...core.contract import Belief, Slots
-from ...core.elementary import arctangent2, sine_cosine
-from ...core.error_state import turn_half
-from ...core.jit import helper, inlined
-from ...core.rotation import wrap
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import helper, inlined
+from ...core.loop.contract import Belief, Slots
+from ...core.mathematics.elementary import arctangent2, sine_cosine
+from ...core.mathematics.error_state import turn_half
+from ...core.mathematics.rotation import wrap
 from ...typing import Array
 from .equations import LARGEST_COURSE_SD, SINCE_COURSE, SINCE_FIELD, SINCE_HEADING, TRUSTED
 

@@ -3,9 +3,9 @@ an observer does, must take it once."""
 
 import math
 
-from ...core.choosing import where
-from ...core.jit import helper
-from ...core.workspace import Slots
+from ...core.compile.choosing import where
+from ...core.compile.jit import helper
+from ...core.compile.workspace import Slots
 from ...typing import Array
 
 MEMORY = Slots()

@@ -6,10 +6,10 @@ at a fix is I - K C. The Riccati design is the difference equation at the fixes 
 limit at a steady interval is the gain that `observer_gains` prints.
 """
 
-from ...core.choosing import any_of, where
-from ...core.elementary import exponential, exponential_less_one, sine_cosine
-from ...core.jit import helper
-from ...core.workspace import Slots
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import helper
+from ...core.compile.workspace import Slots
+from ...core.mathematics.elementary import exponential, exponential_less_one, sine_cosine
 from ...typing import Array
 
 TRANSLATION = Slots()

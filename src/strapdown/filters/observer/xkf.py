@@ -12,8 +12,9 @@ import math
 from typing import Any
 
 from ...checks import check_choice, check_number
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import helper, inlined
+from ...core.loop.contract import (
     ALTITUDE_KIND,
     ATTITUDE_KIND,
     BA,
@@ -36,9 +37,9 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import place
-from ...core.embedded import NAVIGATION, navigation, take_over
-from ...core.error_state import (
+from ...core.mathematics.earth import place
+from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
+from ...core.mathematics.error_state import (
     DX,
     ERROR_STATE,
     JACOBIAN,
@@ -53,10 +54,9 @@ from ...core.error_state import (
     observed,
     turn_half,
 )
-from ...core.jit import helper, inlined
-from ...core.kalman import update, used_rows
-from ...core.mechanization import mechanize
-from ...core.rotation import orthonormalise, rotation_between, wrap
+from ...core.mathematics.kalman import update, used_rows
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import orthonormalise, rotation_between, wrap
 from ...typing import Array
 from . import nlo
 from .equations import BLOCK, CONDITION, EMBEDDED, OBSERVER, advance, embedded, follow, inject

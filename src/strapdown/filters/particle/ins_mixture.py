@@ -8,16 +8,24 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
-from ...core.choosing import any_of, where
-from ...core.contract import COURSE_KIND, HEADING_KIND, MOST_STATES, STATES, Belief, Observe, Slots
-from ...core.earth import place
-from ...core.embedded import NAVIGATION, navigation, take_over
-from ...core.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
-from ...core.jit import flatten, helper, inlined, lanes_of, matrix, sides
-from ...core.kalman import LEAST_NOISE
-from ...core.rotation import rotation_between, wrap
-from ...core.signatures import LANES
-from ...core.threefry import STREAM
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
+from ...core.compile.signatures import LANES
+from ...core.loop.contract import (
+    COURSE_KIND,
+    HEADING_KIND,
+    MOST_STATES,
+    STATES,
+    Belief,
+    Observe,
+    Slots,
+)
+from ...core.mathematics.earth import place
+from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
+from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
+from ...core.mathematics.kalman import LEAST_NOISE
+from ...core.mathematics.rotation import rotation_between, wrap
+from ...core.mathematics.threefry import STREAM
 from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
 
@@ -29,7 +37,7 @@ REPAIRS = SLOTS.output("repairs")
 DEGENERATE = SLOTS.output("degenerate")
 # how many components there are, h, and below how many effective ones they are drawn anew
 COUNT, KERNEL, LEAST = SLOTS.numbers("COUNT", "KERNEL", "LEAST")
-RANDOM = SLOTS.array("RANDOM", STREAM)  # see core/threefry.py
+RANDOM = SLOTS.array("RANDOM", STREAM)  # see core/mathematics/threefry.py
 # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
 FORESEEN = SLOTS.array("FORESEEN", 15)
 LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)  # (n, n) covariance as the last call left it

@@ -3,7 +3,7 @@ mean and covariance.
 
 What the mean of a component is, the filter knows; here it is a row of `deviations` (N, n), the
 errors about the mean of the mixture or another reference. `stream` is one of
-core/threefry.py.
+core/mathematics/threefry.py.
 
 Source: Hoteit, Luo & Pham (2012), "Particle Kalman filtering: a nonlinear Bayesian framework for
 ensemble Kalman filters", MWR 140(2); systematic resampling after Kitagawa (1996); the kernel and
@@ -15,8 +15,8 @@ import math
 import numpy as np
 
 from ...checks import check_number
-from ...core.jit import helper, inlined, matrix
-from ...core.threefry import new_stream, normal_rows, normals, uniform
+from ...core.compile.jit import helper, inlined, matrix
+from ...core.mathematics.threefry import new_stream, normal_rows, normals, uniform
 from ...typing import Array
 
 MOST_COMPONENTS = 100000

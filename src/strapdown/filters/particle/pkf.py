@@ -11,8 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...checks import check_number
-from ...core.choosing import any_of, where
-from ...core.contract import (
+from ...core.compile.choosing import any_of, where
+from ...core.compile.jit import flatten, helper, inlined, lanes_of, sides
+from ...core.compile.signatures import LANES
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -25,10 +27,10 @@ from ...core.contract import (
     first_event,
     kernel,
 )
-from ...core.earth import curvature
-from ...core.elementary import logarithm
-from ...core.embedded import as_numbers
-from ...core.error_state import (
+from ...core.mathematics.earth import curvature
+from ...core.mathematics.elementary import logarithm
+from ...core.mathematics.embedded import as_numbers
+from ...core.mathematics.error_state import (
     DV,
     DX,
     HEIGHT,
@@ -41,12 +43,10 @@ from ...core.error_state import (
     publish_rates,
     take_over,
 )
-from ...core.jit import flatten, helper, inlined, lanes_of, sides
-from ...core.kalman import decay, of_estimates, update, used_rows
-from ...core.mechanization import mechanize
-from ...core.rotation_vectors import exponentials
-from ...core.signatures import LANES
-from ...core.threefry import normal_rows
+from ...core.mathematics.kalman import decay, of_estimates, update, used_rows
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation_vectors import exponentials
+from ...core.mathematics.threefry import normal_rows
 from ...typing import Array
 from .ins_mixture import (
     COMPONENTS,

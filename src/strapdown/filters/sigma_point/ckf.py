@@ -4,7 +4,7 @@ noise that is added instead of spread out.
 docs/explanation/sigma-points.md says what it shares with `ukf` and what it is good for.
 """
 
-from ...core.contract import DECAYING, Belief, Filter, Noise, Start
+from ...core.loop.contract import DECAYING, Belief, Filter, Noise, Start
 from .ins_sigma_points import SLOTS, begin, correct, predict, repairs
 from .sigma_points import symmetric
 

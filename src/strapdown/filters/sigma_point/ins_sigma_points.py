@@ -10,7 +10,9 @@ P. Points that would turn further than LARGEST_TURN are drawn in.
 import math
 from collections.abc import Mapping
 
-from ...core.contract import (
+from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
+from ...core.compile.signatures import LANES
+from ...core.loop.contract import (
     ATT,
     ATTITUDE_KIND,
     CORRECT,
@@ -27,9 +29,9 @@ from ...core.contract import (
     first_event,
     kernel,
 )
-from ...core.earth import place
-from ...core.embedded import LLA, NAVIGATION, C as NAVIGATION_C, F, V, navigation
-from ...core.error_state import (
+from ...core.mathematics.earth import place
+from ...core.mathematics.embedded import LLA, NAVIGATION, C as NAVIGATION_C, F, V, navigation
+from ...core.mathematics.error_state import (
     added,
     bias_free,
     decay_biases,
@@ -38,11 +40,9 @@ from ...core.error_state import (
     publish_rates,
     turn_half,
 )
-from ...core.jit import flatten, helper, inlined, lanes_of, matrix, sides
-from ...core.kalman import LEAST_NOISE, decay
-from ...core.mechanization import mechanize
-from ...core.rotation import nearest_turn, rotation_between, wrap
-from ...core.signatures import LANES
+from ...core.mathematics.kalman import LEAST_NOISE, decay
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import nearest_turn, rotation_between, wrap
 from ...typing import Array
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 

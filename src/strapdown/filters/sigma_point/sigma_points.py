@@ -19,9 +19,9 @@ Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & 
 
 import math
 
-from ...core.choosing import where
-from ...core.jit import helper, inlined, lanes_of, sides
-from ...core.signatures import LANES
+from ...core.compile.choosing import where
+from ...core.compile.jit import helper, inlined, lanes_of, sides
+from ...core.compile.signatures import LANES
 from ...typing import Array
 
 VARIANCE_FLOOR = 1e-13

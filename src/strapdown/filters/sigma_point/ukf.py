@@ -5,7 +5,7 @@ docs/explanation/sigma-points.md has its equations and says what it is good for.
 """
 
 from ...checks import check_choice
-from ...core.contract import DECAYING, Belief, Filter, Noise, Start
+from ...core.loop.contract import DECAYING, Belief, Filter, Noise, Start
 from .ins_sigma_points import NOISES, SLOTS, begin, correct, predict, repairs
 from .sigma_points import merwe, symmetric
 

@@ -7,12 +7,12 @@ there, and the estimate's distance from it counts by H.
 
 import math
 
-from ...core.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND, Belief, Noise, Observe
-from ...core.earth import RATE, gravity
-from ...core.error_state import DV, DX, JACOBIAN, WORK, observed
-from ...core.jit import helper, inlined, matrix
-from ...core.kalman import update_fifteen
-from ...core.rotation import wrap
+from ...core.compile.jit import helper, inlined, matrix
+from ...core.loop.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND, Belief, Noise, Observe
+from ...core.mathematics.earth import RATE, gravity
+from ...core.mathematics.error_state import DV, DX, JACOBIAN, WORK, observed
+from ...core.mathematics.kalman import update_fifteen
+from ...core.mathematics.rotation import wrap
 from ...typing import Array
 from ..attitude import attitude_error_state
 from ..observer.equations import LONG_HELD, too_slow

@@ -19,11 +19,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from ...checks import check_choice, check_number
-from ...core.contract import STATES, Belief, Condition, Noise, Slots, Source
-from ...core.error_state import ERROR_STATE
-from ...core.jit import helper, inlined
-from ...core.kalman import decay, of_estimates
-from ...core.rotation import turned
+from ...core.compile.jit import helper, inlined
+from ...core.loop.contract import STATES, Belief, Condition, Noise, Slots, Source
+from ...core.mathematics.error_state import ERROR_STATE
+from ...core.mathematics.kalman import decay, of_estimates
+from ...core.mathematics.rotation import turned
 from ...typing import Array
 from ..ahrs_aided.known_attitude import BEYOND_COLUMN
 from ..attitude import attitude_error_state

@@ -7,7 +7,7 @@ the estimate itself. P of the two stages is published as one, without covariance
 
 import math
 
-from ...core.contract import (
+from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
@@ -21,10 +21,18 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import displace
-from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases, publish_rates
-from ...core.mechanization import mechanize
-from ...core.rotation import (
+from ...core.mathematics.earth import displace
+from ...core.mathematics.error_state import (
+    DV,
+    DX,
+    MID,
+    allocate,
+    bias_free,
+    decay_biases,
+    publish_rates,
+)
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import (
     euler_to_matrix,
     matrix_to_euler,
     orthonormalise,

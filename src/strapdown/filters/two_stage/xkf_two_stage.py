@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from ...checks import check_choice
-from ...core.contract import (
+from ...core.compile.jit import inlined
+from ...core.loop.contract import (
     ALTITUDE_KIND,
     CORRECT,
     DECAYING,
@@ -34,12 +35,11 @@ from ...core.contract import (
     kernel,
     matrix,
 )
-from ...core.earth import displace, place
-from ...core.embedded import NAVIGATION, navigation, take_over
-from ...core.error_state import DV, DX, MID, allocate, bias_free, decay_biases
-from ...core.jit import inlined
-from ...core.mechanization import mechanize
-from ...core.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
+from ...core.mathematics.earth import displace, place
+from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
+from ...core.mathematics.error_state import DV, DX, MID, allocate, bias_free, decay_biases
+from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
 from ...typing import Array
 from ..ahrs_aided.known_attitude import STEEP_PITCH, steep
 from ..observer.equations import EMBEDDED, EXCITATION, OBSERVER, XI, advance, embedded, inject

@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from ...checks import DataError, check_number
-from ...core.contract import Imu
-from ...core.earth import gravity, gravity_north, place, rotation_rates
-from ...core.jit import helper, inlined, kernel
-from ...core.signatures import REAL, reals, signature
+from ...core.compile.jit import helper, inlined, kernel
+from ...core.compile.signatures import REAL, reals, signature
+from ...core.loop.contract import Imu
+from ...core.mathematics.earth import gravity, gravity_north, place, rotation_rates
 from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
 from .parameters import (

@@ -11,7 +11,7 @@ speed is algebraic (the rotor has no inertia).
 import math
 from typing import TypeAlias
 
-from ...core.jit import helper
+from ...core.compile.jit import helper
 from ...typing import Array
 from .parameters import (
     AREA,

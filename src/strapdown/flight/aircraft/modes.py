@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ...checks import DataError, check_number
-from ...core.rotation import euler_terms
+from ...core.mathematics.rotation import euler_terms
 from ...typing import Array, File
 from .dynamics import OUTPUTS, STATE_SIZE, evaluate
 from .parameters import Aircraft, aircraft as find

@@ -22,7 +22,7 @@ from ...checks import (
     did_you_mean,
     located,
 )
-from ...core.earth import E2, A
+from ...core.mathematics.earth import E2, A
 from ...files import read_toml
 from ...geodesy import gravity
 from ...toml_keys import Key, made, read_table, scaled, section, text

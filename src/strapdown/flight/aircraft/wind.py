@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from ...checks import check_choice, check_number
-from ...core.jit import helper, kernel
-from ...core.signatures import REAL, reals, signature
+from ...core.compile.jit import helper, kernel
+from ...core.compile.signatures import REAL, reals, signature
 from ...typing import Array
 
 TURBULENCE_LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError
-from ...core.contract import Imu
+from ...core.loop.contract import Imu
 from ...data import Aiding
 from ...preprocessing.origin import counted
 from ...typing import Array

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.contract import Imu
-from ...core.earth import RATE
+from ...core.loop.contract import Imu
+from ...core.mathematics.earth import RATE
 from ...preprocessing.plausible import G
 from ...preprocessing.stationary import at_rest
 from ...sensor_models.imu import grade

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...core.contract import Imu
+from ...core.loop.contract import Imu
 from ...cross_checks.heights import above_sea_level
 from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...checks import DataError
-from ...core.contract import Imu
+from ...core.loop.contract import Imu
 from ...data import Aiding
 from ...preprocessing.origin import counted
 from ...sensor_models.geomagnetism import geomagnetic_field

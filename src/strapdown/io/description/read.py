@@ -10,7 +10,7 @@ import numpy as np
 
 from ...alignment.location import place_of
 from ...checks import DataError, located
-from ...core.contract import Imu
+from ...core.loop.contract import Imu
 from ...cross_checks.heights import COLUMNS
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude

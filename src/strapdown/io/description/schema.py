@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from ...checks import DataError, check_keys, check_number
-from ...core.earth import LATITUDE_LIMIT
+from ...core.mathematics.earth import LATITUDE_LIMIT
 from ...estimable import ASKED_OF_IMU, asked
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from ...aiding import find
 from ...checks import DataError, check_number, is_number
-from ...core.contract import Measurement
+from ...core.loop.contract import Measurement
 from ...data import Correlated
 from ...estimable import asked, asked_at
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.earth import A
+from ...core.mathematics.earth import A
 from ...typing import Array
 from ...units import UNITS
 from ..contract import Section

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...core.earth import A
+from ...core.mathematics.earth import A
 from ...geodesy import wrap
 from ...typing import Array
 from ...units import UNITS

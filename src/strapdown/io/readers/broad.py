@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError
-from ...core.contract import Imu
+from ...core.loop.contract import Imu
 from ...data import Aiding, Trajectory
 from ...geodesy import displaced
 from ...opening import Zip

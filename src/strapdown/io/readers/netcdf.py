@@ -13,7 +13,7 @@ import numpy as np
 from ...aiding import find
 from ...checks import DataError, brief, located
 from ...checksum import DAMAGED
-from ...core.contract import Imu
+from ...core.loop.contract import Imu
 from ...data import Aiding, Correlated, Trajectory
 from ...files import netcdf, replacing
 from ...preprocessing.fixes import checked_aidings, overlap

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...checksum import DAMAGED
-from ...core.contract import BRIDGED, DOUBTFUL, INVALID, VALID
+from ...core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from ...data import (
     BIAS_COLUMNS,
     NAV_COLUMNS,

@@ -4,8 +4,8 @@ compiler, which leaves out what they make needless."""
 
 from collections.abc import Iterator, Mapping
 
-from ...core.jit import Kernel
-from ...core.signatures import Number, Numbers
+from ...core.compile.jit import Kernel
+from ...core.compile.signatures import Number, Numbers
 from ..ir import c_types
 from .layout import BYTES, RECORDS, Layout
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core import cursor as places
-from ...core.contract import WALK, Filter, Noise, Start
-from ...core.loop import SAME_TIME
+from ...core.loop import cursor as places
+from ...core.loop.contract import WALK, Filter, Noise, Start
+from ...core.loop.loop import SAME_TIME
 from ...data import Aiding
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import without_estimates

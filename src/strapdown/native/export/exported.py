@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, cast
 
 from ... import aiding, filters
 from ...checks import DataError, check_choice
-from ...core import loop
-from ...core.jit import Kernel
+from ...core.compile.jit import Kernel
+from ...core.loop import loop
 from ...file_locks import part_of
 from ...files import replacing, together
 from ...typing import Say
@@ -136,7 +136,7 @@ def compiled(of: Chosen, made: Layout, target: Target) -> Object:
 def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:
     """The intermediate representation of kernels with these sizes, from the cache where it is there:
     it takes most of the time, and is the same for all targets."""
-    from ...core import compiler, kernel_cache
+    from ...core.compile import compiler, kernel_cache
 
     stems = [kernel.stem for kernel in kernels]
     code = list(map(kernel_cache.code_digest, kernels))

@@ -4,10 +4,10 @@ to its object."""
 from collections.abc import Iterator, Mapping
 
 from ... import aiding
-from ...core.contract import Noise, Start
-from ...core.cursor import FOLD
-from ...core.earth import LATITUDE_LIMIT
-from ...core.loop import SAME_TIME
+from ...core.loop.contract import Noise, Start
+from ...core.loop.cursor import FOLD
+from ...core.loop.loop import SAME_TIME
+from ...core.mathematics.earth import LATITUDE_LIMIT
 from ...engine.prepare import LONGEST_GAP
 from ...preprocessing.imu_samples import LONGEST_INTERVAL
 from .chosen import Chosen

@@ -7,8 +7,8 @@ from string import Template
 from textwrap import wrap
 
 from ... import aiding, quantities
-from ...core import loop
-from ...core.contract import Measurement
+from ...core.loop.contract import Measurement
+from ...core.mathematics import solution_row
 from ...engine.prepare import axes_of_rows, brought
 from .chosen import GIVEN, Chosen
 from .layout import RECORDS, Layout, Place
@@ -47,7 +47,7 @@ def header(of: Chosen, made: Layout) -> str:
     sizes = [(text[0], made.sizes[size], text[1]) for size, text in SIZES.items()]
     sizes.insert(0, ("PARAMETERS", GIVEN, "numbers that strapdown_source takes"))
     own = [
-        Name(f"OWN_{i}" if i else "OWN", loop.NAV_WIDTH + i, text)
+        Name(f"OWN_{i}" if i else "OWN", solution_row.NAV_WIDTH + i, text)
         for i, text in enumerate(columns(of))
     ]
     return template("strapdown.h").substitute(

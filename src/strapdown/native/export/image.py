@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...core.contract import STATES, Filter, Noise, Start
-from ...core.rotation import euler_to_matrix
-from ...core.workspace import Slots
+from ...core.compile.workspace import Slots
+from ...core.loop.contract import STATES, Filter, Noise, Start
+from ...core.mathematics.rotation import euler_to_matrix
 from ...typing import Array, Ints
 from .layout import Layout, Place, numbers
 

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.contract import BELIEF, CURSOR, FIXES, IMU, NOISE, OUTPUT
-from ...core.signatures import Number, Numbers, Record
+from ...core.compile.signatures import Number, Numbers, Record
+from ...core.loop.contract import CURSOR, FIXES, IMU, OUTPUT
+from ...core.mathematics.belief import BELIEF, NOISE
 from ...typing import Array, Ints
 
 RECORDS: Mapping[str, Record] = {

@@ -18,7 +18,7 @@ from struct import pack
 
 import numpy as np
 
-from ...core.loop import T
+from ...core.mathematics.solution_row import T
 from ...engine.prepare import Run
 from .chosen import GIVEN, Chosen
 

@@ -1,9 +1,9 @@
 """The one thing that the start of an exported filter computes: the attitude of its angles."""
 
-from ...core.contract import kernel
-from ...core.jit import Kernel
-from ...core.rotation import euler_to_matrix
-from ...core.signatures import reals, signature
+from ...core.compile.jit import Kernel
+from ...core.compile.signatures import reals, signature
+from ...core.loop.contract import kernel
+from ...core.mathematics.rotation import euler_to_matrix
 from ...typing import Array
 
 ATTITUDE = signature("attitude", rph=reals(3), C=reals(3, 3))

@@ -4,7 +4,7 @@ mean. A test asks that each field and each name has its text."""
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ...core import contract, cursor, loop
+from ...core.loop import contract, cursor, loop
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
     "belief": {

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ...checks import DataError
-from ...core import loop
+from ...core.mathematics import solution_row
 from .chosen import Chosen
 from .header import template
 from .layout import BYTES, Layout
@@ -58,5 +58,5 @@ def script(of: Chosen, made: Layout, bytes_of_filter: int) -> str:
         rejected=BYTES * counts[1].first,
         sources=len(of.aidings),
         columns=made.sizes["columns"],
-        sd=loop.SD,
+        sd=solution_row.SD,
     )

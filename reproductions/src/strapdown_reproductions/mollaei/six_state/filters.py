@@ -8,7 +8,7 @@ start=...)` or `fly(plan, filter=UKF6, earth="flat")`. They cannot be pickled.
 
 from typing import Any
 
-from strapdown.core.contract import Filter
+from strapdown.core.loop.contract import Filter
 from strapdown.filters.particle import pkf
 
 from . import kalman_filters as kalman, particle_filter as particles, sigma_point_filters as points

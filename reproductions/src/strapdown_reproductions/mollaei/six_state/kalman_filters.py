@@ -3,8 +3,8 @@ mode without a filter."""
 
 import math
 
-from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
-from strapdown.core.jit import matrix
+from strapdown.core.compile.jit import matrix
+from strapdown.core.loop.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
 from strapdown.flight.aircraft.parameters import GRAVITY, Aircraft, aircraft as find_aircraft
 from strapdown.typing import Array, File
 

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from strapdown.checks import check_number
-from strapdown.core.contract import POSITION_KIND, Belief, Noise, Slots, Source, Start
-from strapdown.core.jit import helper, inlined, matrix
-from strapdown.core.rotation import orthonormalise, rotate_right, turned, wrap
+from strapdown.core.compile.jit import helper, inlined, matrix
+from strapdown.core.loop.contract import POSITION_KIND, Belief, Noise, Slots, Source, Start
+from strapdown.core.mathematics.rotation import orthonormalise, rotate_right, turned, wrap
 from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import (

@@ -11,10 +11,10 @@ attitude too: C = C0 (I + [phi x]), and products of phi with other deviations ar
 import numpy as np
 
 from strapdown.checks import check_choice, check_number
-from strapdown.core.contract import Belief, Start
-from strapdown.core.jit import helper, matrix
-from strapdown.core.rotation import euler_terms, turned
-from strapdown.core.workspace import Slots
+from strapdown.core.compile.jit import helper, matrix
+from strapdown.core.compile.workspace import Slots
+from strapdown.core.loop.contract import Belief, Start
+from strapdown.core.mathematics.rotation import euler_terms, turned
 from strapdown.flight.aircraft.dynamics import CONTROLS, OMEGA
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import MASS, Aircraft

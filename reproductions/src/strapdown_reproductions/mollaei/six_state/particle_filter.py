@@ -12,9 +12,18 @@ import math
 from typing import NamedTuple
 
 from strapdown.checks import check_choice, check_number
-from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
-from strapdown.core.jit import flatten, helper, inlined, matrix
-from strapdown.core.threefry import STREAM
+from strapdown.core.compile.jit import flatten, helper, inlined, matrix
+from strapdown.core.loop.contract import (
+    CORRECT,
+    PREDICT,
+    Belief,
+    Noise,
+    Observe,
+    Slots,
+    Start,
+    kernel,
+)
+from strapdown.core.mathematics.threefry import STREAM
 from strapdown.filters.particle import pkf
 from strapdown.filters.particle.mixture import (
     accumulate,

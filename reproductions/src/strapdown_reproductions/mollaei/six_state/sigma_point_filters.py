@@ -11,8 +11,17 @@ import math
 from collections.abc import Mapping
 
 from strapdown.checks import check_choice
-from strapdown.core.contract import CORRECT, PREDICT, Belief, Noise, Observe, Slots, Start, kernel
-from strapdown.core.jit import helper, matrix
+from strapdown.core.compile.jit import helper, matrix
+from strapdown.core.loop.contract import (
+    CORRECT,
+    PREDICT,
+    Belief,
+    Noise,
+    Observe,
+    Slots,
+    Start,
+    kernel,
+)
 from strapdown.filters.sigma_point.sigma_points import (
     corrected,
     covariance,

@@ -1,0 +1,582 @@
+"""The contract between sensors, filters and the loop that runs them: four kernel signatures and the
+tuples they pass.
+
+Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true -
+estimate. `docs/explanation/design.md` tells why.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+
+from ...checks import check_choice
+from ...typing import Array, Ints, Mask, Vector
+from ..compile.jit import (
+    COMPILED,
+    address,
+    announce,
+    bound,
+    caller,
+    compile_kernel,
+    helper,
+    kernel,
+    matrix,
+)
+from ..compile.signatures import REAL, WHOLE, Function, in_lanes, reals, record, signature, wholes
+from ..compile.workspace import MOST_STATES, Slots
+from ..mathematics.belief import ATT, BA, BELIEF, BG, NOISE, POS, STATES, VEL, Belief, Noise
+from ..mathematics.rotation import euler_to_matrix, quaternion_to_euler
+from ..mathematics.tape import ADJOINT_STEP, SAVE_STEP, AdjointStep, SaveStep, Smoother
+
+__all__ = [
+    "Belief",
+    "Start",
+    "Noise",
+    "Imu",
+    "Fixes",
+    "Cursor",
+    "Output",
+    "Filter",
+    "Smoother",
+    "Slots",
+    "Measurement",
+    "Source",
+    "Condition",
+    "Observe",
+    "Predict",
+    "Correct",
+    "SaveStep",
+    "AdjointStep",
+    "Configure",
+    "Diagnose",
+    "first_event",
+    "PARAMETERS",
+    "WALK",
+    "FIRST",
+    "OF_KIND",
+    "BROUGHT",
+    "CLOCK_STATE",
+    "ARM_STATE",
+    "MOUNTING_STATE",
+    "SCALE_STATE",
+    "ESTIMATED",
+    "DELAY",
+    "AGE",
+    "CLOCK_AT",
+    "SLIP",
+    "FORCE",
+    "LAG",
+    "MEAN",
+    "REST",
+    "RATE",
+    "TURN",
+    "SPIN",
+    "BEND",
+    "CORRELATED_STATE",
+    "CORRELATED_SD",
+    "CORRELATION_TIME",
+    "KEPT",
+    "ROBUST",
+    "MEMORY",
+    "BIAS_AT",
+    "POSITION_KIND",
+    "VELOCITY_KIND",
+    "HEADING_KIND",
+    "ALTITUDE_KIND",
+    "GRAVITY_KIND",
+    "MAGNETIC_KIND",
+    "SEA_LEVEL_KIND",
+    "ATTITUDE_KIND",
+    "PRESSURE_KIND",
+    "PRESSURE_ALTITUDE_KIND",
+    "NUMBERED",
+    "VALID",
+    "BRIDGED",
+    "INVALID",
+    "DOUBTFUL",
+    "OBSERVE",
+    "PREDICT",
+    "CORRECT",
+    "RUN",
+    "RUN_RECORDED",
+    "IN_LANES",
+    "SHARED",
+    "side_by_side",
+    "SAVE_STEP",
+    "ADJOINT_STEP",
+    "POS",
+    "VEL",
+    "ATT",
+    "BA",
+    "BG",
+    "STATES",
+    "DECAYING",
+    "HELD",
+    "RANDOM_WALK",
+    "MOST_STATES",
+    "COMPILED",
+    "kernel",
+    "helper",
+    "matrix",
+    "address",
+    "bound",
+    "caller",
+    "compile_kernel",
+    "announce",
+]
+
+
+BIAS = "bias"
+"""The option of every filter with biases that can decay: one of"""
+BIAS_MODELS = DECAYING, HELD, RANDOM_WALK = "decaying", "held", "random-walk"
+"""Biases of the time constants of the IMU, where it has any. "decaying": the estimates go to zero with
+them, as the mean of a Gauss-Markov process does. "held": what was found of a bias stays, its
+uncertainty alone goes back to that of the process. "random-walk": no time constant counts."""
+
+
+class Start(NamedTuple):
+    """Where a filter begins: state and standard deviations, SI and radians. Print it, or
+    override a part with `_replace`. What is left open, `()`, is found from the recording or from
+    the first samples of a stream."""
+
+    t: float
+    lla: tuple[float, ...] = ()  # latitude rad, longitude rad, ellipsoidal height m
+    v: tuple[float, ...] = ()  # NED, m/s
+    rph: tuple[float, ...] = ()  # roll, pitch, heading, rad; NaN, NaN, heading: that alone is known
+    ba: tuple[float, ...] = ()  # accelerometer bias, m/s^2
+    bg: tuple[float, ...] = ()  # gyro bias, rad/s
+    # 15 standard deviations in the order of the error states, then those of states that aidings
+    # bring along
+    sd: tuple[float, ...] = ()
+    note: str = ""  # how each part was found
+    # angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each, NED, SI) of a
+    # start whose position and velocity are those of fixes, and so err with their clock and lever
+    # arm; () of any other
+    motion: tuple[float, ...] = ()
+
+    def towards(self, q_nb: Vector) -> "Start":
+        """This Start with the attitude of a unit quaternion, scalar first, body to navigation.
+        Raises ValueError where it is none."""
+        q = np.asarray(q_nb, float)
+        size = np.linalg.norm(q)
+        if q.shape != (4,) or not abs(size - 1) < 1e-3:
+            raise ValueError(
+                f"start: q_nb is {q_nb}; it must be four numbers, scalar first, whose squares add "
+                f"up to 1 (here to {size * size:.4g})"
+            )
+        roll, pitch, heading = quaternion_to_euler(q / size).tolist()
+        return self._replace(rph=(roll, pitch, heading))
+
+    def belief(self, workspace: Array) -> Belief:
+        """A Belief at this start with a diagonal P; `workspace` is the filter's own array."""
+
+        def column(values: tuple[float, ...]) -> Array:
+            return np.array(values, float)
+
+        C = np.empty((3, 3))
+        roll, pitch, heading = (float(angle) for angle in self.rph)
+        euler_to_matrix(roll, pitch, heading, C)
+        return Belief(
+            column(self.lla),
+            column(self.v),
+            C,
+            column(self.ba),
+            column(self.bg),
+            np.diag(column(self.sd) ** 2),
+            np.zeros(3),
+            np.zeros(3),
+            workspace,
+            np.zeros(len(self.sd) - STATES),
+        )
+
+
+class Imu(NamedTuple):
+    """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]]."""
+
+    t: Array  # s
+    dt: Array  # s
+    dtheta: Array  # (n, 3) integral of the angular rate, body FRD, rad
+    dv: Array  # (n, 3) integral of the specific force, body FRD, m/s
+
+
+class Fixes(NamedTuple):
+    """All aiding of a run, merged and sorted by time, and what each source of it is."""
+
+    t: Array  # s
+    source: Ints  # int64, row of the three tables below
+    y: Array  # (m, 3); what a sensor does not measure is NaN
+    sd: Array  # (m, 3) of the rows of the innovation
+    kind: Ints  # int64 per source
+    parameters: Array  # (sources, PARAMETERS)
+    gate: Array  # per source, bound on NIS; inf switches gating off
+
+
+class Cursor(NamedTuple):
+    """The loop's own state, so that a run can stop and go on at any sample."""
+
+    at: Ints  # int64, see the names in core/loop/cursor.py, as of the other tables
+    now: Array  # time of the belief, s, and of the last cause of doubt
+    previous: Array  # the last sample: increments (6), seconds
+    # increments in use (6), a part of them (6), increments as read (6), standard deviations with
+    # slip (3), innovation (12), and the places of core/loop/heavy_tails.py
+    work: Array
+    accepted: Ints  # int64 per source
+    rejected: Ints  # int64 per source
+    in_a_row: Ints  # int64 per source: rejections since the last accepted fix
+    # time of the first of them, or of the last that was used with the gate lifted
+    since: Array
+    # int64 per source: how many of them were used so, positions and velocities apart
+    lifts: Ints
+    last: Array  # per source: time of its last fix, up to which its own states have walked
+    limits: Array  # what samples, fixes and the belief never exceed
+    watched: Array  # (6, WATCHED): repeated values of each axis
+    floor: Array  # (sources, 3): least standard deviations
+    tests: Array  # (sources, TESTS): tests of the innovations
+    log: Array  # (rows, LOG_WIDTH): what a user must know
+    # (rows, core.loop.recent_motion.WIDTH): the motion of the last seconds; no rows where nobody looks
+    # back
+    recent: Array
+    # int64 (rows, 3), see core/mathematics/coupling.py: the states of the IMU that act on the increments
+    coupled: Ints
+
+
+class Output(NamedTuple):
+    """What a run writes: a row per kept IMU sample, a row per fix."""
+
+    nav: Array  # (rows, NAV_COLUMNS + extra columns of the filter)
+    covariance: Array  # (rows, n, n), or (0, n, n)
+    fix: Array  # (m, FIX_COLUMNS)
+    # (calls, width) what each call of predict and correct left for the smoother; (0,) without one,
+    # which is another type
+    record: Array
+    mark: Ints  # int64 per row: calls before it; unused without a record
+
+
+WALK, FIRST, OF_KIND, BROUGHT = 6, 7, 8, 9
+"""Numbers that a source hands to its observer. Of a source that brings states along, WALK is their
+random walk (unit/sqrt(s)), FIRST the index of the first of them and BROUGHT how many there are;
+OF_KIND says which of the sources of its kind it is, from 0."""
+CLOCK_STATE, ARM_STATE, MOUNTING_STATE, SCALE_STATE, ESTIMATED = 10, 11, 14, 17, 18
+"""Index of the state that is the error of a parameter of the installation, or 0: of the clock, of
+the three components of the lever arm, of the three angles of the mounting, of the scale. ESTIMATED
+is 1 where any of them is a state."""
+DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
+"""s that a fix waits before it is used, so that what the filter looks back at is there; s by which
+the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
+them before a fix; side slip of a constraint (rad per m/s^2), which adds to its standard deviation."""
+FORCE, LAG, MEAN, REST, RATE, TURN, BIAS_AT, SPIN = 23, 26, 29, 32, 35, 38, 47, 50
+BEND = 53
+"""What happened in AGE, see core/loop/recent_motion.py: vectors, a matrix of nine, the accelerometer bias
+of then and the angular acceleration. BEND: standard deviations of what the clock bends in positions
+(3) and velocities (3)."""
+CORRELATED_STATE, CORRELATED_SD, CORRELATION_TIME, KEPT = 59, 62, 65, 66
+"""Of a source with correlated errors, first-order Gauss-Markov processes that add to its rows:
+index of the state of each row, or 0 where the filter has none for it; their stationary standard
+deviations, SI; their correlation time, s; and the share of them that is left of the fix before,
+exp(-dt / time), as the loop leaves it: 1 for a fix that is tried again."""
+ROBUST, MEMORY, PARAMETERS = 67, 68, 69
+"""1 where a heavy-tailed likelihood stands in place of the gate; s over which the measurement noise is
+followed, 0 where it is as given."""
+VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
+"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
+before the next accepted position fix; not to be believed, because something contradicts it."""
+NUMBERED = (
+    "position",
+    "velocity",
+    "heading",
+    "altitude",
+    "gravity",
+    "magnetic-field",
+    "zero-sea-level",
+    "attitude",
+    "pressure",
+    "pressure-altitude",
+    "course",
+)
+"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a
+long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
+level, filters fed with an attitude take it as known, points wrap angles, gains belong to what they act on, the loop of
+an aircraft makes pressures itself. Kernels know them by their number, which is their place here;
+`aiding.number` gives out those of all others."""
+(
+    POSITION_KIND,
+    VELOCITY_KIND,
+    HEADING_KIND,
+    ALTITUDE_KIND,
+    GRAVITY_KIND,
+    MAGNETIC_KIND,
+    SEA_LEVEL_KIND,
+    ATTITUDE_KIND,
+    PRESSURE_KIND,
+    PRESSURE_ALTITUDE_KIND,
+    COURSE_KIND,
+) = range(len(NUMBERED))
+
+IMU = record(
+    Imu, t=reals("samples"), dt=reals("samples"), dtheta=reals("samples", 3), dv=reals("samples", 3)
+)
+FIXES = record(
+    Fixes,
+    t=reals("fixes"),
+    source=wholes("fixes"),
+    y=reals("fixes", 3),
+    sd=reals("fixes", 3),
+    kind=wholes("sources"),
+    parameters=reals("sources", PARAMETERS),
+    gate=reals("sources"),
+)
+CURSOR = record(
+    Cursor,
+    at=wholes("places"),
+    now=reals("moments"),
+    previous=reals(7),
+    work=reals("work"),
+    accepted=wholes("sources"),
+    rejected=wholes("sources"),
+    in_a_row=wholes("sources"),
+    since=reals("sources"),
+    lifts=wholes("sources"),
+    last=reals("sources"),
+    limits=reals("limits"),
+    watched=reals("axes", "watched"),
+    floor=reals("sources", 3),
+    tests=reals("sources", "tests"),
+    log=reals("log_rows", "log_width"),
+    recent=reals("recent_rows", "recent_width"),
+    coupled=wholes("couplings", 3),
+)
+OUTPUT, RECORDED_OUTPUT = (
+    record(
+        Output,
+        nav=reals("rows", "columns"),
+        covariance=reals("covariances", "states", "states"),
+        fix=reals("fix_rows", "fix_columns"),
+        record=what,
+        mark=wholes("marks"),
+    )
+    for what in (reals("numbers"), reals("calls", "width"))
+)
+
+OBSERVE = signature(
+    "observe",
+    WHOLE,
+    belief=BELIEF,
+    y=reals(3),
+    parameters=reals(PARAMETERS),
+    innovation=reals(3),
+    H=reals(3, "n"),
+)
+PREDICT = signature("predict", belief=BELIEF, u=reals(6), dt=REAL, noise=NOISE)
+CORRECT = signature(
+    "correct",
+    REAL,
+    belief=BELIEF,
+    y=reals(3),
+    sd=reals(3),
+    kind=WHOLE,
+    observe=Function(OBSERVE),
+    parameters=reals(PARAMETERS),
+    gate=REAL,
+    innovation=reals(12),
+)
+RUN, RUN_RECORDED = (
+    signature(
+        name,
+        predict=WHOLE,
+        correct=WHOLE,
+        observers=wholes("kinds"),
+        belief=BELIEF,
+        imu=IMU,
+        fixes=FIXES,
+        noise=NOISE,
+        cursor=CURSOR,
+        out=output,
+    )
+    for name, output in (("run", OUTPUT), ("run_recorded", RECORDED_OUTPUT))
+)
+SHARED = ("sd", "parameters", "noise")
+"""What all runs side by side have in common, beside plain arguments; the rest of these is their own."""
+IN_LANES = {each: in_lanes(each, *SHARED) for each in (OBSERVE, PREDICT, CORRECT)}
+"""Signatures of sensors and filters for eight runs at once."""
+
+
+def side_by_side(kernel: Any) -> Any:
+    """The kernel of a sensor or a filter for eight runs at once."""
+    return kernel.for_runs(IN_LANES[kernel.signature])
+
+
+class Source(Protocol):
+    """What a filter may ask of a source of fixes before a run: an Aiding, which is defined above
+    the kernels. Times in s, y and sd in SI and radians."""
+
+    @property
+    def kind(self) -> str:
+        """Name of what it measures, as in `aiding`."""
+
+    @property
+    def name(self) -> str:
+        """As shown in tables; empty: the kind."""
+
+    @property
+    def t(self) -> Array:
+        """Times (m,), s."""
+
+    @property
+    def y(self) -> Array:
+        """Measured values (m, components); NaN where not measured."""
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (m, rows)."""
+
+    @property
+    def parameters(self) -> Sequence[float]:
+        """As its Measurement says, e.g. a lever arm."""
+
+
+Observe: TypeAlias = Callable[[Belief, Array, Array, Array, Array], int]
+"""(belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians."""
+Predict: TypeAlias = Callable[[Belief, Array, float, Noise], None]
+"""(belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments over dt (s)."""
+Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, Array, float, Array], float]
+"""(belief, y, sd, kind, observe, parameters, gate, innovation (12,)) -> NIS: the innovation y -
+h(belief) e; behind it the same whitened, L^-1 e, N(0, 1) each where the filter is right; behind
+that L by rows (00, 10, 11, 20, 21, 22), L L' its covariance. NaN of what is not measured or has no
+covariance."""
+Configure: TypeAlias = Callable[
+    [dict[str, Any], Sequence[Source]], tuple[dict[str, Any], list[str]]
+]
+"""(options, sources that the filter uses) -> (options, notes). Raises ValueError."""
+Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[float, str]]]
+"""(t (n,), lla (n, 3), {column: (n,)}) -> [(t, text)] of the kept rows."""
+
+
+class Condition(NamedTuple):
+    """What a filter can say of itself while it runs; in `Filter.conditions`."""
+
+    text: str  # as in an event, with the remedy
+    doubtful: bool = True  # whether rows are DOUBTFUL as long as it lasts
+
+
+def first_event(t: Array, where: Mask, text: str) -> list[tuple[float, str]]:
+    """[(t, text)] at the first of the kept rows `where` it is so, [] without any: for
+    Filter.diagnose."""
+    return [(float(t[np.argmax(where)]), text)] if np.any(where) else []
+
+
+class Filter(NamedTuple):
+    """One architecture. `name` is its file's name with dashes; `reference` its source in the
+    literature."""
+
+    name: str
+    reference: str
+    # (Start, Noise, **options) -> Belief; plain Python, refuses bad options
+    start: Callable[..., Belief]
+    predict: Predict
+    correct: Correct
+    # the standard deviations it claims; the others are published as NaN
+    states: tuple[int, ...] = tuple(range(STATES))
+    # the states it estimates at all; the others are published as NaN. Without position it starts
+    # without one
+    estimates: tuple[int, ...] = tuple(range(STATES))
+    slots: Slots = Slots()  # what its workspace holds, output columns first
+    # kinds of aiding that it can use; None: all. Sources of other kinds are left out and named in
+    # the notes
+    uses: tuple[str, ...] | None = None
+    needs: tuple[str, ...] = ()  # kinds without which it cannot run
+    # options that the sources decide where the user does not; refuses what it cannot run on
+    configure: Configure | None = None
+    unaided_note: str = ""  # what to say where a recording has no source that it can use
+    smoother: Smoother | None = None
+    diagnose: Diagnose | None = None  # what of the kept rows a user must know
+    # what it can say of itself, and the number of its workspace in which its kernels leave which of
+    # them holds now, counted from 1; 0 for none
+    conditions: tuple[Condition, ...] = ()
+    condition: int | None = None
+    # whether states that are parameters of the installation may stand behind its own
+    installation: bool = False
+    # whether it gates, and the standard deviations of a fix decide what it does with it, so that
+    # sources can be robust and adaptive
+    weighs: bool = True
+    # whether its kernels also compile for eight runs at once: they choose by `core.compile.choosing` and
+    # have no `if` on a value
+    lanes: bool = False
+    # kernels that its `start` calls, so that they are compiled before a stream begins
+    start_kernels: tuple[Callable[..., Any], ...] = ()
+    # the one of BIAS_MODELS that it assumes where nobody says; "": none of its estimates decays, and
+    # there is no such option
+    bias: str = ""
+    # for whom it is, and for what to take another one, as the list of filters has them: a phrase of
+    # at most 60 characters each
+    good_for: str = ""
+    poor_for: str = ""
+
+    def __copy__(self) -> "Filter":
+        return self  # kernels are not copied
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Filter":
+        return self
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names, with units, of its extra output columns."""
+        return self.slots.columns
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """{name of an option: default}."""
+        own = list(inspect.signature(self.start).parameters.items())[2:]
+        found = {name: option.default for name, option in own}
+        return found | {BIAS: self.bias} if self.bias else found
+
+    def assumed(self, noise: Noise, options: Mapping[str, Any]) -> Noise:
+        """`noise` with the bias model of these options. Raises DataError for an unknown one."""
+        if not self.bias:
+            return noise
+        model = check_choice(options.get(BIAS, self.bias), BIAS, BIAS_MODELS)
+        if model == RANDOM_WALK:
+            return noise._replace(gyro_decay=0.0, accel_decay=0.0)
+        return noise._replace(held=float(model == HELD)) if BIAS in options else noise
+
+    def begin(self, start: Start, noise: Noise, **options: Any) -> Belief:
+        """The belief of `start`; its kernels are to be given the noise that is `assumed`. Raises
+        RuntimeError where its workspace is smaller than `slots` says, so that kernels would write
+        beyond it."""
+        assumed = self.assumed(noise, options)
+        if self.bias:
+            options.pop(BIAS, None)
+        belief = self.start(start, assumed, **options)
+        if belief.workspace.size < self.slots.size:
+            raise RuntimeError(
+                f"filter {self.name!r}: its start made a workspace of {belief.workspace.size} "
+                f"numbers; its slots take {self.slots.size}"
+            )
+        return belief
+
+
+class Measurement(NamedTuple):
+    """One kind of aiding: how it is observed, and what the edge must know to read it."""
+
+    name: str
+    observe: Observe
+    # what each component of y is: "latitude", "longitude", "length", "speed", "angle",
+    # "acceleration", "angular rate", "magnetic field", "pressure"
+    quantities: tuple[str, ...]
+    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
+    # point, m, body; "field": T, NED
+    parameters: str = ""
+    vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"
+    recorded: bool = True  # False: a constraint of the vehicle, rows at a rate instead of a file
+    when: str = ""  # a constraint that holds only then: "at rest"
+    mean_of: str = ""  # y of a constraint is the mean of that over the step before it: "gyro"
+    slips: bool = False  # whether side slip in turns can widen its standard deviation
+    reference: str = ""
+    # names, with units, of the states that each source of this kind brings along
+    states: tuple[str, ...] = ()
+    state_sd: float = 0.0  # their initial standard deviation
+    state_walk: float = 0.0  # their random walk, unit/sqrt(s)
+    # parameters of the installation that its observation knows as states: names of `estimable`
+    estimable: tuple[str, ...] = ()
+    lanes: bool = False  # whether its kernel also compiles for eight runs at once

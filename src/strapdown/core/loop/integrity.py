@@ -1,0 +1,384 @@
+"""Whether what comes in can be true: samples of the IMU against their range and against each other,
+fixes against what they and the vehicle can be, innovations against what chance allows.
+
+The tests of innovations are cumulative sums (Page 1954) of whitened innovations, which are N(0, 1)
+where the filter is right. Fixes of a second count as one, by their mean, because errors that last
+make neighbouring fixes alike. docs/reference/status.md has the rates of false alarms.
+"""
+
+import math
+
+from ...typing import Array
+from ..compile.jit import helper, inlined
+from .contract import POSITION_KIND, VELOCITY_KIND, Belief, Cursor, Fixes
+from .cursor import (
+    ACCEL_FULL_SCALE,
+    ACCEL_NOISE,
+    ACCEL_RANGE,
+    CAUSE,
+    CHANGE,
+    CHANNELS,
+    COARSE,
+    FAILS,
+    FLOORED,
+    FULL_SCALE,
+    GYRO_FULL_SCALE,
+    GYRO_NOISE,
+    GYRO_RANGE,
+    HIGHEST,
+    JITTER,
+    JITTERED,
+    LAST_USED,
+    LATELY,
+    LENGTH,
+    LOWEST,
+    MEAN_OFF,
+    NIS_COUNT,
+    NIS_OFF,
+    NIS_SUM,
+    NO_FIX,
+    OUT_OF_RANGE,
+    POSITIONED,
+    REJECTING,
+    REPEATING,
+    REPEATS,
+    SAMPLES,
+    SPEED,
+    STEP,
+    STUCK,
+    SUM,
+    TERMS,
+    TESTED,
+    TOO_FAST,
+    TOO_HIGH,
+    UNCONFIRMED,
+    UNEVEN,
+    WHITENED,
+    WHITENED_COUNT,
+    say,
+)
+
+CONFIRM, CONFIRM_AFTER = 3, 1.0
+"""Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
+a doubt ends."""
+HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
+LEFT = -1.0  # in REJECTING: left out
+NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
+LEVELLED = 30.0
+"""s without a fix after which a filter that estimates no position ends a doubt by itself: gravity
+has levelled it, and a wrong vertical would have shown in the mean force, which attitude filters
+take over 20 s."""
+SAME_VALUE = 1e-9  # of a value: less is rounding and no change
+SELDOM, LONG_SAMPLE = (
+    16,
+    0.05,
+)  # changes are looked at in each so many samples, or in longer ones (s)
+LAST_CHANGES = 16.0  # over which they are averaged
+MOST_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
+MOST_JITTER = 2.0
+"""What samples do not tell of the velocity, over its standard deviation. Recorded cars, aircraft and
+hands stay below 0.5."""
+LEARNED = 200  # samples from which the rate of repeated values is known
+STUCK_SAMPLES, STUCK_TIME = 10, 0.2  # an axis is not stuck for fewer, or for less (s)
+STUCK_LIKELIHOOD = 25.0  # -ln of how likely so many repeated values are by chance
+LATEST, MORE_THAN_USUAL = 64.0, 0.2
+"""Samples over which the share of repeats is averaged; how much above its usual one is unusual."""
+SECOND = 1.0 - 1e-6  # s of fixes that count as one
+MOST_WHITENED = 4.0  # of one second, so that one wild fix is no drift
+MEAN_ALLOWED, MEAN_ALARM = 0.5, 14.0
+"""Mean of whitened innovations that lasting errors of right fixes have; what its sum beyond that
+reaches by chance once in 1000 h of a component."""
+NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
+"""The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
+MOST_NIS = 8.0  # of one second over its expectation
+MOST_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
+NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
+NEAR_NULL = 0.01  # rad from there, where a fix can be that
+
+
+@inlined
+def doubt(cursor: Cursor, t: float) -> None:
+    """Rows are doubtful from here until fixes confirm."""
+    cursor.at[UNCONFIRMED] = CONFIRM
+    cursor.now[CAUSE] = t
+
+
+@helper
+def confirm(cursor: Cursor, t: float) -> None:
+    """A fix passed its gate at `t` s. It confirms where no source contradicts the belief that was
+    heard of lately: one that fell silent cannot take back what it said."""
+    tests, contradicted = cursor.tests, False
+    for s in range(tests.shape[0]):
+        if t - tests[s, TESTED] <= HEARD:
+            contradicted |= tests[s, REJECTING] > 0
+            for channel in range(CHANNELS):
+                contradicted |= tests[s, FAILS][channel] > 0
+    if not contradicted and t - cursor.now[CAUSE] >= CONFIRM_AFTER:
+        cursor.at[UNCONFIRMED] -= 1
+
+
+@helper
+def leave_out(cursor: Cursor, s: int) -> None:
+    """Source `s` contradicts nothing any more, until one of its fixes passes."""
+    forget(cursor.tests[s])
+    cursor.tests[s, REJECTING] = LEFT
+
+
+@helper
+def fails(tests: Array) -> bool:
+    """Whether any test of the innovations of a source fails."""
+    failing = 0.0
+    for channel in range(CHANNELS):
+        failing += tests[FAILS][channel]
+    return failing > 0
+
+
+@helper
+def forget(tests: Array) -> None:
+    """Begin the sums of a source anew."""
+    for channel in range(CHANNELS):
+        tests[FAILS][channel] = tests[SUM][channel] = 0.0
+
+
+@helper
+def level_again(cursor: Cursor, t: float) -> bool:
+    """Whether gravity confirms a filter that estimates no position, because nothing else can."""
+    last = cursor.now[CAUSE]
+    for s in range(cursor.tests.shape[0]):
+        last = max(last, cursor.tests[s, TESTED])
+    return cursor.at[POSITIONED] == 0 and t - last > LEVELLED
+
+
+# ---- samples
+
+
+@inlined
+def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> int:
+    """0 for a sample that can be true, 1 for one of which less is known than the noise says (at
+    full scale, stuck), NO_GYRO, NO_ACCEL or both for one that cannot be. `cursor.previous` still
+    holds the one before."""
+    limits, previous = cursor.limits, cursor.previous
+    before = previous[6]
+    gyro, accel = limits[GYRO_RANGE] * dt, limits[ACCEL_RANGE] * dt
+    full_gyro, full_accel = limits[GYRO_FULL_SCALE] * dt, limits[ACCEL_FULL_SCALE] * dt
+    inside, below, changed = True, True, True
+    for i in range(3):
+        r, a = abs(dtheta[i]), abs(dv[i])
+        inside &= (r <= gyro) & (a <= accel)
+        below &= (r < full_gyro) & (a < full_accel)
+        changed &= abs(dtheta[i] * before - previous[i] * dt) > SAME_VALUE * r * before
+        changed &= abs(dv[i] * before - previous[3 + i] * dt) > SAME_VALUE * a * before
+    cursor.at[SAMPLES] += 1
+    code = 0
+    if not changed and before > 0 or cursor.at[REPEATING] > 0:
+        code = _repeated(dtheta, dv, dt, t, cursor)
+    if inside and before > 0 and (cursor.at[SAMPLES] % SELDOM <= 1 or dt > LONG_SAMPLE):
+        _changes(dtheta, dv, dt, t, belief, cursor)
+    if not (inside and below):
+        code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
+    if code > 0:
+        doubt(cursor, t)
+    return code
+
+
+@helper
+def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, inside: bool) -> int:
+    """Say which axes are beyond their range, or at full scale."""
+    limits, wrong = cursor.limits, 0
+    for i in range(6):
+        value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
+        most = limits[GYRO_RANGE] if i < 3 else limits[ACCEL_RANGE]
+        full = limits[GYRO_FULL_SCALE] if i < 3 else limits[ACCEL_FULL_SCALE]
+        if not abs(value) <= most:
+            say(cursor, OUT_OF_RANGE, i, t, value)
+            wrong |= NO_GYRO if i < 3 else NO_ACCEL
+        elif inside and abs(value) >= full:
+            say(cursor, FULL_SCALE, i, t, value)
+    return wrong if wrong else 1
+
+
+@helper
+def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> None:
+    """Keep the smallest change of each axis. In the second of two samples, the mean square of what
+    they do not tell, from how their change changes: what goes up and down by A from sample to
+    sample is 4 A there, and motion that goes on is little. Where it is more than the velocity is
+    said to be known by, the samples are too far apart."""
+    previous, watched, worst = cursor.previous, cursor.watched, 3
+    second = cursor.at[SAMPLES] % SELDOM == 1 or dt > LONG_SAMPLE
+    for i in range(6):
+        value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
+        change = value - previous[i] / previous[6]
+        untold = 0.25 * (change - watched[i, CHANGE]) * dt
+        watched[i, CHANGE] = change
+        if abs(change) > SAME_VALUE * abs(value):
+            watched[i, STEP] = min(watched[i, STEP], abs(change))
+        if second:
+            watched[i, JITTER] += (untold * untold - watched[i, JITTER]) / LAST_CHANGES
+        if i > 3 and watched[i, JITTER] > watched[worst, JITTER]:
+            worst = i
+    uneven = abs(dt - previous[6]) / dt
+    watched[0, UNEVEN] += (uneven - watched[0, UNEVEN]) / LAST_CHANGES
+    if watched[0, UNEVEN] > MOST_UNEVEN:
+        say(cursor, JITTERED, 0, t, watched[0, UNEVEN])
+    known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
+    if cursor.at[POSITIONED] and watched[worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
+        say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[worst, JITTER]) / dt)
+        doubt(cursor, t)
+
+
+@helper
+def _repeated(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
+    """Count the axes that repeat their value, and say which are stuck. Returns 1 if any is."""
+    watched, previous, samples = cursor.watched, cursor.previous, cursor.at[SAMPLES]
+    before, found, repeating = previous[6], 0, 0
+    for i in range(6):
+        x = dtheta[i] if i < 3 else dv[i - 3]
+        same = abs(x * before - previous[i] * dt) <= SAME_VALUE * abs(x) * before
+        watched[i, LENGTH] = watched[i, LENGTH] + 1 if same else 0.0
+        watched[i, REPEATS] += same
+        watched[i, LATELY] += (same - watched[i, LATELY]) / LATEST
+        repeating += same
+    for i in range(6):
+        length = watched[i, LENGTH]
+        if length < STUCK_SAMPLES or length * dt < STUCK_TIME or samples - length < LEARNED:
+            continue
+        noise = cursor.limits[GYRO_NOISE] if i < 3 else cursor.limits[ACCEL_NOISE]
+        if (
+            watched[i, STEP] * math.sqrt(dt) <= noise
+            and -length * math.log(_usual(watched, i, samples)) > STUCK_LIKELIHOOD
+            and _alone(watched, i, samples)
+        ):
+            say(cursor, STUCK, i, t, (dtheta[i] if i < 3 else dv[i - 3]) / dt)
+            found = 1
+    cursor.at[REPEATING] = repeating
+    return found
+
+
+@inlined
+def _usual(watched: Array, i: int, samples: int) -> float:
+    """The share of samples that repeated their value on axis `i`, without the present ones."""
+    length = watched[i, LENGTH]
+    return (watched[i, REPEATS] - length + 1) / (samples - length + 2)
+
+
+@inlined
+def _alone(watched: Array, i: int, samples: int) -> bool:
+    """Whether the other axes of the sensor go on as usual, or stopped at the same sample: at rest a
+    coarse sensor repeats its values on all, and not from one sample on."""
+    alone, first = True, 0 if i < 3 else 3
+    for j in range(first, first + 3):
+        alone &= (
+            watched[j, LENGTH] == watched[i, LENGTH]
+            or watched[j, LATELY] <= _usual(watched, j, samples) + MORE_THAN_USUAL
+        )
+    return alone
+
+
+# ---- fixes
+
+
+@helper
+def length(vector: Array) -> float:
+    """Of the components of a vector in three that were measured."""
+    squares = 0.0
+    for i in range(3):
+        if not math.isnan(vector[i]):
+            squares += vector[i] * vector[i]
+    return math.sqrt(squares)
+
+
+@helper
+def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
+    """Whether fix `k` can be one: not latitude and longitude 0, and within what the vehicle can
+    do. Its standard deviations are raised to the `floor` of its source."""
+    s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits
+    floor = cursor.floor[s]
+    for i in range(3):
+        if sd[i] < floor[i]:
+            say(cursor, FLOORED, s, t, sd[i])
+            sd[i] = floor[i]
+    if fixes.kind[s] == POSITION_KIND:
+        if (
+            abs(y[0]) < NULL
+            and abs(y[1]) < NULL
+            and not (abs(belief.lla[0]) < NEAR_NULL and abs(belief.lla[1]) < NEAR_NULL)
+        ):
+            say(cursor, NO_FIX, s, t, 0.0)
+            return False
+        if y[2] < limits[LOWEST] or y[2] > limits[HIGHEST]:
+            say(cursor, TOO_HIGH, s, t, y[2])
+            return False
+    elif fixes.kind[s] == VELOCITY_KIND:
+        speed = length(y)
+        if speed > limits[SPEED]:
+            say(cursor, TOO_FAST, s, t, speed)
+            return False
+    return True
+
+
+@helper
+def reachable(belief: Belief, innovation: Array, s: int, t: float, cursor: Cursor) -> bool:
+    """Whether the vehicle can have gone to a position fix since the last one that was used, or the
+    belief allows it."""
+    variance = 0.0
+    for i in range(3):
+        if not math.isnan(innovation[i]):
+            variance += belief.P[i, i]
+    seconds = t - cursor.tests[s, LAST_USED]
+    return length(innovation) <= cursor.limits[SPEED] * seconds + 5 * math.sqrt(variance)
+
+
+# ---- innovations
+
+
+@helper
+def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> None:
+    """Take the whitened innovation and the NIS of a fix into the sums of its source, and test
+    them once a second."""
+    tests, rows = cursor.tests[s], 0
+    if tests[REJECTING] == LEFT:
+        return
+    whitened, counts = tests[WHITENED], tests[WHITENED_COUNT]
+    for i in range(3):
+        rows += not math.isnan(innovation[i])
+        if not math.isnan(innovation[3 + i]):
+            whitened[i] += innovation[3 + i]
+            counts[i] += 1
+    if rows > 0 and not math.isnan(nis):
+        tests[NIS_SUM] += nis / rows
+        tests[NIS_COUNT] += 1
+    if t - tests[TESTED] < SECOND:
+        return
+    tests[TESTED] = t
+    for i in range(3):
+        if counts[i] > 0:
+            mean = whitened[i] / counts[i]
+            _sum_up(cursor, s, i, mean, MEAN_ALARM, t)
+            _sum_up(cursor, s, 3 + i, -mean, MEAN_ALARM, t)
+            whitened[i] = counts[i] = 0.0
+    if tests[NIS_COUNT] > 0:
+        _sum_up(cursor, s, 6, tests[NIS_SUM] / tests[NIS_COUNT], NIS_ALARM / max(rows, 1), t)
+        tests[NIS_SUM] = tests[NIS_COUNT] = 0.0
+
+
+@helper
+def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t: float) -> None:
+    """One term of a cumulative sum, which fails above its bound until it is well below."""
+    tests, of_nis = cursor.tests[s], channel == 6
+    allowed, most = (NIS_ALLOWED, MOST_NIS) if of_nis else (MEAN_ALLOWED, MOST_WHITENED)
+    sums, terms, fails = tests[SUM], tests[TERMS], tests[FAILS]
+    total = sums[channel] + min(max(value, -most), most) - allowed
+    terms[channel] += 1
+    if total <= 0:
+        total = terms[channel] = 0.0
+    sums[channel] = min(total, MOST_OF_BOUND * bound)
+    if total > bound or fails[channel] > 0 and total > RECOVERED * bound:
+        fails[channel] = 1.0
+        mean = min(total / terms[channel] + allowed, most)
+        if of_nis:
+            say(cursor, NIS_OFF, s, t, mean)
+        else:
+            say(cursor, MEAN_OFF, 3 * s + channel % 3, t, mean if channel < 3 else -mean)
+        doubt(cursor, t)
+    else:
+        fails[channel] = 0.0

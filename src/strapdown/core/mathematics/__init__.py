@@ -1,0 +1,1 @@
+"""The mathematics of navigation: Earth, rotations, mechanization, error model, Kalman filter, smoother."""

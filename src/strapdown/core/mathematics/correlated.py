@@ -1,0 +1,71 @@
+"""Errors of a source that last, as states: what becomes of them between its fixes, and what its fixes
+see of them.
+
+Each is a first-order Gauss-Markov process c' = -c / T + w of stationary standard deviation sigma that
+adds to a row of the source. Over dt it keeps the share phi = exp(-dt / T) and gains the variance
+sigma^2 (1 - phi^2). Nothing but fixes of its source sees it, so all this waits for the next one, and
+c stands still meanwhile. Source: Gelb (1974), Applied Optimal Estimation, section 3.8.
+"""
+
+import math
+
+from ...typing import Array
+from ..compile.jit import helper
+from ..loop.contract import CORRELATED_SD, CORRELATED_STATE, CORRELATION_TIME, KEPT, STATES
+from .kalman import decay
+
+FADED = -98.0
+"""First number of a record of `fade`, which no filter's own begins with. Behind it phi, and of each
+row its state, or 0."""
+
+
+@helper
+def fade(P: Array, states: Array, parameters: Array, seconds: float, record: Array) -> None:
+    """The correlated errors of a source, among the states beyond the fifteenth, `seconds` after its
+    fix before: c <- phi c, P <- Phi P Phi' + Q. Phi goes on the record (0,) or (5,)."""
+    keep = decay(seconds / parameters[CORRELATION_TIME])
+    parameters[KEPT] = keep
+    if record.size > 0:
+        record[0], record[1] = FADED, keep
+    for i in range(3):
+        k, sd = int(parameters[CORRELATED_STATE + i]), parameters[CORRELATED_SD + i]
+        if record.size > 0:
+            record[2 + i] = k
+        if k > 0:
+            states[k - STATES] *= keep
+            for j in range(P.shape[0]):
+                P[k, j] *= keep
+                P[j, k] *= keep
+            P[k, k] += sd * sd * (1 - keep * keep)
+
+
+@helper
+def unfade(record: Array, lam: Array, Lam: Array) -> None:
+    """The adjoint of `fade`: lam <- Phi' lam, Lam <- Phi' Lam Phi."""
+    for i in range(3):
+        k = int(record[2 + i])
+        if k > 0:
+            lam[k] *= record[1]
+            for j in range(lam.size):
+                Lam[k, j] *= record[1]
+                Lam[j, k] *= record[1]
+
+
+@helper
+def see(states: Array, parameters: Array, innovation: Array, H: Array) -> None:
+    """Add to what a source observes its correlated errors as they are estimated: innovation and
+    H."""
+    for i in range(3):
+        k = int(parameters[CORRELATED_STATE + i])
+        if k > 0:
+            innovation[i] -= states[k - STATES]
+            H[i, k] = 1.0
+
+
+@helper
+def widened(sd: Array, parameters: Array, wider: Array) -> Array:
+    """The standard deviations with those of the correlated errors that are no states, in `wider`."""
+    for i in range(3):
+        more = parameters[CORRELATED_SD + i] if parameters[CORRELATED_STATE + i] == 0 else 0.0
+        wider[i] = math.hypot(sd[i], more)
+    return wider

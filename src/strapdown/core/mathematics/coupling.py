@@ -1,0 +1,92 @@
+"""Scale and misalignment of the IMU as states: what they do to a prediction, for every filter.
+
+A sensor reads u + M u, u being what there is: its scale on the diagonal of M, its misalignment
+beside it. A state is the error of one number of M, as read in `Cursor.coupled`. The increments are
+corrected by the estimates before they are predicted with, to first order: u less s u[j] in component
+i. What is left, the error of s, moves velocity or attitude by G = -C[:, i] u[j], so that behind the
+prediction P <- T P T' with T = I + G e_s'. The smoother undoes that by its adjoint, from a record of
+the loop's own.
+"""
+
+from ...typing import Array
+from ..compile.jit import helper
+from ..loop.contract import Cursor
+from .belief import ATT, STATES, VEL, Belief
+
+STATE, INTO, FROM = 0, 1, 2
+"""Columns of Cursor.coupled: a state, the component i of the increments that it changes and the
+component j that it takes of: 0 to 2 of the gyro, 3 to 5 of the accelerometer."""
+COUPLED = -99.0
+"""First number of a record of `couple`, which no filter's own begins with. Behind it the rows, and
+of each its state, the first of the three states that it moves, and G (3)."""
+ROW = 5
+RAW = slice(12, 18)
+"""Of Cursor.work: the increments as they were read."""
+
+
+@helper
+def read(cursor: Cursor, belief: Belief, u: Array, sign: float) -> None:
+    """Take from the increments u what the estimates say that is too much of them (sign -1), or add
+    it (1)."""
+    raw, coupled = cursor.work[RAW], cursor.coupled
+    for i in range(6):
+        raw[i] = u[i]
+    for row in range(coupled.shape[0]):
+        s = belief.extra_states[coupled[row, STATE] - STATES]
+        u[coupled[row, INTO]] += sign * s * raw[coupled[row, FROM]]
+
+
+@helper
+def couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
+    """P <- T P T' after a prediction over dt with increments of `read`; T goes on the record (0,)
+    or (2 + ROW rows,)."""
+    coupled, P, w, h = cursor.coupled, belief.P, belief.omega, 0.5 * dt
+    for row in range(coupled.shape[0]):
+        state, into = coupled[row, STATE], coupled[row, INTO]
+        first, i = (ATT.start, into) if into < 3 else (VEL.start, into - 3)
+        j, k = (i + 1) % 3, (i + 2) % 3
+        size = -cursor.work[RAW][coupled[row, FROM]]
+        # the axis at mid-interval: half a turn back
+        g0, g1, g2 = (
+            size * (belief.C[0, i] - h * (w[k] * belief.C[0, j] - w[j] * belief.C[0, k])),
+            size * (belief.C[1, i] - h * (w[k] * belief.C[1, j] - w[j] * belief.C[1, k])),
+            size * (belief.C[2, i] - h * (w[k] * belief.C[2, j] - w[j] * belief.C[2, k])),
+        )
+        _moved(P, state, first, (g0, g1, g2))
+        if record.size > 0:
+            at = 2 + ROW * row
+            record[at], record[at + 1] = state, first
+            record[at + 2], record[at + 3], record[at + 4] = g0, g1, g2
+    if record.size > 0:
+        record[0], record[1] = COUPLED, coupled.shape[0]
+
+
+@helper
+def _moved(P: Array, state: int, first: int, G: tuple[float, float, float]) -> None:
+    """P <- T P T', symmetric to the last bit."""
+    n, g0, g1, g2 = P.shape[0], G[0], G[1], G[2]
+    row, r0, r1, r2 = P[state], P[first], P[first + 1], P[first + 2]
+    for j in range(n):
+        r0[j] += g0 * row[j]
+        r1[j] += g1 * row[j]
+        r2[j] += g2 * row[j]
+    for i in range(3):
+        for j in range(i + 1):
+            P[first + i, first + j] += G[j] * P[first + i, state]
+            P[first + j, first + i] = P[first + i, first + j]
+    for j in range(n):
+        P[j, first], P[j, first + 1], P[j, first + 2] = r0[j], r1[j], r2[j]
+
+
+@helper
+def uncouple(record: Array, lam: Array, Lam: Array) -> None:
+    """The adjoint of `couple`: lam <- T' lam, Lam <- T' Lam T."""
+    for row in range(int(record[1]) - 1, -1, -1):
+        at = 2 + ROW * row
+        state, first = int(record[at]), int(record[at + 1])
+        g0, g1, g2 = record[at + 2], record[at + 3], record[at + 4]
+        lam[state] += g0 * lam[first] + g1 * lam[first + 1] + g2 * lam[first + 2]
+        for j in range(lam.size):
+            Lam[state, j] += g0 * Lam[first, j] + g1 * Lam[first + 1, j] + g2 * Lam[first + 2, j]
+        for j in range(lam.size):
+            Lam[j, state] += g0 * Lam[j, first] + g1 * Lam[j, first + 1] + g2 * Lam[j, first + 2]

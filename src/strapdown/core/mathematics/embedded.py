@@ -1,0 +1,58 @@
+"""A Belief inside another one: an observer beside a filter, a sigma point, a component of a mixture.
+
+Its state is a row of numbers of the workspace, seen as arrays; its P, workspace and extra states
+are given, its own or those of the belief that it is inside of.
+"""
+
+import numpy as np
+
+from ...typing import Array
+from ..compile.choosing import where
+from ..compile.jit import inlined, matrix
+from ..compile.workspace import Slots
+from .belief import Belief
+
+NAVIGATION = Slots()
+"""The state of a Belief, as there."""
+LLA = NAVIGATION.array("LLA", 3)
+V = NAVIGATION.array("V", 3)
+C = NAVIGATION.matrix("C", 3, 3)
+BA = NAVIGATION.array("BA", 3)
+BG = NAVIGATION.array("BG", 3)
+OMEGA = NAVIGATION.array("OMEGA", 3)
+F = NAVIGATION.array("F", 3)
+
+
+@inlined
+def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) -> Belief:
+    """The Belief whose state is the first of `numbers` (of NAVIGATION)."""
+    return Belief(
+        numbers[LLA],
+        numbers[V],
+        matrix(numbers, C, 3, 3),
+        numbers[BA],
+        numbers[BG],
+        P,
+        numbers[OMEGA],
+        numbers[F],
+        workspace,
+        extra_states,
+    )
+
+
+@inlined
+def take_over(belief: Belief, other: Belief, wanted: bool = True) -> None:
+    """Position, velocity, attitude and biases of the belief become those of another, where that is
+    wanted."""
+    for i in range(3):
+        belief.lla[i] = where(wanted, other.lla[i], belief.lla[i])
+        belief.v[i] = where(wanted, other.v[i], belief.v[i])
+        belief.ba[i] = where(wanted, other.ba[i], belief.ba[i])
+        belief.bg[i] = where(wanted, other.bg[i], belief.bg[i])
+        for j in range(3):
+            belief.C[i, j] = where(wanted, other.C[i, j], belief.C[i, j])
+
+
+def as_numbers(belief: Belief) -> Array:
+    """The state of a Belief as numbers of NAVIGATION."""
+    return np.concatenate([part.ravel() for part in (*belief[:5], belief.omega, belief.f)])

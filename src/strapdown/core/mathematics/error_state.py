@@ -1,0 +1,261 @@
+"""What the error-state filters share: their workspace array, the linearised step, the
+measurement, the injection of an error into the belief."""
+
+import math
+
+from ...checks import check_choice
+from ...typing import Array
+from ..compile.choosing import any_of, where
+from ..compile.jit import flatten, helper, inlined, matrix
+from ..compile.workspace import MOST_STATES, Slots
+from ..loop.contract import CORRELATION_TIME, Observe
+from .belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
+from .correlated import see
+from .earth import displace
+from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
+from .kalman import (
+    WORKSPACE,
+    decay,
+    of_estimates,
+    propagate,
+    propagate_error,
+    update,
+    used_rows,
+)
+from .rotation import NineNumbers, orthonormalise, rotate_left, rotation_terms, turned_by
+
+PREDICTED = -1.0  # the last call was a prediction
+ERROR_STATE = Slots(room=16)
+# error state kept apart from the belief; zero where it is injected at once
+X = ERROR_STATE.array("X", STATES)
+MODEL = ERROR_STATE.number("MODEL")  # which error model; see error_dynamics
+HEIGHT = ERROR_STATE.number("HEIGHT")  # gravity at this times the height: 1 or 0
+CALL = ERROR_STATE.number("CALL")  # of the last call: rows used, or PREDICTED; a smoother keeps
+DT = ERROR_STATE.number("DT")  # s; all from CALL to DV
+TRANSPORT = ERROR_STATE.array("TRANSPORT", 3)  # rotation of n over it, rad
+DECAY_A, DECAY_G = ERROR_STATE.numbers("DECAY_A", "DECAY_G")  # of the biases, 1/s
+HELD = ERROR_STATE.number("HELD")  # Noise.held
+BLOCK = ERROR_STATE.array("BLOCK", BLOCKS)  # blocks of F
+MID = ERROR_STATE.matrix("MID", 3, 3)  # C_nb at mid-interval
+DV = ERROR_STATE.array("DV", 3)  # specific-force velocity increment in n, bias-free, m/s
+DX = ERROR_STATE.array("DX", MOST_STATES)  # the correction that `measure` found, n numbers
+WORK = ERROR_STATE.array("WORK", WORKSPACE)  # of core.mathematics.kalman
+JACOBIAN = ERROR_STATE.matrix("JACOBIAN", 3, MOST_STATES)  # H (3, n) of a fix
+
+
+def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Array:
+    """A workspace with the slots of an error-state filter, which continue ERROR_STATE, and so
+    many numbers in their part at the end; refuses an unknown error model."""
+    check_choice(error_model, "error_model", MODELS)
+    workspace = slots.zeros(rest)
+    workspace[MODEL] = MODELS[error_model]
+    workspace[HEIGHT] = MODELS[error_model] != LATITUDE_GRAVITY
+    return workspace
+
+
+@inlined
+def linearised_step(
+    belief: Belief, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
+) -> None:
+    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised
+    at the belief with bias-corrected increments.
+
+    State and attitude stay. C (3, 3) is the attitude of body-fixed errors in n: the belief's, or
+    one known from elsewhere. `coupling` is 1, or 0 where the attitude error does not reach the
+    velocity, because that is computed with the known one. Also publishes the bias-free rate and
+    specific force, decays the biases, and leaves in workspace what a smoother needs.
+    """
+    workspace, mid, dv_n, ba, bg = (
+        belief.workspace,
+        matrix(belief.workspace, MID, 3, 3),
+        belief.workspace[DV],
+        belief.ba,
+        belief.bg,
+    )
+    r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
+    a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    for i in range(3):
+        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
+        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
+        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
+        dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
+    blocks, transport = workspace[BLOCK], workspace[TRANSPORT]
+    w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
+    w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
+    workspace[CALL], workspace[DT] = PREDICTED, dt
+    transport[0], transport[1], transport[2] = w0, w1, w2
+    workspace[DECAY_A], workspace[DECAY_G] = noise.accel_decay, noise.gyro_decay
+    workspace[HELD] = noise.held
+    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
+    if beside:
+        own = of_estimates(noise)
+        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, own, workspace[WORK])
+    publish_rates(belief, 2 * r0, 2 * r1, 2 * r2, a0, a1, a2, dt)
+    decay_biases(ba, bg, dt, noise)
+
+
+@inlined
+def bias_free(
+    u: Array, ba: Array, bg: Array, dt: float
+) -> tuple[float, float, float, float, float, float]:
+    """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s),
+    as six numbers."""
+    return (
+        u[0] - bg[0] * dt,
+        u[1] - bg[1] * dt,
+        u[2] - bg[2] * dt,
+        u[3] - ba[0] * dt,
+        u[4] - ba[1] * dt,
+        u[5] - ba[2] * dt,
+    )
+
+
+@inlined
+def publish_rates(
+    belief: Belief, r0: float, r1: float, r2: float, a0: float, a1: float, a2: float, dt: float
+) -> None:
+    """The bias-free rate and specific force of a sample, from its increments."""
+    if dt > 0:
+        belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
+        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+
+
+@helper
+def decay_biases(ba: Array, bg: Array, dt: float, noise: Noise) -> None:
+    """The estimate of a Gauss-Markov bias over dt, unless it is held; a random walk (decay 0) keeps
+    it."""
+    own = of_estimates(noise)
+    keep_a, keep_g = decay(own.accel_decay * dt), decay(own.gyro_decay * dt)
+    for i in range(3):
+        ba[i] *= keep_a
+        bg[i] *= keep_g
+
+
+@inlined
+def measure(
+    belief: Belief,
+    y: Array,
+    sd: Array,
+    observe: Observe,
+    parameters: Array,
+    gate: float,
+    innovation: Array,
+) -> float:
+    """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the
+    NIS.
+
+    Unless NIS <= gate, P is left as it was and the correction must not be used.
+    """
+    n = belief.P.shape[0]
+    H = matrix(belief.workspace, JACOBIAN, 3, n)
+    rows = observed(belief, y, observe, parameters, innovation, H)
+    nis = update(
+        belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK], belief.workspace[DX]
+    )
+    used = belief.workspace[WORK.start + used_rows(n)]
+    belief.workspace[CALL] = where(nis <= gate, used, 0.0)
+    return nis
+
+
+@inlined
+def observed(
+    belief: Belief, y: Array, observe: Observe, parameters: Array, innovation: Array, H: Array
+) -> int:
+    """What `observe` makes of a fix, and the correlated errors of its source: innovation and H,
+    cleared before. Returns the rows."""
+    for i in range(innovation.size):
+        innovation[i] = math.nan
+    for i in range(3):
+        for j in range(H.shape[1]):
+            H[i, j] = 0.0
+    rows = observe(belief, y, parameters, innovation, H)
+    if parameters[CORRELATION_TIME] > 0:
+        see(belief.extra_states, parameters, innovation, H)
+    return rows
+
+
+@inlined
+def take_over(belief: Belief, dx: Array) -> None:
+    """Compose the whole correction into the belief; P becomes that of the errors about it."""
+    inject_all(belief, dx)
+    theta = dx[ATT]
+    turn_half(belief.P, theta[0], theta[1], theta[2])
+
+
+@helper
+def turn_half(P: Array, x: float, y: float, z: float) -> None:
+    """P of the attitude error that is left once a correction (x, y, z), a rotation vector in n
+    (rad), was injected: P <- A P A' with A = diag(I, I, R, I, ...), R the rotation by half of it.
+    Symmetric to the last bit.
+
+    exp(theta) = exp(left) exp(c), so that left = theta - c + c x theta / 2 to second order. Without
+    this, what is known of roll and pitch and their errors' correlations stands askew by half of each
+    correction. Source: Mueller, Hehn & D'Andrea (2017), J. Guidance 40(9); Sola (2017),
+    arXiv:1711.02508, section 6.3.
+    """
+    R = rotation_terms(0.5 * x, 0.5 * y, 0.5 * z)
+    if P.shape[0] == 15:  # the same code with constant lengths
+        _turn(15, flatten(P), R)
+    else:
+        _turn(P.shape[0], flatten(P), R)
+
+
+@inlined
+def _turn(n: int, P: Array, R: NineNumbers) -> None:
+    """P <- A P A' of `turn_half`, of the numbers of P."""
+    x, y, z = 6 * n, 7 * n, 8 * n
+    for j in range(n):
+        P[x + j], P[y + j], P[z + j] = turned_by(R, P[x + j], P[y + j], P[z + j])
+    for i in (x + 6, y + 6, z + 6):
+        P[i], P[i + 1], P[i + 2] = turned_by(R, P[i], P[i + 1], P[i + 2])
+    for i in range(3):
+        for j in range(n):
+            P[n * j + 6 + i] = P[x + n * i + j]
+
+
+@inlined
+def inject_all(belief: Belief, dx: Array) -> None:
+    """Compose the whole correction into the belief: position, velocity, attitude, biases and
+    what aidings brought along."""
+    inject(belief.lla, belief.v, belief.C, dx)
+    inject_biases(belief, dx)
+
+
+@inlined
+def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
+    """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
+    is kept: true = estimate (+) error."""
+    added(lla, v, C, dx)
+    theta = dx[ATT]
+    turned = (theta[0] != 0) | (theta[1] != 0) | (theta[2] != 0)
+    if any_of(turned):  # a run whose fix was rejected keeps every bit
+        orthonormalise(C, turned)
+
+
+@inlined
+def added(lla: Array, v: Array, C: Array, dx: Array) -> None:
+    """`inject` into a state that is made anew each time, where rounding cannot add up."""
+    p, dv, theta = dx[POS], dx[VEL], dx[ATT]
+    displace(lla, p[0], p[1], p[2])
+    v[0] += dv[0]
+    v[1] += dv[1]
+    v[2] += dv[2]
+    rotate_left(theta[0], theta[1], theta[2], C)
+
+
+@inlined
+def inject_biases(belief: Belief, dx: Array) -> None:
+    """Add bias errors to the estimated biases, and the errors of the states that aidings brought
+    along to those."""
+    a, g = dx[BA], dx[BG]
+    for i in range(3):
+        belief.ba[i] += a[i]
+        belief.bg[i] += g[i]
+    inject_tail(belief, dx)
+
+
+@inlined
+def inject_tail(belief: Belief, dx: Array) -> None:
+    """Add their errors to the states that aidings brought along."""
+    for i in range(belief.extra_states.size):
+        belief.extra_states[i] += dx[STATES + i]

@@ -1,0 +1,116 @@
+"""Covariance of a filter whose gains do not come from it: P by the linear dynamics of its errors,
+in Joseph's form, which holds for any gain. Source: Bucy & Joseph (1968); Gelb (1974), 4.2.
+"""
+
+from ...typing import Array
+from ..compile.choosing import any_of
+from ..compile.jit import helper, inlined, matrix
+from ..compile.workspace import MOST_STATES, Slots
+from .belief import Noise
+from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
+from .kalman import WORKSPACE, propagate, update
+from .rotation import turned
+
+JOSEPH = Slots()
+"""What it needs of a workspace."""
+BLOCK = JOSEPH.array("BLOCK", BLOCKS)  # blocks of F
+MID = JOSEPH.matrix("MID", 3, 3)  # C_nb at mid-interval
+WORK = JOSEPH.array("WORK", WORKSPACE)  # of core.mathematics.kalman
+DX = JOSEPH.array("DX", MOST_STATES)  # not used
+# since the last step: rotation (rad) and velocity increments (m/s) without biases, s, the noise
+PENDING = JOSEPH.array("PENDING", 6)
+SECONDS = JOSEPH.number("SECONDS")
+NOISE = JOSEPH.array("NOISE", 6)
+FORCE = JOSEPH.array("FORCE", 3)  # mean specific force of the last step, body, m/s^2
+PRODUCT = JOSEPH.matrix("PRODUCT", 3, MOST_STATES)  # of `spread`
+LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than such a filter
+
+
+@inlined
+def changed(own: Array, noise: Noise) -> bool:
+    """Whether the samples that wait had another noise, so that P must go on before the next one."""
+    return float(own[NOISE][1]) != noise.accel and float(own[SECONDS]) > 0
+
+
+@inlined
+def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> bool:
+    """Let a sample, of bias-free rate and specific force, wait for the next step of P. Returns
+    whether that is due."""
+    sums, told = own[PENDING], own[NOISE]
+    told[0], told[1], told[2] = noise.gyro, noise.accel, noise.gyro_bias
+    told[3], told[4], told[5] = noise.accel_bias, noise.gyro_decay, noise.accel_decay
+    for i in range(3):
+        sums[i] += omega[i] * dt
+        sums[3 + i] += f[i] * dt
+    own[SECONDS] += dt
+    return float(own[SECONDS]) >= LONGEST_STEP
+
+
+@helper
+def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
+    """P (n, n) over the samples that wait, which end at lla, v, C, by the error dynamics of the
+    INS; `own` of JOSEPH. States beyond the fifteenth stand still.
+
+    Returns the seconds; the mean specific force stays in own[FORCE].
+    """
+    mid, blocks, u, n, f = matrix(own, MID, 3, 3), own[BLOCK], own[PENDING], own[NOISE], own[FORCE]
+    dt = float(own[SECONDS])
+    r0, r1, r2 = -0.5 * u[0], -0.5 * u[1], -0.5 * u[2]  # half a turn back from the end
+    for i in range(3):
+        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
+        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
+        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
+    dv_n = own[DX]
+    dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
+    w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)
+    noise = Noise(float(n[0]), float(n[1]), float(n[2]), float(n[3]), float(n[4]), float(n[5]), 0.0)
+    propagate(P, blocks, mid, dv_n, w0 * dt, w1 * dt, w2 * dt, dt, noise, own[WORK])
+    for i in range(3):
+        f[i] = u[3 + i] / dt
+        u[i] = u[3 + i] = 0.0
+    own[SECONDS] = 0.0
+    return dt
+
+
+@inlined
+def test(P: Array, own: Array, H: Array, innovation: Array, sd: Array, rows: int) -> float:
+    """NIS of a fix under P, which stays, NaN without any measured row; the whitened innovation as
+    `core.mathematics.kalman.update` writes it."""
+    return update(P, H, innovation, sd, rows, -1.0, own[WORK], own[DX])
+
+
+@helper
+def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
+    """P <- (I + A' B) P (I + A' B)' + A' R A, which is Joseph's form with A = -K' and B = H.
+
+    A, B (3, n): row i of A is what a unit of B x + noise, of covariance R (3, 3), adds to the
+    errors. P (n, n) symmetric; `own` of JOSEPH.
+    """
+    n = P.shape[0]
+    V = matrix(own, PRODUCT, 3, n)
+    for i in range(3):
+        for j in range(n):
+            V[i, j] = 0.0
+        for k in range(n):
+            b = B[i, k]
+            if any_of(b != 0):
+                for j in range(n):
+                    V[i, j] += b * P[k, j]
+    S = own[DX]
+    for i in range(3):
+        for j in range(3):
+            S[3 * i + j] = R[i, j]
+            for k in range(n):
+                S[3 * i + j] += V[i, k] * B[j, k]
+    for i in range(3):
+        s0, s1, s2 = 0.5 * S[3 * i], 0.5 * S[3 * i + 1], 0.5 * S[3 * i + 2]
+        for j in range(n):
+            V[i, j] += s0 * A[0, j] + s1 * A[1, j] + s2 * A[2, j]
+    for i in range(n):
+        a0, a1, a2, v0, v1, v2 = A[0, i], A[1, i], A[2, i], V[0, i], V[1, i], V[2, i]
+        for j in range(i + 1):
+            P[i, j] += (a0 * V[0, j] + v0 * A[0, j]) + (
+                (a1 * V[1, j] + v1 * A[1, j]) + (a2 * V[2, j] + v2 * A[2, j])
+            )
+        for j in range(i):
+            P[j, i] = P[i, j]
