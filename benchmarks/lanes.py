@@ -85,7 +85,7 @@ class Flight:
         run = begin(*self.asked_for())
         run.cursor.at[1] = len(run.samples.t)
         go = loop.run.bound(
-            *run.kernels, run.belief, run.samples, run.fixes, run.noise, run.cursor, run.out
+            run.kernels, run.belief, run.samples, run.fixes, run.noise, run.cursor, run.out
         )
         before = time.thread_time()
         go()
@@ -217,7 +217,7 @@ def operations(every):
             filter.predict.py_func(belief, u, dt, noise)
         else:
             k = int(np.flatnonzero(run.fixes.source == source)[0])
-            kind = run.fixes.kind[source]
+            kind = run.fixes.sources[source].kind
             observe = find(("position", "velocity")[source]).observe.py_func
             given = run.fixes.parameters[source], np.inf, counted(np.zeros(12))
             y = counted(run.fixes.y[k])

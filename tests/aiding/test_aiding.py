@@ -12,7 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.loop.contract import NUMBERED, PARAMETERS, Belief, compile_kernel
+from strapdown.core.loop.contract import NUMBERED, Belief, compile_kernel
+from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180
@@ -167,7 +168,7 @@ def observe(name, b, y):
     """(rows, innovation, H) of the sensor's kernel."""
     kernel = aiding.find(name).observe
     compile_kernel(kernel)
-    innovation, H, parameters = np.full(3, 7e7), np.zeros((3, STATES)), np.zeros(PARAMETERS)
+    innovation, H, parameters = np.full(3, 7e7), np.zeros((3, STATES)), new_source()
     parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
     measured = np.full(3, np.nan)
     measured[: np.size(y)] = y

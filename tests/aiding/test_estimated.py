@@ -13,7 +13,6 @@ from strapdown.core.loop.contract import (
     DELAY,
     ESTIMATED,
     MOUNTING_STATE,
-    PARAMETERS,
     RATE,
     REST,
     SCALE_STATE,
@@ -22,6 +21,7 @@ from strapdown.core.loop.contract import (
     compile_kernel,
 )
 from strapdown.core.loop.recent_motion import keep, look_back
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.engine.limits import limits
 from strapdown.engine.prepare import new_cursor
@@ -118,7 +118,7 @@ def believed(change=np.zeros(STATES)):
 def parameters():
     """Those of a source, as the loop leaves them before a fix: the motion of the last second went
     through `keep`."""
-    row = np.zeros(PARAMETERS)
+    row = new_source()
     row[:3], row[DELAY], row[ESTIMATED] = GIVEN, WAIT, 1
     row[CLOCK_STATE], row[SCALE_STATE], row[TURN : TURN + 9] = CLOCK, SCALE, np.eye(3).ravel()
     row[ARM_STATE : ARM_STATE + 3] = ARM + np.arange(3)

@@ -12,7 +12,7 @@ from recordings import flight, without_samples
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.core.loop import cursor as places, loop
+from strapdown.core.loop.contract import Use
 from strapdown.core.mathematics import solution_row
 from strapdown.diagnosis.installation import ARM, CLOCK, Model, applied, constants
 from strapdown.engine import sensitivity
@@ -115,7 +115,7 @@ def test_pieces_of_any_length_say_the_same(troubled, monkeypatch):
         monkeypatch.setattr(sensitivity, "RECORDED_ROWS", rows)
         run, corrections, J = sensitive(troubled)
         found.append((corrections, J))
-    assert (run.out.fix[:, loop.F_USE] == loop.REACQUIRED).any()
+    assert (run.out.fix["use"] == Use.REACQUIRED).any()
     for one, other in zip((*found[0][0], found[0][1]), (*found[1][0], found[1][1])):
         np.testing.assert_array_equal(one, other)
 
@@ -129,7 +129,7 @@ def test_a_record_has_room_for_every_call(troubled, monkeypatch):
     def advancing(run, stop, *more):
         rooms.append(sensitivity.most_calls(run, stop))
         advance(run, stop, *more)
-        used.append(int(run.cursor.at[places.RECORDED]))
+        used.append(int(run.cursor.state[0].recorded))
 
     monkeypatch.setattr(Run, "advance", advancing)
     sensitive(troubled)
@@ -139,12 +139,12 @@ def test_a_record_has_room_for_every_call(troubled, monkeypatch):
 @pytest.mark.short
 def test_of_the_two_calls_of_a_lifted_fix_the_first_does_not_count(troubled):
     run, corrections, J = sensitive(troubled)
-    use = run.out.fix[:, loop.F_USE]
-    first = np.flatnonzero(use == loop.REACQUIRED) + np.arange((use == loop.REACQUIRED).sum())
+    use = run.out.fix["use"]
+    first = np.flatnonzero(use == Use.REACQUIRED) + np.arange((use == Use.REACQUIRED).sum())
     assert len(corrections.t) == len(use) + len(first) and len(first) > 0
     assert not J[first].any() and not corrections.innovation[first].any()
     assert J[first + 1].any() and corrections.innovation[first + 1].any()
-    rejected = np.flatnonzero(use == loop.REJECTED_FIX)
+    rejected = np.flatnonzero(use == Use.REJECTED)
     assert len(rejected) > 3 and J[rejected[0]].any()  # which show the constants all the same
 
 

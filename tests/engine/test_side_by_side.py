@@ -10,7 +10,7 @@ from strapdown import aiding, filters
 from strapdown.core.compile.c_calls import aligned
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.compile.signatures import LANES
-from strapdown.core.loop import lane_loop, loop
+from strapdown.core.loop import lane_loop
 from strapdown.core.loop.contract import kernel
 from strapdown.core.loop.lane_loop import KEEP, KEEP_LANES
 from strapdown.core.mathematics import solution_row
@@ -127,10 +127,8 @@ def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
         alone = both.alone(lane)
         np.testing.assert_array_equal(kept[:, NOT_ATTITUDE, lane], alone[:, NOT_ATTITUDE])
         rows = both.runs[lane].out.fix[: both.runs[lane].cursor.at[2]]
-        np.testing.assert_array_equal(fix[: len(rows), lane_loop.NIS, lane], rows[:, loop.F_NIS])
-        np.testing.assert_array_equal(
-            fix[: len(rows), lane_loop.USED, lane] > 0, rows[:, loop.F_USE] > 0
-        )
+        np.testing.assert_array_equal(fix[: len(rows), lane_loop.NIS, lane], rows["nis"])
+        np.testing.assert_array_equal(fix[: len(rows), lane_loop.USED, lane] > 0, rows["use"] > 0)
 
 
 def test_most_filters_and_sensors_have_lanes():

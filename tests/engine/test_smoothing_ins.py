@@ -12,8 +12,8 @@ from smoothed_ins import State, least_squares, log_of, rauch_tung_striebel
 
 import strapdown as sd
 from strapdown.aiding.pressure import BAROMETER_BIAS
-from strapdown.core.loop import cursor
 from strapdown.core.loop.contract import Imu, Noise
+from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
 from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine import prepare as preparation, smoothing
@@ -571,7 +571,7 @@ def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
     # rows are a second apart
     assert np.flatnonzero(marked).tolist() == list(range(10, 32))
     (row,) = run.events.rows
-    assert row.tolist() == pytest.approx([11, 32, cursor.APART, 0, 22, 4.5 / 0.8])
+    assert row.tolist() == pytest.approx([11, 32, Code.APART, 0, 22, 4.5 / 0.8])
 
 
 def test_an_attitude_that_is_apart_counts():

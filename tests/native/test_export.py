@@ -10,6 +10,7 @@ import strapdown as sd
 from strapdown import aiding, filters
 from strapdown.core.compile.signatures import Numbers
 from strapdown.core.loop import contract, cursor, loop
+from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
 from strapdown.native.export.chosen import chosen
 from strapdown.native.export.exported import find_target
@@ -97,8 +98,8 @@ def test_every_field_and_every_name_has_its_words():
     assert named == set(range(cursor.CURSOR_SIZE))
     assert {each.value for each in LIMIT.constants} == set(range(cursor.LIMITS))
     assert {each.value for each in CODE.constants} == set(range(cursor.CODES)) - {
-        cursor.APART,  # the smoother's
-        cursor.CLOCK_OFF,  # of clocks that are estimated
+        Code.APART,  # the smoother's
+        Code.CLOCK_OFF,  # of clocks that are estimated
     }
     places = {getattr(loop, name) for name in dir(loop) if re.fullmatch(r"F_[A-Z]+", name)}
     assert {each.value for each in FIX_ROW.constants} == places
@@ -131,7 +132,7 @@ def test_the_header_shows_every_field_with_its_words():
         ("DOUBTFUL", contract.DOUBTFUL),
         ("FIX_NIS", loop.F_NIS),
         ("AT_FAULT", cursor.FAULT),
-        ("STUCK", cursor.STUCK),
+        ("STUCK", Code.STUCK),
     ):
         assert f"    STRAPDOWN_{name} = {value}" in text, name
     assert "pressure bias" in plain  # a column behind the status

@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.alignment.static_attitude import level, static_attitude
-from strapdown.core.loop.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Belief, Noise, Start, compile_kernel
 from strapdown.core.mathematics.rotation import matrix_to_quaternion, rotate_left
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 
@@ -50,7 +51,7 @@ def observed(kind, C, y, f=np.zeros(3)):
     )
     innovation, H = np.zeros(3), np.zeros((3, 15))
     y = np.r_[np.atleast_1d(np.array(y, float)), np.full(3, np.nan)][:3]
-    rows = sensor.observe(b, y, np.zeros(PARAMETERS), innovation, H)
+    rows = sensor.observe(b, y, new_source(), innovation, H)
     return innovation[:rows], H[:rows]
 
 

@@ -10,7 +10,8 @@ from scipy.stats import chi2, norm
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import PARAMETERS, Start
+from strapdown.core.loop.contract import Start
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Trajectory
 from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording
@@ -80,7 +81,7 @@ def test_at_the_truth_the_innovation_is_the_error_that_was_drawn():
     innovations = np.zeros((len(fixes.t), 3))
     for row, y in enumerate(fixes.y):
         belief.C[:] = path.rotation[row + 1].as_matrix()
-        assert observe(belief, y, np.zeros(PARAMETERS), innovations[row], np.zeros((3, 15))) == 3
+        assert observe(belief, y, new_source(), innovations[row], np.zeros((3, 15))) == 3
     drawn, level = errors(fixes, path), np.abs(path.rph[1:, 1]) < 1.0
     np.testing.assert_allclose(np.hypot(*innovations.T[:2]), np.hypot(*drawn.T[:2]), atol=1e-9)
     np.testing.assert_allclose(innovations[:, 2], drawn[:, 2], atol=1e-9)

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import PARAMETERS
+from strapdown.core.mathematics.source import new_source
 from strapdown.io import read
 from strapdown.io.readers.netcdf import write_recording
 from strapdown.sensor_models.barometer import Barometer
@@ -194,7 +194,7 @@ def test_at_the_truth_the_filters_innovation_is_the_noise_stated(kind, change):
     nis = []
     for y, sd, lla, C in zip(fixes.y, fixes.sd, truth.lla[1:], truth.rotation.as_matrix()[1:]):
         belief.lla[:], belief.C[:], belief.extra_states[:] = lla, C, -20.0
-        innovation, parameters = np.zeros(3), np.zeros(PARAMETERS)
+        innovation, parameters = np.zeros(3), new_source()
         parameters[:3], parameters[7] = fixes.parameters, 15
         rows = sensor.observe.py_func(belief, y, parameters, innovation, np.zeros((3, 16)))
         nis.append(np.sum((innovation[:rows] / sd[:rows]) ** 2))

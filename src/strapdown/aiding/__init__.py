@@ -8,11 +8,16 @@ from threading import Lock
 
 from .. import plugins, quantities
 from ..checks import DataError, check_choice, check_number, located
-from ..core.loop.contract import NUMBERED, OBSERVE, Measurement, Observe, compile_kernel
+from ..core.loop.contract import OBSERVE, Kind, Measurement, Observe, compile_kernel
 from .trial import tried
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")
-"""What parameters[0:3] of a source can be."""
+"""What source.parameters[0:3] of a source can be."""
+
+
+def name_of(kind: Kind) -> str:
+    """Of a kind that kernels know by its number."""
+    return kind.name.lower().replace("_", "-")
 
 
 @cache
@@ -28,7 +33,7 @@ def _own() -> dict[str, Measurement]:
         for value in vars(module).values()
         if isinstance(value, Measurement)
     }
-    return {name: found.pop(name) for name in NUMBERED} | found
+    return {name: found.pop(name) for name in map(name_of, Kind)} | found
 
 
 def own_names() -> list[str]:

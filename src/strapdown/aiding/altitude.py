@@ -1,15 +1,17 @@
 """Ellipsoidal height of a point of the body: y = m."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, helper, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, helper, kernel
 from ..core.mathematics.rotation import turned
 from ..typing import Array
 
 
 @helper
-def height(belief: Belief, measured: float, parameters: Array, innovation: Array, H: Array) -> int:
-    """One row, down: estimated height of the point at the lever arm parameters[0:3] (m, body) -
+def height(belief: Belief, measured: float, source: SourceRow, innovation: Array, H: Array) -> int:
+    """One row, down: estimated height of the point at the lever arm source.parameters[0:3] (m, body) -
     measured, m."""
-    north, east, down = turned(belief.C, parameters[0], parameters[1], parameters[2])
+    north, east, down = turned(
+        belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
+    )
     innovation[0] = belief.lla[2] - measured - down
     H[0, 2] = 1.0
     H[0, 6], H[0, 7] = east, -north
@@ -17,9 +19,9 @@ def height(belief: Belief, measured: float, parameters: Array, innovation: Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row from y = height above the ellipsoid, m."""
-    return height(belief, y[0], parameters, innovation, H)
+    return height(belief, y[0], source, innovation, H)
 
 
 MEASUREMENT = Measurement(

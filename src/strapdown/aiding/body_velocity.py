@@ -4,52 +4,56 @@ vehicle that neither slips sideways nor hops.
 h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S(v).
 """
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, helper, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, helper, kernel
 from ..typing import Array
 from . import estimated
 
 
 @helper
 def along(
-    axis: int, belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+    axis: int, belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
-    """One row: y - velocity of the point `parameters[0:3]` (m, body, from the IMU) along body
+    """One row: y - velocity of the point `source.parameters[0:3]` (m, body, from the IMU) along body
     axis 0, 1 or 2."""
-    if estimated.any_of(belief, parameters):
-        estimated.along(axis, belief, y, parameters, innovation, H)
+    if estimated.any_of(belief, source):
+        estimated.along(axis, belief, y, source, innovation, H)
         return 1
     C, v, w = belief.C, belief.v, belief.omega
     i, j = (axis + 1) % 3, (axis + 2) % 3
     c0, c1, c2 = C[0, axis], C[1, axis], C[2, axis]
     innovation[0] = (
-        y[0] - c0 * v[0] - c1 * v[1] - c2 * v[2] - (w[i] * parameters[j] - w[j] * parameters[i])
+        y[0]
+        - c0 * v[0]
+        - c1 * v[1]
+        - c2 * v[2]
+        - (w[i] * source.parameters[j] - w[j] * source.parameters[i])
     )
     H[0, 3], H[0, 4], H[0, 5] = c0, c1, c2
     H[0, 6], H[0, 7], H[0, 8] = c1 * v[2] - c2 * v[1], c2 * v[0] - c0 * v[2], c0 * v[1] - c1 * v[0]
-    H[0, 12 + i], H[0, 12 + j] = -parameters[j], parameters[i]
+    H[0, 12 + i], H[0, 12 + j] = -source.parameters[j], source.parameters[i]
     return 1
 
 
 @kernel(OBSERVE)
-def observe_speed(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe_speed(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: forward speed, m/s."""
-    return along(0, belief, y, parameters, innovation, H)
+    return along(0, belief, y, source, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_lateral(
-    belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+    belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed to the right, m/s."""
-    return along(1, belief, y, parameters, innovation, H)
+    return along(1, belief, y, source, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_vertical(
-    belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+    belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row: speed downwards in the body, m/s."""
-    return along(2, belief, y, parameters, innovation, H)
+    return along(2, belief, y, source, innovation, H)
 
 
 FORWARD = Measurement(

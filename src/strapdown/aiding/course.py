@@ -9,7 +9,7 @@ standard deviations.
 import math
 
 from ..core.compile.choosing import all_of, where
-from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
@@ -18,10 +18,10 @@ LEAST_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: y - course, wrapped, rad; NaN where there is none."""
     C, w = belief.C, belief.omega
-    l0, l1, l2 = parameters[0], parameters[1], parameters[2]
+    l0, l1, l2 = source.parameters[0], source.parameters[1], source.parameters[2]
     by_turning = turned(C, w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0)
     north, east = belief.v[0] + by_turning[0], belief.v[1] + by_turning[1]
     square = north * north + east * east

@@ -1,37 +1,17 @@
 """Observations where parameters of the installation are states: what `position`, `velocity`, the
 velocities of a vehicle and its heading see then, with the columns of H of all states.
 
-The clock's state says that the fix held AGE s before the belief, and later by the difference of the
-state to CLOCK_AT; see core/loop/recent_motion.py. What the arm and the clock do to the columns of the
-attitude and of the biases is in them; what a gyro bias turns in AGE, 1e-3 m/s with one of 1e-3 rad/s,
+The clock's state says that the fix held `age` s before the belief, and later by the difference of the
+state to `clock`; see core/loop/stages/clock.py. What the arm and the clock do to the columns of the
+attitude and of the biases is in them; what a gyro bias turns in that time, 1e-3 m/s with one of 1e-3 rad/s,
 is left out.
 """
 
 import math
 
-from ..core.loop.contract import (
-    AGE,
-    ARM_STATE,
-    BIAS_AT,
-    CLOCK_AT,
-    CLOCK_STATE,
-    ESTIMATED,
-    FORCE,
-    LAG,
-    MEAN,
-    MOUNTING_STATE,
-    RATE,
-    REST,
-    SCALE_STATE,
-    SPIN,
-    STATES,
-    TURN,
-    Belief,
-    helper,
-    matrix,
-)
+from ..core.loop.contract import STATES, Belief, SourceRow, helper
 from ..core.mathematics.rotation import turned
-from ..typing import Array
+from ..typing import Array, Ints
 
 Three = tuple[float, float, float]
 
@@ -57,49 +37,43 @@ def turned_back(C: Array, a: Three) -> Three:
 
 
 @helper
-def any_of(belief: Belief, parameters: Array) -> bool:
+def any_of(belief: Belief, source: SourceRow) -> bool:
     """Whether any of the installation of a source is a state. Asked of the belief first, because
     firmware has no such states, and then none of what follows."""
-    return belief.extra_states.size > 0 and parameters[ESTIMATED] > 0
+    return belief.extra_states.size > 0 and source.estimated > 0
 
 
 @helper
-def error(belief: Belief, parameters: Array, place: int) -> float:
+def error(belief: Belief, state: int) -> float:
     """The estimated error of a parameter; 0 of one that is no state."""
-    state = int(parameters[place])
     return belief.extra_states[state - STATES] if state > 0 else 0.0
 
 
 @helper
-def errors(belief: Belief, parameters: Array, place: int) -> Three:
+def errors(belief: Belief, states: Ints) -> Three:
     """Those of three parameters."""
-    return (
-        error(belief, parameters, place),
-        error(belief, parameters, place + 1),
-        error(belief, parameters, place + 2),
-    )
+    return error(belief, states[0]), error(belief, states[1]), error(belief, states[2])
 
 
 @helper
-def column(H: Array, parameters: Array, place: int, by: Three) -> None:
+def column(H: Array, state: int, by: Three) -> None:
     """Three rows of H: the derivatives by one parameter, where it is a state."""
-    state = int(parameters[place])
     if state > 0:
         H[0, state], H[1, state], H[2, state] = by
 
 
 @helper
-def arm_of_vehicle(belief: Belief, parameters: Array) -> Three:
+def arm_of_vehicle(belief: Belief, source: SourceRow) -> Three:
     """The lever arm with its error, in axes of the vehicle."""
-    d = errors(belief, parameters, ARM_STATE)
-    return parameters[0] + d[0], parameters[1] + d[1], parameters[2] + d[2]
+    d = errors(belief, source.arm_state)
+    return source.parameters[0] + d[0], source.parameters[1] + d[1], source.parameters[2] + d[2]
 
 
 @helper
-def arm_of_body(belief: Belief, parameters: Array) -> Three:
+def arm_of_body(belief: Belief, source: SourceRow) -> Three:
     """The same in axes of the body."""
-    l = arm_of_vehicle(belief, parameters)
-    by = cross(errors(belief, parameters, MOUNTING_STATE), l)
+    l = arm_of_vehicle(belief, source)
+    by = cross(errors(belief, source.mounting_state), l)
     return l[0] - by[0], l[1] - by[1], l[2] - by[2]
 
 
@@ -114,9 +88,9 @@ def axis(k: int) -> Three:
 
 
 @helper
-def axis_of_vehicle(k: int, belief: Belief, parameters: Array) -> Three:
+def axis_of_vehicle(k: int, belief: Belief, source: SourceRow) -> Three:
     """The unit vector along axis k of the vehicle, in the body: exp(-mu x) u, to second order."""
-    u, mu = axis(k), errors(belief, parameters, MOUNTING_STATE)
+    u, mu = axis(k), errors(belief, source.mounting_state)
     once = cross(u, mu)
     twice = cross(once, mu)
     return (
@@ -127,9 +101,9 @@ def axis_of_vehicle(k: int, belief: Belief, parameters: Array) -> Three:
 
 
 @helper
-def axis_by_mounting(k: int, i: int, belief: Belief, parameters: Array) -> Three:
+def axis_by_mounting(k: int, i: int, belief: Belief, source: SourceRow) -> Three:
     """The derivative of `axis_of_vehicle` by component i of the mounting."""
-    mu, turn = errors(belief, parameters, MOUNTING_STATE), cross(axis(k), axis(i))
+    mu, turn = errors(belief, source.mounting_state), cross(axis(k), axis(i))
     more, again = cross(turn, mu), cross(cross(axis(k), mu), axis(i))
     return (
         turn[0] + 0.5 * (more[0] + again[0]),
@@ -139,28 +113,28 @@ def axis_by_mounting(k: int, i: int, belief: Belief, parameters: Array) -> Three
 
 
 @helper
-def along_arm(belief: Belief, parameters: Array, H: Array, swings: bool, rate: Three) -> None:
+def along_arm(belief: Belief, source: SourceRow, H: Array, swings: bool, rate: Three) -> None:
     """Columns of the lever arm and of the mounting, which turns it, of a position or, where the
     arm `swings` at a rate (rad/s, body), of a velocity."""
-    C, M, l = belief.C, matrix(parameters, TURN, 3, 3), arm_of_vehicle(belief, parameters)
+    C, M, l = belief.C, source.turn, arm_of_vehicle(belief, source)
     for k in range(3):
         unit = axis(k)
         arm, turn = unit, cross(l, unit)
         if swings:
             arm, turn = cross(rate, arm), cross(rate, turn)
-        column(H, parameters, ARM_STATE + k, in_n(C, M, arm))
-        column(H, parameters, MOUNTING_STATE + k, in_n(C, M, turn))
+        column(H, source.arm_state[k], in_n(C, M, arm))
+        column(H, source.mounting_state[k], in_n(C, M, turn))
 
 
 @helper
-def bias_since(belief: Belief, parameters: Array) -> Three:
-    """The accelerometer bias less that of which FORCE, LAG and MEAN are free, m/s^2: not zero at
+def bias_since(belief: Belief, source: SourceRow) -> Three:
+    """The accelerometer bias less that of which `force`, `lag` and `force_then` are free, m/s^2: not zero at
     the points of a filter that tries some."""
     b = belief.ba
     return (
-        b[0] - parameters[BIAS_AT],
-        b[1] - parameters[BIAS_AT + 1],
-        b[2] - parameters[BIAS_AT + 2],
+        b[0] - source.bias_then[0],
+        b[1] - source.bias_then[1],
+        b[2] - source.bias_then[2],
     )
 
 
@@ -180,17 +154,17 @@ def by_attitude(H: Array, x: Three) -> None:
 
 
 @helper
-def position(belief: Belief, parameters: Array, innovation: Array, H: Array) -> None:
+def position(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> None:
     """What becomes of an innovation y - p (m, NED) of an antenna's position."""
-    C, M, v = belief.C, matrix(parameters, TURN, 3, 3), belief.v
-    later = error(belief, parameters, CLOCK_STATE) - parameters[CLOCK_AT]
-    age = parameters[AGE] - later
-    omega, l = rate_then(belief, parameters), arm_of_body(belief, parameters)
+    C, M, v = belief.C, source.turn, belief.v
+    later = error(belief, source.clock_state) - source.clock
+    age = source.age - later
+    omega, l = rate_then(belief, source), arm_of_body(belief, source)
     swing = cross(omega, l)
     arm = turned(M, l[0] + later * swing[0], l[1] + later * swing[1], l[2] + later * swing[2])
-    F, Q, f = parameters[FORCE : FORCE + 3], parameters[LAG : LAG + 3], parameters[MEAN : MEAN + 3]
-    half, r = 0.5 * later * later, parameters[REST : REST + 3]
-    bias, lag = bias_since(belief, parameters), -0.5 * age * age
+    F, Q, f = source.force, source.lag, source.force_then
+    half, r = 0.5 * later * later, source.gravity
+    bias, lag = bias_since(belief, source), -0.5 * age * age
     x = turned(
         C,
         arm[0] + Q[0] - later * F[0] + half * f[0] + lag * bias[0],
@@ -207,46 +181,45 @@ def position(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
     for i in range(3):
         innovation[i] -= x[i] - age * v[i] + 0.5 * age * age * r[i]
         H[i, i], H[i, 3 + i] = 1.0, -age
-        for j in range(3):  # what an accelerometer bias does to LAG and FORCE
+        for j in range(3):  # what an accelerometer bias does to lag and force
             H[i, 9 + j] = lag * C[i, j]
     by_attitude(H, x)
     column(
         H,
-        parameters,
-        CLOCK_STATE,
+        source.clock_state,
         (
             by_clock[0] + v[0] - age * r[0],
             by_clock[1] + v[1] - age * r[1],
             by_clock[2] + v[2] - age * r[2],
         ),
     )
-    along_arm(belief, parameters, H, False, (0.0, 0.0, 0.0))
+    along_arm(belief, source, H, False, (0.0, 0.0, 0.0))
 
 
 @helper
-def rate_then(belief: Belief, parameters: Array) -> Three:
+def rate_then(belief: Belief, source: SourceRow) -> Three:
     """The angular rate at the instant of the fix, rad/s, body."""
     w = belief.omega
-    return w[0] + parameters[RATE], w[1] + parameters[RATE + 1], w[2] + parameters[RATE + 2]
+    return w[0] + source.rate[0], w[1] + source.rate[1], w[2] + source.rate[2]
 
 
 @helper
-def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> None:
+def velocity(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> None:
     """What becomes of an innovation y - v (m/s, NED) of an antenna's velocity."""
-    C, M = belief.C, matrix(parameters, TURN, 3, 3)
-    later = error(belief, parameters, CLOCK_STATE) - parameters[CLOCK_AT]
-    age = parameters[AGE] - later
-    omega, l = rate_then(belief, parameters), arm_of_body(belief, parameters)
+    C, M = belief.C, source.turn
+    later = error(belief, source.clock_state) - source.clock
+    age = source.age - later
+    omega, l = rate_then(belief, source), arm_of_body(belief, source)
     swing = cross(omega, l)
     s, round_ = turned(M, swing[0], swing[1], swing[2]), cross(omega, swing)
-    spun = cross((parameters[SPIN], parameters[SPIN + 1], parameters[SPIN + 2]), l)
+    spun = cross((source.spin[0], source.spin[1], source.spin[2]), l)
     more = round_[0] + spun[0], round_[1] + spun[1], round_[2] + spun[2]
     F, f, r = (
-        parameters[FORCE : FORCE + 3],
-        parameters[MEAN : MEAN + 3],
-        parameters[REST : REST + 3],
+        source.force,
+        source.force_then,
+        source.gravity,
     )
-    bias, m = bias_since(belief, parameters), turned(M, more[0], more[1], more[2])
+    bias, m = bias_since(belief, source), turned(M, more[0], more[1], more[2])
     x = turned(
         C,
         s[0] - F[0] + later * (f[0] + m[0]) + age * bias[0],
@@ -257,7 +230,7 @@ def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
     for i in range(3):
         innovation[i] -= x[i] - age * r[i]
         H[i, 3 + i] = 1.0
-        for j in range(3):  # what an accelerometer bias does to FORCE
+        for j in range(3):  # what an accelerometer bias does to force
             H[i, 9 + j] = age * C[i, j]
         # of the gyro bias: C M [l x]
         a, b, c = (
@@ -269,27 +242,29 @@ def velocity(belief: Belief, parameters: Array, innovation: Array, H: Array) -> 
     by_attitude(H, x)
     column(
         H,
-        parameters,
-        CLOCK_STATE,
+        source.clock_state,
         (by_clock[0] + r[0], by_clock[1] + r[1], by_clock[2] + r[2]),
     )
-    along_arm(belief, parameters, H, True, omega)
+    along_arm(belief, source, H, True, omega)
 
 
 @helper
-def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> None:
+def along(k: int, belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> None:
     """One row: y - velocity of a point along axis k of the vehicle, times 1 + scale."""
-    C, M, v = belief.C, matrix(parameters, TURN, 3, 3), belief.v
-    later = error(belief, parameters, CLOCK_STATE) - parameters[CLOCK_AT]
-    age, scale = parameters[AGE] - later, 1.0 + error(belief, parameters, SCALE_STATE)
+    C, M, v = belief.C, source.turn, belief.v
+    later = error(belief, source.clock_state) - source.clock
+    age, scale = source.age - later, 1.0 + error(belief, source.scale_state)
     F, f, r = (
-        parameters[FORCE : FORCE + 3],
-        parameters[MEAN : MEAN + 3],
-        parameters[REST : REST + 3],
+        source.force,
+        source.force_then,
+        source.gravity,
     )
-    omega, l = rate_then(belief, parameters), (parameters[0], parameters[1], parameters[2])
+    omega, l = (
+        rate_then(belief, source),
+        (source.parameters[0], source.parameters[1], source.parameters[2]),
+    )
     w = v[0] - age * r[0], v[1] - age * r[1], v[2] - age * r[2]
-    b, bias = turned_back(C, w), bias_since(belief, parameters)
+    b, bias = turned_back(C, w), bias_since(belief, source)
     b = (
         b[0] - F[0] + later * f[0] + age * bias[0],
         b[1] - F[1] + later * f[1] + age * bias[1],
@@ -297,13 +272,13 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
     )
     b, swing = turned_back(M, b), cross(omega, l)
     rolled = cross(omega, b)
-    spun = cross((parameters[SPIN], parameters[SPIN + 1], parameters[SPIN + 2]), l)
+    spun = cross((source.spin[0], source.spin[1], source.spin[2]), l)
     b = (
         b[0] + swing[0] + later * (spun[0] - rolled[0]),
         b[1] + swing[1] + later * (spun[1] - rolled[1]),
         b[2] + swing[2] + later * (spun[2] - rolled[2]),
     )
-    u = axis_of_vehicle(k, belief, parameters)
+    u = axis_of_vehicle(k, belief, source)
     speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
     innovation[0] = y[0] - scale * speed
     c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
@@ -313,14 +288,12 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
         H[0, 6 + i] = scale * by_attitude_row[i]
         H[0, 9 + i] = scale * age * by_force[i]
         H[0, 12 + i] = scale * by_bias[i]
-        if parameters[MOUNTING_STATE + i] > 0:
-            by = axis_by_mounting(k, i, belief, parameters)
-            H[0, int(parameters[MOUNTING_STATE + i])] = scale * (
-                b[0] * by[0] + b[1] * by[1] + b[2] * by[2]
-            )
-    if parameters[SCALE_STATE] > 0:
-        H[0, int(parameters[SCALE_STATE])] = speed
-    if parameters[CLOCK_STATE] > 0:
+        if source.mounting_state[i] > 0:
+            by = axis_by_mounting(k, i, belief, source)
+            H[0, source.mounting_state[i]] = scale * (b[0] * by[0] + b[1] * by[1] + b[2] * by[2])
+    if source.scale_state > 0:
+        H[0, source.scale_state] = speed
+    if source.clock_state > 0:
         a = turned_back(C, (r[0], r[1], r[2]))
         a = turned_back(M, (a[0] + f[0] - bias[0], a[1] + f[1] - bias[1], a[2] + f[2] - bias[2]))
         a = (
@@ -328,19 +301,19 @@ def along(k: int, belief: Belief, y: Array, parameters: Array, innovation: Array
             a[1] - rolled[1] + spun[1],
             a[2] - rolled[2] + spun[2],
         )
-        H[0, int(parameters[CLOCK_STATE])] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])
+        H[0, source.clock_state] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])
 
 
 @helper
-def heading(belief: Belief, parameters: Array, H: Array) -> float:
+def heading(belief: Belief, source: SourceRow, H: Array) -> float:
     """Heading of the x axis of the vehicle, rad, and its row of H."""
-    C, u = belief.C, axis_of_vehicle(0, belief, parameters)
+    C, u = belief.C, axis_of_vehicle(0, belief, source)
     n, e, d = turned(C, u[0], u[1], u[2])
     square = max(n * n + e * e, 1e-12)
     H[0, 6], H[0, 7], H[0, 8] = -d * n / square, -d * e / square, 1.0
     for k in range(3):
-        if parameters[MOUNTING_STATE + k] > 0:
-            by = axis_by_mounting(0, k, belief, parameters)
+        if source.mounting_state[k] > 0:
+            by = axis_by_mounting(0, k, belief, source)
             x = turned(C, by[0], by[1], by[2])
-            H[0, int(parameters[MOUNTING_STATE + k])] = (n * x[1] - e * x[0]) / square
+            H[0, source.mounting_state[k]] = (n * x[1] - e * x[0]) / square
     return math.atan2(e, n)

@@ -1,7 +1,7 @@
 """Heading of the body's x axis, clockwise from true north: y = rad. The Jacobian is exact at
 every heading (the published compass row is not)."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import wrap
 from ..typing import Array
@@ -9,10 +9,10 @@ from . import estimated
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row: y - heading, wrapped, rad."""
-    if estimated.any_of(belief, parameters):
-        innovation[0] = wrap(y[0] - estimated.heading(belief, parameters, H))
+    if estimated.any_of(belief, source):
+        innovation[0] = wrap(y[0] - estimated.heading(belief, source, H))
         return 1
     C = belief.C
     # zero where the x axis points up or down

@@ -6,14 +6,14 @@ right: where only its direction in the horizontal plane is to be trusted, the at
 that.
 """
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..typing import Array
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
-    """Three rows: y - field in the body, T; parameters[0:3] is the reference, T NED."""
-    C, m0, m1, m2 = belief.C, parameters[0], parameters[1], parameters[2]
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
+    """Three rows: y - field in the body, T; source.parameters[0:3] is the reference, T NED."""
+    C, m0, m1, m2 = belief.C, source.parameters[0], source.parameters[1], source.parameters[2]
     for i in range(3):
         innovation[i] = y[i] - C[0, i] * m0 - C[1, i] * m1 - C[2, i] * m2
         H[i, 6] = C[1, i] * m2 - C[2, i] * m1

@@ -1,6 +1,6 @@
 """Geodetic position of an antenna: y = latitude (rad), longitude (rad), ellipsoidal height (m)."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..core.mathematics.earth import radii
 from ..core.mathematics.elementary import cosine
 from ..core.mathematics.rotation import turned, wrap
@@ -9,16 +9,16 @@ from . import estimated
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: antenna position y - h, m NED."""
     R_M, R_N = radii(belief.lla[0])
     innovation[0] = (y[0] - belief.lla[0]) * (R_M + belief.lla[2])
     innovation[1] = wrap(y[1] - belief.lla[1]) * (R_N + belief.lla[2]) * cosine(belief.lla[0])
     innovation[2] = belief.lla[2] - y[2]
-    if estimated.any_of(belief, parameters):
-        estimated.position(belief, parameters, innovation, H)
+    if estimated.any_of(belief, source):
+        estimated.position(belief, source, innovation, H)
         return 3
-    l0, l1, l2 = turned(belief.C, parameters[0], parameters[1], parameters[2])
+    l0, l1, l2 = turned(belief.C, source.parameters[0], source.parameters[1], source.parameters[2])
     innovation[0] -= l0
     innovation[1] -= l1
     innovation[2] -= l2

@@ -8,7 +8,7 @@ metres, and drift. So each source brings a bias along, in m: what the barometer 
 import math
 from typing import Any
 
-from ..core.loop.contract import FIRST, OBSERVE, STATES, Belief, Measurement, helper, kernel
+from ..core.loop.contract import OBSERVE, STATES, Belief, Measurement, SourceRow, helper, kernel
 from ..typing import Array
 from .altitude import height
 
@@ -34,25 +34,25 @@ def pressure_altitude(p: float) -> float:
 
 
 @helper
-def biased(belief: Belief, measured: float, parameters: Array, innovation: Array, H: Array) -> int:
+def biased(belief: Belief, measured: float, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row, down: estimated height of the point + bias - measured, m."""
-    bias = int(parameters[FIRST])
+    bias = source.first_state
     H[0, bias] = -1.0
-    return height(belief, measured - belief.extra_states[bias - STATES], parameters, innovation, H)
+    return height(belief, measured - belief.extra_states[bias - STATES], source, innovation, H)
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """One row from y = pressure, Pa."""
-    return biased(belief, pressure_altitude(y[0]), parameters, innovation, H)
+    return biased(belief, pressure_altitude(y[0]), source, innovation, H)
 
 
 @kernel(OBSERVE)
 def observe_altitude(
-    belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array
+    belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """One row from y = barometric height, m."""
-    return biased(belief, y[0], parameters, innovation, H)
+    return biased(belief, y[0], source, innovation, H)
 
 
 # the walk: 6 m an hour, where 1 hPa of weather is 8 m

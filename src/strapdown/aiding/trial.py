@@ -10,7 +10,8 @@ import math
 import numpy as np
 
 from ..checks import DataError
-from ..core.loop.contract import FIRST, PARAMETERS, STATES, Belief, Measurement, Observe
+from ..core.loop.contract import STATES, Belief, Measurement, Observe
+from ..core.mathematics.source import new_source
 from ..typing import Array
 
 TYPICAL = {
@@ -85,11 +86,11 @@ def _called(
     H = flat.reshape(3, n)
     innovation[:], H[:] = 0.0, 0.0
     y = np.r_[measured, np.full(3 - rows, np.nan)]
-    parameters = np.zeros(PARAMETERS)
-    parameters[:3] = (2e-5, 1e-6, 4e-5) if sensor.parameters == "field" else (1.0, -0.5, 0.3)
-    parameters[FIRST] = STATES if sensor.states else 0.0
+    source = new_source()
+    source.parameters[:3] = (2e-5, 1e-6, 4e-5) if sensor.parameters == "field" else (1.0, -0.5, 0.3)
+    source.first_state = STATES if sensor.states else 0.0
     before = [part.copy() for part in belief]
-    found = observe(belief, y, parameters, innovation, H)
+    found = observe(belief, y, source, innovation, H)
     if found is None or int(found) not in (0, rows):
         raise DataError(
             f"observe returns {found}; it must return the number of its rows, {rows}, one for each "

@@ -1,21 +1,21 @@
 """Velocity of an antenna over ground: y = north, east, down, m/s. The Earth's rate in the
 lever-arm term (7e-5 rad/s) is left out."""
 
-from ..core.loop.contract import OBSERVE, Belief, Measurement, kernel
+from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..typing import Array
 from . import estimated
 
 
 @kernel(OBSERVE)
-def observe(belief: Belief, y: Array, parameters: Array, innovation: Array, H: Array) -> int:
+def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> int:
     """Three rows: antenna velocity y - h, m/s NED."""
-    if estimated.any_of(belief, parameters):
+    if estimated.any_of(belief, source):
         for i in range(3):
             innovation[i] = y[i] - belief.v[i]
-        estimated.velocity(belief, parameters, innovation, H)
+        estimated.velocity(belief, source, innovation, H)
         return 3
     C, w = belief.C, belief.omega
-    l0, l1, l2 = parameters[0], parameters[1], parameters[2]
+    l0, l1, l2 = source.parameters[0], source.parameters[1], source.parameters[2]
     b0, b1, b2 = w[1] * l2 - w[2] * l1, w[2] * l0 - w[0] * l2, w[0] * l1 - w[1] * l0
     n0 = C[0, 0] * b0 + C[0, 1] * b1 + C[0, 2] * b2
     n1 = C[1, 0] * b0 + C[1, 1] * b1 + C[1, 2] * b2

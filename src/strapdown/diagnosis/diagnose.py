@@ -9,7 +9,6 @@ import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core.loop import cursor as places
 from ..core.loop.contract import Filter, Start
 from ..cross_checks.motion import Subject
 from ..engine.finish import solution
@@ -146,7 +145,7 @@ class _Runs:
         """All runs, and what they say."""
         first = self.way.tried(np.zeros(len(self.constants)))
         last = self.roughly(first)
-        if last.made.cursor.at[places.FAULT]:
+        if last.made.cursor.state[0].fault:
             raise DataError(
                 f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
             )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.loop.contract import ATT, BA, BG, DOUBTFUL, VEL
-from ..core.loop.loop import BRIDGE
+from ..core.loop.gaps import BRIDGE
 from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Aiding, Innovations, Rejected, Solution
 from ..evaluation.fix_statistics import MEDIANS, correlation, lasts

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import filters
-from ..core.loop import cursor as places, loop
 from ..core.loop.contract import POS, STATES, VEL, Imu, Noise, Start
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding, Solution
@@ -169,9 +168,9 @@ def suspects(solution: Solution) -> list[Suspect]:
     )
     model = Model(run, known, True)
     found = sums(run, model.derivatives, model.start)
-    fixes = run.out.fix[: run.cursor.at[places.FIX]]
-    measured = np.isfinite(fixes[:, loop.F_INNOVATION : loop.F_NIS]).sum()
-    excess = float(np.nansum(fixes[:, loop.F_NIS]) - measured)
+    fixes = run.out.fix[: run.cursor.state[0].fix]
+    measured = np.isfinite(fixes["innovation"]).sum()
+    excess = float(np.nansum(fixes["nis"]) - measured)
     trial = Trial(np.zeros(len(known)), fit(run), found, run)
     each = [_suspect(trial, group, excess) for group in groups(known)]
     return sorted(each, key=lambda suspect: -suspect.likely)

@@ -2,14 +2,17 @@
 fixes as events (t, text)."""
 
 from collections.abc import Callable, Sequence
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 from .. import aiding, quantities
-from ..core.loop import cursor as log, loop
+from ..core.compile.records import rows
 from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
+from ..core.loop.log import FOLD, Code, LogRow
+from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
 from ..data import Aiding, Rejected
 from ..preprocessing.origin import counted
 from ..typing import Array
@@ -21,23 +24,27 @@ from .rejections.words import rejected
 
 MOST_OF_A_KIND = 20
 """Events of one kind and source that are kept apart; the last one takes in all that follow."""
-(
-    SAMPLES_NOT_FINITE,
-    SAMPLES_TWICE,
-    SAMPLES_LATE,
-    FIXES_NOT_FINITE,
-    FIXES_TWICE,
-    FIXES_LATE,
-    NO_START,
-    POOR_START,
-    CALLBACK,
-    STOPPED,
-    AHRS_STOPPED,
-    AHRS_SAYS,
-    AHRS_SILENT,
-    FIXES_AHEAD,
-) = range(log.CODES, log.CODES + 14)
-"""What only a stream says: of rows that a Recording has not, of its start, of its caller."""
+
+
+class Said(IntEnum):
+    """What only a stream says: of rows that a Recording has not, of its start, of its caller."""
+
+    SAMPLES_NOT_FINITE = 100
+    SAMPLES_TWICE = 101
+    SAMPLES_LATE = 102
+    FIXES_NOT_FINITE = 103
+    FIXES_TWICE = 104
+    FIXES_LATE = 105
+    NO_START = 106
+    POOR_START = 107
+    CALLBACK = 108
+    STOPPED = 109
+    AHRS_STOPPED = 110
+    AHRS_SAYS = 111
+    AHRS_SILENT = 112
+    FIXES_AHEAD = 113
+
+
 LONG_LAG = 60.0
 """s: fixes further behind or ahead than that have another clock."""
 SENSORS = ("gyro", "gyro", "gyro", "accelerometer", "accelerometer", "accelerometer")
@@ -49,12 +56,12 @@ class Events:
     """The events of a run of `filter` with these sources on this vehicle: `take` empties the log of its cursor."""
 
     def __init__(self, filter: Filter, aidings: Sequence[Aiding], vehicle: Vehicle) -> None:
-        self.rows: list[Array] = []
+        self.rows: list[LogRow] = []
         self.vehicle = vehicle
         self._filter, self._aidings = filter, aidings
         self.because: dict[int, str] = {}  # by code: what the words of that event add
         self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
-        self._counts: dict[tuple[float, float], list[Array]] = {}
+        self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # as `look_at` found them
         self._runs: list[Run] = []  # of fixes that are no longer kept
         self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
@@ -62,22 +69,22 @@ class Events:
 
     def take(self, cursor: Cursor) -> None:
         """Take over what the log holds, and empty it."""
-        for row in cursor.log[: cursor.at[log.LOGGED]]:
+        for row in cursor.log[: cursor.state[0].logged]:
             self._fold(row)
-        cursor.at[log.LOGGED] = 0
+        cursor.state[0].logged = 0
 
     def tell(self, code: int, t: Array, values: Array) -> None:
         """Take over what was seen at the times `t` (s), in their order, with these values."""
-        apart = np.flatnonzero(np.diff(t) > log.FOLD) + 1
-        for rows in np.split(np.arange(len(t)), apart) if len(t) else ():
-            first, last = t[rows[0]], t[rows[-1]]
-            self._fold(np.array([first, last, code, 0, len(rows), values[rows].max()]))
+        apart = np.flatnonzero(np.diff(t) > FOLD) + 1
+        for some in np.split(np.arange(len(t)), apart) if len(t) else ():
+            first, last = t[some[0]], t[some[-1]]
+            self._fold(log_row(first, last, code, 0, len(some), values[some].max()))
 
-    def look_at(self, fixes: Array, sd: Array, before: float = -np.inf) -> None:
-        """Find the runs of rejections in what the loop wrote of fixes, (m, FIX_WIDTH) with their
+    def look_at(self, fixes: Any, sd: Array, before: float = -np.inf) -> None:
+        """Find the runs of rejections in what the loop wrote of fixes, a table of FixRow with their
         standard deviations (m, 3); those that begin before that time (s) are kept for good."""
-        tested = fixes[np.isfinite(fixes[:, loop.F_NIS])]
-        np.minimum.at(self._begin, tested[:, loop.F_SOURCE].astype(int), tested[:, loop.F_T])
+        tested = fixes[np.isfinite(fixes["nis"])]
+        np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
         found = runs.find(Fixes(fixes, sd, self._known, self._begin), self._aidings)
         self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
         kept = [run for run in found if run.start < before]
@@ -87,50 +94,42 @@ class Events:
 
     def note(self, code: int, which: int, t: float, value: float = 0.0) -> bool:
         """Write what happens outside the loop; whether it is new and no more of the same."""
-        row = np.zeros(log.LOG_WIDTH)
-        row[log.T] = row[log.UNTIL] = t
-        row[log.CODE], row[log.WHICH], row[log.COUNT], row[log.VALUE] = code, which, 1, value
-        return self._fold(row)
+        return self._fold(log_row(t, t, code, which, 1, value))
 
-    def begun(self, cursor: Cursor, since: int) -> list[Array]:
+    def begun(self, cursor: Cursor, since: int) -> list[LogRow]:
         """The rows of the log from number `since` on that go on with nothing; it keeps them."""
         begun = []
-        for k in range(since, int(cursor.at[log.LOGGED])):
+        for k in range(since, int(cursor.state[0].logged)):
             row, before = cursor.log[k], cursor.log[:k]
             alike = self._alike(row)
-            there = int(
-                (
-                    (before[:, log.CODE] == row[log.CODE])
-                    & (before[:, log.WHICH] == row[log.WHICH])
-                ).sum()
-            )
+            there = int(((before["code"] == row.code) & (before["which"] == row.which)).sum())
             if there + len(alike) < MOST_OF_A_KIND and (there or not _goes_on(alike, row)):
-                begun.append(row.copy())
+                begun.append(_copy(row))
         return begun
 
-    def _alike(self, row: Array) -> list[Array]:
-        return self._counts.setdefault((row[log.CODE], row[log.WHICH]), [])
+    def _alike(self, row: LogRow) -> list[LogRow]:
+        return self._counts.setdefault((row.code, row.which), [])
 
-    def _fold(self, row: Array) -> bool:
+    def _fold(self, row: LogRow) -> bool:
         """Take over a row, as one more or as part of the last one of its kind; whether it is one
         more."""
         alike = self._alike(row)
         if len(alike) == MOST_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
             return False
-        alike.append(row.copy())
+        alike.append(_copy(row))
         self.rows.append(alike[-1])
         return True
 
-    def text(self, row: Array) -> str:
+    def text(self, row: LogRow) -> str:
         """What a row of the log says."""
-        which, value = int(row[log.WHICH]), float(row[log.VALUE])
-        return WORDS[int(row[log.CODE])](self, row, which, value)
+        which, value = int(row.which), float(row.value)
+        return WORDS[int(row.code)](self, row, which, value)
 
     @property
     def all(self) -> list[tuple[float, str]]:
         """[(t, text)] in the order of time."""
-        said = [(float(row[log.T]), self.text(row)) for row in self.rows]
+        said = [(float(row.t), self.text(row)) for row in self.rows]
         return sorted(said + [(run.start, str(run)) for run in self.rejected])
 
     def name(self, s: int) -> str:
@@ -158,13 +157,13 @@ class Events:
                 "source": self.name(wrong),
                 "other": self.name(other),
                 "decided": told,
-                "start": float(row[log.T]),
-                "stop": float(row[log.UNTIL]),
-                "difference": float(row[log.VALUE]),
+                "start": float(row.t),
+                "stop": float(row.until),
+                "difference": float(row.value),
             }
             for row in self.rows
-            if row[log.CODE] == log.HEIGHT_APART
-            for wrong, other, told in [self.apart(int(row[log.WHICH]))]
+            if row.code == Code.HEIGHT_APART
+            for wrong, other, told in [self.apart(int(row.which))]
         ]
 
     def size(self, s: int, value: float) -> str:
@@ -196,49 +195,58 @@ class Events:
         return self._filter.conditions[which].text
 
 
-def _goes_on(alike: list[Array], row: Array) -> bool:
+def log_row(t: float, until: float, code: int, which: int, count: int, value: float) -> Any:
+    """A row of the log."""
+    (row,) = rows(LogRow, 1)
+    row.t, row.until, row.code = t, until, code
+    row.which, row.count, row.value = which, count, value
+    return row
+
+
+def _copy(row: LogRow) -> Any:
+    return log_row(row.t, row.until, row.code, row.which, row.count, row.value)
+
+
+def _goes_on(alike: list[LogRow], row: LogRow) -> bool:
     """Whether a row belongs to the last of these."""
-    return bool(alike) and bool(row[log.T] - alike[-1][log.UNTIL] <= log.FOLD)
+    return bool(alike) and bool(row.t - alike[-1].until <= FOLD)
 
 
-def _merge(row: Array, more: Array) -> None:
-    row[log.UNTIL] = max(row[log.UNTIL], more[log.UNTIL])
-    row[log.COUNT] += more[log.COUNT]
-    if abs(more[log.VALUE]) > abs(row[log.VALUE]):
-        row[log.VALUE] = more[log.VALUE]
+def _merge(row: LogRow, more: LogRow) -> None:
+    row.until = max(row.until, more.until)
+    row.count += more.count
+    if abs(more.value) > abs(row.value):
+        row.value = more.value
 
 
-def _gap(events: Events, row: Array, value: float, what: str) -> str:
-    if row[log.COUNT] == 1:
+def _gap(events: Events, row: LogRow, value: float, what: str) -> str:
+    if row.count == 1:
         return f"IMU gap of {value:.3g} s: {what}"
-    return (
-        f"{row[log.COUNT]:.0f} IMU gaps of up to {value:.3g} s from here to {row[log.UNTIL]:.1f} s: "
-        f"{what}"
-    )
+    return f"{row.count:.0f} IMU gaps of up to {value:.3g} s from here to {row.until:.1f} s: {what}"
 
 
-def _times(row: Array) -> str:
+def _times(row: LogRow) -> str:
     """How often and until when, of what happened more than once."""
-    if row[log.COUNT] == 1:
+    if row.count == 1:
         return ""
-    return f" ({row[log.COUNT]:.0f} times until {row[log.UNTIL]:.1f} s)"
+    return f" ({row.count:.0f} times until {row.until:.1f} s)"
 
 
-def _counted(row: Array, noun: str) -> str:
-    return counted(int(row[log.COUNT]), noun)
+def _counted(row: LogRow, noun: str) -> str:
+    return counted(int(row.count), noun)
 
 
 def _seconds(value: float) -> str:
     return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
 
 
-def _till(row: Array) -> str:
+def _till(row: LogRow) -> str:
     """Until when, of what lasted."""
-    return f" until {row[log.UNTIL]:.1f} s" if row[log.UNTIL] > row[log.T] else ""
+    return f" until {row.until:.1f} s" if row.until > row.t else ""
 
 
-def _missed(row: Array) -> str:
-    return f" ({counted(int(row[log.COUNT]) - 1, 'event')} since)" if row[log.COUNT] > 1 else ""
+def _missed(row: LogRow) -> str:
+    return f" ({counted(int(row.count) - 1, 'event')} since)" if row.count > 1 else ""
 
 
 def _imu(which: int, value: float) -> tuple[str, str]:
@@ -246,27 +254,27 @@ def _imu(which: int, value: float) -> tuple[str, str]:
     return f"{SENSORS[which]} {'xyz'[which % 3]}", shown
 
 
-def _out_of_range(events: Events, row: Array, which: int, value: float) -> str:
+def _out_of_range(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
     most = events.vehicle.acceleration
     bound = "" if which < 3 else f": more than the {most:.4g} m/s^2 of {events.vehicle}"
     return f"{axis} reads {shown}, which cannot be{bound}: bridged{_times(row)}"
 
 
-def _full_scale(events: Events, row: Array, which: int, value: float) -> str:
+def _full_scale(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
     return f"{axis} is at full scale, {shown}: what it measured was larger{_times(row)}"
 
 
-def _stuck(events: Events, row: Array, which: int, value: float) -> str:
+def _stuck(events: Events, row: LogRow, which: int, value: float) -> str:
     axis, shown = _imu(which, value)
     return f"{axis} is stuck at {shown}{_till(row)}: check the sensor and its record"
 
 
-def _coarse(events: Events, row: Array, which: int, value: float) -> str:
+def _coarse(events: Events, row: LogRow, which: int, value: float) -> str:
     return (
         f"specific force changes by {value:.3g} m/s^2 from sample to sample, until "
-        f"{row[log.UNTIL]:.0f} s: vibration, or samples too far apart for the motion; velocities are "
+        f"{row.until:.0f} s: vibration, or samples too far apart for the motion; velocities are "
         f"less certain than they say"
     )
 
@@ -276,15 +284,15 @@ def _at_least(value: float, most: float) -> str:
     return f"{most:.2g} or more" if value > 0.95 * most else f"{value:.2g}"
 
 
-def _mean_off(events: Events, row: Array, which: int, value: float) -> str:
+def _mean_off(events: Events, row: LogRow, which: int, value: float) -> str:
     return (
         f"{events.component(which)}: fixes are {_at_least(abs(value), MOST_WHITENED)} standard deviations off the "
-        f"prediction on average, until {row[log.UNTIL]:.0f} s: they drift or jump, or contradict "
+        f"prediction on average, until {row.until:.0f} s: they drift or jump, or contradict "
         f"another source"
     )
 
 
-def _height_apart(events: Events, row: Array, which: int, value: float) -> str:
+def _height_apart(events: Events, row: LogRow, which: int, value: float) -> str:
     wrong, other, told = events.apart(which)
     why = (
         "vertical velocity or a third source contradicts it"
@@ -297,103 +305,104 @@ def _height_apart(events: Events, row: Array, which: int, value: float) -> str:
     )
 
 
-Words = Callable[[Events, Array, int, float], str]
+Words = Callable[[Events, LogRow, int, float], str]
 WORDS: dict[int, Words] = {
-    log.BRIDGED_GAP: lambda e, row, s, value: _gap(e, row, value, "bridged"),
-    log.HELD_GAP: lambda e, row, s, value: _gap(e, row, value, e.held),
-    log.LIFTED: lambda e, row, s, value: (
-        f"{e.name(s)}: gate lifted after {loop.REJECTED} or more rejections in a row over "
-        f"{loop.LIFT_AFTER:g} s"
+    Code.BRIDGED_GAP: lambda e, row, s, value: _gap(e, row, value, "bridged"),
+    Code.HELD_GAP: lambda e, row, s, value: _gap(e, row, value, e.held),
+    Code.LIFTED: lambda e, row, s, value: (
+        f"{e.name(s)}: gate lifted after {REJECTED} or more rejections in a row over "
+        f"{LIFT_AFTER:g} s"
     ),
-    log.LEFT_OUT: lambda e, row, s, value: (
+    Code.LEFT_OUT: lambda e, row, s, value: (
         f"{e.name(s)}: left out from here until one of its fixes passes the gate: lifting it "
-        f"{loop.LIFTS} times did not help"
+        f"{LIFTS} times did not help"
     ),
-    log.TOO_FAR: lambda e, row, s, value: (
+    Code.TOO_FAR: lambda e, row, s, value: (
         f"{e.name(s)}: fixes are up to {value / 1000:.4g} km off, further than {e.vehicle} can have "
         f"gone at {e.vehicle.speed:.4g} m/s: left out{_times(row)}"
     ),
-    log.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
-    log.HEIGHT_AGAIN: lambda e, row, s, value: (
+    Code.HEIGHT_APART: lambda e, row, s, value: _height_apart(e, row, s, value),
+    Code.HEIGHT_AGAIN: lambda e, row, s, value: (
         f"{e.name(s)}: its height agrees with the others again and is used"
     ),
-    log.OUT_OF_RANGE: _out_of_range,
-    log.FULL_SCALE: _full_scale,
-    log.STUCK: _stuck,
-    log.COARSE: _coarse,
-    log.JITTERED: lambda e, row, s, value: (
+    Code.OUT_OF_RANGE: _out_of_range,
+    Code.FULL_SCALE: _full_scale,
+    Code.STUCK: _stuck,
+    Code.COARSE: _coarse,
+    Code.JITTERED: lambda e, row, s, value: (
         f"time stamps of the IMU jitter by {value:.0%} of their interval, until "
-        f"{row[log.UNTIL]:.0f} s: take the counter of the sensor, or even them out"
+        f"{row.until:.0f} s: take the counter of the sensor, or even them out"
     ),
-    log.FLOORED: lambda e, row, s, value: (
+    Code.FLOORED: lambda e, row, s, value: (
         f"{e.name(s)}: standard deviations are smaller than any receiver's, {e.size(s, value)}: "
         f"raised{_times(row)}"
     ),
-    log.NO_FIX: lambda e, row, s, value: (
+    Code.NO_FIX: lambda e, row, s, value: (
         f"{e.name(s)}: latitude 0 and longitude 0 are no fix: left out{_times(row)}"
     ),
-    log.TOO_FAST: lambda e, row, s, value: (
+    Code.TOO_FAST: lambda e, row, s, value: (
         f"{e.name(s)}: {value:.4g} m/s is more than {e.speed}: left out{_times(row)}"
     ),
-    log.TOO_HIGH: lambda e, row, s, value: (
+    Code.TOO_HIGH: lambda e, row, s, value: (
         f"{e.name(s)}: a height of {value:.0f} m is beyond {e.heights}: left out{_times(row)}"
     ),
-    log.MEAN_OFF: _mean_off,
-    log.NIS_OFF: lambda e, row, s, value: (
+    Code.MEAN_OFF: _mean_off,
+    Code.NIS_OFF: lambda e, row, s, value: (
         f"{e.name(s)}: fixes scatter {_at_least(np.sqrt(value), np.sqrt(MOST_NIS))} times as much as their standard deviations "
-        f"say, until {row[log.UNTIL]:.0f} s"
+        f"say, until {row.until:.0f} s"
     ),
-    log.BELIEF_TOO_FAST: lambda e, row, s, value: (
-        f"the filter's speed of {value:.4g} m/s is more than {e.speed}, until "
-        f"{row[log.UNTIL]:.0f} s"
+    Code.BELIEF_TOO_FAST: lambda e, row, s, value: (
+        f"the filter's speed of {value:.4g} m/s is more than {e.speed}, until {row.until:.0f} s"
     ),
-    log.BELIEF_TOO_HIGH: lambda e, row, s, value: (
-        f"the filter's height of {value:.0f} m is beyond {e.heights}, until {row[log.UNTIL]:.0f} s"
+    Code.BELIEF_TOO_HIGH: lambda e, row, s, value: (
+        f"the filter's height of {value:.0f} m is beyond {e.heights}, until {row.until:.0f} s"
     ),
-    log.IN_CONDITION: lambda e, row, s, value: e.condition(s),
-    log.APART: lambda e, row, s, value: (
+    Code.IN_CONDITION: lambda e, row, s, value: e.condition(s),
+    Code.APART: lambda e, row, s, value: (
         f"filter and smoother are up to {value:.2g} standard deviations apart, until "
-        f"{row[log.UNTIL]:.0f} s: what came later contradicts what came before"
+        f"{row.until:.0f} s: what came later contradicts what came before"
     ),
-    log.CLOCK_OFF: lambda e, row, s, value: (
+    Code.CLOCK_OFF: lambda e, row, s, value: (
         f"the clock of {e.name(s)} is estimated {value:.2g} s off, beyond what can be looked back, "
-        f"until {row[log.UNTIL]:.0f} s: set time.offset"
+        f"until {row.until:.0f} s: set time.offset"
     ),
-    SAMPLES_NOT_FINITE: lambda e, row, s, value: (
+    Said.SAMPLES_NOT_FINITE: lambda e, row, s, value: (
         f"IMU: {_counted(row, 'sample')} with NaN or infinite values dropped{_till(row)}"
     ),
-    SAMPLES_TWICE: lambda e, row, s, value: (
+    Said.SAMPLES_TWICE: lambda e, row, s, value: (
         f"IMU: {_counted(row, 'repeated time')} dropped{_till(row)}"
     ),
-    SAMPLES_LATE: lambda e, row, s, value: (
+    Said.SAMPLES_LATE: lambda e, row, s, value: (
         f"IMU: {_counted(row, 'late sample')} dropped, up to {value:.3g} s behind{_till(row)}: give "
         f"a longer lag"
     ),
-    FIXES_NOT_FINITE: lambda e, row, s, value: (
+    Said.FIXES_NOT_FINITE: lambda e, row, s, value: (
         f"{e.name(s)}: {_counted(row, 'row')} without time or value dropped{_till(row)}"
     ),
-    FIXES_TWICE: lambda e, row, s, value: (
+    Said.FIXES_TWICE: lambda e, row, s, value: (
         f"{e.name(s)}: {_counted(row, 'repeated row')} dropped{_till(row)}"
     ),
-    FIXES_LATE: lambda e, row, s, value: (
+    Said.FIXES_LATE: lambda e, row, s, value: (
         f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {_seconds(value)} s behind{_till(row)}: "
         f"{'give a longer lag' if value < LONG_LAG else CLOCKS}"
     ),
-    FIXES_AHEAD: lambda e, row, s, value: (
+    Said.FIXES_AHEAD: lambda e, row, s, value: (
         f"{e.name(s)}: fixes are up to {_seconds(value)} s ahead of the IMU: "
         f"{'' if value > LONG_LAG else 'samples are missing, or '}{CLOCKS}"
     ),
-    NO_START: lambda e, row, s, value: f"no start yet: {e.because[NO_START]}",
-    POOR_START: lambda e, row, s, value: f"started with what there is: {e.because[POOR_START]}",
-    CALLBACK: lambda e, row, s, value: (
-        f"on_event raised {e.because[CALLBACK]}; the callback is not called again{_missed(row)}"
+    Said.NO_START: lambda e, row, s, value: f"no start yet: {e.because[Said.NO_START]}",
+    Said.POOR_START: lambda e, row, s, value: (
+        f"started with what there is: {e.because[Said.POOR_START]}"
     ),
-    AHRS_STOPPED: lambda e, row, s, value: e.because[AHRS_STOPPED],
-    AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],
-    AHRS_SILENT: lambda e, row, s, value: (
-        f"{e.because[AHRS_SILENT]} gave no attitude for {value:.0f} s, until {row[log.UNTIL]:.0f} s: "
+    Said.CALLBACK: lambda e, row, s, value: (
+        f"on_event raised {e.because[Said.CALLBACK]}; the callback is not called again{_missed(row)}"
+    ),
+    Said.AHRS_STOPPED: lambda e, row, s, value: e.because[Said.AHRS_STOPPED],
+    Said.AHRS_SAYS: lambda e, row, s, value: e.of_ahrs[s],
+    Said.AHRS_SILENT: lambda e, row, s, value: (
+        f"{e.because[Said.AHRS_SILENT]} gave no attitude for {value:.0f} s, until {row.until:.0f} s: "
         f"its samples are missing or cannot be believed"
     ),
-    STOPPED: lambda e, row, s, value: e.because[STOPPED].removeprefix("stream "),
+    Said.STOPPED: lambda e, row, s, value: e.because[Said.STOPPED].removeprefix("stream "),
 }
 """How each code of the log is said."""

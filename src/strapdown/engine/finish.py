@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..checks import DataError
-from ..core.loop import cursor as places, loop
+from ..core.compile.records import Table
 from ..core.loop.contract import BA, BG, POS, STATES, VEL
+from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..data import Aiding, Innovations, Solution, Trajectory
-from ..typing import Array
 from .installation import told
 from .prepare import Run, brought
 
@@ -19,7 +19,7 @@ def solution(run: Run) -> Solution:
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says
     why."""
     recording, samples, filter, _, start, noise, spec, belief, fixes, cursor, out, *_ = run
-    nav, used = out.nav[: cursor.at[places.OUT]], out.fix[: cursor.at[places.FIX]]
+    nav, used = out.nav[: cursor.state[0].out], out.fix[: cursor.state[0].fix]
     run.events.look_at(used, fixes.sd[: len(used)])
     events = run.events.all
     meta = {
@@ -42,8 +42,8 @@ def solution(run: Run) -> Solution:
         meta["rejected"] = [each._asdict() for each in run.events.rejected]
     if run.events.heights_apart:
         meta["heights_apart"] = run.events.heights_apart
-    if cursor.at[places.FAULT]:
-        t = samples.t[cursor.at[places.ROW]]
+    if cursor.state[0].fault:
+        t = samples.t[cursor.state[0].row]
         meta["stopped"] = stopped(t)
         if (float(t), meta["stopped"]) not in events:  # a stream said so already
             events.append((float(t), meta["stopped"]))
@@ -91,7 +91,7 @@ def solution(run: Run) -> Solution:
         nav[:, solution_row.BIASES : solution_row.BIASES + 3],
         nav[:, solution_row.BIASES + 3 : solution_row.SD],
         nav[:, solution_row.ROW_STATUS].astype(np.int8),
-        innovations(used, recording.aidings, fixes.gate),
+        innovations(used, recording.aidings, fixes.sources["gate"]),
         tuple(sorted(events)),
         columns,
         out.covariance[: len(nav)] if len(out.covariance) else None,
@@ -108,18 +108,21 @@ def stopped(t: float) -> str:
     )
 
 
-def innovations(used: Array, aidings: Sequence[Aiding], gates: Iterable[float]) -> Innovations:
+def innovations(
+    used: Table[FixRow], aidings: Sequence[Aiding], gates: Iterable[float]
+) -> Innovations:
     """Innovations from the fix rows that `run` wrote."""
+    of = {name: np.ascontiguousarray(used[name]) for name in used.dtype.names}
     return Innovations(
-        used[:, loop.F_T],
-        used[:, loop.F_SOURCE].astype(int),
-        used[:, loop.F_INNOVATION : loop.F_NIS],
-        used[:, loop.F_NIS],
-        used[:, loop.F_USE] > 0,
+        of["t"],
+        of["source"].astype(int),
+        of["innovation"],
+        of["nis"],
+        of["use"] > 0,
         tuple(a.name or a.kind for a in aidings),
         tuple(float(gate) for gate in gates),
-        used[:, loop.F_WHITENED : loop.F_ROOT],
-        used[:, loop.F_ROOT : loop.F_WEIGHT],
-        used[:, loop.F_WEIGHT],
-        used[:, loop.F_FACTOR : loop.F_V],
+        of["whitened"],
+        of["root"],
+        of["weight"],
+        of["factor"],
     )

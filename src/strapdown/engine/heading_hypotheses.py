@@ -18,7 +18,6 @@ from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
-from ..core.loop import cursor as places, loop
 from ..core.loop.contract import Noise, Start
 from ..geodesy import wrap
 from ..recording import Recording
@@ -202,14 +201,14 @@ def _sums(runs: list[Run], row: int) -> tuple[Array, float]:
     sums = np.empty(len(runs))
     rows = np.empty(len(runs))
     for i, run in enumerate(runs):
-        if not run.cursor.at[places.FAULT]:
+        if not run.cursor.state[0].fault:
             run.advance(row)
-        used = run.out.fix[: run.cursor.at[places.FIX]]
-        rows[i] = np.isfinite(used[:, loop.F_INNOVATION : loop.F_NIS]).sum()
+        used = run.out.fix[: run.cursor.state[0].fix]
+        rows[i] = np.isfinite(used["innovation"]).sum()
         sums[i] = (
             np.inf
-            if run.cursor.at[places.FAULT]
-            else np.minimum(np.nan_to_num(used[:, loop.F_NIS]), OUTLIER).sum()
+            if run.cursor.state[0].fault
+            else np.minimum(np.nan_to_num(used["nis"]), OUTLIER).sum()
         )
     best = int(np.argmin(sums))
     return sums, REUSE * max(1.0, sums[best] / max(1.0, rows[best]))

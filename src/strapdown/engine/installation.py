@@ -9,21 +9,16 @@ import numpy as np
 
 from .. import aiding, estimable, filters
 from ..checks import DataError, brief, check_choice, located
+from ..core.compile.records import rows
 from ..core.loop.contract import (
-    ARM_STATE,
-    CLOCK_STATE,
-    DELAY,
-    ESTIMATED,
-    MOUNTING_STATE,
-    PARAMETERS,
     POS,
-    SCALE_STATE,
     STATES,
-    TURN,
     VEL,
     Filter,
+    SourceRow,
     Start,
 )
+from ..core.mathematics.coupling import Coupling
 from ..core.mathematics.error_dynamics import cross_matrix
 from ..data import Aiding
 from ..estimable import (
@@ -41,17 +36,17 @@ from ..estimable import (
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
-from ..typing import Array, Ints
+from ..typing import Array
 
 IMU = "imu"
 """What names the IMU where a source could stand."""
 PLACES = {
-    CLOCK.name: CLOCK_STATE,
-    LEVER_ARM.name: ARM_STATE,
-    MOUNTING.name: MOUNTING_STATE,
-    SCALE.name: SCALE_STATE,
+    CLOCK.name: "clock_state",
+    LEVER_ARM.name: "arm_state",
+    MOUNTING.name: "mounting_state",
+    SCALE.name: "scale_state",
 }
-"""Where a source finds the index of its first component."""
+"""Field of a SourceRow that has the index of its state, or of those of its components."""
 SENSORS = {
     GYRO_SCALE.name: 0,
     GYRO_MISALIGNMENT.name: 0,
@@ -285,22 +280,24 @@ def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
 
 def delays(aidings: Sequence[Aiding], of_imu: OfImu) -> list[float]:
     """s that a fix of each source waits before it is used."""
-    rows = np.zeros((len(aidings), PARAMETERS))
-    place(rows, parameters(aidings, of_imu), STATES)
-    return list(rows[:, DELAY].tolist())
+    sources = rows(SourceRow, len(aidings))
+    place(sources, parameters(aidings, of_imu), STATES)
+    return list(sources["delay"].tolist())
 
 
-def coupled(found: Sequence[Parameter], first: int) -> Ints:
+def coupled(found: Sequence[Parameter], first: int) -> Any:
     """The rows of `Cursor.coupled`: those of the states that are scales and misalignments of the
     IMU; the states begin with `first`."""
-    rows = [
+    listed = [
         (first + k, sensor + into, sensor + of)
         for k, parameter in enumerate(found)
         if parameter.of.name in SENSORS
         for sensor in [SENSORS[parameter.of.name]]
         for into, of in [_axes(parameter.of.components[parameter.component])]
     ]
-    return np.array(rows, np.int64).reshape(-1, 3)
+    table = rows(Coupling, len(listed))
+    table[:] = listed
+    return table
 
 
 def _axes(component: str) -> tuple[int, int]:
@@ -344,15 +341,16 @@ def correlate(P: Array, start: Start, found: Sequence[Parameter], kinds: Sequenc
     P += together @ V.T
 
 
-def place(rows: Array, found: Sequence[Parameter], first: int) -> None:
-    """Write into the parameters (sources, PARAMETERS) of the sources where their states are, which
-    begin with the state `first`."""
+def place(sources: Any, found: Sequence[Parameter], first: int) -> None:
+    """Write into the sources, a table of SourceRow, where their states are, which begin with the
+    state `first`."""
     for k, parameter in enumerate(found):
         if parameter.of.name not in PLACES:
             continue
         for s in parameter.sources:
-            rows[s, PLACES[parameter.of.name] + parameter.component] = first + k
-            rows[s, ESTIMATED] = 1
+            states = sources[PLACES[parameter.of.name]][s : s + 1].reshape(-1)  # a view
+            states[parameter.component] = first + k
+            sources[s].estimated = 1
             if parameter.of is CLOCK:
-                rows[s, DELAY] = min(WAIT * parameter.sd, LONGEST_WAIT)
-    rows[:, TURN : TURN + 9] = np.eye(3).ravel()
+                sources[s].delay = min(WAIT * parameter.sd, LONGEST_WAIT)
+    sources["turn"] = np.eye(3)

@@ -9,14 +9,28 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError
-from ..core.loop import cursor as places, loop
-from ..core.loop.contract import DELAY, STATES, Belief, Cursor, Filter, Imu, Noise, Start, bound
+from ..core.compile.records import place
+from ..core.loop import loop, stages
+from ..core.loop.contract import (
+    STATES,
+    Belief,
+    Cursor,
+    Filter,
+    Imu,
+    Kernels,
+    Noise,
+    Start,
+    Use,
+    bound,
+)
+from ..core.loop.cursor import LoopState
+from ..core.loop.log import LOG_FULL, LogRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Aiding, Solution, Trajectory
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
-from ..typing import Array, Ints, Say
+from ..typing import Array, Say
 from ..vehicle import Vehicle
 from .arrivals import MOST_WAITING_FIXES, Sample, UsableFix
 from .events import Events
@@ -25,6 +39,10 @@ from .installation import OfImu
 from .limits import limits
 from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare
 
+ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
+    place(LoopState, name) for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged")
+)
+"""Where these stand in the memory of a LoopState."""
 TELL = 10.0  # s from the first of rejected fixes on until their cause is looked for
 
 
@@ -35,7 +53,7 @@ class _Room:
     def __init__(
         self,
         filter: Filter,
-        kernels: tuple[int, int, Ints],
+        kernels: Kernels,
         belief: Belief,
         aidings: Sequence[Aiding],
         noise: Noise,
@@ -54,12 +72,12 @@ class _Room:
         )
         # of the fixes as they came: they may wait, and the loop raises those below the floor
         self.stamp, self.sd = np.empty(most), np.empty((most, 3))
-        self.waits = self.fixes.parameters[:, DELAY].tolist()
+        self.waits = self.fixes.sources["delay"].tolist()
         self.out = new_output(filter, belief, rows, covariance, most)
-        self.run = bound(loop.run, *kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
-        columns: list[Any] = [cursor.at, *self.imu]
+        self.run = bound(loop.run, kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
+        columns: list[Any] = [cursor.state.view(np.int64), *self.imu]
         views: list[Any] = [memoryview(column.reshape(-1)) for column in columns]
-        self.at, self.t, self.dt, self.dtheta, self.dv = views
+        self.state, self.t, self.dt, self.dtheta, self.dv = views
 
     def put(self, fixes: Iterable[UsableFix], k: int) -> None:
         """Write fixes into the rows from `k` on."""
@@ -69,7 +87,7 @@ class _Room:
             into.t[k], into.source[k], self.stamp[k] = t + self.waits[source], source, t
             into.sd[k] = self.sd[k] = sd
             k += 1
-        self.at[places.FIXES] = k
+        self.state[0].fixes = k
 
 
 class LiveRun:
@@ -99,11 +117,11 @@ class LiveRun:
         self.aidings = tuple(a._where(np.zeros(len(a.t), bool)) for a in aidings)
         self.belief = new_belief(filter, start, noise, options, self.aidings, of_imu)
         self.noise = noise = filter.assumed(noise, options)
-        made = prepare(filter, [a.kind for a in self.aidings], say)
-        self.kernels = made.predict, made.correct, made.observers
         self.cursor = new_cursor(
             filter, start.t, self.aidings, limits(spec, noise, vehicle), of_imu
         )
+        needed = stages.needed(merge(self.aidings, of_imu=of_imu), self.cursor)
+        self.kernels = prepare(filter, [a.kind for a in self.aidings], say, needed)
         self.events = events or Events(filter, self.aidings, vehicle)
         self.seen = 0  # rows of the log that were looked at
         # s, since when fixes of a source have been rejected that nothing was said of; what was told
@@ -119,65 +137,65 @@ class LiveRun:
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
         """Run over one sample and the fixes up to its end; whether the log has new rows. Raises
         DataError where the filter stops."""
-        room, at = self._room, self._room.at
-        row = at[places.ROW]
-        if row == self._rows or at[places.FIX] >= self._rows:
+        room, state = self._room, self._room.state
+        row = state[ROW]
+        if row == self._rows or state[FIX] >= self._rows:
             self._forget()
-            row = at[places.ROW]
+            row = state[ROW]
         if fixes:
-            room.put(fixes, at[places.FIX])
+            room.put(fixes, state[FIX])
         self._go(room, sample, row)
-        return at[places.LOGGED] > self.seen
+        return state[LOGGED] > self.seen
 
     def look(self, sample: Sample, fixes: Sequence[UsableFix]) -> None:
         """The same without a trace but in `belief` and `cursor`, which the caller restores."""
-        room, at = self._ahead, self._ahead.at
-        at[places.ROW] = at[places.FIX] = at[places.FIXES] = at[places.OUT] = 0
+        room, state = self._ahead, self._ahead.state
+        state[ROW] = state[FIX] = state[FIXES] = state[OUT] = 0
         room.put(fixes, 0)
         self._go(room, sample, 0)
 
     def _go(self, room: _Room, sample: Sample, row: int) -> None:
-        at, dtheta, dv = room.at, room.dtheta, room.dv
+        state, dtheta, dv = room.state, room.dtheta, room.dv
         i = 3 * row
         j, k = i + 1, i + 2
         room.t[row], room.dt[row], (dtheta[i], dtheta[j], dtheta[k]), (dv[i], dv[j], dv[k]) = sample
-        at[places.STOP] = row + 1
+        state[STOP] = row + 1
         try:
             room.run()
         except Exception as error:
             blame(error, self.filter, self.aidings)
             raise
-        if at[places.FAULT]:
+        if state[FAULT]:
             raise DataError(f"stream {stopped(sample[0])}")
 
     @property
     def t(self) -> float:
         """Time of the belief, s."""
-        return float(self.cursor.now[places.NOW])
+        return float(self.cursor.state[0].t)
 
     @property
     def rate(self) -> float:
         """Hz of the IMU, by its newest sample."""
-        return 1 / float(self._room.dt[self._room.at[places.ROW] - 1])
+        return 1 / float(self._room.dt[self._room.state[ROW] - 1])
 
     @property
     def status(self) -> int:
         """That of the newest row."""
-        return int(self.cursor.at[places.SHOWN])
+        return int(self.cursor.state[0].shown)
 
-    def new_events(self) -> list[Array]:
+    def new_events(self) -> list[LogRow]:
         """Rows of the log that began since the last call."""
         begun = self.events.begun(self.cursor, self.seen)
-        if self.cursor.at[places.LOGGED] >= places.LOG_FULL:
+        if self.cursor.state[0].logged >= LOG_FULL:
             self.events.take(self.cursor)
-        self.seen = int(self.cursor.at[places.LOGGED])
+        self.seen = int(self.cursor.state[0].logged)
         return begun
 
     def told(self) -> Events:
         """All events so far."""
         self.events.take(self.cursor)
         self.seen = 0
-        fix = int(self.cursor.at[places.FIX])
+        fix = int(self.cursor.state[0].fix)
         self.events.look_at(self._room.out.fix[:fix], self._room.fixes.sd[:fix])
         return self.events
 
@@ -185,9 +203,9 @@ class LiveRun:
         """Events of rejections that began TELL s ago or earlier, with the newest fixes, so many; of
         all where the stream is `over`. Each is told once."""
         rows, refusing = self._room.out.fix, self._refusing
-        for row in rows[self._room.at[places.FIX] - fixes : self._room.at[places.FIX]]:
-            t, s = float(row[loop.F_T]), int(row[loop.F_SOURCE])
-            if row[loop.F_USE] == loop.REJECTED_FIX:
+        for row in rows[self._room.state[FIX] - fixes : self._room.state[FIX]]:
+            t, s = float(row.t), int(row.source)
+            if row.use == Use.REJECTED:
                 refusing.setdefault(s, t)
         now = self.t
         due = [s for s, first in refusing.items() if over or now > first + TELL]
@@ -203,9 +221,9 @@ class LiveRun:
 
     def _forget(self) -> None:
         """Leave the older half of what is kept; the start moves to where the rest begins."""
-        at, room = self.cursor.at, self._room
+        state, room = self.cursor.state[0], self._room
         imu, fixes, sd, out = room.imu, room.fixes, room.sd, room.out
-        row, fix = int(at[places.ROW]), int(at[places.FIX])
+        row, fix = int(state.row), int(state.fix)
         end = imu.t[row // 2 - 1] if row == self._rows else -inf
         end = max(end, fixes.t[fix // 2] if fix >= self._rows else -inf) + loop.SAME_TIME
         end = min(end, imu.t[row - 1])
@@ -219,19 +237,19 @@ class LiveRun:
             column[: row - first] = column[first:row].copy()
         for column in by_fix:
             column[: fix - first_fix] = column[first_fix:fix].copy()
-        at[places.ROW] = at[places.OUT] = row - first
-        at[places.FIX] = at[places.FIXES] = fix - first_fix
+        state.row = state.out = row - first
+        state.fix = state.fixes = fix - first_fix
 
     @property
     def samples(self) -> Imu:
         """Those that are kept."""
-        row = int(self.cursor.at[places.ROW] + self.cursor.at[places.FAULT])
+        row = int(self.cursor.state[0].row + self.cursor.state[0].fault)
         return Imu(*(column[:row].copy() for column in self._room.imu))
 
     def recording(self, **meta: Any) -> Recording:
         """The samples and fixes that are kept."""
         fixes, stamp, sd = self._room.fixes, self._room.stamp, self._room.sd
-        kept = slice(0, int(self.cursor.at[places.FIXES]))
+        kept = slice(0, int(self.cursor.state[0].fixes))
         aidings = []
         for s, a in enumerate(self.aidings):
             mine, width = np.flatnonzero(fixes.source[kept] == s), a.y.shape[1]
@@ -242,15 +260,15 @@ class LiveRun:
 
     def solution(self, every: int = 1, **meta: Any) -> Solution:
         """The Solution of what is kept, each n-th row of it and the last."""
-        at, room = self.cursor.at, self._room
-        rows = slice((int(at[places.OUT]) - 1) % every, int(at[places.OUT]), every)
+        state, room = self.cursor.state[0], self._room
+        rows = slice((int(state.out) - 1) % every, int(state.out), every)
         out = room.out._replace(
             nav=room.out.nav[rows].copy(),
             covariance=room.out.covariance[rows].copy(),
-            fix=room.out.fix[: at[places.FIX]].copy(),
+            fix=room.out.fix[: state.fix].copy(),
         )
-        cursor = self.cursor._replace(at=at.copy())
-        cursor.at[places.OUT] = len(out.nav)
+        cursor = self.cursor._replace(state=self.cursor.state.copy())
+        cursor.state[0].out = len(out.nav)
         self.told()
         recording = self.recording(**meta)
         return solution(
@@ -274,9 +292,7 @@ class LiveRun:
 
     def newest(self, looking: bool = False) -> Trajectory:
         """The newest row as a Solution has it; `looking`: that of the last `look`."""
-        row = (
-            self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.at[places.OUT] - 1]
-        )
+        row = self._ahead.out.nav[0] if looking else self._room.out.nav[self._room.state[OUT] - 1]
         sd = row[None, solution_row.SD : solution_row.ROW_STATUS].copy()
         sd[:, [i for i in range(STATES) if i not in self.filter.states]] = np.nan
         parts = (
@@ -289,14 +305,18 @@ class LiveRun:
         lla, v, q = (row[None, a:b].copy() for a, b in zip(parts[1:], parts[2:]))
         return Trajectory(row[:1].copy(), lla, v, q, sd)
 
-    def snapshot(self) -> list[Array | Ints]:
+    def snapshot(self) -> list[Any]:
         """Copies of all that a step changes but what is kept."""
-        return [column.copy() for part in (self.belief, self.cursor) for column in part]
+        return [column.copy() for column in self._changing]
 
-    def restore(self, arrays: Iterable[Array | Ints]) -> None:
+    def restore(self, arrays: Iterable[Any]) -> None:
         """Go back to a `snapshot`."""
-        for column, before in zip((*self.belief, *self.cursor), arrays):
+        for column, before in zip(self._changing, arrays):
             column[...] = before
+
+    @property
+    def _changing(self) -> list[Any]:
+        return [*self.belief, *self.cursor]
 
     def copy(self) -> Belief:
         """The belief in arrays of its own."""

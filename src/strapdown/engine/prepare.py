@@ -13,43 +13,41 @@ from numpy.typing import NDArray
 from .. import aiding, filters, quantities
 from ..alignment.completed import MOST_HEADING, PARTS
 from ..checks import DataError, brief, check_number, shown
-from ..core.loop import cursor as places, loop
+from ..core.compile import records
+from ..core.compile.records import Table
+from ..core.loop import loop, stages
 from ..core.loop.contract import (
     BIAS,
-    BROUGHT,
     COMPILED,
-    CORRELATED_SD,
-    CORRELATED_STATE,
-    DELAY,
-    FIRST,
     MOST_STATES,
-    OF_KIND,
-    PARAMETERS,
     POS,
-    SLIP,
     STATES,
     VEL,
-    WALK,
     Belief,
     Cursor,
     Filter,
     Fixes,
     Imu,
+    Kernels,
     Measurement,
     Noise,
     Output,
+    SourceRow,
     Start,
     address,
     announce,
 )
-from ..core.loop.recent_motion import new_recent
+from ..core.loop.cursor import Axis, Books, Limits, LoopState, Work
+from ..core.loop.log import LOG_ROWS, LogRow
+from ..core.loop.stages.clock import new_recent
+from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding
 from ..plugins import one_line
 from ..recording import UNDECIDED_GYRO, Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
-from ..typing import Array, ArrayLike, File, Ints, Progress, Say
+from ..typing import Array, ArrayLike, File, Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
 from . import installation
 from .events import Events
@@ -100,22 +98,18 @@ class Asked(NamedTuple):
     estimate: Estimate | None = None
 
 
-class Prepared(NamedTuple):
-    """A filter and the addresses of its compiled kernels."""
-
-    filter: Filter
-    predict: int
-    correct: int
-    observers: Ints  # by kind; 0 where the run has no such source
-
-
-def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) -> Prepared:
-    """Compile (or load from the cache) the kernels of `filter` and of the aiding `kinds`. `say`
-    is told once where that takes seconds."""
+def prepare(
+    filter: str | Filter,
+    kinds: Iterable[str],
+    say: Say | None = None,
+    needed: stages.Needed = stages.NONE,
+) -> Kernels:
+    """Compile (or load from the cache) the kernels of `filter`, of the `kinds` of measurements and of
+    the stages that they need. `say` is told once where that takes seconds."""
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
-    announce(slow, filter.name, say)
+    announce([*slow, *needed.kernels], filter.name, say)
     for kernel in slow:
         filters.compiled(filter, kernel)
     for sensor in sensors:
@@ -123,7 +117,7 @@ def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) 
     numbers = [aiding.number(sensor.name) for sensor in sensors]
     observers = np.zeros(max(numbers, default=0) + 1, np.int64)
     observers[numbers] = [address(sensor.observe) for sensor in sensors]
-    return Prepared(filter, address(filter.predict), address(filter.correct), observers)
+    return needed.addresses(address(filter.predict), address(filter.correct), observers)
 
 
 @contextmanager
@@ -150,31 +144,28 @@ def blame(error: Exception, filter: Filter, aidings: Sequence[Aiding]) -> None:
 def merge(aidings: Sequence[Aiding], after: float = -np.inf, of_imu: OfImu | None = None) -> Fixes:
     """All fixes later than `after` (s) in the order in which they are used (Fixes), simultaneous
     ones in the order of `aidings`. of_imu: what of the IMU is estimated."""
-    sensors = [aiding.find(a.kind) for a in aidings]
-    count = len(aidings)
-    parameters, gate, states = np.zeros((count, PARAMETERS)), np.empty(count), STATES
-    kinds = [a.kind for a in aidings]
-    for s, (a, sensor) in enumerate(zip(aidings, sensors)):
-        parameters[s, : len(a.parameters)] = a.parameters
-        parameters[s, OF_KIND] = kinds[:s].count(a.kind)
+    count, states = len(aidings), STATES
+    sources, kinds = records.rows(SourceRow, count), [a.kind for a in aidings]
+    for s, a in enumerate(aidings):
+        sensor, source = aiding.find(a.kind), sources[s]
+        source.kind, source.of_kind = aiding.number(a.kind), kinds[:s].count(a.kind)
+        source.parameters[: len(a.parameters)] = a.parameters
+        source.gate = GATES[len(sensor.quantities)] if a.gate is None else a.gate
         if sensor.states:
-            parameters[s, WALK], parameters[s, FIRST] = sensor.state_walk, states
-            parameters[s, BROUGHT] = len(sensor.states)
+            source.walk, source.first_state = sensor.state_walk, states
+            source.states = len(sensor.states)
             states += len(sensor.states)
-        parameters[s, SLIP] = checked_slip(a, sensor)
-        states += place_noise(parameters[s], a, states)
-        gate[s] = GATES[len(sensor.quantities)] if a.gate is None else a.gate
-    installation.place(parameters, installation.parameters(aidings, of_imu or {}), states)
-    t, order = used_in_order(aidings, after, parameters[:, DELAY])
+        source.slip = checked_slip(a, sensor)
+        states += place_noise(source, a, states)
+    installation.place(sources, installation.parameters(aidings, of_imu or {}), states)
+    t, order = used_in_order(aidings, after, sources["delay"])
     source = np.repeat(np.arange(count), [len(a.t) for a in aidings])
     return Fixes(
         t,
         source[order].astype(np.int64),
         rows_of(aidings, "y")[order],
         rows_of(aidings, "sd")[order],
-        np.array([aiding.number(a.kind) for a in aidings], np.int64),
-        parameters,
-        gate,
+        sources,
     )
 
 
@@ -282,7 +273,7 @@ def new_cursor(
     filter: Filter,
     t: float,
     aidings: Sequence[Aiding],
-    limits: Array,
+    limits: Table[Limits],
     of_imu: OfImu | None = None,
 ) -> Cursor:
     """A Cursor at time `t` before the first sample, for these sources; `limits` as
@@ -290,44 +281,30 @@ def new_cursor(
     sources, parameters = len(aidings), installation.parameters(aidings, of_imu or {})
     first = STATES + len(brought(aidings, of_imu)) - len(parameters)
 
-    def count() -> Ints:
-        return np.zeros(sources, np.int64)
-
     cursor = Cursor(
-        np.zeros(places.CURSOR_SIZE, np.int64),
-        np.zeros(places.MOMENTS),
-        np.zeros(7),
-        np.zeros(loop.WORK_SIZE),
-        count(),
-        count(),
-        count(),
-        np.zeros(sources),
-        count(),
-        np.full(sources, float(t)),
+        records.rows(LoopState, 1),
+        records.rows(Work, 1),
         limits,
-        np.zeros((6, places.WATCHED)),
-        floors(aidings),
-        np.zeros((sources, places.TESTS)),
-        np.zeros((places.LOG_ROWS, places.LOG_WIDTH)),
+        records.rows(Axis, 6),
+        records.rows(Books, sources),
+        records.rows(LogRow, LOG_ROWS),
         new_recent(t, any("clock" in a.estimate for a in aidings)),
         installation.coupled(parameters, first),
     )
-    at = cursor.at
-    cursor.now[[places.NOW, places.CAUSE, places.CLIMB_AT]] = float(t), -np.inf, -np.inf
-    at[places.LATEST] = 1
+    state, books = cursor.state[0], cursor.books
+    state.t, state.cause, state.climb_at, state.latest = float(t), -np.inf, -np.inf, 1
     if positioned(filter):
-        at[places.HEIGHTS] = sum(a.kind in HEIGHTS for a in aidings)
-    at[places.EVERY], at[places.POSITIONED] = 1, positioned(filter)
-    at[places.CONDITION] = -1 if filter.condition is None else filter.condition
+        state.heights = sum(a.kind in HEIGHTS for a in aidings)
+    state.every, state.positioned = 1, positioned(filter)
+    state.condition = -1 if filter.condition is None else filter.condition
     doubtful = [k for k, condition in enumerate(filter.conditions) if condition.doubtful]
-    at[places.DOUBTFUL_CONDITIONS] = sum(1 << k for k in doubtful)
-    cursor.watched[:, places.STEP] = np.inf
-    cursor.tests[:, [places.TESTED, places.LEVEL_AT]], cursor.tests[:, places.LAST_USED] = (
-        -np.inf,
-        t,
-    )
-    cursor.tests[:, places.FACTOR] = cursor.tests[:, [places.POWER]] = 1.0
-    cursor.tests[:, places.FOLLOWED_AT] = t
+    state.doubtful_conditions = sum(1 << k for k in doubtful)
+    cursor.axes["step"] = np.inf
+    books["floor"] = floors(aidings)
+    books["last"] = books["last_used"] = books["followed_at"] = float(t)
+    books["tested"] = books["level_at"] = -np.inf
+    books["factor"] = 1.0
+    books["power"] = 1.0
     return cursor
 
 
@@ -343,7 +320,7 @@ class Run(NamedTuple):
     recording: Recording
     samples: Imu
     filter: Filter
-    kernels: tuple[int, int, Ints]  # addresses of predict, correct and the observers
+    kernels: Kernels
     start: Start
     noise: Noise
     spec: ImuSpec | None  # None where a Noise was given
@@ -360,12 +337,12 @@ class Run(NamedTuple):
     ) -> None:
         """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run`
         is `loop.run_recorded` where that has a record."""
-        at = self.cursor.at
+        state = self.cursor.state[0]
         with blamed_at_run(self.filter, self.recording.aidings):
-            while at[places.ROW] < rows and not at[places.FAULT]:
-                at[places.STOP] = rows  # the loop stops earlier where its log is full
+            while state.row < rows and not state.fault:
+                state.stop = rows  # the loop stops earlier where its log is full
                 run(
-                    *self.kernels,
+                    self.kernels,
                     self.belief,
                     self.samples,
                     self.fixes,
@@ -377,9 +354,9 @@ class Run(NamedTuple):
 
     def chunks(self, rows: int) -> Iterator[int]:
         """Rows to stop at: every `rows` samples and the last. Ends early where the filter does."""
-        at = self.cursor.at
-        while at[places.ROW] < len(self.samples.t) and not at[places.FAULT]:
-            yield min(int(at[places.ROW]) + rows, len(self.samples.t))
+        state = self.cursor.state[0]
+        while state.row < len(self.samples.t) and not state.fault:
+            yield min(int(state.row) + rows, len(self.samples.t))
 
     def complete(self, progress: Progress | None = None) -> None:
         """Go on to the end of the samples; `progress` is called with the fraction done."""
@@ -391,7 +368,7 @@ class Run(NamedTuple):
     @property
     def done(self) -> float:
         """Fraction of the samples."""
-        return (self.cursor.at[places.ROW] - self.first) / (len(self.samples.t) - self.first)
+        return (self.cursor.state[0].row - self.first) / (len(self.samples.t) - self.first)
 
 
 def ready(
@@ -416,7 +393,6 @@ def ready(
     of_imu = recording.meta.get("estimate")
     belief = new_belief(filter, start, noise, options, aidings, of_imu)
     noise = filter.assumed(noise, options)
-    prepared = prepare(filter, [a.kind for a in aidings], asked.say)
     samples = Imu(*(np.require(column, float, ["C", "W"]) for column in recording.imu))
     first, rows = (
         int(np.searchsorted(samples.t, start.t + loop.SAME_TIME, side="right")),
@@ -438,13 +414,10 @@ def ready(
     if UNDECIDED_GYRO in recording.meta and not vehicle.by_thrust:
         raise DataError(recording.meta[UNDECIDED_GYRO])
     cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle), of_imu)
-    every = asked.every
-    cursor.at[places.ROW], cursor.at[places.FIXES], cursor.at[places.EVERY] = (
-        first,
-        len(fixes.t),
-        every,
-    )
-    cursor.at[places.PHASE] = (rows - 1) % every
+    kernels = prepare(filter, [a.kind for a in aidings], asked.say, stages.needed(fixes, cursor))
+    state, every = cursor.state[0], asked.every
+    state.row, state.fixes, state.every = first, len(fixes.t), every
+    state.phase = (rows - 1) % every
     kept = -(-(rows - first) // every)
     used = replace(
         recording,
@@ -456,7 +429,7 @@ def ready(
         used,
         samples,
         filter,
-        (prepared.predict, prepared.correct, prepared.observers),
+        kernels,
         start,
         noise,
         spec,
@@ -484,7 +457,7 @@ def new_output(
     return Output(
         np.empty((rows, width)),
         np.empty((rows if covariance else 0, *belief.P.shape)),
-        np.empty((fixes, loop.FIX_WIDTH)),
+        records.rows(FixRow, fixes),
         np.empty(
             (record, filter.smoother.width(len(belief.P))) if record and filter.smoother else 0
         ),
@@ -595,11 +568,12 @@ def new_belief(
 def _correlate_start(P: Array, aidings: Sequence[Aiding]) -> None:
     """Add to P at a start that was made of the first fixes what these err by with the correlated
     errors of their source: true - estimate has these less."""
-    rows = merge(aidings).parameters
+    sources = merge(aidings).sources
     for kind, first in (("position", POS.start), ("velocity", VEL.start)):
         s = next((s for s, a in enumerate(aidings) if a.kind == kind), None)
-        for i in range(0 if s is None else 3):
-            variance, state = rows[s, CORRELATED_SD + i] ** 2, int(rows[s, CORRELATED_STATE + i])
+        for i in range(3 if s is not None else 0):
+            source = sources[s or 0]
+            variance, state = source.correlated_sd[i] ** 2, source.correlated_state[i]
             P[first + i, first + i] += variance
             if state > 0:
                 P[first + i, state] -= variance

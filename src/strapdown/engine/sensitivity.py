@@ -12,8 +12,11 @@ import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core.loop import cursor as places, loop
-from ..core.loop.contract import COMPILED, Filter, Imu, address, announce, compile_kernel
+from ..core.compile.records import Table
+from ..core.loop import loop
+from ..core.loop.contract import COMPILED, Filter, Imu, Use, address, announce, compile_kernel
+from ..core.loop.gaps import LONGEST_HOLD, LONGEST_STEP
+from ..core.loop.tables import FixRow
 from ..core.mathematics.adjoint import INNOVATION, SMOOTHER, width
 from ..core.mathematics.correlated import FADED
 from ..core.mathematics.error_state import PREDICTED
@@ -115,20 +118,20 @@ def sums(run: Run, derivatives: Derivatives, V: Array, progress: Progress | None
 def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corrections, Array]]:
     """Take a Run to its end; per piece its Corrections and J (k, 3, m), the derivatives of their
     whitened innovations."""
-    (n, m), at = V.shape, run.cursor.at
+    (n, m), state = V.shape, run.cursor.state[0]
     if m > LANES:
         raise DataError(f"there are {m} constants to follow, {LANES} at most: leave sources out")
     columns = np.zeros(V_SIZE)
     columns[:MOVED].reshape(-1, LANES)[:n, :m] = V
-    at[places.SAVE_STEP], forces = address(save_step), _Forces(run.samples)
+    state.save_step, forces = address(save_step), _Forces(run.samples)
     room = np.empty((0, width(n) + BEHIND))
     for stop in run.chunks(RECORDED_ROWS):
-        before, at[places.RECORDED] = at[places.FIX], 0
+        before, state.recorded = int(state.fix), 0
         if len(room) < (needed := most_calls(run, stop)):
             room = np.empty((needed, width(n) + BEHIND))
         run.advance(stop, run.out._replace(record=room), loop.run_recorded)
-        record = room[: at[places.RECORDED]]
-        corrections = _corrections(run.out.fix[before : at[places.FIX]], record, n, forces)
+        record = room[: state.recorded]
+        corrections = _corrections(run.out.fix[before : state.fix], record, n, forces)
         h, J = (np.zeros((len(corrections.t), 3, LANES)) for _ in range(2))
         h[:, :, :m] = derivatives(corrections)
         run_sensitivity(n, record, h, columns, J)
@@ -138,30 +141,30 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
 def most_calls(run: Run, stop: int) -> int:
     """Calls on the record to the end of the sample before row `stop`, or more: a fix splits a
     sample, lets correlated errors fade and is tried twice at most, and a gap has its steps."""
-    row, k = run.cursor.at[[places.ROW, places.FIX]]
+    row, k = run.cursor.state[0].row, run.cursor.state[0].fix
     t, dt = run.samples.t[row:stop], run.samples.dt[row:stop]
-    gaps = t - dt - np.r_[run.cursor.now[0], t[:-1]]
-    steps = np.ceil(np.clip(gaps, 0.0, loop.LONGEST_HOLD) / loop.LONGEST_STEP) + 1
+    gaps = t - dt - np.r_[run.cursor.state[0].t, t[:-1]]
+    steps = np.ceil(np.clip(gaps, 0.0, LONGEST_HOLD) / LONGEST_STEP) + 1
     fixes = np.searchsorted(run.fixes.t, t[-1] + 2 * loop.SAME_TIME, side="right") - k
     return int(len(t) + 4 * fixes + steps[gaps > 0].sum())
 
 
-def _corrections(fix: Array, record: Array, n: int, forces: "_Forces") -> Corrections:
+def _corrections(fix: Table[FixRow], record: Array, n: int, forces: "_Forces") -> Corrections:
     """Those on a record, whose rows of the loop are `fix`. Of the two of a fix whose gate is
     lifted, the first is marked so that it does not count; of one that the filter was not asked about
     there is none."""
     calls = np.flatnonzero((record[:, 0] != PREDICTED) & (record[:, 0] != FADED))
-    use = fix[:, loop.F_USE]
-    asked = np.where(use == loop.NOT_ASKED, 0, 1 + (use == loop.REACQUIRED))
+    use = fix["use"]
+    asked = np.where(use == Use.NOT_ASKED, 0, 1 + (use == Use.REACQUIRED))
     row = np.repeat(np.arange(len(fix)), asked)
     record[calls[:-1][row[1:] == row[:-1]], 0] = 0.0
-    kept, t = record[calls], fix[row, loop.F_T]
+    kept, t = record[calls], fix["t"][row]
     rows = kept[:, 0] % REJECTED
     measured = np.arange(3) < rows[:, None]
     belief = np.where(rows[:, None] > 0, kept[:, width(n) :], 0.0)
     return Corrections(
         t,
-        fix[row, loop.F_SOURCE].astype(int),
+        fix["source"][row].astype(int),
         belief[:, 0:3],
         belief[:, 3:12].reshape(-1, 3, 3),
         belief[:, 12:15],
@@ -210,13 +213,13 @@ class Fit(NamedTuple):
 
 def fit(run: Run) -> Fit:
     """The Fit of a Run that has ended or broken off."""
-    fix = run.out.fix[: run.cursor.at[places.FIX]]
-    fix = fix[np.isfinite(fix[:, loop.F_NIS])]
+    fix = run.out.fix[: run.cursor.state[0].fix]
+    fix = fix[np.isfinite(fix["nis"])]
     if not len(fix):
         return Fit(0.0, 0, 1.0)
-    rows = np.isfinite(fix[:, loop.F_INNOVATION : loop.F_NIS]).sum(axis=1)
-    whole = not run.cursor.at[places.FAULT]
-    cost = np.minimum(fix[:, loop.F_NIS], LARGEST_NIS).mean() if whole else LARGEST_NIS
+    rows = np.isfinite(fix["innovation"]).sum(axis=1)
+    whole = not run.cursor.state[0].fault
+    cost = np.minimum(fix["nis"], LARGEST_NIS).mean() if whole else LARGEST_NIS
     return Fit(float(cost), len(fix), float(rows.mean()))
 
 

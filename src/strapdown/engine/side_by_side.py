@@ -9,36 +9,24 @@ from numpy.typing import NDArray
 
 from .. import aiding
 from ..core.compile.c_calls import aligned
+from ..core.compile.records import rows
 from ..core.compile.signatures import LANES
-from ..core.loop import cursor as places, lane_loop
-from ..core.loop.contract import (
-    COMPILED,
-    CORRELATION_TIME,
-    DELAY,
-    ESTIMATED,
-    MEMORY,
-    ROBUST,
-    SLIP,
-    Belief,
-    Filter,
-    Start,
-    address,
-    side_by_side,
-)
-from ..core.loop.lane_loop import LaneCursor, LaneOutput
+from ..core.loop import lane_loop
+from ..core.loop.contract import COMPILED, Belief, Filter, Start, address, side_by_side
+from ..core.loop.lane_loop import LaneCursor, LaneOutput, LaneState
 from ..core.loop.loop import SAME_TIME
 from ..recording import Recording
 from ..typing import Array
 from .prepare import Run, brought, rows_of, usable, used_in_order
 
 NOT_IN_LANES = {
-    ESTIMATED: "parameters of the installation are estimated",
-    CORRELATION_TIME: "errors of a source are correlated",
-    SLIP: "the side slip of a constraint is allowed for",
-    ROBUST: "a source is robust",
-    MEMORY: "a source is adaptive",
+    "estimated": "parameters of the installation are estimated",
+    "correlation_time": "errors of a source are correlated",
+    "slip": "the side slip of a constraint is allowed for",
+    "robust": "a source is robust",
+    "memory": "a source is adaptive",
 }
-"""What of a source the lanes do not know."""
+"""Fields of a source that the lanes do not know."""
 
 
 def why_alone(run: Run) -> str:
@@ -51,11 +39,11 @@ def why_alone(run: Run) -> str:
         return f"{run.filter.name} has no lanes"
     if alone:
         return f"{alone[0]} has no lanes"
-    for column, why in NOT_IN_LANES.items():
-        if run.fixes.parameters[:, column].any():
+    for field, why in NOT_IN_LANES.items():
+        if run.fixes.sources[field].any():
             return why
     if run.cursor.coupled.size or run.cursor.recent.size:
-        return NOT_IN_LANES[ESTIMATED]
+        return NOT_IN_LANES["estimated"]
     t, dt = run.samples.t[run.first :], run.samples.dt[run.first :]
     begins = np.r_[run.start.t, t[:-1]]
     if (np.abs(t - dt - begins) > SAME_TIME).any():
@@ -91,18 +79,16 @@ class SideBySide:
         self.filter = filter
         self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
         y = alongside(_readings(filter, recordings, first))
-        sd = np.maximum(fixes.sd, cursor.floor[fixes.source])
+        sd = np.maximum(fixes.sd, cursor.books["floor"][fixes.source])
         self.fixes = fixes._replace(y=y, sd=sd)
         self.noise, self._samples = first.noise, first.samples
-        at = np.zeros(lane_loop.PLACES, np.int64)
-        every = int(cursor.at[places.EVERY])
-        at[lane_loop.ROW], at[lane_loop.FIX_COUNT] = first.first, len(fixes.t)
-        at[lane_loop.EVERY], at[lane_loop.PHASE] = every, cursor.at[places.PHASE]
-        at[lane_loop.CONDITION] = -1 if filter.condition is None else filter.condition
-        sources = len(fixes.kind)
+        (state,) = table = rows(LaneState, 1)
+        before = cursor.state[0]
+        state.row, state.fixes, state.t = first.first, len(fixes.t), first.start.t
+        state.every, state.phase, state.condition = before.every, before.phase, before.condition
+        sources = fixes.sources.size
         self.cursor = LaneCursor(
-            at,
-            np.array([first.start.t, 0.0, 0.0]),
+            table,
             np.full(sources, first.start.t),
             cursor.limits,
             aligned(7, LANES),
@@ -140,10 +126,10 @@ class SideBySide:
             self.cursor,
             self.out,
         )
-        at = self.cursor.at
+        state = self.cursor.state[0]
 
         def advance(row: int, stop: int) -> None:
-            at[lane_loop.FIRST_ROW], at[lane_loop.STOP] = row, stop
+            state.first_row, state.stop = row, stop
             if self._park():
                 go()
 
@@ -183,7 +169,7 @@ def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
 def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, int]:
     kinds = [a.kind for a in first.recording.aidings]
     predict, correct, *observe, keep, _ = map(address, kernels(filter, kinds, keep))
-    observers = np.zeros_like(first.kernels[2])
+    observers = np.zeros_like(first.kernels.observers)
     observers[[aiding.number(kind) for kind in kinds]] = observe
     return predict, correct, observers, keep
 
@@ -192,7 +178,7 @@ def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> li
     """y of the fixes of each recording, in the order of the first run. Raises ValueError where one
     has others."""
     mine, after = first.recording.aidings, first.start.t + SAME_TIME
-    _, order = used_in_order(mine, after, first.fixes.parameters[:, DELAY])
+    _, order = used_in_order(mine, after, first.fixes.sources["delay"])
     found = []
     for recording in recordings:
         aidings = usable(filter, recording.aidings)[0]

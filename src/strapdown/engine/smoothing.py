@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .. import filters
 from ..checks import DataError
-from ..core.loop import cursor as places, loop
+from ..core.loop import loop
 from ..core.loop.contract import (
     COMPILED,
     DOUBTFUL,
@@ -34,6 +34,7 @@ from ..core.loop.contract import (
     announce,
     compile_kernel,
 )
+from ..core.loop.log import Code
 from ..core.mathematics import solution_row
 from ..core.mathematics.smoother import run_back, work_size
 from ..data import Separation, Solution
@@ -119,12 +120,10 @@ def smooth(
 def both_ways(run: Run, report: Progress) -> Differences:
     """Fill the output of a Run that has not begun with smoothed rows, and say how far the filter
     was from them; `report` is told the fraction done. Its kernels must be compiled."""
-    at = run.cursor.at
-    at[places.SAVE_STEP], keeping = (
-        address(_smoother(run).save_step),
-        at[[places.EVERY, places.PHASE]],
-    )
-    at[places.PHASE] = -1  # no rows on the way forwards: those of the way back take their place
+    state = run.cursor.state[0]
+    keeping = int(state.every), int(state.phase)
+    state.save_step = address(_smoother(run).save_step)
+    state.phase = -1  # no rows on the way forwards: those of the way back take their place
     kept = [_stand(run)]
     for rows in run.chunks(RECORDED_ROWS):
         run.advance(rows)
@@ -151,9 +150,9 @@ class _Stand(NamedTuple):
 
 
 def _stand(run: Run) -> _Stand:
-    at, bits = run.cursor.at, np.concatenate(_bits(run))
+    state, bits = run.cursor.state[0], np.concatenate(_bits(run))
     where = np.flatnonzero(bits)
-    return _Stand(int(at[places.ROW]), int(at[places.RECORDED]), where, bits[where])
+    return _Stand(int(state.row), int(state.recorded), where, bits[where])
 
 
 def _bits(run: Run) -> list[Ints]:
@@ -171,7 +170,9 @@ def _restore(run: Run, stand: _Stand) -> None:
         part[...] = before
 
 
-def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress) -> Differences:
+def _backwards(
+    run: Run, kept: Sequence[_Stand], keeping: tuple[int, int], report: Progress
+) -> Differences:
     """Fill `run.out` with smoothed rows, chunk after chunk from the end; `kept` are the stands
     before each chunk and after the last.
 
@@ -189,7 +190,10 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
     lam, Lam, work = np.zeros(k), np.zeros((k, k)), np.zeros(work_size(k, n))
     # rows before each
     out = [(stand.row - 1 - phase) // every - (run.first - 1 - phase) // every for stand in kept]
-    rows, calls = max(np.diff(out)), max(after.calls - before.calls for before, after in pairs)
+    rows, calls = (
+        max(int(n) for n in np.diff(out)),
+        max(after.calls - before.calls for before, after in pairs),
+    )
     room = new_output(run.filter, run.belief, rows, True, 0, max(calls, 1))._replace(
         fix=run.out.fix
     )
@@ -201,14 +205,15 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
             slice(out[number - 1], out[number]),
         )
         _restore(run, before)
-        run.cursor.at[places.OUT] = run.cursor.at[places.RECORDED] = 0
-        run.cursor.at[[places.EVERY, places.PHASE]] = keeping
+        state = run.cursor.state[0]
+        state.out = state.recorded = 0
+        state.every, state.phase = keeping
         run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
         _leave_out_considered(run, room, rows, run.out.nav[whole])
         filtered = run.out.nav[whole, : solution_row.ROW_STATUS].copy()
         run_back(
             adjoint_step,
-            room.record[: run.cursor.at[places.RECORDED]],
+            room.record[: state.recorded],
             room.mark[:rows],
             room.covariance[:rows],
             estimated,
@@ -221,7 +226,7 @@ def _backwards(run: Run, kept: Sequence[_Stand], keeping: Ints, report: Progress
         differences.add(filtered, run.out.nav[whole])
         report(1 - (number - 1) / len(pairs) / 2)
     _restore(run, kept[-1])
-    run.cursor.at[places.OUT] = out[-1]
+    run.cursor.state[0].out = out[-1]
     return differences
 
 
@@ -294,7 +299,7 @@ class Differences:
         apart = np.r_[t[(ratio > APART) & (status != INVALID)], np.inf]
         near = apart[np.searchsorted(apart, t)] - t <= REACH
         status[near & (status != INVALID)] = DOUBTFUL
-        run.events.tell(places.APART, t[near], ratio[near])
+        run.events.tell(Code.APART, t[near], ratio[near])
 
 
 def _lengths(squares: Array) -> NDArray[np.float32]:

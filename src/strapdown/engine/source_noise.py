@@ -8,29 +8,23 @@ import numpy as np
 
 from ..checks import DataError, brief, check_array, check_flag, check_number
 from ..core.loop.contract import (
-    CORRELATED_SD,
-    CORRELATED_STATE,
-    CORRELATION_TIME,
-    KEPT,
-    MEMORY,
-    ROBUST,
     Filter,
+    SourceRow,
 )
 from ..data import Aiding, Correlated
-from ..typing import Array
 
 
-def place_noise(row: Array, a: Aiding, first: int) -> int:
-    """Write into the parameters `row` of a source how its errors are followed; the states of its
-    correlated ones begin with `first`. Returns how many they are."""
-    row[ROBUST], row[MEMORY], row[KEPT] = a.robust, a.adaptive, 1.0
+def place_noise(source: SourceRow, a: Aiding, first: int) -> int:
+    """Write into a source how its errors are followed; the states of its correlated ones begin with
+    `first`. Returns how many they are."""
+    source.robust, source.memory, source.kept = a.robust, a.adaptive, 1.0
     if a.correlated is None:
         return 0
     sd = np.asarray(a.correlated.sd)
-    row[CORRELATION_TIME], row[CORRELATED_SD : CORRELATED_SD + len(sd)] = a.correlated.time, sd
+    source.correlation_time, source.correlated_sd[: len(sd)] = a.correlated.time, sd
     rows = correlated_rows(a)
     for k, i in enumerate(rows):
-        row[CORRELATED_STATE + i] = first + k
+        source.correlated_state[i] = first + k
     return len(rows)
 
 

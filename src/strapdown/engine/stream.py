@@ -12,7 +12,6 @@ import numpy as np
 from .. import filters
 from ..alignment.completed import left_open
 from ..checks import DataError, check_flag, check_number
-from ..core.loop import cursor as places
 from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
 from ..core.loop.loop import SAME_TIME
 from ..data import Aiding, Solution
@@ -228,8 +227,8 @@ class Stream:
         except DataError:
             events = self._telling.events
             for row in events.rows:
-                ahead = row[places.CODE] == words.FIXES_AHEAD
-                if ahead and self._used[int(row[places.WHICH])].kind == "position":
+                ahead = row.code == words.Said.FIXES_AHEAD
+                if ahead and self._used[int(row.which)].kind == "position":
                     raise DataError(events.text(row)) from None
             raise
 
@@ -296,12 +295,12 @@ class Stream:
             start = self._found()
         except DataError as error:
             if gathered.late:
-                self._telling.note(words.NO_START, 0, sample[0], because=str(error))
+                self._telling.note(words.Said.NO_START, 0, sample[0], because=str(error))
             return
         if not gathered.worth(start):
             if not gathered.late:
                 return
-            self._telling.note(words.POOR_START, 0, sample[0], because=start.note)
+            self._telling.note(words.Said.POOR_START, 0, sample[0], because=start.note)
         self.begin(start)
 
     # ---- going on
@@ -328,7 +327,7 @@ class Stream:
         except (TypeError, ValueError):
             refuse_sample(event)
         if not finite:
-            self._telling.drop("not finite", words.SAMPLES_NOT_FINITE, 0, self._when(t))
+            self._telling.drop("not finite", words.Said.SAMPLES_NOT_FINITE, 0, self._when(t))
         elif not possible:
             refuse_sample(event)
         elif not t > self._late:
@@ -358,7 +357,7 @@ class Stream:
         if place is None and (self._live is not None or self._elsewhere[fix.source]):
             return
         if not isfinite(fix.t) or not any(map(isfinite, fix.y)):
-            self._telling.drop("not finite", words.FIXES_NOT_FINITE, place, self._when(fix.t))
+            self._telling.drop("not finite", words.Said.FIXES_NOT_FINITE, place, self._when(fix.t))
         elif self._live is None and self._due_at(fix) <= self._late + SAME_TIME:
             if self._is_new(fix):
                 self._gathered.fixes.append(fix)
@@ -382,18 +381,18 @@ class Stream:
         """Say where a fix is far ahead of the samples, once there are any."""
         ahead, place = fix.t - self.newest, self._places[fix.source]
         if ahead > max(AHEAD, self.lag) and self.newest > self._began and place is not None:
-            self._telling.note(words.FIXES_AHEAD, place, self.newest, ahead)
+            self._telling.note(words.Said.FIXES_AHEAD, place, self.newest, ahead)
 
     def _feed(self, ahrs: "_Ahrs", event: Sample | Fix) -> None:
         if text := ahrs.take(event):
-            self._telling.note(words.AHRS_STOPPED, 0, event.t, because=text)
+            self._telling.note(words.Said.AHRS_STOPPED, 0, event.t, because=text)
 
     def _hear(self, t: float, text: str) -> None:
         """Pass on what the AHRS says of itself; what it says of samples and fixes the filter does
         too."""
         assert self._ahrs is not None  # whose this is
         if (said := f"{self._ahrs.made.name}: {text}") in self._telling.events.of_ahrs:
-            self._telling.note(words.AHRS_SAYS, self._telling.events.of_ahrs.index(said), t)
+            self._telling.note(words.Said.AHRS_SAYS, self._telling.events.of_ahrs.index(said), t)
 
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
         """What the AHRS made of its newest sample, as a fix."""
@@ -401,7 +400,7 @@ class Stream:
         fix = self._ahrs.fix(live, inner._looking)
         if not inner._looking and (silent := live.t - self._ahrs.valid) > SILENT:
             name = self._ahrs.made.name
-            self._telling.note(words.AHRS_SILENT, 0, live.t, silent, because=name)
+            self._telling.note(words.Said.AHRS_SILENT, 0, live.t, silent, because=name)
         if fix is None:
             return
         self._number += 1
@@ -483,7 +482,7 @@ class Stream:
     def _stop(self, t: float, text: str) -> NoReturn:
         """Raise DataError, now and at all samples that follow."""
         self._stopped = text
-        self._telling.note(words.STOPPED, 0, t, because=text)
+        self._telling.note(words.Said.STOPPED, 0, t, because=text)
         self._telling.tell(self._when(self.t))
         raise DataError(text)
 
@@ -547,9 +546,9 @@ class Stream:
         if t <= self._began + SAME_TIME:
             self._telling.drop("before the start", 0, None, t)
         elif t == self._late:
-            self._telling.drop("twice", words.SAMPLES_TWICE, 0, t)
+            self._telling.drop("twice", words.Said.SAMPLES_TWICE, 0, t)
         else:
-            self._telling.drop("late", words.SAMPLES_LATE, 0, t, self._late - t)
+            self._telling.drop("late", words.Said.SAMPLES_LATE, 0, t, self._late - t)
 
     def _drop_fix(self, fix: UsableFix) -> None:
         if self._looking:
@@ -558,9 +557,9 @@ class Stream:
         if fix.t <= self._began + SAME_TIME:
             self._telling.drop("before the start", 0, None, fix.t)
         elif before is not None and fix[:3] == before[:3]:
-            self._telling.drop("twice", words.FIXES_TWICE, place, fix.t)
+            self._telling.drop("twice", words.Said.FIXES_TWICE, place, fix.t)
         else:
-            self._telling.drop("late", words.FIXES_LATE, place, fix.t, self._late - fix.t)
+            self._telling.drop("late", words.Said.FIXES_LATE, place, fix.t, self._late - fix.t)
 
     @property
     def events(self) -> list[tuple[float, str]]:
@@ -592,14 +591,14 @@ class Stream:
         if self._live is None:
             return [(0, 0)] * len(self._places)
         cursor = self._live.cursor
-        counts = list(zip(cursor.accepted.tolist(), cursor.rejected.tolist()))
+        counts = list(zip(cursor.books["accepted"].tolist(), cursor.books["rejected"].tolist()))
         return [(0, 0) if place is None else counts[place] for place in self._places]
 
     @property
     def solution(self) -> Solution:
         """The Solution of the history, as `fuse` gives it. Raises DataError before the first
         sample is used."""
-        if self._live is None or not self._live.cursor.at[places.ROW]:
+        if self._live is None or not self._live.cursor.state[0].row:
             raise DataError("the stream has used no sample yet; there is no solution")
         return self._live.solution(self._every, **self._meta, notes=self.notes)
 

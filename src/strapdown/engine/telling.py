@@ -3,9 +3,8 @@
 from collections.abc import Callable, Sequence
 
 from ..checks import DataError, brief
-from ..core.loop import cursor as log
+from ..core.loop.log import LogRow
 from ..plugins import one_line
-from ..typing import Array
 from . import events as words
 from .events import Events
 
@@ -40,9 +39,9 @@ class Telling:
         if place is not None:
             self.note(code, place, t, behind)
 
-    def add(self, rows: Sequence[Array]) -> None:
+    def add(self, rows: Sequence[LogRow]) -> None:
         """Events that began, to be told with the next `tell`."""
-        self.say([(float(row[log.T]), self.events.text(row)) for row in rows if self.listens])
+        self.say([(float(row.t), self.events.text(row)) for row in rows if self.listens])
 
     def say(self, news: Sequence[tuple[float, str]]) -> None:
         """The same of events (t in s, text) in words."""
@@ -60,11 +59,11 @@ class Telling:
         news, self._news, self.waits = self._news, [], False
         for event in news:
             if self._deaf or self._on_event is None:
-                self.events.note(words.CALLBACK, 0, t)
+                self.events.note(words.Said.CALLBACK, 0, t)
                 continue
             try:
                 self._on_event(*event)
             except Exception as error:
                 self._deaf = True
-                self.events.because[words.CALLBACK] = one_line(error)
-                self.events.note(words.CALLBACK, 0, t)
+                self.events.because[words.Said.CALLBACK] = one_line(error)
+                self.events.note(words.Said.CALLBACK, 0, t)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..core.loop.followed_noise import LASTING as UNEXPLAINED
+from ..core.loop.stages.adaptive import LASTING as UNEXPLAINED
 from ..data import Innovations
 from ..typing import Array, Mask
 

@@ -21,24 +21,22 @@ from ..aiding.pressure import (
 )
 from ..core.compile.jit import caller, helper, inlined, kernel, matrix
 from ..core.compile.signatures import WHOLE, reals, record, signature, wholes
-from ..core.loop import cursor as places, loop
+from ..core.loop import loop
 from ..core.loop.contract import (
-    CURSOR,
-    FIXES,
-    IMU,
-    OUTPUT,
-    POSITION_KIND,
-    PRESSURE_ALTITUDE_KIND,
-    PRESSURE_KIND,
-    RUN,
     Belief,
     Cursor,
     Fixes,
     Imu,
+    Kernels,
+    Kind,
     Noise,
     Output,
     Slots,
 )
+from ..core.loop.cursor import CURSOR
+from ..core.loop.kernels import KERNELS
+from ..core.loop.loop import RUN
+from ..core.loop.tables import FIXES, IMU, OUTPUT
 from ..core.mathematics.belief import BELIEF, NOISE
 from ..core.mathematics.earth import radii
 from ..core.mathematics.rotation import matrix_to_quaternion, turned, wrap
@@ -209,8 +207,8 @@ JOURNAL = record(
 )
 FLY = signature(
     "fly",
-    **dict.fromkeys(("step", "evaluate", "gust", "run", "predict", "correct"), WHOLE),
-    observers=wholes("kinds"),
+    **dict.fromkeys(("step", "evaluate", "gust", "run"), WHOLE),
+    kernels=KERNELS,
     belief=BELIEF,
     imu=IMU,
     fixes=FIXES,
@@ -237,9 +235,7 @@ def fly(
     evaluate: int,
     gust: int,
     run: int,
-    predict: int,
-    correct: int,
-    observers: Ints,
+    kernels: Kernels,
     belief: Belief,
     imu: Imu,
     fixes: Fixes,
@@ -303,18 +299,18 @@ def fly(
             _fill(errors, fixes, at, state, C, imu.t[row] - (steps - 1 - k) * h, work[SLOPES])
         if at[INPUTS] >= 0:
             _tell(belief.workspace, at[INPUTS], cut, work, steering.wind, imu.dt[row], steps)
-        cursor.at[places.STOP] = row + 1
+        cursor.state[0].stop = row + 1
         if imagined:
-            run_at(run)(predict, correct, observers, belief, imu, fixes, model_noise, cursor, out)
+            run_at(run)(kernels, belief, imu, fixes, model_noise, cursor, out)
         else:
-            run_at(run)(predict, correct, observers, belief, imu, fixes, noise, cursor, out)
+            run_at(run)(kernels, belief, imu, fixes, noise, cursor, out)
             _learn(vehicle.model, state, belief)
-        if at[BY_TRUTH] == 1 or cursor.at[places.FAULT] == 0:
+        if at[BY_TRUTH] == 1 or cursor.state[0].fault == 0:
             _steer(steering, vehicle, belief, at[BY_TRUTH], h)
         _write(journal, row, vehicle, steering, C, cut)
         at[CAUSE] = (
             FILTER
-            if cursor.at[places.FAULT]
+            if cursor.state[0].fault
             else _cause(state, C, vehicle.limits, loads[ALPHA], at, imu.dt[row])
         )
         at[ROW] = row + 1
@@ -508,9 +504,10 @@ def _fill(
             state[OMEGA + 1] - back * slopes[4],
             state[OMEGA + 2] - back * slopes[5],
         )
-        l0, l1, l2 = fixes.parameters[s, 0], fixes.parameters[s, 1], fixes.parameters[s, 2]
+        arm = fixes.sources[s].parameters
+        l0, l1, l2 = arm[0], arm[1], arm[2]
         m0, m1, m2 = turned(C, w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0)
-        if fixes.kind[s] == POSITION_KIND:
+        if fixes.sources[s].kind == Kind.POSITION:
             R_M, R_N = radii(state[0])
             l0, l1, l2 = turned(C, l0, l1, l2)
             north = l0 + error[0] - back * (state[VELOCITY] + m0 - 0.5 * back * a0)
@@ -519,11 +516,14 @@ def _fill(
             y[0] = state[0] + north / (R_M + state[2])
             y[1] = wrap(state[1] + east / ((R_N + state[2]) * math.cos(state[0])))
             y[2] = state[2] - down
-        elif fixes.kind[s] == PRESSURE_KIND or fixes.kind[s] == PRESSURE_ALTITUDE_KIND:
+        elif (
+            fixes.sources[s].kind == Kind.PRESSURE
+            or fixes.sources[s].kind == Kind.PRESSURE_ALTITUDE
+        ):
             _, _, down = turned(C, l0, l1, l2)
             height = state[2] - down + back * (state[VELOCITY + 2] + m2 - 0.5 * back * a2)
             y[0] = _pressure(height - error[1]) + error[0]
-            if fixes.kind[s] == PRESSURE_ALTITUDE_KIND:
+            if fixes.sources[s].kind == Kind.PRESSURE_ALTITUDE:
                 y[0] = pressure_altitude(y[0])
         else:
             y[0] = state[VELOCITY] + m0 - back * a0 + error[0]

@@ -471,7 +471,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     go = bound(
         kernels.fly,
         *(address(each) for each in (step, evaluate, gust, loop.run)),
-        *run.kernels,
+        run.kernels,
         run.belief,
         run.samples,
         run.fixes,

@@ -31,7 +31,7 @@ apart."""
 DASHES = ("solid", "dash", "dashdot")
 """Of lines of solutions, from one round of the colours to the next."""
 GREY, RED = "#868e96", "#e03131"
-SHADES = {
+SHADES: dict[int, str] = {
     BRIDGED: "rgba(240,180,0,0.22)",
     DOUBTFUL: "rgba(156,77,204,0.15)",
     INVALID: "rgba(224,49,49,0.16)",

@@ -17,7 +17,7 @@ from .summary import LISTED
 
 FOLDED = 4
 """So many events that differ in their numbers alone are folded."""
-STATUS_NAMES = {BRIDGED: "gap bridged", DOUBTFUL: "doubtful", INVALID: "not valid"}
+STATUS_NAMES: dict[int, str] = {BRIDGED: "gap bridged", DOUBTFUL: "doubtful", INVALID: "not valid"}
 
 
 def occasions(solutions: Mapping[str, Solution]) -> str:

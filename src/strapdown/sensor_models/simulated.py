@@ -17,15 +17,13 @@ import numpy as np
 from ..aiding import compiled, find
 from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import (
-    FIRST,
-    PARAMETERS,
     STATES,
-    WALK,
     Belief,
     Imu,
     Measurement,
     bound,
 )
+from ..core.mathematics.source import PARAMETERS, new_source
 from ..data import Aiding, Trajectory
 from ..typing import Array, Mask
 from .magnetometer import rotation_at
@@ -65,13 +63,12 @@ class Simulated:
         )
         if self.rate is not None:
             check_number(self.rate, f"{own}: rate", "Hz", above=0)
-        most = WALK if measurement.states else PARAMETERS
         parameters = check_array(self.parameters, f"{own}: parameters", (None,))
-        wanted = {"": range(most + 1), "field": (3,)}.get(measurement.parameters, (0, 3))
+        wanted = {"": range(PARAMETERS + 1), "field": (3,)}.get(measurement.parameters, (0, 3))
         if len(parameters) not in wanted:
             raise DataError(
                 f"{own}: {len(parameters)} parameters; kind {self.kind} takes "
-                f"{f'three: {measurement.parameters}' if measurement.parameters else f'at most {most}'}"
+                f"{f'three: {measurement.parameters}' if measurement.parameters else f'at most {PARAMETERS}'}"
             )
         for field, value in (
             ("sd", tuple(deviations.tolist())),
@@ -143,12 +140,11 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
     method; NaN where the kind measures nothing. Raises DataError, also where it never does."""
     kind = sensor.measurement
     size = len(kind.quantities)
-    parameters, innovation = np.zeros(PARAMETERS), np.zeros(3)
-    parameters[: len(sensor.parameters)] = sensor.parameters
-    parameters[FIRST] = STATES if kind.states else parameters[FIRST]
+    source, innovation = new_source(first_state=STATES if kind.states else 0), np.zeros(3)
+    source.parameters[: len(sensor.parameters)] = sensor.parameters
     H = np.zeros((3, STATES + len(kind.states)))
     seen, measured = Belief(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
-    observe = bound(compiled(kind.name), seen, measured, parameters, innovation, H)
+    observe = bound(compiled(kind.name), seen, measured, source, innovation, H)
 
     def innovations(y: Array) -> Array:
         rows = np.empty((len(beliefs), size))

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.loop import cursor as places, loop
+from ..core.loop import loop
+from ..core.loop.contract import Use
 from ..engine.prepare import Asked, Run, ready
 from ..recording import Recording
 from ..typing import Array, Mask
@@ -68,10 +69,10 @@ def passed(
 
 def used(run: Run) -> list[Mask]:
     """By source: which of its fixes a run that has ended did not reject."""
-    fix = run.out.fix[: run.cursor.at[places.FIX]]
+    fix = run.out.fix[: run.cursor.state[0].fix]
     masks = []
     for s, a in enumerate(run.recording.aidings):
-        own = fix[fix[:, loop.F_SOURCE] == s, loop.F_USE] != loop.REJECTED_FIX
+        own = fix["use"][fix["source"] == s] != Use.REJECTED
         # those up to the start are not used at all
         before = int((a.t <= run.start.t + loop.SAME_TIME).sum())
         kept = np.ones(len(a.t), bool)

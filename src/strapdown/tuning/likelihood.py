@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.loop import cursor as places, loop
 from ..engine.prepare import Asked, Run, ready
 from ..typing import Array, Ints, Mask
 from .unknowns import Unknown, noise_with, sources_with
@@ -45,23 +44,23 @@ def settled(run: Run) -> float:
 
 def seen(run: Run, counted: Ints) -> Seen:
     """What a run that has ended says of the fixes of these sources, once it has settled."""
-    fix = run.out.fix[: run.cursor.at[places.FIX]]
-    fix = fix[np.isin(fix[:, loop.F_SOURCE], counted) & (fix[:, loop.F_T] > settled(run))]
-    whitened = fix[:, loop.F_WHITENED : loop.F_ROOT]
+    fix = run.out.fix[: run.cursor.state[0].fix]
+    fix = fix[np.isin(fix["source"], counted) & (fix["t"] > settled(run))]
+    whitened = fix["whitened"]
     measured = np.isfinite(whitened)
     root = np.zeros((len(fix), 3, 3))
     below = np.tril_indices(3)
-    root[:, below[0], below[1]] = fix[:, loop.F_ROOT : loop.F_WEIGHT]
+    root[:, below[0], below[1]] = fix["root"]
     both = measured[:, :, None] & measured[:, None, :]
     root = np.where(both & np.isfinite(root), root, np.eye(3))
     diagonal = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
     return Seen(
-        fix[:, loop.F_SOURCE].astype(np.int64),
-        np.where(measured, fix[:, loop.F_INNOVATION : loop.F_NIS], 0.0),
+        fix["source"].astype(np.int64),
+        np.where(measured, fix["innovation"], 0.0),
         root,
         whitened,
-        -0.5 * fix[:, loop.F_NIS] - diagonal,
-        not run.cursor.at[places.FAULT],
+        -0.5 * fix["nis"] - diagonal,
+        not run.cursor.state[0].fault,
     )
 
 

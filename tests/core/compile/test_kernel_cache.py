@@ -34,7 +34,7 @@ COMPILE = """
     was_cached = heading.observe.at_hand
     compiled = jit.compile_kernel(heading.observe)
     z, e = np.zeros(3), np.zeros(3)
-    heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), np.zeros(PARAMETERS), e, np.zeros((3, 15)))
+    heading.observe(Belief(z, z, np.eye(3), z, z, np.eye(15), z, z, z, np.zeros(0)), np.ones(3), new_source(), e, np.zeros((3, 15)))
     print(round(e[0], 6), compiled, was_cached)
     """
 KEYS = """

@@ -13,6 +13,7 @@ from scripted_filter import SCRIPTED, scripted
 import strapdown as sd
 from strapdown import quantities
 from strapdown.core.loop import cursor as log, integrity, loop
+from strapdown.core.loop.log import Code
 from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine.events import MOST_OF_A_KIND, Events
 from strapdown.engine.limits import AT_FULL_SCALE, limits
@@ -337,7 +338,7 @@ def test_it_does_not_matter_when_the_log_is_emptied(seed, pause):
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.exponential(pause, 400))
     told = [
-        (at, int(rng.integers(log.FULL_SCALE, log.STUCK + 1)), int(rng.integers(3)), rng.normal())
+        (at, int(rng.integers(Code.FULL_SCALE, Code.STUCK + 1)), int(rng.integers(3)), rng.normal())
         for at in t
     ]
     say = log.say
@@ -345,27 +346,27 @@ def test_it_does_not_matter_when_the_log_is_emptied(seed, pause):
         cursor, events = empty_cursor(), events_of()
         for number, (at, code, which, value) in enumerate(told):
             say(cursor, code, which, at, value)
-            if number % every == 0 or cursor.at[log.LOGGED] >= log.LOG_FULL:
+            if number % every == 0 or cursor.state[0].logged >= log.LOG_FULL:
                 events.take(cursor)
         events.take(cursor)
         assert sorted(tuple(row) for row in events.rows) == folded(told)
-        assert cursor.at[log.LOGGED] == 0
+        assert cursor.state[0].logged == 0
 
 
 def test_a_full_log_still_counts():
     """What the loop cannot do, because it stops at half of it."""
     cursor, say = empty_cursor(), log.say
     for k in range(log.LOG_ROWS + 10):
-        say(cursor, log.STUCK, k, 1.0, 2.0)
-    say(cursor, log.STUCK, 5, 1000.0, -3.0)
-    assert cursor.at[log.LOGGED] == log.LOG_ROWS
-    assert cursor.log[5].tolist() == [1.0, 1000.0, log.STUCK, 5, 2, -3.0]
+        say(cursor, Code.STUCK, k, 1.0, 2.0)
+    say(cursor, Code.STUCK, 5, 1000.0, -3.0)
+    assert cursor.state[0].logged == log.LOG_ROWS
+    assert cursor.log[5].tolist() == [1.0, 1000.0, Code.STUCK, 5, 2, -3.0]
 
 
 def test_every_code_has_words():
     events = events_of()
     for code in range(log.CODES):
-        if code == log.IN_CONDITION:
+        if code == Code.IN_CONDITION:
             continue
         text = events.text(np.array([1.0, 3.0, code, 0, 2, 4.0]))
         assert text and "\n" not in text

@@ -15,7 +15,6 @@ from strapdown.core.loop.contract import (
     FORCE,
     LAG,
     MEAN,
-    PARAMETERS,
     RATE,
     REST,
     TURN,
@@ -23,6 +22,7 @@ from strapdown.core.loop.contract import (
 )
 from strapdown.core.loop.recent_motion import AHEAD, BEHIND, ROWS, keep, look_back
 from strapdown.core.mathematics.earth import gravity
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.engine.limits import limits
 from strapdown.engine.prepare import new_cursor
@@ -99,7 +99,7 @@ def moved_through(motion, times):
 
 def looked_back(cursor, belief, age, delay=0.3):
     """(whether it can be told, parameters): the clock is such that the fix held `age` s ago."""
-    parameters = np.zeros(PARAMETERS)
+    parameters = new_source()
     parameters[CLOCK_STATE], parameters[DELAY] = 15, delay
     belief.extra_states[0] = delay - age
     told = look_back(cursor, belief, parameters)

@@ -16,7 +16,6 @@ from test_kalman import covariance
 from strapdown.core.loop.contract import (
     CORRECT,
     OBSERVE,
-    PARAMETERS,
     PREDICT,
     Noise,
     Start,
@@ -35,6 +34,7 @@ from strapdown.core.mathematics.error_state import (
     take_over,
 )
 from strapdown.core.mathematics.smoother import work_size
+from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.short
 NOISE = Noise(
@@ -181,7 +181,7 @@ def corrected(made, y, gate=np.inf):
     n, sd = len(made.P), np.array([0.5, 1.0, 2.0])
     compile_kernel(correct)
     compile_kernel(observe)
-    nis = correct(made, np.array(y), sd, 0, observe, np.zeros(PARAMETERS), gate, np.empty(12))
+    nis = correct(made, np.array(y), sd, 0, observe, new_source(), gate, np.empty(12))
     H = np.array(
         [
             [

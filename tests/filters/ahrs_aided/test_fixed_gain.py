@@ -13,24 +13,16 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding, filters
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import (
-    ALTITUDE_KIND,
-    ATTITUDE_KIND,
-    PARAMETERS,
-    POSITION_KIND,
-    VELOCITY_KIND,
-    Noise,
-    Start,
-    compile_kernel,
-)
+from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
 from strapdown.core.mathematics.mechanization import stationary_increments
+from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
 from strapdown.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(1e-3, 1e-2, 1e-5, 1e-4, 0.0, 0.0)
 LLA, RPH = np.array([0.8, 0.1, 500.0]), (0.1, -0.2, 0.7)
-KINDS = {"position": POSITION_KIND, "velocity": VELOCITY_KIND, "altitude": ALTITUDE_KIND}
+KINDS = {"position": Kind.POSITION, "velocity": Kind.VELOCITY, "altitude": Kind.ALTITUDE}
 DEFAULT = (0.7, 0.14, 0.008)
 
 
@@ -80,7 +72,7 @@ class Standing:
             np.ones(3),
             KINDS[kind],
             aiding.find(kind).observe,
-            np.zeros(PARAMETERS),
+            new_source(),
             np.inf,
             innovation,
         )
@@ -308,9 +300,9 @@ def test_the_attitude_is_the_measured_one_and_keeps_a_heading_that_is_not():
             observer.belief,
             np.array(rph),
             np.full(3, 0.01),
-            ATTITUDE_KIND,
+            Kind.ATTITUDE,
             observe,
-            np.zeros(PARAMETERS),
+            new_source(),
             np.inf,
             np.zeros(12),
         )
@@ -336,9 +328,9 @@ def test_the_attitude_is_as_uncertain_as_its_records(correlation, T):
             observer.belief,
             np.array([*RPH[:2], heading]),
             np.r_[tilt, 0.05],
-            ATTITUDE_KIND,
+            Kind.ATTITUDE,
             observe,
-            np.zeros(PARAMETERS),
+            new_source(),
             np.inf,
             np.zeros(12),
         )

@@ -6,8 +6,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding, filters
-from strapdown.core.loop.contract import ATTITUDE_KIND, PARAMETERS, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
 from strapdown.core.mathematics.mechanization import stationary_increments
+from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ahrs_aided.known_attitude import KNOWN, KNOWN_ATTITUDE, SINCE_TILT
 from strapdown.filters.ins import open_loop
 
@@ -52,9 +53,9 @@ def record(filter, belief, rph, deviation, gate=np.inf):
         belief,
         np.array(rph),
         np.array(deviation),
-        ATTITUDE_KIND,
+        Kind.ATTITUDE,
         aiding.find("attitude").observe,
-        np.zeros(PARAMETERS),
+        new_source(),
         gate,
         np.zeros(12),
     )
@@ -211,7 +212,7 @@ def test_a_compass_makes_such_a_heading_partly_new(name):
         np.array([0.1, np.nan, np.nan]),
         aiding.number(compass.name),
         compass.observe,
-        np.zeros(PARAMETERS),
+        new_source(),
         np.inf,
         np.zeros(12),
     )

@@ -11,13 +11,13 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.core.loop.contract import (
     OF_KIND,
-    PARAMETERS,
     Belief,
     Filter,
     Noise,
     Start,
     compile_kernel,
 )
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import DOUBTFUL
 from strapdown.filters import find
 from strapdown.filters.attitude.attitude_error_state import SIX, count_bias, pulled
@@ -123,7 +123,7 @@ def holding(filter: Filter, belief: Belief) -> int:
 
 def measure(filter: Filter, belief: Belief, y: Array, magnetometer: int = 0) -> tuple[float, Array]:
     sensor = aiding.find("magnetic-field")
-    innovation, parameters = np.zeros(12), np.zeros(PARAMETERS)
+    innovation, parameters = np.zeros(12), new_source()
     parameters[:3], parameters[OF_KIND] = FIELD, magnetometer
     nis = filter.correct(
         belief,
@@ -254,9 +254,7 @@ def test_a_field_that_is_refused_beside_a_heading_makes_nothing_doubtful(name):
     y, sd_y, innovation = np.zeros(3), np.full(3, 0.02), np.zeros(12)
     for _ in range(20):
         still(filter, belief, 0.5, field=lambda t: 2 * FIELD)
-        filter.correct(
-            belief, y, sd_y, kind, compass.observe, np.zeros(PARAMETERS), math.inf, innovation
-        )
+        filter.correct(belief, y, sd_y, kind, compass.observe, new_source(), math.inf, innovation)
     still(filter, belief, 0.5, field=lambda t: 2 * FIELD)
     assert holding(filter, belief) == STRONG + ASIDE
     still(filter, belief, 11.0, field=lambda t: 2 * FIELD)

@@ -11,8 +11,9 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import PARAMETERS, Belief, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Belief, Noise, Start, compile_kernel
 from strapdown.core.mathematics.earth import RATE as EARTH_RATE
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
@@ -170,7 +171,7 @@ def test_a_correction_is_the_textbooks(kind, rows):
         made,
         fixes.y[0],
         fixes.sd[0],
-        fixes.kind[0],
+        fixes.sources[0].kind,
         aiding.find(kind).observe,
         fixes.parameters[0],
         np.inf,
@@ -218,7 +219,7 @@ def test_a_rejected_and_a_missing_height_change_nothing():
             np.array([1.0, np.nan, np.nan]),
             3,
             aiding.find("altitude").observe,
-            np.zeros(PARAMETERS),
+            new_source(),
             gate,
             innovation,
         )

@@ -11,10 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.loop.contract import PARAMETERS, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Noise, Start, compile_kernel
 from strapdown.core.mathematics.earth import place, rotation_rates
 from strapdown.core.mathematics.error_dynamics import cross_matrix, dynamics
 from strapdown.core.mathematics.mechanization import mechanize
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.ekf import EKF
@@ -268,7 +269,7 @@ def corrected(a, C, filter=MEKF):
             np.array([1e-3, np.nan, np.nan]),
             aiding.number(sensor.name),
             sensor.observe,
-            np.zeros(PARAMETERS),
+            new_source(),
             np.inf,
             np.zeros(12),
         )

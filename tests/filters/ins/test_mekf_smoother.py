@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding
-from strapdown.core.loop.contract import PARAMETERS, Noise, compile_kernel
+from strapdown.core.loop.contract import Noise, compile_kernel
 from strapdown.core.mathematics.smoother import work_size
+from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ins.mekf import MEKF
 from strapdown.geodesy import displacement
 
@@ -45,7 +46,7 @@ def recorded(filter, n, y, gate=np.inf):
         np.array([0.5, 0.7, 0.9]),
         aiding.number(sensor.name),
         sensor.observe,
-        np.zeros(PARAMETERS),
+        new_source(),
         gate,
         np.zeros(12),
     )

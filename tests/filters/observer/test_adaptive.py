@@ -10,15 +10,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.loop.contract import (
-    ALTITUDE_KIND,
-    PARAMETERS,
-    POSITION_KIND,
-    VELOCITY_KIND,
-    Noise,
-    Start,
-    compile_kernel,
-)
+from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
+from strapdown.core.mathematics.source import new_source
 from strapdown.filters.observer import adaptive
 from strapdown.filters.observer.adaptive import AIR, COUNT, GYRO, WIND
 from strapdown.filters.observer.covariance import step
@@ -30,7 +23,7 @@ from strapdown.sim.sortie import sortie
 NLO = filters.find("nlo")
 SILENT = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 DEAF = dict(xi_noise=1e6, slip=1e6)
-FIXED = ((POSITION_KIND, "position"), (VELOCITY_KIND, "velocity"))
+FIXED = ((Kind.POSITION, "position"), (Kind.VELOCITY, "velocity"))
 SD = (1.0,) * 3 + (0.1,) * 3 + (0.01,) * 3 + (0.5,) * 3 + (0.004,) * 3
 
 
@@ -59,7 +52,7 @@ def fly(belief, seconds, seen, turn=0.15, sd_of=1.0, off=1.0):
             v = Rotation.from_rotvec([0, 0, 5e-3 * off]).apply(belief.v)
             seen.append([displaced(belief.lla, off * np.array([0.05, -0.1, 0.05])), v])
         for (kind, name), y in zip(FIXED, seen[second]):
-            rest = kind, aiding.find(name).observe, np.zeros(PARAMETERS), np.inf, np.zeros(12)
+            rest = kind, aiding.find(name).observe, new_source(), np.inf, np.zeros(12)
             NLO.correct(belief, y, np.full(3, sd_of), *rest)
 
 
@@ -244,9 +237,9 @@ def test_without_wind_as_an_option_none_is_learnt():
 
 def test_an_altitude_alone_teaches_nothing():
     belief = begun()
-    kind, observe = ALTITUDE_KIND, aiding.find("altitude").observe
+    kind, observe = Kind.ALTITUDE, aiding.find("altitude").observe
     compile_kernel(observe)
-    fix = np.array([501.0, 0, 0]), np.ones(3), kind, observe, np.zeros(PARAMETERS), np.inf
+    fix = np.array([501.0, 0, 0]), np.ones(3), kind, observe, new_source(), np.inf
     NLO.predict(belief, np.r_[0.0, 0, 0, 0, 0, -0.196], 0.02, SILENT)
     NLO.correct(belief, *fix, np.zeros(12))
     assert np.isfinite(belief.P).all() and not belief.ba.any()

@@ -8,16 +8,8 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.loop.contract import (
-    HEADING_KIND,
-    MAGNETIC_KIND,
-    PARAMETERS,
-    POSITION_KIND,
-    VELOCITY_KIND,
-    Noise,
-    Start,
-    compile_kernel,
-)
+from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
+from strapdown.core.mathematics.source import new_source
 from strapdown.filters.observer.covariance import STATES, XI, step
 from strapdown.filters.observer.equations import (
     CONDITION,
@@ -61,10 +53,10 @@ def fly(belief, fixes):
 
 
 NAMES = {
-    POSITION_KIND: "position",
-    VELOCITY_KIND: "velocity",
-    HEADING_KIND: "heading",
-    MAGNETIC_KIND: "magnetic-field",
+    Kind.POSITION: "position",
+    Kind.VELOCITY: "velocity",
+    Kind.HEADING: "heading",
+    Kind.MAGNETIC_FIELD: "magnetic-field",
 }
 
 
@@ -112,10 +104,10 @@ def error_of(belief, truth):
 @pytest.mark.parametrize(
     "kinds, field, most",
     [
-        ((POSITION_KIND, VELOCITY_KIND), "across", 0.03),
-        ((POSITION_KIND, HEADING_KIND), "across", 0.03),
-        ((POSITION_KIND, MAGNETIC_KIND), "across", 0.15),
-        ((POSITION_KIND, MAGNETIC_KIND), "vector", 0.15),
+        ((Kind.POSITION, Kind.VELOCITY), "across", 0.03),
+        ((Kind.POSITION, Kind.HEADING), "across", 0.03),
+        ((Kind.POSITION, Kind.MAGNETIC_FIELD), "across", 0.15),
+        ((Kind.POSITION, Kind.MAGNETIC_FIELD), "vector", 0.15),
     ],
 )
 def test_it_is_what_the_kernels_do_to_small_errors(kinds, field, most):
@@ -127,12 +119,14 @@ def test_it_is_what_the_kernels_do_to_small_errors(kinds, field, most):
 
     def measure(belief):
         truth = {
-            POSITION_KIND: belief.lla.copy(),
-            VELOCITY_KIND: belief.v.copy(),
-            HEADING_KIND: np.array([np.arctan2(belief.C[1, 0], belief.C[0, 0])]),
-            MAGNETIC_KIND: belief.C.T @ FIELD,
+            Kind.POSITION: belief.lla.copy(),
+            Kind.VELOCITY: belief.v.copy(),
+            Kind.HEADING: np.array([np.arctan2(belief.C[1, 0], belief.C[0, 0])]),
+            Kind.MAGNETIC_FIELD: belief.C.T @ FIELD,
         }
-        lever = lambda kind: np.r_[FIELD * (kind == MAGNETIC_KIND), np.zeros(PARAMETERS - 3)]
+        lever = lambda kind: new_source(
+            parameters=np.r_[FIELD * (kind == Kind.MAGNETIC_FIELD), np.zeros(3)]
+        )
         seen.append([(kind, np.resize(truth[kind], 3), lever(kind)) for kind in kinds])
         return seen[-1]
 
@@ -209,9 +203,9 @@ def test_a_course_is_one_where_its_deviation_allows_and_what_is_held_is_said():
                 belief,
                 np.r_[speed, 0, 0],
                 np.full(3, deviation),
-                VELOCITY_KIND,
+                Kind.VELOCITY,
                 aiding.find("velocity").observe,
-                np.zeros(PARAMETERS),
+                new_source(),
                 np.inf,
                 np.zeros(12),
             )
@@ -233,7 +227,7 @@ def test_a_bias_that_was_excited_once_is_not_said_again():
         for _ in range(61):
             NLO.predict(belief, np.r_[0, 0, 0, 0, 0, -9.8], 1.0, SILENT)
         belief.workspace[MOMENT] = excitation * np.eye(4)[np.triu_indices(4)]
-        fix = belief.lla.copy(), np.ones(3), POSITION_KIND, observe, np.zeros(PARAMETERS), np.inf
+        fix = belief.lla.copy(), np.ones(3), Kind.POSITION, observe, new_source(), np.inf
         NLO.correct(belief, *fix, np.zeros(12))
         said.append(belief.workspace[CONDITION])
     assert said == [2.0, 0.0, 0.0] and "not excited" in NLO.conditions[1].text

@@ -9,7 +9,8 @@ from test_xkf import NOISE, world
 from strapdown import aiding
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.compile.signatures import LANES
-from strapdown.core.loop.contract import PARAMETERS, Belief, side_by_side
+from strapdown.core.loop.contract import Belief, side_by_side
+from strapdown.core.mathematics.source import new_source
 from strapdown.engine.side_by_side import alongside
 from strapdown.filters.observer import xkf
 from strapdown.filters.observer.equations import FADE, SINCE_COURSE, SINCE_FIX, SLOW
@@ -108,7 +109,7 @@ def test_runs_in_different_states_do_not_reach_each_other(filter, options):
             filter.predict(belief, row, dt, NOISE)
         for kind, y in fixes(k):
             observe, number = aiding.find(kind).observe, aiding.number(kind)
-            parameters = np.zeros(PARAMETERS)
+            parameters = new_source()
             parameters[:3] = FIELD if kind == "magnetic-field" else (0.3, -0.2, -0.5)
             rest = SD[kind], number, observe, parameters, GATE
             given = np.ascontiguousarray(y.T)

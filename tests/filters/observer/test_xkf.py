@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import CORRECT, PARAMETERS, PREDICT, compile_kernel, kernel
+from strapdown.core.loop.contract import CORRECT, PREDICT, compile_kernel, kernel
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.filters.observer import nlo, xkf
 from strapdown.filters.observer.equations import embedded
@@ -106,7 +107,7 @@ def begun(**options):
 
 def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
     """(NIS, innovation) of a fix by the filter."""
-    sensor, parameters, innovation = aiding.find(kind), np.zeros(PARAMETERS), np.zeros(12)
+    sensor, parameters, innovation = aiding.find(kind), new_source(), np.zeros(12)
     parameters[:3] = ARM
     return correct(
         belief,
@@ -307,7 +308,7 @@ def test_a_heading_across_the_turn_of_the_compass():
         np.full(3, 0.01),
         aiding.number(compass.name),
         compass.observe,
-        np.zeros(PARAMETERS),
+        new_source(),
         1e-12,
         innovation,
     )

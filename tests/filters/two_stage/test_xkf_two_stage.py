@@ -13,16 +13,9 @@ from two_stage_twin import WRAP, State, Twin
 import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import (
-    CORRECT,
-    HEADING_KIND,
-    PARAMETERS,
-    PREDICT,
-    Noise,
-    compile_kernel,
-    kernel,
-)
+from strapdown.core.loop.contract import CORRECT, PREDICT, Kind, Noise, compile_kernel, kernel
 from strapdown.core.mathematics.mechanization import stationary_increments
+from strapdown.core.mathematics.source import new_source
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 from strapdown.filters.observer.equations import embedded
@@ -233,7 +226,7 @@ def driven(attitude, error):
     compile_kernel(observe)
     turned = np.arctan2(belief.C[1, 0], belief.C[0, 0])
     y, deviation = np.r_[turned + 0.01, 0.0, 0.0], np.full(3, 0.01)
-    rest = HEADING_KIND, observe, np.zeros(PARAMETERS), np.inf, np.zeros(12)
+    rest = Kind.HEADING, observe, new_source(), np.inf, np.zeros(12)
     XKF_TWO_STAGE.correct(belief, y, deviation, *rest)
     turned = np.arctan2(belief.C[1, 0], belief.C[0, 0]) - turned
     return before, after, belief.v.copy(), turned

@@ -23,18 +23,18 @@ from strapdown.checks import check_choice
 from strapdown.core.compile.jit import helper, inlined, matrix
 from strapdown.core.loop.contract import (
     CORRECT,
-    HEADING_KIND,
     HELD,
-    POSITION_KIND,
     PREDICT,
     RANDOM_WALK,
     STATES,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
     Source,
+    SourceRow,
     Start,
     kernel,
 )
@@ -274,7 +274,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -284,8 +284,8 @@ def correct(
     row, P = matrix(workspace, H, 3, STATES), matrix(workspace, P_ANGLES, STATES, STATES)
     for i in range(innovation.size):
         innovation[i] = math.nan
-    rows = observe(belief, y, parameters, innovation, row)
-    first = 0 if kind == POSITION_KIND else (8 if kind == HEADING_KIND else 3)
+    rows = observe(belief, y, source, innovation, row)
+    first = 0 if kind == Kind.POSITION else (8 if kind == Kind.HEADING else 3)
     for i in range(3):
         for j in range(STATES):
             row[i, j] = 1.0 if j == first + i else 0.0

@@ -20,16 +20,15 @@ from strapdown.core.compile.jit import helper
 from strapdown.core.loop.contract import (
     CORRECT,
     DECAYING,
-    HEADING_KIND,
-    MAGNETIC_KIND,
     PREDICT,
-    VELOCITY_KIND,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
     Source,
+    SourceRow,
     Start,
     kernel,
 )
@@ -151,7 +150,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -159,15 +158,15 @@ def correct(
     workspace, C = belief.workspace, belief.C
     for i in range(innovation.size):
         innovation[i] = math.nan
-    if kind == VELOCITY_KIND:
+    if kind == Kind.VELOCITY:
         if not math.isnan(y[0] + y[1] + y[2]):
             _by_velocity(belief, y)
         return math.nan
-    if kind == HEADING_KIND:
+    if kind == Kind.HEADING:
         innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
-    elif kind == MAGNETIC_KIND:
+    elif kind == Kind.MAGNETIC_FIELD:
         m0, m1, _ = turned(C, y[0], y[1], y[2])
-        n0, n1 = parameters[0], parameters[1]
+        n0, n1 = source.parameters[0], source.parameters[1]
         innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
     if not math.isnan(innovation[0]):
         gain = 1 - decay(workspace[K2] * min(workspace[SINCE], LONGEST))

@@ -21,6 +21,7 @@ from strapdown.core.loop.contract import (
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     kernel,
 )
@@ -99,12 +100,12 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P; inject the kinematic errors; the biases are the correction alone."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, source, gate, innovation)
     taken = nis <= gate
     if any_of(taken):
         dx = belief.workspace[DX]
@@ -149,12 +150,12 @@ def correct_open(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P; the error beside the INS is the correction alone."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, source, gate, innovation)
     taken = nis <= gate
     if any_of(taken):
         x, dx = belief.workspace[X], belief.workspace[DX]

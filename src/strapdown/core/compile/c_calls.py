@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .signatures import Function, Kind, Number, Numbers, Record, Signature
+from .records import dtype_of
+from .signatures import Function, Kind, Number, Numbers, Record, Row, Rows, Signature
 
 _raised: dict[int, BaseException] = {}  # what a kernel raised, by thread
 
@@ -79,24 +80,28 @@ def _in_c(kind: Kind, value: Any, what: str, sizes: dict[str, int]) -> Any:
         return _number(kind).from_param(value)
     if isinstance(kind, Function):
         return ctypes.c_int64.from_param(value if isinstance(value, int) else value.address)
-    if isinstance(kind, Numbers):
+    if isinstance(kind, Numbers | Rows):
         return ctypes.c_void_p.from_param(_address(kind, value, what, sizes))
+    if isinstance(kind, Row):
+        return ctypes.c_void_p.from_param(_row_address(kind, value, what))
     if len(value) != len(kind.kinds):
         raise TypeError(f"{what} is no {kind.made.__name__}")
     words = [
-        _address(each, part, f"{what}.{name}", sizes) if isinstance(each, Numbers) else part
+        _address(each, part, f"{what}.{name}", sizes) if isinstance(each, Numbers | Rows) else part
         for (name, each), part in zip(kind.fields, value)
     ]
     return struct(kind)(*words, *(sizes[name] for name in kind.sizes))
 
 
-def _address(kind: Numbers, array: Any, what: str, sizes: dict[str, int]) -> int:
+def _address(kind: Numbers | Rows, array: Any, what: str, sizes: dict[str, int]) -> int:
     """Address of the numbers of an array, whose sizes must be those declared; one that is declared
     with a number may be longer where it has one dimension."""
-    shape = kind.shape if kind.item.lanes == 1 else (*kind.shape, kind.item.lanes)
+    shape, dtype = kind.shape, _dtype(kind)
+    if isinstance(kind, Numbers) and kind.item.lanes > 1:
+        shape = (*shape, kind.item.lanes)
     fits = (
         isinstance(array, np.ndarray)
-        and array.dtype == (np.float64 if kind.item.real else np.int64)
+        and array.dtype == dtype
         and array.ndim == len(shape)
         and array.flags.c_contiguous
     )
@@ -113,10 +118,26 @@ def _address(kind: Numbers, array: Any, what: str, sizes: dict[str, int]) -> int
         )
         got = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array)
         raise TypeError(
-            f"{what} is {got}; it must be {'float64' if kind.item.real else 'int64'} ({named}) "
+            f"{what} is {got}; it must be {kind.item.name if isinstance(kind, Rows) else dtype} ({named}) "
             f"without gaps"
         )
     return int(array.__array_interface__["data"][0])
+
+
+def _dtype(kind: Numbers | Rows) -> Any:
+    """numpy's type of what an array holds."""
+    if isinstance(kind, Rows):
+        return dtype_of(kind.item)
+    return np.dtype(np.float64 if kind.item.real else np.int64)
+
+
+def _row_address(kind: Row, value: Any, what: str) -> int:
+    """Address of a row, which must be one of an array: a row by itself is a copy that nobody sees."""
+    if not (
+        isinstance(value, np.void) and value.dtype == dtype_of(kind) and value.base is not None
+    ):
+        raise TypeError(f"{what} is {type(value)}; it must be a row of an array of {kind.name}")
+    return int(value.__array_interface__["data"][0])
 
 
 # ---- what a kernel raises

@@ -16,13 +16,15 @@ from numba.core import ccallback, cgutils, cpu, typing as numba_typing
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.datamodel import models
 from numba.core.registry import cpu_target
-from numba.extending import intrinsic, lower_builtin, overload, register_model
+from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
+from numba.np.numpy_support import from_dtype
 
 from . import kernel_cache, lane_types
 from .c_calls import hear_of_raised
 from .kernel_cache import KernelCache
 from .library import contracted
-from .signatures import Function, Kind, Number, Numbers, Record, Signature
+from .records import dtype_of
+from .signatures import Function, Kind, Number, Numbers, Record, Row, Rows, Signature
 
 types: Any = numba_types  # their own annotations are not complete
 _cgutils: Any = cgutils
@@ -143,7 +145,7 @@ def c_types(signature: Signature) -> tuple[Any, ...]:
     def made(kind: Kind) -> Any:
         if isinstance(kind, Numbers):
             return types.CPointer(numba_type(kind.item._replace(lanes=1)))
-        if isinstance(kind, Record):
+        if isinstance(kind, Record | Row | Rows):
             return types.voidptr
         return types.int64 if isinstance(kind, Function) else numba_type(kind)
 
@@ -203,12 +205,23 @@ def numba_type(kind: Kind) -> Any:
         # what others have allocated need not begin where a vector would like to
         alone = kind.item.lanes == 1
         return types.Array(numba_type(kind.item), len(kind.shape), "C", aligned=alone)
+    if isinstance(kind, Row):
+        return from_dtype(dtype_of(kind))
+    if isinstance(kind, Rows):
+        return types.Array(numba_type(kind.item), len(kind.shape), "C")
     if isinstance(kind, Function):
         return CFunction(kind.signature)
     parts = [numba_type(each) for each in kind.kinds]
     if len(set(parts)) == 1:
         return types.NamedUniTuple(parts[0], len(parts), kind.made)
     return types.NamedTuple(parts, kind.made)
+
+
+@lower_cast(types.NestedArray, types.Array)  # type: ignore[untyped-decorator]
+def _field_to_array(context: Any, builder: Any, kind: Any, target: Any, value: Any) -> Any:
+    """An array that is a field of a row, where a kernel takes any array: numba knows no such cast,
+    and both are the same struct."""
+    return value
 
 
 # ---- from kinds to LLVM's types and values
@@ -229,18 +242,23 @@ def _llvm_type(kind: Kind) -> Any:
         return _llvm_number(kind)
     if isinstance(kind, Numbers):
         return _llvm_number(kind.item).as_pointer()
+    if isinstance(kind, Row | Rows):
+        return ir.IntType(8).as_pointer()
     return _I64 if isinstance(kind, Function) else _llvm_struct(kind).as_pointer()
 
 
-def _array(context: Any, builder: Any, kind: Numbers, pointer: Any, sizes: dict[str, Any]) -> Any:
-    """numba's array of the numbers at a pointer; constant sizes are constants for the compiler."""
+def _array(
+    context: Any, builder: Any, kind: Numbers | Rows, pointer: Any, sizes: dict[str, Any]
+) -> Any:
+    """numba's array of the numbers or rows at a pointer; constant sizes are constants for the compiler."""
     made = context.make_array(numba_type(kind))(context, builder)
     shape = [
         sizes[size] if isinstance(size, str) else context.get_constant(types.intp, size)
         for size in kind.shape
     ]
     strides: list[Any] = []
-    size = context.get_constant(types.intp, 8 * kind.item.lanes)
+    item = dtype_of(kind.item).itemsize if isinstance(kind, Rows) else 8 * kind.item.lanes
+    size = context.get_constant(types.intp, item)
     step = size
     for length in reversed(shape):
         strides.insert(0, step)
@@ -279,7 +297,11 @@ def unpacked(signature: Signature) -> Any:
                 given |= dict(zip(kind.sizes, parts[len(kind.kinds) :]))
 
         def value(kind: Kind, got: Any, sizes: dict[str, Any]) -> Any:
-            return _array(context, builder, kind, got, sizes) if isinstance(kind, Numbers) else got
+            if isinstance(kind, Numbers | Rows):
+                return _array(context, builder, kind, got, sizes)
+            if isinstance(kind, Row):
+                return builder.bitcast(got, context.get_value_type(numba_type(kind)))
+            return got
 
         values = []
         for i, kind in enumerate(signature.kinds):
@@ -341,7 +363,9 @@ lower_builtin(CFunction, types.VarArg(types.Any))(_call)  # type: ignore[no-unty
 
 def _in_c(context: Any, builder: Any, kind: Kind, value: Any, sizes: dict[str, Any]) -> Any:
     """A value as C takes it."""
-    if isinstance(kind, Numbers):
+    if isinstance(kind, Row):
+        return builder.bitcast(value, _llvm_type(kind))
+    if isinstance(kind, Numbers | Rows):
         made = context.make_array(numba_type(kind))(context, builder, value)
         shape = _cgutils.unpack_tuple(builder, made.shape, len(kind.shape))
         for name, size in zip(kind.shape, shape):

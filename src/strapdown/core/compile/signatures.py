@@ -1,8 +1,8 @@
 """What kernels take and return, said once for Python, numba, LLVM, ctypes and C.
 
 In C a kernel is a function of plain arguments: numbers as `double` and `int64_t`, an array as the
-address of its first number (by rows, without gaps), a record as the address of a struct of its
-fields, addresses and numbers as above, and behind them one `int64_t` for each size of its arrays that
+address of its first number (by rows, without gaps), a row of named numbers as the address of a
+struct of them, each of eight bytes, a record as the address of a struct of its fields, addresses and numbers as above, and behind them one `int64_t` for each size of its arrays that
 has a name, in the order in which they first occur. Sizes that have a name and stand in no record of
 the call are `int64_t` arguments behind all others. A kernel as an argument is its address as an
 `int64_t`.
@@ -41,6 +41,21 @@ class Numbers(NamedTuple):
     shape: tuple[Size, ...]
 
 
+class Row(NamedTuple):
+    """A row of numbers with names, which kernels read and write as attributes: one item of a
+    structured array, a struct in C. `fields`: (name, whether real, shape) of each."""
+
+    name: str
+    fields: tuple[tuple[str, bool, tuple[int, ...]], ...]
+
+
+class Rows(NamedTuple):
+    """A structured array, C-contiguous."""
+
+    item: Row
+    shape: tuple[Size, ...]
+
+
 class Record(NamedTuple):
     """A NamedTuple of arrays and numbers."""
 
@@ -64,7 +79,7 @@ class Function(NamedTuple):
     signature: "Signature"
 
 
-Kind: TypeAlias = Number | Numbers | Record | Function
+Kind: TypeAlias = Number | Numbers | Row | Rows | Record | Function
 
 
 class Signature(NamedTuple):
@@ -86,11 +101,11 @@ class Signature(NamedTuple):
         of_records = {
             size for kind in self.kinds if isinstance(kind, Record) for size in kind.sizes
         }
-        plain = _named(kind for kind in self.kinds if isinstance(kind, Numbers))
+        plain = _named(kind for kind in self.kinds if isinstance(kind, Numbers | Rows))
         return tuple(size for size in dict.fromkeys(plain) if size not in of_records)
 
 
-ABI = 2
+ABI = 3
 """Goes up whenever the rules above change, so that no library is called by other rules than it was
 made by."""
 
@@ -130,7 +145,7 @@ def in_lanes(one: Signature, *shared: str, words: tuple[str, ...] = ()) -> Signa
     def wide(name: str, kind: Kind) -> Kind:
         if isinstance(kind, Function):
             return Function(in_lanes(kind.signature, *shared, words=words))
-        if name in shared or isinstance(kind, Number):
+        if name in shared or isinstance(kind, Number | Row | Rows):
             return kind
         if isinstance(kind, Numbers):
             real = kind.item.real or name in words
@@ -149,5 +164,5 @@ def in_lanes(one: Signature, *shared: str, words: tuple[str, ...] = ()) -> Signa
 def _named(kinds: Any) -> Iterator[str]:
     """Names of the sizes of arrays, as they occur."""
     for kind in kinds:
-        if isinstance(kind, Numbers):
+        if isinstance(kind, Numbers | Rows):
             yield from (size for size in kind.shape if isinstance(size, str))

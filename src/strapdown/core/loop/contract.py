@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from ...checks import check_choice
-from ...typing import Array, Ints, Mask, Vector
+from ...typing import Array, Mask, Vector
 from ..compile.jit import (
     COMPILED,
     address,
@@ -24,11 +24,25 @@ from ..compile.jit import (
     kernel,
     matrix,
 )
-from ..compile.signatures import REAL, WHOLE, Function, in_lanes, reals, record, signature, wholes
+from ..compile.signatures import in_lanes
 from ..compile.workspace import MOST_STATES, Slots
-from ..mathematics.belief import ATT, BA, BELIEF, BG, NOISE, POS, STATES, VEL, Belief, Noise
+from ..mathematics.belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
 from ..mathematics.rotation import euler_to_matrix, quaternion_to_euler
+from ..mathematics.source import OBSERVE, Kind, Observe, SourceRow
 from ..mathematics.tape import ADJOINT_STEP, SAVE_STEP, AdjointStep, SaveStep, Smoother
+from .cursor import Cursor
+from .kernels import CORRECT, PREDICT, STAGE, STEP, Kernels
+from .tables import (
+    BRIDGED,
+    DOUBTFUL,
+    INVALID,
+    VALID,
+    Fixes,
+    Imu,
+    Output,
+    Status,
+    Use,
+)
 
 __all__ = [
     "Belief",
@@ -52,46 +66,6 @@ __all__ = [
     "Configure",
     "Diagnose",
     "first_event",
-    "PARAMETERS",
-    "WALK",
-    "FIRST",
-    "OF_KIND",
-    "BROUGHT",
-    "CLOCK_STATE",
-    "ARM_STATE",
-    "MOUNTING_STATE",
-    "SCALE_STATE",
-    "ESTIMATED",
-    "DELAY",
-    "AGE",
-    "CLOCK_AT",
-    "SLIP",
-    "FORCE",
-    "LAG",
-    "MEAN",
-    "REST",
-    "RATE",
-    "TURN",
-    "SPIN",
-    "BEND",
-    "CORRELATED_STATE",
-    "CORRELATED_SD",
-    "CORRELATION_TIME",
-    "KEPT",
-    "ROBUST",
-    "MEMORY",
-    "BIAS_AT",
-    "POSITION_KIND",
-    "VELOCITY_KIND",
-    "HEADING_KIND",
-    "ALTITUDE_KIND",
-    "GRAVITY_KIND",
-    "MAGNETIC_KIND",
-    "SEA_LEVEL_KIND",
-    "ATTITUDE_KIND",
-    "PRESSURE_KIND",
-    "PRESSURE_ALTITUDE_KIND",
-    "NUMBERED",
     "VALID",
     "BRIDGED",
     "INVALID",
@@ -99,8 +73,6 @@ __all__ = [
     "OBSERVE",
     "PREDICT",
     "CORRECT",
-    "RUN",
-    "RUN_RECORDED",
     "IN_LANES",
     "SHARED",
     "side_by_side",
@@ -125,6 +97,13 @@ __all__ = [
     "caller",
     "compile_kernel",
     "announce",
+    "Kind",
+    "SourceRow",
+    "Status",
+    "Use",
+    "Kernels",
+    "STAGE",
+    "STEP",
 ]
 
 
@@ -192,211 +171,7 @@ class Start(NamedTuple):
         )
 
 
-class Imu(NamedTuple):
-    """IMU samples as columns: row k is the integral over (t[k] - dt[k], t[k]]."""
-
-    t: Array  # s
-    dt: Array  # s
-    dtheta: Array  # (n, 3) integral of the angular rate, body FRD, rad
-    dv: Array  # (n, 3) integral of the specific force, body FRD, m/s
-
-
-class Fixes(NamedTuple):
-    """All aiding of a run, merged and sorted by time, and what each source of it is."""
-
-    t: Array  # s
-    source: Ints  # int64, row of the three tables below
-    y: Array  # (m, 3); what a sensor does not measure is NaN
-    sd: Array  # (m, 3) of the rows of the innovation
-    kind: Ints  # int64 per source
-    parameters: Array  # (sources, PARAMETERS)
-    gate: Array  # per source, bound on NIS; inf switches gating off
-
-
-class Cursor(NamedTuple):
-    """The loop's own state, so that a run can stop and go on at any sample."""
-
-    at: Ints  # int64, see the names in core/loop/cursor.py, as of the other tables
-    now: Array  # time of the belief, s, and of the last cause of doubt
-    previous: Array  # the last sample: increments (6), seconds
-    # increments in use (6), a part of them (6), increments as read (6), standard deviations with
-    # slip (3), innovation (12), and the places of core/loop/heavy_tails.py
-    work: Array
-    accepted: Ints  # int64 per source
-    rejected: Ints  # int64 per source
-    in_a_row: Ints  # int64 per source: rejections since the last accepted fix
-    # time of the first of them, or of the last that was used with the gate lifted
-    since: Array
-    # int64 per source: how many of them were used so, positions and velocities apart
-    lifts: Ints
-    last: Array  # per source: time of its last fix, up to which its own states have walked
-    limits: Array  # what samples, fixes and the belief never exceed
-    watched: Array  # (6, WATCHED): repeated values of each axis
-    floor: Array  # (sources, 3): least standard deviations
-    tests: Array  # (sources, TESTS): tests of the innovations
-    log: Array  # (rows, LOG_WIDTH): what a user must know
-    # (rows, core.loop.recent_motion.WIDTH): the motion of the last seconds; no rows where nobody looks
-    # back
-    recent: Array
-    # int64 (rows, 3), see core/mathematics/coupling.py: the states of the IMU that act on the increments
-    coupled: Ints
-
-
-class Output(NamedTuple):
-    """What a run writes: a row per kept IMU sample, a row per fix."""
-
-    nav: Array  # (rows, NAV_COLUMNS + extra columns of the filter)
-    covariance: Array  # (rows, n, n), or (0, n, n)
-    fix: Array  # (m, FIX_COLUMNS)
-    # (calls, width) what each call of predict and correct left for the smoother; (0,) without one,
-    # which is another type
-    record: Array
-    mark: Ints  # int64 per row: calls before it; unused without a record
-
-
-WALK, FIRST, OF_KIND, BROUGHT = 6, 7, 8, 9
-"""Numbers that a source hands to its observer. Of a source that brings states along, WALK is their
-random walk (unit/sqrt(s)), FIRST the index of the first of them and BROUGHT how many there are;
-OF_KIND says which of the sources of its kind it is, from 0."""
-CLOCK_STATE, ARM_STATE, MOUNTING_STATE, SCALE_STATE, ESTIMATED = 10, 11, 14, 17, 18
-"""Index of the state that is the error of a parameter of the installation, or 0: of the clock, of
-the three components of the lever arm, of the three angles of the mounting, of the scale. ESTIMATED
-is 1 where any of them is a state."""
-DELAY, AGE, CLOCK_AT, SLIP = 19, 20, 21, 22
-"""s that a fix waits before it is used, so that what the filter looks back at is there; s by which
-the belief is ahead of it, with the estimate of its clock, and that estimate, as the loop leaves
-them before a fix; side slip of a constraint (rad per m/s^2), which adds to its standard deviation."""
-FORCE, LAG, MEAN, REST, RATE, TURN, BIAS_AT, SPIN = 23, 26, 29, 32, 35, 38, 47, 50
-BEND = 53
-"""What happened in AGE, see core/loop/recent_motion.py: vectors, a matrix of nine, the accelerometer bias
-of then and the angular acceleration. BEND: standard deviations of what the clock bends in positions
-(3) and velocities (3)."""
-CORRELATED_STATE, CORRELATED_SD, CORRELATION_TIME, KEPT = 59, 62, 65, 66
-"""Of a source with correlated errors, first-order Gauss-Markov processes that add to its rows:
-index of the state of each row, or 0 where the filter has none for it; their stationary standard
-deviations, SI; their correlation time, s; and the share of them that is left of the fix before,
-exp(-dt / time), as the loop leaves it: 1 for a fix that is tried again."""
-ROBUST, MEMORY, PARAMETERS = 67, 68, 69
-"""1 where a heavy-tailed likelihood stands in place of the gate; s over which the measurement noise is
-followed, 0 where it is as given."""
-VALID, BRIDGED, INVALID, DOUBTFUL = 0, 1, 2, 3
-"""Status of a row: computed from samples; over an IMU gap of at most 1 s; after a longer gap and
-before the next accepted position fix; not to be believed, because something contradicts it."""
-NUMBERED = (
-    "position",
-    "velocity",
-    "heading",
-    "altitude",
-    "gravity",
-    "magnetic-field",
-    "zero-sea-level",
-    "attitude",
-    "pressure",
-    "pressure-altitude",
-    "course",
-)
-"""Kinds that are more than rows of H to someone: a position makes a solution valid again after a
-long gap, attitude filters treat directions their way, a heave filter the waves about mean sea
-level, filters fed with an attitude take it as known, points wrap angles, gains belong to what they act on, the loop of
-an aircraft makes pressures itself. Kernels know them by their number, which is their place here;
-`aiding.number` gives out those of all others."""
-(
-    POSITION_KIND,
-    VELOCITY_KIND,
-    HEADING_KIND,
-    ALTITUDE_KIND,
-    GRAVITY_KIND,
-    MAGNETIC_KIND,
-    SEA_LEVEL_KIND,
-    ATTITUDE_KIND,
-    PRESSURE_KIND,
-    PRESSURE_ALTITUDE_KIND,
-    COURSE_KIND,
-) = range(len(NUMBERED))
-
-IMU = record(
-    Imu, t=reals("samples"), dt=reals("samples"), dtheta=reals("samples", 3), dv=reals("samples", 3)
-)
-FIXES = record(
-    Fixes,
-    t=reals("fixes"),
-    source=wholes("fixes"),
-    y=reals("fixes", 3),
-    sd=reals("fixes", 3),
-    kind=wholes("sources"),
-    parameters=reals("sources", PARAMETERS),
-    gate=reals("sources"),
-)
-CURSOR = record(
-    Cursor,
-    at=wholes("places"),
-    now=reals("moments"),
-    previous=reals(7),
-    work=reals("work"),
-    accepted=wholes("sources"),
-    rejected=wholes("sources"),
-    in_a_row=wholes("sources"),
-    since=reals("sources"),
-    lifts=wholes("sources"),
-    last=reals("sources"),
-    limits=reals("limits"),
-    watched=reals("axes", "watched"),
-    floor=reals("sources", 3),
-    tests=reals("sources", "tests"),
-    log=reals("log_rows", "log_width"),
-    recent=reals("recent_rows", "recent_width"),
-    coupled=wholes("couplings", 3),
-)
-OUTPUT, RECORDED_OUTPUT = (
-    record(
-        Output,
-        nav=reals("rows", "columns"),
-        covariance=reals("covariances", "states", "states"),
-        fix=reals("fix_rows", "fix_columns"),
-        record=what,
-        mark=wholes("marks"),
-    )
-    for what in (reals("numbers"), reals("calls", "width"))
-)
-
-OBSERVE = signature(
-    "observe",
-    WHOLE,
-    belief=BELIEF,
-    y=reals(3),
-    parameters=reals(PARAMETERS),
-    innovation=reals(3),
-    H=reals(3, "n"),
-)
-PREDICT = signature("predict", belief=BELIEF, u=reals(6), dt=REAL, noise=NOISE)
-CORRECT = signature(
-    "correct",
-    REAL,
-    belief=BELIEF,
-    y=reals(3),
-    sd=reals(3),
-    kind=WHOLE,
-    observe=Function(OBSERVE),
-    parameters=reals(PARAMETERS),
-    gate=REAL,
-    innovation=reals(12),
-)
-RUN, RUN_RECORDED = (
-    signature(
-        name,
-        predict=WHOLE,
-        correct=WHOLE,
-        observers=wholes("kinds"),
-        belief=BELIEF,
-        imu=IMU,
-        fixes=FIXES,
-        noise=NOISE,
-        cursor=CURSOR,
-        out=output,
-    )
-    for name, output in (("run", OUTPUT), ("run_recorded", RECORDED_OUTPUT))
-)
-SHARED = ("sd", "parameters", "noise")
+SHARED = ("sd", "noise")
 """What all runs side by side have in common, beside plain arguments; the rest of these is their own."""
 IN_LANES = {each: in_lanes(each, *SHARED) for each in (OBSERVE, PREDICT, CORRECT)}
 """Signatures of sensors and filters for eight runs at once."""
@@ -436,12 +211,10 @@ class Source(Protocol):
         """As its Measurement says, e.g. a lever arm."""
 
 
-Observe: TypeAlias = Callable[[Belief, Array, Array, Array, Array], int]
-"""(belief, y, parameters, innovation, H) -> rows, at most 3 of y - h(belief), SI and radians."""
 Predict: TypeAlias = Callable[[Belief, Array, float, Noise], None]
 """(belief, u, dt, noise): u[0:6] = rotation (rad) and velocity (m/s) increments over dt (s)."""
-Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, Array, float, Array], float]
-"""(belief, y, sd, kind, observe, parameters, gate, innovation (12,)) -> NIS: the innovation y -
+Correct: TypeAlias = Callable[[Belief, Array, Array, int, Observe, SourceRow, float, Array], float]
+"""(belief, y, sd, kind, observe, source, gate, innovation (12,)) -> NIS: the innovation y -
 h(belief) e; behind it the same whitened, L^-1 e, N(0, 1) each where the filter is right; behind
 that L by rows (00, 10, 11, 20, 21, 22), L L' its covariance. NaN of what is not measured or has no
 covariance."""
@@ -564,7 +337,7 @@ class Measurement(NamedTuple):
     # what each component of y is: "latitude", "longitude", "length", "speed", "angle",
     # "acceleration", "angular rate", "magnetic field", "pressure"
     quantities: tuple[str, ...]
-    # what parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
+    # what source.parameters[0:3] is: "" nothing, "antenna" or "reference": lever arm from the IMU to that
     # point, m, body; "field": T, NED
     parameters: str = ""
     vector: str = ""  # frame of y where it is a vector that the description's axes turn: "n" or "b"

@@ -1,153 +1,176 @@
-"""Names of the places in the arrays of a Cursor, and the log in which the loop says what a user
-must know."""
+"""The loop's own state, by name, so that a run can stop and go on at any sample."""
 
-from ..compile.jit import helper
-from .contract import Cursor
+from typing import Annotated, NamedTuple
 
-(
-    ROW,
-    STOP,
-    FIX,
-    FIXES,
-    OUT,
-    EVERY,
-    PHASE,
-    STATUS,
-    FAULT,
-    POSITIONED,
-    RECORDED,
-    SAVE_STEP,
-    SAMPLES,
-    REPEATING,
-    UNCONFIRMED,
-    SHOWN,
-    CONDITION,
-    DOUBTFUL_CONDITIONS,
-    LOGGED,
-    LATEST,
-    HEIGHTS,
-    CURSOR_SIZE,
-) = range(22)
-"""Cursor.at: next IMU row, where to stop, next fix, how many there are, next output row, keep
-rows with row % every == phase, status by gaps alone, FAULT = 1 once the belief left the
-latitudes where results hold, or is not a number, POSITIONED = 1 where the filter estimates a
-position, calls of predict and correct so far, and the address of the kernel that records a call;
-samples so far, axes that repeat their value, fixes that must still confirm it, status as
-rows show it, place of the filter's condition in its workspace or -1, bits of those conditions that
-make rows doubtful, rows of the log; row of the recent motion that is
-now, sources that measure the height above the ellipsoid."""
-
-(
-    NOW,
-    CAUSE,
-    BROKEN,
-    CORRECTED,
-    CLIMB,
-    CLIMB_OFF,
-    CLIMB_SD,
-    CLIMB_AT,
-    CLIMB_SINCE,
-    MOMENTS,
-) = range(10)
-"""Cursor.now: time of the belief, time of the last cause of doubt; seconds for which samples could
-not be. For core/loop/heights.py: sum of the corrections of the height (m), integral of the innovations of
-vertical velocity (m), the last of them and its standard
-deviation (m/s), its time, and since when there is no gap in them (s)."""
-
-(
-    GYRO_RANGE,
-    ACCEL_RANGE,
-    GYRO_FULL_SCALE,
-    ACCEL_FULL_SCALE,
-    GYRO_NOISE,
-    ACCEL_NOISE,
-    SPEED,
-    LOWEST,
-    HIGHEST,
-    LIMITS,
-) = range(10)
-"""Cursor.limits: what no sample exceeds (rad/s, m/s^2), where the described sensors are at full
-scale (inf: not described), their noise (rad/sqrt(s), m/s/sqrt(s)), and what the vehicle never
-exceeds: speed (m/s), ellipsoidal height (m)."""
-
-LENGTH, REPEATS, STEP, LATELY, CHANGE, JITTER, UNEVEN, WATCHED = range(8)
-"""Columns of Cursor.watched, one row per axis of gyro and accelerometer: samples at the present
-value, samples that repeated the one before, smallest change seen (rad/s, m/s^2), the share of
-repeats among the last samples in which any axis repeated its value, the change at the last look,
-the mean square of what samples do not tell of the motion inside them ((m/s)^2, rad^2); in the first
-row alone: the mean difference of an interval and the one before, over it."""
+from ...typing import Array
+from ..compile.records import Table, rows_of
+from ..compile.signatures import record
+from ..compile.workspace import MOST_STATES
+from ..mathematics.coupling import Coupling
+from .log import LogRow
+from .motion import Motion
 
 CHANNELS = 7
-SUM, TERMS, FAILS = slice(0, 7), slice(7, 14), slice(14, 21)
-WHITENED, WHITENED_COUNT = slice(21, 24), slice(24, 27)
-NIS_SUM, NIS_COUNT, TESTED, REJECTING, LIFTED_AT, LAST_USED = range(27, 33)
-FACTOR, WHITENED_BEFORE, ALIKE, POWER, FOLLOWED_AT = (
-    slice(33, 36),
-    slice(36, 39),
-    *range(39, 42),
+"""Tests of a source's innovations: whitened ones above and below what is allowed, by component, and
+the NIS."""
+
+
+class LoopState:
+    """Where the loop stands."""
+
+    row: int  # next IMU sample
+    stop: int  # where to stop
+    fix: int  # next measurement
+    fixes: int  # how many there are
+    out: int  # next row of the output
+    every: int  # rows with row % every == phase are kept
+    phase: int
+    status: int  # a Status, by gaps alone
+    shown: int  # that of the last row
+    fault: int  # 1: the belief left the latitudes where results hold, or is no number
+    positioned: int  # 1: the filter estimates a position
+    recorded: int  # calls of predict and correct so far
+    save_step: int  # address of the kernel that records a call
+    samples: int  # so far
+    repeating: int  # axes that repeat their value
+    unconfirmed: int  # measurements that must still confirm the belief
+    condition: int  # place of the filter's condition in its workspace, or -1
+    doubtful_conditions: int  # bits of those that make rows doubtful
+    logged: int  # rows of the log
+    latest: int  # row of the recent motion that is now
+    heights: int  # sources that measure the height above the ellipsoid
+    t: float  # time of the belief, s
+    cause: float  # of the last cause of doubt, s
+    broken: float  # s for which samples could not be
+    previous: Annotated[Array, 7]  # the last sample: increments (6), seconds
+    # of core/loop/heights.py: sum of the corrections of the height, m; integral of the innovations of
+    # vertical velocity, m; the last of them and its standard deviation, m/s; its time, and since when
+    # there is no gap in them, s
+    corrected: float
+    climb: float
+    climb_off: float
+    climb_sd: float
+    climb_at: float
+    climb_since: float
+
+
+class Limits:
+    """What samples, measurements and the belief never exceed."""
+
+    gyro_range: float  # rad/s
+    accel_range: float  # m/s^2
+    gyro_full_scale: float  # rad/s, where the described sensor is at full scale; inf: not described
+    accel_full_scale: float  # m/s^2
+    gyro_noise: float  # rad/sqrt(s)
+    accel_noise: float  # m/s/sqrt(s)
+    speed: float  # m/s, of the vehicle
+    lowest: float  # m, ellipsoidal height
+    highest: float
+
+
+class Axis:
+    """Repeated values and changes of an axis of gyro or accelerometer."""
+
+    length: float  # samples at the present value
+    repeats: float  # samples that repeated the one before
+    step: float  # smallest change seen, rad/s or m/s^2
+    lately: float  # share of repeats among the last samples in which any axis repeated its value
+    change: float  # at the last look
+    jitter: (
+        float  # mean square of what samples do not tell of the motion inside them, rad^2, (m/s)^2
+    )
+    uneven: (
+        float  # of the first axis alone: mean difference of an interval and the one before, over it
+    )
+
+
+class Books:
+    """What the loop keeps of a source."""
+
+    accepted: int  # measurements
+    rejected: int
+    in_a_row: int  # rejections since the last accepted one
+    since: float  # s, the first of them, or the last that was used with the gate lifted
+    lifts: int  # how many of them were used so, positions and velocities apart
+    last: float  # s, the last measurement, up to which its own states have walked
+    last_used: float  # s
+    floor: Annotated[Array, 3]  # least standard deviations
+    rejecting: int  # 1: rejected so long that the gate was or must be lifted; -1: left out
+    lifted_at: int  # rejections in a row when the gate was lifted last, 0 since one passed
+    # tests of its innovations: cumulative sum, its terms, 1 where it fails; sums and counts of the
+    # present second and when the last one ended, s
+    sums: Annotated[Array, 7]
+    terms: Annotated[Array, 7]
+    fails: Annotated[Array, 7]
+    whitened: Annotated[Array, 3]
+    whitened_count: Annotated[Array, 3]
+    nis_sum: float
+    nis_count: float
+    tested: float
+    # of an adaptive source: factors on the variances of its rows, the whitened innovation before,
+    # mean products of one with that before and with itself, time of the last one, s
+    factor: Annotated[Array, 3]
+    whitened_before: Annotated[Array, 3]
+    alike: float
+    power: float
+    followed_at: float
+    # of a source of height: its level, what that has moved lately and its standard deviation, m; time
+    # of the last one, and since when they are averaged, s; above 0 while its height is left out: 1 +
+    # what the log says of which
+    level: float
+    moved: float
+    level_sd: float
+    level_at: float
+    level_since: float
+    suspended: int
+
+
+class Work:
+    """Numbers that stages write for each other while a sample or a measurement is used."""
+
+    increments: Annotated[Array, 6]  # in use
+    part: Annotated[Array, 6]  # of them
+    raw: Annotated[Array, 6]  # as they were read
+    # of the measurement that is used
+    sd: Annotated[Array, 3]  # standard deviations, with what stages add
+    factor: Annotated[Array, 3]  # of an adaptive source, on the stated ones
+    gate: float  # bound on the NIS
+    innovation: Annotated[Array, 12]  # of the contract
+    nis: float
+    weight: float  # of a robust source: stated variance over that which was used
+    believable: int  # 1: it can be true
+    alone: int  # 1: it is the filter's only aid
+    lifted: int  # 1: used with the gate of its source lifted
+    withheld: int  # the row of y that is withheld from the filter, or -1
+    height: float  # what stood there
+    other: Annotated[Array, 12]  # the same by other standard deviations
+    covariance: Annotated[Array, 6]  # S and R of a measurement, lower triangles by rows
+    noise: Annotated[Array, 6]
+    widened: Annotated[Array, 3]  # standard deviations
+    jacobian: Annotated[Array, 3 * MOST_STATES]  # H (3, n) by rows
+
+
+class Cursor(NamedTuple):
+    """The loop's own state."""
+
+    state: Table[LoopState]  # one row
+    work: Table[Work]  # one row
+    limits: Table[Limits]  # one row
+    axes: Table[Axis]  # six rows
+    books: Table[Books]  # a row per source
+    log: Table[LogRow]  # what a user must know
+    recent: Table[Motion]  # of the last seconds; no rows where nobody looks back
+    coupled: Table[Coupling]  # states of the IMU that act on the increments
+
+
+CURSOR = record(
+    Cursor,
+    state=rows_of(LoopState, 1),
+    work=rows_of(Work, 1),
+    limits=rows_of(Limits, 1),
+    axes=rows_of(Axis, 6),
+    books=rows_of(Books, "sources"),
+    log=rows_of(LogRow, "log_rows"),
+    recent=rows_of(Motion, "recent_rows"),
+    coupled=rows_of(Coupling, "couplings"),
 )
-LEVEL, MOVED, LEVEL_SD, LEVEL_AT, LEVEL_SINCE, SUSPENDED, TESTS = range(42, 49)
-"""Columns of Cursor.tests, one row per source. Of each of seven tests (whitened innovations above
-and below what is allowed, by component, and the NIS): the cumulative sum, its terms, whether it
-fails. Sums and counts of the present second, and when the last one ended. Whether its fixes are
-rejected for so long that the gate was or must be lifted (1), or it is left out (-1), rejections in
-a row when the gate was lifted last, 0 since a fix passed, time of the last fix that was used. Of an
-adaptive source: factors on the variances of its rows, the whitened innovation of the fix before, mean
-products of one with that before and with itself, time of the last fix. For core/loop/heights.py: the level
-of its height, what it has moved lately and its standard deviation (m), time of the last one, since when they are averaged (s), above 0
-while its height is left out: 1 + what the log says of which."""
-
-T, UNTIL, CODE, WHICH, COUNT, VALUE, LOG_WIDTH = range(7)
-"""Columns of Cursor.log: first and last time (s), what it is, of which source, axis or condition,
-how often, its largest value."""
-(
-    BRIDGED_GAP,
-    HELD_GAP,
-    LIFTED,
-    LEFT_OUT,
-    TOO_FAR,
-    OUT_OF_RANGE,
-    FULL_SCALE,
-    STUCK,
-    COARSE,
-    JITTERED,
-    FLOORED,
-    NO_FIX,
-    TOO_FAST,
-    TOO_HIGH,
-    MEAN_OFF,
-    NIS_OFF,
-    BELIEF_TOO_FAST,
-    BELIEF_TOO_HIGH,
-    IN_CONDITION,
-    APART,
-    CLOCK_OFF,
-    HEIGHT_APART,
-    HEIGHT_AGAIN,
-    CODES,
-) = range(24)
-"""What a row of the log can be; engine/events.py has their words. APART is the smoother's."""
-FOLD = 10.0  # s within which what happens again belongs to the same row of the log
-LOG_ROWS, LOG_FULL = 256, 128  # of which the loop stops at the second, so that the log is emptied
-
-
-@helper
-def say(cursor: Cursor, code: int, which: int, t: float, value: float) -> None:
-    """Write into the log, or into the row of it that says the same of less than FOLD s ago.
-
-    Rows are merged as intervals are, so that it does not matter when the log is emptied.
-    """
-    log, logged = cursor.log, cursor.at[LOGGED]
-    for row in range(logged - 1, -1, -1):
-        if log[row, CODE] == code and log[row, WHICH] == which:
-            if t - log[row, UNTIL] <= FOLD or logged == log.shape[0]:
-                log[row, UNTIL] = max(log[row, UNTIL], t)
-                log[row, COUNT] += 1
-                if abs(value) > abs(log[row, VALUE]):
-                    log[row, VALUE] = value
-                return
-            break
-    if logged < log.shape[0]:
-        log[logged, T], log[logged, UNTIL], log[logged, COUNT] = t, t, 1
-        log[logged, CODE], log[logged, WHICH], log[logged, VALUE] = code, which, value
-        cursor.at[LOGGED] = logged + 1

@@ -10,59 +10,18 @@ import math
 
 from ...typing import Array
 from ..compile.jit import helper, inlined
-from .contract import POSITION_KIND, VELOCITY_KIND, Belief, Cursor, Fixes
-from .cursor import (
-    ACCEL_FULL_SCALE,
-    ACCEL_NOISE,
-    ACCEL_RANGE,
-    CAUSE,
-    CHANGE,
-    CHANNELS,
-    COARSE,
-    FAILS,
-    FLOORED,
-    FULL_SCALE,
-    GYRO_FULL_SCALE,
-    GYRO_NOISE,
-    GYRO_RANGE,
-    HIGHEST,
-    JITTER,
-    JITTERED,
-    LAST_USED,
-    LATELY,
-    LENGTH,
-    LOWEST,
-    MEAN_OFF,
-    NIS_COUNT,
-    NIS_OFF,
-    NIS_SUM,
-    NO_FIX,
-    OUT_OF_RANGE,
-    POSITIONED,
-    REJECTING,
-    REPEATING,
-    REPEATS,
-    SAMPLES,
-    SPEED,
-    STEP,
-    STUCK,
-    SUM,
-    TERMS,
-    TESTED,
-    TOO_FAST,
-    TOO_HIGH,
-    UNCONFIRMED,
-    UNEVEN,
-    WHITENED,
-    WHITENED_COUNT,
-    say,
-)
+from ..compile.records import Table
+from ..mathematics.belief import Belief
+from ..mathematics.source import Kind
+from .cursor import CHANNELS, Axis, Books, Cursor
+from .log import Code, say
+from .tables import Fixes
 
 CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
 a doubt ends."""
 HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
-LEFT = -1.0  # in REJECTING: left out
+LEFT = -1  # in Books.rejecting: left out
 NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
 LEVELLED = 30.0
 """s without a fix after which a filter that estimates no position ends a doubt by itself: gravity
@@ -99,54 +58,54 @@ NEAR_NULL = 0.01  # rad from there, where a fix can be that
 @inlined
 def doubt(cursor: Cursor, t: float) -> None:
     """Rows are doubtful from here until fixes confirm."""
-    cursor.at[UNCONFIRMED] = CONFIRM
-    cursor.now[CAUSE] = t
+    cursor.state[0].unconfirmed = CONFIRM
+    cursor.state[0].cause = t
 
 
 @helper
 def confirm(cursor: Cursor, t: float) -> None:
     """A fix passed its gate at `t` s. It confirms where no source contradicts the belief that was
     heard of lately: one that fell silent cannot take back what it said."""
-    tests, contradicted = cursor.tests, False
-    for s in range(tests.shape[0]):
-        if t - tests[s, TESTED] <= HEARD:
-            contradicted |= tests[s, REJECTING] > 0
+    books, contradicted = cursor.books, False
+    for s in range(books.size):
+        if t - books[s].tested <= HEARD:
+            contradicted |= books[s].rejecting > 0
             for channel in range(CHANNELS):
-                contradicted |= tests[s, FAILS][channel] > 0
-    if not contradicted and t - cursor.now[CAUSE] >= CONFIRM_AFTER:
-        cursor.at[UNCONFIRMED] -= 1
+                contradicted |= books[s].fails[channel] > 0
+    if not contradicted and t - cursor.state[0].cause >= CONFIRM_AFTER:
+        cursor.state[0].unconfirmed -= 1
 
 
 @helper
 def leave_out(cursor: Cursor, s: int) -> None:
     """Source `s` contradicts nothing any more, until one of its fixes passes."""
-    forget(cursor.tests[s])
-    cursor.tests[s, REJECTING] = LEFT
+    forget(cursor.books[s])
+    cursor.books[s].rejecting = LEFT
 
 
 @helper
-def fails(tests: Array) -> bool:
+def fails(books: Books) -> bool:
     """Whether any test of the innovations of a source fails."""
     failing = 0.0
     for channel in range(CHANNELS):
-        failing += tests[FAILS][channel]
+        failing += books.fails[channel]
     return failing > 0
 
 
 @helper
-def forget(tests: Array) -> None:
+def forget(books: Books) -> None:
     """Begin the sums of a source anew."""
     for channel in range(CHANNELS):
-        tests[FAILS][channel] = tests[SUM][channel] = 0.0
+        books.fails[channel] = books.sums[channel] = 0.0
 
 
 @helper
 def level_again(cursor: Cursor, t: float) -> bool:
     """Whether gravity confirms a filter that estimates no position, because nothing else can."""
-    last = cursor.now[CAUSE]
-    for s in range(cursor.tests.shape[0]):
-        last = max(last, cursor.tests[s, TESTED])
-    return cursor.at[POSITIONED] == 0 and t - last > LEVELLED
+    last = cursor.state[0].cause
+    for s in range(cursor.books.size):
+        last = max(last, cursor.books[s].tested)
+    return cursor.state[0].positioned == 0 and t - last > LEVELLED
 
 
 # ---- samples
@@ -155,12 +114,13 @@ def level_again(cursor: Cursor, t: float) -> bool:
 @inlined
 def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cursor: Cursor) -> int:
     """0 for a sample that can be true, 1 for one of which less is known than the noise says (at
-    full scale, stuck), NO_GYRO, NO_ACCEL or both for one that cannot be. `cursor.previous` still
+    full scale, stuck), NO_GYRO, NO_ACCEL or both for one that cannot be. The state still
     holds the one before."""
-    limits, previous = cursor.limits, cursor.previous
+    state, limits = cursor.state[0], cursor.limits[0]
+    previous = state.previous
     before = previous[6]
-    gyro, accel = limits[GYRO_RANGE] * dt, limits[ACCEL_RANGE] * dt
-    full_gyro, full_accel = limits[GYRO_FULL_SCALE] * dt, limits[ACCEL_FULL_SCALE] * dt
+    gyro, accel = limits.gyro_range * dt, limits.accel_range * dt
+    full_gyro, full_accel = limits.gyro_full_scale * dt, limits.accel_full_scale * dt
     inside, below, changed = True, True, True
     for i in range(3):
         r, a = abs(dtheta[i]), abs(dv[i])
@@ -168,11 +128,11 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cur
         below &= (r < full_gyro) & (a < full_accel)
         changed &= abs(dtheta[i] * before - previous[i] * dt) > SAME_VALUE * r * before
         changed &= abs(dv[i] * before - previous[3 + i] * dt) > SAME_VALUE * a * before
-    cursor.at[SAMPLES] += 1
+    cursor.state[0].samples += 1
     code = 0
-    if not changed and before > 0 or cursor.at[REPEATING] > 0:
+    if not changed and before > 0 or cursor.state[0].repeating > 0:
         code = _repeated(dtheta, dv, dt, t, cursor)
-    if inside and before > 0 and (cursor.at[SAMPLES] % SELDOM <= 1 or dt > LONG_SAMPLE):
+    if inside and before > 0 and (cursor.state[0].samples % SELDOM <= 1 or dt > LONG_SAMPLE):
         _changes(dtheta, dv, dt, t, belief, cursor)
     if not (inside and below):
         code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
@@ -184,16 +144,16 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cur
 @helper
 def _beyond(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor, inside: bool) -> int:
     """Say which axes are beyond their range, or at full scale."""
-    limits, wrong = cursor.limits, 0
+    limits, wrong = cursor.limits[0], 0
     for i in range(6):
         value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
-        most = limits[GYRO_RANGE] if i < 3 else limits[ACCEL_RANGE]
-        full = limits[GYRO_FULL_SCALE] if i < 3 else limits[ACCEL_FULL_SCALE]
+        most = limits.gyro_range if i < 3 else limits.accel_range
+        full = limits.gyro_full_scale if i < 3 else limits.accel_full_scale
         if not abs(value) <= most:
-            say(cursor, OUT_OF_RANGE, i, t, value)
+            say(cursor, Code.OUT_OF_RANGE, i, t, value)
             wrong |= NO_GYRO if i < 3 else NO_ACCEL
         elif inside and abs(value) >= full:
-            say(cursor, FULL_SCALE, i, t, value)
+            say(cursor, Code.FULL_SCALE, i, t, value)
     return wrong if wrong else 1
 
 
@@ -203,73 +163,75 @@ def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, curs
     they do not tell, from how their change changes: what goes up and down by A from sample to
     sample is 4 A there, and motion that goes on is little. Where it is more than the velocity is
     said to be known by, the samples are too far apart."""
-    previous, watched, worst = cursor.previous, cursor.watched, 3
-    second = cursor.at[SAMPLES] % SELDOM == 1 or dt > LONG_SAMPLE
+    state, axes, worst = cursor.state[0], cursor.axes, 3
+    previous = state.previous
+    second = cursor.state[0].samples % SELDOM == 1 or dt > LONG_SAMPLE
     for i in range(6):
         value = (dtheta[i] if i < 3 else dv[i - 3]) / dt
         change = value - previous[i] / previous[6]
-        untold = 0.25 * (change - watched[i, CHANGE]) * dt
-        watched[i, CHANGE] = change
+        untold = 0.25 * (change - axes[i].change) * dt
+        axes[i].change = change
         if abs(change) > SAME_VALUE * abs(value):
-            watched[i, STEP] = min(watched[i, STEP], abs(change))
+            axes[i].step = min(axes[i].step, abs(change))
         if second:
-            watched[i, JITTER] += (untold * untold - watched[i, JITTER]) / LAST_CHANGES
-        if i > 3 and watched[i, JITTER] > watched[worst, JITTER]:
+            axes[i].jitter += (untold * untold - axes[i].jitter) / LAST_CHANGES
+        if i > 3 and axes[i].jitter > axes[worst].jitter:
             worst = i
     uneven = abs(dt - previous[6]) / dt
-    watched[0, UNEVEN] += (uneven - watched[0, UNEVEN]) / LAST_CHANGES
-    if watched[0, UNEVEN] > MOST_UNEVEN:
-        say(cursor, JITTERED, 0, t, watched[0, UNEVEN])
+    axes[0].uneven += (uneven - axes[0].uneven) / LAST_CHANGES
+    if axes[0].uneven > MOST_UNEVEN:
+        say(cursor, Code.JITTERED, 0, t, axes[0].uneven)
     known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
-    if cursor.at[POSITIONED] and watched[worst, JITTER] > MOST_JITTER * MOST_JITTER * known > 0:
-        say(cursor, COARSE, 0, t, 2 * math.sqrt(watched[worst, JITTER]) / dt)
+    if cursor.state[0].positioned and axes[worst].jitter > MOST_JITTER * MOST_JITTER * known > 0:
+        say(cursor, Code.COARSE, 0, t, 2 * math.sqrt(axes[worst].jitter) / dt)
         doubt(cursor, t)
 
 
 @helper
 def _repeated(dtheta: Array, dv: Array, dt: float, t: float, cursor: Cursor) -> int:
     """Count the axes that repeat their value, and say which are stuck. Returns 1 if any is."""
-    watched, previous, samples = cursor.watched, cursor.previous, cursor.at[SAMPLES]
+    axes, state = cursor.axes, cursor.state[0]
+    previous, samples = state.previous, state.samples
     before, found, repeating = previous[6], 0, 0
     for i in range(6):
         x = dtheta[i] if i < 3 else dv[i - 3]
         same = abs(x * before - previous[i] * dt) <= SAME_VALUE * abs(x) * before
-        watched[i, LENGTH] = watched[i, LENGTH] + 1 if same else 0.0
-        watched[i, REPEATS] += same
-        watched[i, LATELY] += (same - watched[i, LATELY]) / LATEST
+        axes[i].length = axes[i].length + 1 if same else 0.0
+        axes[i].repeats += same
+        axes[i].lately += (same - axes[i].lately) / LATEST
         repeating += same
     for i in range(6):
-        length = watched[i, LENGTH]
+        length = axes[i].length
         if length < STUCK_SAMPLES or length * dt < STUCK_TIME or samples - length < LEARNED:
             continue
-        noise = cursor.limits[GYRO_NOISE] if i < 3 else cursor.limits[ACCEL_NOISE]
+        noise = cursor.limits[0].gyro_noise if i < 3 else cursor.limits[0].accel_noise
         if (
-            watched[i, STEP] * math.sqrt(dt) <= noise
-            and -length * math.log(_usual(watched, i, samples)) > STUCK_LIKELIHOOD
-            and _alone(watched, i, samples)
+            axes[i].step * math.sqrt(dt) <= noise
+            and -length * math.log(_usual(axes, i, samples)) > STUCK_LIKELIHOOD
+            and _alone(axes, i, samples)
         ):
-            say(cursor, STUCK, i, t, (dtheta[i] if i < 3 else dv[i - 3]) / dt)
+            say(cursor, Code.STUCK, i, t, (dtheta[i] if i < 3 else dv[i - 3]) / dt)
             found = 1
-    cursor.at[REPEATING] = repeating
+    cursor.state[0].repeating = repeating
     return found
 
 
 @inlined
-def _usual(watched: Array, i: int, samples: int) -> float:
+def _usual(axes: Table[Axis], i: int, samples: int) -> float:
     """The share of samples that repeated their value on axis `i`, without the present ones."""
-    length = watched[i, LENGTH]
-    return (watched[i, REPEATS] - length + 1) / (samples - length + 2)
+    length = axes[i].length
+    return (axes[i].repeats - length + 1) / (samples - length + 2)
 
 
 @inlined
-def _alone(watched: Array, i: int, samples: int) -> bool:
+def _alone(axes: Table[Axis], i: int, samples: int) -> bool:
     """Whether the other axes of the sensor go on as usual, or stopped at the same sample: at rest a
     coarse sensor repeats its values on all, and not from one sample on."""
     alone, first = True, 0 if i < 3 else 3
     for j in range(first, first + 3):
         alone &= (
-            watched[j, LENGTH] == watched[i, LENGTH]
-            or watched[j, LATELY] <= _usual(watched, j, samples) + MORE_THAN_USUAL
+            axes[j].length == axes[i].length
+            or axes[j].lately <= _usual(axes, j, samples) + MORE_THAN_USUAL
         )
     return alone
 
@@ -291,27 +253,27 @@ def length(vector: Array) -> float:
 def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
     """Whether fix `k` can be one: not latitude and longitude 0, and within what the vehicle can
     do. Its standard deviations are raised to the `floor` of its source."""
-    s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits
-    floor = cursor.floor[s]
+    s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits[0]
+    floor = cursor.books[s].floor
     for i in range(3):
         if sd[i] < floor[i]:
-            say(cursor, FLOORED, s, t, sd[i])
+            say(cursor, Code.FLOORED, s, t, sd[i])
             sd[i] = floor[i]
-    if fixes.kind[s] == POSITION_KIND:
+    if fixes.sources[s].kind == Kind.POSITION:
         if (
             abs(y[0]) < NULL
             and abs(y[1]) < NULL
             and not (abs(belief.lla[0]) < NEAR_NULL and abs(belief.lla[1]) < NEAR_NULL)
         ):
-            say(cursor, NO_FIX, s, t, 0.0)
+            say(cursor, Code.NO_FIX, s, t, 0.0)
             return False
-        if y[2] < limits[LOWEST] or y[2] > limits[HIGHEST]:
-            say(cursor, TOO_HIGH, s, t, y[2])
+        if y[2] < limits.lowest or y[2] > limits.highest:
+            say(cursor, Code.TOO_HIGH, s, t, y[2])
             return False
-    elif fixes.kind[s] == VELOCITY_KIND:
+    elif fixes.sources[s].kind == Kind.VELOCITY:
         speed = length(y)
-        if speed > limits[SPEED]:
-            say(cursor, TOO_FAST, s, t, speed)
+        if speed > limits.speed:
+            say(cursor, Code.TOO_FAST, s, t, speed)
             return False
     return True
 
@@ -324,8 +286,8 @@ def reachable(belief: Belief, innovation: Array, s: int, t: float, cursor: Curso
     for i in range(3):
         if not math.isnan(innovation[i]):
             variance += belief.P[i, i]
-    seconds = t - cursor.tests[s, LAST_USED]
-    return length(innovation) <= cursor.limits[SPEED] * seconds + 5 * math.sqrt(variance)
+    seconds = t - cursor.books[s].last_used
+    return length(innovation) <= cursor.limits[0].speed * seconds + 5 * math.sqrt(variance)
 
 
 # ---- innovations
@@ -335,38 +297,38 @@ def reachable(belief: Belief, innovation: Array, s: int, t: float, cursor: Curso
 def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> None:
     """Take the whitened innovation and the NIS of a fix into the sums of its source, and test
     them once a second."""
-    tests, rows = cursor.tests[s], 0
-    if tests[REJECTING] == LEFT:
+    books, rows = cursor.books[s], 0
+    if books.rejecting == LEFT:
         return
-    whitened, counts = tests[WHITENED], tests[WHITENED_COUNT]
+    whitened, counts = books.whitened, books.whitened_count
     for i in range(3):
         rows += not math.isnan(innovation[i])
         if not math.isnan(innovation[3 + i]):
             whitened[i] += innovation[3 + i]
             counts[i] += 1
     if rows > 0 and not math.isnan(nis):
-        tests[NIS_SUM] += nis / rows
-        tests[NIS_COUNT] += 1
-    if t - tests[TESTED] < SECOND:
+        books.nis_sum += nis / rows
+        books.nis_count += 1
+    if t - books.tested < SECOND:
         return
-    tests[TESTED] = t
+    books.tested = t
     for i in range(3):
         if counts[i] > 0:
             mean = whitened[i] / counts[i]
             _sum_up(cursor, s, i, mean, MEAN_ALARM, t)
             _sum_up(cursor, s, 3 + i, -mean, MEAN_ALARM, t)
             whitened[i] = counts[i] = 0.0
-    if tests[NIS_COUNT] > 0:
-        _sum_up(cursor, s, 6, tests[NIS_SUM] / tests[NIS_COUNT], NIS_ALARM / max(rows, 1), t)
-        tests[NIS_SUM] = tests[NIS_COUNT] = 0.0
+    if books.nis_count > 0:
+        _sum_up(cursor, s, 6, books.nis_sum / books.nis_count, NIS_ALARM / max(rows, 1), t)
+        books.nis_sum = books.nis_count = 0.0
 
 
 @helper
 def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t: float) -> None:
     """One term of a cumulative sum, which fails above its bound until it is well below."""
-    tests, of_nis = cursor.tests[s], channel == 6
+    books, of_nis = cursor.books[s], channel == 6
     allowed, most = (NIS_ALLOWED, MOST_NIS) if of_nis else (MEAN_ALLOWED, MOST_WHITENED)
-    sums, terms, fails = tests[SUM], tests[TERMS], tests[FAILS]
+    sums, terms, fails = books.sums, books.terms, books.fails
     total = sums[channel] + min(max(value, -most), most) - allowed
     terms[channel] += 1
     if total <= 0:
@@ -376,9 +338,9 @@ def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t:
         fails[channel] = 1.0
         mean = min(total / terms[channel] + allowed, most)
         if of_nis:
-            say(cursor, NIS_OFF, s, t, mean)
+            say(cursor, Code.NIS_OFF, s, t, mean)
         else:
-            say(cursor, MEAN_OFF, 3 * s + channel % 3, t, mean if channel < 3 else -mean)
+            say(cursor, Code.MEAN_OFF, 3 * s + channel % 3, t, mean if channel < 3 else -mean)
         doubt(cursor, t)
     else:
         fails[channel] = 0.0

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from ...typing import Array, Ints
 from ..compile.choosing import any_of, where
 from ..compile.jit import caller, helper, inlined, kernel
+from ..compile.records import Table, rows_of
 from ..compile.signatures import (
     LANES,
     WHOLE,
@@ -25,39 +26,18 @@ from ..compile.signatures import (
     signature,
     wholes,
 )
-from ..mathematics.belief import BELIEF, NOISE
+from ..mathematics.belief import BELIEF, NOISE, Belief, Noise
 from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
-from .contract import (
-    CORRECT,
-    FIXES,
-    IN_LANES,
-    NUMBERED,
-    OBSERVE,
-    POSITION_KIND,
-    PREDICT,
-    VELOCITY_KIND,
-    WALK,
-    Belief,
-    Fixes,
-    Noise,
-)
-from .cursor import (
-    ACCEL_FULL_SCALE,
-    ACCEL_RANGE,
-    GYRO_FULL_SCALE,
-    GYRO_RANGE,
-    HIGHEST,
-    LOWEST,
-    SPEED,
-)
+from ..mathematics.source import OBSERVE, Kind
+from .contract import IN_LANES
+from .cursor import Limits
 from .integrity import HEARD, NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
-from .loop import LIFT_AFTER, REJECTED, SAME_TIME, walk
+from .kernels import CORRECT, PREDICT
+from .loop import SAME_TIME
+from .measurement import LIFT_AFTER, REJECTED, walk
+from .tables import FIXES, Fixes
 
-ROW, STOP, FIX, FIX_COUNT, OUT, EVERY, PHASE, FIRST_ROW, CONDITION, PLACES = range(10)
-"""LaneCursor.at: next IMU row, where to stop, next fix, how many there are, next row to keep, rows are
-kept where row % every == phase, the IMU row of the first sample that is given, and the place of the
-filter's condition in its workspace or -1."""
 IN_A_ROW, SINCE, BOOKS = range(3)
 """Columns of LaneCursor.books, a row per source: rejections since the last accepted fix, and time of
 the first of them, s."""
@@ -69,18 +49,31 @@ before."""
 SAMPLE, PART, SEEN, REPEATED, WORK = slice(0, 6), slice(6, 12), slice(12, 24), slice(24, 30), 30
 """Of LaneCursor.work: increments in use, a part of them, the innovation, and how many samples each
 axis has repeated its value."""
-TIME, BEFORE, REPEATING = 0, 1, 2
-"""LaneCursor.now: time of the belief, s; seconds of the sample before, 0 without one; 1 where an axis
-of any run repeated its value."""
+
+
+class LaneState:
+    """Where the loop stands, the same in all runs."""
+
+    row: int  # next IMU sample
+    stop: int  # where to stop
+    first_row: int  # that of the first sample that is given
+    fix: int  # next measurement
+    fixes: int  # how many there are
+    out: int  # next row to keep
+    every: int  # rows with row % every == phase are kept
+    phase: int
+    condition: int  # place of the filter's condition in its workspace, or -1
+    repeating: int  # 1: an axis of any run repeated its value
+    t: float  # time of the belief, s
+    before: float  # seconds of the sample before, 0 without one
 
 
 class LaneCursor(NamedTuple):
     """The loop's place and books of runs side by side."""
 
-    at: Ints  # the same in all runs
-    now: Array  # the same in all runs
+    state: Table[LaneState]  # one row
     last: Array  # per source: time of its last fix
-    limits: Array  # as Cursor.limits
+    limits: Table[Limits]  # as Cursor.limits
     previous: Array  # lanes (7,): increments of the sample before, seconds
     work: Array  # lanes (WORK,)
     books: Array  # lanes (sources, BOOKS)
@@ -102,10 +95,9 @@ def lanes(*shape: int | str) -> Numbers:
 
 LANE_CURSOR = record(
     LaneCursor,
-    at=wholes("places"),
-    now=reals(3),
+    state=rows_of(LaneState, 1),
     last=reals("sources"),
-    limits=reals("limits"),
+    limits=rows_of(Limits, 1),
     previous=lanes(7),
     work=lanes("work"),
     books=lanes("sources", BOOKS),
@@ -129,8 +121,6 @@ _wide = in_lanes(
     signature("", belief=BELIEF, fixes=FIXES, increments=reals("samples", 6)),
     "t",
     "sd",
-    "parameters",
-    "gate",
 )
 RUN_LANES = signature(
     "run_lanes",
@@ -170,27 +160,27 @@ def run_lanes(
     cursor: LaneCursor,
     out: LaneOutput,
 ) -> None:
-    """Process the samples at[ROW] to at[STOP] and the fixes among them. t, dt (n,) s of all samples,
+    """Process the samples state.row to state.stop and the fixes among them. t, dt (n,) s of all samples,
     which follow each other without a gap; increments (block, 6) of rotation (rad) and velocity (m/s)
-    of those from at[FIRST_ROW] on."""
-    at, now, sample, previous = cursor.at, cursor.now, cursor.work[SAMPLE], cursor.previous
-    for row in range(at[ROW], at[STOP]):
-        u = increments[row - at[FIRST_ROW]]
+    of those from state.first_row on."""
+    state, sample, previous = cursor.state[0], cursor.work[SAMPLE], cursor.previous
+    for row in range(state.row, state.stop):
+        u = increments[row - state.first_row]
         _watch(u, dt[row], t[row], cursor)
         compensate(u[0:3], u[3:6], dt[row], previous, sample)
         for i in range(6):
             previous[i] = u[i]
-        now[BEFORE] = previous[6] = dt[row]
+        state.before = previous[6] = dt[row]
         _advance(predict, correct, observers, belief, fixes, noise, cursor, out, t[row], dt[row])
         sound = abs(belief.lla[0]) <= LATITUDE_LIMIT
         sound = sound & (belief.P[0, 0] >= 0) & (belief.P[6, 6] >= 0)
         _mark(ENDED, ~(sound & (belief.C[0, 0] == belief.C[0, 0])), t[row], cursor)
-        if at[CONDITION] >= 0:
-            _note(belief.workspace[at[CONDITION]], t[row], cursor.conditions)
-        if row % at[EVERY] == at[PHASE]:
-            keep_at(keep)(belief, at[OUT], true, biases, scratch, out.kept)
-            at[OUT] += 1
-    at[ROW] = max(at[ROW], at[STOP])
+        if state.condition >= 0:
+            _note(belief.workspace[state.condition], t[row], cursor.conditions)
+        if row % state.every == state.phase:
+            keep_at(keep)(belief, state.out, true, biases, scratch, out.kept)
+            state.out += 1
+    state.row = max(state.row, state.stop)
 
 
 @inlined
@@ -208,9 +198,9 @@ def _advance(
 ) -> None:
     """Bring the belief to `until` with the increments in work[SAMPLE], which last `left` seconds,
     stopping at each fix on the way."""
-    at, now, whole, part = cursor.at, cursor.now, cursor.work[SAMPLE], cursor.work[PART]
-    while at[FIX] < at[FIX_COUNT] and fixes.t[at[FIX]] <= until + SAME_TIME:
-        span = fixes.t[at[FIX]] - (until - left)
+    state, whole, part = cursor.state[0], cursor.work[SAMPLE], cursor.work[PART]
+    while state.fix < state.fixes and fixes.t[state.fix] <= until + SAME_TIME:
+        span = fixes.t[state.fix] - (until - left)
         if span > SAME_TIME and left - span > SAME_TIME:
             for i in range(6):
                 part[i] = whole[i] * (span / left)
@@ -223,7 +213,7 @@ def _advance(
         _use_fix(correct, observers, belief, fixes, cursor, out)
     if left > 0:
         predict_at(predict)(belief, whole, left, noise)
-    now[TIME] = until
+    state.t = until
 
 
 @inlined
@@ -236,12 +226,12 @@ def _use_fix(
     out: LaneOutput,
 ) -> None:
     """Hand the next fix to the filter and keep the books of its source."""
-    k = cursor.at[FIX]
+    k = cursor.state[0].fix
     s, t, row = fixes.source[k], fixes.t[k], out.fix[k]
-    gate, innovation, books = fixes.gate[s], cursor.work[SEEN], cursor.books[s]
-    if fixes.parameters[s, WALK] > 0:
-        walk(belief.P, fixes.parameters, s, t - cursor.last[s])
-    _look(fixes.y[k], fixes.kind[s], belief, t, cursor)
+    gate, innovation, books = fixes.sources[s].gate, cursor.work[SEEN], cursor.books[s]
+    if fixes.sources[s].walk > 0:
+        walk(belief.P, fixes.sources[s], t - cursor.last[s])
+    _look(fixes.y[k], fixes.sources[s].kind, belief, t, cursor)
     cursor.last[s] = t
     for i in range(3, 12):
         innovation[i] = math.nan  # not every filter whitens
@@ -249,9 +239,9 @@ def _use_fix(
         belief,
         fixes.y[k],
         fixes.sd[k],
-        fixes.kind[s],
-        observe_at(observers[fixes.kind[s]]),
-        fixes.parameters[s],
+        fixes.sources[s].kind,
+        observe_at(observers[fixes.sources[s].kind]),
+        fixes.sources[s],
         gate,
         innovation,
     )
@@ -264,16 +254,16 @@ def _use_fix(
     row[NIS], row[USED] = nis, where(rejected | (nothing & math.isnan(nis)), 0.0, 1.0)
     for i in range(3):
         row[INNOVATION + i] = innovation[i]
-    cursor.at[FIX] += 1
+    cursor.state[0].fix += 1
 
 
 @inlined
 def _may_be_alone(fixes: Fixes, s: int, t: float, cursor: LaneCursor) -> bool:
     """Whether the one loop may treat a rejected fix as one that nothing contradicts, as it does with
     velocities in the body while it dead reckons."""
-    alone = fixes.kind[s] >= len(NUMBERED)
-    for k in range(fixes.kind.size):
-        if fixes.kind[k] == POSITION_KIND or fixes.kind[k] == VELOCITY_KIND:
+    alone = fixes.sources[s].kind >= len(Kind)
+    for k in range(fixes.sources.size):
+        if fixes.sources[k].kind == Kind.POSITION or fixes.sources[k].kind == Kind.VELOCITY:
             alone &= t - cursor.last[k] > HEARD
     return alone
 
@@ -289,9 +279,9 @@ def _mark(what: int, which: bool, t: float, cursor: LaneCursor) -> None:
 def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
     """Runs of which `core.loop.integrity.plausible` would look at this sample more closely must go
     alone."""
-    limits, previous, before = cursor.limits, cursor.previous, cursor.now[BEFORE]
-    gyro = min(limits[GYRO_RANGE], limits[GYRO_FULL_SCALE] * (1 - SAME_VALUE)) * dt
-    accel = min(limits[ACCEL_RANGE], limits[ACCEL_FULL_SCALE] * (1 - SAME_VALUE)) * dt
+    limits, previous, before = cursor.limits[0], cursor.previous, cursor.state[0].before
+    gyro = min(limits.gyro_range, limits.gyro_full_scale * (1 - SAME_VALUE)) * dt
+    accel = min(limits.accel_range, limits.accel_full_scale * (1 - SAME_VALUE)) * dt
     usual = abs(u[0]) <= gyro
     for i in range(1, 6):
         usual = usual & (abs(u[i]) <= (gyro if i < 3 else accel))
@@ -301,33 +291,33 @@ def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
             change = abs(u[i] * before - previous[i] * dt)
             same = same | ~(change > SAME_VALUE * before * abs(u[i]))
     _mark(LEFT, ~usual, t, cursor)
-    if any_of(same) or cursor.now[REPEATING] > 0:
+    if any_of(same) or cursor.state[0].repeating > 0:
         _count_repeated(u, dt, t, cursor)
 
 
 @helper
 def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
     """Runs of which an axis repeats its value for as long as that of a stuck sensor must go alone."""
-    repeated, before = cursor.work[REPEATED], cursor.now[BEFORE]
-    cursor.now[REPEATING] = 0.0
+    repeated, before = cursor.work[REPEATED], cursor.state[0].before
+    cursor.state[0].repeating = 0
     for i in range(6):
         change = abs(u[i] * before - cursor.previous[i] * dt)
         repeated[i] = where(change > SAME_VALUE * before * abs(u[i]), 0.0, repeated[i] + 1)
         _mark(LEFT, repeated[i] >= STUCK_SAMPLES, t, cursor)
         if any_of(repeated[i] > 0):
-            cursor.now[REPEATING] = 1.0
+            cursor.state[0].repeating = 1
 
 
 @inlined
 def _look(y: Array, kind: int, belief: Belief, t: float, cursor: LaneCursor) -> None:
     """Runs whose fix `core.loop.integrity.measured` might not believe must go alone."""
-    limits = cursor.limits
-    if kind == POSITION_KIND:
+    limits = cursor.limits[0]
+    if kind == Kind.POSITION:
         nowhere = (abs(y[0]) < NEAR_NULL) & (abs(y[1]) < NEAR_NULL)
-        _mark(LEFT, nowhere | (y[2] < limits[LOWEST]) | (y[2] > limits[HIGHEST]), t, cursor)
-    elif kind == VELOCITY_KIND:
+        _mark(LEFT, nowhere | (y[2] < limits.lowest) | (y[2] > limits.highest), t, cursor)
+    elif kind == Kind.VELOCITY:
         square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
-        _mark(LEFT, ~(square <= 0.99 * limits[SPEED] * limits[SPEED]), t, cursor)
+        _mark(LEFT, ~(square <= 0.99 * limits.speed * limits.speed), t, cursor)
 
 
 @helper

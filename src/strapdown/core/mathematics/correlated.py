@@ -11,8 +11,9 @@ import math
 
 from ...typing import Array
 from ..compile.jit import helper
-from ..loop.contract import CORRELATED_SD, CORRELATED_STATE, CORRELATION_TIME, KEPT, STATES
+from .belief import STATES
 from .kalman import decay
+from .source import SourceRow
 
 FADED = -98.0
 """First number of a record of `fade`, which no filter's own begins with. Behind it phi, and of each
@@ -20,15 +21,15 @@ row its state, or 0."""
 
 
 @helper
-def fade(P: Array, states: Array, parameters: Array, seconds: float, record: Array) -> None:
+def fade(P: Array, states: Array, source: SourceRow, seconds: float, record: Array) -> None:
     """The correlated errors of a source, among the states beyond the fifteenth, `seconds` after its
     fix before: c <- phi c, P <- Phi P Phi' + Q. Phi goes on the record (0,) or (5,)."""
-    keep = decay(seconds / parameters[CORRELATION_TIME])
-    parameters[KEPT] = keep
+    keep = decay(seconds / source.correlation_time)
+    source.kept = keep
     if record.size > 0:
         record[0], record[1] = FADED, keep
     for i in range(3):
-        k, sd = int(parameters[CORRELATED_STATE + i]), parameters[CORRELATED_SD + i]
+        k, sd = source.correlated_state[i], source.correlated_sd[i]
         if record.size > 0:
             record[2 + i] = k
         if k > 0:
@@ -52,20 +53,19 @@ def unfade(record: Array, lam: Array, Lam: Array) -> None:
 
 
 @helper
-def see(states: Array, parameters: Array, innovation: Array, H: Array) -> None:
+def see(states: Array, source: SourceRow, innovation: Array, H: Array) -> None:
     """Add to what a source observes its correlated errors as they are estimated: innovation and
     H."""
     for i in range(3):
-        k = int(parameters[CORRELATED_STATE + i])
+        k = source.correlated_state[i]
         if k > 0:
             innovation[i] -= states[k - STATES]
             H[i, k] = 1.0
 
 
 @helper
-def widened(sd: Array, parameters: Array, wider: Array) -> Array:
-    """The standard deviations with those of the correlated errors that are no states, in `wider`."""
+def widen(sd: Array, source: SourceRow) -> None:
+    """Add to the standard deviations those of the correlated errors that are no states."""
     for i in range(3):
-        more = parameters[CORRELATED_SD + i] if parameters[CORRELATED_STATE + i] == 0 else 0.0
-        wider[i] = math.hypot(sd[i], more)
-    return wider
+        more = source.correlated_sd[i] if source.correlated_state[i] == 0 else 0.0
+        sd[i] = math.hypot(sd[i], more)

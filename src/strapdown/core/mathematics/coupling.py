@@ -1,7 +1,7 @@
 """Scale and misalignment of the IMU as states: what they do to a prediction, for every filter.
 
 A sensor reads u + M u, u being what there is: its scale on the diagonal of M, its misalignment
-beside it. A state is the error of one number of M, as read in `Cursor.coupled`. The increments are
+beside it. A state is the error of one number of M, as a row of `Coupling` says. The increments are
 corrected by the estimates before they are predicted with, to first order: u less s u[j] in component
 i. What is left, the error of s, moves velocity or attitude by G = -C[:, i] u[j], so that behind the
 prediction P <- T P T' with T = I + G e_s'. The smoother undoes that by its adjoint, from a record of
@@ -10,42 +10,49 @@ the loop's own.
 
 from ...typing import Array
 from ..compile.jit import helper
-from ..loop.contract import Cursor
+from ..compile.records import Table
 from .belief import ATT, STATES, VEL, Belief
 
-STATE, INTO, FROM = 0, 1, 2
-"""Columns of Cursor.coupled: a state, the component i of the increments that it changes and the
-component j that it takes of: 0 to 2 of the gyro, 3 to 5 of the accelerometer."""
+
+class Coupling:
+    """A state of the IMU, and which increments it acts on: 0 to 2 of the gyro, 3 to 5 of the
+    accelerometer."""
+
+    state: int
+    into: int  # the component of the increments that it changes
+    out_of: int  # the component that it takes of
+
+
 COUPLED = -99.0
 """First number of a record of `couple`, which no filter's own begins with. Behind it the rows, and
 of each its state, the first of the three states that it moves, and G (3)."""
 ROW = 5
-RAW = slice(12, 18)
-"""Of Cursor.work: the increments as they were read."""
 
 
 @helper
-def read(cursor: Cursor, belief: Belief, u: Array, sign: float) -> None:
-    """Take from the increments u what the estimates say that is too much of them (sign -1), or add
-    it (1)."""
-    raw, coupled = cursor.work[RAW], cursor.coupled
+def correct_increments(
+    coupled: Table[Coupling], belief: Belief, u: Array, sign: float, raw: Array
+) -> None:
+    """Keep the increments u in `raw`, then take from u what the estimates say that is too much of
+    them (sign -1), or add it (1)."""
     for i in range(6):
         raw[i] = u[i]
-    for row in range(coupled.shape[0]):
-        s = belief.extra_states[coupled[row, STATE] - STATES]
-        u[coupled[row, INTO]] += sign * s * raw[coupled[row, FROM]]
+    for row in range(coupled.size):
+        one = coupled[row]
+        s = belief.extra_states[one.state - STATES]
+        u[one.into] += sign * s * raw[one.out_of]
 
 
 @helper
-def couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
-    """P <- T P T' after a prediction over dt with increments of `read`; T goes on the record (0,)
-    or (2 + ROW rows,)."""
-    coupled, P, w, h = cursor.coupled, belief.P, belief.omega, 0.5 * dt
-    for row in range(coupled.shape[0]):
-        state, into = coupled[row, STATE], coupled[row, INTO]
+def couple(coupled: Table[Coupling], belief: Belief, raw: Array, dt: float, record: Array) -> None:
+    """P <- T P T' after a prediction over dt with increments that were read as `raw`; T goes on the
+    record (0,) or (2 + ROW rows,)."""
+    P, w, h = belief.P, belief.omega, 0.5 * dt
+    for row in range(coupled.size):
+        state, into = coupled[row].state, coupled[row].into
         first, i = (ATT.start, into) if into < 3 else (VEL.start, into - 3)
         j, k = (i + 1) % 3, (i + 2) % 3
-        size = -cursor.work[RAW][coupled[row, FROM]]
+        size = -raw[coupled[row].out_of]
         # the axis at mid-interval: half a turn back
         g0, g1, g2 = (
             size * (belief.C[0, i] - h * (w[k] * belief.C[0, j] - w[j] * belief.C[0, k])),
@@ -58,7 +65,7 @@ def couple(cursor: Cursor, belief: Belief, dt: float, record: Array) -> None:
             record[at], record[at + 1] = state, first
             record[at + 2], record[at + 3], record[at + 4] = g0, g1, g2
     if record.size > 0:
-        record[0], record[1] = COUPLED, coupled.shape[0]
+        record[0], record[1] = COUPLED, coupled.size
 
 
 @helper

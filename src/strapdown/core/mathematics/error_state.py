@@ -8,7 +8,6 @@ from ...typing import Array
 from ..compile.choosing import any_of, where
 from ..compile.jit import flatten, helper, inlined, matrix
 from ..compile.workspace import MOST_STATES, Slots
-from ..loop.contract import CORRELATION_TIME, Observe
 from .belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
 from .correlated import see
 from .earth import displace
@@ -23,6 +22,7 @@ from .kalman import (
     used_rows,
 )
 from .rotation import NineNumbers, orthonormalise, rotate_left, rotation_terms, turned_by
+from .source import Observe, SourceRow
 
 PREDICTED = -1.0  # the last call was a prediction
 ERROR_STATE = Slots(room=16)
@@ -137,7 +137,7 @@ def measure(
     y: Array,
     sd: Array,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -148,7 +148,7 @@ def measure(
     """
     n = belief.P.shape[0]
     H = matrix(belief.workspace, JACOBIAN, 3, n)
-    rows = observed(belief, y, observe, parameters, innovation, H)
+    rows = observed(belief, y, observe, source, innovation, H)
     nis = update(
         belief.P, H, innovation, sd, rows, gate, belief.workspace[WORK], belief.workspace[DX]
     )
@@ -159,7 +159,7 @@ def measure(
 
 @inlined
 def observed(
-    belief: Belief, y: Array, observe: Observe, parameters: Array, innovation: Array, H: Array
+    belief: Belief, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
 ) -> int:
     """What `observe` makes of a fix, and the correlated errors of its source: innovation and H,
     cleared before. Returns the rows."""
@@ -168,9 +168,9 @@ def observed(
     for i in range(3):
         for j in range(H.shape[1]):
             H[i, j] = 0.0
-    rows = observe(belief, y, parameters, innovation, H)
-    if parameters[CORRELATION_TIME] > 0:
-        see(belief.extra_states, parameters, innovation, H)
+    rows = observe(belief, y, source, innovation, H)
+    if source.correlation_time > 0:
+        see(belief.extra_states, source, innovation, H)
     return rows
 
 

@@ -9,8 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...core.loop.cursor import FOLD
-from ...core.loop.loop import F_SOURCE
+from ...core.loop.log import FOLD
 from ...data import Aiding
 from ...typing import Ints, Mask
 from . import causes
@@ -33,7 +32,7 @@ WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
 def find(fixes: Fixes, aidings: Sequence[Aiding]) -> list[Run]:
     """The runs of all sources, in the order of their beginning; what is chance is left out."""
     runs: list[Run] = []
-    for s in np.unique(fixes.rows[fixes.rejected, F_SOURCE].astype(int)).tolist():
+    for s in np.unique(fixes.rows["source"][fixes.rejected].astype(int)).tolist():
         runs += _of_source(s, fixes.of(s), fixes, aidings[s].kind)
     return blamed(sorted(runs, key=lambda run: (run.start, run.source)))
 

@@ -1,11 +1,11 @@
 """The fixes that the loop wrote, and those about a run of rejections."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.loop import loop
+from ...core.loop.contract import Use
 from ...typing import Array, Ints, Mask
 from .causes import Window
 
@@ -17,42 +17,42 @@ MOVED = 0.5  # s to either side over which accelerations are taken
 class Fixes(NamedTuple):
     """Fixes as the loop wrote them, in their order."""
 
-    rows: Array  # (m, FIX_WIDTH)
+    rows: Any  # (m,) a table of FixRow
     sd: Array  # (m, 3) stated
     after: Array  # (sources,) s: rejections up to then are known already
     begin: Array  # (sources,) s: the first that was tested, kept or not
 
     def of(self, s: int) -> "Fixes":
         """Those of a source that were tested."""
-        own = (self.rows[:, loop.F_SOURCE] == s) & np.isfinite(self.rows[:, loop.F_NIS])
+        own = (self.rows["source"] == s) & np.isfinite(self.rows["nis"])
         return self._replace(rows=self.rows[own], sd=self.sd[own])
 
     @property
     def t(self) -> Array:
         """Times (m,), s."""
-        return self.rows[:, loop.F_T]
+        return self.rows["t"]
 
     @property
     def began(self) -> float:
         """Of fixes of one source: when its first was tested, s."""
-        return float(self.begin[int(self.rows[0, loop.F_SOURCE])])
+        return float(self.begin[int(self.rows["source"][0])])
 
     @property
     def nis(self) -> Array:
         """(m,)"""
-        return self.rows[:, loop.F_NIS]
+        return self.rows["nis"]
 
     @property
     def measured(self) -> Ints:
         """Rows of each innovation (m,)."""
-        known = np.isfinite(self.rows[:, loop.F_INNOVATION : loop.F_NIS])
+        known = np.isfinite(self.rows["innovation"])
         return known.sum(axis=1, dtype=np.int64)
 
     @property
     def rejected(self) -> Mask:
         """(m,)"""
-        new = self.t > self.after[self.rows[:, loop.F_SOURCE].astype(int)]
-        return new & (self.rows[:, loop.F_USE] == loop.REJECTED_FIX)
+        new = self.t > self.after[self.rows["source"].astype(int)]
+        return new & (self.rows["use"] == Use.REJECTED)
 
 
 def window(own: Fixes, every: Fixes, kind: str, parts: Sequence[Ints], before: int = 0) -> Window:
@@ -63,17 +63,17 @@ def window(own: Fixes, every: Fixes, kind: str, parts: Sequence[Ints], before: i
     stop = min(last, first + MOST_INSIDE)
     end = int(np.searchsorted(own.t, own.t[stop] + AFTER, "right"))
     rows = own.rows[begin : min(end, stop + 1 + MOST_AFTER)]
-    t, use = rows[:, loop.F_T], rows[:, loop.F_USE]
+    t, use = rows["t"], rows["use"]
     sd = own.sd[begin : begin + len(rows)]
-    used = use != loop.REJECTED_FIX
+    used = use != Use.REJECTED
     return Window(
         t,
-        rows[:, loop.F_INNOVATION : loop.F_NIS],
+        rows["innovation"],
         _root(rows, sd),
         np.nan_to_num(sd),
         used,
-        used & (use != loop.REACQUIRED),
-        np.nan_to_num(rows[:, loop.F_V : loop.FIX_WIDTH]),
+        used & (use != Use.REACQUIRED),
+        np.nan_to_num(rows["v"]),
         _acceleration(every, t),
         kind,
         tuple(
@@ -84,11 +84,11 @@ def window(own: Fixes, every: Fixes, kind: str, parts: Sequence[Ints], before: i
     )
 
 
-def _root(rows: Array, sd: Array) -> Array:
+def _root(rows: Any, sd: Array) -> Array:
     """(m, 3, 3) L of the innovations; where a filter gives none, of the stated deviations, and with
     unit diagonals where nothing was measured."""
     root = np.zeros((len(rows), 3, 3))
-    root[:, *np.tril_indices(3)] = rows[:, loop.F_ROOT : loop.F_WEIGHT]
+    root[:, *np.tril_indices(3)] = rows["root"]
     diagonal = root[:, range(3), range(3)]
     stated = np.where(sd > 0, sd, 1.0)
     diagonal = np.where(diagonal > 0, diagonal, stated)
@@ -100,7 +100,7 @@ def _root(rows: Array, sd: Array) -> Array:
 def _acceleration(every: Fixes, t: Array) -> Array:
     """(m, 3) m/s^2 of the filter at these times."""
     near = slice(*np.searchsorted(every.t, [t[0] - 10 * MOVED, t[-1] + 10 * MOVED]))
-    times, v = every.t[near], np.nan_to_num(every.rows[near, loop.F_V : loop.FIX_WIDTH])
+    times, v = every.t[near], np.nan_to_num(every.rows["v"][near])
     low, high = np.clip(t - MOVED, times[0], times[-1]), np.clip(t + MOVED, times[0], times[-1])
     change = [np.interp(high, times, axis) - np.interp(low, times, axis) for axis in v.T]
     return np.column_stack(change) / np.maximum(high - low, 1e-3)[:, None]

@@ -176,7 +176,7 @@ def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Sco
         fix[..., lane_loop.NIS],
         fix[..., lane_loop.USED] > 0,
         np.searchsorted(
-            side.fixes.t, np.minimum(ended, cursor.now[lane_loop.TIME]) + SAME_TIME, side="right"
+            side.fixes.t, np.minimum(ended, cursor.state[0].t) + SAME_TIME, side="right"
         ),
     )
     held = np.where(cursor.conditions[:, :runs] < ended, cursor.conditions[:, :runs], np.inf)

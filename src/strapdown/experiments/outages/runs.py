@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from ...checks import DataError
-from ...core.loop import cursor as places, loop
-from ...core.loop.contract import DELAY, DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
+from ...core.loop import loop
+from ...core.loop.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
 from ...data import Aiding
 from ...engine.batch import begin
 from ...engine.events import Events
@@ -188,7 +188,7 @@ def _stands(run: Run, rows: Iterable[int]) -> dict[int, Stand]:
     stands: dict[int, Stand] = {}
     for row in sorted(rows):
         run.advance(row)
-        if run.cursor.at[places.FAULT]:
+        if run.cursor.state[0].fault:
             break
         stands[row] = _copied(run.belief, run.cursor)
     return stands
@@ -196,7 +196,7 @@ def _stands(run: Run, rows: Iterable[int]) -> dict[int, Stand]:
 
 def _stopped(run: Run) -> str:
     """Why `run` stopped, "" where it did not."""
-    if not run.cursor.at[places.FAULT]:
+    if not run.cursor.state[0].fault:
         return ""
     try:
         return solution(run).meta["stopped"]
@@ -240,12 +240,12 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
     rows, fixes = slice(outage.branch, outage.last), run.fixes
     samples = Imu(*(column[rows] for column in run.samples))
     near = slice(
-        int(cursor.at[places.FIX]),
+        int(cursor.state[0].fix),
         int(np.searchsorted(fixes.t, samples.t[-1] + loop.SAME_TIME, side="right")),
     )
     t, source = fixes.t[near], fixes.source[near]
     # one whose clock is a state is used later than its stamp says
-    waited = fixes.parameters[source, DELAY]
+    waited = fixes.sources["delay"][source]
     stamp = np.where(waited > 0, np.round(t - waited, 9), t)
     keep = ~((stamp >= outage.start) & (stamp < outage.stop) & np.isin(source, sources))
     fixes = fixes._replace(
@@ -253,13 +253,13 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
         source=source[keep],
         y=fixes.y[near][keep],
         sd=fixes.sd[near][keep],
-        parameters=fixes.parameters.copy(),  # the loop writes there, and outages run at a time
+        sources=fixes.sources.copy(),  # the loop writes there, and outages run at a time
     )
-    at, unscored = cursor.at, outage.first - outage.branch
-    at[[places.ROW, places.FIX, places.OUT]], at[places.FIXES] = 0, keep.sum()
-    at[places.EVERY], at[places.PHASE] = 1, -1
+    state, unscored = cursor.state[0], outage.first - outage.branch
+    state.row = state.fix = state.out = 0
+    state.fixes, state.every, state.phase = keep.sum(), 1, -1
     out = new_output(run.filter, belief, len(samples.t) - unscored, False, len(fixes.t))
-    start = run.start._replace(t=float(cursor.now[0]))
+    start = run.start._replace(t=float(cursor.state[0].t))
     events = Events(run.filter, run.recording.aidings, run.events.vehicle)
     branched = run._replace(
         samples=samples,
@@ -272,7 +272,7 @@ def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run
         events=events,
     )
     branched.advance(unscored)
-    if not at[places.FAULT]:
-        at[places.PHASE] = 0
+    if not state.fault:
+        state.phase = 0
         branched.advance(len(samples.t))
     return branched

@@ -16,6 +16,7 @@ from ...core.loop.contract import (
     Filter,
     Noise,
     Observe,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -141,14 +142,14 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the states. A measured attitude also is the known one from now on."""
-    fade_shared(belief, parameters)
+    fade_shared(belief, source)
     weigh(belief, sd, kind)
-    nis = correct_angles(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
+    nis = correct_angles(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         corrected(belief, y, sd, kind)
     return nis

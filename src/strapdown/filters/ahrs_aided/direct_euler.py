@@ -16,6 +16,7 @@ from ...core.loop.contract import (
     Filter,
     Noise,
     Observe,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -91,12 +92,12 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the states; P is turned by half of the correction, as in a closed loop."""
-    nis = correct_angles(belief, y, sd, observe, parameters, gate, innovation)
+    nis = correct_angles(belief, y, sd, observe, source, gate, innovation)
     if nis <= gate:
         theta = belief.workspace[DX][ATT]
         turn_half(belief.P, theta[0], theta[1], theta[2])

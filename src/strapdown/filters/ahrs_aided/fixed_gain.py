@@ -15,18 +15,17 @@ from numpy.typing import NDArray
 
 from ...checks import check_number
 from ...core.loop.contract import (
-    ALTITUDE_KIND,
-    ATTITUDE_KIND,
     CORRECT,
     MOST_STATES,
     PREDICT,
     STATES,
-    VELOCITY_KIND,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -177,7 +176,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -186,11 +185,11 @@ def correct(
     workspace, C, n = belief.workspace, belief.C, belief.P.shape[0]
     H, own, change = matrix(workspace, JACOBIAN, 3, n), workspace[OWN], workspace[CHANGE]
     _step(belief)
-    rows = observed(belief, y, observe, parameters, innovation, H)
+    rows = observed(belief, y, observe, source, innovation, H)
     nis = test(belief.P, own, H, innovation, sd, rows)
     if not nis <= gate:
         return nis
-    if kind == ATTITUDE_KIND:
+    if kind == Kind.ATTITUDE:
         if not math.isnan(innovation[0]):
             _renew(belief, y, sd)
             euler_to_matrix(y[0], y[1], measured_heading(y, C), C)
@@ -198,10 +197,10 @@ def correct(
     K = workspace[GAIN]
     for i in range(9):
         change[i] = K[i] = 0.0
-    for row in range(1 if kind == ALTITUDE_KIND else 3):
-        axis = 2 if kind == ALTITUDE_KIND else row
+    for row in range(1 if kind == Kind.ALTITUDE else 3):
+        axis = 2 if kind == Kind.ALTITUDE else row
         if not math.isnan(innovation[row]):
-            _pull(workspace, axis, 0 if kind != VELOCITY_KIND else 3, K)
+            _pull(workspace, axis, 0 if kind != Kind.VELOCITY else 3, K)
             for i in range(3):
                 change[3 * i + axis] = K[3 * i + axis] * innovation[row]
     _account(belief, sd, kind, innovation, H)
@@ -230,8 +229,8 @@ def _account(belief: Belief, sd: Array, kind: int, innovation: Array, H: Array) 
         workspace[GAIN],
     )
     _clear(workspace)
-    for row in range(1 if kind == ALTITUDE_KIND else 3):
-        axis = 2 if kind == ALTITUDE_KIND else row
+    for row in range(1 if kind == Kind.ALTITUDE else 3):
+        axis = 2 if kind == Kind.ALTITUDE else row
         if math.isnan(innovation[row]):
             continue
         r[row, row], a[row, axis], a[row, 3 + axis] = sd[row] * sd[row], -K[axis], -K[3 + axis]

@@ -9,6 +9,7 @@ from ...core.loop.contract import (
     Filter,
     Noise,
     Observe,
+    SourceRow,
     Start,
     kernel,
 )
@@ -52,15 +53,15 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known
     one from now on."""
-    fade_shared(belief, parameters)
+    fade_shared(belief, source)
     weigh(belief, sd, kind)
-    nis = measure(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
+    nis = measure(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         inject_all(belief, belief.workspace[DX])
         corrected(belief, y, sd, kind)

@@ -15,6 +15,7 @@ from ...core.loop.contract import (
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     kernel,
     matrix,
@@ -101,15 +102,15 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the error beside the INS. A measured attitude also is the known one from now
     on."""
-    fade_shared(belief, parameters)
+    fade_shared(belief, source)
     weigh(belief, sd, kind)
-    nis = correct_beside(belief, y, belief.workspace[DV], observe, parameters, gate, innovation)
+    nis = correct_beside(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         x, attitude = belief.workspace[X], matrix(belief.workspace, C, 3, 3)
         rotate_left(x[6], x[7], x[8], attitude)

@@ -25,15 +25,14 @@ from collections.abc import Mapping
 from ...checks import check_choice, check_number
 from ...core.compile.jit import helper, matrix
 from ...core.loop.contract import (
-    ATTITUDE_KIND,
-    CORRELATED_STATE,
-    KEPT,
     MOST_STATES,
     STATES,
     Belief,
+    Kind,
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     first_event,
 )
@@ -152,14 +151,14 @@ def _go_on(workspace: Array, variance: float) -> float:
 
 
 @helper
-def fade_shared(belief: Belief, parameters: Array) -> None:
+def fade_shared(belief: Belief, source: SourceRow) -> None:
     """Before a fix: what its correlated errors have in common with the errors of the known attitude
     fades as they did."""
     S = matrix(belief.workspace, SHARED, CONSIDER, belief.P.shape[0])
     for i in range(3):
-        state = int(parameters[CORRELATED_STATE + i])
+        state = source.correlated_state[i]
         for k in range(CONSIDER if state > 0 else 0):
-            S[k, state] *= parameters[KEPT]
+            S[k, state] *= source.kept
 
 
 @helper
@@ -171,7 +170,7 @@ def weigh(belief: Belief, sd: Array, kind: int) -> None:
     power of its correlated ones.
     """
     workspace, used, scale = belief.workspace, belief.workspace[DV], 1.0
-    if kind == ATTITUDE_KIND:
+    if kind == Kind.ATTITUDE:
         scale = math.sqrt(
             max(
                 2 * workspace[CORRELATION] / max(workspace[SINCE_TILT], SHORTEST_RECORD_INTERVAL),
@@ -373,7 +372,7 @@ def corrected(belief: Belief, y: Array, sd: Array, kind: int) -> None:
     """After a fix that was used: what it tells of the known attitude; a measured attitude is
     that one from now on."""
     learn(belief)
-    if kind == ATTITUDE_KIND:
+    if kind == Kind.ATTITUDE:
         take_attitude(belief, y, sd)
 
 
@@ -448,13 +447,13 @@ def correct_angles(
     y: Array,
     sd: Array,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the belief by one fix: angles by angles, unless they are steep. Returns the
     NIS."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, source, gate, innovation)
     if nis <= gate:
         dx = belief.workspace[DX]
         inject_all(belief, dx)

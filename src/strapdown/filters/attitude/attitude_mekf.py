@@ -17,18 +17,18 @@ from ...core.loop.contract import (
     ADJOINT_STEP,
     CORRECT,
     DECAYING,
-    MAGNETIC_KIND,
-    OF_KIND,
     PREDICT,
     SAVE_STEP,
     STATES,
     Belief,
     Condition,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
     Smoother,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -423,17 +423,17 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct by the horizontal direction of a magnetic field, whose innovation is an angle
     (rad), or by a heading."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    if kind == MAGNETIC_KIND:
-        return _field(belief, y, sd, parameters, gate, innovation)
+    if kind == Kind.MAGNETIC_FIELD:
+        return _field(belief, y, sd, source, gate, innovation)
     H = matrix(workspace, JACOBIAN, 3, n)
-    observed(belief, y, observe, parameters, innovation, H)
+    observed(belief, y, observe, source, innovation, H)
     nis = _used(belief, H[0, 6], H[0, 7], H[0, 8], innovation, sd[0] * sd[0], gate)
     if nis <= gate:
         workspace[HEADED] = workspace[CLOCK]
@@ -485,7 +485,7 @@ def _used(
 
 @helper
 def _field(
-    belief: Belief, y: Array, sd: Array, parameters: Array, gate: float, innovation: Array
+    belief: Belief, y: Array, sd: Array, source: SourceRow, gate: float, innovation: Array
 ) -> float:
     """Declination less the azimuth of the field y (T, body), turned to n; its derivative is
     exact in all three attitude errors."""
@@ -494,19 +494,25 @@ def _field(
     square = north * north + east * east
     for i in range(innovation.size):
         innovation[i] = math.nan
-    if not (square > 0 and parameters[0] * parameters[0] + parameters[1] * parameters[1] > 0):
+    if not (
+        square > 0
+        and source.parameters[0] * source.parameters[0]
+        + source.parameters[1] * source.parameters[1]
+        > 0
+    ):
         _write_nothing(workspace)
         return math.nan
     # of two fields at one time the second is another magnetometer's
     seconds = min(workspace[SINCE], 1.0) if workspace[SINCE] > 0 else workspace[INTERVAL]
-    if refused(belief, y, sd, parameters, square, down):
+    if refused(belief, y, sd, source, square, down):
         workspace[SINCE] = 0.0
         _write_nothing(workspace)
         return math.nan
     innovation[0] = math.atan2(
-        parameters[1] * north - parameters[0] * east, parameters[0] * north + parameters[1] * east
+        source.parameters[1] * north - source.parameters[0] * east,
+        source.parameters[0] * north + source.parameters[1] * east,
     )
-    density, strength, dip = field_density(belief, parameters, square, down, seconds)
+    density, strength, dip = field_density(belief, source, square, down, seconds)
     variance = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * square) + (
         density / seconds if seconds > 0 else 0.0
     )
@@ -515,40 +521,44 @@ def _field(
     )
     if nis <= gate:
         workspace[SINCE], workspace[INTERVAL] = 0.0, seconds
-        field_used(workspace, parameters, strength, dip)
+        field_used(workspace, source, strength, dip)
     return nis
 
 
 @helper
-def field_used(workspace: Array, parameters: Array, strength: float, dip: float) -> None:
+def field_used(workspace: Array, source: SourceRow, strength: float, dip: float) -> None:
     """Book a used field: when, and what `field_density` followed."""
-    s = _magnetometer(parameters)
+    s = _magnetometer(source)
     workspace[USED_AT][s], workspace[STRENGTH][s] = workspace[CLOCK], strength
     workspace[DIP][s] = dip
 
 
 @helper
-def _magnetometer(parameters: Array) -> int:
+def _magnetometer(source: SourceRow) -> int:
     """Whose books are those of a source."""
-    return min(int(parameters[OF_KIND]), MAGNETOMETERS - 1)
+    return min(source.of_kind, MAGNETOMETERS - 1)
 
 
 @helper
-def _known(parameters: Array) -> tuple[float, float]:
+def _known(source: SourceRow) -> tuple[float, float]:
     """Strength (T) and dip (rad) of the reference field."""
-    horizontal = math.sqrt(parameters[0] * parameters[0] + parameters[1] * parameters[1])
-    return math.hypot(horizontal, parameters[2]), math.atan2(parameters[2], horizontal)
+    horizontal = math.sqrt(
+        source.parameters[0] * source.parameters[0] + source.parameters[1] * source.parameters[1]
+    )
+    return math.hypot(horizontal, source.parameters[2]), math.atan2(
+        source.parameters[2], horizontal
+    )
 
 
 @helper
 def refused(
-    belief: Belief, y: Array, sd: Array, parameters: Array, square: float, down: float
+    belief: Belief, y: Array, sd: Array, source: SourceRow, square: float, down: float
 ) -> bool:
     """Whether a field y (T) of that horizontal square (T^2) and downward part (T) cannot be the
     known one, and the books of that."""
-    workspace, P, s = belief.workspace, belief.P, _magnetometer(parameters)
+    workspace, P, s = belief.workspace, belief.P, _magnetometer(source)
     turn = _turn_since(workspace, s, y)
-    strength, dip = _known(parameters)
+    strength, dip = _known(source)
     noise = SURELY * math.sqrt((sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / 3)
     tilt = SURELY * math.sqrt(P[6, 6] + P[7, 7])
     size = math.sqrt(square + down * down)
@@ -592,14 +602,14 @@ def _turn_since(workspace: Array, s: int, y: Array) -> float:
 
 @helper
 def field_density(
-    belief: Belief, parameters: Array, square: float, down: float, seconds: float
+    belief: Belief, source: SourceRow, square: float, down: float, seconds: float
 ) -> tuple[float, float, float]:
     """Density (rad^2 s) of the azimuth of a field of that horizontal square (T^2) and downward
     part (T); its running strength (T) and dip (rad), followed."""
-    workspace, omega, s = belief.workspace, belief.omega, _magnetometer(parameters)
+    workspace, omega, s = belief.workspace, belief.omega, _magnetometer(source)
     strength, dip = workspace[STRENGTH][s], workspace[DIP][s]
     if strength == 0:
-        strength, dip = _known(parameters)
+        strength, dip = _known(source)
     off, strength, dip = _departure(strength, dip, square, down, seconds)
     density = workspace[HEADING] + workspace[DISTURBANCE] * off
     density += workspace[TIMING] * (omega[0] * omega[0] + omega[1] * omega[1] + omega[2] * omega[2])

@@ -19,14 +19,14 @@ from ...checks import check_number
 from ...core.loop.contract import (
     CORRECT,
     DECAYING,
-    HEADING_KIND,
-    MAGNETIC_KIND,
     PREDICT,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -267,7 +267,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -276,9 +276,9 @@ def correct(
     workspace, C = belief.workspace, belief.C
     for i in range(innovation.size):
         innovation[i] = math.nan
-    if kind == MAGNETIC_KIND:
-        _field(belief, y, sd, parameters, innovation)
-    elif kind == HEADING_KIND:
+    if kind == Kind.MAGNETIC_FIELD:
+        _field(belief, y, sd, source, innovation)
+    elif kind == Kind.HEADING:
         innovation[0] = wrap(y[0] - math.atan2(C[1, 0], C[0, 0]))
         if not math.isnan(innovation[0]):
             gain = _gains(belief, workspace[K3], workspace[SINCE_COMPASS])
@@ -291,7 +291,7 @@ def correct(
 
 
 @helper
-def _field(belief: Belief, y: Array, sd: Array, parameters: Array, innovation: Array) -> None:
+def _field(belief: Belief, y: Array, sd: Array, source: SourceRow, innovation: Array) -> None:
     """The field y (T, body) across the specific force, against magnetic north across the
     vertical."""
     C, workspace, f = belief.C, belief.workspace, belief.f
@@ -304,19 +304,22 @@ def _field(belief: Belief, y: Array, sd: Array, parameters: Array, innovation: A
     m0, m1, m2 = m0 - along * u0, m1 - along * u1, m2 - along * u2
     size, level = (
         math.sqrt(m0 * m0 + m1 * m1 + m2 * m2),
-        math.sqrt(parameters[0] * parameters[0] + parameters[1] * parameters[1]),
+        math.sqrt(
+            source.parameters[0] * source.parameters[0]
+            + source.parameters[1] * source.parameters[1]
+        ),
     )
     if not (size > 0 and level > 0):
         return
     seconds = min(workspace[SINCE_FIELD], LONGEST_GAP)
     workspace[SINCE_FIELD] = 0.0
-    if refused(belief, y, sd, parameters, size * size, -along):
+    if refused(belief, y, sd, source, size * size, -along):
         return
-    n0, n1 = parameters[0] / level, parameters[1] / level
+    n0, n1 = source.parameters[0] / level, source.parameters[1] / level
     innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
-    density, strength, dip = field_density(belief, parameters, size * size, -along, seconds)
+    density, strength, dip = field_density(belief, source, size * size, -along, seconds)
     if workspace[K2] > 0:
-        field_used(workspace, parameters, strength, dip)
+        field_used(workspace, source, strength, dip)
     # levelled by a force that leans, the azimuth errs by the lean times the tangent of the dip
     density += workspace[LEVEL] * (along / (size * GRAVITY_EQUATOR)) ** 2
     noise = (sd[0] * sd[0] + sd[1] * sd[1] + sd[2] * sd[2]) / (3 * size * size)

@@ -15,13 +15,14 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    SEA_LEVEL_KIND,
     STATES,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -265,7 +266,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -278,13 +279,13 @@ def correct(
         gate,
         0.0,
     )
-    rows = observed(belief, y, observe, parameters, innovation, H)
+    rows = observed(belief, y, observe, source, innovation, H)
     if math.isnan(innovation[0]):
         return math.nan
     a, b, known = H[0, 6], H[0, 7], P[2, 2]
     variance = sd[0] * sd[0] + a * a * P[6, 6] + 2 * a * b * P[6, 7] + b * b * P[7, 7]
     H[0, 6] = H[0, 7] = 0.0
-    waves = kind == SEA_LEVEL_KIND and seconds < workspace[INDEPENDENT]
+    waves = kind == Kind.ZERO_SEA_LEVEL and seconds < workspace[INDEPENDENT]
     if workspace[MEASURED] == 0:
         known = workspace[VARIANCE]
         for k in range(STATES, n):
@@ -309,7 +310,7 @@ def correct(
         _copy_attitude(P, kept, True)  # heights correct no attitude
         nis = nis if gated else found
     if nis <= gate:
-        if kind == SEA_LEVEL_KIND:
+        if kind == Kind.ZERO_SEA_LEVEL:
             workspace[SINCE_LEVEL] = 0.0
         _inject_vertical(belief, workspace[DX])
     return nis

@@ -10,6 +10,7 @@ from ...core.loop.contract import (
     Filter,
     Noise,
     Observe,
+    SourceRow,
     Start,
     kernel,
 )
@@ -62,12 +63,12 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P; inject the errors into INS and biases."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, source, gate, innovation)
     if any_of(nis <= gate):
         take_over(belief, belief.workspace[DX])
     return nis

@@ -20,6 +20,7 @@ from ...core.loop.contract import (
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -161,7 +162,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -178,7 +179,7 @@ def correct(
         workspace[USED],
         workspace[VARIANCE],
     )
-    rows = observed(belief, y, observe, parameters, innovation, H)
+    rows = observed(belief, y, observe, source, innovation, H)
     used, measured = 0, 0.0
     for i in range(rows):
         missing = math.isnan(innovation[i])

@@ -15,7 +15,17 @@ the errors it turns back by half of the correction, and P_n forward by as much (
 import math
 
 from ...core.compile.choosing import any_of
-from ...core.loop.contract import ATT, CORRECT, DECAYING, Belief, Filter, Observe, helper, kernel
+from ...core.loop.contract import (
+    ATT,
+    CORRECT,
+    DECAYING,
+    Belief,
+    Filter,
+    Observe,
+    SourceRow,
+    helper,
+    kernel,
+)
 from ...core.mathematics.adjoint import SMOOTHER
 from ...core.mathematics.elementary import arctangent
 from ...core.mathematics.error_state import DX, ERROR_STATE, measure, take_over
@@ -32,13 +42,13 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P; inject the errors into INS and biases, that of the attitude as a 2 x Gibbs
     vector."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, source, gate, innovation)
     if any_of(nis <= gate):
         dx = belief.workspace[DX]
         rotation_vector(dx[ATT])

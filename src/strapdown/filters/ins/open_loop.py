@@ -23,6 +23,7 @@ from ...core.loop.contract import (
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -193,12 +194,12 @@ def correct_beside(
     y: Array,
     sd: Array,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct the error beside the INS: its prior is kept and the correction added to it."""
-    nis = measure(belief, y, sd, observe, parameters, gate, innovation)
+    nis = measure(belief, y, sd, observe, source, gate, innovation)
     if any_of(nis <= gate):
         x, dx = belief.workspace[X], belief.workspace[DX]
         for i in range(x.size):
@@ -223,12 +224,12 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the error beside the INS."""
-    return correct_beside(belief, y, sd, observe, parameters, gate, innovation)
+    return correct_beside(belief, y, sd, observe, source, gate, innovation)
 
 
 OPEN_LOOP = Filter(

@@ -15,6 +15,7 @@ from ...core.loop.contract import (
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     kernel,
     matrix,
@@ -71,14 +72,14 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """As the open loop; once the interval has passed the INS takes over the belief and the error
     is zero again."""
     workspace = belief.workspace
-    nis = correct_beside(belief, y, sd, observe, parameters, gate, innovation)
+    nis = correct_beside(belief, y, sd, observe, source, gate, innovation)
     due = (nis <= gate) & (workspace[ELAPSED] >= workspace[INTERVAL] - ROUNDING)
     if any_of(due):
         workspace[ELAPSED] = where(due, 0.0, workspace[ELAPSED])

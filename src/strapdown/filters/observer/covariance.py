@@ -15,14 +15,7 @@ from typing import TypeAlias
 
 from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined, matrix
-from ...core.loop.contract import (
-    ALTITUDE_KIND,
-    MAGNETIC_KIND,
-    VELOCITY_KIND,
-    Belief,
-    Noise,
-    Slots,
-)
+from ...core.loop.contract import Belief, Kind, Noise, Slots, SourceRow
 from ...core.mathematics.joseph import (
     FORCE,
     JOSEPH,
@@ -166,7 +159,7 @@ def turn(
 
 
 @inlined
-def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array) -> None:
+def after_fix(belief: Belief, sd: Array, kind: int, source: SourceRow, H: Array) -> None:
     """P by what the observer has changed at a fix; H (3, 15) of its innovation."""
     workspace = belief.workspace
     P, a, b, r = (
@@ -178,16 +171,16 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
     copy_leading(belief.P, P)
     if any_of(workspace[SHARE] != 0):
         clear(workspace)
-        if kind == MAGNETIC_KIND:
-            _field(belief, sd, parameters, a, b, r)
+        if kind == Kind.MAGNETIC_FIELD:
+            _field(belief, sd, source, a, b, r)
         else:
-            _heading(belief, sd[0], kind == VELOCITY_KIND, a, b, r)
+            _heading(belief, sd[0], kind == Kind.VELOCITY, a, b, r)
         spread(P, workspace[OWN], a, b, r)
     K = workspace[GAIN]
     clear(workspace)
     used = False
     for row in range(3):
-        axis = 2 if kind == ALTITUDE_KIND else row
+        axis = 2 if kind == Kind.ALTITUDE else row
         if any_of((K[3 * row] != 0) | (K[3 * row + 1] != 0) | (K[3 * row + 2] != 0)):
             used = True
             a[row, axis], a[row, 3 + axis], a[row, XI + axis] = (
@@ -200,7 +193,7 @@ def after_fix(belief: Belief, sd: Array, kind: int, parameters: Array, H: Array)
                 b[row, j] = H[row, j]
     if used:
         spread(P, workspace[OWN], a, b, r)
-        if int(workspace[LAW]) == BY_XI and kind != ALTITUDE_KIND:
+        if int(workspace[LAW]) == BY_XI and kind != Kind.ALTITUDE:
             _learnt(belief, P, a, b, r)
     copy_leading(P, belief.P)
 
@@ -260,7 +253,7 @@ def _heading(belief: Belief, sd: float, course: bool, a: Array, b: Array, r: Arr
 
 
 @helper
-def _field(belief: Belief, sd: Array, parameters: Array, a: Array, b: Array, r: Array) -> None:
+def _field(belief: Belief, sd: Array, source: SourceRow, a: Array, b: Array, r: Array) -> None:
     """A turn by a share of the angle between the fields (T) as measured and as known, or between
     what of them is across the specific force.
 
@@ -269,7 +262,7 @@ def _field(belief: Belief, sd: Array, parameters: Array, a: Array, b: Array, r: 
     """
     workspace, C, f, xi = belief.workspace, belief.C, belief.f, belief.workspace[XI_VALUE]
     m, share, ki = (
-        (parameters[0], parameters[1], parameters[2]),
+        (source.parameters[0], source.parameters[1], source.parameters[2]),
         workspace[SHARE],
         workspace[LEARNT],
     )

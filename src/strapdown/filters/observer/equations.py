@@ -18,18 +18,7 @@ import math
 
 from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined, matrix
-from ...core.loop.contract import (
-    ALTITUDE_KIND,
-    HEADING_KIND,
-    MAGNETIC_KIND,
-    MOST_STATES,
-    POSITION_KIND,
-    VELOCITY_KIND,
-    Belief,
-    Noise,
-    Observe,
-    Slots,
-)
+from ...core.loop.contract import MOST_STATES, Belief, Kind, Noise, Observe, Slots, SourceRow
 from ...core.mathematics.earth import displace, place
 from ...core.mathematics.elementary import arctangent, arctangent2, tangent
 from ...core.mathematics.embedded import NAVIGATION, navigation
@@ -331,14 +320,14 @@ def inject(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     innovation: Array,
     wanted: bool = True,
 ) -> None:
     """What a fix changes where it is wanted, without looking whether it is plausible."""
     H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
-    observed(bar, y, observe, parameters, innovation, H)
-    take(bar, y, sd, kind, parameters, innovation, wanted)
+    observed(bar, y, observe, source, innovation, H)
+    take(bar, y, sd, kind, source, innovation, wanted)
 
 
 @inlined
@@ -347,7 +336,7 @@ def take(
     y: Array,
     sd: Array,
     kind: int,
-    parameters: Array,
+    source: SourceRow,
     innovation: Array,
     wanted: bool = True,
 ) -> None:
@@ -358,34 +347,34 @@ def take(
     one that is there, so that no course takes its place.
     """
     workspace, e = bar.workspace, innovation
-    free = (not outage(workspace)) | (kind == POSITION_KIND or kind == VELOCITY_KIND)
+    free = (not outage(workspace)) | (kind == Kind.POSITION or kind == Kind.VELOCITY)
     free = free & wanted
     workspace[SHARE] = workspace[ADAPTIVE][adaptive.WEIGHT] = 0.0
     for i in range(9):
         workspace[GAIN][i] = 0.0
     for i in range(adaptive.COUNT):
         workspace[ADAPTIVE][adaptive.COURSE][i] = 0.0
-    if kind == HEADING_KIND:
+    if kind == Kind.HEADING:
         measured = (e[0] == e[0]) & wanted
         since = min(workspace[SINCE_HEADING], LONGEST_GAP)
         _towards_heading(bar, y[0], since, measured & free)
         workspace[SINCE_HEADING] = where(measured, 0.0, workspace[SINCE_HEADING])
         workspace[SLOW] = where(measured & free, 0.0, workspace[SLOW])
-    elif kind == MAGNETIC_KIND:
+    elif kind == Kind.MAGNETIC_FIELD:
         total = e[0] + e[1] + e[2]
-        _towards_field(bar, y, parameters, (total == total) & free)
+        _towards_field(bar, y, source, (total == total) & free)
         there = (e[0] == e[0]) & wanted & (not free)
         workspace[SINCE_FIELD] = where(there, 0.0, workspace[SINCE_FIELD])
-    elif kind == POSITION_KIND or kind == VELOCITY_KIND or kind == ALTITUDE_KIND:
-        if kind == VELOCITY_KIND:
+    elif kind == Kind.POSITION or kind == Kind.VELOCITY or kind == Kind.ALTITUDE:
+        if kind == Kind.VELOCITY:
             sd_v = math.sqrt(0.5 * (sd[0] * sd[0] + sd[1] * sd[1]))
             _course(bar, e[0] + bar.v[0], e[1] + bar.v[1], sd_v, free)
         _translate(bar, kind, e, sd, free)
         if int(workspace[LAW]) == BY_NORM:
             _assess_excitation(workspace, smallest(workspace), EXCITED, free)
-        elif kind != ALTITUDE_KIND:
+        elif kind != Kind.ALTITUDE:
             _learn(bar, free)
-    if int(workspace[LAW]) == BY_XI and (kind == HEADING_KIND or kind == MAGNETIC_KIND):
+    if int(workspace[LAW]) == BY_XI and (kind == Kind.HEADING or kind == Kind.MAGNETIC_FIELD):
         _answer_heading(bar, 0.0)
     _assess(workspace)
     orthonormalise(bar.C, free)
@@ -399,14 +388,14 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: boo
     for i in range(9):
         change[i] = 0.0
     since = workspace[SINCE_FIX]
-    for row in range(1 if kind == ALTITUDE_KIND else 3):
-        axis, e = 2 if kind == ALTITUDE_KIND else row, innovation[row]
+    for row in range(1 if kind == Kind.ALTITUDE else 3):
+        axis, e = 2 if kind == Kind.ALTITUDE else row, innovation[row]
         measured = (e == e) & wanted
         if any_of(measured):
             pulled(
                 workspace[MOTION],
                 axis,
-                kind == VELOCITY_KIND,
+                kind == Kind.VELOCITY,
                 sd[row],
                 workspace[TOLD],
                 gain(workspace, WANDER),
@@ -415,7 +404,7 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: boo
             )
             if int(workspace[LAW]) == BY_XI:
                 each = K[3 * row : 3 * row + 3]
-                adaptive.fix(workspace[ADAPTIVE], axis, kind == VELOCITY_KIND, each)
+                adaptive.fix(workspace[ADAPTIVE], axis, kind == Kind.VELOCITY, each)
             since = where(measured, 0.0, since)
             e = where(measured, e, 0.0)
             for i in range(3):
@@ -424,7 +413,7 @@ def _translate(bar: Belief, kind: int, innovation: Array, sd: Array, wanted: boo
     for i in range(3):
         bar.v[i] += change[3 * i + 1]
         xi[i] += change[3 * i + 2]
-    if kind != ALTITUDE_KIND:
+    if kind != Kind.ALTITUDE:
         workspace[SINCE_FIX] = since
 
 
@@ -565,7 +554,7 @@ def _left(angle: float, time: float) -> float:
 
 
 @inlined
-def _towards_field(bar: Belief, y: Array, parameters: Array, wanted: bool) -> None:
+def _towards_field(bar: Belief, y: Array, source: SourceRow, wanted: bool) -> None:
     """sigma of a magnetic field y (T, body) against the one in `parameters` (T, n), over the time
     since the last, where it is wanted.
 
@@ -573,7 +562,7 @@ def _towards_field(bar: Belief, y: Array, parameters: Array, wanted: bool) -> No
     parallel to it and alone holds the heading badly.
     """
     C, workspace, f = bar.C, bar.workspace, bar.f
-    xi, m0, m1, m2 = workspace[XI], parameters[0], parameters[1], parameters[2]
+    xi, m0, m1, m2 = workspace[XI], source.parameters[0], source.parameters[1], source.parameters[2]
     e0, e1, e2 = (
         C[0, 0] * m0 + C[1, 0] * m1 + C[2, 0] * m2,
         C[0, 1] * m0 + C[1, 1] * m1 + C[2, 1] * m2,

@@ -13,13 +13,14 @@ from ...checks import check_number
 from ...core.compile.choosing import any_of, where
 from ...core.loop.contract import (
     CORRECT,
-    MAGNETIC_KIND,
     PREDICT,
     Belief,
     Condition,
     Filter,
+    Kind,
     Noise,
     Observe,
+    SourceRow,
     Start,
     kernel,
     matrix,
@@ -76,7 +77,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -85,17 +86,17 @@ def correct(
     workspace = belief.workspace
     H = matrix(workspace, JACOBIAN, 3, 15)
     step(belief)
-    rows = observed(belief, y, observe, parameters, innovation, H)
+    rows = observed(belief, y, observe, source, innovation, H)
     nis, P = test(belief.P, workspace[OWN], H, innovation, sd, rows), belief.P
-    unknown = (kind == MAGNETIC_KIND) & (P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN)
+    unknown = (kind == Kind.MAGNETIC_FIELD) & (P[6, 6] + P[7, 7] + P[8, 8] > UNKNOWN * UNKNOWN)
     if any_of(unknown):
         nis = where(unknown, math.nan, nis)
         for i in range(3, innovation.size):
             innovation[i] = where(unknown, math.nan, innovation[i])
     taken = (nis <= gate) | unknown
     if any_of(taken):
-        take(belief, y, sd, kind, parameters, innovation, taken)
-        after_fix(belief, sd, kind, parameters, H)
+        take(belief, y, sd, kind, source, innovation, taken)
+        after_fix(belief, sd, kind, source, H)
     return nis
 
 

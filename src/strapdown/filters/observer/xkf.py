@@ -15,24 +15,19 @@ from ...checks import check_choice, check_number
 from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined
 from ...core.loop.contract import (
-    ALTITUDE_KIND,
-    ATTITUDE_KIND,
     BA,
     BG,
     CORRECT,
-    COURSE_KIND,
     DECAYING,
-    HEADING_KIND,
-    MAGNETIC_KIND,
-    POSITION_KIND,
     PREDICT,
     STATES,
-    VELOCITY_KIND,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     kernel,
     matrix,
@@ -281,7 +276,7 @@ def correct_around(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -295,18 +290,18 @@ def correct_around(
         x[i] = where(itself, 0.0, x[i])
     x[8] += z
     shift_rates(belief, x, 1.0)  # to those of the point, for the while
-    rows = observed(point, y, observe, parameters, innovation, H)
+    rows = observed(point, y, observe, source, innovation, H)
     shift_rates(belief, x, -1.0)
     for i in range(rows):
         for j in range(STATES):
             innovation[i] -= H[i, j] * x[j]
-        if kind == HEADING_KIND or kind == COURSE_KIND or kind == ATTITUDE_KIND:
+        if kind == Kind.HEADING or kind == Kind.COURSE or kind == Kind.ATTITUDE:
             innovation[i] = wrap(innovation[i])
         if any_of(z != 0):
             H[i, 6], H[i, 7] = rotated(H[i, 6], H[i, 7], 0.5 * z)
     if int(workspace[ITSELF]) == 0:
         seen, unused = workspace[INNOVATION], matrix(workspace, WORK.start, 3, n)
-        observed(belief, y, observe, parameters, seen, unused)
+        observed(belief, y, observe, source, seen, unused)
         for i in range(rows):
             innovation[i] = where(workspace[CLOSE] > 0, seen[i], innovation[i])
     nis = update(belief.P, H, innovation, sd, rows, gate, workspace[WORK], dx)
@@ -378,24 +373,24 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the belief around the observer, then let that take the fix, whatever the
     gate."""
     bar, workspace = embedded(belief, INSIDE.start), belief.workspace
-    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    nis = correct_around(belief, bar, y, sd, kind, observe, source, gate, innovation)
     if (
-        kind == POSITION_KIND
-        or kind == VELOCITY_KIND
-        or kind == ALTITUDE_KIND
-        or kind == HEADING_KIND
-        or kind == MAGNETIC_KIND
+        kind == Kind.POSITION
+        or kind == Kind.VELOCITY
+        or kind == Kind.ALTITUDE
+        or kind == Kind.HEADING
+        or kind == Kind.MAGNETIC_FIELD
     ):
         new = not repeated(workspace[RECENT], y, kind, gate, nis)
         if any_of(new):
-            inject(bar, y, sd, kind, observe, parameters, workspace[INNOVATION], new)
+            inject(bar, y, sd, kind, observe, source, workspace[INNOVATION], new)
             follow(bar, belief)
     relate(belief, bar)
     publish(belief, bar)

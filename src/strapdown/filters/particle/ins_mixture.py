@@ -11,15 +11,7 @@ from typing import NamedTuple
 from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
 from ...core.compile.signatures import LANES
-from ...core.loop.contract import (
-    COURSE_KIND,
-    HEADING_KIND,
-    MOST_STATES,
-    STATES,
-    Belief,
-    Observe,
-    Slots,
-)
+from ...core.loop.contract import MOST_STATES, STATES, Belief, Kind, Observe, Slots, SourceRow
 from ...core.mathematics.earth import place
 from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
 from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
@@ -295,7 +287,7 @@ def foresee(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     innovation: Array,
 ) -> float:
     """NIS of a fix by the mixture's own moments; its mean innovation goes into `innovation`. NaN
@@ -305,13 +297,13 @@ def foresee(
     """
     n, s, workspace = m.mean.size, belief.workspace[FORESEEN], m.workspace
     H, eight, total = matrix(workspace, JACOBIAN, 3, n), workspace[FORESEEN_LANES], 0.0
-    observed(belief, y, observe, parameters, innovation, H)
-    wrapped = kind == HEADING_KIND or kind == COURSE_KIND
+    observed(belief, y, observe, source, innovation, H)
+    wrapped = kind == Kind.HEADING or kind == Kind.COURSE
     clear(eight)
     for g in range(m.groups):
         if counts(m, g):
             for k in range(LANES):
-                total += _observed_one(belief, m, g, k, y, observe, parameters, innovation, H)
+                total += _observed_one(belief, m, g, k, y, observe, source, innovation, H)
             for side in sides():
                 _foresee_eight(
                     group(m, g, side), innovation, wrapped, lanes_of(eight, 0, 15, side), m, side
@@ -328,7 +320,7 @@ def _observed_one(
     k: int,
     y: Array,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     innovation: Array,
     H: Array,
 ) -> float:
@@ -347,7 +339,7 @@ def _observed_one(
             extra[i] = numbers[LANES * (TAIL + i) + k]
         for i in range(n * n):
             flat[i] = numbers[LANES * (P + i) + k]
-        observed(navigation(one, own, workspace, extra), y, observe, parameters, mine, H)
+        observed(navigation(one, own, workspace, extra), y, observe, source, mine, H)
         if not same_rows(innovation, mine):
             weight = 0.0
     counted = P + n * n + n

@@ -23,6 +23,7 @@ from ...core.loop.contract import (
     Filter,
     Noise,
     Observe,
+    SourceRow,
     Start,
     first_event,
     kernel,
@@ -217,7 +218,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -225,7 +226,7 @@ def correct(
     draw anew where few are left that count."""
     m, workspace = beside(belief), belief.workspace
     carry(belief, m)
-    nis = foresee(belief, m, y, sd, kind, observe, parameters, innovation)
+    nis = foresee(belief, m, y, sd, kind, observe, source, innovation)
     if not nis <= gate:
         return nis
     workspace[DEGENERATE] += _correct_each(m, sd, innovation)

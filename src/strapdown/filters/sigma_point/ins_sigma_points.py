@@ -14,17 +14,16 @@ from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, side
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import (
     ATT,
-    ATTITUDE_KIND,
     CORRECT,
-    COURSE_KIND,
-    HEADING_KIND,
     MOST_STATES,
     PREDICT,
     STATES,
     Belief,
+    Kind,
     Noise,
     Observe,
     Slots,
+    SourceRow,
     Start,
     first_event,
     kernel,
@@ -380,7 +379,7 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -394,7 +393,7 @@ def correct(
         workspace[ERROR],
         matrix(workspace, JACOBIAN, 3, n),
     )
-    rows = observed(belief, y, observe, parameters, innovation, H)
+    rows = observed(belief, y, observe, source, innovation, H)
     spread, rest = _drawn_in(workspace, lanes, workspace[SPREAD], workspace[REST])
     E, variance = (
         matrix(workspace, SEEN, 2 * n + 1, rows),
@@ -410,7 +409,7 @@ def correct(
         for lane in range(lanes):
             dx[lane] = scale * factored[lanes * j + lane]
         _moved(belief, point, dx)
-        observed(point, y, observe, parameters, innovation, H)
+        observed(point, y, observe, source, innovation, H)
         _unwrapped(kind, rows, E, 1 + k, dx, H, innovation)
     nis, repaired = corrected(
         workspace[ROOT],
@@ -457,9 +456,9 @@ def _unwrapped(
     attitude on the branch that the Jacobian expects there."""
     for a in range(rows):
         E[row, a] = E[0, a] - (H[a, 6] * dx[6] + H[a, 7] * dx[7] + H[a, 8] * dx[8])
-    if kind == HEADING_KIND or kind == COURSE_KIND:
+    if kind == Kind.HEADING or kind == Kind.COURSE:
         innovation[0] = E[row, 0] + wrap(innovation[0] - E[row, 0])
-    elif kind == ATTITUDE_KIND and innovation[2] == innovation[2]:
+    elif kind == Kind.ATTITUDE and innovation[2] == innovation[2]:
         innovation[0], innovation[1], innovation[2] = nearest_turn(
             innovation[0], innovation[1], innovation[2], E[row, 0], E[row, 1], E[row, 2]
         )

@@ -8,7 +8,7 @@ there, and the estimate's distance from it counts by H.
 import math
 
 from ...core.compile.jit import helper, inlined, matrix
-from ...core.loop.contract import HEADING_KIND, MAGNETIC_KIND, VELOCITY_KIND, Belief, Noise, Observe
+from ...core.loop.contract import Belief, Kind, Noise, Observe, SourceRow
 from ...core.mathematics.earth import RATE, gravity
 from ...core.mathematics.error_state import DV, DX, JACOBIAN, WORK, observed
 from ...core.mathematics.kalman import update_fifteen
@@ -299,7 +299,7 @@ def see(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     innovation: Array,
 ) -> int:
     """Innovation at the estimate and H of a fix, in its own stage alone, and the standard
@@ -309,13 +309,13 @@ def see(
     """
     workspace, n, C, used = belief.workspace, belief.P.shape[0], bar.C, belief.workspace[DV]
     H = matrix(workspace, JACOBIAN, 3, n)
-    rows = observed(bar, y, observe, parameters, innovation, H)
+    rows = observed(bar, y, observe, source, innovation, H)
     for i in range(rows):
         used[i] = sd[i]
         if not oriented(kind):
             for j in range(3):
                 H[i, 6 + j] = H[i, 12 + j] = 0.0
-    if kind == VELOCITY_KIND and workspace[DOWN] > 0:  # the third component of C' (y - v)
+    if kind == Kind.VELOCITY and workspace[DOWN] > 0:  # the third component of C' (y - v)
         innovation[0] = C[0, 2] * innovation[0] + C[1, 2] * innovation[1] + C[2, 2] * innovation[2]
         used[0] = math.sqrt(
             (C[0, 2] * sd[0]) ** 2 + (C[1, 2] * sd[1]) ** 2 + (C[2, 2] * sd[2]) ** 2
@@ -323,7 +323,7 @@ def see(
         H[0, 3], H[0, 4], H[0, 5], rows = C[0, 2], C[1, 2], C[2, 2], 1
         innovation[1] = innovation[2] = math.nan
     _less_known(workspace, H, innovation, rows)
-    if kind == HEADING_KIND:
+    if kind == Kind.HEADING:
         innovation[0] = wrap(innovation[0])
     return rows
 
@@ -331,7 +331,7 @@ def see(
 @inlined
 def oriented(kind: int) -> bool:
     """Whether a kind of fix belongs to stage 1."""
-    return kind == HEADING_KIND or kind == MAGNETIC_KIND
+    return kind == Kind.HEADING or kind == Kind.MAGNETIC_FIELD
 
 
 @helper
@@ -348,13 +348,13 @@ def steer(
     y: Array,
     sd: Array,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     innovation: Array,
 ) -> None:
     """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and
     the course. Writes the innovation at `bar`."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    observed(bar, y, observe, parameters, innovation, matrix(workspace, JACOBIAN, 3, n))
+    observed(bar, y, observe, source, innovation, matrix(workspace, JACOBIAN, 3, n))
     v0, v1, v2, since = (
         bar.v[0] + innovation[0],
         bar.v[1] + innovation[1],

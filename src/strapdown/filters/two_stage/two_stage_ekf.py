@@ -11,11 +11,12 @@ from ...core.loop.contract import (
     CORRECT,
     DECAYING,
     PREDICT,
-    VELOCITY_KIND,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -147,27 +148,27 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct the stage that a fix belongs to. A velocity that passes the gate corrects stage 1
     first, by its change and its course."""
     P, workspace = belief.P, belief.workspace
-    rows = see(belief, belief, y, sd, kind, observe, parameters, innovation)
+    rows = see(belief, belief, y, sd, kind, observe, source, innovation)
     nis = correct_rows(
         P,
         workspace,
         innovation,
         workspace[DV],
         rows,
-        -1.0 if kind == VELOCITY_KIND else gate,
+        -1.0 if kind == Kind.VELOCITY else gate,
         math.inf,
     )
-    if nis <= gate and kind == VELOCITY_KIND:
-        steer(belief, belief, y, sd, observe, parameters, workspace[UNUSED])
+    if nis <= gate and kind == Kind.VELOCITY:
+        steer(belief, belief, y, sd, observe, source, workspace[UNUSED])
         _inject(belief)
-        rows = see(belief, belief, y, sd, kind, observe, parameters, workspace[UNUSED])
+        rows = see(belief, belief, y, sd, kind, observe, source, workspace[UNUSED])
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         _inject(belief)

@@ -16,20 +16,17 @@ from typing import Any
 from ...checks import check_choice
 from ...core.compile.jit import inlined
 from ...core.loop.contract import (
-    ALTITUDE_KIND,
     CORRECT,
     DECAYING,
-    HEADING_KIND,
-    MAGNETIC_KIND,
-    POSITION_KIND,
     PREDICT,
-    VELOCITY_KIND,
     Belief,
     Filter,
+    Kind,
     Noise,
     Observe,
     Slots,
     Source,
+    SourceRow,
     Start,
     helper,
     kernel,
@@ -211,24 +208,24 @@ def correct(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
     """Correct P and the estimate around the observer, then let that take the fix, whatever the
     gate."""
     workspace, bar = belief.workspace, embedded(belief, INSIDE.start)
-    nis = correct_around(belief, bar, y, sd, kind, observe, parameters, gate, innovation)
+    nis = correct_around(belief, bar, y, sd, kind, observe, source, gate, innovation)
     if (
-        kind == POSITION_KIND
-        or kind == VELOCITY_KIND
-        or kind == ALTITUDE_KIND
-        or kind == HEADING_KIND
-        or kind == MAGNETIC_KIND
+        kind == Kind.POSITION
+        or kind == Kind.VELOCITY
+        or kind == Kind.ALTITUDE
+        or kind == Kind.HEADING
+        or kind == Kind.MAGNETIC_FIELD
     ):
         if not repeated(workspace[RECENT], y, kind, gate, nis):
             leave(belief, bar)
-            inject(bar, y, sd, kind, observe, parameters, workspace[UNUSED])
+            inject(bar, y, sd, kind, observe, source, workspace[UNUSED])
             relate(belief, bar)
     compose(belief, bar)
     return nis
@@ -242,7 +239,7 @@ def correct_around(
     sd: Array,
     kind: int,
     observe: Observe,
-    parameters: Array,
+    source: SourceRow,
     gate: float,
     innovation: Array,
 ) -> float:
@@ -251,21 +248,21 @@ def correct_around(
     P, workspace, x = belief.P, belief.workspace, belief.workspace[ERROR]
     before = (x[6], x[7], x[8])
     doubt(P, workspace[MOVED])
-    rows = see(belief, bar, y, sd, kind, observe, parameters, innovation)
+    rows = see(belief, bar, y, sd, kind, observe, source, innovation)
     nis = correct_rows(
         P,
         workspace,
         innovation,
         workspace[DV],
         rows,
-        -1.0 if kind == VELOCITY_KIND else gate,
+        -1.0 if kind == Kind.VELOCITY else gate,
         math.inf,
     )
-    if nis <= gate and kind == VELOCITY_KIND:
-        steer(belief, bar, y, sd, observe, parameters, workspace[UNUSED])
+    if nis <= gate and kind == Kind.VELOCITY:
+        steer(belief, bar, y, sd, observe, source, workspace[UNUSED])
         swing(belief, bar, before)
         before = (x[6], x[7], x[8])
-        rows = see(belief, bar, y, sd, kind, observe, parameters, workspace[UNUSED])
+        rows = see(belief, bar, y, sd, kind, observe, source, workspace[UNUSED])
         correct_rows(P, workspace, workspace[UNUSED], workspace[DV], rows, math.inf, math.inf)
     if nis <= gate:
         used(workspace, kind)

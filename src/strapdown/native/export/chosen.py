@@ -9,9 +9,9 @@ import numpy as np
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core.loop import cursor as places
-from ...core.loop.contract import WALK, Filter, Noise, Start
+from ...core.loop.contract import Filter, Noise, Start
 from ...core.loop.loop import SAME_TIME
+from ...core.mathematics.source import PARAMETERS
 from ...data import Aiding
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import without_estimates
@@ -43,7 +43,7 @@ LOG_ROWS = 32
 """Rows of its log."""
 REPLAYED = 60.0
 """s of the flight that is simulated where no recording is given."""
-GIVEN = WALK
+GIVEN = PARAMETERS
 """Parameters of a source that whoever runs it gives, such as a lever arm; the loop's own follow."""
 
 
@@ -92,7 +92,7 @@ class Chosen(NamedTuple):
         asked = Asked(self.options, say=say, vehicle=self.vehicle)
         run = ready(self.recording, self.filter, self.start, self.noise, self.spec, asked)
         run.complete()
-        if run.cursor.at[places.FAULT]:
+        if run.cursor.state[0].fault:
             raise DataError(
                 f"filter {self.filter.name!r} stops in {self.recording.meta.get('name')}: nothing to "
                 f"compare with; give another recording"

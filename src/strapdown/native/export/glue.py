@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from ... import aiding
 from ...core.loop.contract import Noise, Start
-from ...core.loop.cursor import FOLD
+from ...core.loop.log import FOLD
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.earth import LATITUDE_LIMIT
 from ...engine.prepare import LONGEST_GAP

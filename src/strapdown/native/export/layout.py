@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.compile.signatures import Number, Numbers, Record
-from ...core.loop.contract import CURSOR, FIXES, IMU, OUTPUT
+from ...core.loop.cursor import CURSOR
+from ...core.loop.tables import FIXES, IMU, OUTPUT
 from ...core.mathematics.belief import BELIEF, NOISE
 from ...typing import Array, Ints
 

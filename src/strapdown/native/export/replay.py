@@ -38,8 +38,8 @@ def _begin(of: Chosen, run: Run) -> Iterator[bytes]:
     values += of.noise
     yield pack("<5q", MAGIC, len(values), len(of.aidings), GIVEN, run.out.nav.shape[1])
     yield _doubles(*values)
-    for parameters, gate in zip(run.fixes.parameters, run.fixes.gate):
-        yield _doubles(*parameters[:GIVEN], gate)
+    for source in run.fixes.sources:
+        yield _doubles(*source.parameters, source.gate)
 
 
 def _events(run: Run, every: int) -> Iterator[bytes]:

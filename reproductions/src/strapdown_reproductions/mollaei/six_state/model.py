@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from strapdown.checks import check_number
 from strapdown.core.compile.jit import helper, inlined, matrix
-from strapdown.core.loop.contract import POSITION_KIND, Belief, Noise, Slots, Source, Start
+from strapdown.core.loop.contract import Belief, Kind, Noise, Slots, Source, Start
 from strapdown.core.mathematics.rotation import orthonormalise, rotate_right, turned, wrap
 from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
@@ -327,7 +327,7 @@ def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> 
     """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the
     state x. Returns the first of the states that it sees."""
     origin, craft = workspace[ORIGIN], workspace[CRAFT]
-    if kind == POSITION_KIND:
+    if kind == Kind.POSITION:
         innovation[0] = (y[0] - origin[0]) / craft[LATITUDE_RATE] - x[0]
         innovation[1] = wrap(y[1] - origin[1]) / craft[LONGITUDE_RATE] - x[1]
         innovation[2] = origin[2] - y[2] - x[2]

@@ -12,11 +12,17 @@ correlation is above LASTING, no variance is less than stated.
 """
 
 import math
+from typing import Any
 
-from ...typing import Array
-from ..compile.jit import helper
-from ..mathematics.innovation_moments import known, solved
-from .cursor import ALIKE, FACTOR, FOLLOWED_AT, POWER, WHITENED_BEFORE
+import numpy as np
+
+from ....typing import Array
+from ...compile.jit import helper, kernel
+from ...mathematics.belief import Belief
+from ...mathematics.innovation_moments import known, solved
+from ..cursor import Books, Cursor
+from ..kernels import STAGE, Kernels
+from ..tables import Fixes
 
 LEAST_FACTOR, MOST_FACTOR = 0.01, 100.0  # of the variance: standard deviations of 0.1 to 10 times
 LASTING = 0.3  # correlation of whitened innovations one fix apart
@@ -25,26 +31,36 @@ MOST_NIS = 16.0  # which a fix counts with at most: an outlier is no noise
 MOST_WHITENED = 3.0  # with which it counts for the correlation
 
 
+@kernel(STAGE)
+def widened(
+    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+) -> int:
+    """The standard deviations of a measurement by what is known of its source, and their factors; not
+    below its floor."""
+    s, work = fixes.source[k], cursor.work[0]
+    if fixes.sources[s].memory > 0:
+        followed(work.sd, cursor.books[s], work.factor)
+    return 0
+
+
 @helper
-def followed(sd: Array, tests: Array, floor: Array, own: Array, factor: Array) -> Array:
-    """The standard deviations `sd` of a fix by what is known of its source, in `own`, and their
-    factors; not below the `floor`."""
-    lasting = tests[ALIKE] > LASTING * tests[POWER]
+def followed(sd: Array, books: Books, factor: Array) -> None:
+    """Multiply standard deviations by the factors that the books tell, not below their floor."""
+    lasting = books.alike > LASTING * books.power
     for i in range(3):
-        square = tests[FACTOR][i]
+        square = books.factor[i]
         factor[i] = math.sqrt(max(square, 1.0) if lasting else square)
-        own[i] = max(factor[i] * sd[i], floor[i])
-    return own
+        sd[i] = max(factor[i] * sd[i], books.floor[i])
 
 
 @helper
 def follow(
-    tests: Array, memory: float, t: float, innovation: Array, S: Array, R: Array, factor: float
+    books: Books, memory: float, t: float, innovation: Array, S: Array, R: Array, factor: float
 ) -> None:
-    """Take what a fix at `t` s says into the books `tests` of its source; S and R of
+    """Take what a fix at `t` s says into the books of its source; S and R of
     `innovation_moments.moments`, `factor` the one on R with which a robust source uses it."""
-    share = 1 - math.exp(-min((t - tests[FOLLOWED_AT]) / memory, LARGEST_STEP))
-    tests[FOLLOWED_AT] = t
+    share = 1 - math.exp(-min((t - books.followed_at) / memory, LARGEST_STEP))
+    books.followed_at = t
     e0, e1, e2 = known(innovation[0]), known(innovation[1]), known(innovation[2])
     x0, x1, x2, nis, _ = solved(S, R, factor, e0, e1, e2)
     if math.isnan(nis):
@@ -56,15 +72,15 @@ def follow(
         x = x0 if i == 0 else (x1 if i == 1 else x2)
         y = solved(S, R, factor, 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2))[i]
         change = factor * R[i * (i + 3) // 2] * (bounded * x * x - y)
-        told = tests[FACTOR][i] * (1 + share * change)
-        tests[FACTOR][i] = min(max(told, LEAST_FACTOR), MOST_FACTOR)
-    _correlate(tests, innovation, share)
+        told = books.factor[i] * (1 + share * change)
+        books.factor[i] = min(max(told, LEAST_FACTOR), MOST_FACTOR)
+    _correlate(books, innovation, share)
 
 
 @helper
-def _correlate(tests: Array, innovation: Array, share: float) -> None:
+def _correlate(books: Books, innovation: Array, share: float) -> None:
     """Mean products of whitened innovations with themselves and with those of the fix before."""
-    before, alike, power, rows = tests[WHITENED_BEFORE], 0.0, 0.0, 0
+    before, alike, power, rows = books.whitened_before, 0.0, 0.0, 0
     for i in range(3):
         w = innovation[3 + i]
         if math.isnan(w):
@@ -73,5 +89,10 @@ def _correlate(tests: Array, innovation: Array, share: float) -> None:
         alike, power, rows = alike + w * before[i], power + w * w, rows + 1
         before[i] = w
     if rows > 0:
-        tests[ALIKE] += share * (alike / rows - tests[ALIKE])
-        tests[POWER] += share * (power / rows - tests[POWER])
+        books.alike += share * (alike / rows - books.alike)
+        books.power += share * (power / rows - books.power)
+
+
+def needed(sources: Any, cursor: Cursor) -> bool:
+    """Whether a run with these sources has something for it to do: where the noise of one is followed."""
+    return bool(np.any(sources["memory"] > 0))

@@ -1,0 +1,56 @@
+"""Velocities in the body that nothing else helps: wheels and constraints of a vehicle that has for long
+used neither a position nor a velocity. Nothing that the filter knows contradicts such a source, so its
+gate opens while its innovations fail their tests: the filter shall not lose its only aid."""
+
+from typing import Any
+
+import numpy as np
+
+from ....typing import Array
+from ...compile.jit import helper, kernel, matrix
+from ...mathematics.belief import Belief
+from ...mathematics.source import Kind
+from ..cursor import Cursor
+from ..integrity import HEARD, fails
+from ..kernels import STAGE, Kernels
+from ..observation import observed_alone
+from ..tables import Fixes
+
+OPENED = 100.0  # factor on the gate: a measurement ten times as far off as the gate has it is wild
+
+
+@kernel(STAGE)
+def alone(
+    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+) -> int:
+    """Mark a measurement that is the filter's only aid, and open its gate; its innovation and H are
+    then in the work."""
+    s, work = fixes.source[k], cursor.work[0]
+    source = fixes.sources[s]
+    if work.believable and _carries_alone(kernels, belief, fixes, k, cursor):
+        work.alone = 1
+        if source.robust == 0 and not source.memory > 0 and fails(cursor.books[s]):
+            work.gate *= OPENED
+    return 0
+
+
+@helper
+def _carries_alone(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> bool:
+    """Whether measurement k is of a velocity in the body, and the filter has for long used neither a
+    position nor a velocity."""
+    own, t = fixes.sources[fixes.source[k]].kind, fixes.t[k]
+    if cursor.state[0].positioned == 0 or own == Kind.POSITION or own == Kind.VELOCITY:
+        return False
+    for s in range(fixes.sources.size):
+        kind = fixes.sources[s].kind
+        if kind == Kind.POSITION or kind == Kind.VELOCITY:
+            if t - cursor.books[s].last_used <= HEARD:
+                return False
+    observed_alone(kernels, belief, fixes, k, cursor)
+    H = matrix(cursor.work[0].jacobian, 0, 3, belief.P.shape[0])
+    return H[0, 3] != 0 or H[0, 4] != 0 or H[0, 5] != 0
+
+
+def needed(sources: Any, cursor: Cursor) -> bool:
+    """Whether a run with these sources has something for it to do: where one is neither position nor velocity."""
+    return bool(np.any(sources["kind"] > Kind.VELOCITY))

@@ -1,0 +1,35 @@
+"""Side slip of tyres: as an angle it grows with the lateral acceleration, which is taken as yaw rate
+times speed. That is smooth, where the accelerometers feel the engine and the road.
+
+    sd_slip = slip |omega_z| |v|^2        added to the standard deviations of a constraint
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ....typing import Array
+from ...compile.jit import kernel
+from ...mathematics.belief import Belief
+from ..cursor import Cursor
+from ..kernels import STAGE, Kernels
+from ..tables import Fixes
+
+
+@kernel(STAGE)
+def slipping(
+    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+) -> int:
+    """Widen the standard deviations of a constraint across the wheels."""
+    v, sd, slip = belief.v, cursor.work[0].sd, fixes.sources[fixes.source[k]].slip
+    if slip > 0:
+        square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        for i in range(3):
+            sd[i] = math.hypot(sd[i], slip * belief.omega[2] * square)
+    return 0
+
+
+def needed(sources: Any, cursor: Cursor) -> bool:
+    """Whether a run with these sources has something for it to do: where one slips."""
+    return bool(np.any(sources["slip"] > 0))

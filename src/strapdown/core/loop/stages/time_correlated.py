@@ -1,0 +1,35 @@
+"""Time-correlated errors of a source: what becomes of them up to its next measurement, and how much they
+add to what is not estimated of them (core/mathematics/correlated.py has the equations)."""
+
+from typing import Any
+
+import numpy as np
+
+from ....typing import Array
+from ...compile.jit import kernel
+from ...mathematics.belief import Belief
+from ...mathematics.correlated import fade, widen
+from ..cursor import Cursor
+from ..kernels import STAGE, Kernels
+from ..tables import Fixes
+
+
+@kernel(STAGE)
+def fade_errors(
+    kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, record: Array
+) -> int:
+    """Bring the correlated errors of a source to the time of its measurement: a call of its own to
+    the smoother."""
+    s, work = fixes.source[k], cursor.work[0]
+    source = fixes.sources[s]
+    if work.believable and source.correlation_time > 0:
+        seconds = fixes.t[k] - cursor.books[s].last
+        fade(belief.P, belief.extra_states, source, seconds, record)
+        cursor.state[0].recorded += 1
+        widen(work.sd, source)
+    return 0
+
+
+def needed(sources: Any, cursor: Cursor) -> bool:
+    """Whether a run with these sources has something for it to do: where the errors of one are correlated."""
+    return bool(np.any(sources["correlation_time"] > 0))
