@@ -83,7 +83,7 @@ class Flight:
     def alone(self):
         """Processor seconds of the one loop over one of the runs, rows and covariances kept."""
         run = begin(*self.asked_for())
-        run.cursor.at[1] = len(run.samples.t)
+        run.cursor.state[0].stop = len(run.samples.t)
         go = loop.run.bound(
             run.kernels, run.belief, run.samples, run.fixes, run.noise, run.cursor, run.out
         )
@@ -219,7 +219,7 @@ def operations(every):
             k = int(np.flatnonzero(run.fixes.source == source)[0])
             kind = run.fixes.sources[source].kind
             observe = find(("position", "velocity")[source]).observe.py_func
-            given = run.fixes.parameters[source], np.inf, counted(np.zeros(12))
+            given = run.fixes.sources[source], np.inf, counted(np.zeros(12))
             y = counted(run.fixes.y[k])
             filter.correct.py_func(belief, y, run.fixes.sd[k], kind, observe, *given)
         counts.append(Counted.done)

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.loop.contract import NUMBERED, Belief, compile_kernel
+from strapdown.core.loop.contract import Belief, Kind, compile_kernel
 from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.short
@@ -169,7 +169,7 @@ def observe(name, b, y):
     kernel = aiding.find(name).observe
     compile_kernel(kernel)
     innovation, H, parameters = np.full(3, 7e7), np.zeros((3, STATES)), new_source()
-    parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
+    parameters.parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
     measured = np.full(3, np.nan)
     measured[: np.size(y)] = y
     b = Belief(*(np.ascontiguousarray(part) for part in b))
@@ -282,6 +282,6 @@ def test_at_vertical_pitch_heading_is_finite():
 
 def test_kinds_are_numbered_from_zero_and_found_by_name():
     assert [aiding.number(name) for name in aiding.measurements()] == list(range(len(SENSORS)))
-    assert tuple(aiding.own_names()[: len(NUMBERED)]) == NUMBERED
+    assert aiding.own_names()[: len(Kind)] == [aiding.name_of(kind) for kind in Kind]
     with pytest.raises(ValueError, match="did you mean 'velocity'"):
         aiding.find("velocty")

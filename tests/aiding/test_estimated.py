@@ -7,20 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
+from strapdown.core.compile.records import copied
 from strapdown.core.loop.contract import (
-    ARM_STATE,
-    CLOCK_STATE,
-    DELAY,
-    ESTIMATED,
-    MOUNTING_STATE,
-    RATE,
-    REST,
-    SCALE_STATE,
-    TURN,
     Belief,
     compile_kernel,
 )
-from strapdown.core.loop.recent_motion import keep, look_back
+from strapdown.core.loop.stages.clock import followed_back, keep
 from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.engine.limits import limits
@@ -119,10 +111,9 @@ def parameters():
     """Those of a source, as the loop leaves them before a fix: the motion of the last second went
     through `keep`."""
     row = new_source()
-    row[:3], row[DELAY], row[ESTIMATED] = GIVEN, WAIT, 1
-    row[CLOCK_STATE], row[SCALE_STATE], row[TURN : TURN + 9] = CLOCK, SCALE, np.eye(3).ravel()
-    row[ARM_STATE : ARM_STATE + 3] = ARM + np.arange(3)
-    row[MOUNTING_STATE : MOUNTING_STATE + 3] = MOUNTING + np.arange(3)
+    row.parameters[:3], row.delay, row.estimated = GIVEN, WAIT, 1
+    row.clock_state, row.scale_state, row.turn[:] = CLOCK, SCALE, np.eye(3)
+    row.arm_state[:], row.mounting_state[:] = ARM + np.arange(3), MOUNTING + np.arange(3)
     noise, dt = grade("tactical").noise(), 0.005
     gnss = Aiding("position", [1.0], [LLA], [[1.0] * 3], estimate={"clock": (0.1,)})
     cursor = new_cursor(CLOSED_LOOP, 0.0, (gnss,), limits(None, noise, find(None)))
@@ -131,10 +122,10 @@ def parameters():
         middle = (k - 0.5) * dt
         belief.omega[:], belief.f[:] = rate(middle) - BG, force(middle) - BA
         belief.C[...] = back(k * dt, V, C, BA, BG, np.zeros(3), 5e-3)[2].as_matrix()
-        keep(cursor, belief, dt)
+        keep.py_func(belief, np.zeros(6), dt, cursor, np.zeros(0))
     last = believed()
-    assert look_back(cursor, last, row)
-    row[REST : REST + 2] += (0.4, -0.6)  # as at high speeds, so that their signs show
+    assert followed_back(last, row, cursor)
+    row.gravity[:2] += (0.4, -0.6)  # as at high speeds, so that their signs show
     return row
 
 
@@ -143,7 +134,7 @@ def observed(kind, belief, y, parameters):
     compile_kernel(kernel)
     innovation, H, row = np.full(3, np.nan), np.zeros((3, STATES)), np.full(3, np.nan)
     row[: len(y)] = y
-    rows = kernel(belief, row, parameters.copy(), innovation, H)
+    rows = kernel(belief, row, copied(parameters), innovation, H)
     assert rows == KINDS[kind]
     return innovation[:rows], H[:rows]
 
@@ -162,7 +153,7 @@ def around(kind, state, size):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_right_belief_sees_no_innovation(kind, parameters):
-    y = truth(kind, np.zeros(STATES), parameters[REST : REST + 3])
+    y = truth(kind, np.zeros(STATES), parameters.gravity)
     innovation, _ = observed(kind, believed(), y, parameters)
     np.testing.assert_allclose(innovation, 0.0, atol=scale_of(kind))
 
@@ -171,7 +162,7 @@ def test_a_right_belief_sees_no_innovation(kind, parameters):
 @pytest.mark.parametrize("state", range(STATES))
 def test_columns_are_the_derivatives_of_the_measurement(kind, state, parameters):
     """By a state of the truth, the whole motion before it with it."""
-    r, error = parameters[REST : REST + 3], np.zeros(STATES)
+    r, error = parameters.gravity, np.zeros(STATES)
     error[state] = STEPS[state]
     seen = [
         observed(kind, believed(), truth(kind, sign * error, r), parameters)[0] for sign in (1, -1)
@@ -195,7 +186,7 @@ def test_columns_are_the_derivatives_of_the_innovation(kind, state, parameters):
     """By a state of the belief alone, as a sigma point has it: what was kept stays."""
     change = np.zeros(STATES)
     change[state] = STEPS[state]
-    y = truth(kind, 0 * change, parameters[REST : REST + 3])
+    y = truth(kind, 0 * change, parameters.gravity)
     seen = [observed(kind, believed(sign * change), y, parameters)[0] for sign in (1, -1)]
     column = (seen[1] - seen[0]) / (2 * STEPS[state])
     _, H = observed(kind, believed(), y, parameters)
@@ -208,14 +199,14 @@ def test_columns_are_the_derivatives_of_the_innovation(kind, state, parameters):
 def test_a_point_far_off_in_its_clock_sees_the_motion_of_then(kind, clock, parameters):
     change = np.zeros(STATES)
     change[CLOCK] = clock
-    y = truth(kind, change, parameters[REST : REST + 3])
+    y = truth(kind, change, parameters.gravity)
     innovation, _ = observed(kind, believed(change), y, parameters)
     np.testing.assert_allclose(innovation, 0.0, atol=0.06)  # 0.1 s of a motion that changes
 
 
 def test_without_a_rate_the_arm_has_no_part_in_a_velocity(parameters):
     """As before the first sample, when the belief has no rate yet."""
-    resting, row = believed()._replace(omega=np.zeros(3)), parameters.copy()
-    row[RATE : RATE + 3] = 0.0
+    resting, row = believed()._replace(omega=np.zeros(3)), copied(parameters)
+    row.rate[:] = 0.0
     _, H = observed("velocity", resting, V, row)
     assert not H[:, ARM:SCALE].any() and H[0, 3] == 1.0

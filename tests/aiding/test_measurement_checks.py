@@ -5,7 +5,7 @@ import pytest
 
 from strapdown import aiding
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import NUMBERED
+from strapdown.core.loop.contract import Kind
 
 pytestmark = pytest.mark.short
 
@@ -56,7 +56,7 @@ def test_up_to_three_quantities_are_right():
 
 
 def test_kernels_know_the_numbered_kinds_by_their_place():
-    assert [aiding.number(name) for name in NUMBERED] == list(range(len(NUMBERED)))
+    assert [aiding.number(aiding.name_of(kind)) for kind in Kind] == list(Kind)
     assert [aiding.number(name) for name in aiding.own_names()] == list(
         range(len(aiding.own_names()))
     )

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from strapdown import aiding
 from strapdown.aiding.course import LEAST_SPEED, SURELY
 from strapdown.aiding.pressure import pressure_altitude
-from strapdown.core.loop.contract import PARAMETERS, Belief, compile_kernel
+from strapdown.core.loop.contract import Belief, compile_kernel
+from strapdown.core.mathematics.source import new_source
 
 pytestmark = pytest.mark.short
 
@@ -31,8 +32,8 @@ def course(v, sd=(0.01, 0.01), omega=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0)):
     )
     sensor, innovation = aiding.find("course"), np.zeros(3)
     compile_kernel(sensor.observe)
-    parameters = np.r_[arm, np.zeros(PARAMETERS - 3)]
-    assert sensor.observe(belief, np.zeros(3), parameters, innovation, np.zeros((3, 15))) == 1
+    source = new_source(parameters=np.r_[arm, np.zeros(3)])
+    assert sensor.observe(belief, np.zeros(3), source, innovation, np.zeros((3, 15))) == 1
     return innovation[0]
 
 

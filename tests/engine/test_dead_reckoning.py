@@ -8,8 +8,11 @@ import pytest
 from recordings import start
 
 import strapdown as sd
-from strapdown.core.loop import loop
+from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Start
+from strapdown.core.loop.cursor import Work
+from strapdown.core.loop.reacquisition import make_room
+from strapdown.core.mathematics.source import new_source
 from strapdown.sensor_models.simulated import Simulated
 
 pytestmark = pytest.mark.short
@@ -69,12 +72,13 @@ def test_one_fix_makes_room_along_what_it_measures_alone():
     rng = np.random.default_rng(3)
     root = rng.normal(size=(15, 15))
     P, h, e = root @ root.T, rng.normal(size=3), 2.5
-    grown, work = P.copy(), np.full(loop.WORK_SIZE, np.nan)
+    grown, (work,) = P.copy(), rows(Work, 1)
     H = np.zeros((3, 15))
     H[0, 3:6], H[0, 6:9] = h, rng.normal(size=3)
-    work[loop.JACOBIAN][: H.size] = H.ravel()
-    work[loop.OTHER][0] = e
-    loop._doubt_velocity(grown, work)
+    work.jacobian[: H.size] = H.ravel()
+    work.other[:] = e, np.nan, np.nan, *[np.nan] * 9
+    work.alone = 1
+    make_room(grown, new_source(), False, work)
     added = grown - P
     assert h @ added[3:6, 3:6] @ h == pytest.approx(e**2)
     added[3:6, 3:6] = 0.0

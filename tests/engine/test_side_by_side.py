@@ -126,7 +126,7 @@ def test_a_lane_has_the_bits_of_the_run_alone(scenario, filter):
     for lane in np.flatnonzero(np.isinf(both.lanes.left)):
         alone = both.alone(lane)
         np.testing.assert_array_equal(kept[:, NOT_ATTITUDE, lane], alone[:, NOT_ATTITUDE])
-        rows = both.runs[lane].out.fix[: both.runs[lane].cursor.at[2]]
+        rows = both.runs[lane].out.fix[: both.runs[lane].cursor.state[0].fix]
         np.testing.assert_array_equal(fix[: len(rows), lane_loop.NIS, lane], rows["nis"])
         np.testing.assert_array_equal(fix[: len(rows), lane_loop.USED, lane] > 0, rows["use"] > 0)
 

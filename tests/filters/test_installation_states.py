@@ -125,8 +125,8 @@ def test_a_right_fix_is_compared_with_the_truth(tau):
     run.belief.extra_states[0] = tau
     run.belief.P[15, 15] = 1e-12
     run.complete()
-    innovation = run.out.fix[:, 2:5]
-    assert run.out.fix[:, 0].tolist() == pytest.approx(np.repeat(stamps, 2).tolist())  # their own
+    innovation = run.out.fix.innovation
+    assert run.out.fix.t.tolist() == pytest.approx(np.repeat(stamps, 2).tolist())  # their own
     # what the flat motion leaves out of Coriolis, 3e-3 m/s^2, and interpolates at 603 ms
     np.testing.assert_allclose(innovation[0::2], 0.0, atol=0.03)
     np.testing.assert_allclose(innovation[1::2], 0.0, atol=0.02)
@@ -143,7 +143,7 @@ def test_a_clock_that_runs_away_is_said(tau):
     run.belief.extra_states[:] = tau
     run.belief.P[15, 15] = 1e-6
     run.complete()
-    assert np.isfinite(run.out.nav).all() and np.isfinite(run.out.fix[:, 2:5]).all()
+    assert np.isfinite(run.out.nav).all() and np.isfinite(run.out.fix.innovation).all()
     said = [text for _, text in run.events.all]
     assert any(
         text.startswith("the clock of position is estimated ")

@@ -83,10 +83,10 @@ def state():
     """The arguments of an observation of a position, with a lever arm and an attitude."""
     place, v, rph, zero = (0.8, 0.2, 310.0), (30.0, -4.0, 1.5), (0.3, -0.2, 2.1), (0.0, 0.0, 0.0)
     start = Start(0.0, place, v, rph, zero, zero, (1.0,) * 15)
-    parameters = new_source()
-    parameters[:3] = 0.3, -0.7, 1.1
+    source = new_source()
+    source.parameters[:3] = 0.3, -0.7, 1.1
     y = np.array([0.8000002, 0.1999999, 312.5])
-    return start.belief(np.zeros(1)), y, parameters, np.zeros(3), np.zeros((3, 15))
+    return start.belief(np.zeros(1)), y, source, np.zeros(3), np.zeros((3, 15))
 
 
 @pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")

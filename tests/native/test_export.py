@@ -8,17 +8,18 @@ import pytest
 
 import strapdown as sd
 from strapdown import aiding, filters
-from strapdown.core.compile.signatures import Numbers
-from strapdown.core.loop import contract, cursor, loop
+from strapdown.core.compile.records import notes, row_of
+from strapdown.core.compile.signatures import Numbers, Rows
+from strapdown.core.loop import contract
 from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
 from strapdown.native.export.chosen import chosen
 from strapdown.native.export.exported import find_target
 from strapdown.native.export.glue import glue
-from strapdown.native.export.header import header, source_text
+from strapdown.native.export.header import header, source_text, type_name
 from strapdown.native.export.image import image, known
 from strapdown.native.export.layout import RECORDS, layout, numbers, sizes_of
-from strapdown.native.export.texts import AT, CODE, ENUMS, FIELDS, FIX_ROW, LIMIT, SIZES
+from strapdown.native.export.texts import CLASSES, CODE, ENUMS, FIELDS, SIZES
 from strapdown.sim.trajectory import demo_flight
 
 SOURCES = {
@@ -69,7 +70,8 @@ def test_the_start_of_a_filter_is_constants_and_copies_or_is_refused(name):
     got, got_whole = np.zeros_like(want), np.zeros_like(want_whole)
     for place, values in found.constants.items():
         for k, value in values.items():
-            (got if place.real else got_whole)[place.first + k] = value
+            real = place.within(k)[1]
+            (got if real else got_whole)[place.first + k] = value
     parts = known(start, of.noise)
     for place, copies in found.copies.items():
         for k, what in copies.items():
@@ -94,20 +96,19 @@ def test_every_field_and_every_name_has_its_words():
     }
     for names in ENUMS:
         assert all(each.text for each in names.constants), names.name
-    named = {each.value for each in AT.constants}
-    assert named == set(range(cursor.CURSOR_SIZE))
-    assert {each.value for each in LIMIT.constants} == set(range(cursor.LIMITS))
-    assert {each.value for each in CODE.constants} == set(range(cursor.CODES)) - {
+    for made in CLASSES.values():
+        assert all(notes(made).values()) and list(notes(made)) == [
+            name for name, _, _ in row_of(made).fields
+        ]
+    assert {each.value for each in CODE.constants} == set(Code) - {
         Code.APART,  # the smoother's
         Code.CLOCK_OFF,  # of clocks that are estimated
     }
-    places = {getattr(loop, name) for name in dir(loop) if re.fullmatch(r"F_[A-Z]+", name)}
-    assert {each.value for each in FIX_ROW.constants} == places
     named = {
         size
         for kinds in RECORDS.values()
         for kind in kinds.kinds
-        if isinstance(kind, Numbers)
+        if isinstance(kind, Numbers | Rows)
         for size in kind.shape
     }
     assert set(SIZES) <= named
@@ -123,16 +124,15 @@ def test_the_header_shows_every_field_with_its_words():
         if place.length:
             words = FIELDS[place.record][place.name]
             assert re.sub(r"\s+", " ", words) in plain, place
-            assert re.search(rf"(double|int64_t) {place.name}[\[;]", text), place
+            kind = type_name(place.row) if place.row else "(double|int64_t)"
+            assert re.search(rf"{kind} {place.name}[\[;]", text), place
     for name, value in (
         ("STATES", 16),
         ("SOURCES", 3),
         ("SOURCE_PRESSURE", 1),
         ("ROW_SD", solution_row.SD),
-        ("DOUBTFUL", contract.DOUBTFUL),
-        ("FIX_NIS", loop.F_NIS),
-        ("AT_FAULT", cursor.FAULT),
-        ("STUCK", Code.STUCK),
+        ("DOUBTFUL", contract.DOUBTFUL.value),
+        ("STUCK", Code.STUCK.value),
     ):
         assert f"    STRAPDOWN_{name} = {value}" in text, name
     assert "pressure bias" in plain  # a column behind the status

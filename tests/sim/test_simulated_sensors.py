@@ -194,9 +194,9 @@ def test_at_the_truth_the_filters_innovation_is_the_noise_stated(kind, change):
     nis = []
     for y, sd, lla, C in zip(fixes.y, fixes.sd, truth.lla[1:], truth.rotation.as_matrix()[1:]):
         belief.lla[:], belief.C[:], belief.extra_states[:] = lla, C, -20.0
-        innovation, parameters = np.zeros(3), new_source()
-        parameters[:3], parameters[7] = fixes.parameters, 15
-        rows = sensor.observe.py_func(belief, y, parameters, innovation, np.zeros((3, 16)))
+        innovation, source = np.zeros(3), new_source(first_state=15)
+        source.parameters[:3] = fixes.parameters
+        rows = sensor.observe.py_func(belief, y, source, innovation, np.zeros((3, 16)))
         nis.append(np.sum((innovation[:rows] / sd[:rows]) ** 2))
     low, high = chi2.ppf([0.0005, 0.9995], rows * len(nis))
     assert rows == (3 if kind == "magnetic-field" else 1) and low < sum(nis) < high

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import strapdown as sd
+from strapdown.core.compile.records import dtype_of
 from strapdown.core.loop.contract import Imu
 from strapdown.sim.trajectory import demo_flight
 
@@ -104,7 +105,10 @@ class InC:
         )
 
     def read(self, place):
-        """The numbers of a place of its layout."""
+        """The numbers of a place of its layout, or the rows of a table."""
+        if place.row is not None:
+            there = np.frombuffer(self.numbers, np.int64)[place.first :][: place.length]
+            return there.copy().view(dtype_of(place.row))
         whole = np.frombuffer(self.numbers, float if place.real else np.int64)
         return whole[place.first : place.first + place.length].reshape(place.shape).copy()
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import aiding, quantities
-from ..core.compile.records import rows
+from ..core.compile.records import copied, rows
 from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
@@ -104,7 +104,7 @@ class Events:
             alike = self._alike(row)
             there = int(((before["code"] == row.code) & (before["which"] == row.which)).sum())
             if there + len(alike) < MOST_OF_A_KIND and (there or not _goes_on(alike, row)):
-                begun.append(_copy(row))
+                begun.append(copied(row))
         return begun
 
     def _alike(self, row: LogRow) -> list[LogRow]:
@@ -117,7 +117,7 @@ class Events:
         if len(alike) == MOST_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
             return False
-        alike.append(_copy(row))
+        alike.append(copied(row))
         self.rows.append(alike[-1])
         return True
 
@@ -201,10 +201,6 @@ def log_row(t: float, until: float, code: int, which: int, count: int, value: fl
     row.t, row.until, row.code = t, until, code
     row.which, row.count, row.value = which, count, value
     return row
-
-
-def _copy(row: LogRow) -> Any:
-    return log_row(row.t, row.until, row.code, row.which, row.count, row.value)
 
 
 def _goes_on(alike: list[LogRow], row: LogRow) -> bool:

@@ -87,7 +87,7 @@ class _Room:
             into.t[k], into.source[k], self.stamp[k] = t + self.waits[source], source, t
             into.sd[k] = self.sd[k] = sd
             k += 1
-        self.state[0].fixes = k
+        self.state[FIXES] = k
 
 
 class LiveRun:

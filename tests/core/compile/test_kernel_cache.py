@@ -30,7 +30,8 @@ COMPILE = """
     import numpy as np
     from strapdown.aiding import heading
     from strapdown.core.compile import jit
-    from strapdown.core.loop.contract import PARAMETERS, Belief
+    from strapdown.core.loop.contract import Belief
+    from strapdown.core.mathematics.source import new_source
     was_cached = heading.observe.at_hand
     compiled = jit.compile_kernel(heading.observe)
     z, e = np.zeros(3), np.zeros(3)

@@ -6,9 +6,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from strapdown.core.loop import cursor as places
-from strapdown.core.loop.followed_noise import MOST_FACTOR, follow, followed
-from strapdown.core.loop.heavy_tails import OUTLIERS, SCALES, STEP, variance_factor
+from strapdown.core.compile.records import rows
+from strapdown.core.loop.cursor import Books
+from strapdown.core.loop.stages.adaptive import MOST_FACTOR, follow, followed
+from strapdown.core.loop.stages.robust import OUTLIERS, SCALES, STEP, variance_factor
 from strapdown.core.mathematics.innovation_moments import moments
 
 SHARES = np.r_[1 - OUTLIERS, OUTLIERS * 0.5 ** np.r_[1:SCALES, SCALES - 1]]
@@ -80,9 +81,9 @@ def test_three_rows_with_one_missing():
 
 def books():
     """Of an adaptive source, at 0 s."""
-    tests = np.zeros(places.TESTS)
-    tests[places.FACTOR] = tests[places.POWER] = 1.0
-    return tests
+    (of_source,) = rows(Books, 1)
+    of_source.factor[:] = of_source.power = 1.0
+    return of_source
 
 
 def watched(true_sd, memory, interval, walk=0.3, tests=None, fixes=1000, first=0, seed=2):
@@ -90,17 +91,19 @@ def watched(true_sd, memory, interval, walk=0.3, tests=None, fixes=1000, first=0
     of rows 2 and 3 of which nothing is measured."""
     rng, tests = np.random.default_rng(seed), books() if tests is None else tests
     x, estimate, P, found = 0.0, 0.0, 1.0, []
-    factor, own = np.ones(3), np.empty(3)
+    factor = np.ones(3)
     for k in range(first, first + fixes):
         x, P = x + walk * rng.normal(), P + walk**2
-        R = followed(np.ones(3), tests, np.zeros(3), own, factor)[0] ** 2
+        sd = np.ones(3)
+        followed(sd, tests, factor)
+        R = sd[0] ** 2
         e = np.array([x + true_sd(k * interval) * rng.normal() - estimate, np.nan, np.nan])
         S, noise = np.empty(6), np.empty(6)
         assert moments(told(e, alone(P + R)), told(e, alone(P + 4 * R)), S, noise)
         follow(tests, memory, k * interval, told(e, alone(P + R)), S, noise, 1.0)
         K = P / (P + R)
         estimate, P = estimate + K * e[0], (1 - K) * P
-        found.append(tests[places.FACTOR][0])
+        found.append(tests.factor[0])
     return np.array(found)
 
 
@@ -124,16 +127,16 @@ def test_a_change_is_learned_within_about_the_memory():
 def test_ten_fixes_decide_at_least_and_nothing_leaves_its_bounds():
     tests = books()
     watched(lambda t: 1.0, 1.0, 100.0, tests=tests, fixes=1, first=1)
-    assert abs(tests[places.FACTOR][0] - 1) < 1.0
+    assert abs(tests.factor[0] - 1) < 1.0
     assert watched(lambda t: 1e4, 2.0, 1.0, fixes=400).max() <= MOST_FACTOR
 
 
 def test_lasting_errors_are_not_believed():
     tests = books()
-    tests[places.FACTOR], tests[places.ALIKE] = [0.1, 4.0, 1.0], 0.5
-    sd, factor = np.empty(3), np.empty(3)
-    followed(np.full(3, 2.0), tests, np.zeros(3), sd, factor)
+    tests.factor[:], tests.alike = [0.1, 4.0, 1.0], 0.5
+    sd, factor = np.full(3, 2.0), np.empty(3)
+    followed(sd, tests, factor)
     np.testing.assert_allclose(sd, [2.0, 4.0, 2.0])
-    tests[places.ALIKE] = 0.1
-    followed(np.full(3, 2.0), tests, np.zeros(3), sd, factor)
+    tests.alike = 0.1
+    followed(np.full(3, 2.0), tests, factor)
     np.testing.assert_allclose(factor, [np.sqrt(0.1), 2.0, 1.0])

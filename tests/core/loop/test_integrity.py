@@ -12,10 +12,11 @@ from scripted_filter import SCRIPTED, scripted
 
 import strapdown as sd
 from strapdown import quantities
-from strapdown.core.loop import cursor as log, integrity, loop
+from strapdown.core.loop import gaps, integrity, log
 from strapdown.core.loop.log import Code
+from strapdown.core.loop.loop import SAME_TIME
 from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
-from strapdown.engine.events import MOST_OF_A_KIND, Events
+from strapdown.engine.events import MOST_OF_A_KIND, Events, log_row
 from strapdown.engine.limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
@@ -66,7 +67,7 @@ def test_a_sample_that_cannot_be_is_bridged(sensor):
     # the sample before it stands for it, and its noise is that of a gap
     assert np.abs(spoilt.trajectory.v_n[row] - clean.trajectory.v_n[row]).max() < 0.01
     grown = spoilt.trajectory.sd[row, 6:9] ** 2 - clean.trajectory.sd[row, 6:9] ** 2
-    np.testing.assert_allclose(grown, loop.BRIDGE_GYRO**2 * dt, rtol=0.02)
+    np.testing.assert_allclose(grown, gaps.BRIDGE_GYRO**2 * dt, rtol=0.02)
     assert np.abs(sd.errors(spoilt, recording.reference).position[row:]).max() < 3.0
 
 
@@ -236,7 +237,7 @@ def test_fixes_that_are_off_on_average_are_doubted_until_they_agree(interval, of
     solution = sd.fuse(replace(recording, aidings=(fixes,)), SCRIPTED, start=begin)
     status, alarms = twin(t, whitened)
     times, values = map(np.array, zip(*status))
-    expected = values[np.searchsorted(times, solution.t + loop.SAME_TIME) - 1]
+    expected = values[np.searchsorted(times, solution.t + SAME_TIME) - 1]
     np.testing.assert_array_equal(solution.status, expected)
     assert 20 < (expected == DOUBTFUL).sum() < 330 and (expected[:100] == VALID).all()
     ((side, seen),) = alarms.items()
@@ -360,15 +361,15 @@ def test_a_full_log_still_counts():
         say(cursor, Code.STUCK, k, 1.0, 2.0)
     say(cursor, Code.STUCK, 5, 1000.0, -3.0)
     assert cursor.state[0].logged == log.LOG_ROWS
-    assert cursor.log[5].tolist() == [1.0, 1000.0, Code.STUCK, 5, 2, -3.0]
+    assert cursor.log[5].tolist() == (1.0, 1000.0, Code.STUCK, 5, 2, -3.0)
 
 
 def test_every_code_has_words():
     events = events_of()
-    for code in range(log.CODES):
+    for code in Code:
         if code == Code.IN_CONDITION:
             continue
-        text = events.text(np.array([1.0, 3.0, code, 0, 2, 4.0]))
+        text = events.text(log_row(1.0, 3.0, code, 0, 2, 4.0))
         assert text and "\n" not in text
 
 

@@ -7,7 +7,7 @@ import pytest
 from recordings import alike, flight, position, rows, said, split, start, without_samples
 
 import strapdown as sd
-from strapdown.core.loop import loop
+from strapdown.core.loop import gaps, loop
 from strapdown.data import BRIDGED, DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.geodesy import displaced, displacement
 
@@ -125,8 +125,8 @@ def test_a_short_gap_is_bridged():
         solution.trajectory.q_nb[k], whole.trajectory.q_nb[same_time], atol=1e-5
     )
     variance, without = solution.trajectory.sd[k] ** 2, whole.trajectory.sd[same_time] ** 2
-    np.testing.assert_allclose((variance - without)[6:9], 0.5 * loop.BRIDGE_GYRO**2, rtol=0.02)
-    np.testing.assert_allclose((variance - without)[5], 0.5 * loop.BRIDGE_ACCEL**2, rtol=0.02)
+    np.testing.assert_allclose((variance - without)[6:9], 0.5 * gaps.BRIDGE_GYRO**2, rtol=0.02)
+    np.testing.assert_allclose((variance - without)[5], 0.5 * gaps.BRIDGE_ACCEL**2, rtol=0.02)
 
 
 def test_over_a_long_gap_velocity_and_attitude_are_held():
@@ -146,10 +146,10 @@ def test_over_a_long_gap_velocity_and_attitude_are_held():
         atol=0.1,
     )
     np.testing.assert_allclose(
-        (after["sd"][k] ** 2 - before["sd"][k - 1] ** 2)[6:9], 5 * loop.HOLD_GYRO**2, rtol=0.05
+        (after["sd"][k] ** 2 - before["sd"][k - 1] ** 2)[6:9], 5 * gaps.HOLD_GYRO**2, rtol=0.05
     )
     assert after["sd"][k, 5] ** 2 - before["sd"][k - 1, 5] ** 2 == pytest.approx(
-        5 * loop.HOLD_ACCEL**2, rel=0.05
+        5 * gaps.HOLD_ACCEL**2, rel=0.05
     )
     assert (solution.status[:k] == VALID).all() and (solution.status[k:] == INVALID).all()
     assert solution.events == (

@@ -5,22 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strapdown.core.loop.contract import (
-    AGE,
-    BEND,
-    BIAS_AT,
-    CLOCK_AT,
-    CLOCK_STATE,
-    DELAY,
-    FORCE,
-    LAG,
-    MEAN,
-    RATE,
-    REST,
-    TURN,
-    Belief,
-)
-from strapdown.core.loop.recent_motion import AHEAD, BEHIND, ROWS, keep, look_back
+from strapdown.core.loop.contract import Belief
+from strapdown.core.loop.motion import ROWS
+from strapdown.core.loop.stages.clock import AHEAD, BEHIND, followed_back, keep
 from strapdown.core.mathematics.earth import gravity
 from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
@@ -93,17 +80,15 @@ def moved_through(motion, times):
         belief = belief_of(motion, end)
         mean = (motion.v(end) - motion.v(begin)) / (end - begin) - G
         belief.f[:] = attitude(0.5 * (begin + end)).inv().apply(mean)
-        keep(cursor, belief, end - begin)
+        keep.py_func(belief, np.zeros(6), end - begin, cursor, np.zeros(0))
     return cursor, belief
 
 
 def looked_back(cursor, belief, age, delay=0.3):
     """(whether it can be told, parameters): the clock is such that the fix held `age` s ago."""
-    parameters = new_source()
-    parameters[CLOCK_STATE], parameters[DELAY] = 15, delay
+    source = new_source(clock_state=15, delay=delay, gate=1.0)
     belief.extra_states[0] = delay - age
-    told = look_back(cursor, belief, parameters)
-    return told, parameters
+    return followed_back(belief, source, cursor), source
 
 
 def check(motion, times, age, tolerance):
@@ -111,18 +96,18 @@ def check(motion, times, age, tolerance):
     cursor, belief = moved_through(motion, times)
     told, found = looked_back(cursor, belief, age)
     now, C = times[-1], belief.C
-    assert told and found[AGE] == pytest.approx(age) and found[CLOCK_AT] == pytest.approx(0.3 - age)
-    coriolis = found[REST : REST + 3] - G
+    assert told and found.age == pytest.approx(age) and found.clock == pytest.approx(0.3 - age)
+    coriolis = found.gravity - G
     # 2 omega v: known to the filter, not to this motion
     assert np.abs(coriolis).max() < 2e-4 * np.linalg.norm(belief.v)
-    back = motion.v(now) - C @ found[FORCE : FORCE + 3] - age * G
+    back = motion.v(now) - C @ found.force - age * G
     np.testing.assert_allclose(back, motion.v(now - age), atol=tolerance)
-    there = motion.p(now) - age * motion.v(now) + C @ found[LAG : LAG + 3] + 0.5 * age**2 * G
+    there = motion.p(now) - age * motion.v(now) + C @ found.lag + 0.5 * age**2 * G
     np.testing.assert_allclose(there, motion.p(now - age), atol=tolerance)
-    np.testing.assert_allclose(found[RATE : RATE + 3] + belief.omega, TURNING, atol=1e-9)
+    np.testing.assert_allclose(found.rate + belief.omega, TURNING, atol=1e-9)
     turn = attitude(now).inv() * attitude(now - age)
-    np.testing.assert_allclose(found[TURN : TURN + 9].reshape(3, 3), turn.as_matrix(), atol=1e-9)
-    np.testing.assert_array_equal(found[BIAS_AT : BIAS_AT + 3], belief.ba)
+    np.testing.assert_allclose(found.turn, turn.as_matrix(), atol=1e-9)
+    np.testing.assert_array_equal(found.bias_then, belief.ba)
     return found
 
 
@@ -164,16 +149,16 @@ def test_the_mean_force_is_that_about_the_instant():
     found = check(Swinging(), np.arange(0, 2.0, 0.005), 0.5, 3e-4)
     cursor, belief = moved_through(Swinging(), np.arange(0, 2.0, 0.005))
     mean = (Swinging().v(1.495 + 0.1) - Swinging().v(1.495 - 0.1)) / 0.2 - G
-    np.testing.assert_allclose(belief.C @ found[MEAN : MEAN + 3], mean, atol=2e-3)
+    np.testing.assert_allclose(belief.C @ found.force_then, mean, atol=2e-3)
 
 
 @pytest.mark.parametrize("age", [BEHIND + 2, 1e6, -AHEAD - 0.5, -1e9])
 def test_a_clock_that_ran_away_stays_at_the_limit(age):
     cursor, belief = moved_through(Constant(), np.arange(0, 6.0, 0.01))
     told, found = looked_back(cursor, belief, age)
-    assert not told and found[AGE] == (BEHIND if age > 0 else -AHEAD)
-    assert np.isfinite(found).all()
-    limit, _ = looked_back(cursor, belief, found[AGE])
+    assert not told and found.age == (BEHIND if age > 0 else -AHEAD)
+    assert all(np.isfinite(number).all() for number in found.tolist())
+    limit, _ = looked_back(cursor, belief, found.age)
     assert limit
 
 
@@ -185,8 +170,6 @@ def test_what_an_uncertain_clock_bends_is_the_second_difference(sigma):
     belief.P[15, 15] = sigma**2
     _, found = looked_back(cursor, belief, age)
     s = EVEN[-1] - age
-    for first, path in ((BEND, motion.p), (BEND + 3, motion.v)):
+    for bent, path in ((found.bent_position, motion.p), (found.bent_velocity, motion.v)):
         second = path(s + sigma) - 2 * path(s) + path(s - sigma)
-        np.testing.assert_allclose(
-            found[first : first + 3], np.sqrt(0.75) * np.abs(second), atol=2e-4, rtol=0.03
-        )
+        np.testing.assert_allclose(bent, np.sqrt(0.75) * np.abs(second), atol=2e-4, rtol=0.03)

@@ -34,8 +34,8 @@ def test_the_table_says_which_axis_reads_which(name):
     recording, _, _ = flight(1.0, 10.0)
     of_imu = with_estimates(recording, [name]).meta["estimate"]
     table = coupled(parameters((), of_imu), 15)
-    assert [tuple(row[1:]) for row in table.tolist()] == NAMES[name]
-    assert table[:, 0].tolist() == list(range(15, 15 + len(table)))
+    assert [row[1:] for row in table.tolist()] == NAMES[name]
+    assert table.state.tolist() == list(range(15, 15 + len(table)))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.core.loop.contract import OF_KIND, Noise, Start, compile_kernel
+from strapdown.core.loop.contract import Noise, Start, compile_kernel
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.attitude.attitude_error_state import SIX
 from strapdown.filters.attitude.attitude_mekf import ATTITUDE_MEKF, GRAVITY, MAGNETOMETERS
@@ -66,11 +66,11 @@ def correct(filter, belief, kind, y, sd, gate=math.inf, field=FIELD):
     """(NIS, innovation) of one fix."""
     sensor = aiding.find(kind)
     compile_kernel(sensor.observe)
-    innovation, parameters = np.zeros(12), new_source()
-    parameters[:3] = field
+    innovation, source = np.zeros(12), new_source()
+    source.parameters[:3] = field
     y, sd = (np.r_[value, np.full(3 - np.size(value), np.nan)].astype(float) for value in (y, sd))
     return filter.correct(
-        belief, y, sd, aiding.number(sensor.name), sensor.observe, parameters, gate, innovation
+        belief, y, sd, aiding.number(sensor.name), sensor.observe, source, gate, innovation
     ), innovation[:3]
 
 
@@ -523,8 +523,8 @@ def test_more_magnetometers_than_books_share_the_last_ones(filter):
     for number in (MAGNETOMETERS - 1, MAGNETOMETERS, MAGNETOMETERS + 5):
         belief = begun(filter, (0, 0, 30), bg=(0.0,) * 3)
         filter.predict(belief, np.r_[np.zeros(3), belief.C.T @ UP * G * 0.1], 0.1, NOISE)
-        parameters = new_source()
-        parameters[:3], parameters[OF_KIND] = FIELD, number
+        source = new_source()
+        source.parameters[:3], source.of_kind = FIELD, number
         sensor, innovation = aiding.find("magnetic-field"), np.zeros(12)
         compile_kernel(sensor.observe)
         filter.correct(
@@ -533,7 +533,7 @@ def test_more_magnetometers_than_books_share_the_last_ones(filter):
             np.full(3, 1e-6),
             aiding.number(sensor.name),
             sensor.observe,
-            parameters,
+            source,
             math.inf,
             innovation,
         )

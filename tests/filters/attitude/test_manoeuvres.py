@@ -10,7 +10,6 @@ import pytest
 import strapdown as sd
 from strapdown import aiding
 from strapdown.core.loop.contract import (
-    OF_KIND,
     Belief,
     Filter,
     Noise,
@@ -123,15 +122,15 @@ def holding(filter: Filter, belief: Belief) -> int:
 
 def measure(filter: Filter, belief: Belief, y: Array, magnetometer: int = 0) -> tuple[float, Array]:
     sensor = aiding.find("magnetic-field")
-    innovation, parameters = np.zeros(12), new_source()
-    parameters[:3], parameters[OF_KIND] = FIELD, magnetometer
+    innovation, source = np.zeros(12), new_source()
+    source.parameters[:3], source.of_kind = FIELD, magnetometer
     nis = filter.correct(
         belief,
         np.array(y, float),
         np.full(3, 3e-7),
         aiding.number(sensor.name),
         sensor.observe,
-        parameters,
+        source,
         math.inf,
         innovation,
     )

@@ -173,7 +173,7 @@ def test_a_correction_is_the_textbooks(kind, rows):
         fixes.sd[0],
         fixes.sources[0].kind,
         aiding.find(kind).observe,
-        fixes.parameters[0],
+        fixes.sources[0],
         np.inf,
         innovation,
     )

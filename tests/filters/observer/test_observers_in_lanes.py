@@ -109,14 +109,12 @@ def test_runs_in_different_states_do_not_reach_each_other(filter, options):
             filter.predict(belief, row, dt, NOISE)
         for kind, y in fixes(k):
             observe, number = aiding.find(kind).observe, aiding.number(kind)
-            parameters = new_source()
-            parameters[:3] = FIELD if kind == "magnetic-field" else (0.3, -0.2, -0.5)
-            rest = SD[kind], number, observe, parameters, GATE
+            source = new_source()
+            source.parameters[:3] = FIELD if kind == "magnetic-field" else (0.3, -0.2, -0.5)
+            rest = SD[kind], number, observe, source, GATE
             given = np.ascontiguousarray(y.T)
-            sd, number, _, parameters, gate = rest
-            nis = correct(
-                wide, given, sd, number, side_by_side(observe), parameters, gate, innovation
-            )
+            sd, number, _, source, gate = rest
+            nis = correct(wide, given, sd, number, side_by_side(observe), source, gate, innovation)
             alone = [
                 filter.correct(belief, y[lane], *rest, np.zeros(12))
                 for lane, belief in enumerate(beliefs)

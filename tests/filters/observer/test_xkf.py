@@ -107,15 +107,15 @@ def begun(**options):
 
 def fix(belief, kind, y, gate=np.inf, correct=XKF.correct):
     """(NIS, innovation) of a fix by the filter."""
-    sensor, parameters, innovation = aiding.find(kind), new_source(), np.zeros(12)
-    parameters[:3] = ARM
+    sensor, source, innovation = aiding.find(kind), new_source(), np.zeros(12)
+    source.parameters[:3] = ARM
     return correct(
         belief,
         np.array(y, float),
         FIX_SD[kind],
         aiding.number(sensor.name),
         sensor.observe,
-        parameters,
+        source,
         gate,
         innovation,
     ), innovation[:3]

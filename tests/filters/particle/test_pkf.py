@@ -13,7 +13,8 @@ import strapdown as sd
 from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.compile.signatures import LANES
-from strapdown.core.loop.contract import OBSERVE, PARAMETERS, Noise, Start, compile_kernel, kernel
+from strapdown.core.loop.contract import OBSERVE, Noise, Start, compile_kernel, kernel
+from strapdown.core.mathematics.source import new_source
 from strapdown.data import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
@@ -115,14 +116,14 @@ def fix(belief, kind, y, deviation, gate=np.inf, parameters=()):
     prepare("pkf", [kind])
     sensor, innovation = aiding.find(kind), np.zeros(12)
     three = lambda values: np.r_[np.atleast_1d(np.asarray(values, float)), np.full(3, np.nan)][:3]
-    parameters = np.r_[parameters, np.zeros(PARAMETERS - len(parameters))]
+    source = new_source(parameters=np.r_[parameters, np.zeros(6 - len(parameters))])
     return PKF.correct(
         belief,
         three(y),
         three(deviation),
         aiding.number(sensor.name),
         sensor.observe,
-        parameters,
+        source,
         gate,
         innovation,
     ), innovation[:3]
@@ -427,12 +428,12 @@ def test_many_components_are_the_closed_loop_within_their_monte_carlo_error():
 
 
 @kernel(OBSERVE)
-def horizontal_range(belief, y, parameters, innovation, H):
+def horizontal_range(belief, y, source, innovation, H):
     """One row: y - horizontal distance, m, from the latitude and longitude in `parameters`, by
     the radii there too."""
     north, east = (
-        (belief.lla[0] - parameters[0]) * parameters[2],
-        (belief.lla[1] - parameters[1]) * parameters[3],
+        (belief.lla[0] - source.parameters[0]) * source.parameters[2],
+        (belief.lla[1] - source.parameters[1]) * source.parameters[3],
     )
     distance = np.sqrt(north * north + east * east)
     innovation[0] = y[0] - distance
@@ -453,7 +454,8 @@ def bent(components, kernel=None, seed=0):
     )
     M, E = np.add(radii(BEGIN.lla[0]), BEGIN.lla[2])
     east = E * np.cos(BEGIN.lla[0])
-    parameters = np.r_[BEGIN.lla[0], BEGIN.lla[1] - 60.0 / east, M, east, np.zeros(PARAMETERS - 4)]
+    point = BEGIN.lla[0], BEGIN.lla[1] - 60.0 / east, M, east, 0.0, 0.0
+    source = new_source(parameters=point)
     prepare("pkf", [])
     PKF.correct(
         belief,
@@ -461,7 +463,7 @@ def bent(components, kernel=None, seed=0):
         np.array([3.0, np.nan, np.nan]),
         0,
         horizontal_range,
-        parameters,
+        source,
         np.inf,
         np.zeros(12),
     )

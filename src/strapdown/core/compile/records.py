@@ -11,6 +11,8 @@ kernels read and write as `row.field`, plain Python as well, and C as a struct.
 Every number takes eight bytes, so that no compiler leaves a gap between them.
 """
 
+import inspect
+import re
 from collections.abc import Hashable, Iterator
 from functools import cache
 from typing import Any, Protocol, TypeVar, get_args, get_origin, get_type_hints, overload
@@ -105,3 +107,25 @@ def rows(made: type[Any], count: int) -> Any:
 def place(made: type[Any], name: str) -> int:
     """How many numbers of a row stand before a field."""
     return int(dtype_of(row_of(made)).fields[name][1]) // 8  # type: ignore[index]
+
+
+@cache
+def notes(made: Hashable) -> dict[str, str]:
+    """What a class says of each of its fields: the comment on the line of the field, with the one
+    above it, or that above the fields before it."""
+    found: dict[str, str] = {}
+    above: list[str] = []
+    for line in inspect.getsource(made).splitlines()[1:]:  # type: ignore[arg-type]
+        code, _, said = line.strip().partition("#")
+        if not code:
+            above = [*above, said.strip()] if said else []
+        elif field := re.match(r"(\w+):", code):
+            found[field[1]] = " ".join([said.strip()] if said else above)
+    return found
+
+
+def copied(row: Any) -> Any:
+    """A row of its own with the same numbers."""
+    (own,) = table = np.empty(1, row.dtype).view(np.recarray)
+    table[0] = row
+    return own

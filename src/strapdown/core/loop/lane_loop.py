@@ -29,7 +29,7 @@ from ..compile.signatures import (
 from ..mathematics.belief import BELIEF, NOISE, Belief, Noise
 from ..mathematics.earth import LATITUDE_LIMIT
 from ..mathematics.mechanization import compensate
-from ..mathematics.source import OBSERVE, Kind
+from ..mathematics.source import NAMED_KINDS, OBSERVE, Kind
 from .contract import IN_LANES
 from .cursor import Limits
 from .integrity import HEARD, NEAR_NULL, SAME_VALUE, STUCK_SAMPLES
@@ -261,7 +261,7 @@ def _use_fix(
 def _may_be_alone(fixes: Fixes, s: int, t: float, cursor: LaneCursor) -> bool:
     """Whether the one loop may treat a rejected fix as one that nothing contradicts, as it does with
     velocities in the body while it dead reckons."""
-    alone = fixes.sources[s].kind >= len(Kind)
+    alone = fixes.sources[s].kind >= NAMED_KINDS
     for k in range(fixes.sources.size):
         if fixes.sources[k].kind == Kind.POSITION or fixes.sources[k].kind == Kind.VELOCITY:
             alone &= t - cursor.last[k] > HEARD

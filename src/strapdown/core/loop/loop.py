@@ -35,7 +35,7 @@ from .kernels import KERNELS, Kernels, predict_at, step_at
 from .log import LOG_FULL, Code, say
 from .measurement import use_next
 from .tables import FIXES, IMU, OUTPUT, RECORDED_OUTPUT, Fixes, Imu, Output, Status
-from .tape import row_of_record, save_step
+from .tape import call_step, save_step
 
 SAME_TIME = 1e-6  # s: a measurement this close to a sample's end is taken there
 
@@ -218,8 +218,7 @@ def _predict(
     predict_at(kernels.predict)(belief, u, dt, noise)
     save_step(belief, state, out.record)
     for i in range(kernels.after_step.size):
-        record = row_of_record(out.record, state)
-        step_at(kernels.after_step[i])(belief, u, dt, cursor, record)
+        call_step(kernels.after_step[i], belief, u, dt, cursor, out.record)
 
 
 @inlined

@@ -31,11 +31,11 @@ from .integrity import (
     reachable,
     test,
 )
-from .kernels import Kernels, correct_at, observe_at, stage_at
+from .kernels import Kernels, correct_at, observe_at
 from .log import Code, say
 from .reacquisition import height_alone, make_room
 from .tables import Fixes, FixRow, Output, Status, Use
-from .tape import row_of_record, save_step
+from .tape import call_stage, save_step
 
 REJECTED, LIFT_AFTER = 5, 3.0  # rejections in a row; s
 LIFT_ALONE = 1.0  # s, of velocities in the body that nothing else helps
@@ -53,8 +53,7 @@ def use_next(kernels: Kernels, belief: Belief, fixes: Fixes, cursor: Cursor, out
     work.believable = measured(fixes, k, belief, cursor)
     _begin(belief, fixes, k, cursor)
     for i in range(kernels.prepare.size):
-        record = row_of_record(out.record, state)
-        stage_at(kernels.prepare[i])(kernels, belief, fixes, k, cursor, record)
+        call_stage(kernels.prepare[i], kernels, belief, fixes, k, cursor, out.record)
     use = Use.NOT_ASKED
     if work.believable:
         books.last = fixes.t[k]
@@ -102,8 +101,7 @@ def _ask(
     work.nis = _corrected(kernels, belief, fixes, k, cursor, gate)
     lift = work.nis > max(gate, source.gate) and _is_due(cursor.books[s], work.alone, t)
     if weighed and not lift and work.nis > gate:
-        record = row_of_record(out.record, state)
-        stage_at(kernels.weigh)(kernels, belief, fixes, k, cursor, record)
+        call_stage(kernels.weigh, kernels, belief, fixes, k, cursor, out.record)
     save_step(belief, state, out.record)
     test(cursor, s, work.innovation, work.nis, t)
     if lift and _lift(kernels, belief, fixes, k, cursor, out):
@@ -154,8 +152,7 @@ def _lift(
         several or (source.kind == Kind.ALTITUDE and state.positioned > 0)
     )
     if vertical and kernels.contradicted != 0:
-        record = row_of_record(out.record, state)
-        if stage_at(kernels.contradicted)(kernels, belief, fixes, k, cursor, record) > 0:
+        if call_stage(kernels.contradicted, kernels, belief, fixes, k, cursor, out.record) > 0:
             work.weight = 0.0
             return False
     if books.lifted_at == 0:

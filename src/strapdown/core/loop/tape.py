@@ -1,12 +1,12 @@
 """What the loop writes for the smoother, where there is one."""
 
-from typing import Any
-
 from ...typing import Array
 from ..compile.jit import caller, helper
 from ..mathematics.belief import Belief
 from ..mathematics.tape import SAVE_STEP
-from .cursor import LoopState
+from .cursor import Cursor, LoopState
+from .kernels import Kernels, stage_at, step_at
+from .tables import Fixes
 
 save_step_at = caller(SAVE_STEP)
 
@@ -23,8 +23,28 @@ def save_step(belief: Belief, state: LoopState, record: Array) -> None:
 
 
 @helper
-def row_of_record(record: Array, state: LoopState) -> Any:
-    """The row in which a stage may record what it does, or (0,) without a record."""
+def call_stage(
+    stage: int,
+    kernels: Kernels,
+    belief: Belief,
+    fixes: Fixes,
+    k: int,
+    cursor: Cursor,
+    record: Array,
+) -> int:
+    """The stage at an address, with the row on which it may record what it does."""
     if record.ndim == 2:
-        return record[state.recorded]
-    return record
+        row = record[cursor.state[0].recorded]
+        return stage_at(stage)(kernels, belief, fixes, k, cursor, row)
+    return stage_at(stage)(kernels, belief, fixes, k, cursor, record)
+
+
+@helper
+def call_step(
+    step: int, belief: Belief, u: Array, dt: float, cursor: Cursor, record: Array
+) -> None:
+    """The same of a stage of a prediction."""
+    if record.ndim == 2:
+        step_at(step)(belief, u, dt, cursor, record[cursor.state[0].recorded])
+    else:
+        step_at(step)(belief, u, dt, cursor, record)

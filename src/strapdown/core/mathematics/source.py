@@ -34,6 +34,9 @@ class Kind(IntEnum):
     COURSE = 10
 
 
+NAMED_KINDS = len(Kind)
+
+
 class SourceRow:
     """A source of measurements. A state is an index into the error states, 0 where there is none.
 

@@ -2,10 +2,13 @@
 the struct with everything in it, and the attitude of a start. All sizes are constants for the
 compiler, which leaves out what they make needless."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from ...core.compile.jit import Kernel
-from ...core.compile.signatures import Number, Numbers
+from ...core.compile.signatures import Number, Numbers, Record
+from ...core.loop.kernels import KERNELS
+from ...core.loop.stages import Needed
 from ..ir import c_types
 from .layout import BYTES, RECORDS, Layout
 
@@ -15,30 +18,32 @@ HEAD = 'target datalayout = ""\ntarget triple = ""'
 """What the target fills in."""
 
 
-def binding(
-    made: Layout,
-    run: Kernel,
-    predict: Kernel,
-    correct: Kernel,
-    observers: Mapping[int, Kernel],
-    attitude: Kernel,
-) -> str:
-    """LLVM's intermediate representation of them. observers: by the number of their kind."""
-    kinds = max(observers, default=0) + 1
-    addresses = [f"i64 ptrtoint (ptr @{one.symbol} to i64)" for one in (predict, correct)]
-    called = [
-        *addresses,
-        "ptr %observers",
-        *(f"ptr %{record}" for record in RECORDS),
-        f"i64 {kinds}",
-    ]
+class Bound(NamedTuple):
+    """The kernels of an exported filter."""
+
+    run: Kernel
+    predict: Kernel
+    correct: Kernel
+    observers: Mapping[int, Kernel]  # by the number of their kind
+    stages: Needed
+
+    @property
+    def all(self) -> list[Kernel]:
+        """All of them, each once."""
+        own = (self.run, self.predict, self.correct, *self.observers.values())
+        return list(dict.fromkeys((*own, *self.stages.kernels)))
+
+
+def binding(made: Layout, kernels: Bound, attitude: Kernel) -> str:
+    """LLVM's intermediate representation of the functions."""
+    called = [f"ptr %{record}" for record in ("kernels", *RECORDS)]
     return "\n".join(
         [
             HEAD,
             f"define void @{RUN}(ptr %filter) {{",
             *(line for record in RECORDS for line in _struct(record, made)),
-            *_table(kinds, observers),
-            f"  call void @{run.symbol}({', '.join(called)})",
+            *_kernels(kernels),
+            f"  call void @{kernels.run.symbol}({', '.join(called)})",
             "  ret void",
             "}",
             f"define void @{ATTITUDE}(ptr %rph, ptr %C) {{",
@@ -47,7 +52,7 @@ def binding(
             "}",
             *(
                 f"declare {result} @{kernel.symbol}({', '.join(types)})"
-                for kernel in dict.fromkeys((run, predict, correct, *observers.values(), attitude))
+                for kernel in dict.fromkeys((*kernels.all, attitude))
                 for result, types in [c_types(kernel.signature)]
             ),
             "",
@@ -55,21 +60,43 @@ def binding(
     )
 
 
-def _table(kinds: int, observers: Mapping[int, Kernel]) -> Iterator[str]:
-    """The observers' addresses. On the stack, because on processors of 32 bits an address of 64 is
+def _kernels(kernels: Bound) -> Iterator[str]:
+    """The struct of addresses that the loop takes."""
+    count, stages = max(kernels.observers, default=-1) + 1, kernels.stages
+    tables = {
+        "observers": [kernels.observers.get(number) for number in range(count)],
+        "prepare": list(stages.prepare),
+        "after_step": list(stages.after_step),
+    }
+    single = {"predict": kernels.predict, "correct": kernels.correct} | stages._asdict()
+    values = []
+    for name, kind in KERNELS.fields:
+        if isinstance(kind, Numbers):
+            yield from _table(name, tables[name])
+            values.append(f"ptr %{name}")
+        else:
+            values.append(f"i64 {_address(single[name])}")
+    sizes = dict(zip(KERNELS.sizes, map(len, tables.values()), strict=True))
+    values += [f"i64 {size}" for size in sizes.values()]
+    yield from _stored("kernels", _listed(KERNELS), values)
+
+
+def _table(name: str, kernels: Sequence[Kernel | None]) -> Iterator[str]:
+    """Addresses of kernels. On the stack, because on processors of 32 bits an address of 64 is
     no constant to a linker."""
-    yield f"  %observers = alloca [{kinds} x i64]"
-    for number in range(kinds):
-        symbol = observers[number].symbol if number in observers else None
-        yield f"  %observer{number} = getelementptr i64, ptr %observers, i64 {number}"
-        address = f"ptrtoint (ptr @{symbol} to i64)" if symbol else "0"
-        yield f"  store i64 {address}, ptr %observer{number}"
+    yield f"  %{name} = alloca [{len(kernels)} x i64]"
+    for number, kernel in enumerate(kernels):
+        yield f"  %{name}{number} = getelementptr i64, ptr %{name}, i64 {number}"
+        yield f"  store i64 {_address(kernel)}, ptr %{name}{number}"
+
+
+def _address(kernel: Kernel | None) -> str:
+    return f"ptrtoint (ptr @{kernel.symbol} to i64)" if kernel else "0"
 
 
 def _struct(record: str, made: Layout) -> Iterator[str]:
     """A record as C has it, on the stack: what one compiler builds and takes apart costs nothing."""
     kinds, values = RECORDS[record], list[str]()
-    yield f"  %{record} = alloca {_type_of(record)}"
     for place, kind in zip(made.of(record), kinds.kinds, strict=True):
         name = f"%{record}.{place.name}"
         yield f"  {name} = getelementptr i8, ptr %filter, i64 {BYTES * place.first}"
@@ -79,12 +106,21 @@ def _struct(record: str, made: Layout) -> Iterator[str]:
         else:
             values.append(f"ptr {name}")
     values += [f"i64 {made.sizes[size]}" for size in kinds.sizes]
+    yield from _stored(record, _listed(kinds), values)
+
+
+def _stored(name: str, types: str, values: Sequence[str]) -> Iterator[str]:
+    """A struct on the stack, filled."""
+    yield f"  %{name} = alloca {types}"
     for i, value in enumerate(values):
-        yield f"  %{record}.at{i} = getelementptr {_type_of(record)}, ptr %{record}, i32 0, i32 {i}"
-        yield f"  store {value}, ptr %{record}.at{i}"
+        yield f"  %{name}.at{i} = getelementptr {types}, ptr %{name}, i32 0, i32 {i}"
+        yield f"  store {value}, ptr %{name}.at{i}"
 
 
-def _type_of(record: str) -> str:
-    kinds = RECORDS[record]
-    types = ["ptr" if isinstance(kind, Numbers) else "double" for kind in kinds.kinds]
+def _listed(kinds: Record) -> str:
+    """The type of the struct of a record."""
+    types = [
+        "ptr" if not isinstance(kind, Number) else "double" if kind.real else "i64"
+        for kind in kinds.kinds
+    ]
     return "{" + ", ".join([*types, *("i64" for _ in kinds.sizes)]) + "}"

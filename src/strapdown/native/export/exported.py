@@ -16,13 +16,14 @@ from typing import Any, NamedTuple, cast
 from ... import aiding, filters
 from ...checks import DataError, check_choice
 from ...core.compile.jit import Kernel
-from ...core.loop import loop
+from ...core.loop import loop, stages
+from ...core.loop.contract import Cursor, Fixes
 from ...file_locks import part_of
 from ...files import replacing, together
 from ...typing import Say
 from .. import ir, object_files
 from ..emit import TARGETS, Object, Target, emit
-from .binding import ATTITUDE, RUN, binding
+from .binding import ATTITUDE, RUN, Bound, binding
 from .chosen import Chosen
 from .glue import glue
 from .header import header
@@ -127,10 +128,12 @@ def compiled(of: Chosen, made: Layout, target: Target) -> Object:
         for a in of.aidings
     }
     run, predict, correct = cast(Any, (loop.run, of.filter.predict, of.filter.correct))
-    kernels = list(dict.fromkeys((run, predict, correct, attitude, *observers.values())))
-    bound = binding(made, run, predict, correct, observers, attitude)
-    inside = [kernel.symbol for kernel in kernels]
-    return emit([bound, *_texts(kernels, made.sizes)], target, (RUN, ATTITUDE), inside=inside)
+    records = of.records(of.start)
+    needed = stages.needed(Fixes(*records["fixes"]), Cursor(*records["cursor"]))
+    bound = Bound(run, predict, correct, observers, needed)
+    kernels = list(dict.fromkeys((*bound.all, attitude)))
+    texts = [binding(made, bound, attitude), *_texts(kernels, made.sizes)]
+    return emit(texts, target, (RUN, ATTITUDE), inside=[kernel.symbol for kernel in kernels])
 
 
 def _texts(kernels: Sequence[Kernel], sizes: Mapping[str, int]) -> list[str]:

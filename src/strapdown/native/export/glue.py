@@ -71,16 +71,7 @@ def _fixed(made: Image) -> Iterator[str]:
 def _assigned(numbers: Mapping[Place, Mapping[int, object]], text: object) -> Iterator[str]:
     for place, values in numbers.items():
         for k, value in values.items():
-            yield f"    filter->{place.record}.{place.name}{_index(place, k)} = {text(value)};"  # type: ignore[operator]
-
-
-def _index(place: Place, k: int) -> str:
-    """The number k of a field, in brackets."""
-    found = ""
-    for size in reversed(place.shape):
-        k, i = divmod(k, size)
-        found = f"[{i}]{found}"
-    return found
+            yield f"    filter->{place.record}.{place.name}{place.within(k)[0]} = {text(value)};"  # type: ignore[operator]
 
 
 def _number(value: float) -> str:

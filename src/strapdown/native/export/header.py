@@ -1,18 +1,22 @@
 """strapdown.h: the structs, constants and functions of an exported filter, from the tables of fields
 that its object was made by."""
 
+import inspect
+import re
 from collections.abc import Iterator
 from importlib.resources import files
 from string import Template
 from textwrap import wrap
 
 from ... import aiding, quantities
+from ...core.compile.records import notes
+from ...core.compile.signatures import Row
 from ...core.loop.contract import Measurement
 from ...core.mathematics import solution_row
 from ...engine.prepare import axes_of_rows, brought
 from .chosen import GIVEN, Chosen
 from .layout import RECORDS, Layout, Place
-from .texts import ENUMS, FIELDS, SIZES, Name, Names
+from .texts import CLASSES, ENUMS, FIELDS, SIZES, Name, Names
 
 PREFIX = "STRAPDOWN_"
 WIDTH = 100
@@ -65,6 +69,7 @@ def header(of: Chosen, made: Layout) -> str:
             for each in (sources, *ENUMS)
         ),
         noise=_struct("noise", made, "    "),
+        rows=_rows(made),
         records="\n".join(
             f"    strapdown_noise {record};"
             if record == "noise"
@@ -129,11 +134,34 @@ def _struct(record: str, made: Layout, indent: str) -> str:
     for place in made.of(record):
         if place.length == 0:
             continue
+        kind = "double" if place.real else "int64_t"
         lines += comment(FIELDS[record][place.name], indent)
-        lines.append(
-            f"{indent}{'double' if place.real else 'int64_t'} {place.name}{_shape(place)};"
-        )
+        kind = kind if place.row is None else type_name(place.row)
+        lines.append(f"{indent}{kind} {place.name}{'' if place.single else _shape(place)};")
     return "\n".join(lines)
+
+
+def type_name(row: Row) -> str:
+    """Of a row, in C."""
+    words = re.findall("[A-Z][a-z]*", row.name)
+    return "strapdown_" + "_".join(words).lower() + ("" if words[-1] == "Row" else "_row")
+
+
+def _rows(made: Layout) -> str:
+    """The structs of the tables that there are."""
+    found = {place.row: None for place in made.places if place.row and place.length}
+    return "\n\n".join(map(_row, found))
+
+
+def _row(row: Row) -> str:
+    made = CLASSES[row.name]
+    text = inspect.getdoc(made) or ""
+    lines = [*comment(" ".join(text.split())), "typedef struct {"]
+    for name, real, shape in row.fields:
+        lines += comment(notes(made)[name], "    ")
+        sizes = "".join(f"[{size}]" for size in shape)
+        lines.append(f"    {'double' if real else 'int64_t'} {name}{sizes};")
+    return "\n".join([*lines, f"}} {type_name(row)};"])
 
 
 def _shape(place: Place) -> str:

@@ -67,7 +67,8 @@ def image(filter: Filter, records: Records, made: Layout, start: Start, noise: N
             if k in copied:
                 copies.setdefault(place, {})[k - place.first] = copied[k]
             elif values[k] or whole[k]:
-                value = float(values[k]) if place.real else int(whole[k])
+                real = place.within(k - place.first)[1]
+                value = float(values[k]) if real else int(whole[k])
                 constants.setdefault(place, {})[k - place.first] = value
     return Image(constants, copies, fixed)
 

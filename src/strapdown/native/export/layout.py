@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.compile.signatures import Number, Numbers, Record
+from ...core.compile.signatures import Number, Numbers, Record, Row, Rows
 from ...core.loop.cursor import CURSOR
 from ...core.loop.tables import FIXES, IMU, OUTPUT
 from ...core.mathematics.belief import BELIEF, NOISE
@@ -31,15 +31,46 @@ class Place(NamedTuple):
 
     record: str
     name: str
-    real: bool  # double, else int64_t
+    real: bool  # double, else int64_t; of a table neither
     shape: tuple[int, ...]  # () of a number
     first: int  # numbers before it in the struct
     sizes: tuple[int | str, ...] = ()  # the shape as declared
+    row: Row | None = None  # of a table: what a row of it is
 
     @property
     def length(self) -> int:
         """How many numbers."""
-        return prod(self.shape)
+        return prod(self.shape) * (words(self.row) if self.row else 1)
+
+    def within(self, k: int) -> tuple[str, bool]:
+        """(what stands behind its name in C for its number k, whether that is a double)."""
+        if self.row is None:
+            return _index(self.shape, k), self.real
+        row, k = divmod(k, words(self.row))
+        for name, real, shape in self.row.fields:
+            if k < prod(shape):
+                return f"{'' if self.single else f'[{row}]'}.{name}{_index(shape, k)}", real
+            k -= prod(shape)
+        raise IndexError(k)
+
+    @property
+    def single(self) -> bool:
+        """Whether it is a table of one row, which is a struct in C and no array of them."""
+        return self.row is not None and self.sizes == (1,)
+
+
+def words(row: Row) -> int:
+    """Numbers of a row."""
+    return sum(prod(shape) for _, _, shape in row.fields)
+
+
+def _index(shape: Sequence[int], k: int) -> str:
+    """The number k of an array, in brackets."""
+    found = ""
+    for size in reversed(shape):
+        k, i = divmod(k, size)
+        found = f"[{i}]{found}"
+    return found
 
 
 class Layout(NamedTuple):
@@ -67,10 +98,13 @@ def layout(sizes: Mapping[str, int]) -> Layout:
         for name, kind in kinds.fields:
             declared: tuple[int | str, ...] = ()
             real = isinstance(kind, Number) and kind.real
+            row = kind.item if isinstance(kind, Rows) else None
             if isinstance(kind, Numbers):
                 declared, real = kind.shape, kind.item.real
+            elif isinstance(kind, Rows):
+                declared = kind.shape
             shape = tuple(sizes[size] if isinstance(size, str) else size for size in declared)
-            places.append(Place(record, name, real, shape, first, declared))
+            places.append(Place(record, name, real, shape, first, declared, row))
             first += places[-1].length
     return Layout(tuple(places), dict(sizes))
 
@@ -81,7 +115,7 @@ def sizes_of(values: Mapping[str, Sequence[Any]]) -> dict[str, int]:
     found: dict[str, int] = {}
     for record, kinds in RECORDS.items():
         for (name, kind), value in zip(kinds.fields, values[record], strict=True):
-            if not isinstance(kind, Numbers):
+            if not isinstance(kind, Numbers | Rows):
                 continue
             for declared, size in zip(kind.shape, np.shape(value), strict=True):
                 if isinstance(declared, str) and found.setdefault(declared, size) != size:
@@ -97,5 +131,12 @@ def numbers(values: Mapping[str, Sequence[Any]], made: Layout) -> tuple[Array, I
     real, whole = np.zeros(made.length), np.zeros(made.length, np.int64)
     for place in made.places:
         value = values[place.record][RECORDS[place.record].made._fields.index(place.name)]
-        (real if place.real else whole)[place.first : place.first + place.length] = np.ravel(value)
+        here = slice(place.first, place.first + place.length)
+        if place.row is None:
+            (real if place.real else whole)[here] = np.ravel(value)
+        else:
+            kinds = [place.within(k)[1] for k in range(words(place.row))]
+            reals = np.tile(kinds, len(value))
+            real[here] = np.where(reals, value.reshape(-1).view(np.float64), 0.0)
+            whole[here] = np.where(reals, 0, value.reshape(-1).view(np.int64))
     return real, whole

@@ -4,7 +4,14 @@ mean. A test asks that each field and each name has its text."""
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ...core.loop import contract, cursor, loop
+from ...core.loop import contract
+from ...core.loop.cursor import Axis, Books, Limits, LoopState, Work
+from ...core.loop.log import Code, LogRow
+from ...core.loop.motion import Motion
+from ...core.loop.tables import FixRow
+from ...core.mathematics import solution_row
+from ...core.mathematics.coupling import Coupling
+from ...core.mathematics.source import SourceRow
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
     "belief": {
@@ -32,9 +39,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "source": "its source",
         "y": "what was measured; NaN where nothing was",
         "sd": "standard deviations of its innovation",
-        "kind": "number of the kind of a source",
-        "parameters": "of each source, see strapdown_source; behind the first ones are the loop's own",
-        "gate": "largest normalised innovation squared of a fix that is used; infinite: no gate",
+        "sources": "what each source is",
     },
     "noise": {
         "gyro": "angle random walk, rad/sqrt(s)",
@@ -46,20 +51,11 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "held": "share of these decays that estimates take no part in: 0, or 1 to hold them, at most 1",
     },
     "cursor": {
-        "at": "counts and switches of the loop, see strapdown_at",
-        "now": "time of the belief; of the last cause of doubt; seconds for which samples could not be; of heights that are compared",
-        "previous": "the last sample: dtheta, dv, dt",
+        "state": "where the loop stands",
         "work": "of the loop",
-        "accepted": "fixes of each source that were used",
-        "rejected": "fixes of each source that the gate rejected",
-        "in_a_row": "rejected ones since the last that passed",
-        "since": "s, since when",
-        "lifts": "how many of them were used with the gate lifted",
-        "last": "s, time of the last fix of each source",
-        "limits": "what samples, fixes and the belief never exceed, see strapdown_limit",
-        "watched": "repeated values of each axis, gyro then accelerometer",
-        "floor": "least standard deviations of the fixes of each source",
-        "tests": "of the innovations of each source",
+        "limits": "what samples, fixes and the belief never exceed",
+        "axes": "repeated values of each axis, gyro then accelerometer",
+        "books": "what is kept of each source",
         "log": "what there is to say; read it by strapdown_next_event",
         "recent": "motion of the last seconds; not used",
         "coupled": "scales and misalignments of the IMU; not used",
@@ -67,7 +63,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
     "out": {
         "nav": "the row of the last sample, see strapdown_row",
         "covariance": "not used: belief.P has it",
-        "fix": "the fixes that were used or rejected in the last sample, see strapdown_fix_row",
+        "fix": "the fixes that were used or rejected in the last sample",
         "record": "not used",
         "mark": "not used",
     },
@@ -79,9 +75,7 @@ SIZES = {
     "sources": ("SOURCES", "sources of fixes"),
     "fixes": ("WAITING", "fixes that there is room for until the sample that reaches them"),
     "columns": ("COLUMNS", "of a row of the solution"),
-    "fix_columns": ("FIX_COLUMNS", "of what is said of a fix"),
     "log_rows": ("LOG_ROWS", "events that there is room for"),
-    "log_width": ("LOG_WIDTH", "numbers of an event"),
     "workspace": ("WORKSPACE", "numbers that this filter alone keeps"),
 }
 """{name of a size: (its name in C, what it counts)}; other sizes are numbers there."""
@@ -113,7 +107,7 @@ STATUS = Names(
     "",
     "What a row is worth; the result of strapdown_sample.",
     _named(
-        contract,
+        contract.Status,
         {
             "VALID": "computed from samples",
             "BRIDGED": "over a gap of the IMU of at most 1 s, with the last rates",
@@ -127,11 +121,11 @@ USE = Names(
     "",
     "What became of a fix.",
     _named(
-        loop,
+        contract.Use,
         {
             "NOT_ASKED": "it cannot be one, or the vehicle cannot do that; not used",
             "UNMEASURED": "nothing was measured",
-            "REJECTED_FIX": "its innovation is beyond the gate; not used",
+            "REJECTED": "its innovation is beyond the gate; not used",
             "ACCEPTED": "used",
             "REACQUIRED": "used although beyond the gate, because its source was rejected for long",
         },
@@ -142,7 +136,7 @@ ROW = Names(
     "ROW_",
     "Columns of out.nav[0], the solution after a sample.",
     _named(
-        loop,
+        solution_row,
         {
             "T": "time, s",
             "LLA": "latitude rad, longitude rad, height above the ellipsoid m",
@@ -155,35 +149,12 @@ ROW = Names(
         },
     ),
 )
-FIX_ROW = Names(
-    "strapdown_fix_row",
-    "FIX_",
-    "Columns of out.fix[0] to out.fix[used - 1], what became of the fixes of a sample.",
-    tuple(
-        Name(name.removeprefix("F_"), value, text)
-        for name, value, text in _named(
-            loop,
-            {
-                "F_T": "time, s",
-                "F_SOURCE": "source",
-                "F_INNOVATION": "fix - prediction (3); NaN where nothing was measured",
-                "F_NIS": "innovation squared over its covariance; NaN where the filter does not gate",
-                "F_USE": "what became of it, see strapdown_use",
-                "F_WHITENED": "innovation whitened (3), each N(0, 1) where the filter is right",
-                "F_ROOT": "root L of its covariance L L' by rows: 00, 10, 11, 20, 21, 22",
-                "F_WEIGHT": "stated variance over that with which it was used; 0: not used",
-                "F_FACTOR": "factor on the stated standard deviations (3)",
-                "F_V": "velocity after the fix (3), m/s NED",
-            },
-        )
-    ),
-)
 CODE = Names(
     "strapdown_code",
     "",
     "What an event is.",
     _named(
-        cursor,
+        Code,
         {
             "BRIDGED_GAP": "gap of the IMU of value s, bridged with the last rates",
             "HELD_GAP": "longer gap of value s: velocity and attitude held",
@@ -210,72 +181,6 @@ CODE = Names(
         },
     ),
 )
-AT = Names(
-    "strapdown_at",
-    "AT_",
-    "Places in cursor.at, the counts and switches of the loop.",
-    _named(
-        cursor,
-        {
-            "ROW": "next sample",
-            "STOP": "sample to stop before",
-            "FIX": "next fix",
-            "FIXES": "fixes that wait",
-            "OUT": "next row of out",
-            "EVERY": "keep each n-th row",
-            "PHASE": "and of these the one with this remainder",
-            "STATUS": "status by gaps alone",
-            "FAULT": "1: the filter stopped, its belief is no longer a number or beyond 89 deg latitude",
-            "POSITIONED": "1: the filter estimates a position",
-            "RECORDED": "calls of predict and correct",
-            "SAVE_STEP": "not used",
-            "SAMPLES": "samples so far",
-            "REPEATING": "axes that repeat their value",
-            "UNCONFIRMED": "fixes that must still confirm the belief",
-            "SHOWN": "status of the last row",
-            "CONDITION": "place of the filter's condition in its workspace, or -1",
-            "DOUBTFUL_CONDITIONS": "bits of those that make rows doubtful",
-            "LOGGED": "events in the log",
-            "LATEST": "not used",
-            "HEIGHTS": "sources that measure the height above the ellipsoid",
-        },
-    ),
-)
-LIMIT = Names(
-    "strapdown_limit",
-    "LIMIT_",
-    "Places in cursor.limits.",
-    _named(
-        cursor,
-        {
-            "GYRO_RANGE": "rad/s that no sample exceeds",
-            "ACCEL_RANGE": "m/s^2 that no sample exceeds",
-            "GYRO_FULL_SCALE": "rad/s; infinite: not described",
-            "ACCEL_FULL_SCALE": "m/s^2; infinite: not described",
-            "GYRO_NOISE": "rad/sqrt(s)",
-            "ACCEL_NOISE": "m/s/sqrt(s)",
-            "SPEED": "m/s that the vehicle never exceeds",
-            "LOWEST": "m, its least height above the ellipsoid",
-            "HIGHEST": "m, its largest",
-        },
-    ),
-)
-LOG = Names(
-    "strapdown_log",
-    "LOG_",
-    "Columns of cursor.log, the events.",
-    _named(
-        cursor,
-        {
-            "T": "first time, s",
-            "UNTIL": "last time, s",
-            "CODE": "what it is, see strapdown_code",
-            "WHICH": "source, axis or condition",
-            "COUNT": "how often",
-            "VALUE": "largest value",
-        },
-    ),
-)
 RESULTS = Names(
     "strapdown_result",
     "",
@@ -291,4 +196,9 @@ RESULTS = Names(
         Name("FIXED", -7, "a part of the start that is fixed in this export is another"),
     ),
 )
-ENUMS = (RESULTS, STATUS, USE, ROW, FIX_ROW, CODE, LOG, LIMIT, AT)
+ENUMS = (RESULTS, STATUS, USE, ROW, CODE)
+CLASSES = {
+    one.__name__: one
+    for one in (SourceRow, FixRow, LoopState, Work, Limits, Axis, Books, LogRow, Motion, Coupling)
+}
+"""The classes of tables, by name."""

@@ -7,10 +7,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ...checks import DataError
+from ...core.compile.records import place, row_of
+from ...core.loop.cursor import Books
 from ...core.mathematics import solution_row
 from .chosen import Chosen
 from .header import template
-from .layout import BYTES, Layout
+from .layout import BYTES, Layout, words
 
 FUNCTIONS = (
     "strapdown_start",
@@ -49,13 +51,14 @@ def linked(contents: Mapping[str, bytes]) -> bytes | None:
 
 def script(of: Chosen, made: Layout, bytes_of_filter: int) -> str:
     """The text of main.mjs."""
-    (nav,) = (place for place in made.of("out") if place.name == "nav")
-    counts = [place for place in made.of("cursor") if place.name in ("accepted", "rejected")]
+    (nav,) = (one for one in made.of("out") if one.name == "nav")
+    (books,) = (one for one in made.of("cursor") if one.name == "books")
     return template("main.mjs").substitute(
         filter=bytes_of_filter,
         nav=BYTES * nav.first,
-        accepted=BYTES * counts[0].first,
-        rejected=BYTES * counts[1].first,
+        books=BYTES * words(row_of(Books)),
+        accepted=BYTES * (books.first + place(Books, "accepted")),
+        rejected=BYTES * (books.first + place(Books, "rejected")),
         sources=len(of.aidings),
         columns=made.sizes["columns"],
         sd=solution_row.SD,

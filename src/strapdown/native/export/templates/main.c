@@ -106,8 +106,8 @@ int main(int argc, char **argv)
     if (kind != END)
         return failed("replay.bin ends too early");
     for (int i = 0; i < STRAPDOWN_SOURCES; i++)
-        printf("source %d: %ld accepted, %ld rejected\n", i, (long)filter.cursor.accepted[i],
-               (long)filter.cursor.rejected[i]);
+        printf("source %d: %ld accepted, %ld rejected\n", i, (long)filter.cursor.books[i].accepted,
+               (long)filter.cursor.books[i].rejected);
     printf("%ld samples, %ld fixes not taken, %lu bytes of state\n", samples, not_taken,
            (unsigned long)sizeof filter);
     printf("%ld of %ld rows the same to the bit; largest difference %.3g standard deviations\n", same,

@@ -6,7 +6,7 @@
 import { readFile } from "node:fs/promises";
 
 const FILTER = $filter, NAV = $nav, COLUMNS = $columns, SOURCES = $sources; // bytes, or counts
-const ACCEPTED = $accepted, REJECTED = $rejected, SD = $sd;
+const BOOKS = $books, ACCEPTED = $accepted, REJECTED = $rejected, SD = $sd;
 const END = 0n, SAMPLE = 1n, FIX = 2n, ROW = 3n;
 
 const here = (name) => new URL(name, import.meta.url);
@@ -72,8 +72,8 @@ while ((kind = whole()) !== END) {
 }
 const spent = performance.now() - begin;
 for (let i = 0; i < SOURCES; i++)
-  console.log(`source $${i}: $${view.getBigInt64(filter + ACCEPTED + 8 * i, true)} accepted, ` +
-    `$${view.getBigInt64(filter + REJECTED + 8 * i, true)} rejected`);
+  console.log(`source $${i}: $${view.getBigInt64(filter + ACCEPTED + BOOKS * i, true)} accepted, ` +
+    `$${view.getBigInt64(filter + REJECTED + BOOKS * i, true)} rejected`);
 console.log(`$${samples} samples, $${notTaken} fixes not taken, $${FILTER} bytes of state, ` +
   `$${((1000 * spent) / samples).toFixed(1)} us per sample`);
 console.log(`$${rows} rows; largest difference $${worst.toPrecision(3)} standard deviations`);

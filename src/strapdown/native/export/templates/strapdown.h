@@ -30,6 +30,8 @@ typedef struct {
 $noise
 } strapdown_noise;
 
+$rows
+
 /* Where a filter begins. */
 typedef struct {
     /* time, s: of the same clock as samples and fixes */

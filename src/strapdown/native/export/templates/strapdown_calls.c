@@ -94,16 +94,17 @@ int strapdown_source(strapdown_filter *filter, int source, const double *paramet
     if (gate != gate || (parameters && !all_finite(parameters, STRAPDOWN_PARAMETERS)))
         return STRAPDOWN_BAD_NUMBER;
     if (parameters)
-        copy(filter->fixes.parameters[source], parameters, STRAPDOWN_PARAMETERS);
+        copy(filter->fixes.sources[source].parameters, parameters, STRAPDOWN_PARAMETERS);
     if (gate > 0)
-        filter->fixes.gate[source] = gate;
+        filter->fixes.sources[source].gate = gate;
     return STRAPDOWN_OK;
 }
 
 int strapdown_fix(
     strapdown_filter *filter, int source, double t, const double *y, const double *sd)
 {
-    int64_t *at = filter->cursor.at, row = at[STRAPDOWN_AT_FIXES];
+    strapdown_loop_state_row *state = &filter->cursor.state;
+    int64_t row = state->fixes;
     int measured = 0;
     if (source < 0 || source >= STRAPDOWN_SOURCES)
         return STRAPDOWN_NO_SOURCE;
@@ -138,15 +139,15 @@ int strapdown_fix(
         filter->fixes.y[row][i] = there && finite(y[i]) ? y[i] : NOT_MEASURED.number;
         filter->fixes.sd[row][i] = there ? sd[i] : NOT_MEASURED.number;
     }
-    at[STRAPDOWN_AT_FIXES]++;
+    state->fixes++;
     return STRAPDOWN_OK;
 }
 
 int strapdown_sample(
     strapdown_filter *filter, double t, double dt, const double dtheta[3], const double dv[3])
 {
-    int64_t *at = filter->cursor.at;
-    if (at[STRAPDOWN_AT_FAULT])
+    strapdown_loop_state_row *state = &filter->cursor.state;
+    if (state->fault)
         return STRAPDOWN_STOPPED;
     if (!finite(t) || !(dt > 0 && dt <= LONGEST_SAMPLE) || !all_finite(dtheta, 3)
         || !all_finite(dv, 3))
@@ -160,52 +161,52 @@ int strapdown_sample(
     filter->imu.dt[0] = dt;
     copy(filter->imu.dtheta[0], dtheta, 3);
     copy(filter->imu.dv[0], dv, 3);
-    at[STRAPDOWN_AT_ROW] = at[STRAPDOWN_AT_OUT] = at[STRAPDOWN_AT_FIX] = 0;
-    at[STRAPDOWN_AT_STOP] = 1;
+    state->row = state->out = state->fix = 0;
+    state->stop = 1;
     strapdown_run(filter);
 
     /* The fixes that still wait move up. */
-    int64_t used = at[STRAPDOWN_AT_FIX], waiting = at[STRAPDOWN_AT_FIXES] - used;
+    int64_t used = state->fix, waiting = state->fixes - used;
     for (int64_t row = 0; used > 0 && row < waiting; row++) {
         filter->fixes.t[row] = filter->fixes.t[row + used];
         filter->fixes.source[row] = filter->fixes.source[row + used];
         copy(filter->fixes.y[row], filter->fixes.y[row + used], 3);
         copy(filter->fixes.sd[row], filter->fixes.sd[row + used], 3);
     }
-    at[STRAPDOWN_AT_FIXES] = waiting;
+    state->fixes = waiting;
     filter->used = used;
     filter->late = t;
     filter->late_fix = t - SAME_TIME;
-    return at[STRAPDOWN_AT_FAULT] ? STRAPDOWN_STOPPED : (int)at[STRAPDOWN_AT_SHOWN];
+    return state->fault ? STRAPDOWN_STOPPED : (int)state->shown;
 }
 
 /* Leave a row of the log. */
 static void forget(strapdown_filter *filter, int64_t row)
 {
-    double (*log)[STRAPDOWN_LOG_WIDTH] = filter->cursor.log;
-    int64_t rows = --filter->cursor.at[STRAPDOWN_AT_LOGGED];
+    strapdown_log_row *log = filter->cursor.log;
+    int64_t rows = --filter->cursor.state.logged;
     filter->told--;
     for (; row < rows; row++)
-        copy(log[row], log[row + 1], STRAPDOWN_LOG_WIDTH);
+        log[row] = log[row + 1];
 }
 
 int strapdown_next_event(strapdown_filter *filter, strapdown_event *event)
 {
-    double (*log)[STRAPDOWN_LOG_WIDTH] = filter->cursor.log;
-    const int64_t *logged = &filter->cursor.at[STRAPDOWN_AT_LOGGED];
+    const strapdown_log_row *log = filter->cursor.log;
+    const int64_t *logged = &filter->cursor.state.logged;
     /* Rows that were told stay as long as the same again would be the same event, and there is room. */
     for (int64_t row = filter->told - 1; row >= 0; row--) {
-        if (filter->late - log[row][STRAPDOWN_LOG_UNTIL] > SAME_EVENT)
+        if (filter->late - log[row].until > SAME_EVENT)
             forget(filter, row);
     }
     while (filter->told > 0 && *logged >= STRAPDOWN_LOG_ROWS - 1)
         forget(filter, 0);
     if (filter->told == *logged)
         return 0;
-    const double *row = log[filter->told++];
-    event->t = row[STRAPDOWN_LOG_T];
-    event->code = (int)row[STRAPDOWN_LOG_CODE];
-    event->which = (int)row[STRAPDOWN_LOG_WHICH];
-    event->value = row[STRAPDOWN_LOG_VALUE];
+    const strapdown_log_row *row = &log[filter->told++];
+    event->t = row->t;
+    event->code = (int)row->code;
+    event->which = (int)row->which;
+    event->value = row->value;
     return 1;
 }
