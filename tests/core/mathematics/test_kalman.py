@@ -68,9 +68,9 @@ def step(P, dt, noise=NOISE, C=C, model=CORRECTED, vector=None, by=propagate):
     )
     w = np.array(kinematic_blocks(LLA, V, model, blocks)) * dt
     if vector is None:
-        by(P, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
+        by(P, blocks, C, C @ FORCE * dt, tuple(w), dt, noise, work)
     else:
-        propagate_error(vector, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
+        propagate_error(vector, blocks, C, C @ FORCE * dt, tuple(w), dt, noise, work)
 
 
 def transition(dt, noise=NOISE, model=CORRECTED):

@@ -36,7 +36,7 @@ def drive(lla, v, C, increments, dt, compensated, hold, track):
             for i in range(6):
                 previous[i] = sample[i]
             previous[6] = dt
-        mechanize(lla, v, C, u[0], u[1], u[2], u[3], u[4], u[5], dt, dv_n)
+        mechanize(lla, v, C, (u[0], u[1], u[2]), (u[3], u[4], u[5]), dt, dv_n)
         if hold == HOLD_HEIGHT:  # the vertical channel is unstable: e-fold in 570 s
             lla[2], v[2] = height, 0.0
         for i in range(3):
@@ -369,7 +369,7 @@ def test_stationary_increments_hold_velocity_and_attitude(lat):
     v_0, C_0 = v.copy(), C.copy()
     for _ in range(100):
         stationary_increments(lla, v, C, 0.05, u)
-        mechanize(lla, v, C, *u, 0.05, dv_n)
+        mechanize(lla, v, C, u[:3], u[3:], 0.05, dv_n)
     np.testing.assert_allclose(v, v_0, atol=2e-6)
     assert angle(C, C_0) < 1e-7
     M, N = (R + 3000 for R in radii(lat * DEG))
@@ -391,7 +391,7 @@ def test_constant_velocity_follows_the_loxodrome():
     )
     for _ in range(6000):
         stationary_increments(lla, v, C, 1.0, u)
-        mechanize(lla, v, C, *u, 1.0, dv_n)
+        mechanize(lla, v, C, u[:3], u[3:], 1.0, dv_n)
         lla[2], v[2] = 0.0, 0.0
     arc = pyproj.Geod(ellps="WGS84").inv(0, 0.3, 0, lla[0], radians=True)[2]
     assert arc == pytest.approx(150.0 * 6000, rel=1e-6)
@@ -414,7 +414,7 @@ def test_the_antimeridian_is_crossed(side):
     expected = lla[1] + side * 100 / ((radii(0.9)[1] + 100) * math.cos(0.9)) - side * 2 * math.pi
     for _ in range(200):
         stationary_increments(lla, v, C, 0.01, u)
-        mechanize(lla, v, C, *u, 0.01, dv_n)
+        mechanize(lla, v, C, u[:3], u[3:], 0.01, dv_n)
         assert abs(lla[1]) <= math.pi
     assert lla[1] == pytest.approx(expected, abs=1e-10)
 

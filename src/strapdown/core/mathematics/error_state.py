@@ -22,7 +22,7 @@ from .kalman import (
     update,
     used_rows,
 )
-from .rotation import NineNumbers, orthonormalise, rotate_left, rotation_terms, turned_by
+from .rotation import NineNumbers, Three, orthonormalise, rotate_left, rotation_terms, turned_by
 
 PREDICTED = -1.0  # the last call was a prediction
 ERROR_STATE = Slots(room=16)
@@ -81,43 +81,36 @@ def linearised_step(
         dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
     blocks, transport = workspace[BLOCK], workspace[TRANSPORT]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
-    w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
+    w = w0 * dt, w1 * dt, w2 * dt
     workspace[CALL], workspace[DT] = PREDICTED, dt
-    transport[0], transport[1], transport[2] = w0, w1, w2
+    transport[0], transport[1], transport[2] = w
     workspace[DECAY_A], workspace[DECAY_G] = noise.accel_decay, noise.gyro_decay
     workspace[HELD] = noise.held
-    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
+    propagate(belief.P, blocks, mid, dv_n, w, dt, noise, workspace[WORK])
     if beside:
         own = of_estimates(noise)
-        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, own, workspace[WORK])
-    publish_rates(belief, 2 * r0, 2 * r1, 2 * r2, a0, a1, a2, dt)
+        propagate_error(workspace[X], blocks, mid, dv_n, w, dt, own, workspace[WORK])
+    publish_rates(belief, (2 * r0, 2 * r1, 2 * r2), (a0, a1, a2), dt)
     decay_biases(ba, bg, dt, noise)
 
 
 @inlined
-def bias_free(
-    u: Array, ba: Array, bg: Array, dt: float
-) -> tuple[float, float, float, float, float, float]:
-    """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s),
-    as six numbers."""
+def bias_free(u: Array, ba: Array, bg: Array, dt: float) -> tuple[Three, Three]:
+    """Increments u of one sample without the biases, body: rotation vector r = u[0:3] - b_g dt
+    (rad) and velocity a = u[3:6] - b_a dt (m/s)."""
     return (
-        u[0] - bg[0] * dt,
-        u[1] - bg[1] * dt,
-        u[2] - bg[2] * dt,
-        u[3] - ba[0] * dt,
-        u[4] - ba[1] * dt,
-        u[5] - ba[2] * dt,
+        (u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt),
+        (u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt),
     )
 
 
 @inlined
-def publish_rates(
-    belief: Belief, r0: float, r1: float, r2: float, a0: float, a1: float, a2: float, dt: float
-) -> None:
-    """The bias-free rate and specific force of a sample, from its increments."""
+def publish_rates(belief: Belief, r: Three, a: Three, dt: float) -> None:
+    """The bias-free rate omega_ib_b = r / dt (rad/s) and specific force f_ib_b = a / dt (m/s^2) of
+    a sample, from its increments of `bias_free`."""
     if dt > 0:
-        belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
-        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+        belief.omega[0], belief.omega[1], belief.omega[2] = r[0] / dt, r[1] / dt, r[2] / dt
+        belief.f[0], belief.f[1], belief.f[2] = a[0] / dt, a[1] / dt, a[2] / dt
 
 
 @helper

@@ -64,7 +64,7 @@ def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
     dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
     w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)
     noise = Noise(float(n[0]), float(n[1]), float(n[2]), float(n[3]), float(n[4]), float(n[5]), 0.0)
-    propagate(P, blocks, mid, dv_n, w0 * dt, w1 * dt, w2 * dt, dt, noise, own[WORK])
+    propagate(P, blocks, mid, dv_n, (w0 * dt, w1 * dt, w2 * dt), dt, noise, own[WORK])
     for i in range(3):
         f[i] = u[3 + i] / dt
         u[i] = u[3 + i] = 0.0

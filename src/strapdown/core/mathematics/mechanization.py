@@ -11,7 +11,7 @@ from ...typing import Array
 from ..compile.choosing import any_of, where
 from ..compile.jit import helper
 from .earth import displaced, gravity, gravity_north, place, rotation_rates
-from .rotation import rotate_left, rotate_right
+from .rotation import Three, rotate_left, rotate_right
 
 
 @helper
@@ -47,12 +47,8 @@ def mechanize(
     lla: Array,
     v: Array,
     C: Array,
-    r0: float,
-    r1: float,
-    r2: float,
-    a0: float,
-    a1: float,
-    a2: float,
+    r: Three,
+    a: Three,
     dt: float,
     dv_n: Array,
     height: float = 1.0,
@@ -64,6 +60,8 @@ def mechanize(
     mid-interval. Gravity is that of `height` times the height: 1, or 0 for an Earth whose gravity
     depends on latitude alone and points along the normal of the ellipsoid.
     """
+    r0, r1, r2 = r
+    a0, a1, a2 = a
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
@@ -90,33 +88,26 @@ def mechanize(
     v[0] = v0 + f0 - c1 * m2 + c2 * m1 + north
     v[1] = v1 + f1 - c2 * m0 + c0 * m2
     v[2] = v2 + f2 - c0 * m1 + c1 * m0 + g
-    a0, a1, a2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
+    m0, m1, m2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
     # the frame turns at the rates of mid-interval: at its start they would be of first order only
-    turn, tan = 0.5 * dt * a0 / M, sine / cosine
+    turn, tan = 0.5 * dt * m0 / M, sine / cosine
     w0, w1, w2 = (
-        ie_n + ie_d * turn + a1 / N,
-        -a0 / M,
-        ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * a1 / N,
+        ie_n + ie_d * turn + m1 / N,
+        -m0 / M,
+        ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * m1 / N,
     )
     rotate_right(C, r0, r1, r2)
     rotate_left(-w0 * dt, -w1 * dt, -w2 * dt, C)
-    _move(lla, sine, cosine, M, N, a0 * dt, a1 * dt, a2 * dt)
+    _move(lla, (sine, cosine, M, N), (m0 * dt, m1 * dt, m2 * dt))
     dv_n[0], dv_n[1], dv_n[2] = f0, f1, f2
 
 
 @helper
-def _move(
-    lla: Array,
-    sine: float,
-    cosine: float,
-    M: float,
-    N: float,
-    north: float,
-    east: float,
-    down: float,
-) -> None:
-    """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
-    position is of second order in dt."""
+def _move(lla: Array, at: tuple[float, float, float, float], way: Three) -> None:
+    """`displace` by a way (north, east, down; m) over a sample, `at` being `place` of its start:
+    longitude with the cosine of the mid-latitude, so that the position is of second order in dt."""
+    sine, cosine, M, N = at
+    north, east, down = way
     lat = lla[0] + north / M
     lon = lla[1] + east / (N * (cosine - 0.5 * sine * north / M))
     beyond = abs(lon) > math.pi

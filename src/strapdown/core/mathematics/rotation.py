@@ -14,6 +14,9 @@ from ..compile.choosing import any_of, where
 from ..compile.jit import helper
 from .elementary import arctangent2, cosine as cosine_of, sine as sine_of
 
+Three: TypeAlias = tuple[float, float, float]
+"""A vector as three numbers, for compiled code that makes no array of it: as an argument it becomes the
+same machine code as three numbers by themselves."""
 NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """A rotation matrix row by row, for compiled code that makes no array of it."""
 

@@ -95,7 +95,7 @@ def _predicted(V: Array, step: Array) -> None:
     """V <- Phi V; states beyond the fifteenth stand still."""
     dt = step[DT]
     transport = step[W], step[W + 1], step[W + 2]
-    _moved(V, step[F:C], matrix(step, C, 3, 3), step[HALF_FORCE : HALF_FORCE + 3], *transport, dt)
+    _moved(V, step[F:C], matrix(step, C, 3, 3), step[HALF_FORCE : HALF_FORCE + 3], transport, dt)
     decaying = 1 - step[HELD]  # V is of errors of estimates
     keep_a, keep_g = decay(decaying * step[DECAY_A] * dt), decay(decaying * step[DECAY_G] * dt)
     for j in range(9 * LANES):
