@@ -293,7 +293,7 @@ def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> No
         Lam <- (I - U' H)' Lam (I - U' H) + H' H = Lam - H' Z - Z' H
         Z = U Lam - M H / 2,  M = U Lam U' + I
 
-    Source: Bierman (1977), of Bryson & Frazier's smoother.
+    Source: Bierman (1973), Automatica 9.
     """
     _symmetric(n, Lam, work)
     _projected(n, call, work)

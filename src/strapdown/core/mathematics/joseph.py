@@ -81,13 +81,31 @@ def test(P: Array, own: Array, H: Array, innovation: Array, sd: Array, rows: int
 
 @helper
 def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
-    """P <- (I + A' B) P (I + A' B)' + A' R A, which is Joseph's form with A = -K' and B = H.
+    """Joseph's form, for any gain K: with A = -K' and B = H,
+
+        P <- (I - K H) P (I - K H)' + K R K' = (I + A' B) P (I + A' B)' + A' R A
+           = P + A' V + V' A,  V = B P + S A / 2,  S = B P B' + R
 
     A, B (3, n): row i of A is what a unit of B x + noise, of covariance R (3, 3), adds to the
     errors. P (n, n) symmetric; `own` of JOSEPH.
     """
     n = P.shape[0]
     V = matrix(own, PRODUCT, 3, n)
+    _product(n, B, P, V)
+    _half_of_square(n, A, B, R, V, own[DX])
+    for i in range(n):
+        a0, a1, a2, v0, v1, v2 = A[0, i], A[1, i], A[2, i], V[0, i], V[1, i], V[2, i]
+        for j in range(i + 1):
+            P[i, j] += (a0 * V[0, j] + v0 * A[0, j]) + (
+                (a1 * V[1, j] + v1 * A[1, j]) + (a2 * V[2, j] + v2 * A[2, j])
+            )
+        for j in range(i):
+            P[j, i] = P[i, j]
+
+
+@inlined
+def _product(n: int, B: Array, P: Array, V: Array) -> None:
+    """V = B P (3, n)."""
     for i in range(3):
         for j in range(n):
             V[i, j] = 0.0
@@ -96,7 +114,11 @@ def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
             if any_of(b != 0):
                 for j in range(n):
                     V[i, j] += b * P[k, j]
-    S = own[DX]
+
+
+@inlined
+def _half_of_square(n: int, A: Array, B: Array, R: Array, V: Array, S: Array) -> None:
+    """V += S A / 2 with S = V B' + R, nine numbers."""
     for i in range(3):
         for j in range(3):
             S[3 * i + j] = R[i, j]
@@ -106,11 +128,3 @@ def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
         s0, s1, s2 = 0.5 * S[3 * i], 0.5 * S[3 * i + 1], 0.5 * S[3 * i + 2]
         for j in range(n):
             V[i, j] += s0 * A[0, j] + s1 * A[1, j] + s2 * A[2, j]
-    for i in range(n):
-        a0, a1, a2, v0, v1, v2 = A[0, i], A[1, i], A[2, i], V[0, i], V[1, i], V[2, i]
-        for j in range(i + 1):
-            P[i, j] += (a0 * V[0, j] + v0 * A[0, j]) + (
-                (a1 * V[1, j] + v1 * A[1, j]) + (a2 * V[2, j] + v2 * A[2, j])
-            )
-        for j in range(i):
-            P[j, i] = P[i, j]

@@ -105,8 +105,14 @@ def coefficients(
 
 @inlined
 def column(phi: tuple[tuple[float, ...], ...], errors: Nine, biases: tuple[float, ...]) -> Nine:
-    """Phi times a column of fifteen errors, of which the biases only decay and are left to the
-    caller."""
+    """Phi times a column of fifteen errors: position p (m), velocity v (m/s), attitude theta (rad),
+    all in n; biases of the accelerometer a (m/s^2) and gyro g (rad/s), which only decay and are left
+    to the caller. With F of `error_dynamics` and dv_n = f_n dt:
+
+        theta+ = theta - omega_in dt x theta + dt (F_theta_p p + F_theta_v v) - dt C g
+        v+     = v + dt (F_vp p + F_vv v) - dt C a - dv_n x (theta + theta+) / 2
+        p+     = p + dt F_pp p + dt (v + v+) / 2
+    """
     w, half, pp, vp, vv, tp, tv, c0, c1, c2 = phi
     w0, w1, w2 = w
     f0, f1, f2, half_dt = half
@@ -254,11 +260,17 @@ def propagate_by_rows(
     noise: Noise,
     work: Array,
 ) -> None:
-    """P <- Phi P Phi' + Q_d over dt, by symmetry from 9 rows of Phi P.
+    """Covariance over dt (s), by symmetry from 9 rows of Phi P; P (n, n) in the units of the
+    states, `blocks` from kinematic_blocks, C = C_nb and the specific-force increment dv_n (m/s, n)
+    at mid-interval, w = omega_in_n dt (rad).
 
-    `blocks` from kinematic_blocks, C and the specific-force increment dv_n (m/s, n) at
-    mid-interval, w = omega_in dt (rad). Half of Q_d is added before and half after the transition:
-    the trapezoidal rule for its integral.
+        P <- Phi (P + Q_d / 2) Phi' + Q_d / 2        Phi of `column`
+        Q_d = G Q_c G' dt = dt diag(0, S_accel^2, S_gyro^2, S_accel_bias^2, S_gyro_bias^2)
+
+    with the root densities S of `noise`; half of Q_d before and half after the transition is the
+    trapezoidal rule for its integral. States beyond the fifteenth stand still.
+
+    Source: Hager & Bryne (18), to second order in dt instead of Van Loan's (1978) exponential.
     """
     keep, q = _decays(dt, noise), _half_noise(dt, noise)
     for i in range(12):
@@ -544,8 +556,9 @@ def update(
     measured row. `innovation` gets w behind its three rows, and L (6 numbers, by rows) behind that,
     where it has room. What a smoother needs stays in `work`: see `used_rows` and `whiten`.
 
-    Source: Groves (2013) 3.2.2 for K and P; Bierman (1977), Factorization Methods for Discrete
-    Sequential Estimation, for correlated rows taken one by one.
+    Source: Hager & Bryne (14) to (16) and Groves (2013) section 3.2 for K and P, here without an
+    inverse; Bierman (1977), "Factorization methods for discrete sequential estimation", for rows
+    taken one after the other.
     """
     if P.shape[0] == 15:  # the same code with constant lengths
         return _update(15, P, H, innovation, sd, rows, gate, work, dx)

@@ -114,6 +114,25 @@ def _smoothed(
     `_lanes`.
     """
     lanes, product = _lanes(k), k * _lanes(k)
+    diagonal, change = 2 * product, 2 * product + lanes
+    _gathered(k, P, estimated, work)
+    _product(k, Lam, 0, k, product, work)
+    _products_of_columns(k, lam, work)
+    for j in range(lanes):
+        work[diagonal + j] = math.sqrt(max(work[(k + 1) * j] + work[diagonal + j], 0.0))
+    if k == 15 and error.size == 15:
+        for i in range(15):
+            error[i], row[SD + i] = work[change + i], work[diagonal + i]
+    else:
+        for i in range(k):
+            state = estimated[i]
+            error[state] = work[change + i]
+            row[SD + state if state < 15 else row.size - error.size + state] = work[diagonal + i]
+
+
+@inlined
+def _gathered(k: int, P: Array, estimated: Ints, work: Array) -> None:
+    """P in the estimated states, rows of k, into the workspace."""
     if k == P.shape[0]:
         numbers = flatten(P)
         for i in range(k * k):
@@ -122,7 +141,13 @@ def _smoothed(
         for i in range(k):
             for j in range(k):
                 work[k * i + j] = P[estimated[i], estimated[j]]
-    _product(k, Lam, 0, k, product, work)
+
+
+@inlined
+def _products_of_columns(k: int, lam: Array, work: Array) -> None:
+    """Behind P and Lam P in the workspace, each of `_lanes`: the diagonal of - P Lam P, and
+    - P lam."""
+    lanes, product = _lanes(k), k * _lanes(k)
     diagonal, change = 2 * product, 2 * product + lanes
     for j in range(2 * lanes):
         work[diagonal + j] = 0.0
@@ -138,16 +163,6 @@ def _smoothed(
         for j in range(lanes):
             work[diagonal + j] -= work[k * m + j] * work[product + lanes * m + j]
             work[change + j] -= lam[m] * work[k * m + j]
-    for j in range(lanes):
-        work[diagonal + j] = math.sqrt(max(work[(k + 1) * j] + work[diagonal + j], 0.0))
-    if k == 15 and error.size == 15:
-        for i in range(15):
-            error[i], row[SD + i] = work[change + i], work[diagonal + i]
-    else:
-        for i in range(k):
-            state = estimated[i]
-            error[state] = work[change + i]
-            row[SD + state if state < 15 else row.size - error.size + state] = work[diagonal + i]
 
 
 @inlined
