@@ -22,7 +22,15 @@ from .kalman import (
     update,
     used_rows,
 )
-from .rotation import NineNumbers, Three, orthonormalise, rotate_left, rotation_terms, turned_by
+from .rotation import (
+    NineNumbers,
+    Three,
+    orthonormalise,
+    rotate_left,
+    rotation_terms,
+    turned_by,
+    turned_on,
+)
 
 PREDICTED = -1.0  # the last call was a prediction
 ERROR_STATE = Slots(room=16)
@@ -57,10 +65,15 @@ def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Arr
 def linearised_step(
     belief: Belief, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
 ) -> None:
-    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised
-    at the belief with bias-corrected increments.
+    """Propagate P, and the error state where one is kept `beside` the belief, over dt (s), linearised
+    at the belief with the increments u (rad, m/s; body).
 
-    State and attitude stay. C (3, 3) is the attitude of body-fixed errors in n: the belief's, or
+        r = u[0:3] - b_g dt,  a = u[3:6] - b_a dt            bias-free, see `bias_free`
+        C_mid = C (I + S(r / 2)),  dv_n = C_mid a            at mid-interval
+        P <- Phi P Phi' + Q_d,  x <- Phi x                   `propagate`, with F of `kinematic_blocks`
+        omega_ib_b = r / dt,  f_ib_b = a / dt,  b <- exp(-dt / T) b
+
+    Hager & Bryne (18) and (19). State and attitude stay. C (3, 3) is the attitude of body-fixed errors in n: the belief's, or
     one known from elsewhere. `coupling` is 1, or 0 where the attitude error does not reach the
     velocity, because that is computed with the known one. Also publishes the bias-free rate and
     specific force, decays the biases, and leaves in workspace what a smoother needs.
@@ -74,10 +87,8 @@ def linearised_step(
     )
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    turned_on(C, (r0, r1, r2), mid)
     for i in range(3):
-        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
-        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
-        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
         dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
     blocks, transport = workspace[BLOCK], workspace[TRANSPORT]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
@@ -134,8 +145,8 @@ def measure(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the
-    NIS.
+    """Correct P by one fix y of standard deviations sd, of what `observe` expects of it, and leave
+    the correction dx of the states in workspace[DX]; equations of `kalman.update`. Returns the NIS.
 
     Unless NIS <= gate, P is left as it was and the correction must not be used.
     """
@@ -217,7 +228,10 @@ def inject_all(belief: Belief, dx: Array) -> None:
 @inlined
 def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
-    is kept: true = estimate (+) error."""
+    is kept: true = estimate (+) error, Hager & Bryne (20) to (26).
+
+        lla <- lla + (p_N / M, p_E / (N cos L), -p_D),  v <- v + dv,  C <- exp(S(theta)) C
+    """
     added(lla, v, C, dx)
     theta = dx[ATT]
     turned = (theta[0] != 0) | (theta[1] != 0) | (theta[2] != 0)

@@ -9,7 +9,7 @@ from ..compile.workspace import MOST_STATES, Slots
 from .belief import Noise
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
 from .kalman import WORKSPACE, propagate, update
-from .rotation import turned
+from .rotation import turned, turned_on
 
 JOSEPH = Slots()
 """What it needs of a workspace."""
@@ -48,18 +48,16 @@ def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> b
 
 @helper
 def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
-    """P (n, n) over the samples that wait, which end at lla, v, C, by the error dynamics of the
-    INS; `own` of JOSEPH. States beyond the fifteenth stand still.
+    """P (n, n) over the samples that wait, which end at lla (rad, rad, m), v_n (m/s) and C_nb, by
+    the error dynamics of the INS; `own` of JOSEPH. States beyond the fifteenth stand still.
 
-    Returns the seconds; the mean specific force stays in own[FORCE].
+        C_mid = C (I - S(r / 2)),  dv_n = C_mid a,  P <- Phi P Phi' + Q_d     of `propagate`
+
+    with r and a the bias-free increments that wait (rad, m/s). Returns the seconds; the mean specific force stays in own[FORCE].
     """
     mid, blocks, u, n, f = matrix(own, MID, 3, 3), own[BLOCK], own[PENDING], own[NOISE], own[FORCE]
     dt = float(own[SECONDS])
-    r0, r1, r2 = -0.5 * u[0], -0.5 * u[1], -0.5 * u[2]  # half a turn back from the end
-    for i in range(3):
-        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
-        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
-        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
+    turned_on(C, (-0.5 * u[0], -0.5 * u[1], -0.5 * u[2]), mid)  # half a turn back from the end
     dv_n = own[DX]
     dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
     w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)

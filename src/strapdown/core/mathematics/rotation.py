@@ -37,6 +37,17 @@ def turned(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]
     )
 
 
+@helper
+def turned_on(C: Array, r: Three, out: Array) -> None:
+    """out = C (I + S(r)): C after a small rotation r (rad) in the frame on its right, to first
+    order."""
+    r0, r1, r2 = r
+    for i in range(3):
+        out[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
+        out[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
+        out[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
+
+
 def quaternion_to_euler(q: Array) -> Array:
     """(n, 3) roll, pitch, heading, rad, each in [-pi, pi], of unit quaternions (n, 4); for use in
     Python. Groves (2013) eq. 2.37."""

@@ -2,11 +2,13 @@
 estimation, from what its calls leave behind.
 
 theta (m,) are such constants, 0 where the set-up is right, h the derivative of a measurement by
-them. The error of the filter is that of one that knows theta, plus V theta. A prediction takes V to
-Phi V; a correction, with L^-1 H, L^-1 h and U = L^-1 H P of the whitened rows, finds
-J = L^-1 (H V + h), the derivative of the whitened innovation, and takes V to V - U' J, turned as P
-is. So the
-innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
+them. The error of the filter is that of one that knows theta, plus V theta, V (n, m):
+
+    V <- Phi V                                    a prediction
+    J  = L^-1 (H V + h),  U = L^-1 H P            a correction, S = L L'
+    V <- A (V - U' J)                             where it was used; A as of `error_state.turn_half`
+
+So the whitened innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
 Control 14(4).
 """
 

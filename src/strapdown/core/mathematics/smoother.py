@@ -1,9 +1,15 @@
 """Fixed-interval smoothing in the form of Bryson and Frazier: backwards over what each call of a
 filter left on the record, without inverting a covariance.
 
-Between the calls stand lam and Lam: what all later measurements say about the belief there. With
-its covariance P, its error is - P lam, with covariance P - P Lam P. A call of predict or correct
-acts on them by its adjoint, which the filter brings along; a call that only adds to P needs none.
+Between the calls stand lam and Lam: what all later measurements say about the belief there, in the
+inverse units of the states. From the last call to the first, lam = 0 and Lam = 0 behind it:
+
+    lam <- Phi' lam,  Lam <- Phi' Lam Phi                                  before a prediction
+    lam <- (I - K H)' lam - H' S^-1 e
+    Lam <- (I - K H)' Lam (I - K H) + H' S^-1 H                            before a correction
+    x_smoothed = x - P lam,  P_smoothed = P - P Lam P                      at a row of the solution
+
+The filter brings these adjoints of its calls along; a call that only adds to P needs none.
 Source: Bryson & Frazier (1963), modified as in Bierman (1973), Automatica 9; Gibbs (2011), Advanced
 Kalman Filtering, section 6.2.
 """
