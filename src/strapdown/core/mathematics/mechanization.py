@@ -79,8 +79,7 @@ def mechanize(
     dv_n[0:3] receives f, m/s. Gravity is that of `height` times the height: 1, or 0 for an Earth
     whose gravity depends on latitude alone and points along the normal of the ellipsoid.
 
-    Written out in scalars: `c x v` is subtracted in two steps, and 3-vectors in arrays would be
-    stored between the lines.
+    Written out in scalars, because each product of c x v is subtracted by itself.
     """
     r0, r1, r2 = r
     a0, a1, a2 = a
