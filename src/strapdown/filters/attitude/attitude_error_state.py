@@ -34,8 +34,7 @@ FREE_FALL_FORCE = 0.5
 
 @inlined
 def _six(i: int) -> int:
-    """SIX[i], as arithmetic that the compiler does before anything runs: a number looked up in SIX
-    makes each entry of P three times as slow."""
+    """SIX[i], as arithmetic: looking it up where a loop is not unrolled takes longer than the sum."""
     return 6 + i if i < 3 else 9 + i
 
 
