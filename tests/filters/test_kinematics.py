@@ -55,7 +55,7 @@ def left_out(kinematics):
     )
     steps, middle = round(SECONDS / DT), None
     for k in range(steps):
-        mechanize(lla, v, C, *INCREMENT, DT, np.zeros(3))
+        mechanize(lla, v, C, INCREMENT[:3], INCREMENT[3:], DT, np.zeros(3))
         loop.predict(belief, INCREMENT, DT, NOISE)
         middle = belief.workspace[X].copy() if k == steps // 2 else middle
     return displacement(lla, belief.lla), v - belief.v, middle

@@ -97,7 +97,7 @@ def test_the_ins_needs_the_north_component_that_the_truth_has(lat):
         imu = records(motion, t, model)[1]
         lla, v, C = np.array(motion.lla), np.zeros(3), np.eye(3)
         for r, a in zip(imu.dtheta, imu.dv):
-            mechanize(lla, v, C, *r, *a, 0.1, np.zeros(3))
+            mechanize(lla, v, C, r, a, 0.1, np.zeros(3))
         off[name] = v[0], (lla[0] - DEG * lat) * 6.37e6
     north = exact_gravity(DEG * lat, 1e4)[0]
     assert off["without"] == pytest.approx((100 * north, 5000 * north), rel=0.02)

@@ -67,7 +67,7 @@ def minus(other, state):
 def moved(state, u, dt):
     """One mechanization of a state with its own biases, which decay as the model says."""
     lla, v, C = state.lla.copy(), state.v.copy(), state.C.copy()
-    mechanize(lla, v, C, *(u[:3] - state.bg * dt), *(u[3:] - state.ba * dt), dt, np.zeros(3))
+    mechanize(lla, v, C, u[:3] - state.bg * dt, u[3:] - state.ba * dt, dt, np.zeros(3))
     return State(
         lla,
         v,
@@ -168,6 +168,6 @@ def library_transition(bar, u, dt):
     middle = bar.C @ (np.eye(3) + cross_matrix((u[:3] - bar.bg * dt) / 2))
     for column in columns:
         propagate_error(
-            column, blocks, middle, middle @ (u[3:] - bar.ba * dt), *w, dt, NOISE, np.zeros(600)
+            column, blocks, middle, middle @ (u[3:] - bar.ba * dt), w, dt, NOISE, np.zeros(600)
         )
     return columns.T

@@ -30,7 +30,7 @@ class State:
         )
 
     def step(self, rotation, force, dt):
-        mechanize(self.lla, self.v, self.C, *rotation, *force, dt, np.zeros(3))
+        mechanize(self.lla, self.v, self.C, rotation, force, dt, np.zeros(3))
 
 
 def increments(imu):

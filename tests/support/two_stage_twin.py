@@ -116,7 +116,7 @@ class Twin:
             carry(mean, np.r_[np.zeros(3), new], *r, dt, dt / (self.seconds + dt))
         self.seconds, self.since = self.seconds + dt, self.since + dt
         lla, v, turned, f = x.lla.copy(), C @ x.v, C.copy(), np.zeros(3)
-        mechanize(lla, v, turned, *r, *a, dt, f, 1.0)
+        mechanize(lla, v, turned, r, a, dt, f, 1.0)
         moved = State(
             lla,
             v,

@@ -238,3 +238,52 @@ def test_rounding_does_not_make_the_information_unsymmetric():
     corrected(made, (1.0, 2.0, 3.0))
     _, Lam = undone(record(made), lam, Lam)
     np.testing.assert_array_equal(Lam, Lam.T)
+
+
+def transition_at(made, u, dt):
+    """Phi (n, n) of the next prediction of a belief, which is left as it is."""
+    Phi = np.eye(len(made.P))
+    for column in range(15):
+        copy = type(made)(*(part.copy() for part in made))
+        copy.workspace[X] = Phi[:15, column]
+        predict(copy, u, dt, NOISE)
+        Phi[:15, column] = copy.workspace[X]
+    return Phi
+
+
+@pytest.mark.parametrize("n", [15, 17])
+def test_the_way_back_is_the_smoother_of_rauch_tung_and_striebel(n):
+    """A filter of random samples and fixes, some of them rejected or with rows missing; backwards
+    once by the adjoints, once by the textbook's gain C = P Phi' (Phi P Phi' + Q)^-1, which inverts
+    the covariances that the adjoints do without."""
+    rng, made, dt = np.random.default_rng(n), belief(n), 0.2
+    compile_kernel(predict)
+    made.workspace[X] = 0.0
+    scale, calls = np.r_[SD, [2.0] * (n - 15)], []
+    for number in range(12):
+        u = np.r_[rng.normal(0, 0.3, 3), rng.normal(0, 10, 3)] * dt
+        Phi, before = transition_at(made, u, dt), made.P.copy()
+        predict(made, u, dt, NOISE)
+        calls.append((record(made), "prediction", Phi, before, made.P.copy()))
+        y = np.where(rng.random(3) < 0.2, np.nan, rng.standard_normal(3))
+        before = made.P.copy()
+        nis, _, _ = corrected(made, y, 0.0 if number == 5 else np.inf)
+        used = not math.isnan(nis) and number != 5
+        dx = made.workspace[DX][:n].copy() if used else np.zeros(n)
+        half = Rotation.from_rotvec(0.5 * dx[6:9]).as_matrix()
+        A = block_diag(np.eye(6), half, np.eye(n - 9))
+        calls.append((record(made), "correction", A, before, dx))
+    lam, Lam = np.zeros(n), np.zeros((n, n))
+    smoothed, covariance_of_it = np.zeros(n), made.P.copy()  # from the filter's estimate
+    for row, kind, M, before, other in reversed(calls):
+        lam, Lam = undone(row, lam, Lam)
+        if kind == "prediction":
+            C = np.linalg.solve(other, M @ before).T
+            smoothed = C @ smoothed
+            covariance_of_it = before + C @ (covariance_of_it - other) @ C.T
+        else:
+            smoothed = other + np.linalg.solve(M, smoothed)
+            covariance_of_it = np.linalg.solve(M, np.linalg.solve(M, covariance_of_it).T).T
+        np.testing.assert_allclose(-before @ lam / scale, smoothed / scale, rtol=1e-6, atol=1e-6)
+        found = before - before @ Lam @ before
+        assert np.abs((found - covariance_of_it) / np.outer(scale, scale)).max() < 1e-6

@@ -68,9 +68,9 @@ def step(P, dt, noise=NOISE, C=C, model=CORRECTED, vector=None, by=propagate):
     )
     w = np.array(kinematic_blocks(LLA, V, model, blocks)) * dt
     if vector is None:
-        by(P, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
+        by(P, blocks, C, C @ FORCE * dt, tuple(w), dt, noise, work)
     else:
-        propagate_error(vector, blocks, C, C @ FORCE * dt, *w, dt, noise, work)
+        propagate_error(vector, blocks, C, C @ FORCE * dt, tuple(w), dt, noise, work)
 
 
 def transition(dt, noise=NOISE, model=CORRECTED):
@@ -148,6 +148,27 @@ def test_prediction_agrees_with_van_loan(n, rate, tolerance):
     assert normalised(P - before, expected) > 10 * tolerance
     np.testing.assert_array_equal(P, P.T)
     np.testing.assert_array_equal(P[15:, 15:], before[15:, 15:])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_prediction_agrees_with_van_loan(seed):
+    """At random places, speeds, attitudes and forces, with noise as large as P: to third order in
+    dt."""
+    rng = np.random.default_rng(seed)
+    lla, v = np.array([rng.uniform(-1.4, 1.4), 0.0, rng.uniform(-400, 12e3)]), rng.normal(0, 120, 3)
+    C, f = Rotation.random(rng=rng).as_matrix(), rng.normal(0, 15, 3)
+    dt = 0.01
+    densities = (
+        SD[[6, 3, 12, 9]] / math.sqrt(dt) * 10 ** rng.uniform(-1, 0, 4)
+    )  # in a step up to SD
+    noise = Noise(*densities, *rng.uniform(0, 0.01, 2))
+    P = covariance(rng, SD)
+    F, Q = dynamics(lla, v, C, C @ f, noise)
+    Phi, Q_d = van_loan(F, Q, dt)
+    expected, blocks = Phi @ P @ Phi.T + Q_d, np.zeros(BLOCKS)
+    w = np.array(kinematic_blocks(lla, v, CORRECTED, blocks)) * dt
+    propagate(P, blocks, C, C @ f * dt, tuple(w), dt, noise, np.full(WORKSPACE, np.nan))
+    assert normalised(P - expected, expected) < 4e-5
 
 
 @pytest.mark.parametrize("n", [15, 17])
@@ -274,6 +295,27 @@ def test_correction_is_the_textbook_one(n, measured):
     assert nis == pytest.approx(expected_nis, rel=1e-12)
     np.testing.assert_allclose(dx, expected_dx, rtol=1e-10, atol=1e-14)
     assert normalised(after - expected_P, expected_P) < 1e-12
+    np.testing.assert_array_equal(after, after.T)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_any_correction_is_the_textbook_one(seed):
+    """A full H, a full P, noises of a thousandth to a thousand times what the states bring, rows
+    missing at random."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(15, 30))
+    scale = np.r_[SD, np.full(n - 15, 2.0)]
+    P, H = covariance(rng, scale), rng.standard_normal((3, n)) / scale
+    innovation, sd = rng.standard_normal(3), 10 ** rng.uniform(-3, 3, 3)
+    innovation[rng.random(3) < 0.2] = np.nan
+    nis, dx, after = corrected(P, H, innovation, sd)
+    expected_dx, expected_P, expected_nis = textbook(P, H, innovation, sd)
+    if np.isnan(innovation).all():
+        assert math.isnan(nis)
+        return
+    assert nis == pytest.approx(expected_nis, rel=1e-9)
+    np.testing.assert_allclose(dx / scale, expected_dx / scale, rtol=0, atol=1e-9)
+    assert normalised(after - expected_P, P) < 1e-12
     np.testing.assert_array_equal(after, after.T)
 
 

@@ -16,10 +16,12 @@ from strapdown.filters.attitude.attitude_error_state import (
     RECORD,
     SIX,
     carry,
+    count_bias,
     inject,
     measured,
     off_vertical,
     propagate,
+    pulled,
     turn,
 )
 
@@ -222,3 +224,23 @@ def test_a_correction_is_composed_and_taken_back():
     np.testing.assert_allclose(b.C, expected, atol=1e-14)
     np.testing.assert_allclose(b.bg, [0.11, 0.18, 0.33])
     assert not dx.any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_pull_by_any_gain_and_biases_that_are_no_states_against_dense_matrices(seed):
+    """Only the places of the six states change, alike on both sides of the diagonal."""
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((15, 15))
+    before = root @ root.T
+    h, K, S, variance = rng.standard_normal(3), rng.standard_normal(6), *rng.random((2, 6, 3))
+    P, H = before.copy(), np.r_[h, 0, 0, 0]
+    total = pulled(P, K, *h, 0.3)
+    keep = np.eye(6) - np.outer(K, H)
+    assert total == pytest.approx(H @ six(before) @ H + 0.3)
+    expected = keep @ six(before) @ keep.T + 0.3 * np.outer(K, K)
+    np.testing.assert_allclose(six(P), expected, rtol=1e-9, atol=1e-9)
+    count_bias(P, S, variance[0], -1.0)
+    expected -= S @ np.diag(variance[0]) @ S.T
+    np.testing.assert_allclose(six(P), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(P, P.T)
+    np.testing.assert_array_equal(P[np.ix_(OTHERS, range(15))], before[np.ix_(OTHERS, range(15))])

@@ -137,7 +137,7 @@ def textbook(recording, begin):
         van_loan = expm(np.block([[-F, Q], [np.zeros((15, 15)), F.T]]) * dt)
         Phi = van_loan[15:, 15:].T
         P = Phi @ P @ Phi.T + Phi @ van_loan[:15, 15:]
-        mechanize(lla, v, C, *r, *a, dt, np.zeros(3))
+        mechanize(lla, v, C, r, a, dt, np.zeros(3))
         b_a, b_g = b_a * np.exp(-NOISE.accel_decay * dt), b_g * np.exp(-NOISE.gyro_decay * dt)
         for source in recording.aidings:
             for row in np.flatnonzero(np.abs(source.t - t) < 1e-6):

@@ -97,7 +97,7 @@ class Book:
         self.P = whole @ self.P @ whole.T + block_diag(Phi @ van_loan[:15, 15:], 0)
         sine, cosine, M, N = place(self.lla[0], self.lla[2])
         turn = np.array(rotation_rates(self.v[0], self.v[1], sine, cosine, M, N)[2:]) * dt
-        mechanize(self.lla, self.v, matrix(self.q), *r, *a, dt, np.zeros(3))
+        mechanize(self.lla, self.v, matrix(self.q), r, a, dt, np.zeros(3))
         self.q = product(exponential(-turn), product(self.q, exponential(r)))
         self.ba, self.bg = (
             self.ba * np.exp(-NOISE.accel_decay * dt),

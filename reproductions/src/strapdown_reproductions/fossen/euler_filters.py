@@ -101,17 +101,17 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         return
     workspace, C, angles = belief.workspace, belief.C, belief.workspace[ANGLES]
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     transform(angles, matrix(workspace, T, 3, 3))
-    _jacobian(belief, r0 / dt, r1 / dt, r2 / dt, a0 / dt, a1 / dt, a2 / dt, noise)
+    _jacobian(belief, r[0] / dt, r[1] / dt, r[2] / dt, a[0] / dt, a[1] / dt, a[2] / dt, noise)
     _propagate(belief, dt, noise)
     sine, cosine, M, N = place(belief.lla[0], belief.lla[2])
     _, _, w0, w1, w2 = rotation_rates(belief.v[0], belief.v[1], sine, cosine, M, N)
     roll, pitch, heading = angles[0], angles[1], angles[2]
     for half in range(2):
-        b0 = r0 - dt * (C[0, 0] * w0 + C[1, 0] * w1 + C[2, 0] * w2)
-        b1 = r1 - dt * (C[0, 1] * w0 + C[1, 1] * w1 + C[2, 1] * w2)
-        b2 = r2 - dt * (C[0, 2] * w0 + C[1, 2] * w1 + C[2, 2] * w2)
+        b0 = r[0] - dt * (C[0, 0] * w0 + C[1, 0] * w1 + C[2, 0] * w2)
+        b1 = r[1] - dt * (C[0, 1] * w0 + C[1, 1] * w1 + C[2, 1] * w2)
+        b2 = r[2] - dt * (C[0, 2] * w0 + C[1, 2] * w1 + C[2, 2] * w2)
         d0, d1, d2 = turned(matrix(workspace, T, 3, 3), b0, b1, b2)
         share = 0.5 + 0.5 * half
         angles[0], angles[1], angles[2] = (
@@ -120,8 +120,8 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
             heading + share * d2,
         )
         transform(angles, matrix(workspace, T, 3, 3))
-    mechanize(belief.lla, belief.v, C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
-    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    mechanize(belief.lla, belief.v, C, r, a, dt, workspace[FORCE])
+    publish_rates(belief, r, a, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
     _publish(belief)
 

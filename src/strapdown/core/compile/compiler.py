@@ -217,7 +217,7 @@ def numba_type(kind: Kind) -> Any:
     return types.NamedTuple(parts, kind.made)
 
 
-@lower_cast(types.NestedArray, types.Array)  # type: ignore[untyped-decorator]  # type: ignore[no-untyped-call]
+@lower_cast(types.NestedArray, types.Array)  # type: ignore[untyped-decorator, no-untyped-call]
 def _field_to_array(context: Any, builder: Any, kind: Any, target: Any, value: Any) -> Any:
     """An array that is a field of a row, where a kernel takes any array: numba knows no such cast,
     and both are the same struct."""

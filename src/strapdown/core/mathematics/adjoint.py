@@ -12,9 +12,8 @@ from ...typing import Array
 from ..compile.jit import flatten, helper, inlined, kernel, matrix
 from . import error_state
 from .belief import Belief
-from .error_dynamics import PP, TP, TV, VP, VV
 from .error_state import CALL, DV, DX, JACOBIAN, PREDICTED, WORK, turn_half
-from .kalman import decay, used_rows, whiten
+from .kalman import Fifteen, coefficients, decay, used_rows, whiten
 from .rotation import rotation_terms, turned_by
 from .tape import ADJOINT_STEP, SAVE_STEP, Smoother
 
@@ -99,100 +98,106 @@ def undone(call: Array, lam: Array, Lam: Array, work: Array) -> None:
             _uncorrected(lam.size, call, lam, Lam, work)
 
 
+@inlined
+def adjoint_column(
+    phi: tuple[tuple[float, ...], ...], keep: tuple[float, float], x: Fifteen
+) -> Fifteen:
+    """Phi' times a column of fifteen numbers, phi of `kalman.coefficients` and keep what is left of
+    an accelerometer and a gyro bias: `kalman.column` from its last line to its first.
+
+    With x = (p, v, theta, a, g), f = dv_n / 2 and D = C_nb dt:
+
+        u  = v + p dt / 2                                   what the new velocity gets
+        s  = f x u                                          the sum of old and new attitude
+        n  = theta + s                                      the new attitude
+        p' = p + dt (F_pp' p + F_vp' u + F_theta_p' n)
+        v' = p dt / 2 + u + dt (F_vv' u + F_theta_v' n)
+        theta' = s + n + omega_in dt x n
+        a' = keep_a a - D' u,  g' = keep_g g - D' n
+    """
+    w, half, pp, vp, vv, tp, tv, c0, c1, c2 = phi
+    w0, w1, w2 = w
+    f0, f1, f2, half_dt = half
+    p0, p1, p2, v0, v1, v2, t0, t1, t2, a0, a1, a2, g0, g1, g2 = x
+    q0, q1, q2 = half_dt * p0, half_dt * p1, half_dt * p2  # what the old velocity alone gets
+    u0, u1, u2 = v0 + q0, v1 + q1, v2 + q2
+    s0, s1, s2 = f1 * u2 - f2 * u1, f2 * u0 - f0 * u2, f0 * u1 - f1 * u0
+    n0, n1, n2 = t0 + s0, t1 + s1, t2 + s2
+    return (
+        (p0 + pp[0] * p0 + pp[2] * p1)
+        + (vp[0] * u0 + vp[2] * u1 + vp[4] * u2)
+        + (tp[0] * n0 + tp[3] * n2),
+        p1 + pp[3] * p1,
+        (p2 + pp[1] * p0 + pp[4] * p1)
+        + (vp[1] * u0 + vp[3] * u1 + vp[5] * u2)
+        + (tp[1] * n0 + tp[2] * n1 + tp[4] * n2),
+        (q0 + u0) + (vv[0] * u0 + vv[3] * u1 + vv[6] * u2) + tv[1] * n1,
+        (q1 + u1) + (vv[1] * u0 + vv[4] * u1 + vv[7] * u2) + (tv[0] * n0 + tv[2] * n2),
+        (q2 + u2) + (vv[2] * u0 + vv[5] * u1),
+        (s0 + n0) + (w1 * n2 - w2 * n1),
+        (s1 + n1) + (w2 * n0 - w0 * n2),
+        (s2 + n2) + (w0 * n1 - w1 * n0),
+        keep[0] * a0 - (c0[0] * u0 + c1[0] * u1 + c2[0] * u2),
+        keep[0] * a1 - (c0[1] * u0 + c1[1] * u1 + c2[1] * u2),
+        keep[0] * a2 - (c0[2] * u0 + c1[2] * u1 + c2[2] * u2),
+        keep[1] * g0 - (c0[0] * n0 + c1[0] * n1 + c2[0] * n2),
+        keep[1] * g1 - (c0[1] * n0 + c1[1] * n1 + c2[1] * n2),
+        keep[1] * g2 - (c0[2] * n0 + c1[2] * n1 + c2[2] * n2),
+    )
+
+
 def transposed_transition(
     name: str, source: int, target: int, stride: int, blocks_of_lanes: tuple[int, ...], lanes: int
 ) -> Callable[[Array, Array], None]:
     """A helper that applies Phi' to columns of 15 rows in the workspace, from `source` to
     `target`: `lanes` of them from each of `blocks_of_lanes` on."""
-    p, v, t, a, g = (tuple(source + (3 * k + i) * stride for i in range(3)) for k in range(5))
-    P, V, T, A, G = (tuple(target + (3 * k + i) * stride for i in range(3)) for k in range(5))
+    x, y = (tuple(first + i * stride for i in range(15)) for first in (source, target))
 
     def apply(work: Array, step: Array) -> None:
-        dt = step[DT]
-        keep_a, keep_g = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
-        w0, w1, w2 = step[W], step[W + 1], step[W + 2]
-        half = 0.5 * dt
-        pp0, pp2, pp3, pp4, pp5 = (
-            dt * step[F + PP],
-            dt * step[F + PP + 2],
-            dt * step[F + PP + 3],
-            dt * step[F + PP + 4],
-            dt * step[F + PP + 5],
-        )
-        vp0, vp2, vp3, vp5 = (
-            dt * step[F + VP],
-            dt * step[F + VP + 2],
-            dt * step[F + VP + 3],
-            dt * step[F + VP + 5],
-        )
-        vp6, vp8 = dt * step[F + VP + 6], dt * step[F + VP + 8]
-        vv0, vv1, vv2, vv3 = (
-            dt * step[F + VV],
-            dt * step[F + VV + 1],
-            dt * step[F + VV + 2],
-            dt * step[F + VV + 3],
-        )
-        vv4, vv5, vv6, vv7 = (
-            dt * step[F + VV + 4],
-            dt * step[F + VV + 5],
-            dt * step[F + VV + 6],
-            dt * step[F + VV + 7],
-        )
-        tp0, tp2, tp5 = dt * step[F + TP], dt * step[F + TP + 2], dt * step[F + TP + 5]
-        tp6, tp8 = dt * step[F + TP + 6], dt * step[F + TP + 8]
-        tv1, tv3, tv7 = dt * step[F + TV + 1], dt * step[F + TV + 3], dt * step[F + TV + 7]
-        c00, c01, c02 = dt * step[C], dt * step[C + 1], dt * step[C + 2]
-        c10, c11, c12 = dt * step[C + 3], dt * step[C + 4], dt * step[C + 5]
-        c20, c21, c22 = dt * step[C + 6], dt * step[C + 7], dt * step[C + 8]
-        f0, f1, f2 = 0.5 * step[HALF_FORCE], 0.5 * step[HALF_FORCE + 1], 0.5 * step[HALF_FORCE + 2]
+        dt, C_nb = step[DT], matrix(step, C, 3, 3)
+        keep = decay(step[DECAY_A] * dt), decay(step[DECAY_G] * dt)
+        w = step[W], step[W + 1], step[W + 2]
+        phi = coefficients(step[F:C], C_nb, step[HALF_FORCE : HALF_FORCE + 3], w, dt)
         for block in blocks_of_lanes:
             for lane in range(lanes):
                 j = block + lane
-                p0, p1, p2 = work[p[0] + j], work[p[1] + j], work[p[2] + j]
-                v0, v1, v2 = half * p0, half * p1, half * p2  # what the old velocity alone gets
-                # the new velocity
-                u0, u1, u2 = (
-                    work[v[0] + j] + v0,
-                    work[v[1] + j] + v1,
-                    work[v[2] + j] + v2,
+                (
+                    work[y[0] + j],
+                    work[y[1] + j],
+                    work[y[2] + j],
+                    work[y[3] + j],
+                    work[y[4] + j],
+                    work[y[5] + j],
+                    work[y[6] + j],
+                    work[y[7] + j],
+                    work[y[8] + j],
+                    work[y[9] + j],
+                    work[y[10] + j],
+                    work[y[11] + j],
+                    work[y[12] + j],
+                    work[y[13] + j],
+                    work[y[14] + j],
+                ) = adjoint_column(
+                    phi,
+                    keep,
+                    (
+                        work[x[0] + j],
+                        work[x[1] + j],
+                        work[x[2] + j],
+                        work[x[3] + j],
+                        work[x[4] + j],
+                        work[x[5] + j],
+                        work[x[6] + j],
+                        work[x[7] + j],
+                        work[x[8] + j],
+                        work[x[9] + j],
+                        work[x[10] + j],
+                        work[x[11] + j],
+                        work[x[12] + j],
+                        work[x[13] + j],
+                        work[x[14] + j],
+                    ),
                 )
-                # the sum of old and new attitude
-                s0, s1, s2 = (
-                    f1 * u2 - f2 * u1,
-                    f2 * u0 - f0 * u2,
-                    f0 * u1 - f1 * u0,
-                )
-                # the new attitude
-                n0, n1, n2 = (
-                    work[t[0] + j] + s0,
-                    work[t[1] + j] + s1,
-                    work[t[2] + j] + s2,
-                )
-                work[P[0] + j] = (
-                    (p0 + pp0 * p0 + pp3 * p1)
-                    + (vp0 * u0 + vp3 * u1 + vp6 * u2)
-                    + (tp0 * n0 + tp6 * n2)
-                )
-                work[P[1] + j] = p1 + pp4 * p1
-                work[P[2] + j] = (
-                    (p2 + pp2 * p0 + pp5 * p1)
-                    + (vp2 * u0 + vp5 * u1 + vp8 * u2)
-                    + (tp2 * n0 + tp5 * n1 + tp8 * n2)
-                )
-                work[V[0] + j] = (v0 + u0) + (vv0 * u0 + vv3 * u1 + vv6 * u2) + tv3 * n1
-                work[V[1] + j] = (
-                    (v1 + u1) + (vv1 * u0 + vv4 * u1 + vv7 * u2) + (tv1 * n0 + tv7 * n2)
-                )
-                work[V[2] + j] = (v2 + u2) + (vv2 * u0 + vv5 * u1)
-                work[T[0] + j] = (s0 + n0) + (w1 * n2 - w2 * n1)
-                work[T[1] + j] = (s1 + n1) + (w2 * n0 - w0 * n2)
-                work[T[2] + j] = (s2 + n2) + (w0 * n1 - w1 * n0)
-                work[A[0] + j] = keep_a * work[a[0] + j] - (c00 * u0 + c10 * u1 + c20 * u2)
-                work[A[1] + j] = keep_a * work[a[1] + j] - (c01 * u0 + c11 * u1 + c21 * u2)
-                work[A[2] + j] = keep_a * work[a[2] + j] - (c02 * u0 + c12 * u1 + c22 * u2)
-                work[G[0] + j] = keep_g * work[g[0] + j] - (c00 * n0 + c10 * n1 + c20 * n2)
-                work[G[1] + j] = keep_g * work[g[1] + j] - (c01 * n0 + c11 * n1 + c21 * n2)
-                work[G[2] + j] = keep_g * work[g[2] + j] - (c02 * n0 + c12 * n1 + c22 * n2)
 
     # Kernels loaded from the cache bring their helpers along, and the linker takes helpers of one
     # name for one function.
@@ -206,29 +211,14 @@ _one = transposed_transition("_one", COLUMN, COLUMN + 15, 1, (0,), 1)
 
 @helper
 def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
-    """The adjoint of `propagate`: lam <- Phi' lam and Lam <- Phi' Lam Phi. lam goes along as the
-    sixteenth column of Lam.
+    """The adjoint of `propagate`: lam <- Phi' lam and Lam <- Phi' Lam Phi = (Phi' (Phi' Lam)')'. lam
+    goes along as the sixteenth column of Lam.
 
     Lam is left as symmetric as rounding leaves it; the next correction makes it so to the last bit.
     """
-    n, numbers = lam.size, flatten(Lam)
-    # rows of 16, of which the last number belongs to the next row: such copies are fast
-    if n == 15:
-        for i in range(14):
-            for j in range(16):
-                work[ONE + 16 * i + j] = numbers[15 * i + j]
-        for j in range(15):
-            work[ONE + 224 + j] = numbers[210 + j]
-    else:
-        for column in range(15, n):
-            for i in range(15):
-                work[COLUMN + i] = Lam[i, column]
-            _one(work, step)
-            for i in range(15):
-                Lam[i, column] = Lam[column, i] = work[COLUMN + 15 + i]
-        for i in range(15):
-            for j in range(15):
-                work[ONE + 16 * i + j] = Lam[i, j]
+    if lam.size > 15:
+        _beyond(step, Lam, work)
+    _laid_out(Lam, work)
     for i in range(15):
         work[ONE + 16 * i + 15] = lam[i]
     _sixteen(work, step)
@@ -237,7 +227,43 @@ def unpropagated(step: Array, lam: Array, Lam: Array, work: Array) -> None:
         for j in range(16):  # a sixteenth that means nothing
             work[ONE + 16 * i + j] = work[OTHER + 16 * j + i]
     _sixteen(work, step)
-    if n == 15:
+    _taken_back(Lam, work)
+
+
+@inlined
+def _beyond(step: Array, Lam: Array, work: Array) -> None:
+    """Phi' times the columns of Lam with states beyond the fifteenth, which stand still
+    themselves."""
+    for column in range(15, Lam.shape[0]):
+        for i in range(15):
+            work[COLUMN + i] = Lam[i, column]
+        _one(work, step)
+        for i in range(15):
+            Lam[i, column] = Lam[column, i] = work[COLUMN + 15 + i]
+
+
+@inlined
+def _laid_out(Lam: Array, work: Array) -> None:
+    """The first fifteen rows and columns of Lam in rows of 16, of which the last number of fifteen
+    states belongs to the next row: such copies are fast."""
+    if Lam.shape[0] == 15:
+        numbers = flatten(Lam)
+        for i in range(14):
+            for j in range(16):
+                work[ONE + 16 * i + j] = numbers[15 * i + j]
+        for j in range(15):
+            work[ONE + 224 + j] = numbers[210 + j]
+    else:
+        for i in range(15):
+            for j in range(15):
+                work[ONE + 16 * i + j] = Lam[i, j]
+
+
+@inlined
+def _taken_back(Lam: Array, work: Array) -> None:
+    """Lam from the rows of 16 that Phi' was applied to."""
+    if Lam.shape[0] == 15:
+        numbers = flatten(Lam)
         for i in range(14):
             for j in range(16):
                 numbers[15 * i + j] = work[OTHER + 16 * i + j]
@@ -261,17 +287,43 @@ def _unturned(call: Array, lam: Array, Lam: Array) -> None:
 
 @inlined
 def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> None:
-    """The adjoint of `update`, with its K H = U' H, both whitened: lam <- lam - H' (U lam + e) and
-    Lam <- (I - U' H)' Lam (I - U' H) + H' H.
+    """The adjoint of `update`, with K H = U' H of whitened rows and their innovations w:
 
-    The latter is Lam - H' Z - Z' H with Z = U Lam - M H / 2, M = U Lam U' + I.
+        lam <- (I - U' H)' lam - H' w = lam - H' (U lam + w)
+        Lam <- (I - U' H)' Lam (I - U' H) + H' H = Lam - H' Z - Z' H
+        Z = U Lam - M H / 2,  M = U Lam U' + I
+
+    Source: Bierman (1973), Automatica 9.
     """
+    _symmetric(n, Lam, work)
+    _projected(n, call, work)
+    _halved(n, call, lam, work)
     H, Z, numbers = U + 3 * n, n * n, flatten(Lam)
+    for i in range(n):
+        h0, h1, h2 = call[H + i], call[H + n + i], call[H + 2 * n + i]
+        z0, z1, z2 = work[Z + i], work[Z + n + i], work[Z + 2 * n + i]
+        for j in range(n):
+            numbers[n * i + j] = work[n * i + j] - (
+                (h0 * work[Z + j] + h1 * work[Z + n + j] + h2 * work[Z + 2 * n + j])
+                + (z0 * call[H + j] + z1 * call[H + n + j] + z2 * call[H + 2 * n + j])
+            )
+
+
+@inlined
+def _symmetric(n: int, Lam: Array, work: Array) -> None:
+    """Lam made symmetric to the last bit, also into the workspace (n, n)."""
+    numbers = flatten(Lam)
     for i in range(n):
         for j in range(i):
             Lam[i, j] = Lam[j, i] = 0.5 * (Lam[i, j] + Lam[j, i])
     for i in range(n * n):
         work[i] = numbers[i]
+
+
+@inlined
+def _projected(n: int, call: Array, work: Array) -> None:
+    """Z = U Lam (3, n), behind Lam in the workspace."""
+    Z = n * n
     for i in range(3 * n):
         work[Z + i] = 0.0
     for j in range(n):
@@ -280,6 +332,12 @@ def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> No
             work[Z + i] += u0 * work[n * j + i]
             work[Z + n + i] += u1 * work[n * j + i]
             work[Z + 2 * n + i] += u2 * work[n * j + i]
+
+
+@inlined
+def _halved(n: int, call: Array, lam: Array, work: Array) -> None:
+    """lam <- lam - H' (U lam + w), and Z <- Z - M H / 2 with M = Z U' + I."""
+    H, Z = U + 3 * n, n * n
     a0, a1, a2 = call[INNOVATION], call[INNOVATION + 1], call[INNOVATION + 2]
     m00, m01, m02, m11, m12, m22 = 1.0, 0.0, 0.0, 1.0, 0.0, 1.0
     for i in range(n):
@@ -294,14 +352,6 @@ def _uncorrected(n: int, call: Array, lam: Array, Lam: Array, work: Array) -> No
         work[Z + i] -= 0.5 * (m00 * h0 + m01 * h1 + m02 * h2)
         work[Z + n + i] -= 0.5 * (m01 * h0 + m11 * h1 + m12 * h2)
         work[Z + 2 * n + i] -= 0.5 * (m02 * h0 + m12 * h1 + m22 * h2)
-    for i in range(n):
-        h0, h1, h2 = call[H + i], call[H + n + i], call[H + 2 * n + i]
-        z0, z1, z2 = work[Z + i], work[Z + n + i], work[Z + 2 * n + i]
-        for j in range(n):
-            numbers[n * i + j] = work[n * i + j] - (
-                (h0 * work[Z + j] + h1 * work[Z + n + j] + h2 * work[Z + 2 * n + j])
-                + (z0 * call[H + j] + z1 * call[H + n + j] + z2 * call[H + 2 * n + j])
-            )
 
 
 SMOOTHER = Smoother(width, save_step, adjoint_step)

@@ -1,11 +1,15 @@
 """Scale and misalignment of the IMU as states: what they do to a prediction, for every filter.
 
-A sensor reads u + M u, u being what there is: its scale on the diagonal of M, its misalignment
-beside it. A state is the error of one number of M, as a row of `Coupling` says. The increments are
-corrected by the estimates before they are predicted with, to first order: u less s u[j] in component
-i. What is left, the error of s, moves velocity or attitude by G = -C[:, i] u[j], so that behind the
-prediction P <- T P T' with T = I + G e_s'. The smoother undoes that by its adjoint, from a record of
-the loop's own.
+A sensor reads u + M u, u being the true increments (rad, m/s; body): its scale on the diagonal of M,
+its misalignment beside it. A state s is one number M[i, j] (no unit), as a row of `Coupling` says:
+
+    u[i] <- u[i] - s u[j]                         before a prediction, by the estimate of s
+    G = -C_mid[:, i] u[j]                         what an error of s moves: theta (rad) of the gyro,
+                                                  v (m/s) of the accelerometer, NED
+    P <- T P T',  T = I + G e_s'                  behind the prediction
+    lam <- T' lam,  Lam <- T' Lam T               the way back, from a record of the loop's own
+
+Source: Groves (2013) section 4.4.2, for the error model.
 """
 
 from ...typing import Array

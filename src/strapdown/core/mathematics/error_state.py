@@ -21,7 +21,15 @@ from .kalman import (
     update,
     used_rows,
 )
-from .rotation import NineNumbers, orthonormalise, rotate_left, rotation_terms, turned_by
+from .rotation import (
+    NineNumbers,
+    Three,
+    orthonormalise,
+    rotate_left,
+    rotation_terms,
+    turned_by,
+    turned_on,
+)
 from .source import Observe, SourceRow
 
 PREDICTED = -1.0  # the last call was a prediction
@@ -57,10 +65,15 @@ def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Arr
 def linearised_step(
     belief: Belief, C: Array, coupling: float, u: Array, dt: float, noise: Noise, beside: bool
 ) -> None:
-    """Propagate P, and the error state where one is kept `beside` the belief, over dt, linearised
-    at the belief with bias-corrected increments.
+    """Propagate P, and the error state where one is kept `beside` the belief, over dt (s), linearised
+    at the belief with the increments u (rad, m/s; body).
 
-    State and attitude stay. C (3, 3) is the attitude of body-fixed errors in n: the belief's, or
+        r = u[0:3] - b_g dt,  a = u[3:6] - b_a dt            bias-free, see `bias_free`
+        C_mid = C (I + S(r / 2)),  dv_n = C_mid a            at mid-interval
+        P <- Phi P Phi' + Q_d,  x <- Phi x                   `propagate`, with F of `kinematic_blocks`
+        omega_ib_b = r / dt,  f_ib_b = a / dt,  b <- exp(-dt / T) b
+
+    Hager & Bryne (18) and (19). State and attitude stay. C (3, 3) is the attitude of body-fixed errors in n: the belief's, or
     one known from elsewhere. `coupling` is 1, or 0 where the attitude error does not reach the
     velocity, because that is computed with the known one. Also publishes the bias-free rate and
     specific force, decays the biases, and leaves in workspace what a smoother needs.
@@ -74,50 +87,41 @@ def linearised_step(
     )
     r0, r1, r2 = 0.5 * (u[0] - bg[0] * dt), 0.5 * (u[1] - bg[1] * dt), 0.5 * (u[2] - bg[2] * dt)
     a0, a1, a2 = u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt
+    turned_on(C, (r0, r1, r2), mid)
     for i in range(3):
-        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
-        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
-        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
         dv_n[i] = coupling * (mid[i, 0] * a0 + mid[i, 1] * a1 + mid[i, 2] * a2)
     blocks, transport = workspace[BLOCK], workspace[TRANSPORT]
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, int(workspace[MODEL]), blocks)
-    w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
+    w = w0 * dt, w1 * dt, w2 * dt
     workspace[CALL], workspace[DT] = PREDICTED, dt
-    transport[0], transport[1], transport[2] = w0, w1, w2
+    transport[0], transport[1], transport[2] = w
     workspace[DECAY_A], workspace[DECAY_G] = noise.accel_decay, noise.gyro_decay
     workspace[HELD] = noise.held
-    propagate(belief.P, blocks, mid, dv_n, w0, w1, w2, dt, noise, workspace[WORK])
+    propagate(belief.P, blocks, mid, dv_n, w, dt, noise, workspace[WORK])
     if beside:
         own = of_estimates(noise)
-        propagate_error(workspace[X], blocks, mid, dv_n, w0, w1, w2, dt, own, workspace[WORK])
-    publish_rates(belief, 2 * r0, 2 * r1, 2 * r2, a0, a1, a2, dt)
+        propagate_error(workspace[X], blocks, mid, dv_n, w, dt, own, workspace[WORK])
+    publish_rates(belief, (2 * r0, 2 * r1, 2 * r2), (a0, a1, a2), dt)
     decay_biases(ba, bg, dt, noise)
 
 
 @inlined
-def bias_free(
-    u: Array, ba: Array, bg: Array, dt: float
-) -> tuple[float, float, float, float, float, float]:
-    """Increments u of one sample without the biases: rotation vector (rad) and velocity (m/s),
-    as six numbers."""
+def bias_free(u: Array, ba: Array, bg: Array, dt: float) -> tuple[Three, Three]:
+    """Increments u of one sample without the biases, body: rotation vector r = u[0:3] - b_g dt
+    (rad) and velocity a = u[3:6] - b_a dt (m/s)."""
     return (
-        u[0] - bg[0] * dt,
-        u[1] - bg[1] * dt,
-        u[2] - bg[2] * dt,
-        u[3] - ba[0] * dt,
-        u[4] - ba[1] * dt,
-        u[5] - ba[2] * dt,
+        (u[0] - bg[0] * dt, u[1] - bg[1] * dt, u[2] - bg[2] * dt),
+        (u[3] - ba[0] * dt, u[4] - ba[1] * dt, u[5] - ba[2] * dt),
     )
 
 
 @inlined
-def publish_rates(
-    belief: Belief, r0: float, r1: float, r2: float, a0: float, a1: float, a2: float, dt: float
-) -> None:
-    """The bias-free rate and specific force of a sample, from its increments."""
+def publish_rates(belief: Belief, r: Three, a: Three, dt: float) -> None:
+    """The bias-free rate omega_ib_b = r / dt (rad/s) and specific force f_ib_b = a / dt (m/s^2) of
+    a sample, from its increments of `bias_free`."""
     if dt > 0:
-        belief.omega[0], belief.omega[1], belief.omega[2] = r0 / dt, r1 / dt, r2 / dt
-        belief.f[0], belief.f[1], belief.f[2] = a0 / dt, a1 / dt, a2 / dt
+        belief.omega[0], belief.omega[1], belief.omega[2] = r[0] / dt, r[1] / dt, r[2] / dt
+        belief.f[0], belief.f[1], belief.f[2] = a[0] / dt, a[1] / dt, a[2] / dt
 
 
 @helper
@@ -141,8 +145,8 @@ def measure(
     gate: float,
     innovation: Array,
 ) -> float:
-    """Correct P by one fix and leave the correction of the states in workspace[DX]. Returns the
-    NIS.
+    """Correct P by one fix y of standard deviations sd, of what `observe` expects of it, and leave
+    the correction dx of the states in workspace[DX]; equations of `kalman.update`. Returns the NIS.
 
     Unless NIS <= gate, P is left as it was and the correction must not be used.
     """
@@ -224,7 +228,10 @@ def inject_all(belief: Belief, dx: Array) -> None:
 @inlined
 def inject(lla: Array, v: Array, C: Array, dx: Array) -> None:
     """Compose position (m, NED), velocity (m/s) and attitude errors (rad, n) into a state that
-    is kept: true = estimate (+) error."""
+    is kept: true = estimate (+) error, Hager & Bryne (20) to (26).
+
+        lla <- lla + (p_N / M, p_E / (N cos L), -p_D),  v <- v + dv,  C <- exp(S(theta)) C
+    """
     added(lla, v, C, dx)
     theta = dx[ATT]
     turned = (theta[0] != 0) | (theta[1] != 0) | (theta[2] != 0)

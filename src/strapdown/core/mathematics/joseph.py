@@ -9,7 +9,7 @@ from ..compile.workspace import MOST_STATES, Slots
 from .belief import Noise
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
 from .kalman import WORKSPACE, propagate, update
-from .rotation import turned
+from .rotation import turned, turned_on
 
 JOSEPH = Slots()
 """What it needs of a workspace."""
@@ -48,23 +48,21 @@ def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> b
 
 @helper
 def carry(P: Array, own: Array, lla: Array, v: Array, C: Array) -> float:
-    """P (n, n) over the samples that wait, which end at lla, v, C, by the error dynamics of the
-    INS; `own` of JOSEPH. States beyond the fifteenth stand still.
+    """P (n, n) over the samples that wait, which end at lla (rad, rad, m), v_n (m/s) and C_nb, by
+    the error dynamics of the INS; `own` of JOSEPH. States beyond the fifteenth stand still.
 
-    Returns the seconds; the mean specific force stays in own[FORCE].
+        C_mid = C (I - S(r / 2)),  dv_n = C_mid a,  P <- Phi P Phi' + Q_d     of `propagate`
+
+    with r and a the bias-free increments that wait (rad, m/s). Returns the seconds; the mean specific force stays in own[FORCE].
     """
     mid, blocks, u, n, f = matrix(own, MID, 3, 3), own[BLOCK], own[PENDING], own[NOISE], own[FORCE]
     dt = float(own[SECONDS])
-    r0, r1, r2 = -0.5 * u[0], -0.5 * u[1], -0.5 * u[2]  # half a turn back from the end
-    for i in range(3):
-        mid[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
-        mid[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
-        mid[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
+    turned_on(C, (-0.5 * u[0], -0.5 * u[1], -0.5 * u[2]), mid)  # half a turn back from the end
     dv_n = own[DX]
     dv_n[0], dv_n[1], dv_n[2] = turned(mid, u[3], u[4], u[5])
     w0, w1, w2 = kinematic_blocks(lla, v, CORRECTED, blocks)
     noise = Noise(float(n[0]), float(n[1]), float(n[2]), float(n[3]), float(n[4]), float(n[5]), 0.0)
-    propagate(P, blocks, mid, dv_n, w0 * dt, w1 * dt, w2 * dt, dt, noise, own[WORK])
+    propagate(P, blocks, mid, dv_n, (w0 * dt, w1 * dt, w2 * dt), dt, noise, own[WORK])
     for i in range(3):
         f[i] = u[3 + i] / dt
         u[i] = u[3 + i] = 0.0
@@ -81,13 +79,31 @@ def test(P: Array, own: Array, H: Array, innovation: Array, sd: Array, rows: int
 
 @helper
 def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
-    """P <- (I + A' B) P (I + A' B)' + A' R A, which is Joseph's form with A = -K' and B = H.
+    """Joseph's form, for any gain K: with A = -K' and B = H,
+
+        P <- (I - K H) P (I - K H)' + K R K' = (I + A' B) P (I + A' B)' + A' R A
+           = P + A' V + V' A,  V = B P + S A / 2,  S = B P B' + R
 
     A, B (3, n): row i of A is what a unit of B x + noise, of covariance R (3, 3), adds to the
     errors. P (n, n) symmetric; `own` of JOSEPH.
     """
     n = P.shape[0]
     V = matrix(own, PRODUCT, 3, n)
+    _product(n, B, P, V)
+    _half_of_square(n, A, B, R, V, own[DX])
+    for i in range(n):
+        a0, a1, a2, v0, v1, v2 = A[0, i], A[1, i], A[2, i], V[0, i], V[1, i], V[2, i]
+        for j in range(i + 1):
+            P[i, j] += (a0 * V[0, j] + v0 * A[0, j]) + (
+                (a1 * V[1, j] + v1 * A[1, j]) + (a2 * V[2, j] + v2 * A[2, j])
+            )
+        for j in range(i):
+            P[j, i] = P[i, j]
+
+
+@inlined
+def _product(n: int, B: Array, P: Array, V: Array) -> None:
+    """V = B P (3, n)."""
     for i in range(3):
         for j in range(n):
             V[i, j] = 0.0
@@ -96,7 +112,11 @@ def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
             if any_of(b != 0):
                 for j in range(n):
                     V[i, j] += b * P[k, j]
-    S = own[DX]
+
+
+@inlined
+def _half_of_square(n: int, A: Array, B: Array, R: Array, V: Array, S: Array) -> None:
+    """V += S A / 2 with S = V B' + R, nine numbers."""
     for i in range(3):
         for j in range(3):
             S[3 * i + j] = R[i, j]
@@ -106,11 +126,3 @@ def spread(P: Array, own: Array, A: Array, B: Array, R: Array) -> None:
         s0, s1, s2 = 0.5 * S[3 * i], 0.5 * S[3 * i + 1], 0.5 * S[3 * i + 2]
         for j in range(n):
             V[i, j] += s0 * A[0, j] + s1 * A[1, j] + s2 * A[2, j]
-    for i in range(n):
-        a0, a1, a2, v0, v1, v2 = A[0, i], A[1, i], A[2, i], V[0, i], V[1, i], V[2, i]
-        for j in range(i + 1):
-            P[i, j] += (a0 * V[0, j] + v0 * A[0, j]) + (
-                (a1 * V[1, j] + v1 * A[1, j]) + (a2 * V[2, j] + v2 * A[2, j])
-            )
-        for j in range(i):
-            P[j, i] = P[i, j]

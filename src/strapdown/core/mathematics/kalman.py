@@ -13,11 +13,12 @@ from typing import TypeAlias
 
 from ...typing import Array
 from ..compile.choosing import all_of, any_of, one_or_several, where
-from ..compile.jit import flatten, helper, inlined
+from ..compile.jit import flatten, helper, inlined, matrix
 from ..compile.workspace import MOST_STATES
 from .belief import Noise
 from .elementary import exponential
 from .error_dynamics import PP, TP, TV, VP, VV
+from .rotation import Three
 
 COPY, PRODUCT, TRANSPOSED = 0, 225, 480
 """Parts of the flat workspace: P (rows of 15), Phi P (rows of 16), the first 8 rows of Phi P
@@ -34,15 +35,33 @@ correlations: below it P would lose its positive sign to rounding."""
 
 Nine: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """Errors of position, velocity and attitude."""
+Fifteen: TypeAlias = tuple[
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+    float,
+]
+"""Those with the errors of the biases."""
 
 
 @inlined
 def coefficients(
-    blocks: Array, C: Array, dv_n: Array, w0: float, w1: float, w2: float, dt: float
+    blocks: Array, C: Array, dv_n: Array, w: Three, dt: float
 ) -> tuple[tuple[float, ...], ...]:
     """The numbers of Phi, for `column`; arguments as for `propagate`."""
     return (
-        (w0, w1, w2),
+        w,
         # halves: they meet the sum of old and new attitude, and of old and new velocity
         (0.5 * dv_n[0], 0.5 * dv_n[1], 0.5 * dv_n[2], 0.5 * dt),
         (
@@ -86,8 +105,14 @@ def coefficients(
 
 @inlined
 def column(phi: tuple[tuple[float, ...], ...], errors: Nine, biases: tuple[float, ...]) -> Nine:
-    """Phi times a column of fifteen errors, of which the biases only decay and are left to the
-    caller."""
+    """Phi times a column of fifteen errors: position p (m), velocity v (m/s), attitude theta (rad),
+    all in n; biases of the accelerometer a (m/s^2) and gyro g (rad/s), which only decay and are left
+    to the caller. With F of `error_dynamics` and dv_n = f_n dt:
+
+        theta+ = theta - omega_in dt x theta + dt (F_theta_p p + F_theta_v v) - dt C g
+        v+     = v + dt (F_vp p + F_vv v) - dt C a - dv_n x (theta + theta+) / 2
+        p+     = p + dt F_pp p + dt (v + v+) / 2
+    """
     w, half, pp, vp, vv, tp, tv, c0, c1, c2 = phi
     w0, w1, w2 = w
     f0, f1, f2, half_dt = half
@@ -149,7 +174,7 @@ def transition(
     target_stride: int,
     blocks_of_lanes: tuple[int, ...],
     lanes: int,
-) -> Callable[[Array, Array, Array, Array, float, float, float, float], None]:
+) -> Callable[[Array, Array, Array, Array, Three, float], None]:
     """A helper that applies Phi to columns of the workspace: the 9 rows of position, velocity and
     attitude errors from `source` to `target`.
 
@@ -165,12 +190,10 @@ def transition(
         blocks: Array,
         C: Array,
         dv_n: Array,
-        w0: float,
-        w1: float,
-        w2: float,
+        w: Three,
         dt: float,
     ) -> None:
-        phi = coefficients(blocks, C, dv_n, w0, w1, w2, dt)
+        phi = coefficients(blocks, C, dv_n, w, dt)
         for block in blocks_of_lanes:
             for lane in range(lanes):
                 j = block + lane
@@ -232,18 +255,22 @@ def propagate_by_rows(
     blocks: Array,
     C: Array,
     dv_n: Array,
-    w0: float,
-    w1: float,
-    w2: float,
+    w: Three,
     dt: float,
     noise: Noise,
     work: Array,
 ) -> None:
-    """P <- Phi P Phi' + Q_d over dt, by symmetry from 9 rows of Phi P.
+    """Covariance over dt (s), by symmetry from 9 rows of Phi P; P (n, n) in the units of the
+    states, `blocks` from kinematic_blocks, C = C_nb and the specific-force increment dv_n (m/s, n)
+    at mid-interval, w = omega_in_n dt (rad).
 
-    `blocks` from kinematic_blocks, C and the specific-force increment dv_n (m/s, n) at
-    mid-interval, w = omega_in dt (rad). Half of Q_d is added before and half after the transition:
-    the trapezoidal rule for its integral.
+        P <- Phi (P + Q_d / 2) Phi' + Q_d / 2        Phi of `column`
+        Q_d = G Q_c G' dt = dt diag(0, S_accel^2, S_gyro^2, S_accel_bias^2, S_gyro_bias^2)
+
+    with the root densities S of `noise`; half of Q_d before and half after the transition is the
+    trapezoidal rule for its integral. States beyond the fifteenth stand still.
+
+    Source: Hager & Bryne (18), to second order in dt instead of Van Loan's (1978) exponential.
     """
     keep, q = _decays(dt, noise), _half_noise(dt, noise)
     for i in range(12):
@@ -252,24 +279,24 @@ def propagate_by_rows(
     if n == 15:
         for i in range(225):
             work[COPY + i] = numbers[i]
-        _rows(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _rows(work, blocks, C, dv_n, w, dt)
         _transpose(PRODUCT, 16, work)
-        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
-        _last(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _columns(work, blocks, C, dv_n, w, dt)
+        _last(work, blocks, C, dv_n, w, dt)
         _write_back(PRODUCT, 16, P, keep, work)
     else:
         if n <= 23:
             _widen(P, 24, work)
-            _rows_23(work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_23(work, blocks, C, dv_n, w, dt)
         elif n <= 31:
             _widen(P, 32, work)
-            _rows_31(work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_31(work, blocks, C, dv_n, w, dt)
         else:
             _widen(P, 48, work)
-            _rows_47(work, blocks, C, dv_n, w0, w1, w2, dt)
+            _rows_47(work, blocks, C, dv_n, w, dt)
         _transpose(WIDE_PRODUCT, WIDTH, work)
-        _columns(work, blocks, C, dv_n, w0, w1, w2, dt)
-        _last_wide(work, blocks, C, dv_n, w0, w1, w2, dt)
+        _columns(work, blocks, C, dv_n, w, dt)
+        _last_wide(work, blocks, C, dv_n, w, dt)
         _write_back(WIDE_PRODUCT, WIDTH, P, keep, work)
         _write_beyond(P, keep, work)
     for i in range(12):
@@ -282,9 +309,7 @@ def propagate_in_place(
     blocks: Array,
     C: Array,
     dv_n: Array,
-    w0: float,
-    w1: float,
-    w2: float,
+    w: Three,
     dt: float,
     noise: Noise,
     work: Array,
@@ -294,7 +319,7 @@ def propagate_in_place(
     keep, q = _decays(dt, noise), _half_noise(dt, noise)
     for i in range(12):
         P[3 + i, 3 + i] += q[i]
-    phi = coefficients(blocks, C, dv_n, w0, w1, w2, dt)
+    phi = coefficients(blocks, C, dv_n, w, dt)
     if P.shape[0] == 15:  # the same code with constant lengths
         _apply_in_place(15, P, phi, keep, work)
     else:
@@ -436,9 +461,7 @@ def propagate_error(
     blocks: Array,
     C: Array,
     dv_n: Array,
-    w0: float,
-    w1: float,
-    w2: float,
+    w: Three,
     dt: float,
     noise: Noise,
     work: Array,
@@ -446,7 +469,7 @@ def propagate_error(
     """x <- Phi x over dt, arguments as for `propagate`."""
     for i in range(15):
         work[COPY + i] = x[i]
-    _single(work, blocks, C, dv_n, w0, w1, w2, dt)
+    _single(work, blocks, C, dv_n, w, dt)
     keep_a, keep_g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     for i in range(9):
         x[i] = work[PRODUCT + i]
@@ -484,12 +507,15 @@ def of_estimates(noise: Noise) -> Noise:
 
 @inlined
 def used_rows(n: int) -> int:
-    """Where `update` leaves, in its workspace, how many rows it used and their innovations by
-    L^-1; U = L^-1 H P (3, n) lies before it, from 0 on."""
+    """Where `update` leaves, in its workspace, what its rows share (from COUNT on); U = L^-1 H P
+    (3, n) lies before it, from 0 on."""
     return 3 * n
 
 
-WORKSPACE = max(WIDE_END, used_rows(MOST_STATES) + 13)
+COUNT, WHITENED, SCALE, ROW, OVERLAP, SHARED = 0, 1, 4, 7, 10, 13
+"""Behind U, of the rows that were used: how many there are; of each its innovation by L^-1, 1 over the
+diagonal of L, and which row of H it is; then what L has below its diagonal, row by row."""
+WORKSPACE = max(WIDE_END, used_rows(MOST_STATES) + SHARED)
 """Numbers of the flat workspace of `propagate`, and of `update`, which uses it in its own way."""
 
 
@@ -504,12 +530,12 @@ def whiten(H: Array, work: Array) -> None:
 def whiten_rows(H: Array, work: Array, used: int) -> None:
     """`whiten` for rows of any length, such as those of the identity; `used` is `used_rows(n)`."""
     n = H.shape[1]
-    for m in range(int(work[used])):
-        scale, i = work[used + 4 + m], int(work[used + 7 + m])
+    for m in range(int(work[used + COUNT])):
+        scale, i = work[used + SCALE + m], int(work[used + ROW + m])
         for j in range(n):
             H[m, j] = H[i, j]
             for k in range(m):
-                H[m, j] -= work[used + 9 + m + k] * H[k, j]
+                H[m, j] -= work[used + OVERLAP - 1 + m + k] * H[k, j]
             H[m, j] *= scale
 
 
@@ -517,13 +543,22 @@ def whiten_rows(H: Array, work: Array, used: int) -> None:
 def update(
     P: Array, H: Array, innovation: Array, sd: Array, rows: int, gate: float, work: Array, dx: Array
 ) -> float:
-    """Correct P by the measured rows (not NaN) of an innovation y - h with Jacobian H (3, n) and
-    standard deviations sd.
+    """Correct P (n, n) by the first `rows` rows of an innovation e = y - h(x) with Jacobian H
+    (3, n) and independent noise of standard deviations sd; NaN is a row that was not measured.
 
-    Writes dx = P H' (H P H' + R)^-1 innovation, behind the three rows where there is room the
-    whitened innovation and L, and returns the NIS, NaN without any measured row.
-    Unless NIS <= gate P is left as it was. What a smoother needs stays in `work`: see `used_rows`
-    and `whiten`.
+        S   = H P H' + R = L L',  R = diag(sd^2)
+        U   = L^-1 H P,  w = L^-1 e         row by row, the later ones less what the first have said
+        NIS = e' S^-1 e = w' w
+        dx  = K e = P H' S^-1 e = U' w
+        P  <- (I - K H) P = P - U' U        unless NIS > gate, which leaves P as it was
+
+    e in the units of the measurement, dx in those of the states. Returns the NIS, NaN without any
+    measured row. `innovation` gets w behind its three rows, and L (6 numbers, by rows) behind that,
+    where it has room. What a smoother needs stays in `work`: see `used_rows` and `whiten`.
+
+    Source: Hager & Bryne (14) to (16) and Groves (2013) section 3.2 for K and P, here without an
+    inverse; Bierman (1977), "Factorization methods for discrete sequential estimation", for rows
+    taken one after the other.
     """
     if P.shape[0] == 15:  # the same code with constant lengths
         return _update(15, P, H, innovation, sd, rows, gate, work, dx)
@@ -550,74 +585,106 @@ def _update(
     work: Array,
     dx: Array,
 ) -> float:
-    """Whitening: U = L^-1 H P with L L' = H P H' + R row by row, then P - U' U, of which one half
-    is computed and written twice."""
-    numbers, used = flatten(P), used_rows(n)
-    for i in range(used):
+    """`update` of n states."""
+    U, shared = matrix(work, 0, 3, n), work[used_rows(n) : used_rows(n) + SHARED]
+    for i in range(used_rows(n) + SCALE):
         work[i] = 0.0
-    m, count, nis, e0, e1, e2 = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    m, nis = 0, 0.0
     for i in range(rows):
-        e = innovation[i]
-        missing = math.isnan(e)
+        missing = math.isnan(innovation[i])
         if all_of(missing):
             continue
-        count += where(missing, 0.0, 1.0)
-        row, terms, first, last = m * n, 0.0, n, 0
-        for j in range(n):
-            h = H[i, j]
-            if any_of(h != 0):
-                first, last = min(first, j), j + 1
-                terms += h * h * numbers[n * j + j]
-                for k in range(n):
-                    work[row + k] += h * numbers[n * j + k]
-        for k in range(m):
-            before, overlap = k * n, 0.0
-            for j in range(first, last):
-                overlap += H[i, j] * work[before + j]
-            e -= overlap * (e0 if k == 0 else e1)
-            work[used + 9 + m + k] = overlap
-            for j in range(n):
-                work[row + j] -= overlap * work[before + j]
-        variance = 0.0
-        for j in range(first, last):
-            variance += H[i, j] * work[row + j]
-        scale = 1 / math.sqrt(variance + max(sd[i] * sd[i], LEAST_NOISE * terms))
-        e = where(missing, 0.0, e * scale)
-        for j in range(n):
-            work[row + j] = where(missing, 0.0, work[row + j] * scale)
-        work[used + 4 + m], work[used + 7 + m] = scale, i
-        if innovation.size > 3:
-            innovation[3 + i] = where(missing, math.nan, e)
-        if innovation.size > 6:
-            root = 6 + i * (i + 1) // 2
-            for k in range(i):
-                innovation[root + k] = where(missing, math.nan, 0.0)
-            for k in range(m):
-                place = root + int(work[used + 7 + k])
-                innovation[place] = where(missing, math.nan, work[used + 9 + m + k])
-            innovation[root + i] = where(missing, math.nan, 1 / scale)
-        nis += e * e
-        e0, e1, e2 = (e, e1, e2) if m == 0 else ((e0, e, e2) if m == 1 else (e0, e1, e))
+        w = _whitened(n, i, m, P, H[i], innovation[i], sd[i], U, shared)
+        _write_whitened(i, m, w, shared, innovation)
+        shared[COUNT] += where(missing, 0.0, 1.0)
+        nis += w * w
         m += 1
-    work[used], work[used + 1], work[used + 2], work[used + 3] = count, e0, e1, e2
-    V, W = n, 2 * n
+    w0, w1, w2 = shared[WHITENED], shared[WHITENED + 1], shared[WHITENED + 2]
     for j in range(n):
-        dx[j] = e0 * work[j] + e1 * work[V + j] + e2 * work[W + j]
-    nis = where(count == 0, math.nan, nis)
+        dx[j] = w0 * U[0, j] + w1 * U[1, j] + w2 * U[2, j]
+    nis = where(shared[COUNT] == 0, math.nan, nis)
     taken = nis <= gate
     if any_of(taken):
-        for j in range(n):
+        for j in range(n):  # in lanes those that take nothing
             dx[j] = where(taken, dx[j], 0.0)
-            a, b, c = work[j], work[V + j], work[W + j]
-            work[j], work[V + j], work[W + j] = (
-                where(taken, a, 0.0),
-                where(taken, b, 0.0),
-                where(taken, c, 0.0),
-            )
-        for i in range(n):
-            a, b, c = work[i], work[V + i], work[W + i]
-            for j in range(i + 1):
-                x = numbers[n * i + j] - (a * work[j] + b * work[V + j] + c * work[W + j])
-                numbers[n * i + j] = x
-                numbers[n * j + i] = x
+            for k in range(3):
+                U[k, j] = where(taken, U[k, j], 0.0)
+        _reduce(n, P, U)
     return nis
+
+
+@inlined
+def _whitened(
+    n: int, i: int, m: int, P: Array, h: Array, e: float, sd: float, U: Array, shared: Array
+) -> float:
+    """Row i of H, with innovation e, as the m-th that is used: its row of U and its numbers in
+    `shared`. Returns its innovation by L^-1, 0 where it is missing.
+
+    u = P h' less the overlap l_k = h U_k' with each row before it, e less l_k w_k; then both by
+    1/sqrt(h u + r), with r = sd^2.
+    """
+    u, missing = U[m], math.isnan(e)
+    terms, first, last = _projected(n, P, h, u)
+    for k in range(m):
+        overlap = _along(h, U[k], first, last)
+        shared[OVERLAP - 1 + m + k] = overlap
+        e -= overlap * shared[WHITENED + k]
+        for j in range(n):
+            u[j] -= overlap * U[k, j]
+    scale = 1 / math.sqrt(_along(h, u, first, last) + max(sd * sd, LEAST_NOISE * terms))
+    for j in range(n):
+        u[j] = where(missing, 0.0, u[j] * scale)
+    w = where(missing, 0.0, e * scale)
+    shared[WHITENED + m], shared[SCALE + m], shared[ROW + m] = w, scale, i
+    return w
+
+
+@inlined
+def _projected(n: int, P: Array, h: Array, u: Array) -> tuple[float, int, int]:
+    """u += P h'. Returns the variance of h x without the correlations of x, and the range of the
+    columns where h is not zero."""
+    terms, first, last = 0.0, n, 0
+    for j in range(n):
+        if any_of(h[j] != 0):
+            first, last = min(first, j), j + 1
+            terms += h[j] * h[j] * P[j, j]
+            for k in range(n):
+                u[k] += h[j] * P[j, k]
+    return terms, first, last
+
+
+@inlined
+def _along(h: Array, u: Array, first: int, last: int) -> float:
+    """h u, of the columns in a range."""
+    total = 0.0
+    for j in range(first, last):
+        total += h[j] * u[j]
+    return total
+
+
+@inlined
+def _write_whitened(i: int, m: int, w: float, shared: Array, innovation: Array) -> None:
+    """Whitened innovation and row of L of row i, the m-th used, behind the innovation."""
+    missing = math.isnan(innovation[i])
+    if innovation.size > 3:
+        innovation[3 + i] = where(missing, math.nan, w)
+    if innovation.size > 6:
+        root = 6 + i * (i + 1) // 2
+        for k in range(i):
+            innovation[root + k] = where(missing, math.nan, 0.0)
+        for k in range(m):
+            place = root + int(shared[ROW + k])
+            innovation[place] = where(missing, math.nan, shared[OVERLAP - 1 + m + k])
+        innovation[root + i] = where(missing, math.nan, 1 / shared[SCALE + m])
+
+
+@inlined
+def _reduce(n: int, P: Array, U: Array) -> None:
+    """P <- P - U' U, of which one half is computed and written twice."""
+    u, v, w = U[0], U[1], U[2]
+    for i in range(n):
+        a, b, c = u[i], v[i], w[i]
+        for j in range(i + 1):
+            x = P[i, j] - (a * u[j] + b * v[j] + c * w[j])
+            P[i, j] = x
+            P[j, i] = x

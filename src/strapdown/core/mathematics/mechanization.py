@@ -1,8 +1,15 @@
 """Strapdown mechanization on increments in geodetic NED: from rotation and velocity increments to
 position, velocity, attitude.
 
-Source: Savage (1998), "Strapdown inertial navigation integration algorithm design", parts 1 and 2;
-Groves (2013) section 5.4.
+The equations, with L latitude, l longitude, h height, v = v_n, C = C_nb, M = R_M + h, N = R_N + h:
+
+    L' = v_N / M,  l' = v_E / (N cos L),  h' = -v_D
+    v' = C f_ib_b + g_n - (2 omega_ie_n + omega_en_n) x v
+    C' = C S(omega_ib_b) - S(omega_in_n) C,  omega_in_n = omega_ie_n + omega_en_n
+    omega_ie_n = omega_ie (cos L, 0, -sin L),  omega_en_n = (v_E/N, -v_N/M, -v_E tan L/N)
+
+Source: Groves (2013) sections 5.4 and 5.5; Hager & Bryne (3) for the radii and (6) to (10) for a step;
+Savage (1998), "Strapdown inertial navigation integration algorithm design", parts 1 and 2, for increments.
 """
 
 import math
@@ -11,17 +18,21 @@ from ...typing import Array
 from ..compile.choosing import any_of, where
 from ..compile.jit import helper
 from .earth import displaced, gravity, gravity_north, place, rotation_rates
-from .rotation import rotate_left, rotate_right
+from .rotation import Three, rotate_left, rotate_right
 
 
 @helper
 def compensate(dtheta: Array, dv: Array, dt: float, previous: Array, u: Array) -> None:
-    """Coning and sculling: from plain integrals of rate and specific force over one sample to what
-    `mechanize` expects.
+    """Coning and sculling: from plain integrals of rate and specific force over one sample (dtheta,
+    rad; dv, m/s; body) to what `mechanize` expects, with those before them alpha and nu:
 
-    u[0:3] is the rotation vector of the sample, rad; u[3:6] the velocity increment including
-    sculling, m/s. `previous` is the last sample (increments and dt); rate and force are taken as
-    linear over the two, also where their dt differ (equal dt give the usual 1/12).
+        c = dt^2 / (6 dt_before (dt_before + dt)),  1/12 where both are equal
+        r = dtheta + c alpha x dtheta
+        a = dv + c (alpha x dv + nu x dtheta)
+
+    u[0:3] gets the rotation vector r of the sample, rad; u[3:6] the velocity increment a including
+    sculling, m/s. `previous` is the last sample (increments and dt, s; dt 0 where there is none);
+    rate and force are taken as linear over the two. Savage (1998) has them for equal dt.
     """
     before = max(previous[6], 1e-30)  # 0 where there is none, which must not divide
     c = where(previous[6] > 0, dt / (6 * before * (before + dt)) * dt, 0.0)
@@ -47,23 +58,31 @@ def mechanize(
     lla: Array,
     v: Array,
     C: Array,
-    r0: float,
-    r1: float,
-    r2: float,
-    a0: float,
-    a1: float,
-    a2: float,
+    r: Three,
+    a: Three,
     dt: float,
     dv_n: Array,
     height: float = 1.0,
 ) -> None:
-    """Advance lla, v_n and C_nb by one sample of bias-free increments: rotation vector r (rad) and
-    velocity a (m/s), body.
+    """Advance lla (rad, rad, m), v = v_n (m/s, NED) and C = C_nb by one sample of bias-free
+    increments over dt (s): rotation vector r (rad) and velocity a (m/s), body.
 
-    dv_n[0:3] receives the specific-force velocity increment in n. Gravity and Coriolis act at
-    mid-interval. Gravity is that of `height` times the height: 1, or 0 for an Earth whose gravity
-    depends on latitude alone and points along the normal of the ellipsoid.
+        w   = omega_in_n dt,  c = (2 omega_ie_n + omega_en_n) dt         at the start of the sample
+        s   = a + r x a / 2 + r x (r x a) / 6                            in the body of its start
+        f   = (I - S(w) / 2) C s
+        v_m = v + (f - c x v + g dt) / 2                                 at mid-interval
+        v  <- v + f - c x v_m + g dt                                     g of mid-interval's height
+        w   = omega_in_n dt                                              of mid-interval
+        C  <- exp(-S(w)) C exp(S(r))
+        p  <- p + (v before + v after) dt / 2                            p as lla, see `_move`
+
+    dv_n[0:3] receives f, m/s. Gravity is that of `height` times the height: 1, or 0 for an Earth
+    whose gravity depends on latitude alone and points along the normal of the ellipsoid.
+
+    Written out in scalars, because each product of c x v is subtracted by itself.
     """
+    r0, r1, r2 = r
+    a0, a1, a2 = a
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     w0, w1, w2 = w0 * dt, w1 * dt, w2 * dt
@@ -90,33 +109,26 @@ def mechanize(
     v[0] = v0 + f0 - c1 * m2 + c2 * m1 + north
     v[1] = v1 + f1 - c2 * m0 + c0 * m2
     v[2] = v2 + f2 - c0 * m1 + c1 * m0 + g
-    a0, a1, a2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
+    m0, m1, m2 = 0.5 * (v0 + v[0]), 0.5 * (v1 + v[1]), 0.5 * (v2 + v[2])
     # the frame turns at the rates of mid-interval: at its start they would be of first order only
-    turn, tan = 0.5 * dt * a0 / M, sine / cosine
+    turn, tan = 0.5 * dt * m0 / M, sine / cosine
     w0, w1, w2 = (
-        ie_n + ie_d * turn + a1 / N,
-        -a0 / M,
-        ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * a1 / N,
+        ie_n + ie_d * turn + m1 / N,
+        -m0 / M,
+        ie_d - ie_n * turn - (tan + (1 + tan * tan) * turn) * m1 / N,
     )
     rotate_right(C, r0, r1, r2)
     rotate_left(-w0 * dt, -w1 * dt, -w2 * dt, C)
-    _move(lla, sine, cosine, M, N, a0 * dt, a1 * dt, a2 * dt)
+    _move(lla, (sine, cosine, M, N), (m0 * dt, m1 * dt, m2 * dt))
     dv_n[0], dv_n[1], dv_n[2] = f0, f1, f2
 
 
 @helper
-def _move(
-    lla: Array,
-    sine: float,
-    cosine: float,
-    M: float,
-    N: float,
-    north: float,
-    east: float,
-    down: float,
-) -> None:
-    """`displace` over a sample: longitude with the cosine of the mid-latitude, so that the
-    position is of second order in dt."""
+def _move(lla: Array, at: tuple[float, float, float, float], way: Three) -> None:
+    """`displace` by a way (north, east, down; m) over a sample, `at` being `place` of its start:
+    longitude with the cosine of the mid-latitude, so that the position is of second order in dt."""
+    sine, cosine, M, N = at
+    north, east, down = way
     lat = lla[0] + north / M
     lon = lla[1] + east / (N * (cosine - 0.5 * sine * north / M))
     beyond = abs(lon) > math.pi
@@ -133,8 +145,13 @@ def _move(
 
 @helper
 def stationary_increments(lla: Array, v: Array, C: Array, dt: float, u: Array) -> None:
-    """The increments of a bias-free IMU whose velocity and attitude in n do not change over dt:
-    what `mechanize` would need to hold them."""
+    """The increments of a bias-free IMU whose velocity and attitude in n do not change over dt (s):
+    what `mechanize` would need to hold them.
+
+        u[0:3] = C' omega_in_n dt,  u[3:6] = C' ((2 omega_ie_n + omega_en_n) x v - g_n) dt
+
+    lla (rad, rad, m), v = v_n (m/s, NED), C = C_nb; u in rad and m/s, body.
+    """
     sine, cosine, M, N = place(lla[0], lla[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(v[0], v[1], sine, cosine, M, N)
     c0, c1, c2 = w0 + ie_n, w1, w2 + ie_d

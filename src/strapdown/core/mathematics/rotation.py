@@ -14,6 +14,9 @@ from ..compile.choosing import any_of, where
 from ..compile.jit import helper
 from .elementary import arctangent2, cosine as cosine_of, sine as sine_of
 
+Three: TypeAlias = tuple[float, float, float]
+"""A vector as three numbers, for compiled code that makes no array of it: as an argument it becomes the
+same machine code as three numbers by themselves."""
 NineNumbers: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 """A rotation matrix row by row, for compiled code that makes no array of it."""
 
@@ -32,6 +35,17 @@ def turned(C: Array, x: float, y: float, z: float) -> tuple[float, float, float]
         C[1, 0] * x + C[1, 1] * y + C[1, 2] * z,
         C[2, 0] * x + C[2, 1] * y + C[2, 2] * z,
     )
+
+
+@helper
+def turned_on(C: Array, r: Three, out: Array) -> None:
+    """out = C (I + S(r)): C after a small rotation r (rad) in the frame on its right, to first
+    order."""
+    r0, r1, r2 = r
+    for i in range(3):
+        out[i, 0] = C[i, 0] + C[i, 1] * r2 - C[i, 2] * r1
+        out[i, 1] = C[i, 1] + C[i, 2] * r0 - C[i, 0] * r2
+        out[i, 2] = C[i, 2] + C[i, 0] * r1 - C[i, 1] * r0
 
 
 def quaternion_to_euler(q: Array) -> Array:

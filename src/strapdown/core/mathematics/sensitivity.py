@@ -2,11 +2,13 @@
 estimation, from what its calls leave behind.
 
 theta (m,) are such constants, 0 where the set-up is right, h the derivative of a measurement by
-them. The error of the filter is that of one that knows theta, plus V theta. A prediction takes V to
-Phi V; a correction, with L^-1 H, L^-1 h and U = L^-1 H P of the whitened rows, finds
-J = L^-1 (H V + h), the derivative of the whitened innovation, and takes V to V - U' J, turned as P
-is. So the
-innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
+them. The error of the filter is that of one that knows theta, plus V theta, V (n, m):
+
+    V <- Phi V                                    a prediction
+    J  = L^-1 (H V + h),  U = L^-1 H P            a correction, S = L L'
+    V <- A (V - U' J)                             where it was used; A as of `error_state.turn_half`
+
+So the whitened innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
 Control 14(4).
 """
 
@@ -95,7 +97,7 @@ def _predicted(V: Array, step: Array) -> None:
     """V <- Phi V; states beyond the fifteenth stand still."""
     dt = step[DT]
     transport = step[W], step[W + 1], step[W + 2]
-    _moved(V, step[F:C], matrix(step, C, 3, 3), step[HALF_FORCE : HALF_FORCE + 3], *transport, dt)
+    _moved(V, step[F:C], matrix(step, C, 3, 3), step[HALF_FORCE : HALF_FORCE + 3], transport, dt)
     decaying = 1 - step[HELD]  # V is of errors of estimates
     keep_a, keep_g = decay(decaying * step[DECAY_A] * dt), decay(decaying * step[DECAY_G] * dt)
     for j in range(9 * LANES):
@@ -116,18 +118,29 @@ def _faded(V: Array, call: Array) -> None:
 
 @inlined
 def _corrected(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
-    """J = L^-1 (H V + h) of a fix and, where it was used, V <- V - U' J."""
+    """J = L^-1 (H V + h) of a fix and, where it was used, V <- A (V - U' J), A as of
+    `error_state.turn_half`."""
     was_used = call[0] < REJECTED
-    rows, H, inverse = (
-        int(call[0] if was_used else call[0] - REJECTED),
-        U + 3 * n,
-        call.size - BEHIND,
-    )
+    rows = int(call[0] if was_used else call[0] - REJECTED)
+    _shown(n, rows, V, call, h, J)
+    if was_used:
+        for i in range(rows):
+            for k in range(n):
+                factor = call[U + n * i + k]
+                for j in range(LANES):
+                    V[LANES * k + j] -= factor * J[i, j]
+        _turned(n, V, call)
+
+
+@inlined
+def _shown(n: int, rows: int, V: Array, call: Array, h: Array, J: Array) -> None:
+    """J = L^-1 h + (L^-1 H) V of the rows of a fix."""
+    H, inverse = U + 3 * n, call.size - BEHIND + INVERSE
     for i in range(rows):
         for j in range(LANES):
             J[i, j] = 0.0
         for k in range(3):
-            factor = call[inverse + INVERSE + 3 * i + k]
+            factor = call[inverse + 3 * i + k]
             for j in range(LANES):
                 J[i, j] += factor * h[k, j]
         for k in range(n):
@@ -135,20 +148,18 @@ def _corrected(n: int, V: Array, call: Array, h: Array, J: Array) -> None:
             if factor != 0.0:
                 for j in range(LANES):
                     J[i, j] += factor * V[LANES * k + j]
-    if was_used:
-        for i in range(rows):
-            for k in range(n):
-                factor = call[U + n * i + k]
-                for j in range(LANES):
-                    V[LANES * k + j] -= factor * J[i, j]
-        # half of the correction turns the attitude errors, as `turn_half` does
-        first = U + 6 * n
-        x, y, z = 0.5 * call[first], 0.5 * call[first + 1], 0.5 * call[first + 2]
-        for j in range(LANES):
-            a, b, c = V[LANES * 6 + j], V[LANES * 7 + j], V[LANES * 8 + j]
-            V[LANES * 6 + j] = a + y * c - z * b
-            V[LANES * 7 + j] = b + z * a - x * c
-            V[LANES * 8 + j] = c + x * b - y * a
+
+
+@inlined
+def _turned(n: int, V: Array, call: Array) -> None:
+    """Half of the correction theta turns the attitude errors: v <- v + theta x v / 2."""
+    first = U + 6 * n
+    x, y, z = 0.5 * call[first], 0.5 * call[first + 1], 0.5 * call[first + 2]
+    for j in range(LANES):
+        a, b, c = V[LANES * 6 + j], V[LANES * 7 + j], V[LANES * 8 + j]
+        V[LANES * 6 + j] = a + y * c - z * b
+        V[LANES * 7 + j] = b + z * a - x * c
+        V[LANES * 8 + j] = c + x * b - y * a
 
 
 @kernel(RUN_SENSITIVITY)

@@ -1,9 +1,15 @@
 """Fixed-interval smoothing in the form of Bryson and Frazier: backwards over what each call of a
 filter left on the record, without inverting a covariance.
 
-Between the calls stand lam and Lam: what all later measurements say about the belief there. With
-its covariance P, its error is - P lam, with covariance P - P Lam P. A call of predict or correct
-acts on them by its adjoint, which the filter brings along; a call that only adds to P needs none.
+Between the calls stand lam and Lam: what all later measurements say about the belief there, in the
+inverse units of the states. From the last call to the first, lam = 0 and Lam = 0 behind it:
+
+    lam <- Phi' lam,  Lam <- Phi' Lam Phi                                  before a prediction
+    lam <- (I - K H)' lam - H' S^-1 e
+    Lam <- (I - K H)' Lam (I - K H) + H' S^-1 H                            before a correction
+    x_smoothed = x - P lam,  P_smoothed = P - P Lam P                      at a row of the solution
+
+The filter brings these adjoints of its calls along; a call that only adds to P needs none.
 Source: Bryson & Frazier (1963), modified as in Bierman (1973), Automatica 9; Gibbs (2011), Advanced
 Kalman Filtering, section 6.2.
 """
@@ -114,6 +120,25 @@ def _smoothed(
     `_lanes`.
     """
     lanes, product = _lanes(k), k * _lanes(k)
+    diagonal, change = 2 * product, 2 * product + lanes
+    _gathered(k, P, estimated, work)
+    _product(k, Lam, 0, k, product, work)
+    _products_of_columns(k, lam, work)
+    for j in range(lanes):
+        work[diagonal + j] = math.sqrt(max(work[(k + 1) * j] + work[diagonal + j], 0.0))
+    if k == 15 and error.size == 15:
+        for i in range(15):
+            error[i], row[SD + i] = work[change + i], work[diagonal + i]
+    else:
+        for i in range(k):
+            state = estimated[i]
+            error[state] = work[change + i]
+            row[SD + state if state < 15 else row.size - error.size + state] = work[diagonal + i]
+
+
+@inlined
+def _gathered(k: int, P: Array, estimated: Ints, work: Array) -> None:
+    """P in the estimated states, rows of k, into the workspace."""
     if k == P.shape[0]:
         numbers = flatten(P)
         for i in range(k * k):
@@ -122,7 +147,13 @@ def _smoothed(
         for i in range(k):
             for j in range(k):
                 work[k * i + j] = P[estimated[i], estimated[j]]
-    _product(k, Lam, 0, k, product, work)
+
+
+@inlined
+def _products_of_columns(k: int, lam: Array, work: Array) -> None:
+    """Behind P and Lam P in the workspace, each of `_lanes`: the diagonal of - P Lam P, and
+    - P lam."""
+    lanes, product = _lanes(k), k * _lanes(k)
     diagonal, change = 2 * product, 2 * product + lanes
     for j in range(2 * lanes):
         work[diagonal + j] = 0.0
@@ -138,16 +169,6 @@ def _smoothed(
         for j in range(lanes):
             work[diagonal + j] -= work[k * m + j] * work[product + lanes * m + j]
             work[change + j] -= lam[m] * work[k * m + j]
-    for j in range(lanes):
-        work[diagonal + j] = math.sqrt(max(work[(k + 1) * j] + work[diagonal + j], 0.0))
-    if k == 15 and error.size == 15:
-        for i in range(15):
-            error[i], row[SD + i] = work[change + i], work[diagonal + i]
-    else:
-        for i in range(k):
-            state = estimated[i]
-            error[state] = work[change + i]
-            row[SD + state if state < 15 else row.size - error.size + state] = work[diagonal + i]
 
 
 @inlined

@@ -55,12 +55,10 @@ def start(start: Start, noise: Noise) -> Belief:
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P and position, velocity and Euler angles with bias-corrected increments."""
     workspace = belief.workspace
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
-    mechanize(
-        belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], workspace[HEIGHT]
-    )
-    r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
+    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[DX], workspace[HEIGHT])
+    r0, r1, r2 = rate_of_body(belief, r[0], r[1], r[2])
     if gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         integrate_angles(belief, r0, r1, r2)
     else:

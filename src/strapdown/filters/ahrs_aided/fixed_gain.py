@@ -148,15 +148,15 @@ def _check(
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance the INS; the gyros carry the attitude on until the next record."""
     workspace, since = belief.workspace, belief.workspace[SINCE]
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     if changed(workspace[OWN], noise):
         _step(belief)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
+    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[FORCE])
     for i in range(6):
         since[i] += dt
     workspace[SINCE_TILT] += dt
     workspace[SINCE_HEADING] += dt
-    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    publish_rates(belief, r, a, dt)
     if dt > 0 and await_step(workspace[OWN], belief.omega, belief.f, dt, noise):
         _step(belief)
 

@@ -52,7 +52,13 @@ from ...core.mathematics.error_state import (
 )
 from ...core.mathematics.kalman import propagate_error, used_rows, whiten
 from ...core.mathematics.mechanization import mechanize
-from ...core.mathematics.rotation import euler_to_matrix, matrix_to_euler, measured_heading, wrap
+from ...core.mathematics.rotation import (
+    Three,
+    euler_to_matrix,
+    matrix_to_euler,
+    measured_heading,
+    wrap,
+)
 from ...typing import Array
 from ..ins.open_loop import BESIDE
 
@@ -182,13 +188,13 @@ def weigh(belief: Belief, sd: Array, kind: int) -> None:
 
 
 @helper
-def predict_fed(belief: Belief, u: Array, dt: float, noise: Noise) -> tuple[float, float, float]:
+def predict_fed(belief: Belief, u: Array, dt: float, noise: Noise) -> Three:
     """Advance P, position, velocity and the known attitude with bias-corrected increments.
     Returns the rotation vector of the body, rad."""
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, matrix(belief.workspace, KNOWN, 3, 3), 0.0, u, dt, noise, False)
-    move(belief, belief.lla, belief.v, r0, r1, r2, a0, a1, a2, dt, noise)
-    return r0, r1, r2
+    move(belief, belief.lla, belief.v, r, a, dt, noise)
+    return r
 
 
 @helper
@@ -196,12 +202,8 @@ def move(
     belief: Belief,
     lla: Array,
     v: Array,
-    r0: float,
-    r1: float,
-    r2: float,
-    a0: float,
-    a1: float,
-    a2: float,
+    r: Three,
+    a: Three,
     dt: float,
     noise: Noise,
 ) -> None:
@@ -218,9 +220,7 @@ def move(
         belief.P.shape[0],
     )
     S = matrix(workspace, SHARED, CONSIDER, n)
-    mechanize(
-        lla, v, matrix(workspace, KNOWN, 3, 3), r0, r1, r2, a0, a1, a2, dt, f, workspace[HEIGHT]
-    )
+    mechanize(lla, v, matrix(workspace, KNOWN, 3, 3), r, a, dt, f, workspace[HEIGHT])
     f0, f1, f2 = f[0], f[1], f[2]
     for k in range(CONSIDER):
         propagate_error(
@@ -228,9 +228,7 @@ def move(
             workspace[BLOCK],
             matrix(workspace, MID, 3, 3),
             workspace[DV],
-            w[0],
-            w[1],
-            w[2],
+            (w[0], w[1], w[2]),
             dt,
             noise,
             workspace[WORK],

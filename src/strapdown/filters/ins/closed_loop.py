@@ -38,18 +38,14 @@ def start(start: Start, noise: Noise, error_model: str = "corrected") -> Belief:
 @kernel(PREDICT)
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Advance P, linearised at the belief, and the INS with bias-corrected increments."""
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(belief, belief.C, 1.0, u, dt, noise, False)
     mechanize(
         belief.lla,
         belief.v,
         belief.C,
-        r0,
-        r1,
-        r2,
-        a0,
-        a1,
-        a2,
+        r,
+        a,
         dt,
         belief.workspace[DX],
         belief.workspace[HEIGHT],

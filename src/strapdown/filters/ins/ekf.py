@@ -46,6 +46,7 @@ from ...core.mathematics.error_state import (
 )
 from ...core.mathematics.kalman import LEAST_NOISE
 from ...core.mathematics.mechanization import mechanize
+from ...core.mathematics.rotation import Three
 from ...typing import Array
 
 SLOTS = Slots()
@@ -75,30 +76,28 @@ def start(start: Start, noise: Noise) -> Belief:
 def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Integrate P over the sample with F and G Q G' at its middle, and mechanize the mean."""
     workspace, n = belief.workspace, belief.P.shape[0]
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     F = matrix(workspace, JACOBIAN_F, STATES, STATES)
-    _jacobian(belief, r0, r1, r2, a0 / dt, a1 / dt, a2 / dt, noise, F)
+    _jacobian(belief, r, (a[0] / dt, a[1] / dt, a[2] / dt), noise, F)
     _integrate(belief.P, F, dt, noise, matrix(workspace, TERM, n, n), matrix(workspace, HALF, n, n))
-    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    publish_rates(belief, r, a, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
+    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[FORCE])
 
 
 @helper
 def _jacobian(
     belief: Belief,
-    r0: float,
-    r1: float,
-    r2: float,
-    f0: float,
-    f1: float,
-    f2: float,
+    r: Three,
+    f: Three,
     noise: Noise,
     F: Array,
 ) -> None:
     """F (15, 15) in 1/s at the belief, with the attitude half a rotation r (rad) later; f is the
     specific force, m/s^2, body."""
     blocks, C = belief.workspace[BLOCK], belief.C
+    r0, r1, r2 = r
+    f0, f1, f2 = f
     w0, w1, w2 = kinematic_blocks(belief.lla, belief.v, CORRECTED, blocks)
     for i in range(3):
         for j in range(3):

@@ -40,6 +40,7 @@ from ...core.mathematics.error_state import (
     X,
     added,
     allocate,
+    bias_free,
     decay_biases,
     inject_tail,
     linearised_step,
@@ -115,16 +116,13 @@ def predict_beside(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     mode = int(workspace[MODE])
     if mode != METRES:
         products(workspace[X], workspace[BLOCK], belief.lla[0], mode == GEODETIC, dt)
+    r, a = bias_free(u, b[0:3], b[3:6], dt)
     mechanize(
         workspace[LLA],
         workspace[V],
         matrix(workspace, C, 3, 3),
-        u[0] - b[3] * dt,
-        u[1] - b[4] * dt,
-        u[2] - b[5] * dt,
-        u[3] - b[0] * dt,
-        u[4] - b[1] * dt,
-        u[5] - b[2] * dt,
+        r,
+        a,
         dt,
         workspace[DX],
         workspace[HEIGHT],

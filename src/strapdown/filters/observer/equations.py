@@ -118,7 +118,7 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         return
     workspace, C, xi = bar.workspace, bar.C, bar.workspace[XI]
-    r0, r1, r2, a0, a1, a2 = bias_free(u, bar.ba, bar.bg, dt)
+    r, a = bias_free(u, bar.ba, bar.bg, dt)
     x0 = C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
     x1 = C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
     x2 = C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
@@ -127,16 +127,16 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
         bar.lla,
         bar.v,
         C,
-        r0,
-        r1,
-        r2,
-        a0 + dt * (x0 - 0.5 * (r1 * x2 - r2 * x1)),
-        a1 + dt * (x1 - 0.5 * (r2 * x0 - r0 * x2)),
-        a2 + dt * (x2 - 0.5 * (r0 * x1 - r1 * x0)),
+        r,
+        (
+            a[0] + dt * (x0 - 0.5 * (r[1] * x2 - r[2] * x1)),
+            a[1] + dt * (x1 - 0.5 * (r[2] * x0 - r[0] * x2)),
+            a[2] + dt * (x2 - 0.5 * (r[0] * x1 - r[1] * x0)),
+        ),
         dt,
         workspace[WORK],
     )  # half a turn back: xi stands still in n, not in the body
-    publish_rates(bar, r0, r1, r2, a0, a1, a2, dt)
+    publish_rates(bar, r, a, dt)
     told, course = float(workspace[TOLD]), workspace[COURSE]
     made_up = noise.accel > told
     _clocks(workspace, dt, noise.accel * noise.accel - told * told if made_up else 0.0)

@@ -251,9 +251,9 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
         for i in range(STATES):
             x[i] = where(affine, x[i], 0.0)
         x[8] += z
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     linearised_step(point, point.C, 1.0, u, dt, noise, moved)
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, workspace[DX], 1.0)
+    mechanize(belief.lla, belief.v, belief.C, r, a, dt, workspace[DX], 1.0)
     decay_biases(belief.ba, belief.bg, dt, noise)
     if moved:
         for i in range(3):

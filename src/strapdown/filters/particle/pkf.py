@@ -142,22 +142,18 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     takes up what they make of it."""
     m = beside(belief)
     carry(belief, m)
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     mechanize(
         belief.lla,
         belief.v,
         belief.C,
-        r0,
-        r1,
-        r2,
-        a0,
-        a1,
-        a2,
+        r,
+        a,
         dt,
         m.workspace[DV],
         m.workspace[HEIGHT],
     )
-    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    publish_rates(belief, r, a, dt)
     # in a component an estimate decays as its distance from the mean of all does; where that mean
     # is held, every one gains what it would have lost
     own = of_estimates(noise)
@@ -201,13 +197,13 @@ def _advance(
 ) -> None:
     """Eight components by their own closed loops; their biases gain so much."""
     own = of.own
-    r0, r1, r2, a0, a1, a2 = bias_free(u, own.ba, own.bg, dt)
+    r, a = bias_free(u, own.ba, own.bg, dt)
     linearised_step(own, own.C, 1.0, u, dt, noise, False)
     for i in range(3):
         own.ba[i] += gained_a[i]
         own.bg[i] += gained_g[i]
     height = m.workspace[HEIGHT]
-    mechanize(own.lla, own.v, own.C, r0, r1, r2, a0, a1, a2, dt, own.workspace[DX], height)
+    mechanize(own.lla, own.v, own.C, r, a, dt, own.workspace[DX], height)
     deviate(own, belief, north, east, of.x)
 
 

@@ -41,7 +41,7 @@ from ...core.mathematics.error_state import (
 )
 from ...core.mathematics.kalman import LEAST_NOISE, decay
 from ...core.mathematics.mechanization import mechanize
-from ...core.mathematics.rotation import nearest_turn, rotation_between, wrap
+from ...core.mathematics.rotation import Three, nearest_turn, rotation_between, wrap
 from ...typing import Array
 from .sigma_points import corrected, covariance, deviations, downdate, factor, triangle
 
@@ -186,9 +186,9 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     _refreshed(belief, n, lanes)
     centre = navigation(workspace[CENTRE], belief.P, workspace, belief.extra_states)
     lla, v, C = centre.lla, centre.v, centre.C
-    r0, r1, r2, a0, a1, a2 = bias_free(u, ba, bg, dt)
+    r, a = bias_free(u, ba, bg, dt)
     _copied(belief, lla, v, C)
-    mechanize(lla, v, C, r0, r1, r2, a0, a1, a2, dt, workspace[FORCE])
+    mechanize(lla, v, C, r, a, dt, workspace[FORCE])
     A, factored, pairs = workspace[TABLE], workspace[ROOT], STATES + (6 if augmented else 0)
     spread, rest = _drawn_in(workspace, lanes, workspace[STEP_SPREAD], workspace[STEP_REST])
     mean, root = workspace[ERROR], math.sqrt(dt)
@@ -199,12 +199,8 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
         spread,
         belief,
         centre,
-        r0,
-        r1,
-        r2,
-        a0,
-        a1,
-        a2,
+        r,
+        a,
         dt,
         spread * root * noise.gyro,
         spread * root * noise.accel,
@@ -226,7 +222,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     for i in range(3):
         belief.lla[i], belief.v[i] = lla[i], v[i]
         belief.C[i, 0], belief.C[i, 1], belief.C[i, 2] = C[i, 0], C[i, 1], C[i, 2]
-    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    publish_rates(belief, r, a, dt)
     decay_biases(ba, bg, dt, noise)
     added(belief.lla, belief.v, belief.C, mean)
     _published(belief, n, lanes)
@@ -240,12 +236,8 @@ def _spread_out(
     spread: float,
     belief: Belief,
     centre: Belief,
-    r0: float,
-    r1: float,
-    r2: float,
-    a0: float,
-    a1: float,
-    a2: float,
+    r: Three,
+    a: Three,
     dt: float,
     gyro: float,
     accel: float,
@@ -270,12 +262,16 @@ def _spread_out(
                 lla,
                 v,
                 C,
-                r0 - dt * error[12] + error[15],
-                r1 - dt * error[13] + error[16],
-                r2 - dt * error[14] + error[17],
-                a0 - dt * error[9] + error[18],
-                a1 - dt * error[10] + error[19],
-                a2 - dt * error[11] + error[20],
+                (
+                    r[0] - dt * error[12] + error[15],
+                    r[1] - dt * error[13] + error[16],
+                    r[2] - dt * error[14] + error[17],
+                ),
+                (
+                    a[0] - dt * error[9] + error[18],
+                    a[1] - dt * error[10] + error[19],
+                    a[2] - dt * error[11] + error[20],
+                ),
                 dt,
                 point[F],
             )

@@ -118,13 +118,13 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     if dt <= 0:
         return
     workspace = belief.workspace
-    r0, r1, r2, a0, a1, a2 = bias_free(u, belief.ba, belief.bg, dt)
+    r, a = bias_free(u, belief.ba, belief.bg, dt)
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
-    middle(belief.C, r0, r1, r2, mid)
-    gather(belief, belief, belief.ba, u, r0, r1, r2, dt, noise.accel > workspace[TOLD])
-    mechanize(belief.lla, belief.v, belief.C, r0, r1, r2, a0, a1, a2, dt, f_n)
+    middle(belief.C, r[0], r[1], r[2], mid)
+    gather(belief, belief, belief.ba, u, r[0], r[1], r[2], dt, noise.accel > workspace[TOLD])
+    mechanize(belief.lla, belief.v, belief.C, r, a, dt, f_n)
     propagate(belief, mid, f_n[0], f_n[1], f_n[2], dt, noise)
-    publish_rates(belief, r0, r1, r2, a0, a1, a2, dt)
+    publish_rates(belief, r, a, dt)
     decay_biases(belief.ba, belief.bg, dt, noise)
     if abs(belief.C[2, 0]) > SINE_STEEP:
         workspace[BEYOND] += dt

@@ -153,24 +153,20 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     """P and workspace[ERROR] over dt, and the observer's state at LEFT by the model, without
     injections; the observer is left where it is."""
     workspace = belief.workspace
-    r0, r1, r2, a0, a1, a2 = bias_free(u, bar.ba, bar.bg, dt)
+    r, a = bias_free(u, bar.ba, bar.bg, dt)
     mid, f_n = matrix(workspace, MID, 3, 3), workspace[DX]
-    middle(bar.C, r0, r1, r2, mid)
+    middle(bar.C, r[0], r[1], r[2], mid)
     # around the observer all is linearised there; an attitude of its own is levelled by its own bias
     levelling = bar.ba if workspace[OWN_ATTITUDE] == 0 else belief.ba
-    gather(belief, bar, levelling, u, r0, r1, r2, dt, noise.accel > workspace[TOLD])
+    gather(belief, bar, levelling, u, r[0], r[1], r[2], dt, noise.accel > workspace[TOLD])
     leave(belief, bar)
     left = navigation(workspace[LEFT], belief.P, workspace, belief.extra_states)
     mechanize(
         left.lla,
         left.v,
         left.C,
-        r0,
-        r1,
-        r2,
-        a0,
-        a1,
-        a2,
+        r,
+        a,
         dt,
         f_n,
     )

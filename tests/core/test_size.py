@@ -1,0 +1,85 @@
+"""Functions of the core can be read at a glance: few statements, few branches."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import strapdown
+
+CORE = Path(strapdown.__file__).parent / "core"
+MAX_STATEMENTS, MAX_COMPLEXITY = 30, 12
+"""Statements of a function with those nested in it, without its docstring; McCabe's number, as ruff's
+C901 counts it."""
+TOO_LONG = {
+    "loop/loop.py:run": 50,
+    "loop/loop.py:_use_fix": 116,
+    "loop/recent_motion.py:_since": 31,
+}
+"""What is still longer, with its statements: a list to make shorter, not to add to."""
+TOO_COMPLEX = {"loop/loop.py:run": 18, "loop/loop.py:_use_fix": 40}
+
+
+def statements(function):
+    """Statements in a function, nested ones too, without the docstring."""
+    inside = [node for node in ast.walk(function) if isinstance(node, ast.stmt)]
+    return len(inside) - 1 - (ast.get_docstring(function, clean=False) is not None)
+
+
+def functions(tree):
+    """Those of a module, nested ones too."""
+    return [n for n in ast.walk(tree) if isinstance(n, (ast.FunctionDef, ast.AsyncFunctionDef))]
+
+
+def sizes():
+    """{file:function: statements} of the core."""
+    return {
+        f"{file.relative_to(CORE).as_posix()}:{function.name}": statements(function)
+        for file in sorted(CORE.rglob("*.py"))
+        for function in functions(ast.parse(file.read_text(encoding="utf-8")))
+    }
+
+
+def test_statements_are_counted_with_those_nested_in_them():
+    source = """
+def f(x):
+    "Docstring."
+    for i in x:
+        if i:
+            g = 1
+    def inner():
+        return g
+    return inner
+"""
+    assert [statements(each) for each in functions(ast.parse(source))] == [6, 1]
+
+
+def test_a_function_has_few_statements():
+    found = sizes()
+    assert len(found) > 300
+    too_long = {name: count for name, count in found.items() if count > MAX_STATEMENTS}
+    grown = {name: n for name, n in too_long.items() if n > TOO_LONG.get(name, 0)}
+    assert not grown, f"more than {MAX_STATEMENTS} statements, or more than before: {grown}"
+    assert set(TOO_LONG) <= set(too_long), "short enough by now: take it from TOO_LONG"
+
+
+def test_a_function_has_few_branches():
+    pytest.importorskip("ruff")
+    limit = f"lint.mccabe.max-complexity={MAX_COMPLEXITY}"
+    told = subprocess.run(
+        [sys.executable, "-m", "ruff", "check", "--isolated", "--no-cache", "--select", "C901"]
+        + ["--config", limit, "--output-format", "json", str(CORE)],
+        capture_output=True,
+        text=True,
+    ).stdout
+    found = {}
+    for each in json.loads(told):
+        _, name, rest = each["message"].split("`")
+        file = Path(each["filename"]).relative_to(CORE).as_posix()
+        found[f"{file}:{name}"] = int(rest.split("(")[1].split(" ")[0])
+    grown = {name: n for name, n in found.items() if n > TOO_COMPLEX.get(name, 0)}
+    assert not grown, f"more complex than {MAX_COMPLEXITY}, or than before: {grown}"
+    assert set(TOO_COMPLEX) <= set(found), "simple enough by now: take it from TOO_COMPLEX"
