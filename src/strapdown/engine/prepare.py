@@ -40,7 +40,7 @@ from ..core.loop.contract import (
     Output,
     Start,
     address,
-    announce,
+    compile_together,
 )
 from ..core.loop.recent_motion import new_recent
 from ..core.mathematics import solution_row
@@ -111,11 +111,11 @@ class Prepared(NamedTuple):
 
 def prepare(filter: str | Filter, kinds: Iterable[str], say: Say | None = None) -> Prepared:
     """Compile (or load from the cache) the kernels of `filter` and of the aiding `kinds`. `say`
-    is told once where that takes seconds."""
+    is told where that takes seconds."""
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
-    announce(slow, filter.name, say)
+    compile_together([*slow, *(sensor.observe for sensor in sensors)], filter.name, say)
     for kernel in slow:
         filters.compiled(filter, kernel)
     for sensor in sensors:

@@ -13,7 +13,7 @@ import numpy as np
 from .. import filters
 from ..checks import DataError
 from ..core.loop import cursor as places, loop
-from ..core.loop.contract import COMPILED, Filter, Imu, address, announce, compile_kernel
+from ..core.loop.contract import COMPILED, Filter, Imu, address, compile_kernel, compile_together
 from ..core.mathematics.adjoint import INNOVATION, SMOOTHER, width
 from ..core.mathematics.correlated import FADED
 from ..core.mathematics.error_state import PREDICTED
@@ -88,7 +88,7 @@ def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
     check_sensitive(filter)
     run = begin(recording, filter, asked._replace(estimate={}))
     kernels: list[Any] = [loop.run_recorded, save_step, run_sensitivity]
-    announce(kernels, "the diagnosis", asked.say)
+    compile_together(kernels, "the diagnosis", asked.say)
     for kernel in kernels:
         compile_kernel(kernel)
     return run

@@ -16,10 +16,10 @@ from ...typing import Array, Ints, Mask, Vector
 from ..compile.jit import (
     COMPILED,
     address,
-    announce,
     bound,
     caller,
     compile_kernel,
+    compile_together,
     helper,
     kernel,
     matrix,
@@ -124,7 +124,7 @@ __all__ = [
     "bound",
     "caller",
     "compile_kernel",
-    "announce",
+    "compile_together",
 ]
 
 
