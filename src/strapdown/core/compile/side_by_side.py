@@ -76,10 +76,11 @@ def fill(kernels: Sequence[Any], tell: Callable[[Progress], None]) -> None:
         workers.take([jobs[kernel] for kernel in (*spread[-1:], *spread[:-1])])
         for kernel in kernels:
             if kernel not in spread:
+                begin, seconds = time.perf_counter(), 0.0
                 with suppress(Exception):  # which its caller will hear of
-                    begin = time.perf_counter()
                     kernel.ready()
-                    clock.took(kernel, time.perf_counter() - begin)
+                    seconds = time.perf_counter() - begin
+                clock.took(kernel, seconds)
                 tell(clock.now())
         by_path = {job.path: kernel for kernel, job in jobs.items()}
         for job, seconds in workers.done(len(spread)):
@@ -133,8 +134,9 @@ class _Clock:
         self._before = _kept(self._path)
 
     def took(self, kernel: Any, seconds: float) -> None:
-        """A kernel is done."""
-        self._work += self._left.pop(kernel, 0.0)
+        """A kernel is done; 0 s where it did not compile, which says nothing of the pace."""
+        size = self._left.pop(kernel, 0.0)
+        self._work += size if seconds else 0.0
         self._seconds += seconds
 
     def now(self) -> Progress:
