@@ -390,9 +390,10 @@ def test_an_unknown_aiding_is_refused():
 def test_slow_compilation_is_announced_at_most_once():
     said = []
     fused(flight(), say=said.append)
-    assert len(said) <= 1
+    assert sum("for the first time" in text for text in said) <= 1
+    said.clear()
     fused(flight(), say=said.append)
-    assert len(said) <= 1
+    assert said == []
 
 
 @short
@@ -475,4 +476,4 @@ def test_compiling_tells_which_filter_it_is_for(monkeypatch):
     # without the compiler nothing is kept, and nothing is said either
     monkeypatch.setattr(Kernel, "why_not_kept", "")
     preparation.prepare("mahony", ["magnetic-field"], said.append)
-    assert said == ["compiling mahony for the first time on this machine, up to a minute ..."]
+    assert said[0].startswith("compiling mahony for the first time on this machine")

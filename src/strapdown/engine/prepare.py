@@ -35,7 +35,7 @@ from ..core.loop.contract import (
     SourceRow,
     Start,
     address,
-    announce,
+    compile_together,
 )
 from ..core.loop.cursor import Axis, Books, Limits, LoopState, Work
 from ..core.loop.log import LOG_ROWS, LogRow
@@ -105,19 +105,20 @@ def prepare(
     needed: stages.Needed = stages.NONE,
 ) -> Kernels:
     """Compile (or load from the cache) the kernels of `filter`, of the `kinds` of measurements and of
-    the stages that they need. `say` is told once where that takes seconds."""
+    the stages that they need. `say` is told where that takes seconds."""
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
-    announce([*slow, *needed.kernels], filter.name, say)
+    observers = [sensor.observe for sensor in sensors]
+    compile_together([*slow, *needed.kernels, *observers], filter.name, say)
     for kernel in slow:
         filters.compiled(filter, kernel)
     for sensor in sensors:
         aiding.compiled(sensor.name)
     numbers = [aiding.number(sensor.name) for sensor in sensors]
-    observers = np.zeros(max(numbers, default=0) + 1, np.int64)
-    observers[numbers] = [address(sensor.observe) for sensor in sensors]
-    return needed.addresses(address(filter.predict), address(filter.correct), observers)
+    table = np.zeros(max(numbers, default=0) + 1, np.int64)
+    table[numbers] = list(map(address, observers))
+    return needed.addresses(address(filter.predict), address(filter.correct), table)
 
 
 @contextmanager

@@ -14,7 +14,15 @@ from .. import filters
 from ..checks import DataError
 from ..core.compile.records import Table
 from ..core.loop import loop
-from ..core.loop.contract import COMPILED, Filter, Imu, Use, address, announce, compile_kernel
+from ..core.loop.contract import (
+    COMPILED,
+    Filter,
+    Imu,
+    Use,
+    address,
+    compile_kernel,
+    compile_together,
+)
 from ..core.loop.gaps import LONGEST_HOLD, LONGEST_STEP
 from ..core.loop.tables import FixRow
 from ..core.mathematics.adjoint import INNOVATION, SMOOTHER, width
@@ -91,7 +99,7 @@ def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
     check_sensitive(filter)
     run = begin(recording, filter, asked._replace(estimate={}))
     kernels: list[Any] = [loop.run_recorded, save_step, run_sensitivity]
-    announce(kernels, "the diagnosis", asked.say)
+    compile_together(kernels, "the diagnosis", asked.say)
     for kernel in kernels:
         compile_kernel(kernel)
     return run

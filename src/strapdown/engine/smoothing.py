@@ -31,8 +31,8 @@ from ..core.loop.contract import (
     Smoother,
     Start,
     address,
-    announce,
     compile_kernel,
+    compile_together,
 )
 from ..core.loop.log import Code
 from ..core.mathematics import solution_row
@@ -104,7 +104,7 @@ def smooth(
         filter.smoother.adjoint_step,
         filter.smoother.save_step,
     ]
-    announce(kernels, "the smoother", say)
+    compile_together(kernels, "the smoother", say)
     for kernel in kernels:
         compile_kernel(kernel)
     differences = both_ways(run, listener(progress))

@@ -42,7 +42,7 @@ KEEP = 3
 Say = Callable[[str], None]
 
 
-COMPILING = ("compiler", "lane_types", "signatures")
+COMPILING = ("compiler", "numba_parts", "lane_types", "signatures")
 """Modules of core that decide what machine code is made of a kernel."""
 
 
@@ -203,7 +203,7 @@ def _sweep(path: Path) -> None:
 def _sources(kernel: Kernel) -> tuple[str, ...]:
     """Files of the package that a kernel's code comes from."""
     found = {
-        *(library.PACKAGE / "core" / f"{name}.py" for name in COMPILING),
+        *(library.PACKAGE / "core" / "compile" / f"{name}.py" for name in COMPILING),
         *kernel_cache.import_closure(sys.modules[kernel.__module__])[0],
     }
     return tuple(

@@ -8,7 +8,6 @@ import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 
@@ -35,21 +34,6 @@ def python(code, path=PACKAGE.parent, **environment):
     )
     assert done.returncode == 0 and done.stderr == "", done.stderr
     return done.stdout.split()
-
-
-@needs_compiler
-def test_reference_counts_can_be_left_out_in_this_numba(monkeypatch):
-    """A private option: without it everything works, 0.14 us a sample slower. Where it holds an
-    allocation is a compile error."""
-    from strapdown.core.compile import compiler
-
-    assert compiler.OPTIONS.get("_nrt") is False
-    # numba refuses an option it does not know only when it compiles
-    assert numba.njit(_nrt=False)(lambda x: x + 1)(1) == 2
-    with pytest.raises(numba.TypingError):
-        compile_kernel(kernel(ONE)(lambda x: np.zeros(3)[0] + x))
-    monkeypatch.setattr(compiler.cpu, "CPUTargetOptions", object)
-    assert not compiler._reference_counts_can_be_left_out()
 
 
 @pytest.mark.parametrize(

@@ -547,8 +547,8 @@ def test_a_kernel_of_values_without_words_says_why_it_is_not_kept(
     mine, said = loaded(1), []
     place = compiler.cache_of(mine)
     assert (place.path, place.why_not) == (None, why) and not mine.at_hand
-    jit.announce([mine], "mine", said.append)
-    assert said == [f"compiling mine in each process, since {why}, up to a minute ..."]
+    jit.compile_together([mine], "mine", said.append)
+    assert said == [f"compiling mine in each process, since {why} ..."]
 
 
 def test_a_kernel_that_is_not_kept_has_the_values_of_its_process(written, user, tmp_path):

@@ -1,7 +1,7 @@
 """Kernels compiled by numba, each behind a C function of its signature; `kernel_cache` keeps them on
 disk. Imported only where a kernel must be compiled.
 
-Everything private to numba that the package relies on is in these two files and `lane_types`.
+What of it is private to numba comes from `numba_parts`.
 """
 
 import inspect
@@ -9,27 +9,27 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import numba
 from llvmlite import ir
-from numba import types as numba_types
-from numba.core import ccallback, cgutils, cpu, typing as numba_typing
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.datamodel import models
-from numba.core.registry import cpu_target
+from numba import from_dtype
 from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
-from numba.np.numpy_support import from_dtype
 
 from . import kernel_cache, lane_types
 from .c_calls import hear_of_raised
 from .kernel_cache import KernelCache
 from .library import contracted
+from .numba_parts import (
+    c_function,
+    cgutils,
+    cpu_target,
+    global_compiler_lock,
+    helper_dispatcher,
+    models,
+    reference_counts_can_be_left_out,
+    types,
+    typing,
+)
 from .records import dtype_of
 from .signatures import Function, Kind, Number, Numbers, Record, Row, Rows, Signature
-
-types: Any = numba_types  # their own annotations are not complete
-_cgutils: Any = cgutils
-typing: Any = numba_typing
-
 
 small: list[bool] = [False]
 """Whether LLVM alone decides what is inlined, for firmware. Under strict arithmetic that changes no
@@ -39,16 +39,10 @@ fixed: dict[str, int] = {}
 left out."""
 
 
-def _reference_counts_can_be_left_out() -> bool:
-    """Whether this numba still knows the private option; without it a sample takes 0.14 us more,
-    otherwise all is the same."""
-    return hasattr(getattr(cpu, "CPUTargetOptions", None), "_nrt")
-
-
 OPTIONS: dict[str, Any] = dict(error_model="numpy")
 if contracted():
     OPTIONS["fastmath"] = {"contract", "nsz", "arcp"}
-if _reference_counts_can_be_left_out():
+if reference_counts_can_be_left_out():
     OPTIONS["_nrt"] = False
 
 
@@ -64,7 +58,7 @@ def dispatcher(function: Any) -> Any:
         # loop fast, and large
         if inlined or small[0]:
             options["forceinline"] = inlined and not small[0]
-        function.__dict__["_dispatcher"] = numba.njit(**options)(function.py_func)
+        function.__dict__["_dispatcher"] = helper_dispatcher(function.py_func, options)
     return function.__dict__["_dispatcher"]
 
 
@@ -85,6 +79,11 @@ def compiled(kernel: Any) -> tuple[int, bool]:
         hear_of_raised()
     kernel.__dict__["_made"] = made  # which holds the machine code
     return made.address, not made._cache_hits
+
+
+def warm_up() -> None:
+    """What numba does before the first function that it compiles."""
+    c_function(lambda x: x + x, (types.float64,), types.float64, OPTIONS).compile()
 
 
 def is_cached(kernel: Any) -> bool:
@@ -130,7 +129,7 @@ def _c_function(kernel: Any) -> Any:
     entry = eval(f"lambda {listed}: {call}", scope)  # numba counts arguments
     entry.__name__ = entry.__qualname__ = kernel.name
     entry.__module__ = kernel.__module__
-    return ccallback.CFunc(entry, (c_types(signature), result), {}, _options(kernel))
+    return c_function(entry, c_types(signature), result, _options(kernel))
 
 
 def by_address(signature: Signature) -> bool:
@@ -189,9 +188,9 @@ class CFunction(types.Callable):  # type: ignore[misc]
 
 
 @register_model(CFunction)
-class _Address(models.PrimitiveModel):
+class _Address(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, _I64)  # type: ignore[no-untyped-call]
+        super().__init__(manager, kind, _I64)
 
 
 @cache
@@ -268,8 +267,8 @@ def _array(
         items = builder.mul(items, length)
     made.data = builder.bitcast(pointer, made.data.type)
     made.nitems, made.itemsize = items, size
-    made.shape = _cgutils.pack_array(builder, shape)
-    made.strides = _cgutils.pack_array(builder, strides)
+    made.shape = cgutils.pack_array(builder, shape)
+    made.strides = cgutils.pack_array(builder, strides)
     made.meminfo, made.parent = made.meminfo.type(None), made.parent.type(None)
     return made._getvalue()
 
@@ -287,8 +286,7 @@ def unpacked(signature: Signature) -> Any:
                 pointer = builder.bitcast(arguments[i], _llvm_type(kind))
                 count = len(kind.kinds) + len(kind.sizes)
                 parts = [
-                    builder.load(_cgutils.gep_inbounds(builder, pointer, 0, k))
-                    for k in range(count)
+                    builder.load(cgutils.gep_inbounds(builder, pointer, 0, k)) for k in range(count)
                 ]
                 for k, name in enumerate(kind.sizes, len(kind.kinds)):
                     if name in fixed:
@@ -335,7 +333,7 @@ def _call(context: Any, builder: Any, call: Any, arguments: Any) -> Any:
     values += [sizes[name] for name in signature.sizes]
     result, slot = ir.VoidType(), None
     if by_address(signature):
-        slot = _cgutils.alloca_once(builder, lane_types.LANE.vector)
+        slot = cgutils.alloca_once(builder, lane_types.LANE.vector)
         values.append(builder.bitcast(slot, ir.DoubleType().as_pointer()))
     elif signature.result:
         result = _llvm_number(signature.result)
@@ -367,7 +365,7 @@ def _in_c(context: Any, builder: Any, kind: Kind, value: Any, sizes: dict[str, A
         return builder.bitcast(value, _llvm_type(kind))
     if isinstance(kind, Numbers | Rows):
         made = context.make_array(numba_type(kind))(context, builder, value)
-        shape = _cgutils.unpack_tuple(builder, made.shape, len(kind.shape))
+        shape = cgutils.unpack_tuple(builder, made.shape, len(kind.shape))
         for name, size in zip(kind.shape, shape):
             if isinstance(name, str):
                 sizes.setdefault(name, size)
@@ -378,13 +376,13 @@ def _in_c(context: Any, builder: Any, kind: Kind, value: Any, sizes: dict[str, A
     parts = [
         _in_c(context, builder, each, part, own)
         for each, part in zip(
-            kind.kinds, _cgutils.unpack_tuple(builder, value, len(kind.kinds)), strict=True
+            kind.kinds, cgutils.unpack_tuple(builder, value, len(kind.kinds)), strict=True
         )
     ]
     sizes |= own
-    block = _cgutils.alloca_once(builder, _llvm_struct(kind))
+    block = cgutils.alloca_once(builder, _llvm_struct(kind))
     for k, part in enumerate([*parts, *(own[name] for name in kind.sizes)]):
-        builder.store(part, _cgutils.gep_inbounds(builder, block, 0, k))
+        builder.store(part, cgutils.gep_inbounds(builder, block, 0, k))
     return block
 
 
@@ -421,8 +419,8 @@ def _matrix(typing_context: Any, flat: Any, first: Any, rows: Any, columns: Any)
         view.data = builder.gep(source.data, [first])
         view.meminfo, view.parent = source.meminfo, source.parent
         view.nitems, view.itemsize = builder.mul(rows, columns), size
-        view.shape = _cgutils.pack_array(builder, [rows, columns])
-        view.strides = _cgutils.pack_array(builder, [builder.mul(columns, size), size])
+        view.shape = cgutils.pack_array(builder, [rows, columns])
+        view.strides = cgutils.pack_array(builder, [builder.mul(columns, size), size])
         return view._getvalue()
 
     return view_type(flat, first, rows, columns), codegen
@@ -438,8 +436,8 @@ def _flatten(typing_context: Any, table: Any) -> Any:
         view = context.make_array(view_type)(context, builder)
         view.data, view.meminfo, view.parent = source.data, source.meminfo, source.parent
         view.nitems, view.itemsize = source.nitems, source.itemsize
-        view.shape = _cgutils.pack_array(builder, [source.nitems])
-        view.strides = _cgutils.pack_array(builder, [source.itemsize])
+        view.shape = cgutils.pack_array(builder, [source.nitems])
+        view.strides = cgutils.pack_array(builder, [source.itemsize])
         return view._getvalue()
 
     return view_type(table), codegen

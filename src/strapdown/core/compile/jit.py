@@ -180,16 +180,42 @@ def compile_kernel(kernel: Any) -> bool:
     return bool(kernel.ready())
 
 
-def announce(kernels: Iterable[Any], what: str, say: Callable[[str], None] | None) -> None:
-    """Tell `say` once where compiling these kernels would take seconds."""
-    slow = next((kernel for kernel in kernels if not kernel.at_hand), None) if say else None
-    if say and slow:
-        why = library.why_not(slow) if library.there() else ""
-        unkept = slow.why_not_kept
-        when = (
-            f"in each process, since {unkept}" if unkept else "for the first time on this machine"
-        )
-        say(f"compiling {what} {when}, up to a minute ...{f' ({why})' if why else ''}")
+def compile_together(
+    kernels: Iterable[Any], what: str, say: Callable[[str], None] | None = None
+) -> None:
+    """Compile those kernels that are not at hand, on all cores. `say` is told where that takes seconds,
+    how many as far as this machine has shown it, and how far it is. A kernel that does not compile is
+    left to whoever calls it."""
+    slow = [kernel for kernel in dict.fromkeys(kernels) if not kernel.at_hand]
+    if slow:
+        from . import side_by_side
+
+        first = _said_first(slow[0], what)
+
+        def tell(progress: Any) -> None:
+            done, count, seconds = progress
+            left = "" if seconds is None else f", about {_rounded(seconds)} s{' left' * (done > 0)}"
+            if say and not done:
+                say(f"compiling {first.format(left)}")
+            elif say and done < count:
+                say(f"compiling {what}: {done} of {count} kernels{left}")
+
+        side_by_side.fill(slow, tell)
+
+
+def _said_first(kernel: Any, what: str) -> str:
+    """Why a kernel is compiled, with a place for the time that it takes."""
+    why = library.why_not(kernel) if library.there() else ""
+    unkept = kernel.why_not_kept
+    when = f"in each process, since {unkept}" if unkept else "for the first time on this machine"
+    texts = (what, when, f" ({why})" if why else "")
+    what, when, why = (text.replace("{", "{{").replace("}", "}}") for text in texts)
+    return f"{what} {when}{{}} ...{why}"
+
+
+def _rounded(seconds: float) -> int:
+    """To what an estimate is worth."""
+    return max(round(seconds), 1) if seconds < 20 else 5 * round(seconds / 5)
 
 
 def address(kernel: Any) -> int:

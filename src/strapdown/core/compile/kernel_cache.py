@@ -23,15 +23,12 @@ from typing import Any, NamedTuple
 
 import llvmlite
 import numba
-from numba.core import compiler, config as numba_config, serialize
-from numba.core.registry import cpu_target
 
 from ...file_locks import part_of
 from .closed_over import NoWords, Words, digest, functions
+from .numba_parts import config, cpu_target, rebuilt, serialize
 
 Import = ast.Import | ast.ImportFrom
-
-config: Any = numba_config  # its own annotations are not complete
 
 KEEP = 6
 """Versions of one kernel that stay: of other branches, settings and processors."""
@@ -291,16 +288,14 @@ class KernelCache:
             if content and hashlib.sha256(content[CHECKSUM:]).digest() == content[:CHECKSUM]:
                 with suppress(OSError):
                     os.utime(self.path)  # the ones used last are kept
-                return compiler.CompileResult._rebuild(  # type: ignore[no-untyped-call]
-                    target_context, *pickle.loads(content[CHECKSUM:])
-                )
+                return rebuilt(target_context, pickle.loads(content[CHECKSUM:]))
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         """Write the compiled kernel, whole or not at all; what killed processes left goes with it."""
         if self.path is None or compiled.library.has_dynamic_globals:
             return
-        payload: bytes = serialize.dumps(compiled._reduce())  # type: ignore[no-untyped-call]
+        payload: bytes = serialize.dumps(compiled._reduce())
         with suppress(OSError):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._sweep(self.path)

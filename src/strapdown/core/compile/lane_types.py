@@ -15,17 +15,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from llvmlite import ir
-from numba import types as numba_types
-from numba.core import cgutils, typeconv
-from numba.extending import intrinsic, lower_cast, models, overload, register_model
+from numba.extending import intrinsic, overload, register_model
 
 from .lane_functions import HELPERS
+from .numba_parts import cgutils, lower_cast, models, typeconv, types
 from .signatures import LANES
 
-types: Any = numba_types  # their own annotations are not complete
-_cgutils: Any = cgutils
-_typeconv: Any = typeconv
-_lower_cast: Any = lower_cast
 _INDEX = ir.IntType(32)
 Given: TypeAlias = tuple[Callable[..., Any], ...]
 """Functions that mean the same."""
@@ -40,7 +35,7 @@ class SideBySide(types.Type):  # type: ignore[misc]
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
         """From one for all."""
-        return _typeconv.Conversion.safe if isinstance(other, self.one) else None
+        return typeconv.Conversion.safe if isinstance(other, self.one) else None
 
     def unify(self, context: Any, other: Any) -> Any:
         """A variable that begins as one number for all."""
@@ -53,7 +48,7 @@ class LaneType(SideBySide):
     def can_convert_from(self, context: Any, other: Any) -> Any:
         """From one for all, and from whole numbers."""
         return (
-            _typeconv.Conversion.safe if other is WORD else super().can_convert_from(context, other)
+            typeconv.Conversion.safe if other is WORD else super().can_convert_from(context, other)
         )
 
 
@@ -71,9 +66,9 @@ WORD = WordType(f"Word{LANES}", types.Integer, ir.IntType(64))
 
 
 def _model(of: SideBySide) -> None:
-    class Model(models.PrimitiveModel):
+    class Model(models.PrimitiveModel):  # type: ignore[misc]
         def __init__(self, manager: Any, kind: Any) -> None:
-            super().__init__(manager, kind, of.vector)  # type: ignore[no-untyped-call]
+            super().__init__(manager, kind, of.vector)
 
     register_model(type(of))(Model)
 
@@ -90,7 +85,7 @@ def _of_one(of: SideBySide, single: Any, item: Any) -> None:
         every = ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES)
         return builder.shuffle_vector(first, none, every)
 
-    _lower_cast(single, type(of))(cast)
+    lower_cast(single, type(of))(cast)
 
 
 for _each, _single, _item in (
@@ -106,7 +101,7 @@ def _real(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any
     return builder.sitofp(value, LANE.vector)
 
 
-_lower_cast(WordType, LaneType)(_real)
+lower_cast(WordType, LaneType)(_real)
 
 
 # ---- operators
@@ -159,7 +154,7 @@ def _of_llvm(name: str) -> Callable[..., Any]:
 
     def emit(builder: Any, *values: Any) -> Any:
         kind = ir.FunctionType(LANE.vector, [LANE.vector] * len(values))
-        function = _cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
+        function = cgutils.get_or_insert_function(builder.module, kind, f"llvm.{name}.v{LANES}f64")
         return builder.call(function, values)
 
     return emit
@@ -328,8 +323,8 @@ def _lanes_of(typing: Any, flat: Any, first: Any, count: Any, side: Any) -> Any:
         view.data = builder.bitcast(builder.gep(source.data, [first]), view.data.type)
         view.meminfo, view.parent = source.meminfo, source.parent
         view.nitems, view.itemsize = count, size
-        view.shape = _cgutils.pack_array(builder, [count])
-        view.strides = _cgutils.pack_array(builder, [size])
+        view.shape = cgutils.pack_array(builder, [count])
+        view.strides = cgutils.pack_array(builder, [size])
         return view._getvalue()
 
     return view_type(flat, first, count, side), codegen

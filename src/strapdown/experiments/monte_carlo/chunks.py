@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ... import aiding, filters
 from ...checks import DataError
 from ...core.compile.signatures import LANES
-from ...core.loop.contract import STATES, Start, announce, compile_kernel
+from ...core.loop.contract import STATES, Start, compile_kernel, compile_together
 from ...engine.batch import fuse
 from ...engine.installation import Parameter
 from ...engine.prepare import prepare
@@ -310,6 +310,6 @@ def compile_for(study: Study, say: Say | None = None) -> None:
         prepare(filter, kinds, say)
         if study.side_by_side and filter.lanes:
             wide = kernels_in_lanes(filter, kinds)
-            announce(wide, f"{filter.name} for eight runs at once", say)
+            compile_together(wide, f"{filter.name} for eight runs at once", say)
             for kernel in wide:
                 compile_kernel(kernel)
