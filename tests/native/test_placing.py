@@ -102,6 +102,7 @@ def test_a_part_of_a_page_is_counted_in_units_of_what_is_loaded():
     for kind, scale in ((277, 1), (278, 1), (284, 2), (285, 4), (286, 8), (299, 16)):
         word = page[kind](0, 0x5000 + 32 * scale, 0)
         assert word >> 10 & 0xFFF == 32 and word & 0x3FF == 0
+    assert page[275](0, 0x7123, 0xFFC) == 3 << 29 | 1 << 5  # seven pages
     assert page[261](0, 0x100, 0x180) == 2**32 - 0x80
     assert page[282](0x14000000, 0, 8) == 0x14000000 | 2**26 - 2
     for processor, kind in ((AARCH64, 283), (AARCH64, 275), (X86_64, 4)):
