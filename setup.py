@@ -112,6 +112,7 @@ class Wheel(bdist_wheel):
         )
         if manifest.exists():
             self.platform = json.loads(manifest.read_bytes())["tag"]
+        if self.platform not in ("", "any"):
             self.root_is_pure = False
             self.distribution.has_ext_modules = lambda: True  # installed where machine code belongs
         super().run()

@@ -4,7 +4,6 @@ those of the compiler, filters exported as C.
 `python benchmarks/library.py stream` is what the process of `stream_step` runs; it prints one JSON line.
 """
 
-import ctypes
 import json
 import os
 import resource
@@ -25,7 +24,7 @@ import subject
 import workload
 
 from strapdown import aiding, filters
-from strapdown.core.compile import library
+from strapdown.core.compile import library, machine_code
 from strapdown.core.loop import loop
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -163,11 +162,9 @@ class Kernels:
         self.kernels = [loop.run, filter.predict, filter.correct, *observers]
         made = json.loads((folder / library.MANIFEST).read_bytes())["libraries"]
         level = next(level for level in library.levels() if level in made)
-        functions = ctypes.CDLL(str(folder / made[level]["file"]))
-        of_library = [
-            ctypes.cast(getattr(functions, kernel.symbol), ctypes.c_void_p).value
-            for kernel in self.kernels
-        ]
+        file = folder / made[level]["file"]
+        addresses = machine_code.load(file, file.read_bytes())
+        of_library = [addresses[kernel.symbol] for kernel in self.kernels]
         self.addresses = {
             "library": of_library,
             "compiler": [compiler.compiled(kernel)[0] for kernel in self.kernels],

@@ -64,11 +64,10 @@ def whole_library(tmp_path_factory):
 
 
 def _built_once(tmp_path_factory, name, *words):
-    from strapdown.native import build, link
+    from strapdown.native import build
 
     try:
         build.levels_here()
-        link.linker()
     except DataError as error:
         pytest.skip(str(error))
     base = tmp_path_factory.getbasetemp()

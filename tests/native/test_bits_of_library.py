@@ -3,7 +3,6 @@ of processor."""
 
 import json
 import os
-import platform
 import shutil
 import subprocess
 import sys
@@ -24,7 +23,7 @@ other = bits.BY_LAPACK if bits.lapack() != kept["lapack"] else ()
 found = {name: bits.digest(name) for name in filters.names() if name not in other}
 print(library.opened().level, *(name for name in found if found[name] != kept[name]))
 """
-LEVELS = library.LEVELS.get(platform.machine(), {}) if sys.platform == "linux" else {}
+LEVELS = library.LEVELS.get(library.system(), {})
 
 
 @pytest.mark.deep

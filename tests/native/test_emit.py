@@ -1,6 +1,5 @@
 """Objects for each target, and what none of them may hold."""
 
-import platform
 import struct
 
 import pytest
@@ -22,7 +21,6 @@ define linkonce_odr double @helper(double %x) {
 """
 MACHINES = {"x86-64-v2": 62, "x86-64-v3": 62, "aarch64": 183, "cortex-m4f": 40, "cortex-m7": 40}
 """How ELF calls them."""
-HERE = next((name for name in TARGETS if name.startswith(platform.machine().replace("_", "-"))), "")
 
 
 def made(body, target="x86-64-v3", exported=("one",), **options):
@@ -162,12 +160,3 @@ def test_what_calls_itself_has_no_largest_stack():
 def test_what_llvm_says_besides_is_not_swallowed(capfd):
     made(SINE)
     assert capfd.readouterr().err == ""
-
-
-@pytest.mark.skipif(not HERE, reason="no library is built for this machine")
-def test_a_library_asks_for_the_oldest_symbols_of_the_c_library():
-    content = made(SINE, HERE, versioned=True).content
-    assert f"sin@{TARGETS[HERE].base}\0".encode() in content
-    assert b"cos@" not in content  # which nothing calls
-    with pytest.raises(RuntimeError, match="versions of symbols"):
-        made(SINE, "cortex-m7", versioned=True)

@@ -11,19 +11,17 @@ import pytest
 from strapdown.core.compile import library
 from strapdown.native import wheel
 
-NEEDS = "glibc 2.17 or newer, of which it asks for libm.so.6"
 
-
-def test_file_size_tag_and_needs_are_told(tmp_path):
+def test_file_size_tag_and_levels_are_told(tmp_path):
     made = tmp_path / "strapdown-0.1.0-py3-none-manylinux_2_17_x86_64.whl"
     with zipfile.ZipFile(made, "w") as file:
-        file.writestr("strapdown/lib/kernels.json", json.dumps({"needs": NEEDS}))
-        file.writestr("strapdown/lib/kernels-x86-64-v2.so", bytes(1_500_000))
+        file.writestr("strapdown/lib/kernels.json", json.dumps({"libraries": {"x86-64-v2": {}}}))
+        file.writestr("strapdown/lib/kernels-x86-64-v2.bin", bytes(1_500_000))
     said = wheel.told(made)
-    assert said == f"{made}, 1.5 MB, py3-none-manylinux_2_17_x86_64: needs {NEEDS}"
+    assert said == f"{made}, 1.5 MB, py3-none-manylinux_2_17_x86_64: kernels for x86-64-v2"
     plain = tmp_path / "strapdown-0.1.0-py3-none-any.whl"
     zipfile.ZipFile(plain, "w").close()
-    assert "0.0 MB, py3-none-any: for any machine, where numba compiles" in wheel.told(plain)
+    assert "0.0 MB, py3-none-any: without kernels, which numba compiles" in wheel.told(plain)
 
 
 @pytest.mark.deep
@@ -44,11 +42,10 @@ def test_pip_makes_a_wheel_with_the_library_of_a_folder_and_without_a_stale_one(
 
     folder = tmp_path / "lib"
     folder.mkdir()
-    (folder / "one.so").write_bytes(b"machine code")
+    (folder / "one.bin").write_bytes(b"machine code")
     manifest = {
         "tag": "manylinux_2_17_x86_64",
-        "needs": NEEDS,
-        "libraries": {"x86-64-v2": {"file": "one.so"}},
+        "libraries": {"x86-64-v2": {"file": "one.bin"}},
         "files": {"checks.py": "0"},
     }
     (folder / "kernels.json").write_text(json.dumps(manifest), encoding="utf-8")
@@ -59,7 +56,7 @@ def test_pip_makes_a_wheel_with_the_library_of_a_folder_and_without_a_stale_one(
     with_library, _ = built("with", folder)
     assert with_library.name.endswith("-py3-none-manylinux_2_17_x86_64.whl")
     with zipfile.ZipFile(with_library) as file:
-        assert file.read("strapdown/lib/one.so") == b"machine code"
+        assert file.read("strapdown/lib/one.bin") == b"machine code"
     plain, _ = built("plain", "")
     assert plain.name.endswith("-py3-none-any.whl")
     with zipfile.ZipFile(plain) as file:

@@ -1,7 +1,8 @@
 """The library of the package's kernels, built: `python -m strapdown.native.build OUT`.
 
-Leaves in OUT one kernels-LEVEL.so per level of processor, and kernels.json, by which `core/compile/library.py`
-knows it. What did not change since the last build is taken from the cache.
+Leaves in OUT one kernels-LEVEL.bin per level of processor, and kernels.json, by which
+`core/compile/library.py` knows it. It can be built for any system on any other. What did not change since
+the last build is taken from the cache.
 """
 
 import argparse
@@ -9,7 +10,6 @@ import hashlib
 import importlib
 import json
 import os
-import platform
 import sys
 import tempfile
 import time
@@ -26,10 +26,10 @@ import numba
 import strapdown
 
 from ..checks import DataError, check_choice, did_you_mean
-from ..core.compile import kernel_cache, library, signatures
+from ..core.compile import kernel_cache, library, machine_code, signatures
 from ..core.compile.jit import Kernel
 from ..file_locks import part_of
-from . import emit, ir, link, object_files
+from . import emit, ir, placing
 
 SLOW = ("core.loop", "xkf", "two_stage", "sigma_point", "particle", "nlo", "flight", "ekf")
 """Parts of the names of kernels that take longest: they come first, so that none of them is left over
@@ -42,20 +42,33 @@ KEEP = 3
 Say = Callable[[str], None]
 
 
-COMPILING = ("compiler", "numba_parts", "lane_types", "signatures")
-"""Modules of core that decide what machine code is made of a kernel."""
+COMPILING = ("compiler", "numba_parts", "records", "lane_types", "signatures")
+"""Modules of core/compile that decide what machine code is made of a kernel."""
+
+
+TAGS = {
+    "linux x86_64": "manylinux_2_17_x86_64",
+    "linux aarch64": "manylinux_2_17_aarch64",
+    "darwin arm64": "macosx_11_0_arm64",
+    "darwin x86_64": "macosx_10_13_x86_64",
+    "win32 AMD64": "win_amd64",
+}
+"""Tags of wheels by system. manylinux_2_17 is the oldest that package indexes take of both processors."""
 
 
 def levels_here() -> tuple[str, ...]:
-    """The levels of this machine's architecture, best first. Raises DataError where a library can
-    be built on none."""
-    levels = tuple(library.LEVELS.get(platform.machine(), {})) if sys.platform == "linux" else ()
-    if not levels:
+    """The levels of this system, best first. Raises DataError where there are none."""
+    if not (levels := tuple(library.LEVELS.get(library.system(), ()))):
         raise DataError(
-            f"a library of kernels is built on Linux, on x86-64 or aarch64; this is "
-            f"{platform.system()} on {platform.machine()}"
+            f"a library of kernels is for {', '.join(library.LEVELS)}; this is {library.system()}"
         )
     return levels
+
+
+def tag(levels: Sequence[str]) -> str:
+    """Platform in the tag of a wheel with these levels: `any` where they are of several systems."""
+    systems = [system for system, of in library.LEVELS.items() if {*of} & {*levels}]
+    return TAGS[systems[0]] if len(systems) == 1 else "any"
 
 
 def kernels_of_package(only: Sequence[str] = ()) -> list[Kernel]:
@@ -70,8 +83,8 @@ def kernels_of_package(only: Sequence[str] = ()) -> list[Kernel]:
     return sorted(chosen, key=lambda kernel: not any(part in kernel.stem for part in SLOW))
 
 
-def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) -> link.Platform:
-    """Build the library into a folder, all of it or nothing; where it runs.
+def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) -> str:
+    """Build the library into a folder, all of it or nothing; the platform that it is for.
 
     only: stems of kernels, for all of them none. Raises DataError with what is missing, RuntimeError
     where a kernel cannot be in a library, OSError.
@@ -79,27 +92,22 @@ def build(folder: Path, levels: Sequence[str], only: Sequence[str], say: Say) ->
     if not levels:
         raise DataError(f"this processor is below {levels_here()[-1]}, the least that there is")
     for level in levels:
-        check_choice(level, "--levels", levels_here())
-    with tempfile.TemporaryDirectory() as temporary:  # minutes before the linker is needed
-        link.link([], Path(temporary) / "nothing.so")
+        check_choice(level, "--levels", emit.LIBRARY)
     kernels = kernels_of_package(only)
     sources = {kernel.stem: _sources(kernel) for kernel in kernels}
     files = _digests(sources.values())
     with tempfile.TemporaryDirectory() as temporary:
         objects = _objects(kernels, levels, _cache() or Path(temporary), say)
-        made = {}
-        for level in levels:
-            path = Path(temporary) / f"kernels-{level}.so"
-            made[level] = link.link(objects[level], path)
-            if missing := {each.symbol for each in kernels} - {*object_files.defined(made[level])}:
-                raise RuntimeError(f"{path.name} lacks {', '.join(sorted(missing))}")
+        made = {
+            level: machine_code.written(*placing.place([path.read_bytes() for path in paths]))
+            for level, paths in objects.items()
+        }
     if edited := [
         file for file, digest in _digests(sources.values()).items() if digest != files[file]
     ]:
         raise DataError(f"{edited[0]} was edited while the library was built; build it again")
-    runs = link.platform_of(made.values(), platform.machine())
-    _put(folder, made, _manifest(kernels, sources, files, made, runs))
-    return runs
+    _put(folder, made, _manifest(kernels, sources, files, made))
+    return tag(levels)
 
 
 # ---- objects
@@ -146,17 +154,12 @@ def _emitted(stem: str, paths: dict[str, Path]) -> None:
     except Exception as error:  # of numba, with all that it knows on many lines
         raise RuntimeError(f"{stem}: {' '.join(str(error).split()) or repr(error)}") from None
     for level, path in paths.items():
-        made = emit.emit([text], emit.TARGETS[level], [kernel.symbol], versioned=_of_gnu())
+        made = emit.emit([text], emit.LIBRARY[level], [kernel.symbol])
         if path.name != _name(kernel, level):
             raise DataError(f"{stem} was edited while it was compiled; build the library again")
         with part_of(path) as part:
             part.path.write_bytes(made.content)
             part.rename(path)
-
-
-def _of_gnu() -> bool:
-    """Whether the C library of this machine has versions of its symbols."""
-    return platform.libc_ver()[0] == "glibc"
 
 
 def _cache() -> Path | None:
@@ -182,8 +185,7 @@ def _name(kernel: Kernel, level: str) -> str:
         llvmlite.__version__,
         sys.implementation.cache_tag,
         repr(kernel.signature),
-        emit.TARGETS[level],
-        _of_gnu(),
+        emit.LIBRARY[level],
     )
     return f"{kernel.symbol}-{level}-{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}.o"
 
@@ -203,7 +205,7 @@ def _sweep(path: Path) -> None:
 def _sources(kernel: Kernel) -> tuple[str, ...]:
     """Files of the package that a kernel's code comes from."""
     found = {
-        *(library.PACKAGE / "core" / "compile" / f"{name}.py" for name in COMPILING),
+        *(library.PACKAGE / "core/compile" / f"{name}.py" for name in COMPILING),
         *kernel_cache.import_closure(sys.modules[kernel.__module__])[0],
     }
     return tuple(
@@ -228,7 +230,6 @@ def _manifest(
     sources: dict[str, tuple[str, ...]],
     files: dict[str, str],
     made: dict[str, bytes],
-    runs: link.Platform,
 ) -> dict[str, Any]:
     number = {file: index for index, file in enumerate(files)}
     return {
@@ -236,11 +237,10 @@ def _manifest(
         "version": strapdown.__version__,
         "arithmetic": "strict",
         "built_with": f"numba {numba.__version__}, llvmlite {llvmlite.__version__}",
-        "tag": runs.tag,
-        "needs": runs.needs,
+        "tag": tag(tuple(made)),
         "libraries": {
             level: {
-                "file": f"kernels-{level}.so",
+                "file": f"kernels-{level}.bin",
                 "sha256": hashlib.sha256(content).hexdigest(),
                 "bytes": len(content),
             }
@@ -259,9 +259,9 @@ def _put(folder: Path, made: dict[str, bytes], manifest: dict[str, Any]) -> None
     """Write the library. Without kernels.json, which goes first and comes last, there is none."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / library.MANIFEST).unlink(missing_ok=True)
-    for old in folder.glob("kernels-*.so"):
+    for old in folder.glob("kernels-*.bin"):
         old.unlink()
-    contents = {f"kernels-{level}.so": content for level, content in made.items()}
+    contents = {f"kernels-{level}.bin": content for level, content in made.items()}
     contents[library.MANIFEST] = json.dumps(manifest).encode() + b"\n"
     for name, content in contents.items():
         with part_of(folder / name) as part:
@@ -272,7 +272,9 @@ def _put(folder: Path, made: dict[str, bytes], manifest: dict[str, Any]) -> None
 def _main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("strapdown.native.build", description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--levels", help="of processors, or `all`; this processor's if not said")
+    parser.add_argument(
+        "--levels", help="of processors, or `all` of this system; this one's if not said"
+    )
     parser.add_argument("--only", default="", help="kernels, MODULE.NAME,.. ; all if not said")
     said = parser.parse_args(arguments)
     # processes that this one starts import numba under these; here it is imported already
@@ -280,7 +282,7 @@ def _main(arguments: Sequence[str]) -> int:
     begin = time.perf_counter()
     try:
         levels = levels_here() if said.levels == "all" else (said.levels or "").split(",")
-        runs = build(
+        platform = build(
             said.folder,
             levels if any(levels) else library.levels()[:1],
             [stem for stem in said.only.split(",") if stem],
@@ -291,11 +293,9 @@ def _main(arguments: Sequence[str]) -> int:
         return 2
     sizes = ", ".join(
         f"{file.name} {file.stat().st_size / 1000:.0f} kB"
-        for file in sorted(said.folder.glob("kernels-*.so"))
+        for file in sorted(said.folder.glob("kernels-*.bin"))
     )
-    print(
-        f"{said.folder}: {sizes}, in {time.perf_counter() - begin:.0f} s; {runs.tag}: {runs.needs}"
-    )
+    print(f"{said.folder}: {sizes}, in {time.perf_counter() - begin:.0f} s, for {platform}")
     return 0
 
 

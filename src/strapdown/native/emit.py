@@ -5,7 +5,6 @@ made.content, made.needed, made.stack
 """
 
 import os
-import platform
 import re
 import sys
 import tempfile
@@ -30,7 +29,6 @@ class Target(NamedTuple):
     relocation: str = "pic"
     speed: int = 3  # 0 to 3
     size: int = 0  # 1: small functions rather than fast ones, 2: as small as can be
-    base: str = ""  # version of the C library whose symbols shared libraries ask for
     call: int = 0  # bytes that a call itself puts on the stack
 
 
@@ -42,7 +40,6 @@ TARGETS: Mapping[str, Target] = {
             "x86-64 processors since 2009, Linux",
             "x86_64-unknown-linux-gnu",
             "x86-64-v2",
-            base="GLIBC_2.2.5",
             call=8,
         ),
         Target(
@@ -50,7 +47,6 @@ TARGETS: Mapping[str, Target] = {
             "x86-64 processors with AVX2 and FMA, Linux",
             "x86_64-unknown-linux-gnu",
             "x86-64-v3",
-            base="GLIBC_2.2.5",
             call=8,
         ),
         Target(
@@ -58,7 +54,6 @@ TARGETS: Mapping[str, Target] = {
             "ARM processors of 64 bits, Linux",
             "aarch64-unknown-linux-gnu",
             "cortex-a53",
-            base="GLIBC_2.17",
         ),
         Target(
             "cortex-m4f",
@@ -90,6 +85,34 @@ TARGETS: Mapping[str, Target] = {
     )
 }
 
+LIBRARY: Mapping[str, Target] = {
+    **{name: TARGETS[name] for name in ("x86-64-v3", "x86-64-v2", "aarch64")},
+    **{
+        one.name: one
+        for one in (
+            # reserved: a register that is the system's own
+            Target(
+                "macos-arm64",
+                "Apple's ARM processors, macOS",
+                "aarch64-unknown-none-elf",
+                "apple-m1",
+                "+reserve-x18",
+            ),
+            Target(
+                "macos-x86-64", "Intel processors, macOS", "x86_64-apple-macosx-elf", "x86-64-v2"
+            ),
+            Target(
+                "windows-x86-64",
+                "x86-64 processors, Windows",
+                "x86_64-pc-windows-msvc-elf",
+                "x86-64",
+            ),
+        )
+    },
+}
+"""Machines that there is a library of kernels for, by the name of its level; ELF for all, which
+`placing` reads. Nothing was ever run on macOS and Windows."""
+
 LIBM = frozenset(
     "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs "
     "fdim floor fma fmax fmin fmod frexp hypot ldexp lgamma log log10 log1p log2 logb lrint lround "
@@ -97,8 +120,9 @@ LIBM = frozenset(
     "trunc".split()
 )
 MEMORY = frozenset(("memset", "memcpy", "memmove"))
-OF_THE_COMPILER = re.compile(r"__aeabi_\w+")
-"""What every C compiler for ARM brings along: doubles in software, and those of MEMORY."""
+OF_THE_COMPILER = re.compile(r"__aeabi_\w+|__chkstk")
+"""What every C compiler for ARM brings along, doubles in software and those of MEMORY; and what Windows
+calls for a large frame on the stack."""
 
 DEFINITION = re.compile(r"^(define .*\))([^()\n]*) \{$", re.MULTILINE)
 LOOSE = re.compile(
@@ -127,26 +151,21 @@ def emit(
     texts: Iterable[str],
     target: Target,
     exported: Sequence[str],
-    versioned: bool = False,
     inside: Sequence[str] = (),
 ) -> Object:
     """The object of these functions and what they call.
 
     texts: as `ir.write` leaves them, linked into one.
-    versioned: ask for the oldest symbols of the C library that there are (`Target.base`), for a
-        library that older systems are to load.
     inside: functions by which the texts call each other, and which the object does not show.
 
     Raises RuntimeError, with the function and the symbol, where arithmetic is not strict or something
     other than the mathematics of C and its memory functions is needed.
     """
-    if versioned and not target.triple.startswith(platform.machine()):
-        raise RuntimeError(f"versions of symbols are given on {target.name} itself alone")
     machine, layout = _machine(target)
     module = None
     for text in texts:
         _strict(text, exported)
-        one = llvm.parse_assembly(_neutral(text, target, layout, versioned))
+        one = llvm.parse_assembly(_neutral(text, target, layout))
         for each in (*one.functions, *one.global_variables):
             if not each.is_declaration and each.name not in (*exported, *inside):
                 each.linkage = "internal"  # two of a name need not be of one code
@@ -168,7 +187,7 @@ def emit(
         )
     with _said() as lines:
         content = machine.emit_object(module)
-    needed = tuple(name.partition("@")[0] for name in undefined(content))
+    needed = undefined(content)
     if foreign := [name for name in needed if not _of_c(name)]:
         raise RuntimeError(
             f"{_listed(exported)}: {', '.join(foreign)} would be needed, and is not of C's libm"
@@ -190,7 +209,6 @@ def _machine(target: Target) -> tuple[Any, str]:
     """(machine, its layout of data)."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    llvm.initialize_native_asmparser()  # for the versions of symbols; it has that of no other machine
     machine: Any = llvm.Target.from_triple(target.triple).create_target_machine(
         cpu=target.cpu,
         features=target.features,
@@ -209,19 +227,14 @@ def _strict(text: str, symbols: Sequence[str]) -> None:
         )
 
 
-def _neutral(text: str, target: Target, layout: str, versioned: bool) -> str:
+def _neutral(text: str, target: Target, layout: str) -> str:
     """The text for another machine: the host's triple, layout and processor stand in it. Each function
     is to say the size of its frame."""
     text = re.sub(r'^target triple = ".*"', f'target triple = "{target.triple}"', text, flags=re.M)
     text = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{layout}"', text, flags=re.M)
     text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
     smaller = OPTIMISED_FOR_SIZE[target.size]
-    text = DEFINITION.sub(rf'\1\2 nounwind{smaller} "warn-stack-size"="0" {{', text)
-    if versioned and target.base:  # those that the code does not use leave no trace
-        text += "".join(
-            f'module asm ".symver {name},{name}@{target.base}"\n' for name in sorted(LIBM | MEMORY)
-        )
-    return text
+    return DEFINITION.sub(rf'\1\2 nounwind{smaller} "warn-stack-size"="0" {{', text)
 
 
 def _prepare(module: Any, machine: Any) -> None:

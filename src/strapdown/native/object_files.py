@@ -1,19 +1,27 @@
-"""What object files and libraries need from outside: ELF (little-endian) and WebAssembly."""
+"""Reads object files: ELF (little-endian) and WebAssembly."""
 
 import struct
 from collections.abc import Iterator
+from enum import IntEnum
 from typing import NamedTuple
 
-DYNAMIC, DYNAMIC_SYMBOLS, SYMBOLS, VERSIONS_NEEDED = 6, 11, 2, 0x6FFFFFFE
-"""Kinds of ELF sections."""
-NEEDED = 1
-"""Tag of the dynamic section: name of a library."""
 WASM_IMPORTS = 2
 WASM_FUNCTION = 0
 
 
-LOADED = 2
-"""Flag of a section that is in memory when the code runs."""
+class Kind(IntEnum):
+    """Of a section of an ELF file (gABI, sh_type)."""
+
+    SYMBOLS = 2
+    RELOCATIONS = 4
+    NO_CONTENT = 8
+
+
+class Flag(IntEnum):
+    """Of a section of an ELF file (gABI, sh_flags)."""
+
+    WRITABLE = 1
+    LOADED = 2
 
 
 class Section(NamedTuple):
@@ -21,69 +29,39 @@ class Section(NamedTuple):
 
     kind: int
     flags: int
-    link: int
-    info: int
+    link: int  # section with its names, or its symbols
+    info: int  # of symbols the first global one, of relocations the section to change
+    align: int
     content: bytes
 
 
+class Symbol(NamedTuple):
+    """Of an ELF file."""
+
+    name: str
+    section: int  # 0: defined elsewhere
+    value: int  # bytes from the beginning of the section
+    is_global: bool
+
+
+class Relocation(NamedTuple):
+    """A place in a section that depends on where a symbol is."""
+
+    section: int
+    offset: int  # bytes from the beginning of the section
+    kind: int
+    symbol: Symbol
+    addend: int
+
+
 def undefined(content: bytes) -> tuple[str, ...]:
-    """Names of the functions and variables that an object or library asks for, sorted. Raises
+    """Names of the functions and variables that an object uses and does not define, sorted. Raises
     ValueError where it is neither ELF nor WebAssembly."""
     if content[:4] == b"\0asm":
         return tuple(sorted(_wasm_imports(content)))
-    found = set()
-    sections = _sections(content)
-    dynamic = any(one.kind == DYNAMIC_SYMBOLS for one in sections)
-    for one in sections:
-        if one.kind == (DYNAMIC_SYMBOLS if dynamic else SYMBOLS):
-            found |= {name for name, at in _symbols(content, sections, one) if at == 0}
-    return tuple(sorted(found))
-
-
-def defined(content: bytes) -> tuple[str, ...]:
-    """Names that an ELF library offers, sorted. Raises ValueError."""
-    sections = _sections(content)
-    return tuple(
-        sorted(
-            name
-            for one in sections
-            if one.kind == DYNAMIC_SYMBOLS
-            for name, at in _symbols(content, sections, one)
-            if at
-        )
-    )
-
-
-def libraries(content: bytes) -> tuple[str, ...]:
-    """Names of the libraries that an ELF library needs. Raises ValueError."""
-    sections = _sections(content)
-    return tuple(
-        _text(sections[one.link].content, value)
-        for one in sections
-        if one.kind == DYNAMIC
-        for tag, value in struct.iter_unpack("<qq" if _wide(content) else "<ii", one.content)
-        if tag == NEEDED
-    )
-
-
-def versions(content: bytes) -> dict[str, tuple[str, ...]]:
-    """{library: versions of its symbols that an ELF library needs}. Raises ValueError."""
-    sections = _sections(content)
-    found: dict[str, tuple[str, ...]] = {}
-    for one in sections:
-        if one.kind != VERSIONS_NEEDED:
-            continue
-        names, at = sections[one.link].content, 0
-        for _ in range(one.info):
-            _, count, file, first, after = struct.unpack_from("<HHIII", one.content, at)
-            each, listed = at + first, []
-            for _ in range(count):
-                _, _, _, name, further = struct.unpack_from("<IHHII", one.content, each)
-                listed.append(_text(names, name))
-                each += further
-            found[_text(names, file)] = tuple(sorted(listed))
-            at += after
-    return found
+    listed = sections(content)
+    names = {one.name for one in symbols(content, listed) if one.is_global and one.section == 0}
+    return tuple(sorted(names))
 
 
 def loaded(content: bytes) -> int:
@@ -91,7 +69,50 @@ def loaded(content: bytes) -> int:
     ValueError."""
     if content[:4] == b"\0asm":
         return len(content)
-    return sum(len(one.content) for one in _sections(content) if one.flags & LOADED)
+    return sum(len(one.content) for one in sections(content) if one.flags & Flag.LOADED)
+
+
+def sections(content: bytes) -> list[Section]:
+    """All sections of an ELF file. Raises ValueError."""
+    wide = _wide(content)
+    (at,) = struct.unpack_from("<Q" if wide else "<I", content, 40 if wide else 32)
+    size, count = struct.unpack_from("<HH", content, 58 if wide else 46)
+    made = []
+    for index in range(count):
+        head = struct.unpack_from("<IIQQQQIIQ" if wide else "<9I", content, at + index * size)
+        _, kind, flags, _, offset, length, link, info, align = head
+        made.append(Section(kind, flags, link, info, align, content[offset : offset + length]))
+    return made
+
+
+def symbols(content: bytes, listed: list[Section]) -> list[Symbol]:
+    """The symbols of an ELF object, in their order."""
+    for table in listed:
+        if table.kind == Kind.SYMBOLS:
+            names = listed[table.link].content
+            if _wide(content):
+                rows = [
+                    (row[0], row[3], row[4]) for row in struct.iter_unpack("<IBBHQQ", table.content)
+                ]
+            else:
+                rows = [
+                    (row[0], row[5], row[1]) for row in struct.iter_unpack("<IIIBBH", table.content)
+                ]
+            return [
+                Symbol(_text(names, name), section, value, index >= table.info)
+                for index, (name, section, value) in enumerate(rows)
+            ]
+    return []
+
+
+def relocations(content: bytes, listed: list[Section]) -> Iterator[Relocation]:
+    """The relocations of an ELF object of 64 bits."""
+    named = symbols(content, listed)
+    for one in listed:
+        if one.kind == Kind.RELOCATIONS:
+            for offset, info, addend in struct.iter_unpack("<QQq", one.content):
+                symbol = named[info >> 32]
+                yield Relocation(one.info, offset, info & 0xFFFFFFFF, symbol, addend)
 
 
 def _wide(content: bytes) -> bool:
@@ -99,30 +120,6 @@ def _wide(content: bytes) -> bool:
     if content[:4] != b"\x7fELF" or len(content) < 64 or content[5] != 1:
         raise ValueError("neither an ELF file nor WebAssembly")
     return content[4] == 2
-
-
-def _sections(content: bytes) -> list[Section]:
-    wide = _wide(content)
-    (at,) = struct.unpack_from("<Q" if wide else "<I", content, 40 if wide else 32)
-    size, count = struct.unpack_from("<HH", content, 58 if wide else 46)
-    made = []
-    for index in range(count):
-        head = struct.unpack_from("<IIQQQQII" if wide else "<8I", content, at + index * size)
-        _, kind, flags, _, offset, length, link, info = head
-        made.append(Section(kind, flags, link, info, content[offset : offset + length]))
-    return made
-
-
-def _symbols(content: bytes, sections: list[Section], table: Section) -> Iterator[tuple[str, int]]:
-    """(name, section) of the global symbols; section 0 is outside."""
-    names = sections[table.link].content
-    if _wide(content):
-        rows = ((row[0], row[3]) for row in struct.iter_unpack("<IBBHQQ", table.content))
-    else:
-        rows = ((row[0], row[5]) for row in struct.iter_unpack("<IIIBBH", table.content))
-    for index, (name, section) in enumerate(rows):
-        if index >= table.info and name:
-            yield _text(names, name), section
 
 
 def _text(names: bytes, at: int) -> str:

@@ -1,6 +1,6 @@
-"""`make wheel`: a wheel with the library of kernels, and what its tag asks of a machine.
+"""`make wheel`: a wheel with the library of kernels.
 
-python -m strapdown.native.wheel DIST
+python -m strapdown.native.wheel DIST [LEVELS]
 """
 
 import json
@@ -17,13 +17,13 @@ from ..core.compile import library
 CHECKOUT = library.PACKAGE.parents[1]
 
 
-def made(dist: Path) -> Path:
+def made(dist: Path, levels: str = "all") -> Path:
     """Build the library into build/library of the checkout, and a wheel with it; without it where that
     cannot be built. Raises RuntimeError where there is no wheel either."""
     folder = CHECKOUT / "build" / "library"
     shutil.rmtree(folder, ignore_errors=True)
     subprocess.run(
-        [sys.executable, "-m", "strapdown.native.build", folder, "--levels", "all"], check=False
+        [sys.executable, "-m", "strapdown.native.build", folder, "--levels", levels], check=False
     )
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check"]
     with tempfile.TemporaryDirectory() as temporary:
@@ -40,15 +40,17 @@ def made(dist: Path) -> Path:
 
 
 def told(wheel: Path) -> str:
-    """File, size, tag of a wheel, and what the tag asks for."""
+    """File, size and tag of a wheel, and the levels that it has kernels for."""
     tag = "-".join(wheel.stem.split("-")[-3:])
     with zipfile.ZipFile(wheel) as file:
         name = f"strapdown/lib/{library.MANIFEST}"
         there = name in file.namelist()
-        needs = json.loads(file.read(name))["needs"] if there else ""
-    what = f"needs {needs}" if there else "for any machine, where numba compiles on first use"
+        levels = ", ".join(json.loads(file.read(name))["libraries"]) if there else ""
+    what = (
+        f"kernels for {levels}" if there else "without kernels, which numba compiles on first use"
+    )
     return f"{wheel}, {wheel.stat().st_size / 1e6:.1f} MB, {tag}: {what}"
 
 
 if __name__ == "__main__":
-    print(told(made(Path(sys.argv[1]))))
+    print(told(made(Path(sys.argv[1]), *sys.argv[2:])))

@@ -15,11 +15,11 @@ import pytest
 import strapdown as sd
 from strapdown.aiding import position
 from strapdown.checks import DataError
-from strapdown.core.compile import jit, library
+from strapdown.core.compile import jit, library, machine_code
 from strapdown.core.compile.signatures import ABI
 from strapdown.core.loop.contract import OBSERVE
 from strapdown.core.mathematics import elementary
-from strapdown.native import link
+from strapdown.native import emit, placing
 from strapdown.sim.trajectory import demo_flight
 
 PACKAGE = library.PACKAGE
@@ -35,21 +35,26 @@ KERNEL = SimpleNamespace(
     why_not_kept="",
 )
 """A kernel of the package that is not compiled yet."""
+DOES_NOTHING = """target datalayout = "e"
+target triple = "x86_64-unknown-linux-gnu"
+define void @{symbol}() {{
+  ret void
+}}
+"""
 FILES = ("aiding/position.py", "core/mathematics/earth.py", "core/loop/contract.py")
 
 
 @pytest.fixture(scope="module")
-def machine_code(tmp_path_factory):
-    """A shared library with the one function, which does nothing."""
-    folder = tmp_path_factory.mktemp("code")
-    source, made = folder / "one.c", folder / "one.so"
-    source.write_text(f"void {KERNEL.symbol}(void) {{}}\n", encoding="utf-8")
-    try:
-        compiler = link.linker()
-    except DataError as error:
-        pytest.skip(str(error))
-    subprocess.run([*compiler, "-shared", "-fPIC", "-o", made, source], check=True)
-    return made.read_bytes()
+def code():
+    """A file of the one function, which does nothing."""
+    return of_object(KERNEL.symbol)
+
+
+def of_object(symbol):
+    """A file of machine code with the one function, which does nothing."""
+    text = DOES_NOTHING.format(symbol=symbol)
+    made = emit.emit([text], emit.LIBRARY[HERE[-1]], [symbol])
+    return machine_code.written(*placing.place([made.content]))
 
 
 def digest(content):
@@ -62,20 +67,18 @@ def forget():
 
 
 @pytest.fixture
-def made(tmp_path, monkeypatch, machine_code):
+def made(tmp_path, monkeypatch, code):
     """Folder of a library that fits, which this process asks for the first time. What a test changes
     it calls `forget` after."""
     folder = tmp_path / "lib"
     folder.mkdir()
-    (folder / "kernels.so").write_bytes(machine_code)
+    (folder / "kernels.bin").write_bytes(code)
     manifest = {
         "abi": ABI,
         "version": sd.__version__,
         "arithmetic": "strict",
         "built_with": "hand",
-        "libraries": {
-            each: {"file": "kernels.so", "sha256": digest(machine_code)} for each in HERE
-        },
+        "libraries": {each: {"file": "kernels.bin", "sha256": digest(code)} for each in HERE},
         "files": {file: digest((PACKAGE / file).read_bytes()) for file in FILES},
         "kernels": {KERNEL.symbol: [0, 1, 2]},
         "values": {KERNEL.symbol: library.values_of(position.observe)},
@@ -121,12 +124,12 @@ def test_one_that_fits_is_used_and_told_of(made, command):
     assert library.find(SimpleNamespace(**{**vars(KERNEL), "symbol": "another"})) is None
     _, text, _ = command("--version", "--verbose")
     of, processor = text.splitlines()[1:]
-    assert of == f"kernels: 1 in {made / 'kernels.so'} (ABI {ABI}, hand)"
+    assert of == f"kernels: 1 in {made / 'kernels.bin'} (ABI {ABI}, hand)"
     assert processor == f"processor: {HERE[0]}"
 
 
 def code_is(content):
-    return lambda folder: (folder / "kernels.so").write_bytes(content)
+    return lambda folder: (folder / "kernels.bin").write_bytes(content)
 
 
 def manifest_is(content):
@@ -134,19 +137,19 @@ def manifest_is(content):
 
 
 def truncated(folder):
-    code = folder / "kernels.so"
+    code = folder / "kernels.bin"
     code.write_bytes(code.read_bytes()[:-100])
 
 
 def one_byte_changed(folder):
-    code = bytearray((folder / "kernels.so").read_bytes())
+    code = bytearray((folder / "kernels.bin").read_bytes())
     code[len(code) // 2] ^= 1
-    (folder / "kernels.so").write_bytes(code)
+    (folder / "kernels.bin").write_bytes(code)
 
 
 def no_machine_code(folder):
-    (folder / "kernels.so").write_bytes(b"text")
-    one = {"file": "kernels.so", "sha256": digest(b"text")}
+    (folder / "kernels.bin").write_bytes(b"text")
+    one = {"file": "kernels.bin", "sha256": digest(b"text")}
     changed(folder, libraries=dict.fromkeys(HERE, one))
 
 
@@ -159,16 +162,16 @@ def with_values(**values):
 
 
 CASES = {
-    "truncated": (truncated, "kernels.so is not whole or not the one that was made"),
+    "truncated": (truncated, "kernels.bin is not whole or not the one that was made"),
     "one byte changed": (one_byte_changed, "is not whole or not the one that was made"),
     "empty": (code_is(b""), "is not whole or not the one that was made"),
-    "missing": (lambda folder: (folder / "kernels.so").unlink(), "kernels.so is not there or"),
-    "no machine code": (no_machine_code, "kernels.so cannot be loaded ("),
+    "missing": (lambda folder: (folder / "kernels.bin").unlink(), "kernels.bin is not there or"),
+    "no machine code": (no_machine_code, "kernels.bin cannot be loaded ("),
     "no symbol": (
         with_values(
             kernels={KERNEL.symbol: [0], "gone": [0]}, values={KERNEL.symbol: "", "gone": ""}
         ),
-        "undefined symbol: gone",
+        "kernels.bin cannot be loaded (it lacks gone)",
     ),
     "no JSON": (manifest_is(b"{"), "kernels.json is not that of a library of kernels (JSON"),
     "no text": (manifest_is(b"\xff\xfe{"), "is not that of a library of kernels ("),
@@ -220,7 +223,7 @@ def test_no_reason_is_given_where_none_is_there(made, monkeypatch, tmp_path):
 
 
 def test_an_old_processor_takes_the_lower_level_and_an_unknown_one_none(made, reason, monkeypatch):
-    lowest = list(library.LEVELS[library.platform.machine()])[-1]
+    lowest = list(library.LEVELS[library.system()])[-1]
     forget()
     monkeypatch.setattr(library, "levels", library.cache(lambda: (lowest,)))
     assert library.opened().level == lowest
@@ -243,7 +246,7 @@ def test_an_edit_compiles_what_it_touches(made, monkeypatch, tmp_path, command):
     """Of two kernels of which one comes from the file."""
     other = SimpleNamespace(**{**vars(KERNEL), "symbol": "other", "stem": "other"})
     for file in FILES:
-        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(PACKAGE / file, tmp_path / file)
     monkeypatch.setattr(library, "PACKAGE", tmp_path)
     with open(tmp_path / FILES[0], "a", encoding="utf-8") as file:
@@ -465,7 +468,7 @@ def test_kernels_of_the_library_and_of_the_compiler_mix(
 NOT_USED = """
 import importlib, json, sys
 from strapdown.core.compile import library
-for symbol in ("core.loop.run", "aiding.position.observe", "aiding.velocity.observe",
+for symbol in ("core.loop.loop.run", "aiding.position.observe", "aiding.velocity.observe",
                "filters.ins.closed_loop.predict", "filters.ins.closed_loop.correct"):
     module, _, name = symbol.rpartition(".")
     kernel = getattr(importlib.import_module("strapdown." + module), name)

@@ -6,11 +6,11 @@ the files that the kernel's code comes from and the values that it closes over a
 made from. Otherwise the kernel is compiled on use.
 """
 
-import ctypes
 import hashlib
 import json
 import os
 import platform
+import struct
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...checks import DataError
+from . import machine_code
 from .closed_over import NoWords, digest, functions
 from .signatures import ABI
 
@@ -35,13 +36,17 @@ CONTRACTION = "STRAPDOWN_CONTRACTION"
 last bits depend on the processor and on what is inlined. The library is not made so."""
 MANIFEST = "kernels.json"
 LEVELS: dict[str, dict[str, str]] = {
-    "x86_64": {
+    "linux x86_64": {
         "x86-64-v3": "avx2 bmi1 bmi2 f16c fma abm movbe",
         "x86-64-v2": "sse4_2 ssse3 popcnt cx16 lahf_lm",
     },
-    "aarch64": {"aarch64": ""},
+    "linux aarch64": {"aarch64": ""},
+    "darwin arm64": {"macos-arm64": ""},
+    "darwin x86_64": {"macos-x86-64": ""},
+    "win32 AMD64": {"windows-x86-64": ""},
 }
-"""By machine: levels of processors, best first, and what Linux calls what they need."""
+"""By system and machine: levels of processors, best first, and what Linux calls what they need. Those of
+macOS and Windows are built, and were never run."""
 
 
 class Library(NamedTuple):
@@ -53,7 +58,7 @@ class Library(NamedTuple):
     kernels: dict[str, tuple[str, ...]]  # files that its code comes from, by symbol
     values: dict[str, str]  # digest of what it closes over, by symbol
     files: dict[str, str]  # digest, by path below the package
-    functions: Any  # of ctypes
+    addresses: dict[str, int]  # of its kernels, by symbol
 
 
 def contracted() -> bool:
@@ -66,8 +71,7 @@ def find(kernel: Any) -> int | None:
     where the library is REQUIRED."""
     why = why_not(kernel)
     if not why:
-        function = getattr(opened().functions, kernel.symbol)  # type: ignore[union-attr]
-        return ctypes.cast(function, ctypes.c_void_p).value
+        return opened().addresses[kernel.symbol]  # type: ignore[union-attr]
     if _set(REQUIRED) and kernel.__module__.startswith("strapdown."):
         raise DataError(
             f"the kernel {kernel.stem} would have to be compiled, which {REQUIRED} forbids: {why}"
@@ -147,10 +151,11 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
             f"processor is {', '.join(levels()) or platform.machine()}"
         )
     file = folder / made["libraries"][level]["file"]
-    digest = _digest(file)
-    if digest is None:
+    try:
+        content = file.read_bytes()
+    except OSError:
         return f"{file} is not there or cannot be read: install strapdown again"
-    if digest != made["libraries"][level]["sha256"]:
+    if hashlib.sha256(content).hexdigest() != made["libraries"][level]["sha256"]:
         return f"{file} is not whole or not the one that was made: install strapdown again"
     files = list(made["files"])
     kernels = {
@@ -159,12 +164,17 @@ def _opened(folder: Path, made: dict[str, Any]) -> Library | str:
     }
     values = {symbol: str(made["values"][symbol]) for symbol in kernels}
     try:
-        loaded = ctypes.CDLL(str(file))
-        for symbol in kernels:
-            getattr(loaded, symbol)
-    except (OSError, AttributeError) as error:
+        addresses = machine_code.load(file, content)
+    except (OSError, ValueError, TypeError, struct.error) as error:
         return f"{file} cannot be loaded ({error}): install strapdown again"
-    return Library(file, level, made["built_with"], kernels, values, made["files"], loaded)
+    if missing := kernels.keys() - addresses.keys():
+        return f"{file} cannot be loaded (it lacks {min(missing)}): install strapdown again"
+    return Library(file, level, made["built_with"], kernels, values, made["files"], addresses)
+
+
+def system() -> str:
+    """This machine, as LEVELS calls it."""
+    return f"{sys.platform} {platform.machine()}"
 
 
 @cache
@@ -172,7 +182,7 @@ def levels() -> tuple[str, ...]:
     """Levels of this processor, best first; none where they are not known."""
     if sys.maxsize > 2**32:
         flags = set(_of_processor("flags").split())
-        levels = LEVELS.get(platform.machine(), {})
+        levels = LEVELS.get(system(), {})
         return tuple(level for level, needed in levels.items() if set(needed.split()) <= flags)
     return ()
 
