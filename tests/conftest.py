@@ -47,6 +47,7 @@ KERNELS = (
     *("strapdown.core.loop.loop.run", "strapdown.aiding.position.observe"),
     *("strapdown.aiding.velocity.observe", "strapdown.filters.ins.closed_loop.predict"),
     "strapdown.filters.ins.closed_loop.correct",
+    "strapdown.core.loop.stages.dead_reckoning.alone",
 )
 
 

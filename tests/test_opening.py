@@ -79,10 +79,18 @@ ALLOWED = {
         "self.path.read_bytes",
     },
     # what this package built, known by its digest, and asks of the system
-    "core/compile/library.py": {"open", "json.loads", "manifest.read_bytes", "file.read_bytes"},
+    "core/compile/library.py": {
+        "open",
+        "json.loads",
+        "manifest.read_bytes",
+        "file.read_bytes",
+        "machine_code.load",
+    },
+    "core/compile/machine_code.py": {"open", "json.loads", "c.mmap"},
+    # pipes to processes of its own, and a number that it wrote
+    "core/compile/side_by_side.py": {"os.fdopen", "pickle.load", "path.read_text"},
     "native/ir.py": {"json.loads", "file.read_text"},
-    "native/build.py": {"?.read_bytes"},
-    "native/link.py": {"library.read_bytes"},
+    "native/build.py": {"?.read_bytes", "path.read_bytes"},
     "native/wheel.py": {"zipfile.ZipFile", "json.loads"},
     "native/export/exported.py": {"json.loads", "?.read_text", "kept.read_text", "?.read_bytes"},
     "native/export/header.py": {"?.read_text"},

@@ -99,10 +99,9 @@ def reason(command):
 
     def told():
         forget()
-        why, lines = library.why_not(KERNEL), []
+        why = library.why_not(KERNEL)
         assert library.find(KERNEL) is None
-        jit.announce([KERNEL], "closed-loop", lines.append)
-        assert lines[0].endswith(f"up to a minute ... ({why})") and len(lines) == 1
+        assert jit.said_first(KERNEL, "closed-loop").endswith(f" ... ({why})")
         code, text, errors = command("--version", "--verbose")
         assert (code, errors) == (0, []) and text.splitlines()[1:] == list(library.told())
         assert text.splitlines()[1] == f"kernels: compiled on use by numba ({why})"
@@ -217,9 +216,8 @@ def test_no_reason_is_given_where_none_is_there(made, monkeypatch, tmp_path):
     monkeypatch.setattr(library, "OWN", tmp_path / "none")
     monkeypatch.delenv(library.SETTING)
     forget()
-    lines = []
-    jit.announce([KERNEL], "closed-loop", lines.append)
-    assert lines == ["compiling closed-loop for the first time on this machine, up to a minute ..."]
+    said = jit.said_first(KERNEL, "closed-loop").format(", about 8 s")
+    assert said == "closed-loop for the first time on this machine, about 8 s ..."
 
 
 def test_an_old_processor_takes_the_lower_level_and_an_unknown_one_none(made, reason, monkeypatch):
@@ -267,7 +265,7 @@ def test_an_edit_compiles_what_it_touches(made, monkeypatch, tmp_path, command):
 def test_required_is_an_error_of_one_line_but_for_kernels_of_others(made, monkeypatch):
     monkeypatch.setenv(library.REQUIRED, "1")
     assert library.find(KERNEL)
-    mine = jit.kernel(OBSERVE)(lambda belief, y, parameters, innovation, H: 0)
+    mine = jit.kernel(OBSERVE)(lambda belief, y, source, innovation, H: 0)
     assert library.find(mine) is None
     with pytest.raises(DataError) as refused:
         library.find(SimpleNamespace(**{**vars(KERNEL), "symbol": "another", "stem": "that.one"}))
@@ -411,7 +409,7 @@ from strapdown.registration import register
 
 
 @kernel(OBSERVE)
-def observe(belief, y, parameters, innovation, H):
+def observe(belief, y, source, innovation, H):
     innovation[0] = y[0] - belief.v[2]
     H[0, 5] = 1.0
     return 1

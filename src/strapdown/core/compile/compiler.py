@@ -10,8 +10,7 @@ from functools import cache
 from typing import Any
 
 from llvmlite import ir
-from numba import from_dtype
-from numba.extending import intrinsic, lower_builtin, lower_cast, overload, register_model
+from numba.extending import intrinsic, lower_builtin, overload, register_model
 
 from . import kernel_cache, lane_types
 from .c_calls import hear_of_raised
@@ -21,8 +20,10 @@ from .numba_parts import (
     c_function,
     cgutils,
     cpu_target,
+    from_dtype,
     global_compiler_lock,
     helper_dispatcher,
+    lower_cast,
     models,
     reference_counts_can_be_left_out,
     types,
@@ -216,7 +217,7 @@ def numba_type(kind: Kind) -> Any:
     return types.NamedTuple(parts, kind.made)
 
 
-@lower_cast(types.NestedArray, types.Array)  # type: ignore[untyped-decorator, no-untyped-call]
+@lower_cast(types.NestedArray, types.Array)  # type: ignore[untyped-decorator]
 def _field_to_array(context: Any, builder: Any, kind: Any, target: Any, value: Any) -> Any:
     """An array that is a field of a row, where a kernel takes any array: numba knows no such cast,
     and both are the same struct."""

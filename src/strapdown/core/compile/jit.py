@@ -190,7 +190,7 @@ def compile_together(
     if slow:
         from . import side_by_side
 
-        first = _said_first(slow[0], what)
+        first = said_first(slow[0], what)
 
         def tell(progress: Any) -> None:
             done, count, seconds = progress
@@ -203,7 +203,7 @@ def compile_together(
         side_by_side.fill(slow, tell)
 
 
-def _said_first(kernel: Any, what: str) -> str:
+def said_first(kernel: Any, what: str) -> str:
     """Why a kernel is compiled, with a place for the time that it takes."""
     why = library.why_not(kernel) if library.there() else ""
     unkept = kernel.why_not_kept

@@ -44,6 +44,7 @@ config: Any = numba_config
 cpu_target: Any = numba_registry.cpu_target
 dispatcher: Any = numba_dispatcher
 global_compiler_lock: Any = compiler_lock.global_compiler_lock
+from_dtype: Any = numba.from_dtype
 lower_cast: Any = numba_lower_cast
 models: Any = numba_models
 registry: Any = numba_registry

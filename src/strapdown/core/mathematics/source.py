@@ -47,9 +47,8 @@ class SourceRow:
 
     kind: int  # a Kind, or the number of another kind
     gate: float  # bound on the NIS; inf switches gating off
-    parameters: Annotated[
-        Array, 6
-    ]  # the source's own, as its Measurement says: a lever arm, m, body
+    # the source's own, as its Measurement says: a lever arm, m, body
+    parameters: Annotated[Array, PARAMETERS]
     of_kind: int  # which of the sources of its kind it is, from 0
 
     first_state: int  # of the states that it brings along
