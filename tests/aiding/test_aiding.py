@@ -78,10 +78,10 @@ SENSORS = {
     "gravity": ((), lambda b: b.C @ b.f + [leaning(b), 0, normal_gravity(b)]),
     "magnetic-field": (FIELD, lambda b: b.C.T @ FIELD),
     "pressure": (
-        (*ARM, 0, 0, 0, 0, 15),
+        ARM,
         lambda b: atmosphere(antenna(b, ARM)[2] + b.extra_states[0]),
     ),
-    "pressure-altitude": ((*ARM, 0, 0, 0, 0, 15), lambda b: antenna(b, ARM)[2] + b.extra_states[0]),
+    "pressure-altitude": (ARM, lambda b: antenna(b, ARM)[2] + b.extra_states[0]),
     "zero-sea-level": (ARM, lambda b: antenna(b, ARM)[2]),
     "attitude": ((), lambda b: Rotation.from_matrix(b.C).as_euler("ZYX")[::-1]),
 }
@@ -168,13 +168,13 @@ def observe(name, b, y):
     """(rows, innovation, H) of the sensor's kernel."""
     kernel = aiding.find(name).observe
     compile_kernel(kernel)
-    innovation, H, parameters = np.full(3, 7e7), np.zeros((3, STATES)), new_source()
-    parameters.parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
+    innovation, H, source = np.full(3, 7e7), np.zeros((3, STATES)), new_source(first_state=15)
+    source.parameters[: len(SENSORS[name][0])] = SENSORS[name][0]
     measured = np.full(3, np.nan)
     measured[: np.size(y)] = y
     b = Belief(*(np.ascontiguousarray(part) for part in b))
     before = [part.copy() for part in b]
-    rows = kernel(b, measured, parameters, innovation, H)
+    rows = kernel(b, measured, source, innovation, H)
     assert all(np.array_equal(part, was) for part, was in zip(b, before)), (
         "a sensor changed the belief"
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.records import place
-from ..core.loop import loop, stages
+from ..core.loop import loop
 from ..core.loop.contract import (
     STATES,
     Belief,
@@ -37,7 +37,7 @@ from .events import Events
 from .finish import solution, stopped
 from .installation import OfImu
 from .limits import limits
-from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare
+from .prepare import Run, blame, merge, new_belief, new_cursor, new_output, prepare, stages_of
 
 ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
     place(LoopState, name) for name in ("row", "stop", "fix", "fixes", "out", "fault", "logged")
@@ -120,7 +120,7 @@ class LiveRun:
         self.cursor = new_cursor(
             filter, start.t, self.aidings, limits(spec, noise, vehicle), of_imu
         )
-        needed = stages.needed(merge(self.aidings, of_imu=of_imu), self.cursor)
+        needed = stages_of(filter, self.aidings, of_imu)
         self.kernels = prepare(filter, [a.kind for a in self.aidings], say, needed)
         self.events = events or Events(filter, self.aidings, vehicle)
         self.seen = 0  # rows of the log that were looked at

@@ -121,6 +121,15 @@ def prepare(
     return needed.addresses(address(filter.predict), address(filter.correct), table)
 
 
+def stages_of(
+    filter: Filter, aidings: Sequence[Aiding], of_imu: OfImu | None = None
+) -> stages.Needed:
+    """The stages of any run of `filter` on these sources. of_imu: what of the IMU is estimated."""
+    none = records.rows(Limits, 1)
+    cursor = new_cursor(filter, 0.0, aidings, none, of_imu)
+    return stages.needed(merge(aidings, of_imu=of_imu), cursor)
+
+
 @contextmanager
 def blamed_at_run(filter: Filter, aidings: Sequence[Aiding]) -> Iterator[None]:
     """Where a kernel of a plugin raises: a DataError of one line that names the plugins in use."""

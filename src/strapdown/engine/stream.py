@@ -57,6 +57,7 @@ from .prepare import (
     fitted,
     positioned,
     prepare,
+    stages_of,
     usable,
 )
 from .source_noise import followed
@@ -197,10 +198,14 @@ class Stream:
     def _make_ready(self, aidings: Sequence[Aiding], tries: bool) -> None:
         """Compile or load all kernels that a step may need, those of the headings that a start
         `tries` among them: no sample shall wait for them."""
-        prepare(self._filter, [a.kind for a in self._used], self._say)
+        kinds = [a.kind for a in self._used]
+        needed = stages_of(self._filter, self._used, self._of_imu)
+        prepare(self._filter, kinds, self._say, needed)
         if tries and positioned(self._filter):
             closed_loop = filters.find("closed-loop")
-            prepare(closed_loop, [a.kind for a in usable(closed_loop, aidings)[0]], self._say)
+            used, _ = usable(closed_loop, aidings)
+            needed = stages_of(closed_loop, used)
+            prepare(closed_loop, [a.kind for a in used], self._say, needed)
 
     # ---- the start
 

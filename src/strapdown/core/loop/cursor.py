@@ -24,7 +24,7 @@ class LoopState:
     fixes: int  # how many there are
     out: int  # next row of the output
     every: int  # rows with row % every == phase are kept
-    phase: int
+    phase: int  # of the rows that are kept
     status: int  # a Status, by gaps alone
     shown: int  # that of the last row
     fault: int  # 1: the belief left the latitudes where results hold, or is no number
@@ -65,7 +65,7 @@ class Limits:
     accel_noise: float  # m/s/sqrt(s)
     speed: float  # m/s, of the vehicle
     lowest: float  # m, ellipsoidal height
-    highest: float
+    highest: float  # m
 
 
 class Axis:
@@ -76,19 +76,16 @@ class Axis:
     step: float  # smallest change seen, rad/s or m/s^2
     lately: float  # share of repeats among the last samples in which any axis repeated its value
     change: float  # at the last look
-    jitter: (
-        float  # mean square of what samples do not tell of the motion inside them, rad^2, (m/s)^2
-    )
-    uneven: (
-        float  # of the first axis alone: mean difference of an interval and the one before, over it
-    )
+    jitter: float  # mean square of what samples do not tell of the motion inside, rad^2, (m/s)^2
+    # of the first axis alone: mean difference of an interval and the one before, over its length
+    uneven: float
 
 
 class Books:
     """What the loop keeps of a source."""
 
     accepted: int  # measurements
-    rejected: int
+    rejected: int  # measurements
     in_a_row: int  # rejections since the last accepted one
     since: float  # s, the first of them, or the last that was used with the gate lifted
     lifts: int  # how many of them were used so, positions and velocities apart

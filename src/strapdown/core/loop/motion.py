@@ -13,4 +13,4 @@ class Motion:
     """The motion up to an instant."""
 
     t: float  # s
-    sums: Annotated[Array, 9]
+    sums: Annotated[Array, 9]  # the integrals

@@ -60,7 +60,8 @@ def _of_height(P: Array, kind: int, innovation: Array) -> None:
     """Room for the height, or the vertical velocity: it shall move that and bend nothing else, least
     of all attitude and biases."""
     row, state = row_of_height(kind), 5 if kind == Kind.VELOCITY else 2
-    P[state, state] += innovation[row] * innovation[row]
+    if not math.isnan(innovation[row]):
+        P[state, state] += innovation[row] * innovation[row]
 
 
 # ---- heights

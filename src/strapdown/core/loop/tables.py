@@ -55,7 +55,7 @@ class FixRow:
     """What became of a measurement."""
 
     t: float  # s
-    source: int
+    source: int  # row of the sources
     innovation: Annotated[Array, 3]  # y - h(belief), SI; NaN where nothing was measured
     nis: float  # innovation squared over its covariance; NaN where the filter does not gate
     use: int  # a Use

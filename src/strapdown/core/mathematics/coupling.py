@@ -22,7 +22,7 @@ class Coupling:
     """A state of the IMU, and which increments it acts on: 0 to 2 of the gyro, 3 to 5 of the
     accelerometer."""
 
-    state: int
+    state: int  # its index
     into: int  # the component of the increments that it changes
     out_of: int  # the component that it takes of
 

@@ -80,7 +80,7 @@ class SourceRow:
     slip: float  # side slip of a constraint, rad per m/s^2
     correlation_time: float  # s, of first-order Gauss-Markov errors of its rows; 0: none
     correlated_sd: Annotated[Array, 3]  # their stationary standard deviations, SI
-    correlated_state: Annotated[Ints, 3]
+    correlated_state: Annotated[Ints, 3]  # those that are states
     kept: float  # share of them left of the measurement before: exp(-dt / correlation_time)
     robust: int  # 1: a heavy-tailed likelihood stands in place of the gate
     memory: float  # s over which the measurement noise is followed; 0: it is as given
