@@ -20,11 +20,11 @@ def predict(belief, u, dt, noise):
 
 
 @kernel(CORRECT)
-def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
+def correct(belief, y, sd, kind, observe, source, gate, innovation):
     for i in range(6):
         innovation[i] = np.nan
     if y[0] == y[0]:
-        innovation[0] = parameters[0]
+        innovation[0] = source.parameters[0]
         innovation[3] = y[2]
     return y[0]
 

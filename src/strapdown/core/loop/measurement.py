@@ -73,8 +73,9 @@ def _begin(belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
     source = fixes.sources[s]
     for i in range(3):
         work.sd[i], work.factor[i] = fixes.sd[k, i], 1.0
-    for i in range(12):
-        work.innovation[i] = math.nan
+    if work.believable == 0:
+        for i in range(12):
+            work.innovation[i] = math.nan
     work.nis, work.weight, work.gate = math.nan, 1.0, source.gate
     work.alone, work.withheld, work.lifted = 0, -1, 0
     if source.walk > 0:
