@@ -1,5 +1,5 @@
-"""The contract between sensors, filters and the loop that runs them: four kernel signatures and the
-tuples they pass.
+"""The contract between sensors, filters and the loop that runs them: the signatures of their
+kernels and the tuples they pass.
 
 Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true -
 estimate. `docs/explanation/design.md` tells why.

@@ -43,7 +43,7 @@ class LoopState:
     cause: float  # of the last cause of doubt, s
     broken: float  # s for which samples could not be
     previous: Annotated[Array, 7]  # the last sample: increments (6), seconds
-    # of core/loop/heights.py: sum of the corrections of the height, m; integral of the innovations of
+    # of core/loop/stages/heights.py: sum of the corrections of the height, m; integral of the innovations of
     # vertical velocity, m; the last of them and its standard deviation, m/s; its time, and since when
     # there is no gap in them, s
     corrected: float

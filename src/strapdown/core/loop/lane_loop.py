@@ -160,7 +160,7 @@ def run_lanes(
     cursor: LaneCursor,
     out: LaneOutput,
 ) -> None:
-    """Process the samples state.row to state.stop and the fixes among them. t, dt (n,) s of all samples,
+    """Process the samples from state.row to state.stop and the fixes among them. t, dt (n,) s of all samples,
     which follow each other without a gap; increments (block, 6) of rotation (rad) and velocity (m/s)
     of those from state.first_row on."""
     state, sample, previous = cursor.state[0], cursor.work[SAMPLE], cursor.previous

@@ -35,13 +35,14 @@ class Kind(IntEnum):
 
 
 NAMED_KINDS = len(Kind)
+"""As many kinds kernels know by their number."""
 
 
 class SourceRow:
     """A source of measurements. A state is an index into the error states, 0 where there is none.
 
     Constant over a run but for what the loop writes before each measurement of a source whose clock
-    is a state (`age` to `bent_velocity`, see core/loop/recent_motion.py) or whose errors are
+    is a state (`age` to `bent_velocity`, see core/loop/stages/clock.py) or whose errors are
     time-correlated (`kept`).
     """
 
