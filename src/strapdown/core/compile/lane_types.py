@@ -17,7 +17,7 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic, overload, register_model
 
-from .lane_functions import HELPERS
+from .lane_functions import for_each_helper
 from .numba_parts import cgutils, lower_cast, models, typeconv, types
 from .signatures import LANES
 
@@ -228,11 +228,17 @@ overload(int)(lambda x: (lambda x: int(_first_of_lane(x))) if x is LANE else Non
 overload(float)(lambda x: (lambda x: _first_of_lane(x)) if x is LANE else None)
 
 
-for _function, _helper in HELPERS.items():
-    _listed = ", ".join(("a", "b")[: len(inspect.signature(_helper).parameters)])
-    _scope: dict[str, Any] = {"helper": _helper, "_both": _both, "LANE": LANE}
-    _chosen = f"lambda {_listed}: (lambda {_listed}: helper({_listed})) if _both(LANE, {_listed}) else None"
-    overload(_function)(eval(_chosen, _scope))
+def _overload(function: Callable[..., Any], helper: Callable[..., Any]) -> None:
+    """Let calls of a function with lanes be calls of its helper."""
+    listed = ", ".join(("a", "b")[: len(inspect.signature(helper).parameters)])
+    scope: dict[str, Any] = {"helper": helper, "_both": _both, "LANE": LANE}
+    chosen = (
+        f"lambda {listed}: (lambda {listed}: helper({listed})) if _both(LANE, {listed}) else None"
+    )
+    overload(function)(eval(chosen, scope))
+
+
+for_each_helper(_overload)
 
 
 # ---- choices, and the bits of a number: the intrinsics of `choosing` and `elementary`

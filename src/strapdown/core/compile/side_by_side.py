@@ -185,21 +185,27 @@ class _Workers:
 
     def __enter__(self) -> "_Workers":
         path = [each for each in sys.path if isinstance(each, str)]
-        command = [sys.executable, "-c", START.format(path=path, module=__name__)]
+        code = START.format(path=path, module=__name__)
+        command = [sys.executable, "-c", code]
         for _ in range(self._count):
-            with suppress(OSError):
-                process = subprocess.Popen(
-                    command,
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.DEVNULL,
-                )
-                self._processes.append(process)
-                self._threads.append(
-                    threading.Thread(target=self._feed, args=(process,), daemon=True)
-                )
-                self._threads[-1].start()
+            try:
+                self._begin(command)
+            except OSError:
+                pass
+            except BaseException:  # Ctrl-C, which leaves none of them behind
+                self.__exit__()
+                raise
         return self
+
+    def _begin(self, command: list[str]) -> None:
+        """Start one. Raises OSError."""
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+        )
+        self._processes.append(process)
+        thread = threading.Thread(target=self._feed, args=(process,), daemon=True)
+        thread.start()
+        self._threads.append(thread)
 
     def __exit__(self, *raised: Any) -> None:
         for process in self._processes:
@@ -237,13 +243,14 @@ class _Workers:
         """Hand one job after the other to a process, until it dies or there are none."""
         assert process.stdin and process.stdout
         while job := self._jobs.get():
-            seconds = b""
+            seconds = None
+            # ValueError: of a pipe that is closed, or of an answer that is none
             with suppress(OSError, ValueError, pickle.PicklingError, AttributeError):
                 pickle.dump(job, process.stdin)
                 process.stdin.flush()
-                seconds = process.stdout.readline()
-            self._done.put((job, float(seconds or 0)))
-            if not seconds:
+                seconds = float(process.stdout.readline())
+            self._done.put((job, seconds or 0.0))
+            if seconds is None:
                 break
         self._done.put((None, 0.0))
 
@@ -252,9 +259,9 @@ def main() -> None:
     """What such a process does: compile jobs that it is sent, and answer each with the seconds that it
     took, 0 where it came to nothing."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever began it ends it
-    compiler.warm_up()
     with os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # what is printed meanwhile is no answer
+        os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer
+        compiler.warm_up()
         while True:
             try:
                 job = pickle.load(sys.stdin.buffer)
