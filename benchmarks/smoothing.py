@@ -60,7 +60,7 @@ def times(name=FILTER, turns=TURNS, **more):
     log, start, noise = subject.recording(w), subject.start(w), subject.noise(w.parameters)
     made = lambda begin: begin(log, name, Asked(more, start=start, noise=noise))
     smoother = find(name).smoother
-    for kernel in (run_back, loop.run_recorded, smoother.adjoint_step, smoother.save_step):
+    for kernel in (run_back, loop.run, smoother.adjoint_step, smoother.save_step):
         compile_kernel(kernel)
     forward, out = subject.timed(made), made(batch.begin).out
     for part in out[:3]:

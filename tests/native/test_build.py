@@ -158,7 +158,6 @@ def test_every_kernel_of_the_package_is_known_and_every_level_has_a_target():
     assert len(stems) == len(set(stems)) > 60
     assert {
         "strapdown.core.loop.loop.run",
-        "strapdown.core.loop.loop.run_recorded",
         "strapdown.core.mathematics.smoother.run_back",
         "strapdown.evaluation.nees.normalised_rows",
         "strapdown.flight.flight_loop.fly",

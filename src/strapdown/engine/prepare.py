@@ -1,7 +1,7 @@
 """What a run needs before its first sample: checked arguments, compiled kernels, and its belief,
 fixes, cursor and output, all held in a `Run`."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
@@ -342,16 +342,13 @@ class Run(NamedTuple):
     options: dict[str, Any]  # the filter's own, with those that its sources decided
     events: Events  # what the loop said so far
 
-    def advance(
-        self, rows: int, out: Output | None = None, run: Callable[..., None] = loop.run
-    ) -> None:
-        """Go on to the end of the sample before row `rows`; writes into `out`, or its own; `run`
-        is `loop.run_recorded` where that has a record."""
+    def advance(self, rows: int, out: Output | None = None) -> None:
+        """Go on to the end of the sample before row `rows`; writes into `out`, or its own."""
         state = self.cursor.state[0]
         with blamed_at_run(self.filter, self.recording.aidings):
             while state.row < rows and not state.fault:
                 state.stop = rows  # the loop stops earlier where its log is full
-                run(
+                loop.run(
                     self.kernels,
                     self.belief,
                     self.samples,
@@ -464,13 +461,12 @@ def new_output(
     """An Output of so many rows, with their covariances or not, and of so many fixes; with a
     record of so many calls for the smoother."""
     width = solution_row.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
+    recorded = filter.smoother.width(len(belief.P)) if record and filter.smoother else 0
     return Output(
         np.empty((rows, width)),
         np.empty((rows if covariance else 0, *belief.P.shape)),
         records.rows(FixRow, fixes),
-        np.empty(
-            (record, filter.smoother.width(len(belief.P))) if record and filter.smoother else 0
-        ),
+        np.empty((record if recorded else 0, recorded)),
         np.zeros(rows if record else 0, np.int64),
     )
 

@@ -98,7 +98,7 @@ def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
     state of it. Raises DataError."""
     check_sensitive(filter)
     run = begin(recording, filter, asked._replace(estimate={}))
-    kernels: list[Any] = [loop.run_recorded, save_step, run_sensitivity]
+    kernels: list[Any] = [loop.run, save_step, run_sensitivity]
     compile_together(kernels, "the diagnosis", asked.say)
     for kernel in kernels:
         compile_kernel(kernel)
@@ -137,7 +137,7 @@ def pieces(run: Run, derivatives: Derivatives, V: Array) -> Iterator[tuple[Corre
         before, state.recorded = int(state.fix), 0
         if len(room) < (needed := most_calls(run, stop)):
             room = np.empty((needed, width(n) + BEHIND))
-        run.advance(stop, run.out._replace(record=room), loop.run_recorded)
+        run.advance(stop, run.out._replace(record=room))
         record = room[: state.recorded]
         corrections = _corrections(run.out.fix[before : state.fix], record, n, forces)
         h, J = (np.zeros((len(corrections.t), 3, LANES)) for _ in range(2))

@@ -100,7 +100,7 @@ def smooth(
     )
     kernels: list[Any] = [
         run_back,
-        loop.run_recorded,
+        loop.run,
         filter.smoother.adjoint_step,
         filter.smoother.save_step,
     ]
@@ -208,7 +208,7 @@ def _backwards(
         state = run.cursor.state[0]
         state.out = state.recorded = 0
         state.every, state.phase = keeping
-        run.advance(after.row, room._replace(nav=run.out.nav[whole]), loop.run_recorded)
+        run.advance(after.row, room._replace(nav=run.out.nav[whole]))
         _leave_out_considered(run, room, rows, run.out.nav[whole])
         filtered = run.out.nav[whole, : solution_row.ROW_STATUS].copy()
         run_back(

@@ -34,23 +34,20 @@ from .integrity import NO_ACCEL, NO_GYRO, doubt, level_again, plausible
 from .kernels import KERNELS, Kernels, predict_at, step_at
 from .log import LOG_FULL, Code, say
 from .measurement import use_next
-from .tables import FIXES, IMU, OUTPUT, RECORDED_OUTPUT, Fixes, Imu, Output, Status
+from .tables import FIXES, IMU, OUTPUT, Fixes, Imu, Output, Status
 from .tape import call_step, save_step
 
 SAME_TIME = 1e-6  # s: a measurement this close to a sample's end is taken there
 
-RUN, RUN_RECORDED = (
-    signature(
-        name,
-        kernels=KERNELS,
-        belief=BELIEF,
-        imu=IMU,
-        fixes=FIXES,
-        noise=NOISE,
-        cursor=CURSOR,
-        out=output,
-    )
-    for name, output in (("run", OUTPUT), ("run_recorded", RECORDED_OUTPUT))
+RUN = signature(
+    "run",
+    kernels=KERNELS,
+    belief=BELIEF,
+    imu=IMU,
+    fixes=FIXES,
+    noise=NOISE,
+    cursor=CURSOR,
+    out=OUTPUT,
 )
 
 
@@ -88,9 +85,6 @@ def run(
         if state.logged >= LOG_FULL:  # the caller empties it, and goes on
             state.stop = row + 1
             return
-
-
-run_recorded = kernel(RUN_RECORDED, "run_recorded")(run.py_func)  # type: ignore[attr-defined]
 
 
 # ---- samples

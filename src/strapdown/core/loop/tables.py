@@ -72,9 +72,7 @@ class Output(NamedTuple):
     nav: Array  # (rows, columns): core.mathematics.solution_row, then a filter's own
     covariance: Array  # (rows, n, n), or (0, n, n)
     fix: Table[FixRow]
-    # (calls, width) what each call of predict and correct left for the smoother; (0,) without one,
-    # which is another type
-    record: Array
+    record: Array  # (calls, width) what each call of predict and correct left for the smoother, or (0, 0)
     mark: Ints  # int64 per row: calls before it; unused without a record
 
 
@@ -89,14 +87,11 @@ FIXES = record(
     sd=reals("fixes", 3),
     sources=rows_of(SourceRow, "sources"),
 )
-OUTPUT, RECORDED_OUTPUT = (
-    record(
-        Output,
-        nav=reals("rows", "columns"),
-        covariance=reals("covariances", "states", "states"),
-        fix=rows_of(FixRow, "fix_rows"),
-        record=what,
-        mark=wholes("marks"),
-    )
-    for what in (reals("numbers"), reals("calls", "width"))
+OUTPUT = record(
+    Output,
+    nav=reals("rows", "columns"),
+    covariance=reals("covariances", "states", "states"),
+    fix=rows_of(FixRow, "fix_rows"),
+    record=reals("calls", "width"),
+    mark=wholes("marks"),
 )

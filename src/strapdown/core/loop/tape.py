@@ -1,7 +1,7 @@
 """What the loop writes for the smoother, where there is one."""
 
 from ...typing import Array
-from ..compile.jit import caller, helper
+from ..compile.jit import caller, flatten, helper
 from ..mathematics.belief import Belief
 from ..mathematics.tape import SAVE_STEP
 from .cursor import Cursor, LoopState
@@ -15,9 +15,7 @@ save_step_at = caller(SAVE_STEP)
 def save_step(belief: Belief, state: LoopState, record: Array) -> None:
     """Record the last call, where there is a record; count it anyway, so that one can be made
     for the next time."""
-    # a constant of the type: without a record nothing of this is compiled, which is worth 5 % of
-    # a fix
-    if record.ndim == 2:
+    if record.shape[0] > 0:
         save_step_at(state.save_step)(belief, record[state.recorded])
     state.recorded += 1
 
@@ -33,10 +31,9 @@ def call_stage(
     record: Array,
 ) -> int:
     """The stage at an address, with the row on which it may record what it does."""
-    if record.ndim == 2:
-        row = record[cursor.state[0].recorded]
-        return stage_at(stage)(kernels, belief, fixes, k, cursor, row)
-    return stage_at(stage)(kernels, belief, fixes, k, cursor, record)
+    first = cursor.state[0].recorded * record.shape[1]
+    row = flatten(record)[first : first + record.shape[1]]  # (0,) where there is no record
+    return stage_at(stage)(kernels, belief, fixes, k, cursor, row)
 
 
 @helper
@@ -44,7 +41,6 @@ def call_step(
     step: int, belief: Belief, u: Array, dt: float, cursor: Cursor, record: Array
 ) -> None:
     """The same of a stage of a prediction."""
-    if record.ndim == 2:
-        step_at(step)(belief, u, dt, cursor, record[cursor.state[0].recorded])
-    else:
-        step_at(step)(belief, u, dt, cursor, record)
+    first = cursor.state[0].recorded * record.shape[1]
+    row = flatten(record)[first : first + record.shape[1]]
+    step_at(step)(belief, u, dt, cursor, row)
