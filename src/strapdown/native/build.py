@@ -34,8 +34,9 @@ from . import emit, ir, placing
 SLOW = ("core.loop", "xkf", "two_stage", "sigma_point", "particle", "nlo", "flight", "ekf")
 """Parts of the names of kernels that take longest: they come first, so that none of them is left over
 for one core at the end."""
-TASKS = 12
-"""Kernels after which processes are replaced by new ones: numba keeps all that it ever compiled."""
+TASKS = 60
+"""Kernels after which processes are replaced by new ones: numba keeps all that it ever compiled, 1.4 GB of
+so many. Fewer would each type and lower again the helpers that kernels share."""
 KEEP = 3
 """Versions of one object that stay in the cache."""
 

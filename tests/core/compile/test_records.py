@@ -85,3 +85,18 @@ def test_what_cannot_be_a_field_is_refused(made, said):
 def test_another_table_is_refused():
     with pytest.raises(TypeError, match="must be Axis"):
         all_rows(np.zeros(3))
+
+
+FIRST = 0
+
+
+@pytest.mark.short
+@pytest.mark.parametrize("read", [lambda row, k: row[FIRST] + k, lambda source, k: source[2] * 1.0])
+def test_a_kernel_that_reads_a_row_by_number_is_refused(read):
+    with pytest.raises(TypeError, match=r"\[(FIRST|2)\]; its fields have names: length, angle, "):
+        kernel(ALONE)(read)
+
+
+@pytest.mark.short
+def test_a_kernel_that_reads_a_field_by_number_is_not():
+    assert kernel(ALONE)(lambda row, k: row.angle[FIRST]).signature is ALONE

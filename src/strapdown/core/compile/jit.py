@@ -15,6 +15,7 @@ from typing import Any, TypeVar, cast
 
 from ...typing import Array
 from . import c_calls, library
+from .records import check_names
 from .signatures import LANES, Signature
 
 COMPILED: bool = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() in ("", "0")
@@ -165,11 +166,13 @@ def kernel(
     """Declare a kernel of one `signature`, which is compiled on first use.
 
     name: where it is not that of the function. `options` override the compiler's, e.g. `_nrt=True`
-    for a filter that needs numpy.linalg.
+    for a filter that needs numpy.linalg. Raises TypeError where the function reads a row with named
+    fields by number.
     """
 
     def declare(function: Function) -> Function:
         plain: Any = function
+        check_names(plain, signature)
         return cast(Any, Kernel(function, signature, name or plain.__name__, options))
 
     return declare

@@ -11,6 +11,7 @@ kernels read and write as `row.field`, plain Python as well, and C as a struct.
 Every number takes eight bytes, so that no compiler leaves a gap between them.
 """
 
+import dis
 import inspect
 import re
 from collections.abc import Hashable, Iterator
@@ -20,7 +21,7 @@ from typing import Any, Protocol, TypeVar, get_args, get_origin, get_type_hints,
 import numpy as np
 
 from ...typing import Array, Ints, Mask
-from .signatures import Row, Rows, Size
+from .signatures import Row, Rows, Signature, Size
 
 Named = TypeVar("Named", covariant=True)
 
@@ -129,3 +130,26 @@ def copied(row: Any) -> Any:
     (own,) = table = np.empty(1, row.dtype).view(np.recarray)
     table[0] = row
     return own
+
+
+def check_names(function: Any, signature: Signature) -> None:
+    """Raise TypeError where a function reads a row by number: numba takes `row[0]` for the first field,
+    whatever that is."""
+    names = function.__code__.co_varnames
+    named = {name: kind for name, kind in zip(names, signature.kinds) if isinstance(kind, Row)}
+    done = [*dis.get_instructions(function)]
+    for row, index, what in zip(done, done[1:], done[2:]):
+        if what.opname.startswith("BINARY_SUBSCR") or what.argrepr == "[]":
+            value = index.argval
+            if index.opname == "LOAD_GLOBAL":
+                value = function.__globals__.get(index.argval)
+            if (
+                row.opname.startswith("LOAD_FAST")
+                and row.argval in named
+                and isinstance(value, int)
+            ):
+                fields = ", ".join(field for field, *_ in named[row.argval].fields)
+                raise TypeError(
+                    f"{function.__module__}.{function.__qualname__} reads {row.argval}[{index.argval}]; "
+                    f"its fields have names: {fields}"
+                )
