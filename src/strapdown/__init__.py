@@ -18,12 +18,23 @@ import sys
 import lazy_loader
 
 from . import former_names
+from .operations import provide
 
 __version__ = "0.1.0"
 # the names in __init__.pyi: `import strapdown` costs nothing
 __getattr__, _dir, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ = [*__all__, "__version__"]
 sys.meta_path.append(former_names)
+# what values can do through rooms above them
+provide(
+    {
+        "judge": f"{__name__}.diagnosis.judge:judge",
+        "card": f"{__name__}.notebook.cards:card_of",
+        "figure": f"{__name__}.notebook.plots:figure_of",
+        "frame": f"{__name__}.notebook.labelled:frame_of",
+        "dataset": f"{__name__}.notebook.labelled:dataset_of",
+    }
+)
 
 
 def __dir__() -> list[str]:

@@ -19,6 +19,7 @@ from . import geodesy
 from .checks import DataError as DataError
 from .core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: F401 (status values: part of what a user meets here)
 from .core.mathematics.rotation import quaternion_to_euler
+from .operations import operation
 from .time_scales import ends, utc, within
 from .typing import Array, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
@@ -155,21 +156,17 @@ class Trajectory:
 
     def to_pandas(self) -> pd.DataFrame:
         """Its `table`, with units and names of the CF conventions in `attrs`."""
-        from .notebook.labelled import trajectory_frame
-
-        return trajectory_frame(self)
+        frame: pd.DataFrame = operation("frame")(self)
+        return frame
 
     def to_xarray(self) -> xr.Dataset:
         """xarray Dataset over time, with units and names of the CF conventions. Raises DataError
         where xarray is missing."""
-        from .notebook.labelled import trajectory_dataset
-
-        return trajectory_dataset(self)
+        dataset: xr.Dataset = operation("dataset")(self)
+        return dataset
 
     def _repr_html_(self) -> str:
-        from .notebook.cards import of_trajectory
-
-        return of_trajectory(self)
+        return str(operation("card")(self))
 
     def __repr__(self) -> str:
         span = f"{self.t[0]:.3f} to {self.t[-1]:.3f} s" if len(self) else "empty"
@@ -221,9 +218,7 @@ class Aiding:
         return replace(self, t=self.t[keep], y=self.y[keep], sd=self.sd[keep])
 
     def _repr_html_(self) -> str:
-        from .notebook.cards import of_aiding
-
-        return of_aiding(self)
+        return str(operation("card")(self))
 
     def __repr__(self) -> str:
         return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
@@ -362,9 +357,8 @@ class Solution:
         if self.recording is None:
             remedy = "its file has no verdict, fuse the recording again"
             return Verdict(NOT_JUDGED, untested=(remedy,))
-        from .diagnosis.judge import judge
-
-        return judge(self)
+        verdict: Verdict = operation("judge")(self)
+        return verdict
 
     @property
     def rejected(self) -> tuple[Rejected, ...]:
@@ -425,28 +419,23 @@ class Solution:
         what: by default the track, of a filter of attitude alone the attitude; reference: what errors
         are taken against (default: that of the recording it was made of). Raises DataError.
         """
-        from .notebook.plots import of_solution
-
-        return of_solution(self, what, reference)
+        figure: go.Figure = operation("figure")(self, what, reference)
+        return figure
 
     def to_pandas(self) -> pd.DataFrame:
         """Its `table` with dates as the index where the clock is absolute; units and names of the CF
         conventions stand in `attrs`."""
-        from .notebook.labelled import solution_frame
-
-        return solution_frame(self)
+        frame: pd.DataFrame = operation("frame")(self)
+        return frame
 
     def to_xarray(self) -> xr.Dataset:
         """xarray Dataset over time and fixes, as the NetCDF file has it: units and names of the CF
         conventions, dates where the clock is absolute. Raises DataError where xarray is missing."""
-        from .notebook.labelled import solution_dataset
-
-        return solution_dataset(self)
+        dataset: xr.Dataset = operation("dataset")(self)
+        return dataset
 
     def _repr_html_(self) -> str:
-        from .notebook.cards import of_solution
-
-        return of_solution(self)
+        return str(operation("card")(self))
 
     def __repr__(self) -> str:
         fixes = ", ".join(

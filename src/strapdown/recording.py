@@ -14,6 +14,7 @@ from .aiding import find
 from .checks import DataError, brief
 from .core.loop.contract import Imu
 from .data import Aiding, Trajectory
+from .operations import operation
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays
 from .time_scales import ends, utc
@@ -149,9 +150,8 @@ class Recording:
         """A plotly Figure, which can be changed: "readings" of the IMU, its "temperature" and the
         "spectra" of its vibration; "intervals" from sample to sample and fix to fix; "sources", when each has fixes; "track",
         fixes and reference from above. Raises DataError."""
-        from .notebook.plots import of_recording
-
-        return of_recording(self, what)
+        figure: go.Figure = operation("figure")(self, what)
+        return figure
 
     def to_pandas(self, part: str = "imu") -> pd.DataFrame:
         """pandas DataFrame of the samples of the IMU, as `from_frames` takes it, of the "reference",
@@ -159,21 +159,17 @@ class Recording:
 
         Units and names of the CF conventions stand in `attrs`. Raises DataError.
         """
-        from .notebook.labelled import recording_frame
-
-        return recording_frame(self, part)
+        frame: pd.DataFrame = operation("frame")(self, part)
+        return frame
 
     def to_xarray(self) -> xr.Dataset:
         """xarray Dataset of all of it: samples over `time`, fixes of each source and the reference
         over times of their own. Raises DataError where xarray is missing."""
-        from .notebook.labelled import recording_dataset
-
-        return recording_dataset(self)
+        dataset: xr.Dataset = operation("dataset")(self)
+        return dataset
 
     def _repr_html_(self) -> str:
-        from .notebook.cards import of_recording
-
-        return of_recording(self)
+        return str(operation("card")(self))
 
     def __repr__(self) -> str:
         return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from .operations import operation
+
 TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED = "trusted", "doubtful", "not to be trusted"
 NOT_JUDGED = "not judged"
 """The word where nothing is known of how a result came about, or too little was measured to test it;
@@ -129,9 +131,7 @@ class Verdict:
         return f"Verdict({self.line})"
 
     def _repr_html_(self) -> str:
-        from .notebook.cards import of_verdict
-
-        return of_verdict(self)
+        return str(operation("card")(self))
 
     def as_dict(self) -> dict[str, Any]:
         """As plain values, for files."""

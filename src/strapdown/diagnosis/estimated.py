@@ -13,6 +13,7 @@ from ..checks import DataError, brief
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Solution
 from ..estimable import Estimable
+from ..operations import operation
 from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
 from ..verdict import Reason
@@ -122,9 +123,7 @@ class EstimatedInstallation:
         return "\n".join(self.lines)
 
     def _repr_html_(self) -> str:
-        from ..notebook.cards import card, lines
-
-        return card("Estimated installation", {}, lines(self.lines))
+        return str(operation("card")(self))
 
 
 def installation(solution: Solution) -> EstimatedInstallation:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding, Solution
+from ..operations import operation
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..typing import Array
@@ -120,9 +121,7 @@ class Diagnosis:
         return f"Diagnosis({found}; {counted(self.runs)})"
 
     def _repr_html_(self) -> str:
-        from ..notebook.cards import card, lines
-
-        return card("Diagnosis", {}, lines(self.lines))
+        return str(operation("card")(self))
 
 
 def counted(runs: int) -> str:

@@ -4,6 +4,7 @@ and on dark ground. Names from files are escaped."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import singledispatch
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,10 @@ import numpy as np
 
 from ..checks import DataError
 from ..data import Aiding, Solution, Trajectory
+from ..diagnosis.estimated import EstimatedInstallation
+from ..diagnosis.findings import Diagnosis
 from ..evaluation import metrics
+from ..recording import Recording
 from ..reports.summary import enumerated, fix_table, number, table
 from ..time_scales import span
 from ..typing import Array
@@ -19,8 +23,6 @@ from ..verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from ..recording import Recording
 
 STYLE = """<style>
 .strapdown-card { max-width: 62em; font: 14px/1.5 system-ui, sans-serif; color: inherit; }
@@ -76,6 +78,25 @@ def frame(shown: pd.DataFrame) -> str:
     )
 
 
+@singledispatch
+def card_of(value: object) -> str:
+    """HTML of a value."""
+    raise TypeError(f"no card of a {type(value).__name__}")
+
+
+@card_of.register(Diagnosis)
+def of_diagnosis(diagnosis: Diagnosis) -> str:
+    """A Diagnosis: its lines."""
+    return card("Diagnosis", {}, lines(diagnosis.lines))
+
+
+@card_of.register(EstimatedInstallation)
+def of_installation(found: EstimatedInstallation) -> str:
+    """An installation that a filter estimated: its lines."""
+    return card("Estimated installation", {}, lines(found.lines))
+
+
+@card_of.register(Verdict)
 def of_verdict(verdict: Verdict) -> str:
     """A Verdict: its word, the reasons, what could not be tested."""
     return card("", {}, _verdict(verdict))
@@ -95,6 +116,7 @@ def of_verdicts(verdicts: Mapping[str, Verdict]) -> str:
     return "".join(_verdict(verdict, ", ".join(names)) for names, verdict in together(verdicts))
 
 
+@card_of.register(Recording)
 def of_recording(recording: Recording) -> str:
     """A Recording: what was measured, how long and how often, by which sources."""
     imu, reference, meta = recording.imu, recording.reference, recording.meta
@@ -145,6 +167,7 @@ def gaps(t: Array) -> str:
     return f"{len(far)}, the longest {far.max():.3g} s" if len(far) else "none"
 
 
+@card_of.register(Trajectory)
 def of_trajectory(made: Trajectory) -> str:
     """A Trajectory: its times, and what is known in it."""
     return card("Trajectory", {"rows": len(made), "known": _known(made)})
@@ -158,6 +181,7 @@ def _known(made: Trajectory) -> str:
     return f"{enumerated(known) or 'nothing'}{when}".rstrip(", ")
 
 
+@card_of.register(Aiding)
 def of_aiding(source: Aiding) -> str:
     """A source of fixes."""
     facts = {
@@ -170,6 +194,7 @@ def of_aiding(source: Aiding) -> str:
     return card(f"Source {source.name or source.kind}", facts)
 
 
+@card_of.register(Solution)
 def of_solution(solution: Solution) -> str:
     """A Solution: verdict, time, where it ended and how sure, errors where its recording has a
     reference, fixes."""

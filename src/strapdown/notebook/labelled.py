@@ -4,6 +4,7 @@ conventions, as the NetCDF files have them."""
 from __future__ import annotations
 
 import re
+from functools import singledispatch
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -23,14 +24,13 @@ from ..io.solutions.solution_netcdf import (
     attributes,
 )
 from ..quantities import shown_unit, shown_value_unit
+from ..recording import Recording
 from ..time_scales import utc
 from ..typing import Array
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-    from ..recording import Recording
 
 IMU_COLUMNS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 """As `Recording.from_frames` takes them."""
@@ -46,6 +46,19 @@ NAMES = {
 """{kind of aiding: columns of its values}; others are named after the kind."""
 
 
+@singledispatch
+def frame_of(value: object) -> pd.DataFrame:
+    """A value as a table with names and units as attrs."""
+    raise TypeError(f"no table of a {type(value).__name__}")
+
+
+@singledispatch
+def dataset_of(value: object) -> xr.Dataset:
+    """A value as a Dataset. Raises DataError where xarray is missing."""
+    raise TypeError(f"no Dataset of a {type(value).__name__}")
+
+
+@frame_of.register(Solution)
 def solution_frame(solution: Solution) -> pd.DataFrame:
     """The table of a Solution with dates where the clock is absolute, units and names as attrs."""
     table = solution.table()
@@ -53,12 +66,14 @@ def solution_frame(solution: Solution) -> pd.DataFrame:
     return _dated(table, solution.meta.get("epoch"), named, solution.meta)
 
 
+@frame_of.register(Trajectory)
 def trajectory_frame(made: Trajectory, epoch: str | None = None) -> pd.DataFrame:
     """The same of a Trajectory, whose own times say nothing of dates."""
     table = made.table()
     return _dated(table, epoch, {column: attributes(column) for column in table.columns}, {})
 
 
+@frame_of.register(Recording)
 def recording_frame(recording: Recording, part: str = IMU) -> pd.DataFrame:
     """The samples of the IMU of a Recording, its reference, or the fixes of a source. Raises
     DataError with the nearest name."""
@@ -102,6 +117,7 @@ def _dated(
     return table
 
 
+@dataset_of.register(Solution)
 def solution_dataset(solution: Solution) -> xr.Dataset:
     """A Solution as a Dataset over time and fixes. Raises DataError where xarray is missing."""
     variables = arrays_of(solution)
@@ -117,11 +133,13 @@ def solution_dataset(solution: Solution) -> xr.Dataset:
     return _dataset(variables, ("time", "fix_time"), solution.meta.get("epoch"), about)
 
 
+@dataset_of.register(Trajectory)
 def trajectory_dataset(made: Trajectory) -> xr.Dataset:
     """A Trajectory as a Dataset over time. Raises DataError where xarray is missing."""
     return _dataset(_trajectory(made, "time"), ("time",), None, {})
 
 
+@dataset_of.register(Recording)
 def recording_dataset(recording: Recording) -> xr.Dataset:
     """A Recording as a Dataset: samples of the IMU over `time`, fixes of each source and the
     reference over times of their own. Raises DataError where xarray is missing."""

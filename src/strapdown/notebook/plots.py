@@ -4,21 +4,19 @@ the samples and fixes for a Recording."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import singledispatch
 from html import escape
 from textwrap import wrap
-from typing import TYPE_CHECKING
 
 import plotly.graph_objects as go
 
 from ..checks import DataError, check_choice
 from ..data import Solution, Trajectory
 from ..evaluation import metrics
+from ..recording import Recording
 from ..reports.drawing import COLOURS
 from ..reports.figure_list import Figure, figures_of_page
 from . import recording_figures
-
-if TYPE_CHECKING:
-    from ..recording import Recording
 
 ERRORS = "errors"
 """Stands for the first figure of the section of errors that there is."""
@@ -29,6 +27,13 @@ NOTE_WIDTH = 110
 """Letters in such a line."""
 
 
+@singledispatch
+def figure_of(value: object, what: str) -> go.Figure:
+    """The figure of a value that is called `what`. Raises DataError."""
+    raise TypeError(f"no figure of a {type(value).__name__}")
+
+
+@figure_of.register(Solution)
 def of_solution(
     solution: Solution, what: str | None = None, reference: Trajectory | None = None
 ) -> go.Figure:
@@ -80,6 +85,7 @@ def _drawn(figure: Figure, solution: Solution, reference: Trajectory | None) -> 
     return figure.draw(subject, reference, **{each: given[each] for each in figure.takes})
 
 
+@figure_of.register(Recording)
 def of_recording(recording: Recording, what: str = "readings") -> go.Figure:
     """The figure of a Recording that is called `what`. Raises DataError."""
     draw: Callable[[Recording], go.Figure | None]
