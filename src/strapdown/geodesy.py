@@ -6,6 +6,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from .constants import STANDARD_GRAVITY
 from .core.mathematics.earth import (
     E2,
     FAR_HEIGHT,
@@ -18,9 +19,6 @@ from .core.mathematics.earth import (
     F,
 )
 from .typing import Array, ArrayLike, Vector
-
-STANDARD_GRAVITY = 9.80665
-"""m/s^2, of the constant model: by definition, near 45 deg of latitude at sea level."""
 
 
 def radii(lat: ArrayLike) -> tuple[Array, Array]:

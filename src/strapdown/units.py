@@ -5,9 +5,10 @@ import math
 from typing import TypeVar
 
 from .checks import DataError, check_keys, check_number, did_you_mean
+from .constants import STANDARD_GRAVITY
 from .typing import Array
 
-DEG, G, KNOT, FOOT = math.pi / 180, 9.80665, 1852 / 3600, 0.3048
+DEG, G, KNOT, FOOT = math.pi / 180, STANDARD_GRAVITY, 1852 / 3600, 0.3048
 
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .checks import DataError, check_choice, check_number
-
-STANDARD_GRAVITY = 9.80665  # m/s^2
+from .constants import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True)

@@ -8,18 +8,19 @@ metres, and drift. So each source brings a bias along, in m: what the barometer 
 import math
 from typing import Any
 
+from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import OBSERVE, STATES, Belief, Measurement, SourceRow, helper, kernel
 from ..typing import Array
 from .altitude import height
 
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level
-EXPONENT = 287.05287 * LAPSE / 9.80665  # of p / p_0 in the troposphere
+EXPONENT = 287.05287 * LAPSE / STANDARD_GRAVITY  # of p / p_0 in the troposphere
 # tropopause, m and Pa
 TROPOPAUSE, P_TOP = (
     11000.0,
     P_0 * (1 - 11000.0 * LAPSE / T_0) ** (1 / EXPONENT),
 )
-SCALE_TOP = 287.05287 * (T_0 - LAPSE * TROPOPAUSE) / 9.80665  # scale height above it, m
+SCALE_TOP = 287.05287 * (T_0 - LAPSE * TROPOPAUSE) / STANDARD_GRAVITY  # scale height above it, m
 
 
 @helper

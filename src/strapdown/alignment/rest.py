@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import REST_SPEED
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import RATE
 from ..preprocessing.stationary import at_rest, stretches
@@ -14,7 +15,6 @@ from .fixes import position_and_velocity, velocities
 from .initial_heading import StatesBiases
 
 REST_TIME = 2.0  # s: shortest rest that is worth averaging
-FASTEST_REST = 0.3  # m/s: fixes surely faster than that are no rest, whatever the IMU feels
 SURELY = 4.0  # standard deviations of a component: one in 3000 is as fast by noise
 TURNING = 4.0  # standard deviations of the gyro bias that the mean rate of a rest must not exceed
 REST_SEARCH = 600.0  # s before and after an instant in which rest is looked for
@@ -59,7 +59,7 @@ def moves(recording: Recording, t: Array) -> Mask:
     if position is None:
         return np.zeros(len(t), bool)
     t_fix, v, sd = velocities(position, velocity)
-    fast = np.hypot(v[:, 0], v[:, 1]) > FASTEST_REST + SURELY * np.sqrt(
+    fast = np.hypot(v[:, 0], v[:, 1]) > REST_SPEED + SURELY * np.sqrt(
         np.mean(sd[:, :2] ** 2, axis=1)
     )
     after = np.searchsorted(t_fix, t)

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..alignment.location import place_of
 from ..checks import DataError
+from ..constants import STANDARD_GRAVITY
 from ..data import Aiding
 from ..files import together
-from ..geodesy import STANDARD_GRAVITY, gravity
+from ..geodesy import gravity
 from ..io.magnetic_record import sound
 from ..preprocessing.origin import Origin
 from ..recording import Recording

@@ -19,6 +19,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.loop.contract import Imu
+from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
 from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction
@@ -30,7 +31,6 @@ LAG = 2.0  # s between the samples of the linear start, in a window of full leng
 # window tilts it by 0.1 rad
 HEIGHT_WEIGHT = 0.1
 GYRO_SD = 0.1  # rad/s, of the bias before the fit
-GAP_INTERVALS = 1.75  # from sample to sample, beyond which some are missing
 TURNING_PARAMETERS = tuple(
     f"soft iron {i}{j}" if i != j else f"scale {i}" for i in "xyz" for j in "xyz"
 ) + (
@@ -77,7 +77,7 @@ def windows(t: Array, y: Array, imu: Imu, strength: float) -> Windows | None:
         return None
     rows = rows[:: max(1, round(EPOCH / max(float(np.median(np.diff(t[rows]))), 1e-6)))]
     spacing = float(np.median(np.diff(t[rows])))
-    gaps = np.cumsum(np.r_[False, np.diff(imu.t) > imu.dt[1:] * GAP_INTERVALS])
+    gaps = np.cumsum(np.r_[False, np.diff(imu.t) > imu.dt[1:] * GAP_MEDIANS])
     part = gaps[after[rows]] + np.cumsum(np.r_[0, np.diff(t[rows]) > 3 * spacing])
     stretches = [rows[part == k] for k in np.unique(part)]
     length = min(max(20, round(WINDOW_TIME / spacing)), max(map(len, stretches)))

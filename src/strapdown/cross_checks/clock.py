@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import STANDARD_GRAVITY
 from ..data import Aiding
-from ..geodesy import STANDARD_GRAVITY
 from ..typing import Array, Ints
 from ..verdict import Reason
 from .checked import Checked, label

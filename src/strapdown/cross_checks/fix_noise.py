@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..constants import MEDIAN_OF_NORMAL
 from ..data import Aiding
 from ..geodesy import displacement
 from ..typing import Array
@@ -23,8 +24,6 @@ FEWEST = 50
 """Differences from which a median says something."""
 TOO_LARGE = 2.0
 """Times that the noise may exceed what is claimed."""
-MEDIAN = 0.6745
-"""Of the absolute value of a standard normal number."""
 
 
 def check(subject: Subject) -> Checked:
@@ -80,7 +79,7 @@ def _ratio(differences: Array, claimed: Array) -> float | None:
     """Their median size over what is claimed, of the worse axis; None where there are few."""
     if len(differences) < FEWEST or not (claimed > 0).all():
         return None
-    return float((np.median(np.abs(differences) / claimed, axis=0) / MEDIAN).max())
+    return float((np.median(np.abs(differences) / claimed, axis=0) / MEDIAN_OF_NORMAL).max())
 
 
 def _reasons(aiding: Aiding, ratio: float | None) -> Iterator[Reason]:

@@ -5,9 +5,9 @@ sign does not hold them. No course is needed, so that it tells of a multicopter 
 
 import numpy as np
 
+from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import Imu
 from ..typing import Array
-from ..vehicle import STANDARD_GRAVITY
 from .clock import left_over
 from .motion import Felt, Moved, Subject, felt, moved
 

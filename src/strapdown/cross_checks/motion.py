@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import REST_SPEED
 from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..geodesy import displacement, wrap
@@ -21,7 +22,7 @@ from .checked import label
 STEP = 0.05
 """Seconds between the instants at which the IMU's integrals are kept."""
 LEAST_FIXES = 30
-FAST, SLOWEST, SURE = 3.0, 0.3, 5.0
+FAST, SURE = 3.0, 5.0
 """m/s from which a course is known at any standard deviation of the velocity, and below which none
 is: a receiver at rest and a lever arm that swings make so much. Between them the speed must be so many
 standard deviations: the course is then known to 11 deg."""
@@ -67,7 +68,7 @@ class Moved(NamedTuple):
     @property
     def fast(self) -> float:
         """Speed in m/s from which its course is known."""
-        return float(np.clip(SURE * self.sd, SLOWEST, FAST))
+        return float(np.clip(SURE * self.sd, REST_SPEED, FAST))
 
     def acceleration_noise(self, half: float) -> float:
         """Variance (m^2/s^4) that the claimed noise gives a component of the acceleration over +-

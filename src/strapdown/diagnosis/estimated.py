@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import estimable
 from ..checks import DataError, brief
+from ..constants import REST_SPEED
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Solution
 from ..estimable import Estimable
@@ -18,7 +19,7 @@ from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
 from ..verdict import Reason
 from .diagnose import LEAST, MOTIONS
-from .evidence import AT_REST, moves
+from .evidence import moves
 from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE
 from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, SHOWN_BY, rotation
 from .settling import NOTABLE
@@ -271,7 +272,7 @@ def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> 
     if not kinds & {*GNSS, *CONSTRAINED}:
         why = "there is no source of position or velocity"
     elif not moves(solution):
-        why = f"it hardly moves, at most {AT_REST:g} m/s"
+        why = f"it hardly moves, at most {REST_SPEED:g} m/s"
     elif not kinds & {"velocity", "speed"}:
         why = "there is no source of velocity, add one"
     yield f"nothing of the installation that was asked for is observable: {why}"

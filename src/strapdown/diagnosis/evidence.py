@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import REST_SPEED, SETTLING
 from ..core.loop.contract import ATT, BA, BG, DOUBTFUL, VEL
 from ..core.loop.gaps import BRIDGE
 from ..core.mathematics.rotation import quaternion_to_euler
@@ -35,13 +36,11 @@ REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
 MOST_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
 LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
-AT_REST = 0.3  # m/s that is never exceeded by what hardly moves
 MOVING = 3.0  # m/s above which a course is compared with the heading
 SLOWEST, KNOWN_COURSE = 0.5, 5.0  # the same of a velocity known well: m/s, and claimed sd of it
 SIDEWAYS = 1.0  # m/s of wind, current or side slip, which sets a course off the heading
 STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
 LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
-SETTLED = 25.0  # s of a run in which a filter may still doubt its start, a fifth of it at most
 DOUBTED = 0.2  # share of the time after that in which rows are doubtful
 SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
 
@@ -338,7 +337,7 @@ def rejections(source: Fixes) -> Iterator[Reason]:
 def jumps(source: Fixes) -> Iterator[Reason]:
     """A gate of positions or velocities that had to be lifted once the start was over: what comes
     after rests on these fixes being right."""
-    settled = source.t[0] + min(SETTLED, 0.2 * (source.t[-1] - source.t[0]))
+    settled = source.t[0] + min(SETTLING, 0.2 * (source.t[-1] - source.t[0]))
     lifted = np.flatnonzero(source.lifted & (source.t > settled))
     if source.kind in ("position", "velocity") and len(lifted):
         size = float(np.sqrt(np.nansum(source.innovation[lifted[0]] ** 2)))
@@ -407,7 +406,7 @@ def doubts(solution: Solution) -> Iterator[Reason]:
     """Rows that the run itself says are doubtful, after its start and a doubt that began there and
     ended in the first half, with what it said first."""
     t, span = solution.t, np.diff(solution.t, prepend=solution.t[:1])
-    settled = t > t[0] + min(SETTLED, 0.2 * (t[-1] - t[0]))
+    settled = t > t[0] + min(SETTLING, 0.2 * (t[-1] - t[0]))
     believed = np.flatnonzero(settled & (solution.status != DOUBTFUL))
     if len(believed) and t[believed[0]] - t[0] < 0.5 * (t[-1] - t[0]):
         settled &= t >= t[believed[0]]
@@ -452,4 +451,4 @@ def moves(solution: Solution) -> bool:
     v = solution.trajectory.v_n
     if v is None:
         return False
-    return bool((np.abs(v[:: max(1, len(v) // 2000), :2]) > AT_REST).any())
+    return bool((np.abs(v[:: max(1, len(v) // 2000), :2]) > REST_SPEED).any())

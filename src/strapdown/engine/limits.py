@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 
 from .. import aiding, quantities
+from ..constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY
 from ..core.compile.records import rows
 from ..core.loop.contract import Noise
 from ..core.loop.cursor import Limits
 from ..data import Aiding
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
-from ..vehicle import STANDARD_GRAVITY, Vehicle
+from ..vehicle import Vehicle
 
-GYRO_RANGE = 35.0
-"""rad/s (2000 deg/s) that the common gyros read at most, where no full scale is described."""
 BEYOND = 1.05  # of a described full scale: what reads more is broken
 AT_FULL_SCALE = 0.999
 
@@ -26,7 +25,7 @@ def limits(spec: ImuSpec | None, noise: Noise, vehicle: Vehicle) -> Any:
     """Cursor.limits of a run with this IMU (None: not described) on this vehicle."""
     (found,) = table = rows(Limits, 1)
     gyro, accel = (spec.gyro.saturation, spec.accel.saturation) if spec else (0.0, 0.0)
-    found.gyro_range = max(GYRO_RANGE, BEYOND * gyro)
+    found.gyro_range = max(COMMON_GYRO_RANGE, BEYOND * gyro)
     found.accel_range = vehicle.acceleration + STANDARD_GRAVITY
     found.gyro_full_scale = AT_FULL_SCALE * gyro if gyro else math.inf
     found.accel_full_scale = AT_FULL_SCALE * accel if accel else math.inf

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from .. import aiding, filters, quantities
 from ..alignment.completed import MOST_HEADING, PARTS
 from ..checks import DataError, brief, check_number, shown
+from ..constants import MAX_PAUSE
 from ..core.compile import records
 from ..core.compile.records import Table
 from ..core.loop import loop, stages
@@ -69,8 +70,6 @@ LARGEST_OF_START = {
 """What a component of a start can be, generously, and what is probably wrong beyond it."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
-LONGEST_GAP = 86400.0
-"""s without IMU samples; more is a mistaken clock and no pause."""
 AHRS_RATE = 10.0
 """Hz of the attitude of an AHRS, where no rate is asked for."""
 
@@ -410,11 +409,11 @@ def ready(
             f"the start at {start.t:g} s is not before the last IMU sample at {samples.t[-1]:g} s; "
             f"give an earlier start"
         )
-    if samples.t[first] - start.t > LONGEST_GAP:
+    if samples.t[first] - start.t > MAX_PAUSE:
         raise DataError(
             f"the start at {start.t:g} s is {samples.t[first] - start.t:.0f} s before the first IMU "
             f"sample; "
-            f"the longest gap is {LONGEST_GAP:.0f} s"
+            f"the longest gap is {MAX_PAUSE:.0f} s"
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
     vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))

@@ -12,6 +12,7 @@ import numpy as np
 from .. import filters
 from ..alignment.completed import left_open
 from ..checks import DataError, check_flag, check_number
+from ..constants import MAX_PAUSE
 from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
 from ..core.loop.loop import SAME_TIME
 from ..data import Aiding, Solution
@@ -47,7 +48,6 @@ from .installation import (
 from .live_run import LiveRun
 from .prepare import (
     AHRS_RATE,
-    LONGEST_GAP,
     GivenImu,
     assumed_noise,
     brought,
@@ -339,7 +339,7 @@ class Stream:
             self._drop_sample(t)
         else:
             if t > self.newest:
-                if t - self.newest > LONGEST_GAP and self.newest > -inf:
+                if t - self.newest > MAX_PAUSE and self.newest > -inf:
                     raise DataError(
                         f"IMU sample at {t:.3f} s: time jumps by {t - self.newest:.0f} s; begin a "
                         f"new stream there"

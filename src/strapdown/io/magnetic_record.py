@@ -8,9 +8,9 @@ vertical (its dip) in every attitude: that is what the checks rest on.
 import numpy as np
 
 from ..checks import DataError
+from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import Imu
 from ..data import Aiding
-from ..geodesy import STANDARD_GRAVITY
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import Origin, counted
 from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck, turned as turned_by

@@ -6,6 +6,7 @@ from bisect import bisect_right
 import numpy as np
 
 from ..checks import DataError
+from ..constants import MAX_PAUSE
 from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike, Ints
 from ..vehicle import GivenVehicle
@@ -21,8 +22,6 @@ samples, or time stamps that jitter."""
 LATE = 10
 """Rows that come later in a file than their time says by at most this many are sorted; at most
 so many in a row are dropped as stray."""
-LONGEST_PAUSE = 86400.0
-"""A jump in time beyond this is no pause of one recording, s."""
 LONGEST_INTERVAL, SHORTEST_INTERVAL = 1.0, 2e-5
 """Median intervals that an IMU may have, s; others are a mistaken unit of time."""
 ARRAYS = Origin("IMU")
@@ -170,7 +169,7 @@ def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
     gap = steps > GAP_MEDIANS * median
     if gap.any():
         longest = int(np.argmax(steps))
-        if steps[longest] > LONGEST_PAUSE:
+        if steps[longest] > MAX_PAUSE:
             raise DataError(
                 f"{origin.row(longest + 1)}: time jumps from {t[longest]:.3f} to "
                 f"{t[longest + 1]:.3f} s; "

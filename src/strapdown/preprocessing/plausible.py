@@ -7,17 +7,15 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 
 import numpy as np
 
+from ..constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike
 from ..vehicle import GivenVehicle, find
 from .stationary import rate_at_rest
 
-G = 9.80665
 LEAST_MEDIAN_FORCE, MOST_MEDIAN_FORCE = 3.0, 60.0
 """Median magnitude of the specific force, m/s^2, that a vehicle can have for most of a
 recording."""
-MOST_RATE = 35.0
-"""Root mean square rate, rad/s (2000 deg/s: the range of the common MEMS gyros)."""
 STEADY, TILT_RATE = 0.4, 0.5
 """A second is steady when its mean specific force is within STEADY (m/s^2) of gravity and moves
 by less than 0.3 between its halves; a body that tilts at TILT_RATE (rad/s) for that second would
@@ -104,7 +102,7 @@ def _unit_of_gyro(imu: Imu, rate: Array, force: Array, feels_tilt: bool) -> list
     rms = float(
         np.sqrt(np.einsum("ij,ij->", imu.dtheta, imu.dtheta) / len(imu.t)) / np.median(imu.dt)
     )
-    if rms > MOST_RATE:
+    if rms > COMMON_GYRO_RANGE:
         return [
             (
                 "gyro.unit",

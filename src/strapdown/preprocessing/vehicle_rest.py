@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from ..constants import REST_SPEED
 from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..typing import Array, Mask
@@ -17,7 +18,7 @@ FORCE, RATE, MEAN = 0.15, 0.009, 0.03
 """At rest: standard deviations of these means of specific force (m/s^2) and rate (rad/s), three axes
 together, whose squares over these add up to less than 1; bound on the mean rate (rad/s)."""
 MOST_BIAS = 0.2  # rad/s (11 deg/s): what turns on faster is no gyro bias
-FASTEST, SURELY = 0.3, 4.0  # m/s, and standard deviations, that a speed is above at rest
+SURELY = 4.0  # standard deviations by which a speed is above that of a rest
 HEARD = 1.5  # s for which a speed counts
 
 
@@ -52,7 +53,7 @@ def moving(aidings: Iterable[Aiding], t: Array) -> Mask:
             np.where(np.isnan(a.y), 0.0, part) for part in (a.y, a.sd)
         )  # what is missing counts 0
         speed, sd = np.linalg.norm(y, axis=1), np.linalg.norm(sd, axis=1)
-        fast = speed > FASTEST + SURELY * sd
+        fast = speed > REST_SPEED + SURELY * sd
         after = np.searchsorted(a.t, t)
         for near in (np.maximum(after - 1, 0), np.minimum(after, len(a.t) - 1)):
             found |= fast[near] & (np.abs(a.t[near] - t) <= HEARD)

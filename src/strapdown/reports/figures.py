@@ -16,12 +16,12 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
+from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import ATT, BA, BG, POS, VEL
 from ..data import Solution, Trajectory
 from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
-from ..geodesy import STANDARD_GRAVITY
 from ..typing import Array
 from .drawing import (
     COLOURS,

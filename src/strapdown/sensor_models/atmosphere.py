@@ -9,7 +9,7 @@ less than the geometric height.
 import numpy as np
 
 from ..checks import DataError
-from ..geodesy import STANDARD_GRAVITY
+from ..constants import STANDARD_GRAVITY
 from ..typing import Array, ArrayLike, Mask
 
 SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15  # Pa, K

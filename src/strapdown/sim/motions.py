@@ -16,11 +16,11 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from ..checks import DataError, check_keys, check_number, located
+from ..constants import STANDARD_GRAVITY as G
 from ..typing import Array
 from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 
-G = 9.80665
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
 CLIMB_KEYS = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
 """What climbs in a leg of each motion by legs."""

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError
+from ..constants import STANDARD_GRAVITY as G
 from ..typing import Array
 from .analytic import Numbers, Times, arctangent, cosine, lifted, sine, waves
-from .motions import AIRCRAFT_GUSTS, G, flat_legs, profiles
+from .motions import AIRCRAFT_GUSTS, flat_legs, profiles
 from .trajectory import DEG, Motion
 
 LIFT_OFF, ROTATION = 27.0, 2.0

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..checks import DataError
+from ..constants import STANDARD_GRAVITY as G
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..geodesy import displacement
 from ..typing import Array
 from .analytic import Profile
-from .motions import LONGEST_MOTION, G, flown
+from .motions import LONGEST_MOTION, flown
 from .trajectory import DEG, Motion, sample
 
 _ROUNDS = 5  # each brings the aim at a waypoint a hundred times closer

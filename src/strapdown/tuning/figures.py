@@ -10,6 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from ..constants import CHI_SQUARE_95
 from ..data import Solution
 from ..evaluation.consistency import band, whiteness
 from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, origin
@@ -22,7 +23,6 @@ BEFORE, AFTER = "before", "after"
 DRAWN = {BEFORE: GREY, AFTER: COLOURS[0]}
 MEANT = COLOURS[1]
 """Colour of what a right filter shows."""
-LOSS = 3.84
 """Twice the loss of log-likelihood at the ends of a 95 % interval (Wilks 1938)."""
 HIGHEST = 16.0
 """Of it, at the top of a panel."""
@@ -46,7 +46,7 @@ def profiles_figure(parameters: "Sequence[Parameter]") -> go.Figure:
         _profile(drawn, each, number // ACROSS + 1, number % ACROSS + 1)
     note(
         drawn,
-        f"Solid: used. Dashed: given. Shaded: the 95 % interval, where the curve is below {LOSS} "
+        f"Solid: used. Dashed: given. Shaded: the 95 % interval, where the curve is below {CHI_SQUARE_95:.2f} "
         "(dotted). A curve that stays below it to one side leaves that side open.",
     )
     return drawn
@@ -71,7 +71,7 @@ def _profile(drawn: go.Figure, each: "Parameter", row: int, column: int) -> None
     low = each.low * each.factor if each.low > 0 else values.min()
     high = each.high * each.factor if each.high < inf else values.max()
     drawn.add_vrect(low, high, fillcolor=MEANT, opacity=0.14, line_width=0, **where)
-    drawn.add_hline(LOSS, line={"color": MEANT, "width": 1, "dash": "dot"}, **where)
+    drawn.add_hline(CHI_SQUARE_95, line={"color": MEANT, "width": 1, "dash": "dot"}, **where)
     drawn.add_vline(each.value * each.factor, line={"color": MEANT, "width": 1.5}, **where)
     if each.given > 0:
         given = {"color": GREY, "width": 1.5, "dash": "dash"}

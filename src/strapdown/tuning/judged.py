@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import CHI_SQUARE_95
 from ..data import Solution
 from ..evaluation.fix_statistics import counts
 from ..typing import Array
 from .findings import AT_LEAST, AT_MOST, IMU, KEPT, OPEN, TUNED, Direction, Fit, Parameter
-from .scoring import CHI_SQUARE, Profile, Top, climb
+from .scoring import Profile, Top, climb
 from .search import Search
 from .unknowns import Unknown
 
@@ -56,7 +57,7 @@ def _stated(search: Search, profiles: Sequence[Profile], status: Sequence[str]) 
         tried[j] = np.clip(wanted, likelihood.low[j], likelihood.high[j])
         free[j] = False
         here = climb(likelihood, tried, np.flatnonzero(free), 6)
-        if 2 * (best - here.point.log_likelihood) < CHI_SQUARE:
+        if 2 * (best - here.point.log_likelihood) < CHI_SQUARE_95:
             theta = here.point.theta
     return theta.copy()
 
@@ -92,7 +93,7 @@ def directions(top: Top, unknowns: Sequence[Unknown]) -> tuple[Direction, ...]:
     """Ways in which several unknowns can change together by more than SPREAD, though each would be
     told if the others were known."""
     F = top.slope.information
-    least = CHI_SQUARE / np.log(SPREAD) ** 2
+    least = CHI_SQUARE_95 / np.log(SPREAD) ** 2
     told = np.flatnonzero(np.diag(F) > least)
     values, vectors = np.linalg.eigh(F[np.ix_(told, told)])
     found = []
@@ -100,7 +101,7 @@ def directions(top: Top, unknowns: Sequence[Unknown]) -> tuple[Direction, ...]:
         main = [i for i in np.argsort(-np.abs(weights)) if abs(weights[i]) > TOGETHER]
         if value > least or len(main) < 2:
             continue
-        exponent = np.sqrt(CHI_SQUARE / max(value, 1e-6)) * abs(weights[main[0]])
+        exponent = np.sqrt(CHI_SQUARE_95 / max(value, 1e-6)) * abs(weights[main[0]])
         spread = float(np.exp(min(exponent, np.log(1e4))))
         chosen = [unknowns[told[i]] for i in main]
         same = bool(np.sign(weights[main[0]]) == np.sign(weights[main[1]]))

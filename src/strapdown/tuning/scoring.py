@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import CHI_SQUARE_95
 from ..typing import Array, Ints, Mask
 from .likelihood import Likelihood, Point, Slope, slope
 
@@ -16,8 +17,6 @@ FLAT = np.log(100.0) ** -2
 """Added to the information of each unknown in a step: what the data do not decide stays where it
 is."""
 ROUNDS = 30
-CHI_SQUARE = 3.841
-"""95 % of one degree of freedom."""
 COUPLED = 0.1
 """Correlation in the information from which unknowns follow each other along a profile."""
 POINTS = 8  # on each side of a profile
@@ -91,7 +90,7 @@ class Profile(NamedTuple):
 
     values: Array  # (k,) rising logarithms
     loss: Array  # (k,) twice the loss
-    low: float  # logarithms where it is CHI_SQUARE; -inf, inf where it stays less
+    low: float  # logarithms where it is CHI_SQUARE_95; -inf, inf where it stays less
     high: float
     better: Point | None  # a place above the maximum, where one was met
 
@@ -117,7 +116,7 @@ def profile(likelihood: Likelihood, top: Top, j: int) -> Profile:
 
 
 def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
-    """Points outwards until twice the loss is beyond CHI_SQUARE, or the bound is reached."""
+    """Points outwards until twice the loss is beyond CHI_SQUARE_95, or the bound is reached."""
     here, at = top.slope, top.point
     k = int(np.flatnonzero(here.free == j)[0])
     F = here.information + FLAT * np.eye(len(here.free))
@@ -126,7 +125,7 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
     follow = -np.linalg.solve(F[np.ix_(near, near)], F[near, k]) if near.any() else np.empty(0)
     alone = F[k, k] + follow @ F[near, k]
     bound = (likelihood.high if side > 0 else likelihood.low)[j]
-    stride = float(np.clip(np.sqrt(CHI_SQUARE / max(alone, 1e-12)), 0.02, 1.2))
+    stride = float(np.clip(np.sqrt(CHI_SQUARE_95 / max(alone, 1e-12)), 0.02, 1.2))
     points: list[Point] = []
     x = at.theta[j]
     while len(points) < POINTS and (bound - x) * side > 1e-6:
@@ -139,10 +138,10 @@ def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:
         theta[j] = x = x_new
         points.append(_followed(likelihood, theta, others))
         loss = 2 * (at.log_likelihood - points[-1].log_likelihood)
-        if loss > CHI_SQUARE:
+        if loss > CHI_SQUARE_95:
             break
         # on to where a parabola would cross, and a little further
-        grown = np.sqrt(CHI_SQUARE / max(loss, 1e-3))
+        grown = np.sqrt(CHI_SQUARE_95 / max(loss, 1e-3))
         stride = float(np.clip(abs(x - at.theta[j]) * (1.1 * grown - 1), 0.5 * stride, 4 * stride))
     return points
 
@@ -171,11 +170,11 @@ def _followed(likelihood: Likelihood, theta: Array, others: Ints) -> Point:
 
 
 def _crossing(xs: Array, losses: Array, side: float) -> float:
-    """Where the root of the losses, taken as straight in between, is that of CHI_SQUARE."""
+    """Where the root of the losses, taken as straight in between, is that of CHI_SQUARE_95."""
     roots = np.sqrt(np.maximum(losses, 0.0))
-    beyond = np.flatnonzero(losses > CHI_SQUARE)
+    beyond = np.flatnonzero(losses > CHI_SQUARE_95)
     if not len(beyond):
         return float(side * np.inf)
     b = beyond[0]
-    share = (np.sqrt(CHI_SQUARE) - roots[b - 1]) / (roots[b] - roots[b - 1])
+    share = (np.sqrt(CHI_SQUARE_95) - roots[b - 1]) / (roots[b] - roots[b - 1])
     return float(xs[b - 1] + share * (xs[b] - xs[b - 1]))

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ...constants import SETTLING
 from ...core.loop.log import FOLD
 from ...data import Aiding
 from ...typing import Ints, Mask
@@ -23,7 +24,6 @@ AT_ONCE = 4  # rejections in a row that can stand out
 STANDS_OUT = 1e-3  # how often so many in a row may be expected by the share of the others
 UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
 INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
-SETTLED = 25.0  # s after its first fix in which a filter may still be wrong about its start
 MOST_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
 WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
 """What can explain rejections with good fixes between them."""
@@ -115,7 +115,7 @@ def _without_onset(found: Found, own: Fixes) -> Found:
 def _settling(run: Run, begin: float) -> Run:
     """A run that is over soon after the filter began shows an error of its start as well as one of
     the fixes."""
-    if run.found.shape == causes.NOISE or run.stop > begin + SETTLED:
+    if run.found.shape == causes.NOISE or run.stop > begin + SETTLING:
         return run
     return run._replace(found=run.found._replace(shape=causes.START))
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ...constants import STANDARD_GRAVITY
 from ...evaluation.metrics import NED_AXES
 from ...reports.summary import number, table
 from ...typing import Array
@@ -36,7 +37,7 @@ NOISE = (
     ("gyro", "deg/sqrt(h)", np.degrees(60)),
     ("accel", "m/s/sqrt(h)", 60.0),
     ("gyro_bias", "deg/h/sqrt(h)", np.degrees(3600) * 60),
-    ("accel_bias", "mg/sqrt(h)", 60 / 9.80665e-3),
+    ("accel_bias", "mg/sqrt(h)", 60 / (STANDARD_GRAVITY * 1e-3)),
     ("gyro_decay", "1/h", 3600.0),
     ("accel_decay", "1/h", 3600.0),
 )

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...constants import STANDARD_GRAVITY as G
 from ...core.loop.contract import Imu
 from ...core.mathematics.earth import RATE
-from ...preprocessing.plausible import G
 from ...preprocessing.stationary import at_rest
 from ...sensor_models.imu import grade
 from ...typing import Array

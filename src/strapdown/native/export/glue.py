@@ -4,11 +4,11 @@ to its object."""
 from collections.abc import Iterator, Mapping
 
 from ... import aiding
+from ...constants import MAX_PAUSE
 from ...core.loop.contract import Noise, Start
 from ...core.loop.log import FOLD
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.earth import LATITUDE_LIMIT
-from ...engine.prepare import LONGEST_GAP
 from ...preprocessing.imu_samples import LONGEST_INTERVAL
 from .chosen import Chosen
 from .header import template
@@ -25,7 +25,7 @@ def glue(of: Chosen, made: Image) -> str:
     return template("strapdown_calls.c").substitute(
         most_latitude=repr(LATITUDE_LIMIT),
         longest_sample=repr(LONGEST_INTERVAL),
-        longest_gap=repr(LONGEST_GAP),
+        longest_gap=repr(MAX_PAUSE),
         same_time=repr(SAME_TIME),
         same_event=repr(FOLD),
         example="\n".join(_example(of.start, of.noise)),

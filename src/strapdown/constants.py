@@ -1,0 +1,16 @@
+"""Numbers that mean the same in several rooms, each with its reason. A number of one room stands there."""
+
+STANDARD_GRAVITY = 9.80665
+"""m/s^2, by definition; near that of 45 deg of latitude at sea level."""
+MAX_PAUSE = 86400.0
+"""s: a jump in time beyond this is no pause of one recording."""
+COMMON_GYRO_RANGE = 35.0
+"""rad/s (2000 deg/s) that the common MEMS gyros read at most."""
+SETTLING = 25.0
+"""s after its first fix in which a filter may still be wrong about its start."""
+REST_SPEED = 0.3
+"""m/s, which neither a receiver at rest nor the swing of a lever arm exceeds for long."""
+CHI_SQUARE_95 = 3.841
+"""95 % of one degree of freedom."""
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of the size of N(0, 1)."""
