@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from strapdown.constants import CHI_SQUARE_95
 from strapdown.tuning.likelihood import Point, Seen
-from strapdown.tuning.scoring import CHI_SQUARE, climb, profile
+from strapdown.tuning.scoring import climb, profile
 
 ROOT = 20 * np.linalg.cholesky(np.array([[1, 0, -0.7], [0, 1, -0.6], [-0.7, -0.6, 1]])).T
 
@@ -30,5 +31,5 @@ def test_a_profile_lets_all_follow_that_are_coupled_through_others(j):
     likelihood = Quadratic()
     top = climb(likelihood, np.array([0.1, -0.2, 0.1]), np.arange(3))
     found = profile(likelihood, top, j)
-    half = np.sqrt(CHI_SQUARE * np.linalg.inv(ROOT.T @ ROOT)[j, j])
+    half = np.sqrt(CHI_SQUARE_95 * np.linalg.inv(ROOT.T @ ROOT)[j, j])
     assert [found.low, found.high] == pytest.approx([-half, half], rel=0.05)

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError
+from ...constants import STANDARD_GRAVITY as G
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import (
     LEAST_MEDIAN_FORCE,
     NO_GRAVITY,
     UNFELT,
-    G,
     is_temperature,
     mistakes,
 )
