@@ -7,10 +7,10 @@ m/s).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -283,6 +283,34 @@ class Rejected(NamedTuple):
         return f"{self.source}: {many} {fixes} rejected {when}: {self.seen}; {self.remedy}"
 
 
+class SolutionMeta(TypedDict, total=False):
+    """What is known of a solution beside its numbers, each only where it is known."""
+
+    filter: str
+    recording: str  # its name
+    epoch: str | None  # UTC of t = 0, ISO 8601, where the clock is absolute
+    date: str | None
+    notes: list[str]  # what was handled on the way
+    read: list[str]  # what was taken from the files
+    imu: str  # name of the grade
+    vehicle: str  # its name
+    start: dict[str, Any]  # fields of the Start
+    noise: dict[str, float]  # fields of the Noise
+    kinds: dict[str, str]  # {source: kind}
+    bias_sd: Sequence[float] | None  # what the description of the IMU allows, m/s^2 and rad/s
+    fixes_outside: int  # fixes before the start or after the samples
+    point: str  # of the vehicle that it is of: "imu" or another
+    withheld: Sequence[tuple[float, float]]  # s, windows without fixes
+    installation: dict[str, Any]  # parameters that were states, as given and found
+    rejected: list[dict[str, Any]]  # fields of each Rejected
+    heights_apart: list[dict[str, Any]]  # sources of height that contradict each other
+    stopped: str  # why the run ended early
+    smoothed: bool
+    filter_against_smoother: dict[str, float]  # mean squared difference over its expectation
+    filter_options: dict[str, Any]
+    verdict: dict[str, Any]  # `Verdict.as_dict`, of a solution read from a file
+
+
 @dataclass(frozen=True)
 class Solution:
     """What a filter made of a recording: n rows, SI and radians, in NED."""
@@ -298,7 +326,7 @@ class Solution:
     # the filter's extra output columns (n,) by name, which says the unit
     columns: dict[str, Array] = field(default_factory=dict)
     covariance: Array | None = None  # (n, k, k) at the same times, where it was asked for
-    meta: dict[str, Any] = field(default_factory=dict)  # filter, imu, start, recording, counts
+    meta: SolutionMeta = field(default_factory=SolutionMeta)
     # the sources that the filter used, with their samples; None of a solution read from a file
     recording: Recording | None = field(default=None, repr=False, compare=False)
     # of a smoothed solution; None of others, and of a file that is no NetCDF
@@ -317,16 +345,16 @@ class Solution:
         rows = within(self.t, start, stop, "solution")
         untested = (*self.verdict.untested, OF_WHOLE)
         verdict = replace(self.verdict, untested=tuple(dict.fromkeys(untested)))
-        meta = {"verdict": verdict.as_dict()} | {
-            key: [run for run in self.meta[key] if run["start"] <= stop and run["stop"] >= start]
-            for key in ("rejected", "heights_apart")
-            if key in self.meta
-        }
+        meta: SolutionMeta = {**self.meta, "verdict": verdict.as_dict()}
+        if "rejected" in meta:
+            meta["rejected"] = _during(meta["rejected"], start, stop)
+        if "heights_apart" in meta:
+            meta["heights_apart"] = _during(meta["heights_apart"], start, stop)
         return replace(
             self.taking(rows),
             innovations=self.innovations.between(start, stop),
             events=tuple(event for event in self.events if start <= event[0] <= stop),
-            meta={**self.meta, **meta},
+            meta=meta,
         )
 
     def taking(self, rows: slice | Mask | Ints) -> Solution:
@@ -442,3 +470,8 @@ class Solution:
             f"{name} {good} accepted {bad} rejected" for name, (good, bad) in self.counts().items()
         )
         return f"Solution({self.meta.get('filter', '')}: {self.trajectory!r}, {fixes or 'no fixes'}, {len(self.events)} events)"
+
+
+def _during(runs: list[dict[str, Any]], start: float, stop: float) -> list[dict[str, Any]]:
+    """Those of runs of fixes that reach into [start, stop], s."""
+    return [run for run in runs if run["start"] <= stop and run["stop"] >= start]

@@ -3,9 +3,9 @@ cleaned and checked."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +18,66 @@ from .operations import operation
 from .preprocessing.fixes import checked_aidings
 from .preprocessing.imu_samples import imu_from_arrays
 from .time_scales import ends, utc
-from .typing import ArrayLike
+from .typing import Array, ArrayLike
 
 if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
     import xarray as xr
 
+    from .sensor_models.imu import ImuSpec
+    from .vehicle import Vehicle
 
-GUESSED_AXES = "guessed_axes"
-"""Key of `Recording.meta`: the axes of the IMU where somebody guessed them and nobody confirmed them."""
-UNDECIDED_GYRO = "undecided_gyro"
-"""The same: a complaint of the unit of the gyro, which holds unless the vehicle is a multicopter."""
+
+class RecordingMeta(TypedDict, total=False):
+    """What is known of a recording beside its samples, each only where it is known.
+
+    What a reader or a user adds under other names is kept.
+    """
+
+    name: str
+    epoch: str | None  # UTC of t = 0, ISO 8601, where the clock is absolute
+    date: str | None
+    notes: list[str]  # what was handled while reading
+    read: list[str]  # what was taken from the files, and how
+    grade: str | dict[str, Any] | ImuSpec | None  # the IMU: name or file of a grade, or its values
+    vehicle: str | dict[str, Any] | Vehicle | None
+    place: (
+        Sequence[float] | Array
+    )  # (3,) latitude and longitude, rad, and height, m, near the start
+    temperature: Array  # (m, 2) s and degC of the IMU
+    imu_lever_arm: Sequence[float]  # (3,) from the reference point of the vehicle to the IMU, m
+    imu_mounting: Sequence[float]  # (3,) rotation vector from the axes of the case to the body, rad
+    point: str  # of the vehicle that the reference is of: "imu" or another
+    estimate: Mapping[
+        str, tuple[float, ...]
+    ]  # parameters of the IMU that become states: priors, SI
+    guessed_axes: str  # the axes of the IMU where somebody guessed them and nobody confirmed them
+    # a complaint of the unit of the gyro, which holds unless the vehicle is a multicopter
+    undecided_gyro: str
+    sensors: dict[str, Any]  # description of sensors as files have it
+    height_columns: dict[str, str]  # {column: name of the source} of heights in one file
+    b_a: Array  # (n, 3) true biases of a simulated IMU, m/s^2
+    b_g: Array  # (n, 3) rad/s
+    b_baro: Array  # true error of a simulated barometer, m
+    movement: Sequence[Sequence[float]]  # s, the windows of a trial that count
+    # of a file of PSINS: what its header says of the start, SI
+    position: list[float]
+    velocity: list[float]
+    attitude: list[float]
+    gravity: float
+    installed: dict[str, Any]  # what its recording.toml says of the installation
+    # of a simulated flight
+    aircraft: str
+    filter_options: dict[str, Any]
+    outages: Sequence[tuple[float, float]]  # s
+    wind: Sequence[float]  # m/s towards north, east, down
+    told_wind: Sequence[float]
+    turbulence: str
+    earth: str
+    feedback: str
+    prediction: str
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -39,9 +87,7 @@ class Recording:
     imu: Imu
     aidings: tuple[Aiding, ...] = ()
     reference: Trajectory | None = None
-    # name, epoch (UTC of t = 0, ISO text, where the clock is absolute), date, grade, temperature of the
-    # IMU ((m, 2) s and degC), notes (list of what was handled while reading)
-    meta: dict[str, Any] = field(default_factory=dict)
+    meta: RecordingMeta = field(default_factory=RecordingMeta)
 
     @classmethod
     def from_arrays(
@@ -62,9 +108,8 @@ class Recording:
         """
         imu, notes = imu_from_arrays(t, gyro, accel, kind, meta.get("vehicle"))
         aidings, more = checked_aidings(imu, aidings)
-        return cls(
-            imu, tuple(aidings), reference, {"name": "arrays", **meta, "notes": [*notes, *more]}
-        )
+        known = cast(RecordingMeta, {"name": "arrays", **meta, "notes": [*notes, *more]})
+        return cls(imu, tuple(aidings), reference, known)
 
     @classmethod
     def from_frames(
@@ -97,6 +142,19 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.imu.t)
+
+    def knowing(self, **facts: Unpack[RecordingMeta]) -> Recording:
+        """The same recording with these facts in its meta."""
+        return replace(self, meta={**self.meta, **facts})
+
+    def noting(self, notes: Iterable[str]) -> Recording:
+        """The same recording with further notes."""
+        return self.knowing(notes=[*self.meta.get("notes", []), *notes])
+
+    def forgetting(self, name: str) -> Recording:
+        """The same recording without a fact of its meta."""
+        left = {key: value for key, value in self.meta.items() if key != name}
+        return replace(self, meta=cast(RecordingMeta, left))
 
     def __getitem__(self, part: slice) -> Recording:
         """The part of `recording[100:200]`, s, as `between` takes it, with the rows of the reference

@@ -1,7 +1,5 @@
 """A Start of which only parts are known: what it leaves open is found as `align` finds it."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..core.loop.contract import ATT, POS, VEL, Start
@@ -59,7 +57,7 @@ def completed(
         heading = float(start.rph[2])
         heading_sd = heading_sd if "sd" in missing else float(start.sd[ATT.stop - 1])
     if "lla" not in missing:
-        recording = replace(recording, meta=recording.meta | {"place": start.lla})
+        recording = recording.knowing(place=start.lla)
     from_fixes = position and ("lla" in missing or source(recording, "position") is not None)
     found = align(recording, imu, heading, heading_sd, at=start.t, position=from_fixes)
     sd, v = np.array(found.sd), found.v

@@ -669,9 +669,10 @@ def grade_of(recording: "sd.Recording") -> "str | sd.ImuSpec | dict[str, Any]":
     """The IMU that a recording names. Raises DataError."""
     from ..sensor_models.imu import grades
 
-    if recording.meta.get("grade") is None:
+    named = recording.meta.get("grade")
+    if named is None:
         raise sd.DataError(
             f"the recording does not name its IMU: give --imu, one of {', '.join(grades())}, or a "
             f"file that describes it"
         )
-    return recording.meta["grade"]
+    return named

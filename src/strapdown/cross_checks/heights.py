@@ -20,7 +20,6 @@ LEAST_FIXES, SEVERAL = 10, 4.0
 """Fixes that are needed, and standard deviations of both from which a difference counts."""
 LEAST, GEOID = 5.0, 110.0
 """A difference counts from LEAST metres on; the geoid is up to GEOID off the ellipsoid."""
-COLUMNS = "height_columns"
 """Key of the meta of a recording: {column of heights above the ellipsoid: source that takes it}."""
 SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
 """Part of the name of a column of heights above mean sea level."""
@@ -29,7 +28,7 @@ SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
 def check(subject: Subject) -> Checked:
     """Each pair of sources that tell a height above the ellipsoid, and the name of its column."""
     found = Checked.nothing()
-    for column, name in subject.recording.meta.get(COLUMNS, {}).items():
+    for column, name in subject.recording.meta.get("height_columns", {}).items():
         found.reasons.extend(above_sea_level(name, column))
     sources = [(a, *_heights(a)) for a in subject.sources(*KINDS)]
     sources = [each for each in sources if len(each[1]) >= LEAST_FIXES]

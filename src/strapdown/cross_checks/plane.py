@@ -16,7 +16,6 @@ import numpy as np
 from ..data import Aiding
 from ..geodesy import wrap
 from ..preprocessing.axes import BODY_AXES, axes_matrix, named_permutation
-from ..recording import GUESSED_AXES
 from ..typing import Array
 from ..vehicle import find as find_vehicle
 from ..verdict import Reason
@@ -70,10 +69,9 @@ def check(subject: Subject) -> Checked:
         if found.facts or found.reasons:
             return found
         unclear.inconclusive.extend(found.inconclusive)
-    if GUESSED_AXES in meta:
+    if axes := meta.get("guessed_axes"):
         unclear.inconclusive.append(
-            f'axes of the IMU: "{meta[GUESSED_AXES]}" is a guess that the motion does not test; '
-            f"{confirm(meta[GUESSED_AXES])}"
+            f'axes of the IMU: "{axes}" is a guess that the motion does not test; {confirm(axes)}'
         )
     return unclear
 
@@ -204,7 +202,7 @@ def _reason(fit: Fit, source: str, weight: float, meta: Mapping[str, Any]) -> Re
         seen += f": the IMU is turned by {-degrees % 360:.0f} deg about the vertical"
     remedy = f"add {degrees:+.0f} deg to `heading` of `mounting` of [imu]"
     if right and "imu_mounting" not in meta:
-        remedy = _turned_axes(round(degrees), meta.get(GUESSED_AXES))
+        remedy = _turned_axes(round(degrees), meta.get("guessed_axes"))
     return Reason("axes" if right else "mounting", seen, remedy, weight=weight)
 
 

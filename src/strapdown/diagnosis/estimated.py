@@ -135,7 +135,7 @@ def installation(solution: Solution) -> EstimatedInstallation:
             f"solution is {brief(solution)}; it must be a Solution, as fuse, smooth and read_solution "
             f"give one"
         )
-    known = solution.meta.get("installation", {"parameters": [], "correlation": []})
+    known: dict[str, Any] = solution.meta.get("installation", {"parameters": [], "correlation": []})
     values = _values(solution, known["parameters"])
     parameters = tuple(
         _parameter(solution, facts, value) for facts, value in zip(known["parameters"], values)

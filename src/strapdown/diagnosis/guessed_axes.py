@@ -3,16 +3,16 @@ confirms them."""
 
 from ..cross_checks import plane
 from ..cross_checks.motion import Subject
-from ..recording import GUESSED_AXES, Recording
+from ..recording import Recording
 from ..verdict import Reason
 
 
 def of_guessed_axes(recording: Recording) -> list[Reason]:
     """Reasons against axes of the IMU that are a guess: what the motion contradicts, or that it does
     not test them; none where it confirms them, or where the user stated them."""
-    if GUESSED_AXES not in recording.meta:
+    if "guessed_axes" not in recording.meta:
         return []
-    axes, tested = recording.meta[GUESSED_AXES], plane.check(Subject(recording))
+    axes, tested = recording.meta["guessed_axes"], plane.check(Subject(recording))
     if tested.facts or tested.reasons:
         return tested.reasons
     why = "".join(f" ({line.partition(': ')[2]})" for line in tested.inconclusive[:-1][:1])

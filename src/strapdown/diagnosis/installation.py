@@ -22,7 +22,6 @@ from ..data import Aiding
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
-from ..io.description.installed import INSTALLED
 from ..preprocessing.axes import rotation_matrix
 from ..recording import Recording
 from ..typing import Array, Ints
@@ -91,10 +90,9 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
         of_imu = [find(a.kind).mean_of == "gyro" for a in aidings]
         aidings = [replace(a, y=a.y @ R.T) if own else a for a, own in zip(aidings, of_imu)]
-    meta = recording.meta
-    if np.any(theta):  # it is no longer as its file has it
-        meta = {key: value for key, value in meta.items() if key != INSTALLED}
-    return replace(recording, imu=imu, aidings=tuple(aidings), meta=meta)
+    made = replace(recording, imu=imu, aidings=tuple(aidings))
+    # it is no longer as its file has it
+    return made.forgetting("installed") if np.any(theta) else made
 
 
 def rotation(turn: Array) -> Array:

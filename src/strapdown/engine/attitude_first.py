@@ -73,8 +73,7 @@ def fed(
     replaced = [a for a in recording.aidings if a.kind == "attitude"]
     notes[0] += whose(taken, replaced)
     left = [a for a in recording.aidings if not any(a is each for each in taken + replaced)]
-    meta = recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]}
-    return replace(recording, aidings=(*left, made), meta=meta), made
+    return replace(recording, aidings=(*left, made)).noting(notes), made
 
 
 def chosen(
@@ -171,8 +170,7 @@ def source(
     seen = replace(
         recording,
         aidings=without_estimates(a for a in recording.aidings if a.kind != "attitude"),
-        meta=recording.meta | {"notes": [], "estimate": {}},
-    )
+    ).knowing(notes=[], estimate={})
     begin = _start(seen, imu, noise, start)
     assumed, spec = assumed_noise(
         seen.meta.get("grade") if imu is None else imu, noise, needed=False

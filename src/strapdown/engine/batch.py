@@ -1,6 +1,5 @@
 """From a Recording and a filter to a Solution: `fuse` runs a whole recording."""
 
-from dataclasses import replace
 from typing import Any
 
 from .. import filters
@@ -83,9 +82,7 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     check_number(asked.every, "every", least=1, most=1e9, whole=True)
     check_flag(asked.covariance, "covariance")
     if asked.vehicle is not None:  # so that all runs of it know it
-        recording = replace(
-            recording, meta=recording.meta | {"vehicle": find_vehicle(asked.vehicle)}
-        )
+        recording = recording.knowing(vehicle=find_vehicle(asked.vehicle))
     recording = with_estimates(recording, asked.estimate)
     imu, start = asked.imu, asked.start
     whole = isinstance(start, Start) and not left_open(start)
@@ -96,8 +93,7 @@ def begin(recording: Recording, filter: str | Filter, asked: Asked) -> Run:
     if "estimate" not in recording.meta:
         axes, said = of_grade(filter, spec)
         if said:
-            more = {"estimate": axes, "notes": [*recording.meta.get("notes", []), *said]}
-            recording = replace(recording, meta=recording.meta | more)
+            recording = recording.noting(said).knowing(estimate=axes)
     if start is not None:  # before an AHRS or anything else takes it for one
         check_start(start, noise, left_open(start) if isinstance(start, Start) else ())
     recording, made = fed(

@@ -10,7 +10,7 @@ from ..core.compile.records import Table
 from ..core.loop.contract import BA, BG, POS, STATES, VEL
 from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
-from ..data import Aiding, Innovations, Solution, Trajectory
+from ..data import Aiding, Innovations, Solution, SolutionMeta, Trajectory
 from .installation import told
 from .prepare import Run, brought
 
@@ -22,7 +22,7 @@ def solution(run: Run) -> Solution:
     nav, used = out.nav[: cursor.state[0].out], out.fix[: cursor.state[0].fix]
     run.events.look_at(used, fixes.sd[: len(used)])
     events = run.events.all
-    meta = {
+    meta: SolutionMeta = {
         "filter": filter.name,
         "recording": recording.meta.get("name", ""),
         "notes": list(recording.meta.get("notes", [])),
@@ -35,9 +35,12 @@ def solution(run: Run) -> Solution:
         "kinds": {a.name or a.kind: a.kind for a in recording.aidings},
         "date": recording.meta.get("date"),
         "point": recording.meta.get("point", "imu"),
-    } | told(recording, belief.P)
-    # the absolute clock, and what was taken from the files
-    meta |= {key: recording.meta[key] for key in ("epoch", "read") if recording.meta.get(key)}
+    }
+    meta |= told(recording, belief.P)
+    if epoch := recording.meta.get("epoch"):
+        meta["epoch"] = epoch
+    if read := recording.meta.get("read"):
+        meta["read"] = read
     if run.events.rejected:
         meta["rejected"] = [each._asdict() for each in run.events.rejected]
     if run.events.heights_apart:

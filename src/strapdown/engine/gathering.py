@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ..checks import DataError
 from ..core.loop.contract import Filter, Imu, Noise, Start
 from ..data import Aiding
 from ..preprocessing.plausible import mistakes
-from ..recording import Recording
+from ..recording import Recording, RecordingMeta
 from ..sensor_models.imu import ImuSpec
 from ..typing import Say
 from .arrivals import Sample, UsableFix
@@ -37,7 +36,7 @@ class Gathering:
         within: float,
         most: int,
         say: Say | None,
-        meta: dict[str, Any],
+        meta: RecordingMeta,
     ) -> None:
         self.samples: list[Sample] = []
         self.fixes: list[UsableFix] = []

@@ -20,7 +20,7 @@ from ..core.loop.contract import (
 )
 from ..core.mathematics.coupling import Coupling
 from ..core.mathematics.error_dynamics import cross_matrix
-from ..data import Aiding
+from ..data import Aiding, SolutionMeta
 from ..estimable import (
     ACCEL_MISALIGNMENT,
     ACCEL_SCALE,
@@ -91,10 +91,9 @@ def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording
     if estimate is None:
         return recording
     aidings, of_imu = asked_of(recording.aidings, estimate)
-    meta = {key: value for key, value in recording.meta.items() if key != "estimate"}
-    if of_imu or not estimate:  # what is asked of sources leaves the IMU to its grade
-        meta["estimate"] = of_imu
-    return replace(recording, aidings=aidings, meta=meta)
+    asked = replace(recording, aidings=aidings).forgetting("estimate")
+    # what is asked of sources leaves the IMU to its grade
+    return asked.knowing(estimate=of_imu) if of_imu or not estimate else asked
 
 
 def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
@@ -214,7 +213,7 @@ def _same_antenna(a: Aiding, b: Aiding) -> bool:
     return a.kind in gnss and b.kind in gnss and tuple(a.parameters) == tuple(b.parameters)
 
 
-def told(recording: Recording, P: Array) -> dict[str, Any]:
+def told(recording: Recording, P: Array) -> SolutionMeta:
     """What the meta of a Solution says of the parameters that were states, in plain values: each as
     given and its prior, SI, and their correlations by the last covariance P. {} without any."""
     found = parameters(recording.aidings, recording.meta.get("estimate") or {})

@@ -28,7 +28,7 @@ from ..core.loop.log import LOG_FULL, LogRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Aiding, Solution, Trajectory
-from ..recording import Recording
+from ..recording import Recording, RecordingMeta
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from ..vehicle import Vehicle
@@ -246,7 +246,7 @@ class LiveRun:
         row = int(self.cursor.state[0].row + self.cursor.state[0].fault)
         return Imu(*(column[:row].copy() for column in self._room.imu))
 
-    def recording(self, **meta: Any) -> Recording:
+    def recording(self, meta: RecordingMeta) -> Recording:
         """The samples and fixes that are kept."""
         fixes, stamp, sd = self._room.fixes, self._room.stamp, self._room.sd
         kept = slice(0, int(self.cursor.state[0].fixes))
@@ -258,7 +258,7 @@ class LiveRun:
             )
         return Recording(self.samples, tuple(aidings), meta=meta)
 
-    def solution(self, every: int = 1, **meta: Any) -> Solution:
+    def solution(self, every: int, meta: RecordingMeta) -> Solution:
         """The Solution of what is kept, each n-th row of it and the last."""
         state, room = self.cursor.state[0], self._room
         rows = slice((int(state.out) - 1) % every, int(state.out), every)
@@ -270,7 +270,7 @@ class LiveRun:
         cursor = self.cursor._replace(state=self.cursor.state.copy())
         cursor.state[0].out = len(out.nav)
         self.told()
-        recording = self.recording(**meta)
+        recording = self.recording(meta)
         return solution(
             Run(
                 recording,

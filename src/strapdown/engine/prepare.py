@@ -46,7 +46,7 @@ from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding
 from ..plugins import one_line
-from ..recording import UNDECIDED_GYRO, Recording
+from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, File, Progress, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
@@ -417,19 +417,15 @@ def ready(
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
     vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))
-    if UNDECIDED_GYRO in recording.meta and not vehicle.by_thrust:
-        raise DataError(recording.meta[UNDECIDED_GYRO])
+    if "undecided_gyro" in recording.meta and not vehicle.by_thrust:
+        raise DataError(recording.meta["undecided_gyro"])
     cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle), of_imu)
     kernels = prepare(filter, [a.kind for a in aidings], asked.say, stages.needed(fixes, cursor))
     state, every = cursor.state[0], asked.every
     state.row, state.fixes, state.every = first, len(fixes.t), every
     state.phase = (rows - 1) % every
     kept = -(-(rows - first) // every)
-    used = replace(
-        recording,
-        aidings=aidings,
-        meta=recording.meta | {"notes": [*recording.meta.get("notes", []), *notes]},
-    )
+    used = replace(recording, aidings=aidings).noting(notes)
     out = new_output(filter, belief, kept, asked.covariance, len(fixes.t))
     return Run(
         used,

@@ -18,6 +18,7 @@ from ..core.loop.loop import SAME_TIME
 from ..data import Aiding, Solution
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes
+from ..recording import RecordingMeta
 from ..typing import Array, Say
 from ..vehicle import GivenVehicle, find as find_vehicle
 from ..verdict import Verdict
@@ -155,10 +156,11 @@ class Stream:
         brought(self._used, of_imu)  # refuses too many
         self._of_imu = of_imu
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
-        self._meta: dict[str, Any] = {"name": "stream"} | (
-            {"vehicle": self._vehicle} if vehicle else {}
-        )
-        self._meta |= {"estimate": of_imu} if of_imu else {}
+        self._meta: RecordingMeta = {"name": "stream"}
+        if vehicle:
+            self._meta["vehicle"] = self._vehicle
+        if of_imu:
+            self._meta["estimate"] = of_imu
         self._rows, self._every, self._covariance = history, every, covariance
         self.lag, self.newest = lag, -inf
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
@@ -605,7 +607,7 @@ class Stream:
         sample is used."""
         if self._live is None or not self._live.cursor.state[0].row:
             raise DataError("the stream has used no sample yet; there is no solution")
-        return self._live.solution(self._every, **self._meta, notes=self.notes)
+        return self._live.solution(self._every, {**self._meta, "notes": self.notes})
 
     @property
     def verdict(self) -> Verdict:

@@ -321,7 +321,7 @@ def state_errors(solution: Solution, recording: Recording) -> Array:
     Rows outside the reference are NaN. Raises DataError where the recording does not know attitude
     and biases.
     """
-    b_a, b_g = (recording.meta.get(name) for name in ("b_a", "b_g"))
+    b_a, b_g = recording.meta.get("b_a"), recording.meta.get("b_g")
     t_imu, t = recording.imu.t, solution.t
     if (
         recording.reference is None

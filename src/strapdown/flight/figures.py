@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
-from ..data import Aiding, Trajectory
+from ..data import Aiding, SolutionMeta, Trajectory
 from ..evaluation.metrics import any_known
 from ..geodesy import displacement
 from ..reports.drawing import COLOURS, GREY, even, finish, line, note, panels, time_axis
@@ -417,5 +417,5 @@ def _rows(
 def _timed(figure: go.Figure, flight: Flight) -> go.Figure:
     """The figure with its time axis, and the outages shaded whether or not the solution has been
     told of them."""
-    meta = {"withheld": flight.recording.meta["outages"], **flight.solution.meta}
+    meta: SolutionMeta = {"withheld": flight.recording.meta["outages"], **flight.solution.meta}
     return time_axis(figure, replace(flight.solution, meta=meta))

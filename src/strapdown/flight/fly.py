@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ..engine.finish import solution as solution_of
 from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
-from ..recording import Recording
+from ..recording import Recording, RecordingMeta
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
@@ -260,7 +260,7 @@ def fly(
         grade=str(imu) if isinstance(imu, (str, Path)) else spec,
         seed=seed,
         place=list(plan.place),
-        outages=[[first, min(stop, float(t[-1]))] for first, stop in windows],
+        outages=[(first, min(stop, float(t[-1]))) for first, stop in windows],
         aircraft=craft.name,
         feedback=feedback,
         prediction=prediction,
@@ -358,7 +358,11 @@ def _known(case: _Case) -> _Known:
 
 
 def _blank(
-    t: Array, dt: Array, aidings: tuple[Aiding, ...], truth: Trajectory, **meta: Any
+    t: Array,
+    dt: Array,
+    aidings: tuple[Aiding, ...],
+    truth: Trajectory,
+    **meta: Unpack[RecordingMeta],
 ) -> Recording:
     """The Recording of a flight before its first sample."""
     return Recording(
@@ -513,13 +517,10 @@ def _flight(underway: _Underway) -> Flight:
         stopped = Stop(float(samples.t[-1]), ENDINGS[cause], underway.vehicle.state.copy())
         notes.append(str(stopped))
     steps = int(journal.at[kernels.STEPS])
-    more = {
-        "b_a": underway.errors.b_a[steps - 1 :: steps][:rows],
-        "b_g": underway.errors.b_g[steps - 1 :: steps][:rows],
-        "notes": [*blank.meta["notes"], *notes],
-    }
-    recording = replace(
-        blank, imu=samples, aidings=aidings, reference=truth, meta=blank.meta | more
+    made = replace(blank, imu=samples, aidings=aidings, reference=truth).noting(notes)
+    recording = made.knowing(
+        b_a=underway.errors.b_a[steps - 1 :: steps][:rows],
+        b_g=underway.errors.b_g[steps - 1 :: steps][:rows],
     )
     filters = run.recording.meta["notes"][len(blank.meta["notes"]) :]
     if (
@@ -531,7 +532,7 @@ def _flight(underway: _Underway) -> Flight:
             f"{run.filter.name} navigates on the rotating Earth, and this flight's is flat and "
             f"still: it errs by the difference"
         )
-    used = replace(recording, meta=recording.meta | {"notes": more["notes"] + filters})
+    used = recording.noting(filters)
     solution = solution_of(run._replace(recording=used, samples=samples))
     solution.meta["filter_options"] = dict(blank.meta["filter_options"])
     if stopped:

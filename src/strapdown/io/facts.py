@@ -1,8 +1,7 @@
 """What can be said of samples and fixes, in lines for people: rates, gaps, what the sensors read at
 rest, how fixes and gyro agree."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.vehicle_rest import moving
-from ..recording import Recording
+from ..recording import Recording, RecordingMeta
 from ..sensor_models.imu import grade
 from ..time_scales import span, utc
 from ..typing import Array, Ints, Mask
@@ -72,7 +71,7 @@ def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
             yield Reason.told(cause, text, aiding.name or aiding.kind)
 
 
-def gyro_bias_sd(meta: Mapping[str, Any]) -> float:
+def gyro_bias_sd(meta: RecordingMeta) -> float:
     """What the description of the IMU in the meta of a recording allows, rad/s; 0 without one."""
     named = meta.get("grade")
     return 0.0 if named is None else grade(named).bias_sd()[1]
@@ -83,7 +82,7 @@ def clock_facts(imu: Imu, epoch: str | None) -> list[str]:
     return [] if epoch is None else [f"clock: {span(utc(epoch, imu.t))}; t = 0 is {epoch}"]
 
 
-def temperature_facts(meta: Mapping[str, Any]) -> list[str]:
+def temperature_facts(meta: RecordingMeta) -> list[str]:
     """A line on how warm the IMU was, where it was measured."""
     if "temperature" not in meta:
         return []
@@ -170,7 +169,7 @@ def _triple(values: Iterable[float], digits: int = 2) -> str:
     return "[" + " ".join(f"{value:.{digits}f}" for value in values) + "]"
 
 
-def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: Mapping[str, Any]) -> Findings:
+def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: RecordingMeta) -> Findings:
     """Findings on fixes: their times, attitudes against those of the gyro, and what the parts of the
     recording, whose `meta` it is, say of each other."""
     found, aidings = Findings.of(), list(aidings)
@@ -179,7 +178,7 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: Mapping[str, Any]) -
     for aiding in aidings:
         facts, problems = _of_fixes(imu, aiding)
         found.add(facts, [text for _, text in problems])
-    found.take(*check(Recording(imu, tuple(aidings), None, dict(meta))))
+    found.take(*check(Recording(imu, tuple(aidings), None, meta)))
     return found
 
 

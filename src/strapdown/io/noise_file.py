@@ -13,7 +13,6 @@ from ..quantities import shown_unit
 from ..recording import Recording, check_recording
 from ..toml_keys import Key, flag, items, read_table, section
 from ..typing import File
-from .description.installed import INSTALLED
 
 FACTOR, CORRELATED = "sd_factor", "correlated"
 """Keys of a section."""
@@ -63,8 +62,7 @@ def with_noise(recording: Recording, file: File) -> Recording:
         for a, name, noise in zip(recording.aidings, names, noises)
     ]
     # it is no longer as its own file has it
-    meta = {key: value for key, value in recording.meta.items() if key != INSTALLED}
-    return replace(recording, aidings=tuple(aidings), meta=meta)
+    return replace(recording, aidings=tuple(aidings)).forgetting("installed")
 
 
 def write_noise(path: File, noises: Mapping[str, SourceNoise], comments: Iterable[str]) -> None:

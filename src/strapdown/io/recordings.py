@@ -1,6 +1,5 @@
 """From files to a Recording, whatever their formats."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from ..checks import DataError, printable
@@ -37,10 +36,9 @@ def read(path: File, /, *more: File, **instances: int | None) -> Recording:
 
 def _printable(recording: Recording) -> Recording:
     """The same with lines that are told without control characters, which names in files may have."""
-    meta = {
-        key: list(map(printable, map(str, recording.meta[key])))
-        for key in ("notes", "read")
-        if isinstance(recording.meta.get(key), list)
-    }
-    changed = any(meta[key] != recording.meta[key] for key in meta)
-    return replace(recording, meta={**recording.meta, **meta}) if changed else recording
+    notes, read = recording.meta.get("notes"), recording.meta.get("read")
+    if isinstance(notes, list):
+        recording = recording.knowing(notes=[*map(printable, map(str, notes))])
+    if isinstance(read, list):
+        recording = recording.knowing(read=[*map(printable, map(str, read))])
+    return recording

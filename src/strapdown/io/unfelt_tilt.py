@@ -1,8 +1,6 @@
 """A gyro that claims tilting which the accelerometer does not feel: in a wrong unit, or on a
 multicopter. The fixes decide, else the vehicle."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from ..checks import DataError
@@ -10,7 +8,7 @@ from ..core.loop.contract import Imu
 from ..cross_checks.gyro_fit import EVIDENCE, likelier
 from ..cross_checks.motion import Subject
 from ..preprocessing.plausible import UNFELT, mistakes
-from ..recording import UNDECIDED_GYRO, Recording
+from ..recording import Recording
 from ..vehicle import GivenVehicle
 
 
@@ -44,12 +42,10 @@ def decided(recording: Recording, accused: str) -> Recording:
     later. Raises DataError where it holds."""
     if not accused:
         return recording
-    meta, evidence = recording.meta, in_degrees(recording)
+    evidence = in_degrees(recording)
     if evidence < -EVIDENCE:
         note = f"imu: the gyro tilts {UNFELT}, as on a multicopter: the fixes confirm its unit"
-        meta = meta | {"notes": [*meta.get("notes", []), note]}
-    elif meta.get("vehicle", "any") != "any" or evidence > EVIDENCE:
+        return recording.noting([note])
+    if recording.meta.get("vehicle", "any") != "any" or evidence > EVIDENCE:
         raise DataError(accused)
-    else:
-        meta = meta | {UNDECIDED_GYRO: accused}
-    return replace(recording, meta=meta)
+    return recording.knowing(undecided_gyro=accused)

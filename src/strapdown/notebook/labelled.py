@@ -12,7 +12,7 @@ import numpy as np
 
 from ..aiding import find
 from ..checks import DataError, check_choice
-from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Solution, Trajectory
+from ..data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Solution, SolutionMeta, Trajectory
 from ..evaluation.metrics import EULER, NED_AXES
 from ..io.solutions.solution_netcdf import (
     CF_UNITS,
@@ -93,11 +93,16 @@ def recording_frame(recording: Recording, part: str = IMU) -> pd.DataFrame:
     return _dated(table, epoch, {name: said for name, (_, _, said) in variables.items()}, {})
 
 
+def _titles(meta: SolutionMeta) -> dict[str, str | None]:
+    """Names of the recording and the filter, as far as they are known."""
+    return {"recording": meta.get("recording"), "filter": meta.get("filter")}
+
+
 def _dated(
     table: pd.DataFrame,
     epoch: str | None,
     named: dict[str, dict[str, str]],
-    meta: dict[str, Any],
+    meta: SolutionMeta,
 ) -> pd.DataFrame:
     """A table with dates as its index and seconds as a column, where there is an epoch; attrs has
     units, standard names, and what of `meta` names where it comes from."""
@@ -108,7 +113,7 @@ def _dated(
             pd.DatetimeIndex(utc(epoch, table.index.to_numpy()), tz="UTC", name="time")
         )
     table.attrs = {
-        **{name: str(meta[name]) for name in ("recording", "filter") if meta.get(name)},
+        **{name: str(value) for name, value in _titles(meta).items() if value},
         "units": {"t": "s", **{name: said["units"] for name, said in named.items()}},
         "standard_names": {
             name: said["standard_name"] for name, said in named.items() if "standard_name" in said
@@ -128,8 +133,7 @@ def solution_dataset(solution: Solution) -> xr.Dataset:
     dims, values, said = variables["fix_source"]
     meant = {"flag_values": np.arange(len(names)), "flag_meanings": " ".join(map(_word, names))}
     variables["fix_source"] = dims, values, {"units": "1", "long_name": "source", **meant}
-    titled = {name: solution.meta.get(name) for name in ("recording", "filter")}
-    about = {**titled, "verdict": solution.verdict.word}
+    about = {**_titles(solution.meta), "verdict": solution.verdict.word}
     return _dataset(variables, ("time", "fix_time"), solution.meta.get("epoch"), about)
 
 

@@ -49,8 +49,8 @@ def _recorded(solution: Solution) -> tuple[str, list[str]]:
     if solution.has_position:
         large += f", {metres(_length(solution.trajectory.lla))}"
     day = ""
-    if "epoch" in solution.meta:
-        begin = utc(solution.meta["epoch"], solution.t[:1])[0]
+    if epoch := solution.meta.get("epoch"):
+        begin = utc(epoch, solution.t[:1])[0]
         day = f"{str(begin)[:19].replace('T', ' ')} UTC"
     rate = ""
     if solution.recording is not None:

@@ -13,7 +13,7 @@ from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
 from ..data import Aiding, Trajectory
 from ..geodesy import displaced
-from ..recording import Recording
+from ..recording import Recording, RecordingMeta
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
@@ -98,12 +98,13 @@ class Simulator:
         stream = Stream.of(seed)
         samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
         sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
-        more: dict[str, Any] = {"notes": saturated(spec, samples) + sources.meta["notes"]}
-        if spec.warm_up is not None:
-            since, last = samples.t[0] - samples.dt[0], samples.t[-1]
-            t = np.append(np.arange(since, last), last)
-            more["temperature"] = np.c_[t, spec.warm_up.temperature(t - since)]
-        return replace(sources, imu=samples, meta=sources.meta | more)
+        notes = saturated(spec, samples) + sources.meta["notes"]
+        made = replace(sources, imu=samples).knowing(notes=notes)
+        if spec.warm_up is None:
+            return made
+        since, last = samples.t[0] - samples.dt[0], samples.t[-1]
+        t = np.append(np.arange(since, last), last)
+        return made.knowing(temperature=np.c_[t, spec.warm_up.temperature(t - since)])
 
     def felt(self, spec: ImuSpec) -> Imu:
         """What an IMU without errors feels in the scenario: the ideal increments with its
@@ -120,12 +121,12 @@ class Simulator:
         stream = Stream.of(seed)
         aidings: list[Aiding] = [*self.plan.fixes(stream.named("gnss"))]
         notes = without_fixes(aidings)
-        more: dict[str, Any] = {}
+        meta = self._meta(imu, grade(imu), b_a, b_g)
         if self.magnetic is not None:
             aidings.append(self.magnetic.fixes(stream.named("magnetometer")))
             notes += self.magnetic.notes(aidings[-1])
         if self.barometric is not None:
-            aiding, more["b_baro"] = self.barometric.measured(stream.named("barometer"))
+            aiding, meta["b_baro"] = self.barometric.measured(stream.named("barometer"))
             aidings.append(aiding)
             notes += self.barometric.notes(aiding)
         if self.attitude is not None:
@@ -134,8 +135,7 @@ class Simulator:
         for plan in self.sensors:
             aidings.append(plan.fixes(stream.named("sensors").named(plan.aiding.name)))
             notes += plan.notes(aidings[-1])
-        meta = self._meta(imu, grade(imu), b_a, b_g) | more | {"notes": notes}
-        return Recording(self.ideal, tuple(aidings), self.truth, meta)
+        return Recording(self.ideal, tuple(aidings), self.truth, {**meta, "notes": notes})
 
     def offset(self, spec: ImuSpec) -> Array:
         """The scenario's accelerometer offset at the samples, (n, 3) or (3,) m/s^2."""
@@ -199,8 +199,8 @@ class Simulator:
         spec: ImuSpec | None,
         b_a: Array,
         b_g: Array,
-    ) -> dict[str, Any]:
-        meta = {
+    ) -> RecordingMeta:
+        meta: RecordingMeta = {
             "name": self.scenario.name,
             "grade": str(imu) if isinstance(imu, (str, Path)) else spec,
             "notes": [],

@@ -14,7 +14,7 @@ import numpy as np
 from ..checks import DataError
 from ..files import together
 from ..io.description.complaints import load
-from ..io.description.installed import INSTALLED, difference as differing, installed
+from ..io.description.installed import difference as differing, installed
 from ..io.description.rewriting import check_sections, check_writable, rewrite, rewritten
 from ..io.description.rewriting_noise import (
     CORRELATED,
@@ -181,7 +181,7 @@ def check_changeable(recording: Recording, path: Path) -> None:
     """Refuse what is no recording.toml, or has other values than the recording was read with.
     Raises DataError."""
     check_sections(path, [a.kind for a in recording.aidings])
-    read = recording.meta.get(INSTALLED)
+    read = recording.meta.get("installed")
     differs = (
         "the recording was not read as a recording.toml has it"
         if read is None

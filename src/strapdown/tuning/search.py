@@ -246,8 +246,7 @@ class Search:
         noise = noise_with(self.spec.noise(), unknowns, theta)
         said = f"noise tuned on {self.recording.meta.get('name', 'a recording')}"
         spec = imu_with(self.spec, noise, said)
-        meta = self.recording.meta | {"grade": asdict(spec)}
-        return replace(self.recording, aidings=aidings, meta=meta), spec
+        return replace(self.recording, aidings=aidings).knowing(grade=asdict(spec)), spec
 
     def left_out(self) -> int:
         """Fixes that do not count."""

@@ -23,7 +23,7 @@ from ...diagnosis.findings import (
 from ...diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
 from ...diagnosis.settling import NOTABLE
 from ...io.description.complaints import load
-from ...io.description.installed import INSTALLED, difference, installed
+from ...io.description.installed import difference, installed
 from ...io.description.rewriting import (
     LEVER_ARM,
     MOUNTING as MOUNTING_KEY,
@@ -293,7 +293,7 @@ class Installation:
     def _check_same(self, path: File) -> None:
         """Refuse a file that has other values than those the edits start from. Raises DataError."""
         check_sections(path, self._kinds)
-        read = self.given.meta.get(INSTALLED)
+        read = self.given.meta.get("installed")
         differs = (
             "the recording was not read as a recording.toml has it"
             if read is None

@@ -136,14 +136,16 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
     """The recording with samples as an IMU gives them whose axes are off by these errors."""
     from scipy.spatial.transform import Rotation
 
-    imu, meta, reference = recording.imu, recording.meta, recording.reference
+    imu, reference = recording.imu, recording.reference
     aidings = recording.aidings
     back = Rotation.from_rotvec(-vectors[MOUNTING.name]) if MOUNTING.name in vectors else None
     rates, forces = imu.dtheta, imu.dv
     if back is not None:
         rates, forces = back.apply(rates), back.apply(forces)
-        of_axes = {name: back.apply(meta[name]) for name in ("b_a", "b_g") if name in meta}
-        meta, reference = meta | of_axes, _turned(reference, back.inv())
+        if "b_a" in recording.meta:
+            b_a, b_g = recording.meta["b_a"], recording.meta["b_g"]
+            recording = recording.knowing(b_a=back.apply(b_a), b_g=back.apply(b_g))
+        reference = _turned(reference, back.inv())
         aidings = tuple(_of_turned_axes(a, back) for a in aidings)
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
     accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
@@ -152,7 +154,6 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
         imu=imu._replace(dtheta=rates @ gyro.T, dv=forces @ accel.T),
         reference=reference,
         aidings=aidings,
-        meta=meta,
     )
 
 

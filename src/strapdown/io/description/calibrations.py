@@ -10,6 +10,7 @@ from ...checks import DataError
 from ...core.loop.contract import Imu
 from ...data import Aiding
 from ...preprocessing.origin import counted
+from ...recording import RecordingMeta
 from ...typing import Array
 from ..calibration_file import HEATED, NONE, Correction, read_corrections
 from .schema import Description, ImuPart, Temperature
@@ -89,7 +90,7 @@ def temperatures(part: ImuPart, column: Temperature, files: Files) -> tuple[Arra
     return t[known][order], values[known][order] * column.scale + column.offset
 
 
-def kept_temperatures(part: ImuPart, files: Files) -> dict[str, Array]:
+def kept_temperatures(part: ImuPart, files: Files) -> RecordingMeta:
     """{"temperature": (m, 2) s and degC} for the meta of a Recording, at most one a second; empty
     where [imu] names none. Raises DataError."""
     if part.temperature is None:

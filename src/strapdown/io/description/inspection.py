@@ -3,13 +3,12 @@ read, the others still are."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from ...core.loop.contract import Imu
 from ...cross_checks.heights import above_sea_level
 from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
-from ...recording import Recording
+from ...recording import Recording, RecordingMeta
 from ..contract import Findings
 from ..facts import (
     aiding_facts,
@@ -141,7 +140,7 @@ def _magnetometers(
     parts: Iterable[tuple[AidingPart, int]],
     aidings: list[Aiding],
     imu: Imu,
-    meta: dict[str, Any],
+    meta: RecordingMeta,
     found: Findings,
 ) -> list[str]:
     """Notes; each magnetometer among the aidings, made of the (AidingPart, number) in `parts`,

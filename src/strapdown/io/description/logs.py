@@ -3,7 +3,6 @@ description as a Recording or as the text of a `recording.toml`."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -338,4 +337,4 @@ def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
     label = Path(", ".join(map(str, paths)))
     description = load(label, joined.content("."))
     recording = recording_of(description, Files(label, description.epoch, ".", dict(joined.logs)))
-    return replace(recording, meta={**recording.meta, "name": joined.name, "read": joined.told})
+    return recording.knowing(name=joined.name, read=joined.told)

@@ -4,14 +4,13 @@ fixes checked against the IMU."""
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 
 from ...alignment.location import place_of
 from ...checks import DataError, located
 from ...core.loop.contract import Imu
-from ...cross_checks.heights import COLUMNS
 from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
@@ -23,7 +22,7 @@ from ...preprocessing.origin import Origin
 from ...preprocessing.other_forms import attitudes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
-from ...recording import GUESSED_AXES, Recording
+from ...recording import Recording, RecordingMeta
 from ...time_scales import iso, utc
 from ...typing import Array, File
 from ...units import DEG, factor
@@ -33,7 +32,7 @@ from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures
 from .complaints import load
 from .fix_columns import Whereabouts, read_fixes
-from .installed import INSTALLED, installed
+from .installed import installed
 from .magnetic_sources import calibrated, with_field
 from .reference_columns import read_columns
 from .schema import Description, ImuPart, ReferencePart, Vector
@@ -58,7 +57,7 @@ def read_description(path: File) -> Recording:
     description = load(Path(path))
     recording = recording_of(description, Files(path, description.epoch))
     told = assumed(description.imu)
-    return replace(recording, meta={**recording.meta, "read": told}) if told else recording
+    return recording.knowing(read=told) if told else recording
 
 
 def assumed(part: ImuPart) -> list[str]:
@@ -101,16 +100,11 @@ def recording_of(description: Description, files: Files) -> Recording:
         reference, more = read_reference(description.reference, imu, files, whereabouts)
         notes += more
     notes = [*files.notes, *notes]
-    sensors = frames(description, files, aidings)
-    recording = Recording(
-        imu,
-        tuple(aidings),
-        reference,
-        meta
-        | ({"sensors": sensors} if sensors else {})
-        | kept_temperatures(description.imu, files)
-        | {INSTALLED: installed(description), "notes": notes},
-    )
+    recording = Recording(imu, tuple(aidings), reference, meta)
+    recording = recording.knowing(**kept_temperatures(description.imu, files))
+    if sensors := frames(description, files, aidings):
+        recording = recording.knowing(sensors=sensors)
+    recording = recording.knowing(installed=installed(description), notes=notes)
     return decided(recording, accused)
 
 
@@ -125,7 +119,7 @@ def _renamed(aiding: Aiding, number: int) -> Aiding:
     return replace(aiding, name=f"{aiding.name} {number}")
 
 
-def read_meta(description: Description, files: Files, first: float) -> dict[str, Any]:
+def read_meta(description: Description, files: Files, first: float) -> RecordingMeta:
     """The meta of a Recording that its description gives: name, epoch, date (of the sample at `first`
     s, where only an absolute clock tells), place, grade, vehicle, axes that are a guess,
     point, mounting (roll, pitch, heading, rad) and lever arm of the IMU, and what of it is
@@ -134,6 +128,7 @@ def read_meta(description: Description, files: Files, first: float) -> dict[str,
     if grade and grade.endswith(".toml"):
         grade = str(files.locate(grade))
     epoch = None if files.epoch is None else iso(files.epoch)
+    mounting = description.imu.mounting
     found = {
         "name": files.path.stem,
         "epoch": epoch,
@@ -142,14 +137,14 @@ def read_meta(description: Description, files: Files, first: float) -> dict[str,
         "grade": grade,
         "vehicle": description.vehicle,
         "estimate": description.imu.estimate or None,
-        COLUMNS: _height_columns(description.aiding) or None,
-        GUESSED_AXES: description.imu.guessed_axes,
+        "height_columns": _height_columns(description.aiding) or None,
+        "guessed_axes": description.imu.guessed_axes,
+        "imu_mounting": mounting and mounting.angles,
+        "point": description.point,
+        "imu_lever_arm": list(description.imu.lever_arm),
     }
-    found = {key: value for key, value in found.items() if value is not None}
-    mounting = description.imu.mounting
-    if mounting is not None:
-        found["imu_mounting"] = mounting.angles
-    return found | {"point": description.point, "imu_lever_arm": list(description.imu.lever_arm)}
+    known = {key: value for key, value in found.items() if value is not None}
+    return cast(RecordingMeta, known)
 
 
 def _height_columns(parts: Iterable[AidingPart]) -> dict[str, str]:
@@ -166,7 +161,7 @@ def height_column(part: AidingPart | Vector) -> str:
     return column if isinstance(column, str) else ""
 
 
-def level_notes(aidings: Iterable[Aiding], meta: dict[str, Any]) -> list[str]:
+def level_notes(aidings: Iterable[Aiding], meta: RecordingMeta) -> list[str]:
     """Notes on a mean sea level that is far from the height of the `place` in meta."""
     found = [
         (aiding, float(aiding.y[0, 0]), float(aiding.sd[0, 0]))
@@ -326,7 +321,7 @@ def read_field(
     aiding: Aiding,
     aidings: Sequence[Aiding],
     imu: Imu,
-    meta: dict[str, Any],
+    meta: RecordingMeta,
     path: File,
 ) -> tuple[Aiding, list[str]]:
     """(Aiding, notes): a magnetometer with the Earth's field as parameters, its place that of

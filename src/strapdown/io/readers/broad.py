@@ -28,7 +28,7 @@ from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...preprocessing.fixes import checked_aidings
 from ...preprocessing.origin import Origin, counted
 from ...preprocessing.stationary import at_rest, stretches
-from ...recording import Recording
+from ...recording import Recording, RecordingMeta
 from ...sensor_models.errors import Triad
 from ...sensor_models.imu import ImuSpec
 from ...typing import Array, ArrayLike, File, Mask
@@ -73,7 +73,7 @@ def read_broad(path: File) -> Recording:
     fs, arrays = parse(path)
     t, C = np.arange(len(arrays["gyr"])) / fs, axes_matrix("FLU", BODY_AXES)
     gyro, accel, field = arrays["gyr"] @ C.T, arrays["acc"] @ C.T, arrays["mag"] @ C.T * 1e-6
-    meta: dict[str, Any] = {
+    meta: RecordingMeta = {
         "name": path.stem,
         "grade": BROAD_IMU,
         "place": list(BROAD_PLACE),
@@ -214,11 +214,7 @@ def with_positions(
     )
     said = ", ".join(f"{each:g}" for each in sd)
     note = f"optical position: {len(lla)} fixes at {rate:g} Hz, white noise of {said} m north, east, down added{lost}"
-    return replace(
-        trial,
-        aidings=(*trial.aidings, fixes),
-        meta=trial.meta | {"notes": [*trial.meta["notes"], note]},
-    )
+    return replace(trial, aidings=(*trial.aidings, fixes)).noting([note])
 
 
 def body_to_ned(q: ArrayLike) -> Array:
@@ -241,10 +237,9 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
         if rest
         else np.array([False])
     )
-    notes = recording.meta["notes"]
     if not inside.any():
         missing = f"no rest of {SHORTEST_REST:g} s with a magnetic field to take its reference from: magnetometer left out"
-        return replace(recording, meta=recording.meta | {"notes": [*notes, missing]})
+        return recording.noting([missing])
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
     m = np.median(field[inside], axis=0)  # a magnet that comes near for a while must not shift it
@@ -253,7 +248,7 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
     aidings, more = checked_aidings(
         recording.imu, [Aiding("magnetic-field", t, field, sd, reference, name="magnetometer")]
     )
-    return replace(recording, aidings=aidings, meta=recording.meta | {"notes": [*notes, *more]})
+    return replace(recording, aidings=aidings).noting(more)
 
 
 def first_rest(imu: Imu) -> slice | None:

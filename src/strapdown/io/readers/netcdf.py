@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ...data import Aiding, Correlated, Trajectory
 from ...files import netcdf, replacing
 from ...preprocessing.fixes import checked_aidings, overlap
 from ...quantities import dimension, innovation_dimension, si
-from ...recording import Recording
+from ...recording import Recording, RecordingMeta as RecordingFacts
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
@@ -119,7 +119,7 @@ def _aiding_columns(kind: str) -> Schema:
     }
 
 
-def _meta(meta: dict[str, Any]) -> Variables:
+def _meta(meta: RecordingFacts) -> Variables:
     """The arrays of meta as variables, the rest as JSON, which stands in a variable because an
     attribute ends at 64 KiB."""
     arrays = {
@@ -164,16 +164,12 @@ def read_recording(path: File) -> Recording:
     checked, notes = checked_aidings(imu, aidings)
     if reference is not None:
         overlap(imu, reference.t, f"{path}: reference")
-    recording = Recording(
-        imu,
-        checked,
-        reference,
-        meta | {"notes": list(dict.fromkeys([*meta.get("notes", []), *notes]))},
-    )
-    return decided(recording, accused)
+    recording = Recording(imu, checked, reference, meta)
+    notes = list(dict.fromkeys([*meta.get("notes", []), *notes]))
+    return decided(recording.knowing(notes=notes), accused)
 
 
-def parts(path: File) -> tuple[dict[str, Any], Imu, list[Aiding], Trajectory | None]:
+def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | None]:
     """(meta, Imu, aidings, reference) as they stand in the file, which is as the format declares it.
     Raises DataError."""
     path = Path(path)
@@ -216,7 +212,7 @@ def _checked(group: Content, schema: Schema, where: str) -> dict[str, Array]:
     }
 
 
-def _meta_of(found: Content, path: Path) -> dict[str, Any]:
+def _meta_of(found: Content, path: Path) -> RecordingFacts:
     from ..own.recording_rules import RecordingMeta
     from ..own.text_rules import check_values, from_json
 
@@ -234,7 +230,7 @@ def _meta_of(found: Content, path: Path) -> dict[str, Any]:
         )
     known = {name: arrays[name].tolist() for name in set(arrays) & set(RecordingMeta.model_fields)}
     check_values(RecordingMeta, meta | known, where)
-    return {**meta, **arrays}
+    return cast(RecordingFacts, {**meta, **arrays})
 
 
 def _aiding(group: Content, where: str) -> Aiding:

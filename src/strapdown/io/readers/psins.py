@@ -22,7 +22,7 @@ from ...data import Aiding
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import mistakes
-from ...recording import Recording
+from ...recording import Recording, RecordingMeta
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
@@ -74,7 +74,7 @@ def unchecked(path: File) -> Recording:
         (counts[:, 3:] * header.accel_count) @ C.T,
     )
     imu, notes = increments(t, gyro, accel, "increment")
-    meta = {
+    meta: RecordingMeta = {
         "name": path.name.partition(".")[0],
         "position": list(header.lla),
         "attitude": list(header.rph),

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...checks import DataError, located
 from ...checksum import DAMAGED
-from ...data import NAV_COLUMNS, UNITS, Innovations, Solution
+from ...data import NAV_COLUMNS, UNITS, Innovations, Solution, SolutionMeta
 from ...spreadsheet import as_written, inert
 from ...time_scales import gps_of, iso, iso_text
 from ...typing import Array
@@ -114,12 +114,7 @@ def read_csv(path: Path) -> Solution:
         table.numbers("status").astype(np.int64),
         none,
         columns=extra,
-        meta={
-            "recording": path.name,
-            "notes": [f"read from {path.name}: a table without innovations, events or covariance"],
-            **_epoch_of(table),
-            **({"verdict": said} if said else {}),
-        },
+        meta=_meta(path, table, said),
     )
 
 
@@ -161,16 +156,27 @@ def _check_cells(table: Table, columns: Mapping[str, str]) -> None:
         )
 
 
-def _epoch_of(table: Table) -> dict[str, Any]:
-    """{"epoch": UTC of t = 0} where the table has a column of UTC."""
+def _meta(path: Path, table: Table, verdict: dict[str, Any]) -> SolutionMeta:
+    """What the table says beside its numbers."""
+    note = f"read from {path.name}: a table without innovations, events or covariance"
+    meta: SolutionMeta = {"recording": path.name, "notes": [note]}
+    if epoch := _epoch_of(table):
+        meta["epoch"] = epoch
+    if verdict:
+        meta["verdict"] = verdict
+    return meta
+
+
+def _epoch_of(table: Table) -> str | None:
+    """UTC of t = 0 where the table has a column of UTC."""
     if UTC not in table.frame.columns:
-        return {}
+        return None
     known = np.flatnonzero(table.frame[UTC].notna())
     if not len(known):
-        return {}
+        return None
     first = int(known[0])
     with located(f"{table.origin.row(first)}, column {UTC!r}"):
-        return {"epoch": iso(gps_of(str(table.cells(UTC)[first])) - table.numbers("t [s]")[first])}
+        return iso(gps_of(str(table.cells(UTC)[first])) - table.numbers("t [s]")[first])
 
 
 def _said(path: Path) -> dict[str, Any]:

@@ -135,11 +135,7 @@ def chosen(
     check_needs(filter, found, "name it among the sources")
     fit, said = fitted(filter, dict(options or {}), found)
     spec = grade(imu or recording.meta.get("grade") or "tactical")
-    recording = replace(
-        recording,
-        aidings=found,
-        meta={key: value for key, value in recording.meta.items() if key != "estimate"},
-    )
+    recording = replace(recording, aidings=found).forgetting("estimate")
     vehicle = find_vehicle(vehicle or recording.meta.get("vehicle"))
     start = aligned(recording, spec, positioned(filter))
     counts = [[a.kind for a in found[:i]].count(a.kind) for i, a in enumerate(found)]
