@@ -267,11 +267,9 @@ def _gross(pair: Pair) -> list[Reason] | None:
     as_read = misfit(integrated(pair.v[:, :2]))
     if as_read < WRONG:
         return []
-    fits = []
-    for axes in AXES:
-        W = integrated(axes.right(pair.v[:, :2]))
-        factor = _factor(d[use], W[use])
-        fits.append((misfit(W / factor), factor, axes))
+    tried = [(axes, integrated(axes.right(pair.v[:, :2]))) for axes in AXES]
+    factors = [_factor(d[use], W[use]) for _, W in tried]
+    fits = [(misfit(W / factor), factor, axes) for (axes, W), factor in zip(tried, factors)]
     # another reading must be clearly better than the axes as they are
     best = min(fits, key=lambda fit: fit[0])
     off, factor, axes = fits[0] if fits[0][0] < max(RIGHT, 2 * best[0]) else best
@@ -279,27 +277,28 @@ def _gross(pair: Pair) -> list[Reason] | None:
     if off < min(RIGHT, as_read / 2):
         return _misread(pair, axes, factor, off, as_read, weight)
     lag, off = _coarse_lag(pair, misfit, integrated)
-    if off < min(RIGHT, as_read / 2):
-        return [
-            Reason(
-                "clock",
-                f"it fits {pair.position} with {-lag:+.1f} s added to its time "
-                f"({100 * off:.0f} % off instead of {100 * as_read:.0f} %)",
-                f"add {-lag:+.1f} s to `offset` of its `time`, or find which of the two clocks is off",
-                pair.velocity,
-                weight,
-            )
-        ]
-    return [
-        Reason(
-            "unknown",
-            f"displacements of {pair.position} are {100 * as_read:.0f} % off its integral over {WINDOW:g} s, "
-            f"and no other unit, axes or clock explain it",
-            "check columns, unit, scale, axes and time of both",
-            pair.velocity,
-            weight,
-        )
-    ]
+    known = off < min(RIGHT, as_read / 2)
+    return [_late(pair, lag, off, as_read, weight) if known else _unknown(pair, as_read, weight)]
+
+
+def _late(pair: Pair, lag: float, off: float, as_read: float, weight: float) -> Reason:
+    """The velocity fits with another clock."""
+    seen = (
+        f"it fits {pair.position} with {-lag:+.1f} s added to its time "
+        f"({100 * off:.0f} % off instead of {100 * as_read:.0f} %)"
+    )
+    remedy = f"add {-lag:+.1f} s to `offset` of its `time`, or find which of the two clocks is off"
+    return Reason("clock", seen, remedy, pair.velocity, weight)
+
+
+def _unknown(pair: Pair, as_read: float, weight: float) -> Reason:
+    """The velocity fits in no way."""
+    seen = (
+        f"displacements of {pair.position} are {100 * as_read:.0f} % off its integral over "
+        f"{WINDOW:g} s, and no other unit, axes or clock explain it"
+    )
+    remedy = "check columns, unit, scale, axes and time of both"
+    return Reason("unknown", seen, remedy, pair.velocity, weight)
 
 
 def _factor(d: Array, W: Array) -> float:

@@ -8,6 +8,7 @@ of the fixes do.
 import numpy as np
 
 from ..data import Aiding
+from ..typing import Array
 from ..vehicle import find as find_vehicle
 from ..verdict import Reason
 from .checked import Checked, label
@@ -60,13 +61,7 @@ def _by_course(subject: Subject) -> Checked:
     use = np.isfinite(theirs)
     if use.sum() < LEAST_FIXES or not theirs[use].std() > LEAST_TURN:
         return Checked.unknown(what, "the course is known too seldom, or hardly turns")
-    motion = subject.felt
-    f = motion.mean(motion.body_v, motion.t, half)
-    rate = motion.mean(motion.body_turn, motion.t, half)
-    turn = -(rate * f).sum(axis=1) / np.maximum(np.linalg.norm(f, axis=1), 1e-9)
-    lags = np.arange(-REACH, REACH + STEP / 2, STEP)
-    times = fixes.t[use] + lags[:, None]
-    ours = np.interp(times, motion.t, turn, left=np.nan, right=np.nan)
+    ours = _gyro_turns(subject, fixes.t[use], half)
     r = correlations(theirs[use], ours)
     if not np.isfinite(r).any() or np.nanmax(np.abs(r)) < SURE:
         return Checked.unknown(what, "they hardly agree at any lag up to 3 s")
@@ -81,6 +76,17 @@ def _by_course(subject: Subject) -> Checked:
         return Checked.unknown(what, "they differ, and the accelerations of the fixes fit the gyro")
     fact = f"{what}: correlation {r[top]:.3f}, gyro / course {ratio:.3g}"
     return Checked([fact], reasons, [])
+
+
+def _gyro_turns(subject: Subject, t: Array, half: float) -> Array:
+    """(lags, m) the turn of the gyro about the vertical around each time, rad/s, for lags from -REACH to
+    REACH s; NaN where there are no samples."""
+    motion = subject.felt
+    f = motion.mean(motion.body_v, motion.t, half)
+    rate = motion.mean(motion.body_turn, motion.t, half)
+    turn = -(rate * f).sum(axis=1) / np.maximum(np.linalg.norm(f, axis=1), 1e-9)
+    lags = np.arange(-REACH, REACH + STEP / 2, STEP)
+    return np.interp(t + lags[:, None], motion.t, turn, left=np.nan, right=np.nan)
 
 
 def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:

@@ -7,10 +7,11 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.records import Table
-from ..core.loop.contract import BA, BG, POS, STATES, VEL
+from ..core.loop.contract import BA, BG, POS, STATES, VEL, Filter
 from ..core.loop.tables import FixRow
-from ..core.mathematics import solution_row
+from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, SD, Q, T, V
 from ..data import Aiding, Innovations, Solution, SolutionMeta, Trajectory
+from ..typing import Array
 from .installation import told
 from .prepare import Run, brought
 
@@ -18,25 +19,54 @@ from .prepare import Run, brought
 def solution(run: Run) -> Solution:
     """The Solution from what `run` wrote; a run that stopped early keeps what it has and says
     why."""
-    recording, samples, filter, _, start, noise, spec, belief, fixes, cursor, out, *_ = run
+    recording, filter, fixes = run.recording, run.filter, run.fixes
+    cursor, out = run.cursor, run.out
     nav, used = out.nav[: cursor.state[0].out], out.fix[: cursor.state[0].fix]
     run.events.look_at(used, fixes.sd[: len(used)])
-    events = run.events.all
+    events, meta = run.events.all, _meta(run, used)
+    if cursor.state[0].fault:
+        t = float(run.samples.t[cursor.state[0].row])
+        meta["stopped"] = stopped(t)
+        if (t, meta["stopped"]) not in events:  # a stream said so already
+            events.append((t, meta["stopped"]))
+        if not len(nav):
+            raise DataError(f"{filter.name} {meta['stopped']}")
+    _forget_unknown(filter, nav)
+    columns = _columns(run, nav)
+    if filter.diagnose:
+        events += filter.diagnose(nav[:, T], nav[:, LLA:V], columns)
+    return Solution(
+        _trajectory(run, nav),
+        nav[:, BIASES : BIASES + 3],
+        nav[:, BIASES + 3 : SD],
+        nav[:, ROW_STATUS].astype(np.int8),
+        innovations(used, recording.aidings, fixes.sources["gate"]),
+        tuple(sorted(events)),
+        columns,
+        out.covariance[: len(nav)] if len(out.covariance) else None,
+        meta,
+        recording,
+    )
+
+
+def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
+    """What is known of a run beside its numbers."""
+    recording, spec = run.recording, run.spec
     meta: SolutionMeta = {
-        "filter": filter.name,
+        "filter": run.filter.name,
         "recording": recording.meta.get("name", ""),
         "notes": list(recording.meta.get("notes", [])),
         "imu": spec.name if spec else "",
         "vehicle": run.events.vehicle.name,
         "bias_sd": list(map(float, spec.bias_sd())) if spec else None,
-        "start": start._asdict(),
-        "noise": noise._asdict(),
+        "start": run.start._asdict(),
+        "noise": run.noise._asdict(),
         "fixes_outside": sum(len(a.t) for a in recording.aidings) - len(used),
         "kinds": {a.name or a.kind: a.kind for a in recording.aidings},
         "date": recording.meta.get("date"),
         "point": recording.meta.get("point", "imu"),
     }
-    meta |= told(recording, belief.P)
+    meta |= told(recording, run.belief.P)
     if epoch := recording.meta.get("epoch"):
         meta["epoch"] = epoch
     if read := recording.meta.get("read"):
@@ -45,62 +75,37 @@ def solution(run: Run) -> Solution:
         meta["rejected"] = [each._asdict() for each in run.events.rejected]
     if run.events.heights_apart:
         meta["heights_apart"] = run.events.heights_apart
-    if cursor.state[0].fault:
-        t = samples.t[cursor.state[0].row]
-        meta["stopped"] = stopped(t)
-        if (float(t), meta["stopped"]) not in events:  # a stream said so already
-            events.append((float(t), meta["stopped"]))
-        if not len(nav):
-            raise DataError(f"{filter.name} {meta['stopped']}")
-    # what is not estimated is no number
-    for columns_of, states in (
-        (solution_row.LLA, POS),
-        (solution_row.V, VEL),
-        (solution_row.BIASES, BA),
-        (solution_row.BIASES + 3, BG),
-    ):
-        nav[:, [columns_of + i for i in range(3) if states.start + i not in filter.estimates]] = (
-            np.nan
-        )
-    sd = nav[:, solution_row.SD : solution_row.ROW_STATUS]
-    sd[:, [i for i in range(STATES) if i not in filter.states]] = np.nan
-    trajectory = Trajectory(
-        nav[:, solution_row.T],
-        nav[:, solution_row.LLA : solution_row.V],
-        nav[:, solution_row.V : solution_row.Q],
-        nav[:, solution_row.Q : solution_row.BIASES],
-        sd,
+    return meta
+
+
+def _forget_unknown(filter: Filter, nav: Array) -> None:
+    """Write NaN over what a filter does not estimate, and over what it claims no deviation of."""
+    for first, states in ((LLA, POS), (V, VEL), (BIASES, BA), (BIASES + 3, BG)):
+        unknown = [first + i for i in range(3) if states.start + i not in filter.estimates]
+        nav[:, unknown] = np.nan
+    nav[:, [SD + i for i in range(STATES) if i not in filter.states]] = np.nan
+
+
+def _trajectory(run: Run, nav: Array) -> Trajectory:
+    """Position, velocity and attitude of the point that the recording names."""
+    made = Trajectory(
+        nav[:, T], nav[:, LLA:V], nav[:, V:Q], nav[:, Q:BIASES], nav[:, SD:ROW_STATUS]
     )
-    if recording.meta.get("point") == "reference":
-        rows = np.searchsorted(samples.t, trajectory.t)
-        omega = (
-            samples.dtheta[rows] / samples.dt[rows, None]
-            - nav[:, solution_row.BIASES + 3 : solution_row.SD]
-        )
-        trajectory = trajectory.displaced(-np.asarray(recording.meta["imu_lever_arm"]), omega)
-    own = brought(recording.aidings, recording.meta.get("estimate"))
-    names = [(name, 1.0) for name in filter.columns]
+    if run.recording.meta.get("point") != "reference":
+        return made
+    rows = np.searchsorted(run.samples.t, made.t)
+    rate = run.samples.dtheta[rows] / run.samples.dt[rows, None]
+    arm = np.asarray(run.recording.meta["imu_lever_arm"])
+    return made.displaced(-arm, rate - nav[:, BIASES + 3 : SD])
+
+
+def _columns(run: Run, nav: Array) -> dict[str, Array]:
+    """The filter's own columns, and parameters that were states with their deviations, by name."""
+    own = brought(run.recording.aidings, run.recording.meta.get("estimate"))
+    names = [(name, 1.0) for name in run.filter.columns]
     names += [(each.name, each.factor) for each in own]
     names += [(f"sd of {each.name}", each.factor) for each in own]
-    columns = {
-        name: nav[:, solution_row.NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)
-    }
-    if filter.diagnose:
-        events += filter.diagnose(
-            nav[:, solution_row.T], nav[:, solution_row.LLA : solution_row.V], columns
-        )
-    return Solution(
-        trajectory,
-        nav[:, solution_row.BIASES : solution_row.BIASES + 3],
-        nav[:, solution_row.BIASES + 3 : solution_row.SD],
-        nav[:, solution_row.ROW_STATUS].astype(np.int8),
-        innovations(used, recording.aidings, fixes.sources["gate"]),
-        tuple(sorted(events)),
-        columns,
-        out.covariance[: len(nav)] if len(out.covariance) else None,
-        meta,
-        recording,
-    )
+    return {name: nav[:, NAV_WIDTH + i] * factor for i, (name, factor) in enumerate(names)}
 
 
 def stopped(t: float) -> str:

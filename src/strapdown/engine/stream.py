@@ -20,7 +20,7 @@ from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes
 from ..recording import RecordingMeta
 from ..typing import Array, Say
-from ..vehicle import GivenVehicle, find as find_vehicle
+from ..vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from ..verdict import Verdict
 from . import events as words
 from .arrivals import (
@@ -119,73 +119,34 @@ class Stream:
         estimate: Estimate | None = None,
         **options: Any,
     ) -> None:
-        check_number(lag, "lag", "s", least=0)
-        check_number(align_within, "align_within", "s", least=0, infinite=True)
-        check_flag(covariance, "covariance")
-        most = MOST_HISTORY // 5 if covariance else MOST_HISTORY
-        check_number(history, "history", "samples", least=100, most=most, whole=True)
-        check_number(every, "every", least=1, whole=True)
+        _check(lag, align_within, covariance, history, every)
         aidings = checked_aidings(aidings)
-        of_imu: OfImu = {}
-        if estimate is not None:
-            aidings, of_imu = asked_of(aidings, estimate)
+        aidings, of_imu = (aidings, {}) if estimate is None else asked_of(aidings, estimate)
         whole = isinstance(start, Start) and not left_open(start)
         self.noise, self._spec = assumed_noise(imu, noise, needed=not whole, without="")
         self._filter = filter = filters.find(filter)
         aidings, widened = followed(filter, aidings)
-        first = chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate)
-        self._ahrs = None
-        if first is not None:
-            beside = start if whole else None
+        self._ahrs: _Ahrs | None = None
+        if first := chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate):
+            beside: dict[str, Any] = {"align_within": align_within, "history": history}
+            beside["on_event"] = self._hear
             own = without_estimates(a for a in aidings if a.kind != "attitude")
-            more: dict[str, Any] = {"align_within": align_within, "history": history}
-            more["on_event"] = self._hear
-            stream = Stream(first, beside, imu, noise, own, lag, say, vehicle, **more)
-            self._ahrs = _Ahrs(stream, aidings, ahrs_rate)
+            stream = Stream(
+                first, start if whole else None, imu, noise, own, lag, say, vehicle, **beside
+            )
+            aidings = self._follow(stream, aidings, ahrs_rate)
         self.notes = (self._ahrs.notes if self._ahrs else []) + widened
         if estimate is None or (estimate and not of_imu):
             of_imu, said = of_grade(filter, self._spec)
             self.notes += said
-        if self._ahrs:
-            self._ahrs.stream._row = self._take_attitude
-            aidings = (*aidings, self._ahrs.made)
-        left = [a for a in aidings if not (self._ahrs and self._ahrs.has_for_itself(a))]
-        self._used, _ = usable(filter, left)
-        check_needs(filter, left)
-        check_estimates(filter, parameters(self._used, of_imu))
-        brought(self._used, of_imu)  # refuses too many
-        self._of_imu = of_imu
         self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
-        self._meta: RecordingMeta = {"name": "stream"}
-        if vehicle:
-            self._meta["vehicle"] = self._vehicle
-        if of_imu:
-            self._meta["estimate"] = of_imu
-        self._rows, self._every, self._covariance = history, every, covariance
-        self.lag, self.newest = lag, -inf
-        self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
-        self._telling = Telling(Events(filter, self._used, self._vehicle), on_event)
-        if first is not None:
-            self._telling.events.of_ahrs = tuple(
-                f"{first.name}: {c.text}" for c in first.conditions
-            )
-        self._sources = Sources(aidings)
-        # among those that the filter can use
-        self._places = [
-            next((i for i, b in enumerate(self._used) if b is a), None) for a in aidings
-        ]
-        waits = delays(self._used, of_imu)
-        self._waits = [0.0 if place is None else waits[place] for place in self._places]
-        self._elsewhere = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in aidings]
-        # heaps of samples and of fixes; a number that keeps equal times in order
-        self._samples: list[tuple[float, int, Sample]] = []
-        self._waiting: list[tuple[float, int, int, UsableFix]] = []
-        self._number = 0
-        # what is not later than this is too late
-        self._late = self._late_fix = -inf
-        self._before: list[UsableFix | None] = [None] * len(aidings)  # the last fix used, by source
-        self._began, self._stopped, self._looking = -inf, "", False
-        self._live: LiveRun | None = None
+        self._rows, self._every, self._covariance, self.lag = history, every, covariance, lag
+        self._serve(aidings, of_imu)
+        self._meta = _meta(self._vehicle if vehicle else None, of_imu)
+        events = Events(filter, self._used, self._vehicle)
+        events.of_ahrs = tuple(f"{first.name}: {c.text}" for c in first.conditions) if first else ()
+        self._telling = Telling(events, on_event)
+        self._nothing_yet()
         if start is not None:
             check_start(start, self.noise, left_open(start) if isinstance(start, Start) else ())
         check_options(filter, options)
@@ -196,6 +157,42 @@ class Stream:
         )
         if start is not None and whole:
             self.begin(start)
+
+    def _follow(self, ahrs: "Stream", aidings: Sequence[Aiding], rate: float) -> tuple[Aiding, ...]:
+        """The sources, with the attitudes of the stream of an AHRS."""
+        self._ahrs = _Ahrs(ahrs, aidings, rate)
+        ahrs._row = self._take_attitude
+        return (*aidings, self._ahrs.made)
+
+    def _serve(self, aidings: Sequence[Aiding], of_imu: OfImu) -> None:
+        """Take these sources, and what of the IMU is estimated. Raises DataError."""
+        of_ahrs = [self._ahrs is not None and self._ahrs.has_for_itself(a) for a in aidings]
+        left = [a for a, elsewhere in zip(aidings, of_ahrs) if not elsewhere]
+        self._used, _ = usable(self._filter, left)
+        check_needs(self._filter, left)
+        check_estimates(self._filter, parameters(self._used, of_imu))
+        brought(self._used, of_imu)  # refuses too many
+        self._of_imu, self._sources, self._elsewhere = of_imu, Sources(aidings), of_ahrs
+        # among those that the filter can use
+        self._places = [
+            next((i for i, b in enumerate(self._used) if b is a), None) for a in aidings
+        ]
+        waits = delays(self._used, of_imu)
+        self._waits = [0.0 if place is None else waits[place] for place in self._places]
+        self._before: list[UsableFix | None] = [None] * len(aidings)  # the last fix used, by source
+
+    def _nothing_yet(self) -> None:
+        """Begin without samples and fixes."""
+        # heaps of samples and of fixes; a number that keeps equal times in order
+        self._samples: list[tuple[float, int, Sample]] = []
+        self._waiting: list[tuple[float, int, int, UsableFix]] = []
+        self._number = 0
+        self.newest = -inf
+        # what is not later than this is too late
+        self._late = self._late_fix = -inf
+        self._began, self._stopped, self._looking = -inf, "", False
+        self._live: LiveRun | None = None
+        self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
 
     def _make_ready(self, aidings: Sequence[Aiding], tries: bool) -> None:
         """Compile or load all kernels that a step may need, those of the headings that a start
@@ -613,6 +610,26 @@ class Stream:
     def verdict(self) -> Verdict:
         """Whether to trust its history, and why not: that of its `solution`."""
         return self.solution.verdict
+
+
+def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
+    """What is known of the recording of a stream."""
+    meta: RecordingMeta = {"name": "stream"}
+    if vehicle:
+        meta["vehicle"] = vehicle
+    if of_imu:
+        meta["estimate"] = of_imu
+    return meta
+
+
+def _check(lag: float, align_within: float, covariance: bool, history: int, every: int) -> None:
+    """Refuse what is out of range. Raises DataError."""
+    check_number(lag, "lag", "s", least=0)
+    check_number(align_within, "align_within", "s", least=0, infinite=True)
+    check_flag(covariance, "covariance")
+    most = MOST_HISTORY // 5 if covariance else MOST_HISTORY
+    check_number(history, "history", "samples", least=100, most=most, whole=True)
+    check_number(every, "every", least=1, whole=True)
 
 
 class _Ahrs:

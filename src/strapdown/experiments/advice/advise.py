@@ -201,44 +201,39 @@ def advise(
         scenario = aligned_in_motion(scenario, spec)
     runs = runs if runs is not None else QUICK_RUNS if quick else RUNS
     study = _study((scenario,), (spec,), _candidates(length, quick), runs, seed)
-    maps = None
-    if map:
-        scenarios, imus = _map_scenarios(scenario), _map_imus(spec)
-        maps = _study(scenarios, imus, MAP_FILTERS, min(study.runs, MAP_RUNS), seed)
+    maps = _map_study(scenario, spec, study.runs, seed) if map else None
     parts = {"mission": study} | ({"map": maps} if maps else {})
     steps = sum(part.steps() for part in parts.values())
     folder = Path(out) if out is not None else None
     check_number(workers, "workers", least=0, whole=True)
     # what is refused is refused before anything is said
     begun = [Campaign.begin(parts[name], folder / "runs" / name) for name in parts if folder]
-    if say:
-        say(_cost(study, maps, _missing_steps(begun) if folder else steps))
-    clocks = perf_counter(), process_time()
-
-    tell = listener(progress)
+    say = say or (lambda text: None)
+    say(_cost(study, maps, _missing_steps(begun) if folder else steps))
+    clocks, tell = (perf_counter(), process_time()), listener(progress)
 
     def run(part: Study, name: str, first: int) -> Campaign:
         def report(done: float) -> None:
             tell((first + done * part.steps()) / steps)
 
-        return part.run(
-            folder / "runs" / name if folder else None,
-            threads,
-            workers,
-            scheduler,
-            say,
-            report,
-        )
+        return part.run(folder and folder / "runs" / name, threads, workers, scheduler, say, report)
 
     campaign = run(study, "mission", 0)
     map_campaign = run(maps, "map", study.steps()) if maps else None
     made = _advice(scenario, spec, rules, campaign, map_campaign, int(seed), alignment)
     if folder:
         made.save(folder)
-    if say:
-        elapsed, worked = perf_counter() - clocks[0], process_time() - clocks[1]
-        say(f"it took {elapsed:.3g} s, with {worked:.3g} s of processor time in this process")
+    say(
+        f"it took {perf_counter() - clocks[0]:.3g} s, with {process_time() - clocks[1]:.3g} s of "
+        f"processor time in this process"
+    )
     return made
+
+
+def _map_study(scenario: Scenario, spec: ImuSpec, runs: int, seed: int) -> Study:
+    """The study of the crossover map."""
+    scenarios, imus = _map_scenarios(scenario), _map_imus(spec)
+    return _study(scenarios, imus, MAP_FILTERS, min(runs, MAP_RUNS), seed)
 
 
 def _cost(study: Study, maps: Study | None, steps: int) -> str:

@@ -74,16 +74,9 @@ def compare(
     cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
     where no filter can run.
     """
-    if not isinstance(recording, Recording):
-        raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
+    _check(recording, threads, start, noise)
     entrants, kinds = _entrants(filters), _kinds(kinds)
     recording = with_weights(with_estimates(recording, estimate), robust, adaptive)
-    if threads is not None:
-        check_number(threads, "threads", least=1, whole=True)
-    if start is not None and not isinstance(start, Start):
-        raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
-    if noise is not None and not isinstance(noise, Noise):
-        raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
     _check_ahrs(ahrs)
     reference = known_reference(recording)
     spec = assumed_noise(
@@ -173,6 +166,18 @@ def _kinds(kinds: str | Iterable[str]) -> tuple[str, ...]:
     for kind in named:
         aiding.find(kind)
     return tuple(dict.fromkeys(named))
+
+
+def _check(recording: object, threads: int | None, start: object, noise: object) -> None:
+    """Refuse what is of another type. Raises DataError."""
+    if not isinstance(recording, Recording):
+        raise DataError(f"recording is {recording!r}; it must be a Recording, such as `read` gives")
+    if threads is not None:
+        check_number(threads, "threads", least=1, whole=True)
+    if start is not None and not isinstance(start, Start):
+        raise DataError(f"start is {start!r}; it must be a Start, such as `align` gives")
+    if noise is not None and not isinstance(noise, Noise):
+        raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
 
 
 def _check_ahrs(name: str | None) -> None:
