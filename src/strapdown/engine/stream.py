@@ -120,8 +120,7 @@ class Stream:
         **options: Any,
     ) -> None:
         _check(lag, align_within, covariance, history, every)
-        aidings = checked_aidings(aidings)
-        aidings, of_imu = (aidings, {}) if estimate is None else asked_of(aidings, estimate)
+        aidings, of_imu = _asked(checked_aidings(aidings), estimate)
         whole = isinstance(start, Start) and not left_open(start)
         self.noise, self._spec = assumed_noise(imu, noise, needed=not whole, without="")
         self._filter = filter = filters.find(filter)
@@ -143,15 +142,12 @@ class Stream:
         self._rows, self._every, self._covariance, self.lag = history, every, covariance, lag
         self._serve(aidings, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
-        events = Events(filter, self._used, self._vehicle)
-        events.of_ahrs = tuple(f"{first.name}: {c.text}" for c in first.conditions) if first else ()
-        self._telling = Telling(events, on_event)
+        self._telling = Telling(_events(filter, self._used, self._vehicle, first), on_event)
         self._nothing_yet()
         if start is not None:
             check_start(start, self.noise, left_open(start) if isinstance(start, Start) else ())
         check_options(filter, options)
         self._make_ready(aidings, tries=start is None and self._spec is not None)
-        self.belief = _nothing_known()
         self._gathered = Gathering(
             filter, aidings, self._spec, noise, start, align_within, history, say, self._meta
         )
@@ -192,6 +188,7 @@ class Stream:
         self._late = self._late_fix = -inf
         self._began, self._stopped, self._looking = -inf, "", False
         self._live: LiveRun | None = None
+        self.belief = _nothing_known()
         self._row: Callable[[Stream, LiveRun], None] | None = None  # called after each sample
 
     def _make_ready(self, aidings: Sequence[Aiding], tries: bool) -> None:
@@ -610,6 +607,23 @@ class Stream:
     def verdict(self) -> Verdict:
         """Whether to trust its history, and why not: that of its `solution`."""
         return self.solution.verdict
+
+
+def _asked(
+    aidings: tuple[Aiding, ...], estimate: Estimate | None
+) -> tuple[tuple[Aiding, ...], OfImu]:
+    """The sources, and parameters of the IMU, with what is to be estimated. Raises DataError."""
+    return (aidings, {}) if estimate is None else asked_of(aidings, estimate)
+
+
+def _events(
+    filter: Filter, used: Sequence[Aiding], vehicle: Vehicle, ahrs: Filter | None
+) -> Events:
+    """The events of a stream, with the conditions of the AHRS beside it."""
+    found = Events(filter, used, vehicle)
+    if ahrs:
+        found.of_ahrs = tuple(f"{ahrs.name}: {c.text}" for c in ahrs.conditions)
+    return found
 
 
 def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
