@@ -9,7 +9,15 @@ import pytest
 
 import strapdown as sd
 from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
-from strapdown_reproductions.installation import cases, drive, main, methods, summary
+from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.installation import (
+    cases,
+    drive,
+    main,
+    methods,
+    simulated,
+    summary,
+)
 from strapdown_reproductions.installation.cases import ALIGNED, KNOWN, case
 from strapdown_reproductions.installation.methods import set_up
 
@@ -92,13 +100,11 @@ def rows(motion, parameter, inside, found=None, start=KNOWN):
 def evidence(**tables):
     """Evidence with these tables and no other."""
     empty = {
-        "parameters": rows("car", "clock", []),
+        "runs": rows("car", "clock", []),
         "epochs": pd.DataFrame(columns=["motion", "filter", "start", "seed", "t", "nees", "dof"]),
         "scales": pd.DataFrame(columns=["motion", "filter", "start", "t", "error", "sd"]),
-        "drive": pd.DataFrame(),
-        "misses": pd.DataFrame(),
     }
-    return summary.Evidence(**{**empty, **tables})
+    return Evidence(**{**empty, **tables})
 
 
 @pytest.mark.short
@@ -117,7 +123,7 @@ def test_intervals_count_where_called_found_alone():
     assert table.loc[("ship", "clock error of a [s]"), "found"] == 8
     assert table.loc[("car", "lever arm right error of a [m]"), "bias"] == pytest.approx(-0.5)
     assert table["rmse"].to_numpy() == pytest.approx(np.sqrt(2.5))
-    found = summary.figures(evidence(parameters=parameters))
+    found = summary.figures(evidence(runs=parameters))
     assert found[f"intervals, {KNOWN}"] == 3  # all of many, 6 of 8, 8 of 10
     assert np.isnan(found[f"intervals, {ALIGNED}"])
 
@@ -132,7 +138,7 @@ def test_what_a_motion_does_not_show_is_not_to_be_found():
             rows(motion, hidden, [True] * 4, [True, False, False, False], ALIGNED),
         ]
     )
-    found = summary.figures(evidence(parameters=parameters))
+    found = summary.figures(evidence(runs=parameters))
     assert found["unseen"] == 25.0 and np.isnan(found[f"intervals, {ALIGNED}"])
 
 
@@ -203,9 +209,9 @@ def test_what_is_wrong_with_the_drive_names_its_parameters():
 def test_tasks_hold_every_seed_once(tmp_path):
     tasks = main.all_tasks(tmp_path, 1, 12)
     seeds = [
-        seed for what, (*of, own) in tasks for seed in own if of == ["car", "closed-loop", KNOWN]
+        seed for _, _, (*of, own) in tasks for seed in own if of == ["car", "closed-loop", KNOWN]
     ]
-    assert seeds == list(range(1, 13)) and {what for what, _ in tasks} == {main.SIMULATED}
+    assert seeds == list(range(1, 13)) and {task.make for task in tasks} == {simulated.runs}
 
 
 def test_a_run_writes_its_files(tmp_path):
