@@ -9,6 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
+from strapdown_reproductions.common import motions
 from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.installation import (
     cases,
@@ -28,11 +29,9 @@ ODOMETER = "car with odometer"
 def driven():
     """A minute and a half of the car with an odometer, wrongly installed."""
     whole = cases.MOTIONS[ODOMETER]
-    cases.MOTIONS[ODOMETER] = whole._replace(stop=90.0)
-    cases._simulator.cache_clear()
+    cases.MOTIONS[ODOMETER] = whole._replace(motion=whole.motion._replace(stop=90.0))
     yield case(ODOMETER, 1001, KNOWN)
     cases.MOTIONS[ODOMETER] = whole
-    cases._simulator.cache_clear()
 
 
 @pytest.mark.short
@@ -55,10 +54,10 @@ def test_a_case_is_right_where_the_truth_is_applied(driven):
 
 @pytest.mark.short
 def test_constraints_err_by_what_they_state(driven):
-    slips = [a for a in driven.right.aidings if a.kind in cases.CONSTRAINTS]
+    slips = [a for a in driven.right.aidings if a.kind in motions.CONSTRAINTS]
     assert len(slips) == 2
     for a in slips:
-        assert np.std(a.y) == pytest.approx(cases.CONSTRAINT_SD, rel=0.1)
+        assert np.std(a.y) == pytest.approx(motions.CONSTRAINT_SD, rel=0.1)
 
 
 def test_methods_find_a_clock_and_an_arm(driven):
