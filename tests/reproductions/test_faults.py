@@ -15,10 +15,10 @@ from strapdown.data import Trajectory
 from strapdown.geodesy import displaced, displacement
 from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.faults import cells as of_cells, jumps, summary
+from strapdown_reproductions.faults.catalogue import EVERY, FAULTS
 from strapdown_reproductions.faults.cells import Task, cells
 from strapdown_reproductions.faults.fault import (
     AHRS,
-    FAULTS,
     GNSS,
     HEIGHT,
     IMU,
@@ -178,7 +178,7 @@ def test_every_fault_changes_something_and_the_same_thing_twice(recording):
             one, again = faulted(recording, name), faulted(recording, name)
             assert not same(one, right), name
             assert one.start or same(one, again), name
-    assert len(FAULTS) + len(WORLDS) >= 125
+    assert len(FAULTS) == len(EVERY) and len(FAULTS) + len(WORLDS) >= 125
 
 
 def test_what_faults_do_by_hand(recording):
