@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from strapdown.data import SD_COLUMNS, SD_SCALE
+from strapdown_reproductions.faults.catalogue import FAULTS
 from strapdown_reproductions.faults.cells import Task, right
-from strapdown_reproductions.faults.fault import FAULTS
 from strapdown_reproductions.faults.raw import raw
 from strapdown_reproductions.faults.runs import Subject, kinds_with, run
 from strapdown_reproductions.faults.worlds import MOTIONS, ROWS

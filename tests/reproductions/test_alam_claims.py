@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from strapdown.evaluation.consistency import proportion
-from strapdown_reproductions.alam import choices, claims, main
+from strapdown_reproductions.alam import claims, main
 from strapdown_reproductions.alam.claims import Evidence
 from strapdown_reproductions.alam.convergence import CASES
 from strapdown_reproductions.alam.runs import (
@@ -238,7 +238,7 @@ def test_lists_of_ratios_say_what_stands_over_what():
 
 def test_the_choices_say_how_many_seeds_there_are():
     for count, text in ((1, "1 seed of"), (50, "50 seeds of")):
-        here = choices.table(count).set_index("what")["here"]
+        here = main.choices(count).set_index("what")["here"]
         assert here["number of flights"].startswith(text) and not here.str.contains("[`{]").any()
 
 

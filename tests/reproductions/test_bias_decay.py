@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from strapdown_reproductions.bias_decay import law, main
+from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.common.write_docs import DOCS, mark
 
 
@@ -55,13 +56,13 @@ def test_figures_of_worlds_that_obey_and_that_do_not(right, agree, wrong):
             rows.append(
                 found | {"decaying_m": 2.0 if held else 1.0, "held_m": 1.0 if held else 2.0}
             )
-    found = main.figures(main.table(pd.DataFrame(rows)))
+    found = main.figures(Evidence(runs=pd.DataFrame(rows)))
     assert found == {"agree": agree, "right": wrong}
 
 
 def test_biases_much_larger_than_assumed_are_held_and_short_ones_are_not():
-    large = main.table(main.worked(range(900, 904), (np.inf, main.LARGE, 30.0)))
-    short = main.table(main.worked(range(900, 904), (25.0, 1.0, 30.0)))
+    table = lambda *cell: main.table(pd.DataFrame(main.rows(cell, range(900, 904))))
+    large, short = table(np.inf, main.LARGE, 30.0), table(25.0, 1.0, 30.0)
     assert large["ratio"].item() < 0.4 and short["ratio"].item() > 1.02
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from strapdown.checks import DataError
-from strapdown_reproductions.common import kinds, markdown, study, write_docs
+from strapdown_reproductions.common import kinds, markdown, runner, study, targets, write_docs
 from strapdown_reproductions.common.claims import Claim, Judged, findings, judge, over
 from strapdown_reproductions.common.kinds import ALWAYS
 from strapdown_reproductions.common.pages import (
@@ -83,19 +83,61 @@ def test_counts():
 
 
 def test_seeds():
-    assert study.seeds(False, None, 2, 3, 1) == [2000, 2001, 2002]
-    assert study.seeds(True, None, 0, 3, 1) == [0] and study.seeds(True, 2, 1, 3, 1) == [1000, 1001]
+    assert runner.seeds(False, None, 2, 3, 1) == [2000, 2001, 2002]
+    assert runner.seeds(True, None, 0, 3, 1) == [0] and runner.seeds(True, 2, 1, 3, 1) == [
+        1000,
+        1001,
+    ]
     for runs, seed in ((0, 2), (1, -1), (1.5, 2)):
         with pytest.raises(DataError, match="must be a whole number"):
-            study.seeds(False, runs, seed, 3, 1)
+            runner.seeds(False, runs, seed, 3, 1)
 
 
 def test_threads_keep_the_order_and_tell_how_far_they_are():
     told = []
-    part = study.part_of(told.append, 0.2, 1.0)
-    assert list(study.on_threads(lambda x: x * x, [3, 1, 2], 2, part)) == [9, 1, 4]
+    part = runner.part_of(told.append, 0.2, 1.0)
+    assert list(runner.on_threads(lambda x: x * x, [3, 1, 2], 2, part)) == [9, 1, 4]
     assert told == pytest.approx([0.2 + 0.8 / 3, 0.2 + 1.6 / 3, 1.0])
-    assert study.part_of(None, 0.0, 1.0) is None
+    assert runner.part_of(None, 0.0, 1.0) is None
+
+
+def numbered(first, count):
+    return [{"seed": first + k} for k in range(count)]
+
+
+def several(count):
+    return {"one": pd.DataFrame(numbered(0, count)), "other": pd.DataFrame(numbered(9, 1))}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_tasks_fill_their_tables_in_order(workers):
+    told = []
+    tasks = [
+        runner.Task("one", numbered, (5, 2)),
+        runner.Task("", several, (1,)),
+        runner.Task("one", numbered, (3, 1)),
+    ]
+    found = runner.collected(tasks, workers, told.append)
+    assert found["one"]["seed"].tolist() == [5, 6, 0, 3] and found["other"]["seed"].tolist() == [9]
+    assert found["one"].index.tolist() == [0, 1, 2, 3] and found["nothing"].empty
+    assert told == pytest.approx([1 / 3, 2 / 3, 1.0])
+
+
+def test_figures_against_targets():
+    wanted = {
+        "low": targets.Target("small", "<=", 1.0, "m"),
+        "high": targets.Target("large", ">=", 2),
+        "open": targets.Target("not known", "<=", 1.0),
+    }
+    held, missed = targets.judged({"low": 0.98765, "high": 1.5, "open": float("nan")}, wanted)
+    assert (held["figure"], held["target"], held["holds"]) == ("0.988 m", "<= 1 m", True)
+    assert (missed["figure"], missed["target"], missed["holds"]) == ("1.5", ">= 2", False)
+    assert targets.judged({"low": 0.98765}, wanted, 4)[0]["figure"] == "0.9877 m"
+    text = targets.in_docs(
+        [held], {"a": ("Some", pd.DataFrame({"x": [1234.5678]})), "b": ("No", pd.DataFrame())}
+    )
+    assert "| small | <= 1 m | 0.988 m | holds |" in text
+    assert "### Some" in text and "| 1.23e+03 |" in text and "### No" not in text
 
 
 def test_what_a_run_has_written_goes_into_its_page(tmp_path, monkeypatch):
@@ -126,7 +168,7 @@ def test_a_page_of_few_runs_has_no_verdicts(tmp_path):
     arguments = ("A study", ["About it."], "Small.", claims, pd.DataFrame({"x": ["y"]}), {}, ())
     few, enough = (
         study.write_study(tmp_path / str(runs), *arguments, runs=runs)
-        for runs in (study.ENOUGH - 1, study.ENOUGH)
+        for runs in (runner.ENOUGH - 1, runner.ENOUGH)
     )
     assert [few[0]["verdict"], enough[0]["verdict"]] == [TOO_FEW, REPRODUCED]
     page = (tmp_path / "9" / "index.html").read_text()

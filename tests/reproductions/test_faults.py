@@ -13,11 +13,12 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from strapdown.data import Trajectory
 from strapdown.geodesy import displaced, displacement
-from strapdown_reproductions.faults import cells as of_cells, jumps, main, summary
+from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.faults import cells as of_cells, jumps, summary
+from strapdown_reproductions.faults.catalogue import EVERY, FAULTS
 from strapdown_reproductions.faults.cells import Task, cells
 from strapdown_reproductions.faults.fault import (
     AHRS,
-    FAULTS,
     GNSS,
     HEIGHT,
     IMU,
@@ -177,7 +178,7 @@ def test_every_fault_changes_something_and_the_same_thing_twice(recording):
             one, again = faulted(recording, name), faulted(recording, name)
             assert not same(one, right), name
             assert one.start or same(one, again), name
-    assert len(FAULTS) + len(WORLDS) >= 125
+    assert len(FAULTS) == len(EVERY) and len(FAULTS) + len(WORLDS) >= 125
 
 
 def test_what_faults_do_by_hand(recording):
@@ -289,13 +290,13 @@ def test_a_run_writes_its_files(tmp_path, monkeypatch):
     rows = pd.DataFrame(cells(task))
     assert rows["fault"].tolist() == ["nominal", *few]
     assert rows["showable"].tolist() == [True, True, False]
-    trials = pd.DataFrame(jumps.trial(1001))
-    claims = main.write(tmp_path, rows, trials)
+    found = Evidence(cells=rows, trials=pd.DataFrame(jumps.trial(1001)))
+    claims = summary.STUDY.write(tmp_path, found)
     assert json.loads((tmp_path / "claims.json").read_text()) == claims
     assert claims[0]["claim"] in (tmp_path / "table.md").read_text()
     assert "velocity in knots" in (tmp_path / "each.md").read_text()
     assert (tmp_path / "index.html").exists() and len(pd.read_csv(tmp_path / "cells.csv")) == 3
-    assert summary.figures(rows, trials)["50 m"] == 1000.0
+    assert summary.figures(found)["50 m"] == 1000.0
 
 
 if __name__ == "__main__":

@@ -24,7 +24,8 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
 from strapdown_reproductions.common import markdown, write_docs
-from strapdown_reproductions.common.pages import COLOURS, claim, finding, write_page
+from strapdown_reproductions.common.pages import COLOURS, finding, write_page
+from strapdown_reproductions.common.targets import claim
 from strapdown_reproductions.hager_bryne import (
     ablations,
     claims as hager_bryne_claims,

@@ -9,7 +9,16 @@ import pytest
 
 import strapdown as sd
 from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
-from strapdown_reproductions.installation import cases, drive, main, methods, summary
+from strapdown_reproductions.common import motions
+from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.installation import (
+    cases,
+    drive,
+    main,
+    methods,
+    simulated,
+    summary,
+)
 from strapdown_reproductions.installation.cases import ALIGNED, KNOWN, case
 from strapdown_reproductions.installation.methods import set_up
 
@@ -20,11 +29,9 @@ ODOMETER = "car with odometer"
 def driven():
     """A minute and a half of the car with an odometer, wrongly installed."""
     whole = cases.MOTIONS[ODOMETER]
-    cases.MOTIONS[ODOMETER] = whole._replace(stop=90.0)
-    cases._simulator.cache_clear()
+    cases.MOTIONS[ODOMETER] = whole._replace(motion=whole.motion._replace(stop=90.0))
     yield case(ODOMETER, 1001, KNOWN)
     cases.MOTIONS[ODOMETER] = whole
-    cases._simulator.cache_clear()
 
 
 @pytest.mark.short
@@ -47,10 +54,10 @@ def test_a_case_is_right_where_the_truth_is_applied(driven):
 
 @pytest.mark.short
 def test_constraints_err_by_what_they_state(driven):
-    slips = [a for a in driven.right.aidings if a.kind in cases.CONSTRAINTS]
+    slips = [a for a in driven.right.aidings if a.kind in motions.CONSTRAINTS]
     assert len(slips) == 2
     for a in slips:
-        assert np.std(a.y) == pytest.approx(cases.CONSTRAINT_SD, rel=0.1)
+        assert np.std(a.y) == pytest.approx(motions.CONSTRAINT_SD, rel=0.1)
 
 
 def test_methods_find_a_clock_and_an_arm(driven):
@@ -92,13 +99,11 @@ def rows(motion, parameter, inside, found=None, start=KNOWN):
 def evidence(**tables):
     """Evidence with these tables and no other."""
     empty = {
-        "parameters": rows("car", "clock", []),
+        "runs": rows("car", "clock", []),
         "epochs": pd.DataFrame(columns=["motion", "filter", "start", "seed", "t", "nees", "dof"]),
         "scales": pd.DataFrame(columns=["motion", "filter", "start", "t", "error", "sd"]),
-        "drive": pd.DataFrame(),
-        "misses": pd.DataFrame(),
     }
-    return summary.Evidence(**{**empty, **tables})
+    return Evidence(**{**empty, **tables})
 
 
 @pytest.mark.short
@@ -117,7 +122,7 @@ def test_intervals_count_where_called_found_alone():
     assert table.loc[("ship", "clock error of a [s]"), "found"] == 8
     assert table.loc[("car", "lever arm right error of a [m]"), "bias"] == pytest.approx(-0.5)
     assert table["rmse"].to_numpy() == pytest.approx(np.sqrt(2.5))
-    found = summary.figures(evidence(parameters=parameters))
+    found = summary.figures(evidence(runs=parameters))
     assert found[f"intervals, {KNOWN}"] == 3  # all of many, 6 of 8, 8 of 10
     assert np.isnan(found[f"intervals, {ALIGNED}"])
 
@@ -132,7 +137,7 @@ def test_what_a_motion_does_not_show_is_not_to_be_found():
             rows(motion, hidden, [True] * 4, [True, False, False, False], ALIGNED),
         ]
     )
-    found = summary.figures(evidence(parameters=parameters))
+    found = summary.figures(evidence(runs=parameters))
     assert found["unseen"] == 25.0 and np.isnan(found[f"intervals, {ALIGNED}"])
 
 
@@ -203,9 +208,9 @@ def test_what_is_wrong_with_the_drive_names_its_parameters():
 def test_tasks_hold_every_seed_once(tmp_path):
     tasks = main.all_tasks(tmp_path, 1, 12)
     seeds = [
-        seed for what, (*of, own) in tasks for seed in own if of == ["car", "closed-loop", KNOWN]
+        seed for _, _, (*of, own) in tasks for seed in own if of == ["car", "closed-loop", KNOWN]
     ]
-    assert seeds == list(range(1, 13)) and {what for what, _ in tasks} == {main.SIMULATED}
+    assert seeds == list(range(1, 13)) and {task.make for task in tasks} == {simulated.runs}
 
 
 def test_a_run_writes_its_files(tmp_path):

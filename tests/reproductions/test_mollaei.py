@@ -12,7 +12,8 @@ from strapdown.checks import DataError
 from strapdown.sensor_models.imu import grade
 from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS, TOO_FEW
-from strapdown_reproductions.mollaei import choices, main, metrics, runs
+from strapdown_reproductions.common.study import choices_table
+from strapdown_reproductions.mollaei import main, metrics, runs
 from strapdown_reproductions.mollaei.cells import (
     AT_TRIM,
     CASES,
@@ -45,6 +46,7 @@ from strapdown_reproductions.mollaei.cells import (
     redrawn,
     wide,
 )
+from strapdown_reproductions.mollaei.choices import CHOICES
 from strapdown_reproductions.mollaei.metrics import FINAL, MEASURES, Record
 
 DT = 0.01
@@ -278,8 +280,9 @@ def test_tables_for_people():
 
 @pytest.mark.short
 def test_the_choices_fill_their_braces():
-    table = choices.table(seeds="3 of E0", plan="a step", gnss="1 m", final=FINAL)
-    assert not table.to_string().count("{") and len(table) == len(choices.CHOICES)
+    filled = {"seeds": "3 of E0", "plan": "a step", "gnss": "1 m", "final": FINAL}
+    table = choices_table(CHOICES, **filled)
+    assert not table.to_string().count("{") and len(table) == len(CHOICES)
 
 
 def test_all_modes_of_a_seed_have_the_same_sensor_errors():

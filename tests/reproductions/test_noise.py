@@ -9,6 +9,7 @@ import pytest
 
 from strapdown.engine.batch import fuse
 from strapdown.geodesy import displacement
+from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.noise import correlated, coverage, main, misstated, outliers, summary
 from strapdown_reproductions.noise.worlds import (
     CAR,
@@ -126,7 +127,8 @@ def test_figures_are_those_of_the_worst_cell():
             "sd": 1.0,
         }
     )
-    found = summary.figures(summary.Evidence(white, stated, gross, hidden))
+    evidence = Evidence(correlated=white, misstated=stated, outliers=gross, coverage=hidden)
+    found = summary.figures(evidence)
     assert found["correlated low, states"] == pytest.approx(0.9)
     assert found["correlated high, tuned"] == pytest.approx(1.1)
     assert found["white, tuned"] == pytest.approx(1.02)
@@ -137,10 +139,7 @@ def test_figures_are_those_of_the_worst_cell():
     assert found["adaptive clean"] == pytest.approx(1.03)
     assert found["coverage 1"] == pytest.approx(8.3)
     assert found["coverage 3"] == pytest.approx(3.7)
-    holds = {
-        c["claim"]: c["holds"]
-        for c in summary.claims(summary.Evidence(white, stated, gross, hidden))
-    }
+    holds = {c["claim"]: c["holds"] for c in summary.STUDY.claims(evidence)}
     assert not holds[summary.TARGETS["adaptive clean"].text]
     assert holds[summary.TARGETS["robust clean"].text]
 

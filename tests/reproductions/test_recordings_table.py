@@ -17,7 +17,7 @@ from strapdown.core.mathematics.earth import RATE
 from strapdown.data import Aiding
 from strapdown.recording import Recording
 from strapdown_reproductions.common import markdown, write_docs
-from strapdown_reproductions.common.pages import claim
+from strapdown_reproductions.common.targets import claim
 from strapdown_reproductions.recordings import (
     cases,
     drift,

@@ -1,7 +1,5 @@
 """What Alam et al. leave unspecified or print wrongly, and what was chosen here instead."""
 
-import pandas as pd
-
 CHOICES = (
     (
         "the flight",
@@ -123,12 +121,3 @@ CHOICES = (
     ("drive0708", "", "nine windows of 15 s, all in one run"),
 )
 """(what, in the paper, here); {seeds}: how many the page has."""
-
-
-def table(count: int) -> pd.DataFrame:
-    """The choices as a pandas DataFrame of text, of a study with `count` seeds."""
-    seeds = f"{count} seed{'s' if count > 1 else ''}"
-    return pd.DataFrame(
-        [(*row, here.replace("{seeds}", seeds)) for *row, here in CHOICES],
-        columns=["what", "in the paper", "here"],
-    )

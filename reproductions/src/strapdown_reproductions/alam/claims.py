@@ -18,9 +18,9 @@ from strapdown.experiments.outages.summaries import over_blocks
 
 from ..common import kinds
 from ..common.claims import Claim, Judged, findings, over
-from ..common.kinds import Share, Votes, clustered
+from ..common.kinds import Share, clustered
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from ..common.paired_ratios import difference, ratio, stronger
+from ..common.paired_ratios import better, difference, ratio, stronger
 from ..common.verdicts import both, counted, decided, over_readings
 from .convergence import BELOW, WITHIN
 from .runs import (
@@ -83,15 +83,6 @@ def over_all(tables: Tables, judge: Callable[..., Judged], *args: object) -> Jud
     return Judged(over_readings(*(each.verdict for each in found.values())), text)
 
 
-def better(tables: Tables, measures: Sequence[str], first: str, others: Sequence[str]) -> Votes:
-    """Votes of the cells for filter `first` being better than every one of `others`."""
-    return lambda confidence: [
-        min(ratio(table, measure, first, other, confidence).side for other in others)
-        for table in tables.values()
-        for measure in measures
-    ]
-
-
 def simulated(tables: Tables) -> Tables:
     """The outages of the simulated flight."""
     return {case: table for case, table in tables.items() if case.startswith("outage ")}
@@ -118,7 +109,7 @@ def in_some(tables: Tables, nlo: str, xkf: str) -> Judged:
 
 def no_benefit(tables: Tables, nlo: str, xkf: str) -> Judged:
     """Not mostly better than both."""
-    mostly = kinds.mostly(better(tables, ("horizontal_rmse_m", "down_rmse_m"), xkf, (EKF, nlo)))
+    mostly = kinds.mostly(better(tables, ("horizontal_rmse_m", "down_rmse_m"), xkf, EKF, nlo))
     opposite = {REPRODUCED: NOT_REPRODUCED, NOT_REPRODUCED: REPRODUCED}
     return mostly._replace(verdict=opposite.get(mostly.verdict, mostly.verdict))
 
@@ -140,7 +131,7 @@ def farther(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
 
 def always_better(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
     """The XKF is better than the EKF in every cell."""
-    return kinds.always(better(tables, [measure], xkf, [EKF]))
+    return kinds.always(better(tables, [measure], xkf, EKF))
 
 
 def each_sometimes(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
@@ -150,14 +141,14 @@ def each_sometimes(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
 
 def overall(tables: Tables, nlo: str, xkf: str) -> Judged:
     """Over all cells the XKF is better than the EKF, and than the NLO."""
-    found = [kinds.mostly(better(tables, RMSE, xkf, [other])) for other in (EKF, nlo)]
+    found = [kinds.mostly(better(tables, RMSE, xkf, other)) for other in (EKF, nlo)]
     text = f"against the EKF {found[0]}, against the NLO {found[1]}"
     return Judged(both(*(each.verdict for each in found)), text)
 
 
 def least(tables: Tables, nlo: str, xkf: str) -> Judged:
     """In most east and down cells the XKF is better than both."""
-    return kinds.mostly(better(tables, ("east_rmse_m", "down_rmse_m"), xkf, (EKF, nlo)))
+    return kinds.mostly(better(tables, ("east_rmse_m", "down_rmse_m"), xkf, EKF, nlo))
 
 
 def like_the_observer(tables: Tables, nlo: str, xkf: str) -> Judged:
@@ -295,13 +286,13 @@ def share_of(tables: Tables, measure: str, *others: str) -> str:
 
 def number_of(tables: Tables, measures: Sequence[str], first: str, *others: str) -> str:
     """Text: in how many cells the first filter is better than all `others`."""
-    votes = better(tables, measures, first, others)(kinds.CONFIDENCE)
+    votes = better(tables, measures, first, *others)(kinds.CONFIDENCE)
     return f"{votes.count(1)} of {len(votes)}"
 
 
 def shown_full(tables: Tables, measures: Sequence[str], *others: str) -> str:
     """Text: count of the cells in which the XKF with 15 states is better."""
-    return str(counted(better(tables, measures, FULL, others)(kinds.CONFIDENCE)))
+    return str(counted(better(tables, measures, FULL, *others)(kinds.CONFIDENCE)))
 
 
 ON_AXIS = (

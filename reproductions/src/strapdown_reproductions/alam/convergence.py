@@ -29,7 +29,7 @@ from strapdown.sim.synthesis import Simulator
 from strapdown.sim.trajectory import DEG
 from strapdown.typing import Array
 
-from ..common.study import on_threads
+from ..common.runner import on_threads
 
 OFF, GYRO_BIAS, BELOW, WITHIN = 170 * DEG, 0.05, 10.0, 60.0
 """rad of attitude and rad/s of gyro bias at the start, each about a random direction; deg and s

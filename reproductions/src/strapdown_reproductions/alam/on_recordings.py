@@ -15,7 +15,7 @@ from strapdown.experiments.outages.summaries import blocks, widening
 from strapdown.typing import File, Progress, Say
 
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
-from ..common.study import part_of
+from ..common.runner import part_of
 from .runs import MEASURES, Variant
 
 SWEEP = f"30@{FLIGHT[0]:g}:{FLIGHT[1]:g}/5"

@@ -24,7 +24,7 @@ from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
 from strapdown.typing import Array, Progress, Say
 
-from ..common.study import on_threads
+from ..common.runner import on_threads
 
 PROTOCOL, LENGTH = "30/300", 30.0
 """An outage of 30 s at the end of every 300 s but the first."""

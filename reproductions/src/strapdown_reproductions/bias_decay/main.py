@@ -3,13 +3,11 @@ true time constant of the biases: `strapdown reproduce bias-decay`."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from strapdown.checks import check_number
 from strapdown.core.loop.contract import DECAYING, HELD
 from strapdown.data import Solution
 from strapdown.engine.batch import fuse
@@ -21,9 +19,10 @@ from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sim.synthesis import draw_start, simulate
 from strapdown.typing import Array, File, Progress
 
-from ..common.pages import write_page
-from ..common.processes import on_processes
-from ..common.targets import Target, in_docs, judged
+from ..common.runner import Evidence, Task, collected, seeds
+from ..common.study import Study
+from ..common.tables import Tables, grouped
+from ..common.targets import Target, in_docs
 from .law import boundary, held_is_better
 
 SEEDS, QUICK_SEEDS = 40, 3
@@ -47,7 +46,8 @@ is one of accelerometers, is what is measured."""
 FILTER = "closed-loop"
 RESAMPLED, FEWEST = 2000, 10
 """Draws of seeds with replacement behind an interval, and seeds below which there is none."""
-TITLE = "When the estimate of a bias should decay"
+RUNS = "runs"
+"""The table of the Evidence."""
 INTRODUCTION = (
     "A filter that takes a bias for a Gauss-Markov process can let its estimate decay between fixes, "
     "as the mean of such a process does, or hold it and let the covariance alone go back to that of "
@@ -121,33 +121,26 @@ def rows(cell: Cell, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
         }
 
 
-def worked(seeds: Sequence[int], cell: Cell) -> pd.DataFrame:
-    """The rows of a cell as a table."""
-    return pd.DataFrame(list(rows(cell, seeds)))
-
-
 def table(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per cell: rms errors, their ratio with its 95 % interval over the seeds, what the closed
     form predicts."""
-    found = []
-    for (time, size, length), own in runs.groupby(["true_s", "size", "outage_s"], sort=False):
-        squares = own[["decaying_m", "held_m"]].to_numpy() ** 2
-        decaying, held = np.sqrt(squares.mean(axis=0))
-        low, high = interval(squares)
-        found.append(
-            {
-                "true_s": time,
-                "size": size,
-                "outage_s": length,
-                "decaying_m": decaying,
-                "held_m": held,
-                "ratio": held / decaying,
-                "ratio_low": low,
-                "ratio_high": high,
-                "predicted": HELD if held_is_better(time, ASSUMED, length) else DECAYING,
-            }
-        )
-    return pd.DataFrame(found)
+    cells = grouped(runs, ["true_s", "size", "outage_s"], measures)
+    better = map(held_is_better, cells["true_s"], [ASSUMED] * len(cells), cells["outage_s"])
+    return cells.assign(predicted=[HELD if held else DECAYING for held in better])
+
+
+def measures(runs: pd.DataFrame) -> dict[str, float]:
+    """rms errors of the runs of a cell, and their ratio with its interval."""
+    squares = runs[["decaying_m", "held_m"]].to_numpy() ** 2
+    decaying, held = np.sqrt(squares.mean(axis=0))
+    low, high = interval(squares)
+    return {
+        "decaying_m": decaying,
+        "held_m": held,
+        "ratio": held / decaying,
+        "ratio_low": low,
+        "ratio_high": high,
+    }
 
 
 def interval(squares: Array) -> tuple[float, float]:
@@ -193,8 +186,9 @@ def boundaries() -> pd.DataFrame:
     )
 
 
-def figures(cells: pd.DataFrame) -> dict[str, float]:
+def figures(found: Evidence) -> dict[str, float]:
     """The figures of TARGETS; NaN where no cell has an interval."""
+    cells = table(found[RUNS])
     if cells["ratio_low"].isna().all():
         return dict.fromkeys(TARGETS, np.nan)
     held, decaying = cells["ratio_high"] < 1, cells["ratio_low"] > 1
@@ -203,6 +197,29 @@ def figures(cells: pd.DataFrame) -> dict[str, float]:
         "agree": float(agree.mean()),
         "right": float((held & (cells["true_s"] == ASSUMED)).sum()),
     }
+
+
+def tables(found: Evidence) -> Tables:
+    """{name: (caption, DataFrame)}."""
+    cells = table(found[RUNS])
+    return {
+        "ratios": ("Error of held over that of decaying estimates", readable(cells)),
+        "boundaries": ("From where on to hold, by the closed form", boundaries()),
+        "cells": ("All cells", cells),
+    }
+
+
+STUDY = Study(
+    "When the estimate of a bias should decay",
+    INTRODUCTION,
+    TARGETS,
+    figures,
+    tables,
+    stored=(RUNS,),
+    texts=lambda claims, tables: {
+        "table.md": in_docs(claims, {name: tables[name] for name in ("ratios", "boundaries")})
+    },
+)
 
 
 def reproduce(
@@ -219,33 +236,6 @@ def reproduce(
     workers: processes, the processors by default; progress: called with the fraction done. Raises
     DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    check_number(count, "runs", least=1, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
-    seeds = [1000 * seed + k for k in range(count)]
-    tasks = [(*true, length) for true in TRUE for length in LENGTHS]
-    found = []
-    for done, own in enumerate(on_processes(partial(worked, seeds), tasks, workers), 1):
-        found.append(own)
-        if progress:
-            progress(done / len(tasks))
-    return write(Path(out), pd.concat(found, ignore_index=True))
-
-
-def write(out: Path, runs: pd.DataFrame) -> list[dict[str, Any]]:
-    """Write page and tables into the folder `out`; return the claims."""
-    cells = table(runs)
-    claims = judged(figures(cells), TARGETS)
-    shown = {
-        "ratios": ("Error of held over that of decaying estimates", readable(cells)),
-        "boundaries": ("From where on to hold, by the closed form", boundaries()),
-    }
-    write_page(
-        out,
-        TITLE,
-        INTRODUCTION,
-        claims,
-        shown | {"cells": ("All cells", cells), "runs": (None, runs)},
-        texts={"table.md": in_docs(claims, shown)},
-    )
-    return claims
+    own = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
+    tasks = [Task(RUNS, rows, ((*true, length), own)) for true in TRUE for length in LENGTHS]
+    return STUDY.write(out, collected(tasks, workers, progress))

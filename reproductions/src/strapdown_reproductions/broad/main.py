@@ -26,7 +26,9 @@ from strapdown.recording import Recording
 from strapdown.typing import Array, File, Mask, Progress, Say
 
 from ..common import markdown
-from ..common.pages import claim, write_page
+from ..common.example_recordings import inside
+from ..common.pages import write_page
+from ..common.targets import claim
 from . import figures as broad_figures
 from .peers import PEERS, Peer, installed
 from .trials import Run, Trial
@@ -84,13 +86,7 @@ def load(path: File) -> Trial:
 
 def moving(recording: Recording) -> Mask:
     """(n,) bool: the IMU samples inside the stretches of meta["movement"]."""
-    t = recording.imu.t
-    return np.logical_or.reduce(
-        [
-            np.zeros(len(t), bool),
-            *((t >= start) & (t <= stop) for start, stop in recording.meta["movement"]),
-        ]
-    )
+    return inside(recording.imu.t, recording.meta["movement"])
 
 
 def angles(trajectory: Trajectory, recording: Recording) -> Array:

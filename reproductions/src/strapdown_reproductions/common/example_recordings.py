@@ -1,6 +1,7 @@
 """The recorded flight and drive of examples/recordings: where their descriptions are, and which
 seconds of them are scored."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.recording import Recording
+from strapdown.typing import Array, Mask
 
 DESCRIPTIONS = Path(__file__).resolve().parents[4] / "examples" / "recordings"
 """Folder of the descriptions in the source tree."""
@@ -18,6 +20,14 @@ the aircraft lands at 579 s."""
 SCALE, LASTS = 0.01, 0.3
 """Part by which scale and axes of a MEMS IMU may be off, and s for which a movement of the hand
 lasts in one direction."""
+
+
+def inside(t: Array, windows: Iterable[Sequence[float]]) -> Mask:
+    """(n,) which times are in one of the windows (start, stop), both ends included."""
+    found = np.zeros(len(t), bool)
+    for start, stop in windows:
+        found |= (t >= start) & (t <= stop)
+    return found
 
 
 def windows_of(recording: Recording) -> list[tuple[float, float]]:

@@ -119,6 +119,11 @@ def clustered(seeds: Iterable[tuple[int, int]]) -> Share:
     return Share(float(share), ends.low, ends.high, int(successes), int(trials), k)
 
 
+def of_all(*parts: Votes) -> Votes:
+    """The votes of several together."""
+    return lambda confidence: [each for votes in parts for each in votes(confidence)]
+
+
 def always(votes: Votes) -> Judged:
     """ALWAYS."""
     count = counted(votes(CONFIDENCE))

@@ -98,9 +98,16 @@ def cell(value: object) -> str:
     return str(value).replace("|", "/").replace("*", r"\*").replace("\n", "<br>")
 
 
-def tables(headed: Iterable[tuple[str, pd.DataFrame]]) -> str:
-    """Markdown of [(line, DataFrame)], each under its line."""
-    return "\n".join(f"{line}\n\n{table(frame, cell)}\n" for line, frame in headed)
+def short(value: object) -> str:
+    """The same with three digits."""
+    if isinstance(value, (float, np.floating)):
+        return number(float(value), 3)
+    return cell(value)
+
+
+def tables(headed: Iterable[tuple[str, pd.DataFrame]], written: Callable[[Any], str] = cell) -> str:
+    """Markdown of [(line, DataFrame)], each under its line; written: how a value is."""
+    return "\n".join(f"{line}\n\n{table(frame, written)}\n" for line, frame in headed)
 
 
 def findings(

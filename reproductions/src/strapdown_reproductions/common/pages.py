@@ -17,6 +17,8 @@ from strapdown.reports.shell import placed, shell
 from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
+from .tables import Tables
+
 REPRODUCED, PARTLY, DEPENDS, NOT_REPRODUCED, UNDECIDED, TOO_FEW = (
     "reproduced",
     "partly",
@@ -45,18 +47,6 @@ STYLE = """.yes{color:#17692d}.no{color:#a11}.half{color:#8a5a00}.open{color:var
 caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{font-size:13.5px;color:var(--soft)}
 .banner{border:2px solid #b8860b;background:#fff6da;color:#3d2e00;padding:.6rem .9rem;font-weight:600}
 @media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}.banner{background:#3a2f10;color:#ffe6a0}}"""
-
-
-def claim(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
-    """One claim: what was asked for, what was measured, whether it holds (figure <= bound)."""
-    return {
-        "claim": text,
-        "target": f"<= {bound:g} {unit}",
-        "figure": f"{figure:.3g} {unit}",
-        "value": float(figure),
-        "bound": float(bound),
-        "holds": bool(figure <= bound),
-    }
 
 
 def finding(
@@ -100,7 +90,7 @@ def write_page(
     title: str,
     introduction: Sequence[str],
     claims: Sequence[Mapping[str, Any]],
-    tables: Mapping[str, tuple[str | None, pd.DataFrame]],
+    tables: Tables,
     links: Sequence[tuple[str, str]] = (),
     figures: Sequence[tuple[str, go.Figure, str]] = (),
     notes: Sequence[tuple[str, pd.DataFrame]] = (),
@@ -110,14 +100,11 @@ def write_page(
     """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
     folder `out`, all or none.
 
-    claims: of `claim` or of `finding`; figures: (heading, plotly figure of reports.drawing,
+    claims: of targets.judged or of `finding`; figures: (heading, plotly figure of reports.drawing,
     caption); notes: (heading, DataFrame of text); texts: {name: text} of more files; banner: what must not be
     overlooked. A caption of
     None keeps a table off the page; its CSV is written all the same.
     """
-    out = Path(out)
-    out.mkdir(parents=True, exist_ok=True)
-    as_json = json.dumps(claims, indent=1, ensure_ascii=False) + "\n"
     sections = [
         (heading, text)
         for heading, text in _sections(claims, tables, links, figures, notes)
@@ -126,6 +113,23 @@ def write_page(
     said = "".join(f"<p>{_marked(text)}</p>" for text in introduction)
     if banner:
         said = f"<p class=banner role=note>{_marked(banner)}</p>{said}"
+    write_files(out, title, said, sections, claims, tables, texts)
+
+
+def write_files(
+    out: File,
+    title: str,
+    said: str,
+    sections: Sequence[tuple[str, str]],
+    claims: Sequence[Mapping[str, Any]],
+    tables: Tables,
+    texts: Mapping[str, str],
+) -> None:
+    """Write index.html of HTML `said` and [(heading, HTML)], claims.json, a CSV per table and the
+    texts {name: text} into the folder `out`, all or none."""
+    out = Path(out)
+    out.mkdir(parents=True, exist_ok=True)
+    as_json = json.dumps(claims, indent=1, ensure_ascii=False) + "\n"
     with together():
         for name, text in {"claims.json": as_json, **texts}.items():
             with replacing(out / name) as part:
@@ -143,7 +147,7 @@ def _marked(text: str) -> str:
 
 def _sections(
     claims: Sequence[Mapping[str, Any]],
-    tables: Mapping[str, tuple[str | None, pd.DataFrame]],
+    tables: Tables,
     links: Sequence[tuple[str, str]],
     figures: Sequence[tuple[str, go.Figure, str]],
     notes: Sequence[tuple[str, pd.DataFrame]],

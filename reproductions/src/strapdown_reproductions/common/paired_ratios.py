@@ -5,7 +5,8 @@ over blocks Student's t gives the interval: overlapping windows are not independ
 neighbouring blocks overlap too, which widens the interval.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,6 +15,7 @@ from strapdown.evaluation.consistency import Paired
 from strapdown.experiments.outages.summaries import over_blocks
 from strapdown.typing import Array, Ints
 
+from .kinds import Votes
 from .verdicts import SIZE
 
 LEAST = 1e-6
@@ -67,6 +69,18 @@ def ratio(
     block, a, b = both_of(table, measure, first, second)
     found = over_blocks(np.log(a / b), block, table.attrs["widening"], probability)
     return Ratio(*map(float, np.exp(found[:3])), int((a < b).sum()), len(a))
+
+
+def better(
+    tables: Mapping[Any, pd.DataFrame], measures: Sequence[str], first: str, *others: str
+) -> Votes:
+    """Votes of the cells (a case and a measure) for filter `first` being better than every one of
+    `others`."""
+    return lambda confidence: [
+        min(ratio(table, measure, first, other, confidence).side for other in others)
+        for table in tables.values()
+        for measure in measures
+    ]
 
 
 def difference(table: pd.DataFrame, measure: str, first: str, second: str) -> Paired:

@@ -1,55 +1,69 @@
-"""What the studies of the papers share: their seeds, how far they are, and the page of a finished
-one."""
+"""The page of a finished study: of one whose figures are held against targets, and of one that
+decides the claims of a paper."""
 
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import pandas as pd
 import plotly.graph_objects as go
 
-from strapdown.checks import check_number
-from strapdown.typing import File, Progress
+from strapdown.typing import File
 
 from . import markdown
 from .pages import TOO_FEW, write_page
+from .runner import ENOUGH, Evidence
+from .tables import Tables
+from .targets import Target, in_docs, judged
 
-Task, Result = TypeVar("Task"), TypeVar("Result")
-SEED = 11
-"""Of the studies of the papers: one that was used nowhere before their rules were written."""
-ENOUGH = 10
-"""Runs of each cell; with fewer a study shows how it works, and decides nothing."""
-
-
-def seeds(quick: bool, runs: int | None, seed: int, full: int, few: int) -> list[int]:
-    """The seeds of the runs: `runs` of them where that is given, else `full`, with `quick` only
-    `few`. Raises DataError."""
-    count = (few if quick else full) if runs is None else runs
-    check_number(count, "runs", least=1, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
-    return [1000 * seed + k for k in range(count)]
+Claims: TypeAlias = Sequence[Mapping[str, Any]]
 
 
-def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
-    """The Progress of a part, which is the whole from the fraction `begin` to `end`; None where
-    nobody is told."""
-    return (lambda done: progress(begin + done * (end - begin))) if progress else None
+def in_one_file(claims: Claims, tables: Tables) -> dict[str, str]:
+    """{name: text} of the one file for docs/: figures and all tables, numbers with three digits."""
+    return {"table.md": in_docs(claims, tables)}
 
 
-def on_threads(
-    work: Callable[[Task], Result],
-    tasks: Sequence[Task],
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> Iterator[Result]:
-    """What `work` makes of each task, in their order; threads: the processors by default; progress:
-    called with the fraction done."""
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        for done, result in enumerate(pool.map(work, tasks), 1):
-            if progress:  # before it is handed out: nobody may come for another one
-                progress(done / len(tasks))
-            yield result
+class Study(NamedTuple):
+    """A study whose figures are held against targets: its sentences, and its measures of the
+    Evidence that its runs leave."""
+
+    title: str
+    introduction: tuple[str, ...]
+    targets: Mapping[str, Target]
+    # {name of a target: figure}; NaN where the runs do not decide
+    figures: Callable[[Evidence], Mapping[str, float]]
+    tables: Callable[[Evidence], Tables]
+    # tables of the Evidence that stand beside the page as they are
+    stored: tuple[str, ...] = ()
+    texts: Callable[[Claims, Tables], Mapping[str, str]] = in_one_file
+    digits: int = 3  # of the figures
+
+    def claims(self, found: Evidence) -> list[dict[str, Any]]:
+        """What was asked for, what was measured, whether it holds, as far as the runs decide."""
+        return judged(self.figures(found), self.targets, self.digits)
+
+    def write(self, out: File, found: Evidence) -> list[dict[str, Any]]:
+        """Write page and tables into the folder `out`; return the claims."""
+        claims, tables = self.claims(found), self.tables(found)
+        write_page(
+            Path(out),
+            self.title,
+            self.introduction,
+            claims,
+            {name: (None, found[name]) for name in self.stored} | dict(tables),
+            texts=self.texts(claims, tables),
+        )
+        return claims
+
+
+def choices_table(
+    choices: Iterable[tuple[str, str, str]], where: str = "in the paper", **texts: object
+) -> pd.DataFrame:
+    """What a work leaves open, as text: (what, what stands `where`, what was chosen here); `texts`
+    fill what stands in braces."""
+    rows = [(what, there, here.format(**texts)) for what, there, here in choices]
+    return pd.DataFrame(rows, columns=["what", where, "here"])
 
 
 def write_study(
@@ -59,7 +73,7 @@ def write_study(
     size: str,
     claims: Sequence[Mapping[str, Any]],
     choices: pd.DataFrame,
-    tables: Mapping[str, tuple[str | None, pd.DataFrame]],
+    tables: Tables,
     figures: Sequence[tuple[str, go.Figure, str]],
     shown: Sequence[tuple[str, str, pd.DataFrame]] = (),
     notes: Sequence[tuple[str, pd.DataFrame]] = (),

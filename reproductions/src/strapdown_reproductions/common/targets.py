@@ -1,12 +1,13 @@
 """Figures against what was asked for, and their tables in docs/."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from . import markdown
+from .tables import Tables, with_rows
 
 
 class Target(NamedTuple):
@@ -17,43 +18,51 @@ class Target(NamedTuple):
     bound: float
     unit: str = ""
 
-
-def judged(figures: Mapping[str, float], targets: Mapping[str, Target]) -> list[dict[str, Any]]:
-    """The claims that the figures {name of a target: figure} decide: what was asked for, what was
-    measured, whether it holds. NaN decides nothing."""
-    return [
-        {
-            "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} {target.unit}".rstrip(),
-            "figure": f"{figure:.3g} {target.unit}".rstrip(),
-            "value": figure,
-            "bound": target.bound,
+    def judged(self, figure: float, digits: int = 3) -> dict[str, Any]:
+        """A claim: what was asked for, what was measured, whether it holds."""
+        return {
+            "claim": self.text,
+            "target": f"{self.comparison} {self.bound:g} {self.unit}".rstrip(),
+            "figure": f"{figure:.{digits}g} {self.unit}".rstrip(),
+            "value": float(figure),
+            "bound": self.bound,
             "holds": bool(
-                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
+                figure >= self.bound if self.comparison == ">=" else figure <= self.bound
             ),
         }
+
+
+def claim(text: str, figure: float, bound: float, unit: str) -> dict[str, Any]:
+    """The claim that a figure is at most `bound`."""
+    return Target(text, "<=", float(bound), unit).judged(figure)
+
+
+def judged(
+    figures: Mapping[str, float], targets: Mapping[str, Target], digits: int = 3
+) -> list[dict[str, Any]]:
+    """The claims that the figures {name of a target: figure} decide; NaN decides nothing."""
+    return [
+        targets[name].judged(figure, digits)
         for name, figure in figures.items()
-        for target in [targets[name]]
         if np.isfinite(figure)
     ]
 
 
+def table(claims: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A row per claim of `judged`, as text for docs/."""
+    rows = [
+        (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
+        for c in claims
+    ]
+    return pd.DataFrame(rows, columns=["figure", "target", "measured", ""])
+
+
 def in_docs(
-    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
+    claims: Sequence[Mapping[str, Any]],
+    tables: Tables,
+    cell: Callable[[object], str] = markdown.short,
 ) -> str:
-    """Markdown of the claims and of {name: (caption, DataFrame)}, for a page of docs/."""
-    head = pd.DataFrame(
-        [
-            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims
-        ],
-        columns=["figure", "target", "measured", ""],
-    )
-    headed = [(f"### {caption}", table.map(_rounded)) for caption, table in tables.values()]
-    return markdown.tables([("### Figures", head), *headed])
-
-
-def _rounded(value: object) -> object:
-    if not isinstance(value, (float, np.floating)):
-        return value
-    return "–" if np.isnan(value) else f"{value:.3g}"
+    """Markdown of the claims and of those of the tables {name: (caption, DataFrame)} that have
+    rows, for a page of docs/; cell: how a value is written."""
+    headed = [(f"### {caption}", own) for caption, own in with_rows(tables).values()]
+    return markdown.tables([("### Figures", table(claims)), *headed], cell)

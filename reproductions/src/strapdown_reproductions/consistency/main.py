@@ -6,11 +6,11 @@ from typing import Any
 
 import pandas as pd
 
-from strapdown.checks import check_choice, check_number
+from strapdown.checks import check_choice
 from strapdown.typing import File, Progress
 
 from ..common.pages import write_page
-from ..common.study import on_threads, part_of
+from ..common.runner import campaigns, count_of, on_threads, part_of
 from . import figure, runs, summary
 from .twin import SETS, right
 from .worlds import FILTERS, GRADES, SCENARIOS, Cell, check_filter, is_fed
@@ -38,9 +38,7 @@ def reproduce(
     cluster here, else a thread per processor; filter: labels as of a study (default: FILTERS); scenario: names
     (default: SCENARIOS); progress: called with the fraction done. Raises DataError.
     """
-    count = (QUICK_RUNS if quick else RUNS) if runs is None else runs
-    check_number(count, "runs", least=2, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
+    count = count_of(quick, runs, seed, RUNS, QUICK_RUNS, least=2)
     labels = tuple(filter) or (QUICK_FILTERS if quick else FILTERS)
     names = tuple(scenario) or (QUICK_SCENARIOS if quick else SCENARIOS)
     for label in labels:
@@ -65,11 +63,12 @@ def table(
         for label in labels
         for name in names
     }
-    total, done, campaigns = sum(study.steps() for study in studies.values()), 0, {}
-    for key, study in studies.items():
-        own = part_of(progress, OF_RUNS * done / total, OF_RUNS * (done + study.steps()) / total)
-        campaigns[key] = runs.run(out, study, workers, own)
-        done += study.steps()
+    found = campaigns(
+        studies,
+        lambda key: runs.folder(out, *key),
+        part_of(progress, 0.0, OF_RUNS),
+        workers=workers,
+    )
     worlds = dict.fromkeys(
         (name, grade, is_fed(label)) for label, name in studies for grade in GRADES
     )
@@ -86,7 +85,7 @@ def table(
     return pd.DataFrame(
         [
             runs.row(campaign, Cell(label, name, grade), place, twins[name, grade, is_fed(label)])
-            for (label, name), campaign in campaigns.items()
+            for (label, name), campaign in found.items()
             for place, grade in enumerate(GRADES)
         ]
     )

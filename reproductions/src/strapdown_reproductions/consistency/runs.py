@@ -10,7 +10,7 @@ from strapdown.core.loop.contract import STATES
 from strapdown.evaluation.consistency import INCONSISTENT, POSITION_LOST, SURVIVED
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
-from strapdown.typing import Array, Progress
+from strapdown.typing import Array
 
 from . import verdicts
 from .refused import REFUSED
@@ -27,10 +27,9 @@ def study(filter: str, scenario: str, grades: tuple[str, ...], runs: int, seed: 
     return Study((own,), (filter,), grades, runs, seed, EPOCH, keep(own))
 
 
-def run(out: Path, of: Study, workers: int, progress: Progress | None) -> Campaign:
-    """The campaign of a study, below `out`; what is there already is not run again."""
-    folder = out / CAMPAIGNS / of.filters[0].replace(":", "-") / of.cells[0].scenario.name
-    return of.run(folder, workers=workers, progress=progress)
+def folder(out: Path, filter: str, scenario: str) -> Path:
+    """Where the campaign of a filter in a scenario is, below `out`."""
+    return out / CAMPAIGNS / filter.replace(":", "-") / scenario
 
 
 def row(campaign: Campaign, cell: Cell, place: int, right: Right) -> dict[str, Any]:

@@ -1,12 +1,14 @@
 """The figures of the table of consistency, their targets, and the tables."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..common import markdown
+from ..common import markdown, targets
+from ..common.tables import Tables, outcomes, with_rows
+from ..common.targets import Target
 from .refused import MOST
 from .verdicts import BY_CHANCE, CONSISTENT, INSIDE, SURVIVED, VERDICTS
 
@@ -21,15 +23,6 @@ INTRODUCTION = (
 )
 
 
-class Target(NamedTuple):
-    """What is asked for."""
-
-    text: str
-    comparison: str  # <= or >=
-    bound: float
-    unit: str
-
-
 TARGETS = {
     "inside": Target(
         "epochs in the band, of the worst cell that is not refused", ">=", 100 * INSIDE, "%"
@@ -37,9 +30,9 @@ TARGETS = {
     "survived": Target(
         "runs that survive, of the worst cell that is not refused", ">=", 100 * SURVIVED, "%"
     ),
-    "refused": Target("refused cells, of the filter with the most", "<=", MOST, "cells"),
-    "missed": Target("cells, not refused, that miss 90 % or 98 %", "<=", 0, "cells"),
-    "wrong": Target("of these, cells that chance does not explain", "<=", 0, "cells"),
+    "refused": Target("refused cells, of the filter with the most", "<=", float(MOST), "cells"),
+    "missed": Target("cells, not refused, that miss 90 % or 98 %", "<=", 0.0, "cells"),
+    "wrong": Target("of these, cells that chance does not explain", "<=", 0.0, "cells"),
 }
 """The targets, by name: the first three are asked for as they stand, the others count cells by
 the same rule, and by the rule that allows for chance."""
@@ -65,28 +58,13 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 
 def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """What was asked for, what was measured, whether it holds."""
-    return [
-        {
-            "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} {target.unit}",
-            "figure": f"{figure:.4g} {target.unit}",
-            "value": figure,
-            "bound": float(target.bound),
-            "holds": bool(
-                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
-            ),
-        }
-        for name, figure in figures(rows).items()
-        for target in [TARGETS[name]]
-        if np.isfinite(figure)
-    ]
+    return targets.judged(figures(rows), TARGETS, digits=4)
 
 
 def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per filter: how many of its cells are called what, and how many are refused."""
-    names = rows["verdict"].where(rows["refused"] == "", "refused")
-    counts = names.groupby(rows["filter"], sort=False).value_counts().unstack(fill_value=0)
-    return counts.reindex(columns=[*VERDICTS, "refused"], fill_value=0).reset_index()
+    called = rows.assign(verdict=rows["verdict"].where(rows["refused"] == "", "refused"))
+    return outcomes(called, ["filter"], "verdict", (*VERDICTS, "refused")).reset_index()
 
 
 def each(rows: pd.DataFrame) -> pd.DataFrame:
@@ -125,7 +103,7 @@ def refused(rows: pd.DataFrame) -> pd.DataFrame:
     return cells.reset_index()[["filters", "scenario", "grade", "reason"]]
 
 
-def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
+def tables(rows: pd.DataFrame) -> Tables:
     """{name: (caption, DataFrame)}."""
     found = {
         "holding": ("In which scenarios each filter may be believed", holding(rows)),
@@ -133,7 +111,7 @@ def tables(rows: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
         "refused": ("Refused cells", refused(rows)),
         "each": ("Every cell", each(rows)),
     }
-    return {name: table for name, table in found.items() if len(table[1])}
+    return with_rows(found)
 
 
 def size(rows: pd.DataFrame) -> str:
@@ -178,17 +156,14 @@ def in_docs(rows: pd.DataFrame) -> str:
 
 def each_in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
     """Markdown for docs/reference/evidence/consistency-each.md: the targets, and a table per filter."""
-    shown = pd.DataFrame(
-        [
-            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims
-        ],
-        columns=["figure", "target", "measured", ""],
-    )
     of_filters = [
         (f"## {name}", own.drop(columns="filter"))
         for name, own in each(rows).groupby("filter", sort=False)
     ]
     return markdown.tables(
-        [("## Targets", shown), ("## Cells of each filter", by_filter(rows)), *of_filters]
+        [
+            ("## Targets", targets.table(claims)),
+            ("## Cells of each filter", by_filter(rows)),
+            *of_filters,
+        ]
     )

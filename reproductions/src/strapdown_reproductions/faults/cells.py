@@ -9,8 +9,8 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Start
 from strapdown.recording import Recording
 
-from . import of_gnss, of_imu, of_others  # noqa: F401  (they fill the table of faults)
-from .fault import FAULTS, NOMINAL, WORLD, Fault
+from .catalogue import FAULTS
+from .fault import NOMINAL, WORLD, Fault
 from .judging import Judged, Nominal, judged, nominal, refused
 from .not_showable import hidden
 from .raw import Raw, raw

@@ -1,9 +1,13 @@
-"""A fault, and the table that the files of faults fill."""
+"""A fault, and how it changes what a logger holds: most change some columns in some rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
-from .raw import Raw
+import numpy as np
+
+from strapdown.typing import Array, Mask
+
+from .raw import BEGINS, Fixes, Raw
 
 IMU, GNSS, START, MAGNETOMETER, AHRS, HEIGHT, WORLD, LIVE = (
     "IMU",
@@ -26,6 +30,12 @@ KINDS: dict[str, tuple[str, ...]] = {
 NOMINAL = "nominal"
 
 Change: TypeAlias = Callable[[Raw], None]
+Holder: TypeAlias = Raw | Fixes
+"""The samples, or the fixes of a source."""
+Rows: TypeAlias = Callable[[Raw, Holder], Mask | slice]
+"""Which rows of a holder are changed."""
+Values: TypeAlias = Callable[[Array], Array | float]
+"""What becomes of the values in these rows."""
 
 
 class Fault(NamedTuple):
@@ -36,17 +46,133 @@ class Fault(NamedTuple):
     change: Change
 
 
-FAULTS: dict[str, Fault] = {}
-"""{name: Fault}, in the order of the tables."""
+# where
 
 
-def fault(name: str, of: str) -> Callable[[Change], Change]:
-    """Put a function that changes a Raw into FAULTS under that name."""
+class Columns(NamedTuple):
+    """Arrays of the samples or of some sources, or some axes of them."""
 
-    def put(change: Change) -> Change:
-        if name in FAULTS:
-            raise RuntimeError(f"two faults are called {name!r}")
-        FAULTS[name] = Fault(name, of, change)
-        return change
+    of: Callable[[Raw], Sequence[Holder]]
+    names: tuple[str, ...]
+    axes: int | slice = slice(None)
 
-    return put
+    def at(self, axes: int | slice) -> "Columns":
+        """Some axes of them."""
+        return self._replace(axes=axes)
+
+
+def samples(raw: Raw) -> list[Holder]:
+    """The samples of the IMU."""
+    return [raw]
+
+
+def sources(*kinds: str) -> Callable[[Raw], list[Holder]]:
+    """Chooses the sources of these kinds."""
+    return lambda raw: list(raw.of(*kinds))
+
+
+# when
+
+
+def throughout(raw: Raw, holder: Holder) -> slice:
+    """All rows."""
+    return slice(None)
+
+
+def begun(lasting: float = np.inf) -> Rows:
+    """Those of the fault's `lasting` seconds."""
+    return lambda raw, holder: holder.from_fault(lasting)
+
+
+def first(raw: Raw, holder: Holder) -> slice:
+    """The first one of the fault."""
+    row = int(np.argmax(holder.from_fault()))
+    return slice(row, row + 1)
+
+
+def every(step: int, begin: int = 0) -> Rows:
+    """One in so many."""
+    return lambda raw, holder: slice(begin, None, step)
+
+
+def some(share: float) -> Rows:
+    """A random share."""
+    return lambda raw, holder: raw.rng.random(len(holder.t)) < share
+
+
+# how
+
+
+def on(columns: Columns, values: Values, rows: Rows = throughout) -> Change:
+    """A change of the values of some columns in some rows."""
+
+    def change(raw: Raw) -> None:
+        for holder in columns.of(raw):
+            changed = rows(raw, holder)
+            for name in columns.names:
+                own = getattr(holder, name)[..., columns.axes]
+                own[changed] = values(own[changed])
+
+    return change
+
+
+def drifting(columns: Columns, size: float, seconds: float = 1.0) -> Change:
+    """Adds `size` in so many seconds from the beginning of the fault on."""
+
+    def change(raw: Raw) -> None:
+        for holder in columns.of(raw):
+            for name in columns.names:
+                own = getattr(holder, name)[..., columns.axes]
+                own += size * np.clip(holder.t - BEGINS, 0.0, None) / seconds
+
+    return change
+
+
+def without(of: Callable[[Raw], Sequence[Holder]], rows: Rows) -> Change:
+    """Leaves these rows out."""
+
+    def change(raw: Raw) -> None:
+        for holder in of(raw):
+            left_out = np.zeros(len(holder.t), bool)
+            left_out[rows(raw, holder)] = True
+            holder.take(~left_out)
+
+    return change
+
+
+def reading(value: float) -> Values:
+    """One value in all rows."""
+    return lambda values: value
+
+
+def times(factor: float) -> Values:
+    """Values so many times as large."""
+    return lambda values: values * factor
+
+
+def over(divisor: float) -> Values:
+    """Values divided by a number."""
+    return lambda values: values / divisor
+
+
+def plus(size: float | Sequence[float]) -> Values:
+    """Values that are off by a number, or by one for each axis."""
+    return lambda values: values + np.asarray(size)
+
+
+def rounded(step: float) -> Values:
+    """Values in whole steps."""
+    return lambda values: np.round(values / step) * step
+
+
+def held(values: Array) -> Array:
+    """The first of the values in all rows, as of what is stuck."""
+    return values[:1]
+
+
+def swapped(values: Array) -> Array:
+    """x and y in each other's place."""
+    return values[:, [1, 0, 2]]
+
+
+MISSING, ZERO, NEGATED = reading(np.nan), reading(0.0), times(-1.0)

@@ -4,30 +4,24 @@ Each fault is made with simulated recordings; every filter that it concerns runs
 some smoothed and live too, and what each says is held against how wrong it is.
 """
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from strapdown import filters
-from strapdown.checks import DataError, check_choice, check_number
+from strapdown.checks import DataError, check_choice
 from strapdown.typing import File, Progress
 
-from ..common import markdown
-from ..common.pages import write_page
-from . import jumps, summary
+from ..common import runner
+from . import jumps
 from .cells import Task, cells
 from .runs import SLOW, SLOW_SEEDS, Subject, family, subjects
+from .summary import CELLS, STUDY, TRIALS
 from .worlds import GENTLE, MOTIONS
 
 SEEDS, QUICK_SEEDS = 5, 1
 QUICK = ("closed-loop", "closed-loop live", "closed-loop smoothed")
 """What runs in the reduced form, in the gentle motion alone."""
-TRIALS, QUICK_TRIALS = 200, 4
+FLIGHTS, QUICK_FLIGHTS = 200, 4
 """Flights of `jumps` for each seed of the table."""
 
 
@@ -47,29 +41,16 @@ def reproduce(
     ("closed-loop", "closed-loop live", ..., default: all); progress: called with the fraction done. Raises
     DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    check_number(count, "runs", least=1, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
+    count = runner.count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
     matrix = tasks(chosen(filter or (QUICK if quick else ())), seed, count, quick)
     if not matrix:
         raise DataError(
             f"{', '.join(filter)}: runs in no motion of the reduced form; leave out --quick"
         )
-    flights = range(seed, seed + count * (QUICK_TRIALS if quick else TRIALS))
-    rows: list[dict[str, Any]] = []
-    trials: list[dict[str, Any]] = []
-    total, done = len(matrix) + len(flights), 0
-    with ProcessPoolExecutor(workers or os.cpu_count(), get_context("spawn")) as pool:
-        for into, made in (
-            (rows, pool.map(cells, matrix)),
-            (trials, pool.map(jumps.trial, flights, chunksize=4)),
-        ):
-            for found in made:
-                into.extend(found)
-                done += 1
-                if progress:
-                    progress(done / total)
-    return write(Path(out), pd.DataFrame(rows), pd.DataFrame(trials, columns=jumps.COLUMNS))
+    flights = range(seed, seed + count * (QUICK_FLIGHTS if quick else FLIGHTS))
+    wanted = [runner.Task(CELLS, cells, (task,)) for task in matrix]
+    wanted += [runner.Task(TRIALS, jumps.trial, (flight,)) for flight in flights]
+    return STUDY.write(out, runner.collected(wanted, workers, progress))
 
 
 def chosen(names: Sequence[str]) -> list[Subject]:
@@ -91,22 +72,3 @@ def tasks(subjects: Sequence[Subject], seed: int, count: int, quick: bool = Fals
         if family(filters.find(subject.filter)) in world.families
         and (not quick or motion == GENTLE)
     ]
-
-
-def write(out: Path, rows: pd.DataFrame, trials: pd.DataFrame) -> list[dict[str, Any]]:
-    """Write page and tables of finished cells and trials into the folder `out`; return the
-    claims."""
-    claims = summary.claims(rows, trials)
-    tables = summary.tables(rows, trials)
-    write_page(
-        out,
-        summary.TITLE,
-        summary.INTRODUCTION,
-        claims,
-        {"cells": (None, rows), "trials": (None, trials), **tables},
-        texts={
-            "table.md": summary.in_docs(claims, tables),
-            "each.md": markdown.tables([("### Each fault", tables["by-fault"][1])]),
-        },
-    )
-    return claims

@@ -2,70 +2,62 @@
 
 import numpy as np
 
-from .fault import GNSS, START, fault
-from .raw import BEGINS, Raw, hold
+from strapdown.core.loop.contract import Start
+
+from .fault import (
+    GNSS,
+    KINDS,
+    MISSING,
+    NEGATED,
+    START,
+    ZERO,
+    Change,
+    Columns,
+    Fault,
+    Rows,
+    begun,
+    every,
+    held,
+    on,
+    over,
+    plus,
+    reading,
+    rounded,
+    some,
+    sources,
+    swapped,
+    times,
+    without,
+)
+from .raw import BEGINS, Fixes, Raw
 
 FOOT, KNOT = 0.3048, 1852 / 3600
 UNDULATION = 47.0
 """m by which the geoid lies above the ellipsoid."""
+WEEK = 604800
+OF_POSITION, OF_VELOCITY = sources("position"), sources("velocity")
+OF_BOTH = sources(*KINDS[GNSS])
+FIXES, STAMPS, SD = (Columns(OF_BOTH, (name,)) for name in ("y", "t", "sd"))
+POSITION, POSITION_SD = (Columns(OF_POSITION, (name,)) for name in ("y", "sd"))
+VELOCITY, VELOCITY_STAMPS = (Columns(OF_VELOCITY, (name,)) for name in ("y", "t"))
+NORTH, EAST, VERTICAL = range(3)
 
 
-@fault("20 % of the fixes NaN", GNSS)
-def _(raw: Raw):
-    for source in raw.gnss:
-        source.y[raw.rng.random(len(source.t)) < 0.2] = np.nan
+def moved(metres: float, rows: Rows) -> Change:
+    """Positions that are off to the north."""
 
-
-@fault("some longitudes inf", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].y[::13, 1] = np.inf
-
-
-@fault("10 % of the positions 0, 0, 0", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].y[5::10] = 0
-
-
-@fault("all positions 0, 0, 0 from 90 s", GNSS)
-def _(raw: Raw):
-    position = raw.sources["position"]
-    position.y[position.from_fault()] = 0
-
-
-# jumps, drifts, what is stuck
-
-
-def _one_off(metres: float) -> None:
-    @fault(f"one position {metres:g} m off", GNSS)
-    def _(raw: Raw):
+    def change(raw: Raw) -> None:
         position = raw.sources["position"]
-        position.move((metres, 0, 0), position.from_fault(1))
+        position.move((metres, 0, 0), rows(raw, position))
+
+    return change
 
 
-def _jump(metres: float) -> None:
-    @fault(f"position jumps by {metres:g} m for good", GNSS)
-    def _(raw: Raw):
-        position = raw.sources["position"]
-        position.move((metres, 0, 0), position.from_fault())
+def drift(speed: float, consistent: bool) -> Change:
+    """Positions that drift to the north, and where it is `consistent` the velocity that goes with
+    it."""
 
-
-for _metres in (10, 50):
-    _one_off(_metres)
-for _metres in (5, 10, 20, 50, 1000):
-    _jump(_metres)
-
-
-@fault("height jumps by 50 m for good", GNSS)
-def _(raw: Raw):
-    position = raw.sources["position"]
-    position.y[position.from_fault(), 2] += 50
-
-
-def _drift(speed: float, consistent: bool) -> None:
-    what = "position and velocity drift" if consistent else "position drifts"
-
-    @fault(f"{what} by {speed:g} m/s", GNSS)
-    def _(raw: Raw):
+    def change(raw: Raw) -> None:
         position, velocity = raw.gnss
         away = np.zeros((len(position.t), 3))
         away[:, 0] = speed * np.clip(position.t - BEGINS, 0, None)
@@ -73,148 +65,16 @@ def _drift(speed: float, consistent: bool) -> None:
         if consistent:
             velocity.y[velocity.from_fault(), 0] += speed
 
-
-for _speed in (0.1, 1.0):
-    _drift(_speed, consistent=False)
-for _speed in (0.1, 2.0):
-    _drift(_speed, consistent=True)
+    return change
 
 
-def _frozen(name: str, kinds: tuple[str, ...]) -> None:
-    @fault(name, GNSS)
-    def _(raw: Raw):
-        for source in raw.of(*kinds):
-            hold(source.y, source.from_fault())
+def stamped(seconds: float) -> str:
+    """The name of the fault whose stamps are off by so much."""
+    return f"fixes late by {seconds:g} s" if seconds > 0 else f"fixes early by {-seconds:g} s"
 
 
-_frozen("position and velocity stuck", ("position", "velocity"))
-_frozen("position stuck, velocity right", ("position",))
-_frozen("velocity stuck, position right", ("velocity",))
-
-
-@fault("velocity north stuck", GNSS)
-def _(raw: Raw):
-    velocity = raw.sources["velocity"]
-    hold(velocity.y[:, 0], velocity.from_fault())
-
-
-@fault("velocity is 0 from 90 s", GNSS)
-def _(raw: Raw):
-    velocity = raw.sources["velocity"]
-    velocity.y[velocity.from_fault()] = 0
-
-
-@fault("velocity 1 m/s off in north from 90 s", GNSS)
-def _(raw: Raw):
-    velocity = raw.sources["velocity"]
-    velocity.y[velocity.from_fault(), 0] += 1
-
-
-@fault("fixes alternate between antennas 1 m apart", GNSS)
-def _(raw: Raw):
-    position = raw.sources["position"]
-    position.move((1, 0, 0), np.arange(len(position.t)) % 2 == 0)
-
-
-@fault("position rounded to 1e-4 deg", GNSS)
-def _(raw: Raw):
-    position = raw.sources["position"]
-    step = np.radians(1e-4)
-    position.y[:, :2] = np.round(position.y[:, :2] / step) * step
-
-
-# units, signs, frames
-
-
-@fault("longitude sign wrong", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].y[:, 1] *= -1
-
-
-@fault("latitude and longitude swapped", GNSS)
-def _(raw: Raw):
-    position = raw.sources["position"]
-    position.y = position.y[:, [1, 0, 2]]
-
-
-@fault("latitude and longitude in deg", GNSS)
-def _(raw: Raw):
-    position = raw.sources["position"]
-    position.y[:, :2] = np.degrees(position.y[:, :2])
-
-
-@fault("velocity up taken for down", GNSS)
-def _(raw: Raw):
-    raw.sources["velocity"].y[:, 2] *= -1
-
-
-@fault("velocity north and east swapped", GNSS)
-def _(raw: Raw):
-    velocity = raw.sources["velocity"]
-    velocity.y = velocity.y[:, [1, 0, 2]]
-
-
-@fault("velocity in km/h", GNSS)
-def _(raw: Raw):
-    raw.sources["velocity"].y *= 3.6
-
-
-@fault("velocity in knots", GNSS)
-def _(raw: Raw):
-    raw.sources["velocity"].y /= KNOT
-
-
-@fault("height in feet", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].y[:, 2] /= FOOT
-
-
-@fault("height is a depth", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].y[:, 2] *= -1
-
-
-@fault("height above the geoid", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].y[:, 2] -= UNDULATION
-
-
-# time stamps
-
-
-def _late(seconds: float) -> None:
-    what = f"late by {seconds:g} s" if seconds > 0 else f"early by {-seconds:g} s"
-
-    @fault(f"fixes {what}", GNSS)
-    def _(raw: Raw):
-        for source in raw.gnss:
-            source.t = source.t + seconds
-
-
-for _seconds in (0.1, 0.5, 2, -18, 604800):
-    _late(_seconds)
-
-
-@fault("velocity late by 0.5 s, position not", GNSS)
-def _(raw: Raw):
-    velocity = raw.sources["velocity"]
-    velocity.t = velocity.t + 0.5
-
-
-@fault("fixes a week later from 90 s", GNSS)
-def _(raw: Raw):
-    for source in raw.gnss:
-        source.t = np.where(source.from_fault(), source.t + 604800, source.t)
-
-
-@fault("fix stamps stand still from 90 s", GNSS)
-def _(raw: Raw):
-    for source in raw.gnss:
-        source.t = np.minimum(source.t, BEGINS)
-
-
-@fault("four fixes in the wrong order", GNSS)
-def _(raw: Raw):
+def four_swapped(raw: Raw) -> None:
+    """Four fixes of each source in the wrong order."""
     for source in raw.gnss:
         rows = np.arange(len(source.t))
         rows[100:104] = rows[100:104][::-1]
@@ -223,60 +83,29 @@ def _(raw: Raw):
         source.arrival = arrival
 
 
-@fault("each fix twice", GNSS)
-def _(raw: Raw):
+def again(source: Fixes, count: int) -> None:
+    """Each fix so often."""
+    source.take(np.repeat(np.arange(len(source.t)), count))
+
+
+def twice(raw: Raw) -> None:
+    """Each fix twice."""
     for source in raw.gnss:
-        source.take(np.repeat(np.arange(len(source.t)), 2))
+        again(source, 2)
 
 
-@fault("each fix ten times, with new stamps", GNSS)
-def _(raw: Raw):
+def ten_times(raw: Raw) -> None:
+    """Each fix ten times until the next one, with stamps of their own."""
     for source in raw.gnss:
         step = np.median(np.diff(source.t)) / 10
         later = np.tile(np.arange(10) * step, len(source.t))
-        source.take(np.repeat(np.arange(len(source.t)), 10))
+        again(source, 10)
         source.t = source.t + later
         source.arrival = source.arrival + later
 
 
-# stated standard deviations
-
-
-def _scaled(factor: float) -> None:
-    @fault(f"sd stated {factor:g} times as large", GNSS)
-    def _(raw: Raw):
-        for source in raw.gnss:
-            source.sd *= factor
-
-
-for _factor in (0.1, 0.3, 10.0):
-    _scaled(_factor)
-
-
-@fault("sd 1e-9", GNSS)
-def _(raw: Raw):
-    for source in raw.gnss:
-        source.sd[:] = 1e-9
-
-
-def _sd_rows(name: str, value: float, rows: slice) -> None:
-    @fault(name, GNSS)
-    def _(raw: Raw):
-        raw.sources["position"].sd[rows] = value
-
-
-_sd_rows("sd 0 in one row", 0.0, slice(50, 51))
-_sd_rows("sd NaN in a third", np.nan, slice(None, None, 3))
-_sd_rows("sd inf in a third", np.inf, slice(None, None, 3))
-
-
-@fault("sd negative", GNSS)
-def _(raw: Raw):
-    raw.sources["position"].sd *= -1
-
-
-@fault("fixes come and go, with a tenth of their sd and twice their noise", GNSS)
-def _(raw: Raw):
+def come_and_go(raw: Raw) -> None:
+    """Noisy positions stated as good ones; seven tenths of all fixes missing."""
     position = raw.sources["position"]
     position.move(2 * position.sd * raw.rng.standard_normal(position.y.shape))
     position.sd *= 0.1
@@ -284,47 +113,31 @@ def _(raw: Raw):
         source.take((source.t < BEGINS) | (raw.rng.random(len(source.t)) < 0.3))
 
 
-# what is not there, or not there where it is said to be
+def not_there(*kinds: str) -> Change:
+    """Leaves out whole sources."""
+
+    def change(raw: Raw) -> None:
+        raw.sources = {kind: own for kind, own in raw.sources.items() if kind not in kinds}
+
+    return change
 
 
-def _without(name: str, kinds: tuple[str, ...], start: float, stop: float) -> None:
-    @fault(name, GNSS)
-    def _(raw: Raw):
-        for source in raw.of(*kinds):
-            source.take((source.t < start) | (source.t >= stop))
-
-
-_without("no GNSS for 60 s", ("position", "velocity"), BEGINS, BEGINS + 60)
-_without("no GNSS from 60 s on", ("position", "velocity"), 60, np.inf)
-_without("no velocity from 90 s on", ("velocity",), BEGINS, np.inf)
-
-
-@fault("no GNSS at all", GNSS)
-def _(raw: Raw):
-    raw.sources = {k: s for k, s in raw.sources.items() if k not in ("position", "velocity")}
-
-
-@fault("no velocity at all", GNSS)
-def _(raw: Raw):
-    del raw.sources["velocity"]
-
-
-@fault("antenna arm 2 m off", GNSS)
-def _(raw: Raw):
+def longer_arm(raw: Raw) -> None:
+    """An antenna that is said to be 2 m further forward."""
     for source in raw.gnss:
         forward, *others = source.parameters or (0.0, 0.0, 0.0)
         source.parameters = (forward + 2, *others)
 
 
-@fault("multipath: 10 times the noise for 60 s", GNSS)
-def _(raw: Raw):
+def noisy(raw: Raw) -> None:
+    """10 times the noise for 60 s."""
     position = raw.sources["position"]
     rows = position.from_fault(60)
     position.move(10 * position.sd[rows] * raw.rng.standard_normal((rows.sum(), 3)), rows)
 
 
-@fault("multipath: 5 m, correlated over 60 s", GNSS)
-def _(raw: Raw):
+def wandering(raw: Raw) -> None:
+    """5 m, correlated over 60 s."""
     position = raw.sources["position"]
     steps = np.exp(-np.diff(position.t) / 60)
     away = np.zeros((len(position.t), 3))
@@ -333,19 +146,93 @@ def _(raw: Raw):
     position.move(away)
 
 
-# the start
+def begins_off(
+    lla: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rph: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Change:
+    """A start that is off by these."""
+
+    def start(right: Start) -> Start:
+        added = lambda own, off: tuple(a + b for a, b in zip(own, off))
+        return right._replace(lla=added(right.lla, lla), rph=added(right.rph, rph))
+
+    def change(raw: Raw) -> None:
+        raw.start = start
+
+    return change
 
 
-@fault("start 180 deg off in heading", START)
-def _(raw: Raw):
-    raw.start = lambda start: start._replace(rph=(*start.rph[:2], start.rph[2] + np.pi))
-
-
-@fault("start 1 km off", START)
-def _(raw: Raw):
-    raw.start = lambda start: start._replace(lla=(start.lla[0] + 1000 / 6371e3, *start.lla[1:]))
-
-
-@fault("start 30 deg off in roll", START)
-def _(raw: Raw):
-    raw.start = lambda start: start._replace(rph=(start.rph[0] + np.radians(30), *start.rph[1:]))
+OF_RECEIVER: tuple[tuple[str, Change], ...] = (
+    ("20 % of the fixes NaN", on(FIXES, MISSING, some(0.2))),
+    ("some longitudes inf", on(POSITION.at(EAST), reading(np.inf), every(13))),
+    ("10 % of the positions 0, 0, 0", on(POSITION, ZERO, every(10, 5))),
+    ("all positions 0, 0, 0 from 90 s", on(POSITION, ZERO, begun())),
+    # jumps, drifts, what is stuck
+    *((f"one position {metres:g} m off", moved(metres, begun(1))) for metres in (10, 50)),
+    *(
+        (f"position jumps by {metres:g} m for good", moved(metres, begun()))
+        for metres in (5, 10, 20, 50, 1000)
+    ),
+    ("height jumps by 50 m for good", on(POSITION.at(VERTICAL), plus(50), begun())),
+    *((f"position drifts by {speed:g} m/s", drift(speed, False)) for speed in (0.1, 1.0)),
+    *(
+        (f"position and velocity drift by {speed:g} m/s", drift(speed, True))
+        for speed in (0.1, 2.0)
+    ),
+    ("position and velocity stuck", on(FIXES, held, begun())),
+    ("position stuck, velocity right", on(POSITION, held, begun())),
+    ("velocity stuck, position right", on(VELOCITY, held, begun())),
+    ("velocity north stuck", on(VELOCITY.at(NORTH), held, begun())),
+    ("velocity is 0 from 90 s", on(VELOCITY, ZERO, begun())),
+    ("velocity 1 m/s off in north from 90 s", on(VELOCITY.at(NORTH), plus(1), begun())),
+    ("fixes alternate between antennas 1 m apart", moved(1, every(2))),
+    ("position rounded to 1e-4 deg", on(POSITION.at(slice(2)), rounded(np.radians(1e-4)))),
+    # units, signs, frames
+    ("longitude sign wrong", on(POSITION.at(EAST), NEGATED)),
+    ("latitude and longitude swapped", on(POSITION, swapped)),
+    ("latitude and longitude in deg", on(POSITION.at(slice(2)), np.degrees)),
+    ("velocity up taken for down", on(VELOCITY.at(VERTICAL), NEGATED)),
+    ("velocity north and east swapped", on(VELOCITY, swapped)),
+    ("velocity in km/h", on(VELOCITY, times(3.6))),
+    ("velocity in knots", on(VELOCITY, over(KNOT))),
+    ("height in feet", on(POSITION.at(VERTICAL), over(FOOT))),
+    ("height is a depth", on(POSITION.at(VERTICAL), NEGATED)),
+    ("height above the geoid", on(POSITION.at(VERTICAL), plus(-UNDULATION))),
+    # time stamps
+    *((stamped(s), on(STAMPS, plus(s))) for s in (0.1, 0.5, 2, -18, WEEK)),
+    ("velocity late by 0.5 s, position not", on(VELOCITY_STAMPS, plus(0.5))),
+    ("fixes a week later from 90 s", on(STAMPS, plus(WEEK), begun())),
+    ("fix stamps stand still from 90 s", on(STAMPS, lambda t: np.minimum(t, BEGINS))),
+    ("four fixes in the wrong order", four_swapped),
+    ("each fix twice", twice),
+    ("each fix ten times, with new stamps", ten_times),
+    # stated standard deviations
+    *(
+        (f"sd stated {factor:g} times as large", on(SD, times(factor)))
+        for factor in (0.1, 0.3, 10.0)
+    ),
+    ("sd 1e-9", on(SD, reading(1e-9))),
+    ("sd 0 in one row", on(POSITION_SD, ZERO, lambda raw, holder: slice(50, 51))),
+    ("sd NaN in a third", on(POSITION_SD, MISSING, every(3))),
+    ("sd inf in a third", on(POSITION_SD, reading(np.inf), every(3))),
+    ("sd negative", on(POSITION_SD, NEGATED)),
+    ("fixes come and go, with a tenth of their sd and twice their noise", come_and_go),
+    # what is not there, or not there where it is said to be
+    ("no GNSS for 60 s", without(OF_BOTH, begun(60))),
+    ("no GNSS from 60 s on", without(OF_BOTH, lambda raw, holder: holder.t >= 60)),
+    ("no velocity from 90 s on", without(OF_VELOCITY, begun())),
+    ("no GNSS at all", not_there(*KINDS[GNSS])),
+    ("no velocity at all", not_there("velocity")),
+    ("antenna arm 2 m off", longer_arm),
+    ("multipath: 10 times the noise for 60 s", noisy),
+    ("multipath: 5 m, correlated over 60 s", wandering),
+)
+STARTS: tuple[tuple[str, Change], ...] = (
+    ("start 180 deg off in heading", begins_off(rph=(0.0, 0.0, np.pi))),
+    ("start 1 km off", begins_off(lla=(1000 / 6371e3, 0.0, 0.0))),
+    ("start 30 deg off in roll", begins_off(rph=(np.radians(30), 0.0, 0.0))),
+)
+FAULTS = (
+    *(Fault(name, GNSS, change) for name, change in OF_RECEIVER),
+    *(Fault(name, START, change) for name, change in STARTS),
+)

@@ -2,395 +2,219 @@
 
 import numpy as np
 
-from strapdown.typing import Array, Mask
+from strapdown.typing import Array
 
-from .fault import IMU, LIVE, fault
-from .raw import BEGINS, Raw, hold
+from .fault import (
+    IMU,
+    LIVE,
+    MISSING,
+    NEGATED,
+    ZERO,
+    Change,
+    Columns,
+    Fault,
+    Rows,
+    Values,
+    begun,
+    drifting,
+    every,
+    first,
+    held,
+    on,
+    over,
+    plus,
+    reading,
+    samples,
+    some,
+    swapped,
+    times,
+    without,
+)
+from .raw import BEGINS, Raw
 
 G = 9.80665
 DEG = np.pi / 180
+GYRO, ACCEL, BOTH, TIME, ARRIVAL = (
+    Columns(samples, names)
+    for names in (("gyro",), ("accel",), ("gyro", "accel"), ("t",), ("arrival",))
+)
+X, Y, Z = range(3)
+OF_FIXES = Columns(lambda raw: list(raw.sources.values()), ("arrival",))
 
 
-@fault("gyro NaN in 1 % of the samples", IMU)
-def _(raw: Raw):
-    raw.gyro[raw.some(0.01), 1] = np.nan
+def spikes(raw: Raw) -> None:
+    """100 m/s^2 to either side in 1 % of the samples."""
+    rows = raw.rng.random(len(raw.t)) < 0.01
+    raw.accel[rows, Y] += raw.rng.choice([-100, 100], rows.sum())
 
 
-@fault("accelerometer NaN for 3 s", IMU)
-def _(raw: Raw):
-    raw.accel[raw.from_fault(3)] = np.nan
+def clipped(values: Array) -> Array:
+    """Values that end at 60 % of the largest of their axis."""
+    most = 0.6 * np.abs(values).max(axis=0)
+    return np.clip(values, -most, most)
 
 
-@fault("accelerometer inf now and then", IMU)
-def _(raw: Raw):
-    raw.accel[::997, 2] = np.inf
-
-
-# what is stuck
-
-
-@fault("gyro stuck for 5 s", IMU)
-def _(raw: Raw):
-    hold(raw.gyro, raw.from_fault(5))
-
-
-@fault("gyro z stuck for good", IMU)
-def _(raw: Raw):
-    hold(raw.gyro[:, 2], raw.from_fault())
-
-
-@fault("gyro x reads 0 for good", IMU)
-def _(raw: Raw):
-    raw.gyro[raw.from_fault(), 0] = 0
-
-
-@fault("accelerometer stuck for 5 s", IMU)
-def _(raw: Raw):
-    hold(raw.accel, raw.from_fault(5))
-
-
-@fault("accelerometer x stuck for good", IMU)
-def _(raw: Raw):
-    hold(raw.accel[:, 0], raw.from_fault())
-
-
-@fault("accelerometer reads 0 for 5 s", IMU)
-def _(raw: Raw):
-    raw.accel[raw.from_fault(5)] = 0
-
-
-def _frozen(seconds: float) -> None:
-    @fault(f"IMU frozen for {seconds:g} s", IMU)
-    def _(raw: Raw):
-        hold(raw.gyro, raw.from_fault(seconds))
-        hold(raw.accel, raw.from_fault(seconds))
-
-
-for _seconds in (1, 10):
-    _frozen(_seconds)
-
-
-# what no such motion has
-
-
-def _spike(size: float) -> None:
-    @fault(f"accelerometer: one sample of {size:.0e} m/s^2", IMU)
-    def _(raw: Raw):
-        raw.accel[np.argmax(raw.from_fault()), 0] = size
-
-
-for _size in (1e3, 1e6):
-    _spike(_size)
-
-
-@fault("gyro: one sample of 50 rad/s", IMU)
-def _(raw: Raw):
-    raw.gyro[np.argmax(raw.from_fault()), 2] = 50
-
-
-@fault("accelerometer spikes of 100 m/s^2 in 1 %", IMU)
-def _(raw: Raw):
-    rows = raw.some(0.01)
-    raw.accel[rows, 1] += raw.rng.choice([-100, 100], rows.sum())
-
-
-@fault("gyro clips at 60 % of its largest rates", IMU)
-def _(raw: Raw):
-    most = 0.6 * np.abs(raw.gyro).max(axis=0)
-    raw.gyro = np.clip(raw.gyro, -most, most)
-
-
-@fault("accelerometer clips at 1 g", IMU)
-def _(raw: Raw):
-    raw.accel = np.clip(raw.accel, -G, G)
-
-
-# bias, scale, noise
-
-
-def _gyro_step(axis: int, size: float) -> None:
-    @fault(f"gyro {'xyz'[axis]} bias steps by {size:g} deg/s", IMU)
-    def _(raw: Raw):
-        raw.gyro[raw.from_fault(), axis] += size * DEG
-
-
-_gyro_step(1, 0.5)
-_gyro_step(2, 2)
-
-
-@fault("gyro x bias runs away by 1 deg/s in 120 s", IMU)
-def _(raw: Raw):
-    raw.gyro[:, 0] += DEG * raw.since_fault() / 120
-
-
-@fault("accelerometer x bias steps by 0.5 m/s^2", IMU)
-def _(raw: Raw):
-    raw.accel[raw.from_fault(), 0] += 0.5
-
-
-@fault("accelerometer x bias runs away by 0.5 m/s^2 in 120 s", IMU)
-def _(raw: Raw):
-    raw.accel[:, 0] += 0.5 * raw.since_fault() / 120
-
-
-@fault("gyro scale +5 %", IMU)
-def _(raw: Raw):
-    raw.gyro *= 1.05
-
-
-@fault("accelerometer scale +2 %", IMU)
-def _(raw: Raw):
-    raw.accel *= 1.02
-
-
-@fault("gyro dead band of 0.5 deg/s", IMU)
-def _(raw: Raw):
-    raw.gyro[np.abs(raw.gyro) < 0.5 * DEG] = 0
-
-
-@fault("gyro x 20 times as noisy from 90 s", IMU)
-def _(raw: Raw):
-    _noisier(raw, raw.gyro[:, 0], 20)
-
-
-@fault("accelerometer z 20 times as noisy from 90 s", IMU)
-def _(raw: Raw):
-    _noisier(raw, raw.accel[:, 2], 20)
-
-
-def _noisier(raw: Raw, values: Array, times: float) -> None:
-    """Add to an axis what makes its noise so many times as large; the noise is what of its second
+def noisier(columns: Columns, factor: float) -> Change:
+    """Adds to an axis what makes its noise so many times as large; the noise is what of its second
     differences is common."""
-    rough = np.median(np.abs(np.diff(values, 2))) / 0.6745 / np.sqrt(6)
-    rows = raw.from_fault()
-    values[rows] += raw.rng.normal(0, rough * np.sqrt(times**2 - 1), rows.sum())
+
+    def change(raw: Raw) -> None:
+        values = getattr(raw, columns.names[0])[:, columns.axes]
+        rough = np.median(np.abs(np.diff(values, 2))) / 0.6745 / np.sqrt(6)
+        rows = raw.from_fault()
+        values[rows] += raw.rng.normal(0, rough * np.sqrt(factor**2 - 1), rows.sum())
+
+    return change
 
 
-@fault("quantised to 0.1 m/s^2 and 0.1 deg/s", IMU)
-def _(raw: Raw):
+def quantised(raw: Raw) -> None:
+    """Counted in steps of 0.1 m/s^2 and 0.1 deg/s."""
     raw.accel = np.round(raw.accel / 0.1) * 0.1
     raw.gyro = np.round(raw.gyro / (0.1 * DEG)) * 0.1 * DEG
 
 
-@fault("vibration of 20 m/s^2 at 15.3 Hz", IMU)
-def _(raw: Raw):
+def vibration(raw: Raw) -> None:
+    """20 m/s^2 at 15.3 Hz."""
     raw.accel += 20 * np.sin(2 * np.pi * 15.3 * raw.t)[:, None]
 
 
-@fault("vibration aliased to 0.1 Hz", IMU)
-def _(raw: Raw):
+def aliased(raw: Raw) -> None:
+    """Vibration at nearly the rate of the samples."""
     rate = 1 / np.median(np.diff(raw.t))
     wave = np.sin(2 * np.pi * (rate - 0.1) * raw.t)
-    raw.accel[:, 2] += 15 * wave
-    raw.gyro[:, 0] += 0.5 * wave
+    raw.accel[:, Z] += 15 * wave
+    raw.gyro[:, X] += 0.5 * wave
 
 
-# how it sits and what it counts in
+def yawed(degrees: float) -> Values:
+    """Axes turned about the vertical."""
+    c, s = np.cos(degrees * DEG), np.sin(degrees * DEG)
+    C = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return lambda values: values @ C
 
 
-def _turn(raw: Raw, C: Array, rows: Mask | slice = slice(None)) -> None:
-    raw.gyro[rows], raw.accel[rows] = raw.gyro[rows] @ C, raw.accel[rows] @ C
+def repeated(rows: Rows) -> Change:
+    """Gives these samples twice."""
+
+    def change(raw: Raw) -> None:
+        again = np.flatnonzero(rows(raw, raw))
+        raw.take(np.sort(np.r_[np.arange(len(raw.t)), again]))
+
+    return change
 
 
-def _yaw(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-
-@fault("mounted 5 deg off in heading", IMU)
-def _(raw: Raw):
-    _turn(raw, _yaw(5 * DEG))
-
-
-@fault("box slips by 10 deg in heading at 90 s", IMU)
-def _(raw: Raw):
-    _turn(raw, _yaw(10 * DEG), raw.from_fault())
-
-
-@fault("gyro sign wrong", IMU)
-def _(raw: Raw):
-    raw.gyro *= -1
-
-
-@fault("gyro z sign wrong", IMU)
-def _(raw: Raw):
-    raw.gyro[:, 2] *= -1
-
-
-@fault("gyro z sign flips at 90 s", IMU)
-def _(raw: Raw):
-    raw.gyro[raw.from_fault(), 2] *= -1
-
-
-@fault("accelerometer sign wrong", IMU)
-def _(raw: Raw):
-    raw.accel *= -1
-
-
-@fault("accelerometer x sign wrong", IMU)
-def _(raw: Raw):
-    raw.accel[:, 0] *= -1
-
-
-@fault("x and y swapped", IMU)
-def _(raw: Raw):
-    raw.gyro, raw.accel = raw.gyro[:, [1, 0, 2]], raw.accel[:, [1, 0, 2]]
-
-
-@fault("x and y of the gyro swapped", IMU)
-def _(raw: Raw):
-    raw.gyro = raw.gyro[:, [1, 0, 2]]
-
-
-@fault("forward, left, up taken for forward, right, down", IMU)
-def _(raw: Raw):
-    raw.gyro, raw.accel = raw.gyro * [1, -1, -1], raw.accel * [1, -1, -1]
-
-
-@fault("gyro in deg/s", IMU)
-def _(raw: Raw):
-    raw.gyro /= DEG
-
-
-@fault("gyro multiplied by pi/180 twice", IMU)
-def _(raw: Raw):
-    raw.gyro *= DEG
-
-
-@fault("accelerometer in g", IMU)
-def _(raw: Raw):
-    raw.accel /= G
-
-
-@fault("accelerometer without gravity", IMU)
-def _(raw: Raw):
-    raw.accel[:, 2] += G
-
-
-# time stamps
-
-
-@fault("time of the IMU NaN now and then", IMU)
-def _(raw: Raw):
-    raw.t[::997] = np.nan
-
-
-def _clock_jump(seconds: float) -> None:
-    @fault(f"clock of the IMU jumps by {seconds:+g} s", IMU)
-    def _(raw: Raw):
-        raw.t[raw.from_fault()] += seconds
-
-
-for _seconds in (5, -5, -0.05, 86401):
-    _clock_jump(_seconds)
-
-
-@fault("clock of the IMU stands still for 1 s", IMU)
-def _(raw: Raw):
-    raw.t[raw.from_fault(1)] = BEGINS
-
-
-@fault("5 % of the IMU rows twice", IMU)
-def _(raw: Raw):
-    raw.take(np.sort(np.r_[np.arange(len(raw.t)), np.flatnonzero(raw.some(0.05))]))
-
-
-@fault("IMU stamps twice, with other values", IMU)
-def _(raw: Raw):
-    again = np.flatnonzero(raw.some(0.05))
+def repeated_with_other_values(raw: Raw) -> None:
+    """5 % of the stamps twice, the gyro another one the second time."""
+    again = np.flatnonzero(raw.rng.random(len(raw.t)) < 0.05)
     rows = np.sort(np.r_[np.arange(len(raw.t)), again])
     raw.take(rows)
     second = np.r_[False, np.diff(rows) == 0]
     raw.gyro[second] += raw.rng.normal(0, 0.05, (second.sum(), 3))
 
 
-def _rounded(to: float) -> None:
-    @fault(f"IMU stamps rounded up to {to:g} s", IMU)
-    def _(raw: Raw):
-        raw.t = np.ceil(raw.t / to - 1e-9) * to
+def rounded_up(step: float) -> Values:
+    """Values in whole steps, the next larger one."""
+    return lambda values: np.ceil(values / step - 1e-9) * step
 
 
-for _to in (0.04, 0.1):
-    _rounded(_to)
-
-
-@fault("100 IMU rows swapped in pairs", IMU)
-def _(raw: Raw):
+def reversed_in(raw: Raw, size: int) -> Array:
+    """(n,) rows of which the first 100 of the fault are reversed in groups of `size`."""
     rows = np.arange(len(raw.t))
-    first = np.argmax(raw.from_fault())
-    rows[first : first + 100] = rows[first : first + 100].reshape(-1, 2)[:, ::-1].ravel()
-    raw.take(rows)
+    begin = np.argmax(raw.from_fault())
+    rows[begin : begin + 100] = rows[begin : begin + 100].reshape(-1, size)[:, ::-1].ravel()
+    return rows
 
 
-@fault("100 IMU values shuffled in fives", IMU)
-def _(raw: Raw):
-    rows = np.arange(len(raw.t))
-    first = np.argmax(raw.from_fault())
-    rows[first : first + 100] = rows[first : first + 100].reshape(-1, 5)[:, ::-1].ravel()
+def shuffled(raw: Raw) -> None:
+    """100 values in the wrong order under right stamps."""
+    rows = reversed_in(raw, 5)
     raw.gyro, raw.accel = raw.gyro[rows], raw.accel[rows]
 
 
-def _missing(seconds: float) -> None:
-    @fault(f"IMU missing for {seconds:g} s", IMU)
-    def _(raw: Raw):
-        raw.take(~raw.from_fault(seconds))
-
-
-for _seconds in (0.5, 5, 60):
-    _missing(_seconds)
-
-
-@fault("10 % of the IMU rows missing", IMU)
-def _(raw: Raw):
-    raw.take(~raw.some(0.1))
-
-
-@fault("IMU stamps jitter by 30 %", IMU)
-def _(raw: Raw):
+def jittered(raw: Raw) -> None:
+    """Stamps off by up to 30 % of the interval."""
     step = np.median(np.diff(raw.t))
     raw.t = raw.t + raw.rng.uniform(-0.3 * step, 0.3 * step, len(raw.t))
 
 
-@fault("clock of the IMU 1000 ppm fast", IMU)
-def _(raw: Raw):
-    raw.t = raw.t * 1.001
-
-
-def _late(seconds: float) -> None:
-    @fault(f"IMU late by {seconds:g} s", IMU)
-    def _(raw: Raw):
-        raw.t = raw.t + seconds
-
-
-for _seconds in (0.1, 1):
-    _late(_seconds)
-
-
-@fault("time in ms", IMU)
-def _(raw: Raw):
-    raw.t = raw.t * 1e3
-
-
-# what only a stream meets: right stamps, wrong arrival
-
-
-@fault("IMU samples arrive twice", LIVE)
-def _(raw: Raw):
-    raw.take(np.sort(np.r_[np.arange(len(raw.t)), np.flatnonzero(raw.from_fault())]))
-
-
-@fault("IMU samples arrive 1 s late for 20 s", LIVE)
-def _(raw: Raw):
-    raw.arrival[raw.from_fault(20)] += 1
-
-
-@fault("fixes arrive 2 s late", LIVE)
-def _(raw: Raw):
-    for source in raw.sources.values():
-        source.arrival[source.from_fault()] += 2
-
-
-@fault("fixes never arrive again", LIVE)
-def _(raw: Raw):
-    for source in raw.sources.values():
-        source.arrival[source.from_fault()] = np.inf
+OF_VALUES: tuple[tuple[str, Change], ...] = (
+    ("gyro NaN in 1 % of the samples", on(GYRO.at(Y), MISSING, some(0.01))),
+    ("accelerometer NaN for 3 s", on(ACCEL, MISSING, begun(3))),
+    ("accelerometer inf now and then", on(ACCEL.at(Z), reading(np.inf), every(997))),
+    # what is stuck
+    ("gyro stuck for 5 s", on(GYRO, held, begun(5))),
+    ("gyro z stuck for good", on(GYRO.at(Z), held, begun())),
+    ("gyro x reads 0 for good", on(GYRO.at(X), ZERO, begun())),
+    ("accelerometer stuck for 5 s", on(ACCEL, held, begun(5))),
+    ("accelerometer x stuck for good", on(ACCEL.at(X), held, begun())),
+    ("accelerometer reads 0 for 5 s", on(ACCEL, ZERO, begun(5))),
+    *((f"IMU frozen for {s:g} s", on(BOTH, held, begun(s))) for s in (1, 10)),
+    # what no such motion has
+    *(
+        (f"accelerometer: one sample of {size:.0e} m/s^2", on(ACCEL.at(X), reading(size), first))
+        for size in (1e3, 1e6)
+    ),
+    ("gyro: one sample of 50 rad/s", on(GYRO.at(Z), reading(50), first)),
+    ("accelerometer spikes of 100 m/s^2 in 1 %", spikes),
+    ("gyro clips at 60 % of its largest rates", on(GYRO, clipped)),
+    ("accelerometer clips at 1 g", on(ACCEL, lambda f: np.clip(f, -G, G))),
+    # bias, scale, noise
+    ("gyro y bias steps by 0.5 deg/s", on(GYRO.at(Y), plus(0.5 * DEG), begun())),
+    ("gyro z bias steps by 2 deg/s", on(GYRO.at(Z), plus(2 * DEG), begun())),
+    ("gyro x bias runs away by 1 deg/s in 120 s", drifting(GYRO.at(X), DEG, 120)),
+    ("accelerometer x bias steps by 0.5 m/s^2", on(ACCEL.at(X), plus(0.5), begun())),
+    ("accelerometer x bias runs away by 0.5 m/s^2 in 120 s", drifting(ACCEL.at(X), 0.5, 120)),
+    ("gyro scale +5 %", on(GYRO, times(1.05))),
+    ("accelerometer scale +2 %", on(ACCEL, times(1.02))),
+    ("gyro dead band of 0.5 deg/s", on(GYRO, lambda w: np.where(np.abs(w) < 0.5 * DEG, 0, w))),
+    ("gyro x 20 times as noisy from 90 s", noisier(GYRO.at(X), 20)),
+    ("accelerometer z 20 times as noisy from 90 s", noisier(ACCEL.at(Z), 20)),
+    ("quantised to 0.1 m/s^2 and 0.1 deg/s", quantised),
+    ("vibration of 20 m/s^2 at 15.3 Hz", vibration),
+    ("vibration aliased to 0.1 Hz", aliased),
+    # how it sits and what it counts in
+    ("mounted 5 deg off in heading", on(BOTH, yawed(5))),
+    ("box slips by 10 deg in heading at 90 s", on(BOTH, yawed(10), begun())),
+    ("gyro sign wrong", on(GYRO, NEGATED)),
+    ("gyro z sign wrong", on(GYRO.at(Z), NEGATED)),
+    ("gyro z sign flips at 90 s", on(GYRO.at(Z), NEGATED, begun())),
+    ("accelerometer sign wrong", on(ACCEL, NEGATED)),
+    ("accelerometer x sign wrong", on(ACCEL.at(X), NEGATED)),
+    ("x and y swapped", on(BOTH, swapped)),
+    ("x and y of the gyro swapped", on(GYRO, swapped)),
+    ("forward, left, up taken for forward, right, down", on(BOTH, lambda v: v * [1, -1, -1])),
+    ("gyro in deg/s", on(GYRO, over(DEG))),
+    ("gyro multiplied by pi/180 twice", on(GYRO, times(DEG))),
+    ("accelerometer in g", on(ACCEL, over(G))),
+    ("accelerometer without gravity", on(ACCEL.at(Z), plus(G))),
+)
+OF_TIME: tuple[tuple[str, Change], ...] = (
+    ("time of the IMU NaN now and then", on(TIME, MISSING, every(997))),
+    *(
+        (f"clock of the IMU jumps by {s:+g} s", on(TIME, plus(s), begun()))
+        for s in (5, -5, -0.05, 86401)
+    ),
+    ("clock of the IMU stands still for 1 s", on(TIME, reading(BEGINS), begun(1))),
+    ("5 % of the IMU rows twice", repeated(some(0.05))),
+    ("IMU stamps twice, with other values", repeated_with_other_values),
+    *((f"IMU stamps rounded up to {s:g} s", on(TIME, rounded_up(s))) for s in (0.04, 0.1)),
+    ("100 IMU rows swapped in pairs", lambda raw: raw.take(reversed_in(raw, 2))),
+    ("100 IMU values shuffled in fives", shuffled),
+    *((f"IMU missing for {s:g} s", without(samples, begun(s))) for s in (0.5, 5, 60)),
+    ("10 % of the IMU rows missing", without(samples, some(0.1))),
+    ("IMU stamps jitter by 30 %", jittered),
+    ("clock of the IMU 1000 ppm fast", on(TIME, times(1.001))),
+    *((f"IMU late by {s:g} s", on(TIME, plus(s))) for s in (0.1, 1)),
+    ("time in ms", on(TIME, times(1e3))),
+)
+OF_ARRIVAL: tuple[tuple[str, Change], ...] = (
+    ("IMU samples arrive twice", repeated(begun())),
+    ("IMU samples arrive 1 s late for 20 s", on(ARRIVAL, plus(1), begun(20))),
+    ("fixes arrive 2 s late", on(OF_FIXES, plus(2), begun())),
+    ("fixes never arrive again", on(OF_FIXES, reading(np.inf), begun())),
+)
+"""What only a stream meets: right stamps, wrong arrival."""
+FAULTS = (
+    *(Fault(name, IMU, change) for name, change in (*OF_VALUES, *OF_TIME)),
+    *(Fault(name, LIVE, change) for name, change in OF_ARRIVAL),
+)

@@ -68,14 +68,6 @@ class Raw:
         """(n,) which samples fall into the fault's `lasting` seconds."""
         return (self.t >= BEGINS) & (self.t < BEGINS + lasting)
 
-    def since_fault(self) -> Array:
-        """(n,) s since the fault began, 0 before."""
-        return np.clip(self.t - BEGINS, 0.0, None)
-
-    def some(self, share: float) -> Mask:
-        """(n,) a random share of the samples."""
-        return self.rng.random(len(self.t)) < share
-
     def take(self, rows: Mask | Ints) -> None:
         """Keep these samples, in this order."""
         self.t, self.gyro, self.accel, self.arrival = (
@@ -102,11 +94,6 @@ class Raw:
             grade=grade,
             **meta,
         )
-
-
-def hold(values: Array, rows: Mask) -> None:
-    """What is stuck: all of these rows show what the first of them does."""
-    values[rows] = values[np.argmax(rows)]
 
 
 def raw(recording: Recording, kinds: tuple[str, ...], seed: int, name: str) -> Raw:

@@ -1,18 +1,20 @@
 """The figures of the fault matrix, their targets and tables."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
-
 import numpy as np
 import pandas as pd
 
 from ..common import markdown
+from ..common.runner import Evidence
+from ..common.study import Claims, Study
+from ..common.tables import Tables, outcomes
+from ..common.targets import Target, in_docs
 from .judging import CRASH, ORDER, SILENT
 from .jumps import FOR_GOOD, LASTING, NONE, SIZES
 from .not_showable import NOT_SHOWABLE
 from .runs import BATCH, SMOOTHED, STREAM
 
-TITLE = "Sensor faults: whether a filter that is wrong says so"
+CELLS, TRIALS = "cells", "trials"
+"""Tables of the Evidence: rows of cells.py and of jumps.py."""
 INTRODUCTION = (
     "Each fault is made with the same simulated recordings. A run is wrong where from 60 s on a "
     "component of position, velocity or attitude is beyond five of its own standard deviations for "
@@ -24,15 +26,6 @@ INTRODUCTION = (
 )
 SOON = 30.0
 """s within which a lasting jump must be said."""
-
-
-class Target(NamedTuple):
-    """What is asked for."""
-
-    text: str
-    comparison: str  # <= or >=
-    bound: float
-    unit: str
 
 
 TARGETS = {
@@ -83,8 +76,9 @@ def of_thousand(trials: pd.DataFrame, held: pd.Series, of: float) -> float:
     return of * float(held.mean()) if len(trials) else np.nan
 
 
-def figures(rows: pd.DataFrame, trials: pd.DataFrame) -> dict[str, float]:
+def figures(found: Evidence) -> dict[str, float]:
     """{name of a target: figure}; NaN where the cells do not decide."""
+    rows, trials = found[CELLS], found[TRIALS]
     jumped = trials[trials["what"] != NONE]
     lasting = jumped[(jumped["size"] == LASTING) & (jumped["what"] == FOR_GOOD)]
     right = trials[trials["what"] == NONE]
@@ -110,26 +104,6 @@ def figures(rows: pd.DataFrame, trials: pd.DataFrame) -> dict[str, float]:
 def alarm(trials: pd.DataFrame) -> pd.Series:
     """Which runs say that something is wrong."""
     return (trials["doubtful_s"] > 0) | (trials["says"].fillna("") != "")
-
-
-def claims(rows: pd.DataFrame, trials: pd.DataFrame) -> list[dict[str, Any]]:
-    """The claims that the cells at hand decide: what was asked for, what was measured, whether it
-    holds."""
-    return [
-        {
-            "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} {target.unit}",
-            "figure": f"{figure:.4g} {target.unit}",
-            "value": figure,
-            "bound": target.bound,
-            "holds": bool(
-                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
-            ),
-        }
-        for name, figure in figures(rows, trials).items()
-        for target in [TARGETS[name]]
-        if np.isfinite(figure)
-    ]
 
 
 def named(rows: pd.DataFrame) -> pd.DataFrame:
@@ -158,27 +132,16 @@ def matrix(rows: pd.DataFrame) -> pd.DataFrame:
 
 def by_fault(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per fault: what it is of, and how many runs came to what."""
-    counts = (
-        rows.groupby(["of", "fault"], sort=False)["verdict"]
-        .value_counts()
-        .unstack(fill_value=0)
-        .reindex(columns=list(ORDER), fill_value=0)
-    )
-    unshown = rows.groupby(["of", "fault"], sort=False)["showable"].agg(lambda s: int((~s).sum()))
-    return counts.assign(**{"cannot be shown": unshown}).reset_index()
+    keys = ["of", "fault"]
+    hidden = rows.groupby(keys, sort=False)["showable"].agg(lambda s: int((~s).sum()))
+    counts = outcomes(rows, keys, "verdict", ORDER)
+    return counts.assign(**{"cannot be shown": hidden}).reset_index()
 
 
 def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
     """A row per filter, way and motion: how many runs with a fault that can be shown came to
     what."""
-    own = named(showable(rows))
-    counts = (
-        own.groupby(["runs", "motion"], sort=False)["verdict"]
-        .value_counts()
-        .unstack(fill_value=0)
-        .reindex(columns=list(ORDER), fill_value=0)
-    )
-    return counts.reset_index()
+    return outcomes(named(showable(rows)), ["runs", "motion"], "verdict", ORDER).reset_index()
 
 
 def silences(rows: pd.DataFrame) -> pd.DataFrame:
@@ -217,8 +180,9 @@ def jumped(trials: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()
 
 
-def tables(rows: pd.DataFrame, trials: pd.DataFrame) -> dict[str, tuple[str | None, pd.DataFrame]]:
+def tables(found: Evidence) -> Tables:
     """{name: (caption, DataFrame)}."""
+    rows, trials = found[CELLS], found[TRIALS]
     return {
         "silent": ("Silently wrong, though the data can show it", silences(rows)),
         "by-filter": ("What became of the runs whose fault the data can show", by_filter(rows)),
@@ -245,20 +209,22 @@ IN_DOCS = ("silent", "by-filter", "jumps", "without-fault", "not-showable")
 """Tables that are small enough for docs/reference/evidence/faults.md."""
 
 
-def in_docs(
-    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
-) -> str:
-    """Markdown for docs/reference/evidence/faults.md."""
-    shown = pd.DataFrame(
-        [
-            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims
-        ],
-        columns=["figure", "target", "measured", ""],
-    )
-    headed = [
-        (f"### {caption}", table)
-        for caption, table in (tables[name] for name in IN_DOCS)
-        if len(table)
-    ]
-    return markdown.tables([("### Figures", shown), *headed])
+def texts(claims: Claims, tables: Tables) -> dict[str, str]:
+    """{name: text} of two files for docs/."""
+    few = {name: tables[name] for name in IN_DOCS}
+    return {
+        "table.md": in_docs(claims, few, markdown.cell),
+        "each.md": markdown.tables([("### Each fault", tables["by-fault"][1])]),
+    }
+
+
+STUDY = Study(
+    "Sensor faults: whether a filter that is wrong says so",
+    INTRODUCTION,
+    TARGETS,
+    figures,
+    tables,
+    stored=(CELLS, TRIALS),
+    texts=texts,
+    digits=4,
+)

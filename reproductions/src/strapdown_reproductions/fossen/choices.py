@@ -1,8 +1,6 @@
 """What Fossen's chapter 14 and its published code leave unspecified or have otherwise, and what
 was chosen here."""
 
-import pandas as pd
-
 CHOICES = (
     (
         "the Earth",
@@ -160,8 +158,3 @@ CHOICES = (
     ),
 )
 """(what, in the chapter and its code, here)."""
-
-
-def table() -> pd.DataFrame:
-    """The choices as a pandas DataFrame of text."""
-    return pd.DataFrame(CHOICES, columns=["what", "in the chapter and its code", "here"])

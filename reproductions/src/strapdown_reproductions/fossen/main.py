@@ -14,9 +14,11 @@ from strapdown import __version__
 from strapdown.typing import File, Progress
 
 from ..common.markdown import number
-from ..common.study import SEED, seeds, write_study
-from . import choices, claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
+from ..common.runner import SEED, seeds
+from ..common.study import choices_table, write_study
+from . import claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
 from .cases import CASES, FAST, LAST, Case
+from .choices import CHOICES
 from .figures import all_figures
 from .runs import KEYS, Results
 
@@ -110,7 +112,7 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
         INTRODUCTION,
         size,
         claims,
-        choices.table(),
+        choices_table(CHOICES, "in the chapter and its code"),
         _tables(results, cells, intro),
         all_figures(results, kept),
         listed=listed(cells, results.dropouts),

@@ -13,7 +13,7 @@ from strapdown.core.loop.contract import BA, BG, DECAYING
 from strapdown.recording import Recording
 from strapdown.typing import Array, Progress
 
-from ..common.study import on_threads
+from ..common.runner import on_threads
 from . import cases, signals
 
 Key: TypeAlias = tuple[str, str, str]

@@ -1,7 +1,5 @@
 """What Hager & Bryne leave open or print wrongly, and what was chosen here instead."""
 
-import pandas as pd
-
 CHOICES = (
     (
         "Table II, signs of F_θv and F_θp",
@@ -137,8 +135,3 @@ CHOICES = (
     ),
 )
 """(what, in the paper, here)."""
-
-
-def table() -> pd.DataFrame:
-    """The choices as a pandas DataFrame of text."""
-    return pd.DataFrame(CHOICES, columns=["what", "in the paper", "here"])

@@ -10,7 +10,7 @@ from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study, parsed, seeds, simulator
 from strapdown.typing import Array
 
-from ..common.study import on_threads
+from ..common.runner import on_threads
 from .cells import Rows, numbers_of, rows_of
 from .rules import SMALL_DRIFT
 

@@ -17,16 +17,17 @@ from strapdown.sim.scenario import Scenario, scenario
 from strapdown.typing import File, Progress, Say
 
 from ..common import markdown
-from ..common.study import SEED, part_of, write_study
+from ..common.runner import SEED, campaigns
+from ..common.study import choices_table, write_study
 from ..common.verdicts import BETTER, interval
 from . import (
     ablations as ablation,
-    choices,
     claims as hager_bryne_claims,
     drift as hager_bryne_drift,
     printed_updates,
 )
 from .cells import tables
+from .choices import CHOICES
 from .figures import all_figures
 from .rules import EXACT, TENTH, UPDATES, UPDATES_AND_STARTS, Evidence
 
@@ -146,18 +147,20 @@ def made(
     """As `reproduce`, of given studies: "flights", "offset", "initial" and STARTS, and perhaps
     those of the ablations."""
     out = Path(out)
-    campaigns, done, total = {}, 0, sum(study.steps() for study in wanted.values())
     if say:
-        say(
-            f"{total / 1e6:.3g} million filter steps in {len(wanted)} studies: "
-            f"{', '.join(f'{name} {study.steps() / 1e6:.3g}' for name, study in wanted.items())}"
-        )
-    for name, study in wanted.items():
-        end = done + study.steps()
-        part = part_of(progress, done / total, end / total)
-        campaigns[name] = study.run(out / "campaign" / name, threads, workers, scheduler, say, part)
-        done = end
-    return write(out, campaigns, threads)
+        steps = {name: study.steps() / 1e6 for name, study in wanted.items()}
+        each = ", ".join(f"{name} {million:.3g}" for name, million in steps.items())
+        say(f"{sum(steps.values()):.3g} million filter steps in {len(wanted)} studies: {each}")
+    found = campaigns(
+        wanted,
+        lambda name: out / "campaign" / name,
+        progress,
+        threads=threads,
+        workers=workers,
+        scheduler=scheduler,
+        say=say,
+    )
+    return write(out, found, threads)
 
 
 def write(
@@ -188,7 +191,7 @@ def write(
         INTRODUCTION,
         _size(campaigns),
         claims,
-        choices.table(),
+        choices_table(CHOICES),
         _tables(cells, moved, initial, drift, bins)
         | {"readings": (READ, in_readings(cells, readings)), "bound": _bound(flights)}
         | {f"readings-all-{i}": (None, own) for i, own in enumerate(readings.values(), 1)}

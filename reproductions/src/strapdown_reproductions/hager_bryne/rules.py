@@ -12,7 +12,7 @@ from scipy.stats import t as student
 from strapdown.evaluation.consistency import paired, proportion
 
 from ..common.claims import Claim, Judged, judge
-from ..common.kinds import CONFIDENCE, Votes, mostly
+from ..common.kinds import CONFIDENCE, Votes, mostly, of_all
 from ..common.verdicts import (
     READINGS,
     SIZE,
@@ -107,11 +107,6 @@ def above(rows: pd.DataFrame, name: str, level: float = 0.5, more: bool = True) 
     return lambda confidence: [
         sign * vote(*ends(row, name, confidence), level) for _, row in rows.iterrows()
     ]
-
-
-def of_all(*parts: Votes) -> Votes:
-    """The votes of several together."""
-    return lambda confidence: [each for votes in parts for each in votes(confidence)]
 
 
 def at_95(votes: Sequence[int]) -> Votes:

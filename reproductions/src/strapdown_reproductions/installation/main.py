@@ -1,22 +1,16 @@
 """What of an installation is found, and whether its intervals hold: `strapdown reproduce
 installation`."""
 
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
-import pandas as pd
-
-from strapdown.checks import check_number
 from strapdown.typing import File, Progress
 
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.pages import write_page
-from ..common.processes import on_processes
-from ..common.targets import in_docs
-from . import drive, misses, simulated, summary
+from ..common.runner import Task, collected, count_of
+from . import drive, misses, simulated
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN
-from .summary import FILTER, Evidence
+from .summary import DRIVE, FILTER, MISSES, STUDY
 
 SEEDS, QUICK_SEEDS = 100, 3
 OTHERS, OTHER_PART = ("mekf", "ukf"), 5
@@ -24,9 +18,6 @@ OTHERS, OTHER_PART = ("mekf", "ukf"), 5
 BATCH = 5
 """Seeds of a task."""
 QUICK_MOTION = "car with odometer"
-SIMULATED, DRIVE, MISSES = "simulated", "drive", "misses"
-Task: TypeAlias = tuple[str, tuple[Any, ...]]
-"""What is run, and with which arguments."""
 
 
 def reproduce(
@@ -45,18 +36,10 @@ def reproduce(
     workers: processes, the processors by default; progress: called with the fraction done. Raises
     DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    check_number(count, "runs", least=1, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
+    count = count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
     folder = Path(recordings) if recordings else DESCRIPTIONS
     tasks = quick_tasks(seed, count) if quick else all_tasks(folder, seed, count)
-    found: dict[str, list[pd.DataFrame]] = {}
-    for done, made in enumerate(on_processes(partial(work, folder), tasks, workers), 1):
-        for name, table in made.items():
-            found.setdefault(name, []).append(table)
-        if progress:
-            progress(done / len(tasks))
-    return write(Path(out), evidence(found))
+    return STUDY.write(out, collected(tasks, workers, progress))
 
 
 def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
@@ -64,22 +47,18 @@ def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
     fewer seeds."""
     there = (folder / "drive0708.toml").exists()
     few = max(1, count // OTHER_PART)
+    recorded = [
+        *(Task(DRIVE, drive.rows, (folder, wrong)) for wrong in drive.WRONG),
+        Task(MISSES, misses.rows, (folder,)),
+    ]
+    cells = [
+        *((name, FILTER, start, count) for name in MOTIONS for start in (KNOWN, ALIGNED)),
+        *((name, FILTER, ALIGNED, count) for name in UNSEEN),
+        *((name, other, KNOWN, few) for name in MOTIONS for other in OTHERS),
+    ]
     return [
-        *((DRIVE, (wrong,)) for wrong in drive.WRONG if there),
-        *((MISSES, ()) for _ in range(there)),
-        *(
-            task
-            for name in MOTIONS
-            for start in (KNOWN, ALIGNED)
-            for task in batches(name, FILTER, start, seed, count)
-        ),
-        *(task for name in UNSEEN for task in batches(name, FILTER, ALIGNED, seed, count)),
-        *(
-            task
-            for name in MOTIONS
-            for other in OTHERS
-            for task in batches(name, other, KNOWN, seed, few)
-        ),
+        *(recorded if there else ()),
+        *(task for *of, own in cells for task in batches(*of, seed, own)),
     ]
 
 
@@ -90,47 +69,12 @@ def quick_tasks(seed: int, count: int) -> list[Task]:
 
 
 def batches(name: str, filter: str, start: str, seed: int, count: int) -> list[Task]:
-    """Tasks of so many seeds."""
+    """Tasks of so many seeds, each of which fills several tables."""
     return [
-        (SIMULATED, (name, filter, start, range(first, min(first + BATCH, seed + count))))
+        Task(
+            "",
+            simulated.runs,
+            (name, filter, start, range(first, min(first + BATCH, seed + count))),
+        )
         for first in range(seed, seed + count, BATCH)
     ]
-
-
-def work(folder: Path, task: Task) -> dict[str, pd.DataFrame]:
-    """{name of a table of Evidence: its rows} of a task."""
-    what, given = task
-    if what == DRIVE:
-        return {"drive": pd.DataFrame(drive.rows(folder, *given))}
-    if what == MISSES:
-        return {"misses": pd.DataFrame(misses.rows(folder))}
-    *of, seeds = given
-    each = [simulated.runs(*of, seed) for seed in seeds]
-    return {
-        name: pd.concat([getattr(one, name) for one in each]) for name in simulated.Runs._fields
-    }
-
-
-def evidence(found: dict[str, list[pd.DataFrame]]) -> Evidence:
-    """The tables of all tasks."""
-    empty = pd.DataFrame()
-    return Evidence(
-        *(
-            pd.concat(found[name], ignore_index=True) if name in found else empty
-            for name in Evidence._fields
-        )
-    )
-
-
-def write(out: Path, found: Evidence) -> list[dict[str, Any]]:
-    """Write page and tables into the folder `out`; return the claims."""
-    claims, tables = summary.claims(found), summary.tables(found)
-    write_page(
-        out,
-        summary.TITLE,
-        summary.INTRODUCTION,
-        claims,
-        {"runs": (None, found.parameters), **tables},
-        texts={"table.md": in_docs(claims, tables)},
-    )
-    return claims

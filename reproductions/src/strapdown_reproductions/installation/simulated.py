@@ -1,6 +1,7 @@
 """A simulated run with a wrong installation: what a filter finds of it, and its NEES."""
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,8 @@ from strapdown.typing import Array
 
 from .cases import case
 
+RUNS, EPOCHS, SCALES = "runs", "epochs", "scales"
+"""Tables of the Evidence."""
 NORMAL_95 = 1.96
 FOUND = 0.5
 """A parameter is called found where its standard deviation at the end is at most this part of its
@@ -20,15 +23,14 @@ SCALE_ROWS = 5.0
 """s between the rows of the scale over time."""
 
 
-class Runs(NamedTuple):
-    """Tables of runs."""
+def runs(name: str, filter: str, start: str, seeds: Iterable[int]) -> dict[str, pd.DataFrame]:
+    """The tables of runs with these seeds: a row per run and parameter (RUNS), per run and second
+    (EPOCHS: NEES), per run and SCALE_ROWS (SCALES: the odometer's scale)."""
+    each = [_run(name, filter, start, seed) for seed in seeds]
+    return {table: pd.concat([one[table] for one in each]) for table in (RUNS, EPOCHS, SCALES)}
 
-    parameters: pd.DataFrame  # a row per run and parameter
-    epochs: pd.DataFrame  # a row per run and second: NEES
-    scales: pd.DataFrame  # a row per run and SCALE_ROWS of the odometer's scale
 
-
-def runs(name: str, filter: str, start: str, seed: int) -> Runs:
+def _run(name: str, filter: str, start: str, seed: int) -> dict[str, pd.DataFrame]:
     """The tables of one run."""
     made = case(name, seed, start)
     of = {"motion": name, "filter": filter, "start": start, "seed": seed}
@@ -39,11 +41,11 @@ def runs(name: str, filter: str, start: str, seed: int) -> Runs:
     with_all = nees_of(solution, made.recording, made.true)
     of_right = np.interp(solution.t, right.t, nees_of(right, made.right), left=np.nan)
     epochs = {"t": solution.t.round(3), "nees": with_all, "nees_right": of_right}
-    return Runs(
-        pd.DataFrame([of | row for row in _parameters(solution, made.true)]),
-        pd.DataFrame(epochs).assign(**of, dof=15 + len(made.true)),
-        pd.DataFrame(_scales(solution, made.true)).assign(**of),
-    )
+    return {
+        RUNS: pd.DataFrame([of | row for row in _parameters(solution, made.true)]),
+        EPOCHS: pd.DataFrame(epochs).assign(**of, dof=15 + len(made.true)),
+        SCALES: pd.DataFrame(_scales(solution, made.true)).assign(**of),
+    }
 
 
 def _parameters(solution: Solution, true: dict[str, float]) -> list[dict[str, Any]]:

@@ -1,18 +1,23 @@
 """The figures: errors, intervals, NEES, what is called found; their targets and tables."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from strapdown.evaluation.consistency import band
 
-from ..common.targets import Target, judged
+from ..common.runner import Evidence
+from ..common.study import Study
+from ..common.tables import Tables, grouped, rms, with_rows
+from ..common.targets import Target
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
 from .drive import NOTHING, RIGHT
 from .misses import BOUNDS, STATES, UNITS
+from .simulated import EPOCHS, RUNS, SCALES
 
-TITLE = "The installation, estimated"
+DRIVE, MISSES = "drive", "misses"
+"""Tables of the Evidence beside those of simulated.py."""
 INTRODUCTION = (
     "Clocks, lever arms, mounting and odometer scale are given wrongly, and estimated as states of "
     "the filter. What is found is compared with what was done.",
@@ -89,37 +94,24 @@ TARGETS = {
 """The targets, by name."""
 
 
-class Evidence(NamedTuple):
-    """Tables of all runs."""
-
-    parameters: pd.DataFrame
-    epochs: pd.DataFrame
-    scales: pd.DataFrame
-    drive: pd.DataFrame
-    misses: pd.DataFrame
-
-
 def intervals(parameters: pd.DataFrame) -> pd.DataFrame:
     """A row per motion, filter, start and parameter: how often it is called found and its interval
     holds the truth then; bias and RMSE over all runs."""
-    rows = []
-    keys = ["motion", "filter", "start", "parameter"]
-    for key, own in parameters.groupby(keys, sort=False):
+
+    def measures(own: pd.DataFrame) -> dict[str, Any]:
         found = own[own["found"]]
-        rows.append(
-            dict(zip(keys, key))
-            | {
-                "runs": len(own),
-                "stopped": int(own["stopped"].sum()),
-                "found": len(found),
-                "inside": float(found["inside"].mean()) if len(found) else np.nan,
-                "bias": own["error"].mean(),
-                "rmse": float(np.sqrt((own["error"] ** 2).mean())),
-                "sd": own["sd"].mean(),
-                "prior": own["prior"].iloc[0],
-            }
-        )
-    return pd.DataFrame(rows, columns=[*keys, *COLUMNS])
+        return {
+            "runs": len(own),
+            "stopped": int(own["stopped"].sum()),
+            "found": len(found),
+            "inside": float(found["inside"].mean()) if len(found) else np.nan,
+            "bias": own["error"].mean(),
+            "rmse": rms(own["error"]),
+            "sd": own["sd"].mean(),
+            "prior": own["prior"].iloc[0],
+        }
+
+    return grouped(parameters, ["motion", "filter", "start", "parameter"], measures, COLUMNS)
 
 
 COLUMNS = ("runs", "stopped", "found", "inside", "bias", "rmse", "sd", "prior")
@@ -141,24 +133,22 @@ def consistency(epochs: pd.DataFrame) -> pd.DataFrame:
     """A row per motion, filter and start: the share of epochs, from SETTLED s after the start, whose
     NEES averaged over the runs is in its 95 % band, its mean by degree of freedom, and the same of
     the right set-up without the parameters."""
-    rows = []
-    keys = ["motion", "filter", "start"]
-    for key, own in epochs.groupby(keys, sort=False):
+
+    def measures(own: pd.DataFrame) -> dict[str, Any]:
         own = own[own["t"] >= own.groupby("seed")["t"].min().max() + SETTLED]
         runs, dof = own["seed"].nunique(), int(own["dof"].iloc[0])
         by_t = own.groupby("t")[["nees", "nees_right"]].agg(["mean", "size"])
         by_t = by_t[by_t["nees", "size"] == runs]
-        row = dict(zip(keys, key)) | {"runs": runs, "states": dof}
+        found: dict[str, Any] = {"runs": runs, "states": dof}
         for name, states in (("nees", dof), ("nees_right", 15)):
             low, high = band(states, runs)
             mean = by_t[name, "mean"]
-            row |= {
-                f"{name}_in_band_%": 100 * float(((mean >= low) & (mean <= high)).mean()),
-                f"{name}/dof": float(mean.mean() / states),
-            }
-        rows.append(row)
+            found[f"{name}_in_band_%"] = 100 * float(((mean >= low) & (mean <= high)).mean())
+            found[f"{name}/dof"] = float(mean.mean() / states)
+        return found
+
     columns = ("runs", "states", *(f"nees{of}{what}" for of in ("", "_right") for what in NEES))
-    return pd.DataFrame(rows, columns=[*keys, *columns])
+    return grouped(epochs, ["motion", "filter", "start"], measures, columns)
 
 
 def scales(table: pd.DataFrame) -> pd.DataFrame:
@@ -166,17 +156,16 @@ def scales(table: pd.DataFrame) -> pd.DataFrame:
     the mean standard deviation, in %."""
     own = table[(table["filter"] == FILTER) & table["motion"].isin(list(MOTIONS))]
     own = own[(own["t"] % 30 == 0) & (own["t"] > 0)]
-    rows = [
-        {
-            "start": start,
-            "t_s": t,
+    return grouped(
+        own.rename(columns={"t": "t_s"}),
+        ["start", "t_s"],
+        lambda each: {
             "median_%": 100 * each["error"].abs().median(),
             "q95_%": 100 * each["error"].abs().quantile(0.95),
             "sd_%": 100 * each["sd"].mean(),
-        }
-        for (start, t), each in own.groupby(["start", "t"], sort=False)
-    ]
-    return pd.DataFrame(rows, columns=["start", "t_s", "median_%", "q95_%", "sd_%"])
+        },
+        ("median_%", "q95_%", "sd_%"),
+    )
 
 
 def driven(drive: pd.DataFrame) -> pd.DataFrame:
@@ -203,18 +192,18 @@ def driven(drive: pd.DataFrame) -> pd.DataFrame:
 def figures(found: Evidence) -> dict[str, float]:
     """{name of a target: figure}; NaN where the runs do not decide."""
     values: dict[str, float] = {}
-    if len(found.drive):
-        table = driven(found.drive)
+    if len(found[DRIVE]):
+        table = driven(found[DRIVE])
         own = table[(table["method"] == METHOD) & (table["wrong"] != RIGHT)]
         for name in DRIVEN:
             columns = [c for c in own if c.startswith(name) and not c.startswith(ASIDE)]
             values[f"drive {name}"] = float(own[columns].abs().max().max())
         values["drive alone"] = float(own["alone, ratio"].max())
         values["drive constrained"] = float(own["constrained, ratio"].max())
-    told = intervals(found.parameters)
+    told = intervals(found[RUNS])
     told = told[told["filter"] == FILTER]
     seen, unseen = (told[told["motion"].isin(list(which))] for which in (MOTIONS, UNSEEN))
-    nees = consistency(found.epochs)
+    nees = consistency(found[EPOCHS])
     for start in (KNOWN, ALIGNED):
         own = seen[(seen["start"] == start) & (seen["found"] > 0)]
         off = (own["inside"] < LOWEST) | ((own["inside"] > HIGHEST) & (own["found"] >= MANY))
@@ -227,38 +216,35 @@ def figures(found: Evidence) -> dict[str, float]:
         values[f"nees, {start}"] = float(rows["nees_in_band_%"].min()) if len(rows) else np.nan
     cannot = unseen[hidden(unseen)]
     values["unseen"] = float((100 * cannot["found"] / cannot["runs"]).max())
-    of_scale = scales(found.scales)
+    of_scale = scales(found[SCALES])
     late = of_scale[(of_scale["t_s"] == FIVE_MINUTES)]
     values["scale"] = float(late["q95_%"].max())
     for name in BOUNDS:
-        own = found.misses[found.misses["method"] == STATES] if len(found.misses) else []
+        own = found[MISSES][found[MISSES]["method"] == STATES] if len(found[MISSES]) else []
         values[name] = float(own[name].dropna().iloc[0]) if len(own) else np.nan
     return values
 
 
-def claims(found: Evidence) -> list[dict[str, Any]]:
-    """The claims that the runs at hand decide: what was asked for, what was measured, whether it
-    holds."""
-    return judged(figures(found), TARGETS)
-
-
-def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
-    """{name: (caption, DataFrame)}."""
-    told = intervals(found.parameters)
+def tables(found: Evidence) -> Tables:
+    """{name: (caption, DataFrame)} of what was run."""
+    told = intervals(found[RUNS])
     cannot = hidden(told)
     shown = {
         "drive": (
             "drive0708: errors against what the same method estimates from the file as given; "
             "median of the largest horizontal errors in nine outages",
-            driven(found.drive) if len(found.drive) else found.drive,
+            driven(found[DRIVE]) if len(found[DRIVE]) else found[DRIVE],
         ),
         "simulated": (
             "Simulated: errors at the end, and intervals where called found",
             told[~cannot & told["motion"].isin(list(MOTIONS))],
         ),
-        "nees": ("NEES averaged over the runs", consistency(found.epochs)),
+        "nees": ("NEES averaged over the runs", consistency(found[EPOCHS])),
         "not-shown": ("What the motion does not show", told[cannot]),
-        "scale": ("The odometer's scale over time", scales(found.scales)),
-        "misses": ("Missed figures of recorded data, with what is found", found.misses),
+        "scale": ("The odometer's scale over time", scales(found[SCALES])),
+        "misses": ("Missed figures of recorded data, with what is found", found[MISSES]),
     }
-    return {name: (caption, table) for name, (caption, table) in shown.items() if len(table)}
+    return with_rows(shown)
+
+
+STUDY = Study("The installation, estimated", INTRODUCTION, TARGETS, figures, tables, stored=(RUNS,))

@@ -1,7 +1,5 @@
 """What Mollaei et al. leave unspecified or print wrongly, and what was chosen here instead."""
 
-import pandas as pd
-
 CHOICES = (
     (
         "the aircraft",
@@ -142,11 +140,3 @@ CHOICES = (
 )
 """(what, in the paper, here); {plan} and {gnss} are filled by runs.texts, {final} by metrics.FINAL,
 {seeds} by main.flights."""
-
-
-def table(**texts: str | float) -> pd.DataFrame:
-    """The choices as a pandas DataFrame of text; `texts` fills what stands in braces."""
-    return pd.DataFrame(
-        [(what, paper, here.format(**texts)) for what, paper, here in CHOICES],
-        columns=["what", "in the paper", "here"],
-    )

@@ -10,15 +10,16 @@ import pandas as pd
 from strapdown import __version__
 from strapdown.typing import File, Progress
 
-from ..common.study import SEED, seeds, write_study
+from ..common.runner import SEED, seeds
+from ..common.study import choices_table, write_study
 from . import (
     cells,
-    choices as mollaei_choices,
     claims as mollaei_claims,
     rules,
     runs as mollaei_runs,
 )
 from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF, Case
+from .choices import CHOICES
 from .figures import all_figures
 from .metrics import FINAL
 from .runs import Results
@@ -96,7 +97,7 @@ def write(out: File, results: Results, components: int, seed: int) -> list[dict[
         INTRODUCTION,
         sentence(scores, components, seed),
         claims,
-        mollaei_choices.table(seeds=flights(scores), final=FINAL, **mollaei_runs.texts()),
+        choices_table(CHOICES, seeds=flights(scores), final=FINAL, **mollaei_runs.texts()),
         {"flights": (None, scores)},
         all_figures(results, tables),
         shown(tables, results),

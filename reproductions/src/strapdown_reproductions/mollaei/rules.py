@@ -18,7 +18,7 @@ from ..common import kinds
 from ..common.claims import Judged
 from ..common.kinds import Share, Votes, clustered
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from ..common.paired_ratios import LEAST, ratio
+from ..common.paired_ratios import LEAST, better as sides, ratio
 from ..common.verdicts import both, decided, over_readings, vote
 from .cells import (
     AT_TRIM,
@@ -169,15 +169,6 @@ def algebra(tables: Tables, pairs: Sequence[Pair]) -> str:
     return BY_ALGEBRA if found and not any(cells.free for cells in found) else ""
 
 
-def sides(tables: Tables, measures: Sequence[str], pair: Pair) -> Votes:
-    """Votes of the cells (case and measure) for the first of a pair being better."""
-    return lambda confidence: [
-        ratio(table, measure, *pair, probability=confidence).side
-        for table in tables.values()
-        for measure in measures
-    ]
-
-
 def at_least(tables: Tables, measures: Sequence[str], pair: Pair, factor: float) -> Votes:
     """Votes of the cells in which the measure of the first of a pair is at least `factor` times
     that of the second."""
@@ -191,11 +182,6 @@ def at_least(tables: Tables, measures: Sequence[str], pair: Pair, factor: float)
         return [int(each.low >= factor) - int(each.high < factor) for each in found]
 
     return votes
-
-
-def together(votes: Sequence[Votes]) -> Votes:
-    """Those of several, as one."""
-    return lambda confidence: [each for part in votes for each in part(confidence)]
 
 
 class Compared(NamedTuple):
@@ -230,7 +216,7 @@ def better(
             name = f"{reading.name}, {driven}-driven"
             judged = [
                 {
-                    cells.pair: kinds.mostly(sides(cells.free, each, cells.pair))
+                    cells.pair: kinds.mostly(sides(cells.free, each, *cells.pair))
                     for cells in own.values()
                     if cells.free
                 }
@@ -297,7 +283,7 @@ def many_times(
         second: min(middle_ratios(own, measures, (first, second)), default=np.nan)
         for second in seconds
     }
-    found = kinds.always(together(votes))
+    found = kinds.always(kinds.of_all(*votes))
     least = ", ".join(f"{first} / {second} {value:.3g}" for second, value in smallest.items())
     return Judged(found.verdict, f"{found}; smallest ratios: {least}")
 

@@ -25,7 +25,7 @@ from strapdown.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.typing import Array, Progress
 
-from ..common.study import on_threads
+from ..common.runner import on_threads
 from . import metrics
 from .cells import (
     AT_TRIM,

@@ -1,14 +1,16 @@
 """The figures, their targets and tables."""
 
-from typing import Any, NamedTuple
-
 import numpy as np
 import pandas as pd
 
-from ..common.targets import Target, judged
+from ..common.runner import Evidence
+from ..common.study import Study
+from ..common.tables import Tables, grouped, rms
+from ..common.targets import Target
 from . import correlated, coverage, misstated, outliers
 
-TITLE = "Noise, told by the data"
+CORRELATED, MISSTATED, OUTLIERS, COVERAGE = "correlated", "misstated", "outliers", "coverage"
+"""Tables of the Evidence, each of the rows of its file, and of the page."""
 INTRODUCTION = (
     "What errors that last, noise that is stated wrongly and gross errors do to a filter, and what "
     "states, `tune`, robust and adaptive sources make of it. Simulated runs are scored horizontally, "
@@ -76,31 +78,20 @@ TARGETS = {
 """The targets, by name."""
 
 
-class Evidence(NamedTuple):
-    """Tables of all runs."""
-
-    correlated: pd.DataFrame
-    misstated: pd.DataFrame
-    outliers: pd.DataFrame
-    coverage: pd.DataFrame
-
-
 def pooled(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
     """A row per cell: seeds, rms error and rms claimed sd, m, of all its runs together."""
-    rows = []
-    for key, own in table.groupby(keys, sort=False):
-        many = own["rows"].sum()
-        rows.append(
-            dict(zip(keys, key))
-            | {
-                "seeds": own["seed"].nunique(),
-                "rms, m": float(np.sqrt(own["error"].sum() / many)),
-                "claimed, m": float(np.sqrt(own["claimed"].sum() / many)),
-            }
-        )
-    found = pd.DataFrame(rows, columns=[*keys, "seeds", "rms, m", "claimed, m"])
-    found["rms/claimed"] = found["rms, m"] / found["claimed, m"]
-    return found
+    of_runs = lambda own, column: float(np.sqrt(own[column].sum() / own["rows"].sum()))
+    found = grouped(
+        table,
+        keys,
+        lambda own: {
+            "seeds": own["seed"].nunique(),
+            "rms, m": of_runs(own, "error"),
+            "claimed, m": of_runs(own, "claimed"),
+        },
+        ("seeds", "rms, m", "claimed, m"),
+    )
+    return found.assign(**{"rms/claimed": found["rms, m"] / found["claimed, m"]})
 
 
 def of_correlated(table: pd.DataFrame) -> pd.DataFrame:
@@ -133,45 +124,41 @@ def of_outliers(table: pd.DataFrame) -> pd.DataFrame:
 def of_coverage(table: pd.DataFrame) -> pd.DataFrame:
     """A row per recording, length of outage and way: shares of hidden fixes within one and three
     standard deviations, north and east together, and their rms error and sd, m."""
-    rows = []
-    keys = ["recording", "length", "way"]
-    for key, own in table.groupby(keys, sort=False):
-        size = own["error"].abs() / own["sd"]
-        rows.append(
-            dict(zip(keys, key))
-            | {"fixes": len(own) // 2}
-            | {f"within {k:g} sd": float((size <= k).mean()) for k in WITHIN}
-            | {
-                "rms, m": float(np.sqrt((own["error"] ** 2).mean())),
-                "sd, m": float(np.sqrt((own["sd"] ** 2).mean())),
-            }
-        )
-    return pd.DataFrame(rows)
+    within = lambda own, k: float((own["error"].abs() / own["sd"] <= k).mean())
+    return grouped(
+        table,
+        ["recording", "length", "way"],
+        lambda own: (
+            {"fixes": len(own) // 2}
+            | {f"within {k:g} sd": within(own, k) for k in WITHIN}
+            | {"rms, m": rms(own["error"]), "sd, m": rms(own["sd"])}
+        ),
+    )
 
 
 def figures(found: Evidence) -> dict[str, float]:
     """{name of a target: figure}; NaN where the runs do not decide."""
     values: dict[str, float] = {}
-    if len(found.correlated):
-        table = of_correlated(found.correlated)
+    if len(found[CORRELATED]):
+        table = of_correlated(found[CORRELATED])
         for name in (correlated.STATES, correlated.TUNED):
             own = table.loc[table["way"] == name, "rms/claimed"]
             values[f"correlated low, {name}"] = float(own.min())
             values[f"correlated high, {name}"] = float(own.max())
-        values["white, tuned"] = _white_tuned(found.correlated)
-    if len(found.misstated):
-        table = of_misstated(found.misstated)
+        values["white, tuned"] = _white_tuned(found[CORRELATED])
+    if len(found[MISSTATED]):
+        table = of_misstated(found[MISSTATED])
         own = table[table["way"] == misstated.TUNED]
         values["misstated rms"] = float(own["over right"].max())
         values["misstated NIS low"] = float(own["NIS/expected"].min())
         values["misstated NIS high"] = float(own["NIS/expected"].max())
-    if len(found.outliers):
-        ratio = of_outliers(found.outliers).set_index(["fixes", "way"])["over clean gate"]
+    if len(found[OUTLIERS]):
+        ratio = of_outliers(found[OUTLIERS]).set_index(["fixes", "way"])["over clean gate"]
         values["robust outliers"] = float(ratio[outliers.DIRTY, "robust"].max())
         values["robust clean"] = float(ratio[outliers.CLEAN, "robust"].max())
         values["adaptive clean"] = float(ratio[outliers.CLEAN, "adaptive"].max())
-    if len(found.coverage):
-        table = of_coverage(found.coverage)
+    if len(found[COVERAGE]):
+        table = of_coverage(found[COVERAGE])
         own = table[table["way"] == coverage.TUNED]
         for k, share in WITHIN.items():
             off = (own[f"within {k:g} sd"] - share).abs()
@@ -193,22 +180,19 @@ def _white_tuned(table: pd.DataFrame) -> float:
     return float((both[0] / both[1]).max()) if both else np.nan
 
 
-def claims(found: Evidence) -> list[dict[str, Any]]:
-    """The claims that the runs at hand decide: what was asked for, what was measured, whether it
-    holds."""
-    return judged(figures(found), TARGETS)
-
-
-def tables(found: Evidence) -> dict[str, tuple[str | None, pd.DataFrame]]:
-    """{name: (caption, DataFrame)}."""
+def tables(found: Evidence) -> Tables:
+    """{name: (caption, DataFrame)} of what was run."""
     of = {
-        "correlated": ("Position errors that last, s of correlation", of_correlated),
-        "misstated": ("Noise stated five times wrong", of_misstated),
-        "outliers": ("A tenth of the fixes off by 20 sd, and none", of_outliers),
-        "coverage": ("Fixes hidden in outages, s", of_coverage),
+        CORRELATED: ("Position errors that last, s of correlation", of_correlated),
+        MISSTATED: ("Noise stated five times wrong", of_misstated),
+        OUTLIERS: ("A tenth of the fixes off by 20 sd, and none", of_outliers),
+        COVERAGE: ("Fixes hidden in outages, s", of_coverage),
     }
     return {
-        name: (caption, make(getattr(found, name)))
+        name: (caption, make(found[name]))
         for name, (caption, make) in of.items()
-        if len(getattr(found, name))
+        if len(found[name])
     }
+
+
+STUDY = Study("Noise, told by the data", INTRODUCTION, TARGETS, figures, tables)

@@ -11,38 +11,43 @@ import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import pandas as pd
 
-from strapdown.files import replacing, together
-from strapdown.reports.shell import shell
+from strapdown.files import replacing
 from strapdown.typing import File, Progress, Say
 
 from ..alam import main as alam
 from ..common import kinds
 from ..common.claims import Kind
 from ..common.markdown import plain, table
-from ..common.pages import FOOTER, STYLE, claims_table, counts
-from ..common.study import SEED, part_of
+from ..common.pages import claims_table, counts, write_files
+from ..common.runner import SEED, part_of
 from ..fossen import main as fossen
 from ..hager_bryne import main as hager_bryne
 from ..mollaei import main as mollaei
 
 
 class Paper(NamedTuple):
-    """A paper, the page of docs/ on it, and the share of the time that its study takes."""
+    """A paper, the page of docs/ on it, its study with the share of the time that it takes, and
+    what that takes beside seed and progress."""
 
     authors: str
     page: str
+    study: ModuleType
     share: float
+    options: tuple[str, ...] = ()
 
 
 PAPERS = {
-    "hager-bryne": Paper("Hager & Bryne", "open-or-closed-loop.md", 0.25),
-    "fossen": Paper("Fossen, chapter 14", "fossen.md", 0.15),
-    "alam": Paper("Alam et al.", "alam.md", 0.2),
-    "mollaei": Paper("Mollaei et al.", "mollaei.md", 0.4),
+    "hager-bryne": Paper(
+        "Hager & Bryne", "open-or-closed-loop.md", hager_bryne, 0.25, ("ablations", "say")
+    ),
+    "fossen": Paper("Fossen, chapter 14", "fossen.md", fossen, 0.15),
+    "alam": Paper("Alam et al.", "alam.md", alam, 0.2, ("recordings", "say")),
+    "mollaei": Paper("Mollaei et al.", "mollaei.md", mollaei, 0.4),
 }
 KINDS = [each for each in vars(kinds).values() if isinstance(each, Kind)]
 INTRODUCTION = (
@@ -65,22 +70,16 @@ def reproduce(
     quick, seed, recordings, say, progress: as for each of the studies; the full study of Hager &
     Bryne is run with its ablations. Raises DataError.
     """
+    given = {"ablations": not quick, "recordings": recordings, "say": say}
     out, found, done = Path(out), dict[str, list[dict[str, Any]]](), 0.0
     for name, paper in PAPERS.items():
-        part = part_of(progress, done, done + paper.share)
-        own = out / name
-        if name == "hager-bryne":
-            found[name] = hager_bryne.reproduce(
-                own, quick, ablations=not quick, seed=seed, say=say, progress=part
-            )
-        elif name == "fossen":
-            found[name] = fossen.reproduce(own, quick, seed=seed, progress=part)
-        elif name == "alam":
-            found[name] = alam.reproduce(
-                own, quick, seed=seed, recordings=recordings, say=say, progress=part
-            )
-        else:
-            found[name] = mollaei.reproduce(own, quick, seed=seed, progress=part)
+        found[name] = paper.study.reproduce(
+            out / name,
+            quick,
+            seed=seed,
+            progress=part_of(progress, done, done + paper.share),
+            **{option: given[option] for option in paper.options},
+        )
         done += paper.share
     return write(out, found)
 
@@ -88,7 +87,6 @@ def reproduce(
 def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str, Any]]:
     """Write index.html, claims.csv, claims.json and claims.md of {name: claims} into the folder
     `out`; return all claims."""
-    out = Path(out)
     claims = [{"paper": name} | claim for name, own in found.items() for claim in own]
     sections = [
         (
@@ -97,18 +95,9 @@ def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str
         )
         for name, own in found.items()
     ]
-    with together():
-        with replacing(out / "claims.json") as part:
-            part.write_text(
-                json.dumps(claims, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
-            )
-        with replacing(out / "claims.csv") as part:
-            pd.DataFrame(claims).to_csv(part, index=False)
-        with replacing(out / "claims.md") as part:
-            part.write_text(markdown_of(found), encoding="utf-8")
-        shell("The claims of four papers", "", sections, FOOTER, INTRODUCTION, STYLE).save(
-            out / "index.html"
-        )
+    tables = {"claims": (None, pd.DataFrame(claims))}
+    texts = {"claims.md": markdown_of(found)}
+    write_files(out, "The claims of four papers", INTRODUCTION, sections, claims, tables, texts)
     return claims
 
 

@@ -19,7 +19,7 @@ from strapdown.evaluation.metrics import errors, rms
 from strapdown.recording import Recording
 from strapdown.typing import Say
 
-from ..common.pages import claim
+from ..common.targets import claim
 
 GAUSS = 1e4
 """Gauss in a tesla."""

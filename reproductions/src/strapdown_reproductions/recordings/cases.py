@@ -22,7 +22,7 @@ from strapdown.io.readers.broad import with_positions
 from strapdown.recording import Recording
 from strapdown.typing import Array, Mask
 
-from ..common.example_recordings import FLIGHT, in_motion, windows_of
+from ..common.example_recordings import FLIGHT, in_motion, inside, windows_of
 
 LASER = ("lasergyro", "lasergyro.imu.xz")
 """The ring-laser record in the data folder."""
@@ -46,7 +46,7 @@ class Case(NamedTuple):
 
     def inside(self, t: Array) -> Mask:
         """(n,) bool: which of the times `t` are scored."""
-        within = np.logical_or.reduce([(t >= start) & (t <= stop) for start, stop in self.windows])
+        within = inside(t, self.windows)
         return within & np.isin(t, self.recording.reference.t) if self.held else within
 
 

@@ -30,7 +30,8 @@ from strapdown.typing import File, Ints, Progress, Say
 
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
-from ..common.pages import claim, write_page
+from ..common.pages import write_page
+from ..common.targets import claim
 from . import calibrated_compass, drift, table as recordings_table
 from .cases import LASER, cases
 

@@ -8,9 +8,10 @@ import pandas as pd
 from strapdown.io import read
 from strapdown.typing import File, Progress, Say
 
+from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.markdown import table as as_markdown
-from ..common.pages import claim, write_page
+from ..common.pages import write_page
+from ..common.targets import claim
 from .drives import drive
 from .on_drive import outage_errors
 from .rest import recorded, simulated
@@ -88,11 +89,10 @@ def reproduce(
         "false-alarms": ("Wheel speed without slip that is left out", alarms),
         "worth": ("Simulated drives with GNSS outages of 30 s", gain),
     }
-    text = "\n\n".join(
-        f"**{caption}**\n\n{as_markdown(table, _cell)}" for caption, table in tables.values()
-    )
+    headed = [(f"**{caption}**", table) for caption, table in tables.values()]
+    texts = {"table.md": markdown.tables(headed, _cell)}
     page = tables | {"drive0708-outages": (None, each)}
-    write_page(out, "The vehicle kit", INTRODUCTION, claims, page, texts={"table.md": text + "\n"})
+    write_page(out, "The vehicle kit", INTRODUCTION, claims, page, texts=texts)
     return claims
 
 

@@ -7,7 +7,6 @@ set-up is right in everything.
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,20 +18,25 @@ from strapdown.data import Aiding
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions
 from strapdown.recording import Recording
-from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
-from strapdown.sensor_models.simulated import Simulated
-from strapdown.sim.scenario import scenario
-from strapdown.sim.synthesis import Simulator
 from strapdown.typing import Array
 
 from ..common.example_recordings import FLIGHT, in_motion
+from ..common.motions import (
+    HEIGHT,
+    ODOMETER,
+    ON_MAST,
+    ON_WING,
+    RECEIVER,
+    Motion,
+    constraints,
+    simulator,
+)
 
 SKIPPED = 0.2
 """Part of a recording at its beginning that is not scored: the filter settles."""
 BETTER = {"consumer": "tactical", "industrial": "navigation"}
 """Two grades up."""
-CONSTRAINTS = ("zero-lateral-velocity", "zero-vertical-velocity")
 TRIALS = (
     "02_undisturbed_slow_rotation_B",
     "15_undisturbed_fast_translation_A",
@@ -53,87 +57,33 @@ class Case(NamedTuple):
     better: str  # grade of an IMU two grades better
 
 
-def simulated(name: str, seed: int) -> Case:
-    """The Case of one of MOTIONS, with the errors of a seed."""
-    return _simulated(name, _simulator(name), seed)
-
-
-class _Simulated(NamedTuple):
-    scenario: str
-    imu: str
-    stop: float  # s
-    gnss: Gnss
-    start: float = 0.0
-    magnetometer: Magnetometer | None = None
-    sensors: tuple[Simulated, ...] = ()
-    constrained: bool = False
-
-
-RECEIVER = Gnss(0.2, (1.0, 1.0, 1.5), (0.1, 0.1, 0.1), (0.5, 0.2, -1.0))
 MOTIONS = {
-    "car": _Simulated("car", "industrial", 240.0, RECEIVER),
-    "car with odometer": _Simulated(
-        "car",
-        "consumer",
-        240.0,
-        RECEIVER,
-        sensors=(Simulated("speed", 0.1, 10.0),),
-        constrained=True,
-    ),
-    "flight": _Simulated(
-        "demo",
-        "industrial",
-        280.0,
-        RECEIVER._replace(interval=1.0, lever_arm=(0.4, 0.0, -1.1)),
-        sensors=(Simulated("altitude", 2.0, 1.0),),
-    ),
-    # from a straight leg through a turn
-    "ship": _Simulated(
-        "ship",
-        "industrial",
-        520.0,
-        RECEIVER._replace(interval=1.0, lever_arm=(-5.0, 0.5, -12.0)),
-        start=250.0,
-    ),
-    "hand-held": _Simulated(
+    "car": Motion("car", 240.0),
+    "car with odometer": Motion("car", 240.0, imu="consumer", sensors=ODOMETER, constrained=True),
+    "flight": Motion("demo", 280.0, ON_WING, sensors=HEIGHT),
+    "ship": Motion("ship", 520.0, ON_MAST),
+    "hand-held": Motion(
         "hand-held",
-        "consumer",
         200.0,
         RECEIVER._replace(lever_arm=(0.1, 0.0, -0.2)),
+        "consumer",
         magnetometer=Magnetometer(rate=10.0, field=(21e-6, 1.6e-6, 43.9e-6)),
     ),
 }
 """{name: what is simulated}."""
+BEGINS = {"ship": 250.0}
+"""s from which a recording is taken: from a straight leg through a turn."""
 
 
-@cache
-def _simulator(name: str) -> Simulator:
+def simulated(name: str, seed: int) -> Case:
+    """The Case of one of MOTIONS, with the errors of a seed."""
     motion = MOTIONS[name]
-    parts = {"sensors": motion.sensors}
-    if motion.magnetometer is not None:
-        parts |= {"magnetometer": motion.magnetometer}
-    return Simulator(
-        scenario(motion.scenario).replace(
-            duration=motion.stop, imu=motion.imu, gnss=motion.gnss, **parts
-        )
-    )
-
-
-def _simulated(name: str, simulator: Simulator, seed: int) -> Case:
-    motion = MOTIONS[name]
-    recording = simulator.recording(motion.imu, np.random.default_rng(seed))
-    if motion.start:
-        recording = recording.between(motion.start)
+    recording = simulator(motion).recording(motion.imu, np.random.default_rng(seed))
+    if name in BEGINS:
+        recording = recording.between(BEGINS[name])
     if motion.constrained:
         recording = replace(recording, aidings=(*recording.aidings, *constraints(recording)))
     return Case(name, recording, _settled(recording), True, BETTER[motion.imu])
-
-
-def constraints(recording: Recording, rate: float = 10.0, sd: float = 0.1) -> list[Aiding]:
-    """Zero lateral and vertical velocity of a car, `rate` times a second."""
-    t = np.arange(recording.span[0] + 1.0, recording.span[1], 1 / rate)
-    zeros = np.zeros((len(t), 1))
-    return [Aiding(kind, t, zeros, zeros + sd, (0.0, 0.0, 0.0)) for kind in CONSTRAINTS]
 
 
 def _settled(recording: Recording) -> tuple[tuple[float, float], ...]:

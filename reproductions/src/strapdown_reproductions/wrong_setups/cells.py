@@ -1,11 +1,10 @@
 """A cell: a mistake, a recording and a seed; what it does to the solution and who notices."""
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from strapdown.checks import DataError
 from strapdown.data import Solution
@@ -78,7 +77,7 @@ def heard(recording: Recording) -> Heard:
 
 
 def cells(case: Case, seed: int, mistakes: Sequence[Mistake] | None = None) -> list[dict[str, Any]]:
-    """Rows of `table`: the right set-up of a recording, then every mistake that can be made with
+    """Rows of the table: the right set-up of a recording, then every mistake that can be made with
     it."""
     right = heard(case.recording)
     rows = [row(RIGHT, RIGHT, case, seed, right)]
@@ -172,8 +171,3 @@ def row(name: str, group: str, case: Case, seed: int, found: Heard) -> dict[str,
         "verdict_s": found.verdict_s,
         "inspect_s": found.inspect_s,
     }
-
-
-def table(rows: Iterable[dict[str, Any]]) -> pd.DataFrame:
-    """DataFrame of `cells`, a row each."""
-    return pd.DataFrame(list(rows))

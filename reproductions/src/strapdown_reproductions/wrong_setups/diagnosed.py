@@ -3,8 +3,6 @@ how many runs of the filter it takes, and whether it finds what is wrong."""
 
 from typing import Any
 
-import pandas as pd
-
 import strapdown as sd
 from strapdown.checks import DataError
 
@@ -49,8 +47,3 @@ def row(mistake: Mistake, case: Case, seed: int, recording: sd.Recording) -> dic
     except DataError as error:
         values = (0, False, str(error))
     return dict(zip(COLUMNS, (mistake.name, case.name, seed, *values)))
-
-
-def table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """DataFrame of `diagnoses`."""
-    return pd.DataFrame(rows, columns=COLUMNS)

@@ -15,8 +15,9 @@ import numpy as np
 from strapdown.checks import DataError
 from strapdown.data import Solution, Trajectory
 from strapdown.evaluation.metrics import Errors, attitude_angles, errors
-from strapdown.typing import Array, Mask
+from strapdown.typing import Array
 
+from ..common.example_recordings import inside
 from .cases import Case
 
 DOUBLED, SIGMAS, OFTEN = 2.0, 3.0, 0.05
@@ -71,11 +72,6 @@ def scores(e: Errors, sd: Array) -> dict[str, Score]:
         far = size[known] > SIGMAS * claimed
         found[quantity] = Score(float(np.sqrt((size[known] ** 2).mean())), float(far.mean()))
     return found
-
-
-def inside(t: Array, windows: tuple[tuple[float, float], ...]) -> Mask:
-    """(n,) which times are in one of the windows, both ends included."""
-    return np.logical_or.reduce([(t >= start) & (t <= stop) for start, stop in windows])
 
 
 def thinned(solution: Solution, windows: tuple[tuple[float, float], ...]) -> Trajectory:

@@ -4,30 +4,23 @@ Each mistake is made on each recording; the solution says how much harm it does,
 verdict whether anyone notices, and the first reason whether the cause is named.
 """
 
-from functools import partial
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
-import pandas as pd
-
-from strapdown.checks import check_number
 from strapdown.typing import File, Progress
 
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.pages import write_page
-from ..common.processes import on_processes
-from . import diagnosed, summary
+from ..common.runner import Task, collected, count_of
+from . import diagnosed
 from .cases import MOTIONS, recorded, simulated
-from .cells import cells, right_row, table
+from .cells import cells, right_row
+from .summary import CELLS, DIAGNOSES, STUDY
 
 SEEDS, QUICK_SEEDS = 20, 1
 RIGHT_SEEDS, RIGHT_FIRST = 25, 101
 """Right set-ups: seeds of each of RIGHT_MOTIONS, and the first of them."""
 RIGHT_MOTIONS = ("car", "flight", "ship", "hand-held")
-Task: TypeAlias = tuple[str, str, int]
-"""What is run (SIMULATED, RECORDED, ALONE or DIAGNOSED), recording, seed."""
-SIMULATED, RECORDED, ALONE = "simulated", "recorded", "right set-up alone"
-DIAGNOSED = "diagnosed"
 
 
 def reproduce(
@@ -46,60 +39,51 @@ def reproduce(
     are not); workers: processes, the processors by default; progress: called with the fraction
     done. Raises DataError.
     """
-    count = (QUICK_SEEDS if quick else SEEDS) if runs is None else runs
-    check_number(count, "runs", least=1, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
-    folder = Path(recordings) if recordings else DESCRIPTIONS
-    tasks = quick_tasks(seed, count) if quick else all_tasks(folder, seed, count)
-    rows: dict[str, list[dict[str, Any]]] = {}
-    made = on_processes(partial(work, folder), tasks, workers)
-    for done, (task, found) in enumerate(zip(tasks, made), 1):
-        rows.setdefault(DIAGNOSED if task[0] == DIAGNOSED else SIMULATED, []).extend(found)
-        if progress:
-            progress(done / len(tasks))
-    return write(Path(out), table(rows[SIMULATED]), diagnosed.table(rows.get(DIAGNOSED, [])))
+    count = count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
+    seeds = range(seed, seed + count)
+    if quick:
+        tasks = list(of_motions([next(iter(MOTIONS))], seeds))
+    else:
+        tasks = all_tasks(Path(recordings) if recordings else DESCRIPTIONS, seeds)
+    return STUDY.write(out, collected(tasks, workers, progress))
 
 
-def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
-    """The recorded cases, `count` seeds of the simulated ones from `seed` on, and right set-ups
-    with other seeds."""
-    rights = max(1, round(count * RIGHT_SEEDS / SEEDS))
-    first = RIGHT_FIRST + seed - 1
+def all_tasks(folder: Path, seeds: range) -> list[Task]:
+    """The recorded cases, the simulated ones, and right set-ups with other seeds."""
+    rights = max(1, round(len(seeds) * RIGHT_SEEDS / SEEDS))
+    first = RIGHT_FIRST + seeds.start - 1
     return [
-        *((RECORDED, name, 0) for name in recorded(folder)),
-        *((SIMULATED, name, s) for s in range(seed, seed + count) for name in MOTIONS),
-        *((DIAGNOSED, name, seed) for name in MOTIONS),
-        *((ALONE, name, s) for s in range(first, first + rights) for name in RIGHT_MOTIONS),
+        *(Task(CELLS, of_recorded, (folder, name)) for name in recorded(folder)),
+        *of_motions(MOTIONS, seeds),
+        *(Task(DIAGNOSES, diagnoses, (name, seeds.start)) for name in MOTIONS),
+        *(
+            Task(CELLS, of_right, (name, s))
+            for s in range(first, first + rights)
+            for name in RIGHT_MOTIONS
+        ),
     ]
 
 
-def quick_tasks(seed: int, count: int) -> list[Task]:
-    """One simulated motion alone."""
-    return [(SIMULATED, next(iter(MOTIONS)), s) for s in range(seed, seed + count)]
+def of_motions(names: Iterable[str], seeds: range) -> Iterator[Task]:
+    """Yields a task for each simulated motion and seed."""
+    return (Task(CELLS, of_simulated, (name, s)) for s in seeds for name in names)
 
 
-def work(folder: Path, task: Task) -> list[dict[str, Any]]:
-    """Rows of a task."""
-    what, name, seed = task
-    if what == RECORDED:
-        return cells(recorded(folder)[name](), seed)
-    case = simulated(name, seed)
-    if what == DIAGNOSED:
-        return diagnosed.diagnoses(case, seed)
-    return [right_row(case, seed)] if what == ALONE else cells(case, seed)
+def of_recorded(folder: Path, name: str) -> list[dict[str, Any]]:
+    """Rows of the mistakes in a recorded case."""
+    return cells(recorded(folder)[name](), 0)
 
 
-def write(out: Path, rows: pd.DataFrame, diagnoses: pd.DataFrame) -> list[dict[str, Any]]:
-    """Write page and tables of finished cells and diagnoses into the folder `out`; return the
-    claims."""
-    claims = summary.claims(rows, diagnoses)
-    tables = summary.tables(rows, diagnoses)
-    write_page(
-        out,
-        summary.TITLE,
-        summary.INTRODUCTION,
-        claims,
-        {"cells": (None, rows), **tables},
-        texts={"table.md": summary.in_docs(claims, tables)},
-    )
-    return claims
+def of_simulated(name: str, seed: int) -> list[dict[str, Any]]:
+    """Rows of the mistakes in a simulated case."""
+    return cells(simulated(name, seed), seed)
+
+
+def of_right(name: str, seed: int) -> list[dict[str, Any]]:
+    """The row of a simulated case as it is."""
+    return [right_row(simulated(name, seed), seed)]
+
+
+def diagnoses(name: str, seed: int) -> list[dict[str, Any]]:
+    """Rows of what is diagnosed of a simulated case."""
+    return diagnosed.diagnoses(simulated(name, seed), seed)

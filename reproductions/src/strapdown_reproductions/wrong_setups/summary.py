@@ -1,20 +1,23 @@
 """The figures of the study: shares of mistakes found and named, false alarms, costs; their targets
 and tables."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
-
 import numpy as np
 import pandas as pd
 
 from strapdown.verdict import DOUBTFUL
 
 from ..common import markdown
+from ..common.runner import Evidence
+from ..common.study import Study
+from ..common.tables import Tables
+from ..common.targets import Target, in_docs
+from . import diagnosed
 from .cases import MOTIONS
 from .cells import RIGHT
 from .not_showable import NOT_SHOWABLE
 
-TITLE = "Wrong set-ups: who notices, and what is named"
+CELLS, DIAGNOSES = "cells", "diagnoses"
+"""Tables of the Evidence: rows of cells.py and of diagnosed.py."""
 INTRODUCTION = (
     "Each mistake is made on each recording. It is harmful where the rms of an error (horizontal "
     "position, height, velocity, roll and pitch, heading) is at least twice that of the right "
@@ -44,34 +47,26 @@ def percent(held: pd.Series) -> float:
     return 100.0 * float(held.mean()) if len(held) else np.nan
 
 
-class Target(NamedTuple):
-    """What is asked for."""
-
-    text: str
-    comparison: str  # <= or >=
-    bound: float
-    unit: str = "%"
-
-
 TARGETS = {
-    "found": Target("harmful mistakes that the data can show: found", ">=", 95.0),
-    "named": Target("of them: the true cause named first", ">=", 80.0),
+    "found": Target("harmful mistakes that the data can show: found", ">=", 95.0, "%"),
+    "named": Target("of them: the true cause named first", ">=", 80.0, "%"),
     "untested": Target(
-        "harmful mistakes that the data cannot show: named as not tested", ">=", 100.0
+        "harmful mistakes that the data cannot show: named as not tested", ">=", 100.0, "%"
     ),
-    "alarms": Target("simulated right set-ups: called anything but trusted", "<=", 2.0),
+    "alarms": Target("simulated right set-ups: called anything but trusted", "<=", 2.0, "%"),
     "recorded": Target(
-        "recorded right set-ups, thor75 aside: called anything but trusted", "<=", 0.0
+        "recorded right set-ups, thor75 aside: called anything but trusted", "<=", 0.0, "%"
     ),
-    "as logged": Target("swisslog as logged: the true cause named first", ">=", 100.0),
-    "cost": Target("the verdict's time over the filter's, median", "<=", 10.0),
+    "as logged": Target("swisslog as logged: the true cause named first", ">=", 100.0, "%"),
+    "cost": Target("the verdict's time over the filter's, median", "<=", 10.0, "%"),
     "runs": Target("runs of the filter that diagnose takes, the most", "<=", 15.0, "runs"),
 }
 """The targets, by name."""
 
 
-def figures(rows: pd.DataFrame, diagnoses: pd.DataFrame) -> dict[str, float]:
+def figures(found: Evidence) -> dict[str, float]:
     """{name of a target: figure}; NaN where the cells do not decide."""
+    rows, diagnoses = found[CELLS], found[DIAGNOSES]
     own, unseen, right = harmful(rows), harmful(rows, showable=False), rights(rows)
     known = rights(rows, recorded=True)
     # its clock is off by 0.05 s: a doubt is right, more would be an alarm
@@ -88,31 +83,10 @@ def figures(rows: pd.DataFrame, diagnoses: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def claims(rows: pd.DataFrame, diagnoses: pd.DataFrame) -> list[dict[str, Any]]:
-    """The claims that the cells at hand decide: what was asked for, what was measured, whether it
-    holds."""
-    return [
-        {
-            "claim": target.text,
-            "target": f"{target.comparison} {target.bound:g} {target.unit}",
-            "figure": f"{figure:.3g} {target.unit}",
-            "value": figure,
-            "bound": target.bound,
-            "holds": bool(
-                figure >= target.bound if target.comparison == ">=" else figure <= target.bound
-            ),
-        }
-        for name, figure in figures(rows, diagnoses).items()
-        for target in [TARGETS[name]]
-        if np.isfinite(figure)
-    ]
-
-
-def tables(
-    rows: pd.DataFrame, diagnoses: pd.DataFrame
-) -> dict[str, tuple[str | None, pd.DataFrame]]:
+def tables(found: Evidence) -> Tables:
     """{name: (caption, DataFrame)}: by mistake, by recording, what was missed, right set-ups that
     were not trusted, diagnoses, what cannot be shown."""
+    rows = found[CELLS]
     own = harmful(rows)
     return {
         "by-mistake": ("Harmful cells that the data can show, by mistake", counted(own, "mistake")),
@@ -127,7 +101,10 @@ def tables(
             "Harmful cells that the data cannot show",
             unshown(harmful(rows, showable=False)),
         ),
-        "diagnoses": ("What diagnose finds, on one seed of each motion", diagnoses),
+        "diagnoses": (
+            "What diagnose finds, on one seed of each motion",
+            found[DIAGNOSES].reindex(columns=diagnosed.COLUMNS),
+        ),
         "not-showable": ("What the data cannot show, and why", not_showable()),
     }
 
@@ -185,16 +162,12 @@ def not_showable() -> pd.DataFrame:
     )
 
 
-def in_docs(
-    claims: Sequence[Mapping[str, Any]], tables: Mapping[str, tuple[str | None, pd.DataFrame]]
-) -> str:
-    """Markdown for docs/reference/evidence/wrong-setups.md."""
-    shown = pd.DataFrame(
-        [
-            (c["claim"], c["target"], c["figure"], "holds" if c["holds"] else "does not hold")
-            for c in claims
-        ],
-        columns=["figure", "target", "measured", ""],
-    )
-    headed = [(f"### {caption}", table) for caption, table in tables.values() if len(table)]
-    return markdown.tables([("### Figures", shown), *headed])
+STUDY = Study(
+    "Wrong set-ups: who notices, and what is named",
+    INTRODUCTION,
+    TARGETS,
+    figures,
+    tables,
+    stored=(CELLS,),
+    texts=lambda claims, tables: {"table.md": in_docs(claims, tables, markdown.cell)},
+)

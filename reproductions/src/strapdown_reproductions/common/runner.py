@@ -1,0 +1,121 @@
+"""The runs of a study: how many and of which seeds, over processes or threads, and the tables that
+they fill."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import pandas as pd
+
+from strapdown.checks import check_number
+from strapdown.experiments.monte_carlo import study as monte_carlo
+from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.typing import Progress
+
+Key, Of, Result = TypeVar("Key"), TypeVar("Of"), TypeVar("Result")
+SEED = 11
+"""Of the studies of the papers: one that was used nowhere before their rules were written."""
+ENOUGH = 10
+"""Runs of each cell; with fewer a study shows how it works, and decides nothing."""
+
+
+class Evidence(dict[str, pd.DataFrame]):
+    """{name: table} of finished runs; a table that no run has filled is empty."""
+
+    def __missing__(self, name: str) -> pd.DataFrame:
+        return pd.DataFrame()
+
+
+class Task(NamedTuple):
+    """A call that fills a table, which a process can make by itself."""
+
+    table: str
+    # of `given`: the rows; or {table: DataFrame} where a run fills several
+    make: Callable[..., Any]
+    given: tuple[Any, ...] = ()
+
+
+def count_of(quick: bool, runs: int | None, seed: int, full: int, few: int, least: int = 1) -> int:
+    """How many runs there are of each cell: `runs` where that is given, else `full`, with `quick`
+    only `few`. Raises DataError."""
+    count = (few if quick else full) if runs is None else runs
+    check_number(count, "runs", least=least, whole=True)
+    check_number(seed, "seed", least=0, whole=True)
+    return count
+
+
+def seeds(quick: bool, runs: int | None, seed: int, full: int, few: int) -> list[int]:
+    """The seeds of the runs, so many as `count_of` says. Raises DataError."""
+    return [1000 * seed + k for k in range(count_of(quick, runs, seed, full, few))]
+
+
+def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
+    """The Progress of a part, which is the whole from the fraction `begin` to `end`; None where
+    nobody is told."""
+    return (lambda done: progress(begin + done * (end - begin))) if progress else None
+
+
+def on_threads(
+    work: Callable[[Of], Result],
+    tasks: Sequence[Of],
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Result]:
+    """Yields what `work` makes of each task, in their order; threads: the processors by default;
+    progress: called with the fraction done."""
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        yield from _told(pool.map(work, tasks), len(tasks), progress)
+
+
+def collected(
+    tasks: Sequence[Task], workers: int = 0, progress: Progress | None = None
+) -> Evidence:
+    """The tables that the tasks fill, rows in their order; workers: processes, 0 for the
+    processors; progress: called with the fraction done."""
+    parts: dict[str, list[pd.DataFrame]] = {}
+    for made in _told(_on_processes(tasks, workers), len(tasks), progress):
+        for name, rows in made.items():
+            parts.setdefault(name, []).append(rows)
+    return Evidence({name: pd.concat(own, ignore_index=True) for name, own in parts.items()})
+
+
+def campaigns(
+    studies: Mapping[Key, monte_carlo.Study],
+    folder: Callable[[Key], Path],
+    progress: Progress | None = None,
+    **given: Any,
+) -> dict[Key, Campaign]:
+    """Runs what is missing of the studies, each in a folder of its own, where it can be resumed;
+    given: as in Study.run."""
+    steps = {key: study.steps() for key, study in studies.items()}
+    total, done, found = sum(steps.values()), 0, {}
+    for key, study in studies.items():
+        part = part_of(progress, done / total, (done + steps[key]) / total)
+        found[key] = study.run(folder(key), progress=part, **given)
+        done += steps[key]
+    return found
+
+
+def _on_processes(tasks: Sequence[Task], workers: int) -> Iterator[Mapping[str, pd.DataFrame]]:
+    workers = min(workers or os.cpu_count() or 1, len(tasks))
+    if workers == 1:
+        yield from map(_made, tasks)
+        return
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        yield from pool.map(_made, tasks)
+
+
+def _made(task: Task) -> Mapping[str, pd.DataFrame]:
+    rows = task.make(*task.given)
+    return rows if isinstance(rows, dict) else {task.table: pd.DataFrame(list(rows))}
+
+
+def _told(results: Iterator[Result], count: int, progress: Progress | None) -> Iterator[Result]:
+    """Yields the results and tells of each how far they are."""
+    for done, result in enumerate(results, 1):
+        if progress:  # before it is handed out: nobody may come for another one
+            progress(done / count)
+        yield result
