@@ -441,11 +441,6 @@ def seen_from_above(figure: go.Figure, box: Array, share: float) -> go.Figure:
     )
 
 
-def metres(value: float) -> str:
-    """A length for people: "12.3 m", "4.56 km"."""
-    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
-
-
 def time_axis(
     figure: go.Figure,
     solutions: Solution | Mapping[str, Solution] | Sequence[Shown] | Recording,

@@ -23,6 +23,7 @@ from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..geodesy import STANDARD_GRAVITY
 from ..typing import Array
+from ..wording import metres
 from .drawing import (
     COLOURS,
     FAR,
@@ -46,7 +47,6 @@ from .drawing import (
     line,
     log_range,
     marks,
-    metres,
     note,
     origin,
     panels,

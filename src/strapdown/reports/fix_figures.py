@@ -16,6 +16,7 @@ from ..evaluation import consistency
 from ..evaluation.metrics import EULER, NED_AXES
 from ..quantities import shown_unit
 from ..typing import Array, Mask
+from ..wording import counted
 from .drawing import (
     COLOURS,
     FAR,
@@ -373,11 +374,9 @@ def _range(
     sizes = np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values))
     beyond = sizes > 1.12 * limit
     if beyond.any():
-        count = int(beyond.sum())
-        fixes = "fix" if count == 1 else "fixes"
-        which = "" if (beyond & good).any() else "rejected "
+        which = "fix" if (beyond & good).any() else "rejected fix"
         note(
             figure,
-            f"{name}: {count} {which}{fixes} beyond the frame, up to {peak(values):.3g} {named}. "
+            f"{name}: {counted(int(beyond.sum()), which, 'es')} beyond the frame, up to {peak(values):.3g} {named}. "
             f"Double-click the panel to see all.",
         )

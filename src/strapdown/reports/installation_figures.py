@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 from ..data import Solution
 from ..diagnosis.estimated import EstimatedParameter, installation
 from ..diagnosis.findings import NOT_OBSERVABLE
+from ..wording import enumerated, number
 from .drawing import (
     GREY,
     SHADED_BANDS,
@@ -25,7 +26,7 @@ from .drawing import (
     panels,
     time_axis,
 )
-from .summary import enumerated, number, table
+from .parts import remarks, table
 
 SIGMAS = 2.0
 """Half the width of the bands, standard deviations."""
@@ -108,8 +109,7 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
             rows.append([f"{whose}{parameter.name}{unit}", *numbers, _status(parameter)])
         said += [f"{whose}{text}" for text in found.remarks]
     head = ["parameter", "given", "estimated", "true − given", "± 1σ", "prior σ", "is"]
-    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in said)
-    return table(head, rows) + notes if rows else ""
+    return table(head, rows) + remarks(said) if rows else ""
 
 
 def _status(parameter: EstimatedParameter) -> str:

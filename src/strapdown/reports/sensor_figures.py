@@ -23,6 +23,7 @@ from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade
 from ..typing import Array
+from ..wording import number
 from .drawing import (
     COLOURS,
     GREY,
@@ -35,7 +36,7 @@ from .drawing import (
     peak,
     time_axis,
 )
-from .summary import number, table
+from .parts import caption, table
 
 MOST_SAMPLES = 2**20
 """Samples at most of which spectra are taken: those of longer stretches from their middle."""
@@ -143,7 +144,7 @@ def sensor_table(recording: Recording | None) -> str:
         f"Jitter: standard deviation of the intervals that are no gaps. A gap: longer than "
         f"{GAP_MEDIANS} usual intervals. Repeated: samples that read the same as the one before."
     )
-    return table(head, rows) + f"<p class=caption>{escape(said)}</p>"
+    return table(head, rows) + caption(said)
 
 
 def _pace(t: Array) -> list[str]:

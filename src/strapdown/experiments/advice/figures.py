@@ -15,7 +15,7 @@ from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import band
 from ...reports.drawing import COLOURS, GREY, RED, line, log_range, note, panels
 from ...typing import Array
-from .mission import spoken
+from ...wording import elapsed
 from .verdicts import CLOSED, OPEN, called, interval_of
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def crossover(advice: Advice) -> go.Figure:
         figure.add_trace(
             go.Heatmap(
                 z=[[kinds.index(cell["answer"]) for cell in line] for line in cells],
-                x=[spoken(t) for t in times],
+                x=[elapsed(t) for t in times],
                 y=imus,
                 text=[[_mark(cell) for cell in line] for line in cells],
                 texttemplate="%{text}",
