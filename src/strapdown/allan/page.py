@@ -13,7 +13,7 @@ from ..core.loop.contract import Imu
 from ..files import replacing, together
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording
-from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
+from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, ribbon
 from ..reports.parts import caption, paragraphs, remarks, table
 from ..reports.shell import Document, Page
 from ..sensor_models.errors import Triad
@@ -253,21 +253,7 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
         return in_units(values, si)
 
     for axis, colour, curve in zip(AXIS_LABELS, COLOURS, sensor.axes):
-        colour_of_band = (
-            f"rgba({int(colour[1:3], 16)},{int(colour[3:5], 16)},{int(colour[5:], 16)},0.18)"
-        )
-        drawn.add_trace(
-            go.Scatter(
-                x=np.r_[curve.tau, curve.tau[::-1]],
-                y=shown(np.r_[curve.low, curve.high[::-1]]),
-                fill="toself",
-                fillcolor=colour_of_band,
-                line={"width": 0},
-                hoverinfo="skip",
-                showlegend=False,
-                legendgroup=axis,
-            )
-        )
+        ribbon(drawn, curve.tau, shown(curve.low), shown(curve.high), colour, 0.18, axis)
         drawn.add_trace(
             go.Scatter(
                 x=curve.tau,

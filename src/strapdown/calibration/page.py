@@ -4,7 +4,17 @@ misfits."""
 import numpy as np
 import plotly.graph_objects as go
 
-from ..reports.drawing import COLOURS, GREY, even, finish, line, note, origin, panels
+from ..reports.drawing import (
+    COLOURS,
+    GREY,
+    even,
+    finish,
+    line,
+    note,
+    origin,
+    panels,
+    time_label,
+)
 from ..reports.parts import paragraphs, remarks, table
 from ..reports.shell import Document, Page
 from ..wording import capitalised
@@ -45,7 +55,7 @@ def strength_figure(found: Result) -> go.Figure:
     drawn.add_hline(
         y=found.strength * factor, line={"color": COLOURS[1], "width": 1, "dash": "dash"}
     )
-    drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
+    drawn.update_xaxes(title_text=time_label(zero))
     note(drawn, f"Dashed: {found.strength * factor:.5g} {unit}, to which the strength was fitted.")
     return drawn
 
@@ -108,7 +118,7 @@ def misfit_figure(found: Result) -> go.Figure:
     used = np.isfinite(found.residuals).all(axis=1)
     for axis, colour, values in zip("xyz", COLOURS, found.residuals[used].T * factor):
         line(drawn, found.t[used] - zero, values, axis, colour)
-    drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
+    drawn.update_xaxes(title_text=time_label(zero))
     note(
         drawn,
         "Noise without a pattern is what is left of a good calibration; steps are iron or currents "

@@ -14,9 +14,9 @@ from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
 from ..data import Aiding, Rejected
+from ..preprocessing.origin import counted
 from ..typing import Array
 from ..vehicle import Vehicle
-from ..wording import counted, short
 from .rejections import runs
 from .rejections.contradictions import Run
 from .rejections.windows import Fixes
@@ -232,6 +232,10 @@ def _counted(row: LogRow, noun: str) -> str:
     return counted(int(row.count), noun)
 
 
+def _seconds(value: float) -> str:
+    return f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+
+
 def _till(row: LogRow) -> str:
     """Until when, of what lasted."""
     return f" until {row.until:.1f} s" if row.until > row.t else ""
@@ -375,11 +379,11 @@ WORDS: dict[int, Words] = {
         f"{e.name(s)}: {_counted(row, 'repeated row')} dropped{_till(row)}"
     ),
     Said.FIXES_LATE: lambda e, row, s, value: (
-        f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {short(value)} s behind{_till(row)}: "
+        f"{e.name(s)}: {_counted(row, 'late row')} dropped, up to {_seconds(value)} s behind{_till(row)}: "
         f"{'give a longer lag' if value < LONG_LAG else CLOCKS}"
     ),
     Said.FIXES_AHEAD: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes are up to {short(value)} s ahead of the IMU: "
+        f"{e.name(s)}: fixes are up to {_seconds(value)} s ahead of the IMU: "
         f"{'' if value > LONG_LAG else 'samples are missing, or '}{CLOCKS}"
     ),
     Said.NO_START: lambda e, row, s, value: f"no start yet: {e.because[Said.NO_START]}",

@@ -12,7 +12,7 @@ import numpy as np
 from ..checks import DataError
 from ..data import Aiding, Solution, Trajectory
 from ..evaluation import metrics
-from ..reports.parts import table
+from ..reports.parts import listing, numbered, table
 from ..reports.summary import fix_table
 from ..time_scales import span
 from ..typing import Array
@@ -63,9 +63,7 @@ def card(title: str, facts: Mapping[str, object] = {}, *parts: str, first: str =
 
 def lines(texts: Sequence[object]) -> str:
     """HTML of a list of texts, the first MOST_LINES of them."""
-    more = [f"and {len(texts) - MOST_LINES} more"] if len(texts) > MOST_LINES else []
-    items = "".join(f"<li>{escape(str(text))}</li>" for text in [*texts[:MOST_LINES], *more])
-    return f"<ul>{items}</ul>" if texts else ""
+    return listing(texts, "", MOST_LINES)
 
 
 def frame(shown: pd.DataFrame) -> str:
@@ -87,9 +85,8 @@ def _verdict(verdict: Verdict, whose: str = "") -> str:
     """HTML of a verdict inside a card."""
     name = f" {escape(whose)}" if whose else ""
     word = f"<span class='word {LOOKS.get(verdict.word, '')}'>{escape(verdict.word)}</span>{name}"
-    reasons = "".join(f"<li>{escape(str(reason))}</li>" for reason in verdict.reasons)
     untested = f"not tested: {'; '.join(verdict.untested)}" if verdict.untested else ""
-    return f"<div>{word}{f'<ol>{reasons}</ol>' if reasons else ''} {escape(untested)}</div>"
+    return f"<div>{word}{numbered(verdict.reasons)} {escape(untested)}</div>"
 
 
 def of_verdicts(verdicts: Mapping[str, Verdict]) -> str:

@@ -14,12 +14,12 @@ from ..diagnosis.estimated import EstimatedParameter, installation
 from ..diagnosis.findings import NOT_OBSERVABLE
 from ..wording import enumerated, number
 from .drawing import (
-    GREY,
     SHADED_BANDS,
     Shown,
     band,
     each,
     frame,
+    level,
     line,
     note,
     origin,
@@ -56,9 +56,7 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
         if max(largest, prior) <= 3 * limit:  # the prior too, where the rest stays readable
             limit = 1.08 * max(largest, prior)
         for side in sorted({sign * SIGMAS * p.prior for _, p in parts for sign in (-1, 1)}):
-            ends, t = np.full(2, side), shown[0].solution.t[[0, -1]] - zero
-            legend = row == 1 and side == prior
-            line(figure, t, ends, "prior", GREY, row, legend, unit=unit, dash="dash")
+            level(figure, shown[0].solution.t - zero, side, "prior", row, unit)
         if prior > limit:
             beyond.append(f"{parts[0][1].component} ±{number(prior)} {unit}".strip())
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)

@@ -70,17 +70,19 @@ def classes(kind: str) -> str:
     return f" class={quote}{kind}{quote}" if kind else ""
 
 
-def ruled(cells: Iterable[object], every: int) -> list[Cell]:
-    """Cells with a rule left of every so many after the first."""
+def split(cells: Iterable[object], every: int) -> list[Cell]:
+    """Cells with a rule left of the first of every so many."""
+    made = [cell if isinstance(cell, Cell) else Cell(cell) for cell in cells]
     return [
-        Cell(text, "split" if i and (i - 1) % every == 0 else "") for i, text in enumerate(cells)
+        cell if i % every else cell._replace(kind=f"split {cell.kind}".strip())
+        for i, cell in enumerate(made)
     ]
 
 
-def listing(items: Sequence[object], kind: str = "list", most: int = LISTED) -> str:
+def listing(items: Sequence[object], kind: str = "list", limit: int = LISTED) -> str:
     """An HTML list of texts, at most so many of them, and how many more there are; "" of none."""
-    more = [f"and {len(items) - most} more"] if len(items) > most else []
-    return f"<ul{classes(kind)}>{_items([*items[:most], *more])}</ul>" if items else ""
+    more = [f"and {len(items) - limit} more"] if len(items) > limit else []
+    return f"<ul{classes(kind)}>{_items([*items[:limit], *more])}</ul>" if items else ""
 
 
 def numbered(items: Sequence[object]) -> str:

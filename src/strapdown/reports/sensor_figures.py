@@ -26,9 +26,9 @@ from ..typing import Array
 from ..wording import number
 from .drawing import (
     COLOURS,
-    GREY,
+    level,
     line,
-    log_range,
+    log_frame,
     log_ticks,
     note,
     origin,
@@ -175,9 +175,7 @@ def intervals(
     for row, (name, unit, scale, t) in enumerate(shown, start=1):
         steps = scale * np.diff(t)
         line(figure, t[1:] - zero, steps, name, COLOURS[0], row, legend=False, unit=unit)
-        known = steps[steps > 0]
-        if len(known):
-            log_range(figure, known.min() / 1.5, known.max() * 1.5, row)
+        log_frame(figure, steps, row, 1.5)
     return time_axis(figure, solutions or recording, zero)
 
 
@@ -195,10 +193,8 @@ def readings(
         for i, axis in enumerate("xyz"):
             line(figure, t - zero, triad.values[:, i], axis, COLOURS[i], row, unit=triad.unit)
         if 0 < triad.full_scale < 2 * peak(triad.values):
-            for end in (-triad.full_scale, triad.full_scale):
-                ends, first = np.full(2, end), end > 0 and "full scale" not in _names(figure)
-                since = t[[0, -1]] - zero
-                line(figure, since, ends, "full scale", GREY, row, first, dash="dash")
+            for end in (triad.full_scale, -triad.full_scale):
+                level(figure, t - zero, end, "full scale", row)
     return time_axis(figure, solutions or recording, zero)
 
 
@@ -221,10 +217,6 @@ def temperature(
     return time_axis(figure, solutions or recording, zero)
 
 
-def _names(figure: go.Figure) -> set[str]:
-    return {trace.name for trace in figure.data}
-
-
 def spectra(recording: Recording | None) -> go.Figure | None:
     """Power spectral densities (one-sided, Welch's method) of angular rate and specific force in
     body axes, of the longest stretch without a gap, with the white noise that is described; None
@@ -240,16 +232,12 @@ def spectra(recording: Recording | None) -> go.Figure | None:
     for row, triad in enumerate(both, start=1):
         f, density = _welch(triad.values[rows], rate, segment)
         f, density = _binned(f[1:], density[1:])
-        unit, seen = f"({triad.unit})²/Hz", [density[density > 0]]
+        unit, white = f"({triad.unit})²/Hz", 2 * triad.noise**2  # one-sided
         for i, axis in enumerate("xyz"):
             line(figure, f, density[:, i], axis, COLOURS[i], row, unit=unit)
-        if white := 2 * triad.noise**2:  # one-sided
-            seen.append(np.array([white]))
-            ends = np.full(2, white)
-            line(figure, f[[0, -1]], ends, "white noise", GREY, row, unit=unit, dash="dash")
-        known = np.concatenate(seen)
-        if len(known):
-            log_range(figure, known.min() / 1.5, known.max() * 1.5, row)
+        if white:
+            level(figure, f, white, "white noise", row, unit)
+        log_frame(figure, np.append(density, white), row, 1.5)
     ends = np.log10(f[[0, -1]])
     figure.update_xaxes(
         type="log",

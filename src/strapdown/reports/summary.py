@@ -14,7 +14,7 @@ from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..filters import find
 from ..typing import Array
 from ..wording import number
-from .parts import caption, ruled, table
+from .parts import caption, split, table
 
 
 def claimed_sd(made: Solution | Errors) -> Array:
@@ -57,19 +57,16 @@ def error_table(
             v[:, running] = np.nan
         scores = [_scores(v[e.inside(window)]) for v, e in zip(values, found.values())]
         rows += [
-            [f"{label} [{unit}]", *(text for score in scores for text in score[i])]
+            [f"{label} [{unit}]", *split((text for score in scores for text in score[i]), 3)]
             for i, label in enumerate(labels)
             if any(np.isfinite(v[:, i]).any() for v in values)
         ]
     head = [
-        "true − estimate",
-        *(
-            f"{name}: {what}" if what == "RMS" else what
-            for name in found
-            for what in ("RMS", "largest", "last")
-        ),
+        f"{name}: {what}" if what == "RMS" else what
+        for name in found
+        for what in ("RMS", "largest", "last")
     ]
-    return table(ruled(head, 3), (ruled(row, 3) for row in rows))
+    return table(["true − estimate", *split(head, 3)], rows)
 
 
 def _columns(values: Array | Sequence[Array] | None) -> Array | None:

@@ -13,7 +13,7 @@ from ...diagnosis.installation import applied, constants
 from ...engine.batch import fuse
 from ...engine.sensitivity import LARGEST_NIS
 from ...recording import Recording
-from ...reports.drawing import COLOURS, GREY, finish, line, note, origin, panels
+from ...reports.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
 from ...reports.parts import listing, paragraphs, remarks, table
 from ...reports.shell import Document, Page
 from ...wording import counted
@@ -140,7 +140,7 @@ def innovations_figure(solutions: dict[str, Solution]) -> go.Figure:
             gaps = 1 + np.flatnonzero(np.diff(t) > 10 * np.median(np.diff(t)))
             t, largest = np.insert(t, gaps, t[gaps]), np.insert(largest, gaps, np.nan)
             line(drawn, t, largest, label, DRAWN[label], row)
-    _time(drawn, zero, len(sources))
+    drawn.update_xaxes(title_text=time_label(zero), row=len(sources), col=1)
     note(
         drawn,
         "Of each fix the component of the largest size. Of a right set-up nearly all are within "
@@ -169,7 +169,7 @@ def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
             centre = t[0] + (np.arange(len(count)) + 0.5) * SMOOTHED
             line(drawn, centre - zero, mean, label, DRAWN[label], row)
             drawn.add_hline(y=1.0, line={"color": COLOURS[1], "width": 1, "dash": "dash"}, row=row)
-    _time(drawn, zero, len(sources))
+    drawn.update_xaxes(title_text=time_label(zero), row=len(sources), col=1)
     note(
         drawn,
         f"Mean over {SMOOTHED:.0f} s, over what is expected of a right filter (dashed: 1). Below 1 "
@@ -181,11 +181,6 @@ def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
 def _wrapped(name: str) -> str:
     """A name in lines that fit beside a panel."""
     return "<br>".join(escape(part) for part in wrap(name, 16))
-
-
-def _time(drawn: go.Figure, zero: float, rows: int) -> None:
-    title = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
-    drawn.update_xaxes(title_text=title, row=rows, col=1)
 
 
 def misfit_figure(found: "Installation", each: "Parameter") -> go.Figure:

@@ -4,15 +4,16 @@ pairs, how it was done."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from ...evaluation.metrics import NED_AXES
-from ...reports.parts import Cell, Html, Ruled, around, caption, paragraphs, table
+from ...reports.parts import Cell, Html, Ruled, around, caption, paragraphs, split, table
 from ...typing import Array
 from ...wording import number
 from .words import ranked, unlike
@@ -99,12 +100,11 @@ def of_outages(comparison: Comparison) -> str:
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
     above = [Cell("outage", rows=2), Cell("time [s]", rows=2)]
     above += [Cell(f"{axis.capitalize()} [m]", "split", n) for axis in NED_AXES]
-    names = [Cell(_breakable(name)) for name in comparison.filters]
-    head = [cell for _ in NED_AXES for cell in _split(names)]
+    head = split([*map(_breakable, comparison.filters)] * len(NED_AXES), n)
 
     def cells(row: Array) -> list[Cell]:
-        parts = np.split(row, len(NED_AXES))
-        return [cell for part in parts for cell in _split(_cells(part, _smallest(part)))]
+        marks = map(_smallest, np.split(row, len(NED_AXES)))
+        return split(_cells(row, chain.from_iterable(marks)), n)
 
     body = [
         [i, f"{start:.10g}–{stop:.10g}", *cells(row)]
@@ -123,12 +123,6 @@ def of_outages(comparison: Comparison) -> str:
         "(<a href='table.csv'>CSV</a>)."
     )
     return caption(Html(said)) + table(head, body, "tall names", above, foot)
-
-
-def _split(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells, the first with a rule to its left."""
-    first = cells[0]
-    return [first._replace(kind=f"split {first.kind}".strip()), *cells[1:]]
 
 
 def _breakable(name: str) -> Html:
