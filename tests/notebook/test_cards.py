@@ -149,13 +149,6 @@ def test_no_reference_that_overlaps_is_said(solution):
     assert "RMS error not known: " in text(made._repr_html_())
 
 
-@pytest.mark.parametrize(
-    "seconds, said", [(0.5, "0.5 s"), (119, "119 s"), (140, "2:20 min"), (3723, "1:02:03 h")]
-)
-def test_lengths_of_time(seconds, said):
-    assert cards.duration(seconds) == said
-
-
 def test_importing_the_library_imports_nothing_of_a_notebook(solution):
     assert isinstance(solution, Solution)
     code = "import sys, strapdown as sd; sd.Solution, sd.Recording; print([m for m in sys.modules if m.startswith(('plotly', 'xarray', 'pandas', 'IPython', 'strapdown.notebook'))])"

@@ -8,25 +8,25 @@ from pathlib import Path
 import numpy as np
 import plotly.graph_objects as go
 
-from .. import __version__
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..files import replacing, together
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording
-from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note
-from ..reports.shell import Page, listed, placed, shell
+from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, ribbon
+from ..reports.parts import caption, paragraphs, remarks, table
+from ..reports.shell import Document, Page
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
 from ..spreadsheet import inert_table
 from ..typing import Array
 from ..units import SHEET, in_units
+from ..wording import capitalised, short
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
 from .fit import COEFFICIENTS, Fit
 from .suggested_grade import MISFIT, Suggestion, expected, suggest
 
 AXIS_LABELS = ("x (forward)", "y (right)", "z (down)")
-TITLES = {"gyro": "Gyros", "accel": "Accelerometers"}
 AVERAGING_TIME = 0.25
 """Rest is judged on samples averaged to about this time, s: the noise of single counts is no
 motion."""
@@ -74,7 +74,7 @@ class Analysis:
                         name,
                         NOISE_SLOPES.get(name, ""),
                         cells[0],
-                        _number(in_units(sd, si)) if np.isfinite(sd) else "",
+                        short(in_units(sd, si)) if np.isfinite(sd) else "",
                         *cells[1:],
                         SHEET[si],
                     )
@@ -237,15 +237,10 @@ def _misfit(sensor: Sensor) -> list[str]:
     ]
 
 
-def _number(value: float) -> str:
-    """Three digits without an exponent."""
-    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"
-
-
 def _shown(fit: Fit, name: str, si: str) -> str:
     if np.isfinite(fit.value[name]):
-        return _number(in_units(fit.value[name], si))
-    return f"< {_number(in_units(fit.limit[name], si))}" if np.isfinite(fit.limit[name]) else "-"
+        return short(in_units(fit.value[name], si))
+    return f"< {short(in_units(fit.limit[name], si))}" if np.isfinite(fit.limit[name]) else "-"
 
 
 def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Figure:
@@ -258,21 +253,7 @@ def figure(sensor: Sensor, suggested: tuple[str, Triad] | None = None) -> go.Fig
         return in_units(values, si)
 
     for axis, colour, curve in zip(AXIS_LABELS, COLOURS, sensor.axes):
-        colour_of_band = (
-            f"rgba({int(colour[1:3], 16)},{int(colour[3:5], 16)},{int(colour[5:], 16)},0.18)"
-        )
-        drawn.add_trace(
-            go.Scatter(
-                x=np.r_[curve.tau, curve.tau[::-1]],
-                y=shown(np.r_[curve.low, curve.high[::-1]]),
-                fill="toself",
-                fillcolor=colour_of_band,
-                line={"width": 0},
-                hoverinfo="skip",
-                showlegend=False,
-                legendgroup=axis,
-            )
-        )
+        ribbon(drawn, curve.tau, shown(curve.low), shown(curve.high), colour, 0.18, axis)
         drawn.add_trace(
             go.Scatter(
                 x=curve.tau,
@@ -359,7 +340,7 @@ def _slopes(drawn: go.Figure, sensor: Sensor, si: str, low: float, high: float) 
         drawn.add_annotation(
             x=np.log10(tau[at]),
             y=np.log10(y[at]),
-            text=f"{name} {_number(in_units(sensor.triad.fit.value[name], unit))} "
+            text=f"{name} {short(in_units(sensor.triad.fit.value[name], unit))} "
             f"{SHEET[unit]}{slope}",
             showarrow=False,
             yshift=2,
@@ -371,62 +352,40 @@ def _slopes(drawn: go.Figure, sensor: Sensor, si: str, low: float, high: float) 
 
 def page(analysis: Analysis) -> Page:
     """The Page of an Analysis."""
-    title = f"Allan deviation of {analysis.recording.meta.get('name', 'recording')}"
-    nearest = grade(analysis.suggestion.grade)
-    figures = [
-        figure(sensor, (nearest.name, triad))
-        for sensor, triad in (
-            (analysis.result.gyro, nearest.gyro),
-            (analysis.result.accel, nearest.accel),
-        )
-    ]
-    curves = "".join(
-        placed(number, drawn, heading)
-        for number, (heading, drawn) in enumerate(zip(TITLES.values(), figures), 1)
-    )
-    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in analysis.notes)
     imu = analysis.recording.imu
-    facts = {
-        "recording": analysis.recording.meta.get("name", ""),
-        "time": f"{imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s",
-        "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz",
-        "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade,
-        "software": f"strapdown {__version__}",
-    }
-    said = (
-        f"<p>{escape(analysis.verdict[0].upper() + analysis.verdict[1:])}. {_others(analysis)}</p>"
-    )
-    return shell(
-        title,
-        listed(facts),
-        [("Coefficients", _table(analysis) + said + notes), ("Curves", curves)],
+    document = Document(
+        f"Allan deviation of {analysis.recording.meta.get('name', 'recording')}",
+        {
+            "recording": analysis.recording.meta.get("name", ""),
+            "time": f"{imu.t[0] - imu.dt[0]:.1f} to {imu.t[-1]:.1f} s",
+            "samples": f"{len(imu.t)} at {1 / analysis.result.dt:.6g} Hz",
+            "nearest grade": "none: disturbed" if analysis.disturbed else analysis.suggestion.grade,
+        },
         FOOTER,
     )
+    said = f"{capitalised(analysis.verdict)}. {_others(analysis)}"
+    document.add("Coefficients", _table(analysis), paragraphs([said]), remarks(analysis.notes))
+    nearest = grade(analysis.suggestion.grade)
+    gyros = figure(analysis.result.gyro, (nearest.name, nearest.gyro))
+    accelerometers = figure(analysis.result.accel, (nearest.name, nearest.accel))
+    document.add(
+        "Curves",
+        document.place(gyros, "Gyros"),
+        document.place(accelerometers, "Accelerometers"),
+    )
+    return document.page()
 
 
 def _others(analysis: Analysis) -> str:
     ranked = sorted(analysis.suggestion.factors.items(), key=lambda item: item[1])
     return (
-        "Factors of all grades: "
-        + ", ".join(f"{escape(name)} {_number(factor)}" for name, factor in ranked)
-        + "."
+        f"Factors of all grades: {', '.join(f'{name} {short(factor)}' for name, factor in ranked)}."
     )
 
 
 def _table(analysis: Analysis) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in analysis.header)
-    rows = "".join(
-        "<tr>"
-        + "".join(
-            f"<td>{escape(cell.replace('-1', '−1') if i == 2 else cell)}</td>"
-            for i, cell in enumerate(row)
-        )
-        + "</tr>"
-        for row in analysis.rows
-    )
-    caption = (
+    rows = ([*row[:2], row[2].replace("-1", "−1"), *row[3:]] for row in analysis.rows)
+    return table(analysis.header, rows) + caption(
         "Units of datasheets; “triad” is fitted to the mean variance of the three axes and “sd” its "
-        "standard error. "
-        "“<” precedes what a coefficient would have to exceed to be told from zero."
+        "standard error. “<” precedes what a coefficient would have to exceed to be told from zero."
     )
-    return f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div><p class=caption>{caption}</p>"

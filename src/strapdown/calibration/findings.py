@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from ..io.calibration_file import Correction, composed, write_calibration
-from ..preprocessing.origin import counted
 from ..typing import Array, File
+from ..wording import counted
 from .methods import DETAIL
 
 
@@ -117,7 +117,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         from ..notebook.cards import card, lines
-        from ..reports.summary import table
+        from ..reports.parts import table
 
         said = lines([self.verdict, *self.notes])
         return card(f"Calibration {self.name}", {}, table(self.header, self.rows), said)

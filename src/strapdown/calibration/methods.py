@@ -10,6 +10,7 @@ from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..preprocessing.stationary import at_rest, stretches
 from ..typing import Array, Ints
+from ..wording import counted
 from .ellipsoid import Fit, ellipsoid
 from .gyro_aided import turning
 
@@ -94,7 +95,7 @@ def six_positions(found: Rests, gravity: float) -> Fit:
     directions that lack."""
     if len(found.t) < 3:
         raise DataError(
-            f"accelerometer: {len(found.t)} {'rest' if len(found.t) == 1 else 'rests'} of "
+            f"accelerometer: {counted(len(found.t), 'rest')} of "
             f"{BLOCKS_PER_REST * BLOCK_TIME:g} s and longer; a calibration needs six and more, "
             "with each axis once up and once down"
         )

@@ -1,14 +1,23 @@
 """The page of a calibration: strength before and after, directions on a map of the sphere,
 misfits."""
 
-from html import escape
-
 import numpy as np
 import plotly.graph_objects as go
 
-from .. import __version__
-from ..reports.drawing import COLOURS, GREY, even, finish, line, note, origin, panels
-from ..reports.shell import Page, listed, placed, shell
+from ..reports.drawing import (
+    COLOURS,
+    GREY,
+    even,
+    finish,
+    line,
+    note,
+    origin,
+    panels,
+    time_label,
+)
+from ..reports.parts import paragraphs, remarks, table
+from ..reports.shell import Document, Page
+from ..wording import capitalised
 from .findings import Result
 from .methods import BANDS, DETAIL, SECTORS, coverage
 
@@ -46,7 +55,7 @@ def strength_figure(found: Result) -> go.Figure:
     drawn.add_hline(
         y=found.strength * factor, line={"color": COLOURS[1], "width": 1, "dash": "dash"}
     )
-    drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
+    drawn.update_xaxes(title_text=time_label(zero))
     note(drawn, f"Dashed: {found.strength * factor:.5g} {unit}, to which the strength was fitted.")
     return drawn
 
@@ -109,7 +118,7 @@ def misfit_figure(found: Result) -> go.Figure:
     used = np.isfinite(found.residuals).all(axis=1)
     for axis, colour, values in zip("xyz", COLOURS, found.residuals[used].T * factor):
         line(drawn, found.t[used] - zero, values, axis, colour)
-    drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
+    drawn.update_xaxes(title_text=time_label(zero))
     note(
         drawn,
         "Noise without a pattern is what is left of a good calibration; steps are iron or currents "
@@ -120,33 +129,27 @@ def misfit_figure(found: Result) -> go.Figure:
 
 def page(found: Result) -> Page:
     """The Page of a Calibration."""
-    figures = [
-        ("Strength", strength_figure(found)),
-        ("Directions", directions_figure(found)),
-        ("Misfits", misfit_figure(found)),
-    ]
-    facts = {
-        "recording": found.name,
-        "time": f"{found.t[0]:.1f} to {found.t[-1]:.1f} s",
-        "samples": str(len(found.t)),
-        "form": f"{found.form}: {FORMS[found.form]}",
-        "coverage": f"{found.coverage:.0%}",
-        "software": f"strapdown {__version__}",
-    }
-    head = "".join(f"<th>{escape(name)}</th>" for name in found.header)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in found.rows
-    )
-    said = f"<p>{escape(found.verdict[0].upper() + found.verdict[1:])}.</p>" + "".join(
-        f"<p class=note>{escape(text)}</p>" for text in found.notes
-    )
-    drawn = "".join(
-        placed(number, figure, heading) for number, (heading, figure) in enumerate(figures, 1)
-    )
-    numbers = f"<div class=scroll><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-    return shell(
+    document = Document(
         f"Calibration of the {found.sensor}",
-        listed(facts),
-        [("Parameters", numbers + said), ("Curves", drawn)],
+        {
+            "recording": found.name,
+            "time": f"{found.t[0]:.1f} to {found.t[-1]:.1f} s",
+            "samples": str(len(found.t)),
+            "form": f"{found.form}: {FORMS[found.form]}",
+            "coverage": f"{found.coverage:.0%}",
+        },
         FOOTER,
     )
+    document.add(
+        "Parameters",
+        table(found.header, found.rows),
+        paragraphs([f"{capitalised(found.verdict)}."]),
+        remarks(found.notes),
+    )
+    document.add(
+        "Curves",
+        document.place(strength_figure(found), "Strength"),
+        document.place(directions_figure(found), "Directions"),
+        document.place(misfit_figure(found), "Misfits"),
+    )
+    return document.page()

@@ -9,6 +9,7 @@ import typer
 
 import strapdown as sd
 
+from ..wording import counted
 from . import complete
 from .console import (
     ADAPTIVE,
@@ -155,13 +156,13 @@ def show(found: "sd.Comparison") -> None:
     are few, the summary, the answer, who failed."""
     from ..experiments.outages.figures import are_listed
     from ..experiments.outages.tables import in_order
-    from ..experiments.outages.words import counted, sentences
+    from ..experiments.outages.words import sentences
 
     print_verdicts(found.verdicts)
     for note in found.notes:
         print(f"note: {note}")
     # that of a list counts them itself
-    count = "" if "outage" in found.words else f": {counted(len(found.windows))}"
+    count = "" if "outage" in found.words else f": {counted(len(found.windows), 'outage')}"
     print(f"{found.words}{count}, without {' and '.join(found.kinds)}")
     start = found.settings["start"]
     print(f"start of all filters at {start['t']:.2f} s: {start['note']}")

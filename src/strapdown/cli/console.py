@@ -18,6 +18,7 @@ import strapdown as sd
 
 from ..checks import DataError, check_choice, located
 from ..verdict import Verdict, together
+from ..wording import counted, short
 from . import complete
 from .help import FORMATS
 
@@ -350,11 +351,6 @@ def save_page(page: "Page", path: Path) -> None:
     page.save(path)
 
 
-def counted(count: int, noun: str, plural: str = "s") -> str:
-    """`1 fix`, `2 fixes`."""
-    return f"{count} {noun}{'' if count == 1 else plural}"
-
-
 def uncertainty(sd: "Array") -> str:
     """The standard deviations of one row that a filter claims, as text; those of the gyro bias
     where it claims no position."""
@@ -419,13 +415,8 @@ def triple(values: "Iterable[float] | None") -> str:
 
 
 def number(value: float | None) -> str:
-    """A number with three digits, or all before the point of one below 10 million; a dash for
-    None and NaN."""
-    if value is None or value != value:
-        return "-"
-    if not isinstance(value, float):
-        return str(value)
-    return f"{value:.0f}" if 999.5 <= abs(value) < 1e7 else f"{value:.3g}"
+    """A number as `short` has it; a dash for None and NaN."""
+    return "-" if value is None or value != value else short(value)
 
 
 def print_errors(

@@ -11,7 +11,18 @@ import plotly.graph_objects as go
 from ..data import Aiding, SolutionMeta, Trajectory
 from ..evaluation.metrics import any_known
 from ..geodesy import displacement
-from ..reports.drawing import COLOURS, GREY, even, finish, line, note, panels, time_axis
+from ..reports.drawing import (
+    COLOURS,
+    GREY,
+    even,
+    finish,
+    legend_names,
+    line,
+    note,
+    panels,
+    path,
+    time_axis,
+)
 from ..typing import Array
 from .autopilot import ALONG_E, ALONG_N, ANGLE, FROM_E, FROM_N, KIND, LENGTH, LINE_KIND, RADIUS
 from .fly import Flight
@@ -296,29 +307,17 @@ def _path(
     width: float = 1.8,
     dash: str = "solid",
 ) -> None:
-    points, shown = points[even(len(points))], {trace.name for trace in figure.data}
-    if len(points):
-        figure.add_trace(
-            go.Scatter(
-                x=points[:, 1],
-                y=points[:, 0],
-                name=name,
-                mode="lines",
-                legendgroup=name,
-                showlegend=name not in shown,
-                line={"color": colour, "width": width, "dash": dash},
-            )
-        )
+    """A line along points (n, 2), north and east; lines of one name are one entry of the legend."""
+    places, new = points[even(len(points))][:, ::-1], name not in legend_names(figure)
+    style = {"color": colour, "width": width, "dash": dash}
+    if len(places):
+        path(figure, places, name, line=style, legendgroup=name, showlegend=new)
 
 
 def _mark(figure: go.Figure, point: Array, name: str, symbol: str, colour: str) -> None:
-    marker = {
-        "symbol": symbol,
-        "size": 11,
-        "color": colour,
-        "line": {"color": colour if "open" in symbol else "#fff", "width": 1.5},
-    }
-    figure.add_trace(go.Scatter(x=point[1:], y=point[:1], name=name, mode="markers", marker=marker))
+    edge = {"color": colour if "open" in symbol else "#fff", "width": 1.5}
+    marker = {"symbol": symbol, "size": 11, "color": colour, "line": edge}
+    path(figure, point[None, ::-1], name, mode="markers", marker=marker)
 
 
 def _frame(figure: go.Figure, flown: Array, believed: Array | None) -> None:

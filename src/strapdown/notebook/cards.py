@@ -16,10 +16,12 @@ from ..diagnosis.estimated import EstimatedInstallation
 from ..diagnosis.findings import Diagnosis
 from ..evaluation import metrics
 from ..recording import Recording
-from ..reports.summary import enumerated, fix_table, number, table
+from ..reports.parts import listing, numbered, table
+from ..reports.summary import fix_table
 from ..time_scales import span
 from ..typing import Array
 from ..verdict import DOUBTFUL, NOT_TO_BE_TRUSTED, TRUSTED, Verdict, together
+from ..wording import elapsed, enumerated, number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,9 +65,7 @@ def card(title: str, facts: Mapping[str, object] = {}, *parts: str, first: str =
 
 def lines(texts: Sequence[object]) -> str:
     """HTML of a list of texts, the first MOST_LINES of them."""
-    more = [f"and {len(texts) - MOST_LINES} more"] if len(texts) > MOST_LINES else []
-    items = "".join(f"<li>{escape(str(text))}</li>" for text in [*texts[:MOST_LINES], *more])
-    return f"<ul>{items}</ul>" if texts else ""
+    return listing(texts, "", MOST_LINES)
 
 
 def frame(shown: pd.DataFrame) -> str:
@@ -106,9 +106,8 @@ def _verdict(verdict: Verdict, whose: str = "") -> str:
     """HTML of a verdict inside a card."""
     name = f" {escape(whose)}" if whose else ""
     word = f"<span class='word {LOOKS.get(verdict.word, '')}'>{escape(verdict.word)}</span>{name}"
-    reasons = "".join(f"<li>{escape(str(reason))}</li>" for reason in verdict.reasons)
     untested = f"not tested: {'; '.join(verdict.untested)}" if verdict.untested else ""
-    return f"<div>{word}{f'<ol>{reasons}</ol>' if reasons else ''} {escape(untested)}</div>"
+    return f"<div>{word}{numbered(verdict.reasons)} {escape(untested)}</div>"
 
 
 def of_verdicts(verdicts: Mapping[str, Verdict]) -> str:
@@ -123,7 +122,7 @@ def of_recording(recording: Recording) -> str:
     start, stop = recording.span
     moments = recording.utc
     facts = {
-        "time": f"{start:.1f} to {stop:.1f} s, {duration(stop - start)}",
+        "time": f"{start:.1f} to {stop:.1f} s, {elapsed(stop - start)}",
         "date": meta.get("date") if moments is None else span(moments),
         "IMU": ", ".join(filter(None, [f"{len(imu.t)} samples", rate(imu.t), grade(recording)])),
         "gaps of the IMU": gaps(imu.t),
@@ -141,16 +140,6 @@ def grade(recording: Recording) -> str:
     return str(
         named.get("name", "") if isinstance(named, dict) else getattr(named, "name", named) or ""
     )
-
-
-def duration(seconds: float) -> str:
-    """A length of time for people: s, min:s from two minutes on, h:min:s from an hour on."""
-    if seconds < 120:
-        return f"{seconds:.3g} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes < 60:
-        return f"{minutes}:{rest:02} min"
-    return f"{minutes // 60}:{minutes % 60:02}:{rest:02} h"
 
 
 def rate(t: Array) -> str:
@@ -201,7 +190,7 @@ def of_solution(solution: Solution) -> str:
     t, meta = solution.t, solution.meta
     facts = {
         "filter": f"{meta.get('filter', '')}{', smoothed' if meta.get('smoothed') else ''}",
-        "time": f"{t[0]:.1f} to {t[-1]:.1f} s, {duration(t[-1] - t[0])}" if len(t) else "no rows",
+        "time": f"{t[0]:.1f} to {t[-1]:.1f} s, {elapsed(t[-1] - t[0])}" if len(t) else "no rows",
         "date": "" if solution.utc is None else span(solution.utc),
         "rows": f"{len(t)}" + "".join(f", {share}" for share in _statuses(solution)),
         "at the end": _last(solution) if len(t) else "",

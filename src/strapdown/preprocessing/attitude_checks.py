@@ -14,8 +14,8 @@ from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
+from ..wording import counted
 from .axes import named_permutation, signed_permutations
-from .origin import counted
 from .stationary import at_rest, without_bias
 from .stuck import STUCK_TIME, stuck
 

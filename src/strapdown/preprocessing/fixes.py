@@ -14,10 +14,11 @@ from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
 from ..time_scales import iso, span, utc
 from ..typing import Array
+from ..wording import counted
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
 from .imu_samples import ordered
-from .origin import Origin, Rows, counted
+from .origin import Origin, Rows
 
 PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the

@@ -10,7 +10,8 @@ from ..constants import MAX_PAUSE
 from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike, Ints
 from ..vehicle import GivenVehicle
-from .origin import Origin, Rows, counted
+from ..wording import counted
+from .origin import Origin, Rows
 from .plausible import mistakes
 
 GAP_MEDIANS = 1.75

@@ -6,8 +6,8 @@ import numpy as np
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..typing import Array
+from ..wording import counted
 from .imu_samples import GAP_MEDIANS
-from .origin import counted
 
 LEAST_COVERED = 0.99
 """Share of an interval of the gyro over which the accelerometer must have measured: all of it, but for

@@ -8,11 +8,7 @@ from numpy.typing import NDArray
 
 from ..checks import DataError
 from ..typing import Ints, Mask
-
-
-def counted(count: int, noun: str) -> str:
-    """`1 row`, `2 rows`."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
+from ..wording import counted as counted
 
 
 class Origin(NamedTuple):

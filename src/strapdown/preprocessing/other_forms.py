@@ -5,7 +5,8 @@ import numpy as np
 
 from .. import geodesy
 from ..typing import Array
-from .origin import Origin, counted
+from ..wording import counted
+from .origin import Origin
 
 STANDSTILL = 0.5
 """m/s: up to this speed, or its standard deviation where that is more, a vehicle without a course

@@ -12,11 +12,12 @@ from ..data import Solution
 from ..evaluation import metrics
 from ..evaluation.metrics import Errors
 from ..geodesy import displacement
-from ..preprocessing.origin import counted
 from ..time_scales import utc
 from ..typing import Array
-from .drawing import metres, outages
-from .summary import claimed_sd, number
+from ..wording import counted, elapsed, metres, number
+from .drawing import outages
+from .parts import paragraphs
+from .summary import claimed_sd
 from .verdict_block import worded
 
 
@@ -37,15 +38,15 @@ def cards(
 
 
 def _card(heading: str, large: str, lines: list[str]) -> str:
-    said = "".join(f"<p>{escape(line)}</p>" for line in lines if line)
-    return f"<div><h3>{escape(heading)}</h3><p class=large>{escape(large)}</p>{said}</div>"
+    said = paragraphs([large], "large") + paragraphs(filter(None, lines))
+    return f"<div><h3>{escape(heading)}</h3>{said}</div>"
 
 
 def _recorded(solution: Solution) -> tuple[str, list[str]]:
     """How long and how far; when, with which sensors."""
     if not len(solution.t):
         return "nothing", ["The solution has no rows."]
-    large = duration(float(solution.t[-1] - solution.t[0]))
+    large = elapsed(float(solution.t[-1] - solution.t[0]))
     if solution.has_position:
         large += f", {metres(_length(solution.trajectory.lla))}"
     day = ""
@@ -101,21 +102,11 @@ def _lacks(solution: Solution) -> str:
     said = []
     if spans := outages(solution):
         longest = max(stop - start for start, stop in spans)
-        said.append(f"{counted(len(spans), 'outage')}, the longest {duration(longest)}")
+        said.append(f"{counted(len(spans), 'outage')}, the longest {elapsed(longest)}")
     for status, word in ((BRIDGED, "over gaps"), (INVALID, "not valid")):
         if (solution.status == status).any():
-            said.append(f"{duration(solution.seconds(status))} {word}")
+            said.append(f"{elapsed(solution.seconds(status))} {word}")
     return ", ".join(said) or ("no gap, no outage" if (solution.status == VALID).all() else "")
-
-
-def duration(seconds: float) -> str:
-    """For people: "12.3 s", "10 min 5 s", "23 h 5 min"."""
-    if seconds < 120:
-        return f"{seconds:.3g} s"
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    parts = [f"{hours} h", f"{minutes} min"] if hours else [f"{minutes} min", f"{rest} s"]
-    return " ".join(part for part in parts if not part.startswith("0 "))
 
 
 def _length(lla: Array) -> float:

@@ -158,6 +158,20 @@ def log_range(figure: go.Figure, low: float, high: float, row: int = 1) -> None:
     figure.update_yaxes(range=[low, high], row=row, col=1, **log_ticks(low, high))
 
 
+def positive(*values: Array) -> Array:
+    """The numbers above zero among all values: those that a logarithmic axis shows."""
+    every = np.concatenate([np.ravel(each) for each in values])
+    return every[np.isfinite(every) & (every > 0)]
+
+
+def log_frame(figure: go.Figure, values: Array, row: int = 1, room: float = 1.0) -> None:
+    """Range of a logarithmic axis around the positive `values`, with so much room; as it is where
+    there are none."""
+    known = positive(values)
+    if len(known):
+        log_range(figure, known.min() / room, known.max() * room, row)
+
+
 def log_ticks(low: float, high: float) -> dict[str, Any]:
     """Settings of a logarithmic axis from 10^low to 10^high: decades, or where there are few,
     numbers.
@@ -296,6 +310,48 @@ def line(
     )
 
 
+def level(
+    figure: go.Figure, x: Array, value: float, name: str, row: int = 1, unit: str = ""
+) -> None:
+    """A dashed grey line at one value from the first to the last of x, in the legend where its name
+    is not there yet."""
+    new = name not in legend_names(figure)
+    line(figure, x[[0, -1]], np.full(2, value), name, GREY, row, new, unit=unit, dash="dash")
+
+
+def legend_names(figure: go.Figure) -> set[str]:
+    """Names of all that is drawn."""
+    return {trace.name for trace in figure.data}
+
+
+def ribbon(
+    figure: go.Figure,
+    x: Array,
+    low: Array,
+    high: Array,
+    colour: str,
+    opacity: float,
+    group: str | None = None,
+    **place: int,
+) -> None:
+    """What lies between two lines, shaded, shown and hidden with the line of that group; place: row
+    and col of its panel."""
+    figure.add_trace(
+        go.Scatter(
+            x=column(np.r_[x, x[::-1]]),
+            y=column(np.r_[high, low[::-1]]),
+            mode="lines",
+            fill="toself",
+            fillcolor=faint(colour, opacity),
+            line={"width": 0},
+            legendgroup=group,
+            showlegend=False,
+            hoverinfo="skip",
+        ),
+        **place,
+    )
+
+
 def _two_digits(values: Array) -> Array:
     """The values to a 64th of themselves, which is enough for a number that two digits are shown
     of."""
@@ -368,7 +424,7 @@ def marks(
     chosen = chosen[even(len(chosen))]
     if not len(chosen):
         return
-    new = escape(name) not in {trace.name for trace in figure.data}
+    new = escape(name) not in legend_names(figure)
     figure.add_trace(
         go.Scatter(
             x=column(t[chosen]),
@@ -441,11 +497,6 @@ def seen_from_above(figure: go.Figure, box: Array, share: float) -> go.Figure:
     )
 
 
-def metres(value: float) -> str:
-    """A length for people: "12.3 m", "4.56 km"."""
-    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
-
-
 def time_axis(
     figure: go.Figure,
     solutions: Solution | Mapping[str, Solution] | Sequence[Shown] | Recording,
@@ -462,11 +513,16 @@ def time_axis(
     return _marked(_timed(figure, begin, end, zero, shown[0].solution.meta), shown, zero)
 
 
+def time_label(zero: float) -> str:
+    """Of a time axis that counts from there."""
+    return "time [s]" if not zero else f"time since {zero:.0f} s [s]"
+
+
 def _timed(
     figure: go.Figure, begin: float, end: float, zero: float, meta: Mapping[str, Any]
 ) -> go.Figure:
     """Label and range of the time axis, with UTC where the clock is absolute."""
-    label = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
+    label = time_label(zero)
     figure.layout.meta["time"] = zero
     if meta.get("epoch"):
         start = utc(meta["epoch"], [zero])[0]

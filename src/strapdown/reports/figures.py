@@ -23,6 +23,7 @@ from ..diagnosis.estimated import installation
 from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..typing import Array
+from ..wording import metres
 from .drawing import (
     COLOURS,
     FAR,
@@ -44,14 +45,15 @@ from .drawing import (
     frame,
     kind,
     line,
+    log_frame,
     log_range,
     marks,
-    metres,
     note,
     origin,
     panels,
     path,
     peak,
+    positive,
     seen_from_above,
     time_axis,
     together,
@@ -358,8 +360,7 @@ def horizontal(solutions: Solutions, reference: Reference) -> go.Figure | None:
         drawn.append((one, e.horizontal, claimed))
     if not drawn:
         return None
-    values = np.concatenate([part for _, *parts in drawn for part in parts])
-    values = values[np.isfinite(values) & (values > 0)]
+    values = positive(*(part for _, *parts in drawn for part in parts))
     if len(values):
         best = min(peak(error) or np.inf for _, error, _ in drawn)
         low, top = max(np.quantile(values, 0.01), best * LEAST_SHARE), best * MOST_TIMES
@@ -756,10 +757,7 @@ def sigma(solutions: Solutions) -> go.Figure | None:
             one, claimed = shown[rank], np.where(values[rank] > 0, values[rank], np.nan)
             if metrics.any_known(claimed):
                 _curve(figure, one, rank, one.solution.t - zero, claimed, unit, row, "3σ")
-        all_values = np.concatenate(values)
-        all_values = all_values[np.isfinite(all_values) & (all_values > 0)]
-        if len(all_values):
-            log_range(figure, all_values.min(), all_values.max(), row=row)
+        log_frame(figure, np.concatenate(values), row)
     return time_axis(figure, shown, zero)
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -16,6 +16,7 @@ from ..evaluation import consistency
 from ..evaluation.metrics import EULER, NED_AXES
 from ..quantities import shown_unit
 from ..typing import Array, Mask
+from ..wording import counted
 from .drawing import (
     COLOURS,
     FAR,
@@ -26,6 +27,7 @@ from .drawing import (
     each,
     even,
     kind,
+    level,
     line,
     log_range,
     log_ticks,
@@ -172,8 +174,7 @@ def nis(solution: Solution, solutions: Mapping[str, Solution] | None = None) -> 
             marks(figure, t, np.where(why, values, np.nan), *_rejected(cause), row)
         gate = _gate(solution, source)
         if gate:
-            ends, new = np.full(2, gate), "gate" not in {trace.name for trace in figure.data}
-            line(figure, solution.t[[0, -1]] - zero, ends, "gate", GREY, row, new, dash="dash")
+            level(figure, solution.t - zero, gate, "gate", row)
         ends_of = [_nis_ends(other, name) for other in [solution, *(solutions or {}).values()]]
         low, top = min(low for low, _ in ends_of), max(top for _, top in ends_of)
         # what diverged does not hide the others
@@ -206,39 +207,58 @@ def whiteness(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
     """Autocorrelation of the normalised innovations of every source, mean over the components, of
     a Solution or {name: Solution}, with the bounds that 95 % of the lags of a white sequence keep;
     None where there are too few."""
-    found: dict[str, list[tuple[Shown, Array, float]]] = {}
-    for one in each(solutions):
-        for source in _used(one.solution):
-            rows = _normalised(one.solution, source)
-            if len(rows) >= FEWEST:
-                lags = min(LAGS, len(rows) // 2)
-                correlation, bound = consistency.autocorrelation(rows, lags)
-                known = np.isfinite(correlation).all(axis=0)
-                if known.any():
-                    mean = correlation[:, known].mean(axis=1)
-                    bound = float(bound / np.sqrt(known.sum()))
-                    name = one.solution.innovations.names[source]
-                    found.setdefault(name, []).append((one, mean, bound))
+    found = _by_source(solutions, _correlation)
     if not found:
         return None
     figure = panels([escape(name) for name in found], 170)
     for row, parts in enumerate(found.values(), start=1):
-        for one, mean, _ in reversed(parts):
-            at = np.arange(1.0, len(mean) + 1)
-            style = {"color": one.colour, "size": 5}
-            name = one.label("innovations")
-            new, rank = row == 1, parts[0][0] is not one
-            line(figure, at, mean, name, one.colour, row, new, rank, dash=one.dash)
-            figure.data[-1].update(mode="lines+markers", marker=style)
+        for one, lags, mean, _ in reversed(parts):
+            _line_of(figure, row, one, lags, mean, "innovations", parts[0][0] is not one)
+            marker = {"color": one.colour, "size": 5}
+            figure.data[-1].update(mode="lines+markers", marker=marker)
         bound = max(bound for *_, bound in parts)
-        for side in (-bound, bound):
-            ends, first = np.full(2, side), row == 1 and side == bound
-            reach = np.array([1.0, max(len(mean) for _, mean, _ in parts)])
-            line(figure, reach, ends, "95 % of a white sequence", GREY, row, first, dash="dash")
-        limit = 1.15 * max(bound, *(peak(mean) for _, mean, _ in parts))
+        longest = max((lags for _, lags, *_ in parts), key=len)
+        for side in (bound, -bound):
+            level(figure, longest, side, "95 % of a white sequence", row)
+        limit = 1.15 * max(bound, *(peak(mean) for _, _, mean, _ in parts))
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)
     figure.update_xaxes(range=[0.5, LAGS + 0.5], unifiedhovertitle={"text": "lag of %{x} fixes"})
     return figure.update_xaxes(title_text="lag [fixes]", row=len(found), col=1)
+
+
+def _correlation(solution: Solution, source: int) -> tuple[Array, Array, float] | None:
+    """(lags, autocorrelation, its bound) of a source, mean over the components."""
+    rows = _normalised(solution, source)
+    if len(rows) < FEWEST:
+        return None
+    correlation, bound = consistency.autocorrelation(rows, min(LAGS, len(rows) // 2))
+    mean = correlation[:, np.isfinite(correlation).all(axis=0)]
+    if not mean.shape[1]:
+        return None
+    lags = np.arange(1.0, len(mean) + 1)
+    return lags, mean.mean(axis=1), float(bound / np.sqrt(mean.shape[1]))
+
+
+def _by_source(
+    solutions: Solution | Mapping[str, Solution],
+    curve: Callable[[Solution, int], tuple[Any, ...] | None],
+) -> dict[str, list[tuple[Any, ...]]]:
+    """{source: [(solution, *its curve)]}, of those that have a curve of that source."""
+    found: dict[str, list[tuple[Any, ...]]] = {}
+    for one in each(solutions):
+        for source in _used(one.solution):
+            if (made := curve(one.solution, source)) is not None:
+                name = one.solution.innovations.names[source]
+                found.setdefault(name, []).append((one, *made))
+    return found
+
+
+def _line_of(
+    figure: go.Figure, row: int, one: Shown, x: Array, y: Array, label: str, rank: int
+) -> None:
+    """The line of a solution, in the legend once."""
+    new, name = row == 1, one.label(label)
+    line(figure, x, y, name, one.colour, row, new, rank, dash=one.dash)
 
 
 def _normalised(solution: Solution, source: int) -> Array:
@@ -255,27 +275,13 @@ def _normalised(solution: Solution, source: int) -> Array:
 def nis_quantiles(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None:
     """Quantiles of the NIS of every source, rejected fixes too, over those of chi-square, of a
     Solution or {name: Solution}; None where there are too few."""
-    found: dict[str, list[tuple[Shown, Array, Array]]] = {}
-    for one in each(solutions):
-        fixes = one.solution.innovations
-        for source in _used(one.solution):
-            own = (fixes.source == source) & (fixes.nis > 0)
-            rows = np.isfinite(fixes.innovation[own]).sum(axis=1)
-            freedom = int(np.bincount(rows).argmax()) if len(rows) else 0
-            seen = np.sort(fixes.nis[own][rows == freedom])
-            if freedom and len(seen) >= FEWEST:
-                kept = even(len(seen), QUANTILES)
-                chance = (kept + 0.5) / len(seen)
-                expected = _chi_square(freedom, chance)
-                found.setdefault(fixes.names[source], []).append((one, expected, seen[kept]))
+    found = _by_source(solutions, _quantiles)
     if not found:
         return None
     figure = panels([escape(name) for name in found], 210, log=True)
     for row, parts in enumerate(found.values(), start=1):
         for one, expected, seen in reversed(parts):
-            name = one.label("NIS")
-            new, rank = row == 1, parts[0][0] is not one
-            line(figure, expected, seen, name, one.colour, row, new, rank, dash=one.dash)
+            _line_of(figure, row, one, expected, seen, "NIS", parts[0][0] is not one)
         ends = np.array([min(x[0] for _, x, _ in parts), max(x[-1] for _, x, _ in parts)])
         line(figure, ends, ends, "as claimed", GREY, row, row == 1, dash="dash")
         log_range(
@@ -290,6 +296,19 @@ def nis_quantiles(solutions: Solution | Mapping[str, Solution]) -> go.Figure | N
     figure.update_xaxes(type="log", range=list(ends), **log_ticks(*ends))
     figure.update_xaxes(unifiedhovertitle={"text": "expected %{x:.3g}"})
     return figure.update_xaxes(title_text="NIS by chi-square", row=len(found), col=1)
+
+
+def _quantiles(solution: Solution, source: int) -> tuple[Array, Array] | None:
+    """Quantiles of the NIS of a source: those expected, and those that it has."""
+    fixes = solution.innovations
+    own = (fixes.source == source) & (fixes.nis > 0)
+    rows = np.isfinite(fixes.innovation[own]).sum(axis=1)
+    freedom = int(np.bincount(rows).argmax()) if len(rows) else 0
+    seen = np.sort(fixes.nis[own][rows == freedom])
+    if not freedom or len(seen) < FEWEST:
+        return None
+    kept = even(len(seen), QUANTILES)
+    return _chi_square(freedom, (kept + 0.5) / len(seen)), seen[kept]
 
 
 def _chi_square(freedom: int, chance: Array) -> Array:
@@ -373,11 +392,9 @@ def _range(
     sizes = np.nanmax(np.abs(values), axis=1, initial=0.0, where=np.isfinite(values))
     beyond = sizes > 1.12 * limit
     if beyond.any():
-        count = int(beyond.sum())
-        fixes = "fix" if count == 1 else "fixes"
-        which = "" if (beyond & good).any() else "rejected "
+        which = "fix" if (beyond & good).any() else "rejected fix"
         note(
             figure,
-            f"{name}: {count} {which}{fixes} beyond the frame, up to {peak(values):.3g} {named}. "
+            f"{name}: {counted(int(beyond.sum()), which, 'es')} beyond the frame, up to {peak(values):.3g} {named}. "
             f"Double-click the panel to see all.",
         )

@@ -12,20 +12,21 @@ import plotly.graph_objects as go
 from ..data import Solution
 from ..diagnosis.estimated import EstimatedParameter, installation
 from ..diagnosis.findings import NOT_OBSERVABLE
+from ..wording import enumerated, number
 from .drawing import (
-    GREY,
     SHADED_BANDS,
     Shown,
     band,
     each,
     frame,
+    level,
     line,
     note,
     origin,
     panels,
     time_axis,
 )
-from .summary import enumerated, number, table
+from .parts import remarks, table
 
 SIGMAS = 2.0
 """Half the width of the bands, standard deviations."""
@@ -55,9 +56,7 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
         if max(largest, prior) <= 3 * limit:  # the prior too, where the rest stays readable
             limit = 1.08 * max(largest, prior)
         for side in sorted({sign * SIGMAS * p.prior for _, p in parts for sign in (-1, 1)}):
-            ends, t = np.full(2, side), shown[0].solution.t[[0, -1]] - zero
-            legend = row == 1 and side == prior
-            line(figure, t, ends, "prior", GREY, row, legend, unit=unit, dash="dash")
+            level(figure, shown[0].solution.t - zero, side, "prior", row, unit)
         if prior > limit:
             beyond.append(f"{parts[0][1].component} ±{number(prior)} {unit}".strip())
         figure.update_yaxes(range=[-limit, limit], row=row, col=1)
@@ -108,8 +107,7 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
             rows.append([f"{whose}{parameter.name}{unit}", *numbers, _status(parameter)])
         said += [f"{whose}{text}" for text in found.remarks]
     head = ["parameter", "given", "estimated", "true − given", "± 1σ", "prior σ", "is"]
-    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in said)
-    return table(head, rows) + notes if rows else ""
+    return table(head, rows) + remarks(said) if rows else ""
 
 
 def _status(parameter: EstimatedParameter) -> str:

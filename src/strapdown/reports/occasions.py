@@ -13,7 +13,7 @@ from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution
 from ..time_scales import utc
 from .drawing import outages, stretches
-from .summary import LISTED
+from .parts import LISTED
 
 FOLDED = 4
 """So many events that differ in their numbers alone are folded."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import UTC, datetime
 from html import escape
 from typing import Any, TypeAlias
 
 import numpy as np
 import plotly.graph_objects as go
 
-from .. import __version__
 from ..checks import DataError
 from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
 from ..data import Solution, Trajectory
@@ -29,9 +27,10 @@ from .figure_list import INSTALLATION, REGISTRY, SENSORS, Figure, figures_of_pag
 from .installation_figures import installation_table
 from .map_figure import CAPTION, track_map
 from .occasions import occasions
+from .parts import around, listing, remarks
 from .playback import playback_bar
 from .sensor_figures import sensor_table
-from .shell import MAP_POLICY, POLICY, Page, listed, placed, shell
+from .shell import MAP_POLICY, POLICY, Document, Page
 from .verdict_block import verdict_block
 
 FOOTER = (
@@ -74,30 +73,29 @@ def report(
         raise DataError("a report needs a solution; none is given")
     scores, unscored = _scores(solutions, reference)
     first = next(iter(solutions.values()))
-    title = title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}"
-    recording = recording or first.recording
-    draw = _Drawer(solutions, reference if scores else None, scores, window, recording)
-    sections = [(name, text) for name, text in _sections(draw, more) if text]
-    sections[0] = "Summary", unscored + sections[0][1]
-    sections[1] = sections[1][0], _key(solutions) + sections[1][1]
-    footer = "".join(
-        FOOTER if any(solution.has_position for solution in solutions.values()) else FOOTER[::2]
+    positioned = any(solution.has_position for solution in solutions.values())
+    document = Document(
+        title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}",
+        _facts(solutions, window, facts),
+        "".join(FOOTER if positioned else FOOTER[::2]),
+        wide=len(solutions) > 1,
     )
-    policy = POLICY
-    if map and (drawn := track_map(solutions, draw.reference)) is not None:
-        policy = MAP_POLICY
-        sections[1] = sections[1][0], draw.place(drawn, "On a map", CAPTION) + sections[1][1]
-    below = listed(_facts(solutions, window, facts))
+    recording = recording or first.recording
+    draw = _Drawer(document, solutions, reference if scores else None, scores, window, recording)
+    above = {"Summary": unscored}
+    for name, text in _sections(draw, more):
+        document.add(name, above.get(name, ""), text)
+    drawn = track_map(solutions, draw.reference) if map else None
+    heading, text = document.sections[1]
+    on_map = document.place(drawn, "On a map", CAPTION)
+    document.sections[1] = heading, on_map + _key(solutions) + text
     of_reference = {name: installation(s).of_reference for name, s in solutions.items()}
     contradicted = summary.contradictions(scores, window, of_reference)
     verdicts = {name: solution.verdict for name, solution in solutions.items()}
     shown = cards(solutions, scores, window, contradicted)
-    glance = verdict_block(verdicts, contradicted) + shown
-    several, notes = len(solutions) > 1, tuple(draw.notes)
-    bar = playback_bar(solutions)
-    return shell(
-        title, below, sections, footer, glance, wide=several, notes=notes, bar=bar, policy=policy
-    )
+    document.introduction = verdict_block(verdicts, contradicted) + shown
+    policy = POLICY if drawn is None else MAP_POLICY
+    return document.page(tuple(draw.notes), playback_bar(solutions), policy)
 
 
 def _key(solutions: Mapping[str, Solution]) -> str:
@@ -167,7 +165,7 @@ def _scores(
             raise DataError("the reference knows nothing of what was estimated")
         return found, ""
     except DataError as error:
-        return {}, f"<p class=note>Not scored: {escape(str(error))}</p>"
+        return {}, remarks([f"Not scored: {error}"])
 
 
 def _facts(
@@ -185,8 +183,6 @@ def _facts(
         "IMU": _imu(metas),
         "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
         **more,
-        "software": f"strapdown {__version__}",
-        "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
     }
 
 
@@ -222,7 +218,7 @@ def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str
             shown.insert(0, sensor_table(draw.recording))
         yield "Estimates" if section == "Motion" and not scores else section, "".join(shown)
         for heading, given in more if section == "Track" else ():
-            yield heading, f"<div class=grid>{''.join(draw.place(*each) for each in given)}</div>"
+            yield heading, around("grid", *(draw.document.place(*each) for each in given))
     yield (
         "Details",
         "".join(
@@ -257,20 +253,11 @@ def _summary(
         "</div></div>",
     ]
     parts += [summary.withheld_table(solutions, scores), summary.rejection_table(solutions)]
-    notes = list(
-        dict.fromkeys(
-            str(note) for solution in solutions.values() for note in solution.meta.get("notes", ())
-        )
-    )
-    parts += ["<h3>Notes</h3>", summary.listing(notes)] if notes else []
-    read = list(
-        dict.fromkeys(
-            line for solution in solutions.values() for line in solution.meta.get("read", ())
-        )
-    )
-    parts += ["<h3>Read from the files</h3>", summary.listing(read)] if read else []
-    parts += [occasions(solutions)]
-    return "".join(parts)
+    for heading, key in (("Notes", "notes"), ("Read from the files", "read")):
+        every = (text for solution in solutions.values() for text in solution.meta.get(key, ()))
+        texts = list(dict.fromkeys(map(str, every)))
+        parts += [f"<h3>{heading}</h3>", listing(texts)] if texts else []
+    return "".join([*parts, occasions(solutions)])
 
 
 class _Drawer:
@@ -278,15 +265,16 @@ class _Drawer:
 
     def __init__(
         self,
+        document: Document,
         solutions: dict[str, Solution],
         reference: Trajectory | None,
         scores: dict[str, Errors],
         window: tuple[float, float] | None,
         recording: Recording | None,
     ) -> None:
+        self.document = document
         self.solutions, self.reference, self.recording = solutions, reference, recording
         self.scores, self.window = scores, window
-        self.count = 0
         self.notes: list[str] = []  # on figures that could not be drawn
 
     def __call__(self, figure: Figure) -> str:
@@ -303,7 +291,7 @@ class _Drawer:
             tag = mark if len(self.solutions) > 1 else ""
             given = {"errors": self.scores.get(name), "colour": colour}
             shown.append(self._drawn(figure, solution, [solution], given, tag))
-        return f"<div class=grid>{''.join(shown)}</div>" if any(shown) else ""
+        return around("grid", *shown)
 
     def _drawn(
         self,
@@ -335,7 +323,7 @@ class _Drawer:
                     (figure.caption, shown),
                 )
             )
-            return self.place(made, title, caption, tag)
+            return self.document.place(made, title, caption, tag)
         # whatever a user's own figure does, the page is not lost
         except (Exception, SystemExit) as error:
             why, plugin = " ".join(str(error).split()), REGISTRY.brought_by(figure.name)
@@ -343,9 +331,4 @@ class _Drawer:
             self.notes.append(
                 f"{whose}figure {figure.name!r} is left out: {type(error).__name__}: {why}"
             )
-            return f"<p class=note>{escape(self.notes[-1])}</p>"
-
-    def place(self, figure: go.Figure, heading: str, caption: str, tag: str = "") -> str:
-        """HTML of one figure."""
-        self.count += 1
-        return placed(self.count, figure, heading, caption, tag)
+            return remarks(self.notes[-1:])

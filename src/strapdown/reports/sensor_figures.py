@@ -23,11 +23,12 @@ from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade
 from ..typing import Array
+from ..wording import number
 from .drawing import (
     COLOURS,
-    GREY,
+    level,
     line,
-    log_range,
+    log_frame,
     log_ticks,
     note,
     origin,
@@ -35,7 +36,7 @@ from .drawing import (
     peak,
     time_axis,
 )
-from .summary import number, table
+from .parts import caption, table
 
 MOST_SAMPLES = 2**20
 """Samples at most of which spectra are taken: those of longer stretches from their middle."""
@@ -143,7 +144,7 @@ def sensor_table(recording: Recording | None) -> str:
         f"Jitter: standard deviation of the intervals that are no gaps. A gap: longer than "
         f"{GAP_MEDIANS} usual intervals. Repeated: samples that read the same as the one before."
     )
-    return table(head, rows) + f"<p class=caption>{escape(said)}</p>"
+    return table(head, rows) + caption(said)
 
 
 def _pace(t: Array) -> list[str]:
@@ -174,9 +175,7 @@ def intervals(
     for row, (name, unit, scale, t) in enumerate(shown, start=1):
         steps = scale * np.diff(t)
         line(figure, t[1:] - zero, steps, name, COLOURS[0], row, legend=False, unit=unit)
-        known = steps[steps > 0]
-        if len(known):
-            log_range(figure, known.min() / 1.5, known.max() * 1.5, row)
+        log_frame(figure, steps, row, 1.5)
     return time_axis(figure, solutions or recording, zero)
 
 
@@ -194,10 +193,8 @@ def readings(
         for i, axis in enumerate("xyz"):
             line(figure, t - zero, triad.values[:, i], axis, COLOURS[i], row, unit=triad.unit)
         if 0 < triad.full_scale < 2 * peak(triad.values):
-            for end in (-triad.full_scale, triad.full_scale):
-                ends, first = np.full(2, end), end > 0 and "full scale" not in _names(figure)
-                since = t[[0, -1]] - zero
-                line(figure, since, ends, "full scale", GREY, row, first, dash="dash")
+            for end in (triad.full_scale, -triad.full_scale):
+                level(figure, t - zero, end, "full scale", row)
     return time_axis(figure, solutions or recording, zero)
 
 
@@ -220,10 +217,6 @@ def temperature(
     return time_axis(figure, solutions or recording, zero)
 
 
-def _names(figure: go.Figure) -> set[str]:
-    return {trace.name for trace in figure.data}
-
-
 def spectra(recording: Recording | None) -> go.Figure | None:
     """Power spectral densities (one-sided, Welch's method) of angular rate and specific force in
     body axes, of the longest stretch without a gap, with the white noise that is described; None
@@ -239,16 +232,12 @@ def spectra(recording: Recording | None) -> go.Figure | None:
     for row, triad in enumerate(both, start=1):
         f, density = _welch(triad.values[rows], rate, segment)
         f, density = _binned(f[1:], density[1:])
-        unit, seen = f"({triad.unit})²/Hz", [density[density > 0]]
+        unit, white = f"({triad.unit})²/Hz", 2 * triad.noise**2  # one-sided
         for i, axis in enumerate("xyz"):
             line(figure, f, density[:, i], axis, COLOURS[i], row, unit=unit)
-        if white := 2 * triad.noise**2:  # one-sided
-            seen.append(np.array([white]))
-            ends = np.full(2, white)
-            line(figure, f[[0, -1]], ends, "white noise", GREY, row, unit=unit, dash="dash")
-        known = np.concatenate(seen)
-        if len(known):
-            log_range(figure, known.min() / 1.5, known.max() * 1.5, row)
+        if white:
+            level(figure, f, white, "white noise", row, unit)
+        log_frame(figure, np.append(density, white), row, 1.5)
     ends = np.log10(f[[0, -1]])
     figure.update_xaxes(
         type="log",

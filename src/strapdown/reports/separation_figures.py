@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..data import Solution
-from .drawing import each, line, log_range, origin, panels, time_axis
+from .drawing import each, line, log_range, origin, panels, positive, time_axis
 
 PARTS = (("position", "m", 1.0), ("velocity", "m/s", 1.0), ("attitude", "deg", np.degrees(1)))
 """What is compared: name, unit and its size."""
@@ -25,8 +25,7 @@ def separation(solutions: Solution | Mapping[str, Solution]) -> go.Figure | None
             for one in shown
             for part in one.solution.separation or ()
         ]
-        known = np.concatenate([values for _, values in curves]) if curves else np.empty(0)
-        known = known[np.isfinite(known) & (known > 0)]
+        known = positive(np.empty(0), *(values for _, values in curves))
         if len(known):
             found.append((f"{name} [{unit}]", unit, curves, known))
     if not found:

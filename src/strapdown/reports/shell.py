@@ -6,14 +6,17 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from html import escape, unescape
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from .. import __version__
 from ..files import replacing
 from ..typing import File
 from .packing import deflated, packed
+from .parts import remarks
 from .script import plotly_script
 
 if TYPE_CHECKING:
@@ -55,6 +58,55 @@ class Page:
 
     def __repr__(self) -> str:
         return f"Page({len(self.html) / 1e6:.1f} MB of HTML; .save(path) writes it)"
+
+
+@dataclass
+class Document:
+    """A page in the making: its title, what stands below that, {name: text}, its sections, and its
+    last line."""
+
+    title: str
+    facts: Mapping[str, object]
+    footer: str
+    introduction: str = ""  # HTML above the sections
+    style: str = ""  # further CSS
+    wide: bool = False
+    sections: list[tuple[str, str]] = field(default_factory=list)  # (heading, HTML)
+    figures: int = 0  # so many are placed
+
+    def place(
+        self, figure: go.Figure | None, heading: str, caption: str = "", tag: str = ""
+    ) -> str:
+        """HTML of the next figure of the page; "" without one. `tag` is HTML."""
+        if figure is None:
+            return ""
+        self.figures += 1
+        return placed(self.figures, figure, heading, caption, tag)
+
+    def add(self, heading: str, *parts: str) -> None:
+        """A section of these parts, HTML, where there are any."""
+        if any(parts):
+            self.sections.append((heading, "".join(parts)))
+
+    def page(self, notes: tuple[str, ...] = (), bar: str = "", policy: str = POLICY) -> Page:
+        """The Page, which also says by which software it was written and when."""
+        made = {
+            "software": f"strapdown {__version__}",
+            "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        }
+        below = listed({**self.facts, **made})
+        return shell(
+            self.title,
+            below,
+            self.sections,
+            self.footer,
+            self.introduction,
+            self.style,
+            self.wide,
+            notes,
+            bar,
+            policy,
+        )
 
 
 def shell(
@@ -119,15 +171,14 @@ def listed(facts: Mapping[str, object]) -> str:
 def placed(number: int, figure: go.Figure, heading: str, caption: str = "", tag: str = "") -> str:
     """HTML of a plotly figure, the page's `number`-th, with its data. `tag` is HTML."""
     said = (figure.layout.meta or {}).get("notes", ())
-    notes = "".join(f"<p class=note>{escape(text)}</p>" for text in said)
     below = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
     content = figure.to_plotly_json()
     kinds = dict.fromkeys(["scatter", *(trace.get("type", "scatter") for trace in content["data"])])
     return (
         f"<figure><h3>{escape(heading)}{tag}</h3><div class=plot data-kinds='{' '.join(kinds)}' "
         f"id=p{number} role=img tabindex=0 aria-label='{escape(_told(heading, content))}' "
-        f"style='height:{figure.layout.height or USUAL_HEIGHT}px'></div>{below}{notes}"
-        f"<script type='{DEFLATED}' id=data-p{number}>{packed(content)}</script></figure>"
+        f"style='height:{figure.layout.height or USUAL_HEIGHT}px'></div>{below}"
+        f"{remarks(said)}<script type='{DEFLATED}' id=data-p{number}>{packed(content)}</script></figure>"
     )
 
 

@@ -1,10 +1,8 @@
-"""The tables of the page, as HTML: errors against the reference, the run, the fixes; and the
-lists of notes and events."""
+"""The tables of the page, as HTML: errors against the reference, the run, the fixes."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from html import escape
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -15,44 +13,8 @@ from ..evaluation import metrics
 from ..evaluation.metrics import EULER, NED_AXES, Errors
 from ..filters import find
 from ..typing import Array
-
-LISTED = 500
-"""At most this many notes or events are listed."""
-
-
-def table(head: Iterable[object], rows: Iterable[Iterable[object]], split: int = 1) -> str:
-    """An HTML table; cells are escaped. A rule stands left of every `split`-th column after the
-    first."""
-    body = "".join(_line("td", row, split) for row in rows)
-    return f"<div class=scroll><table><thead>{_line('th', head, split)}</thead><tbody>{body}</tbody></table></div>"
-
-
-def _line(tag: str, texts: Iterable[object], split: int) -> str:
-    """A row of an HTML table, of cells `tag`."""
-
-    def rule(i: int) -> str:
-        return " class=split" if i and split > 1 and (i - 1) % split == 0 else ""
-
-    cells = (f"<{tag}{rule(i)}>{escape(str(text))}</{tag}>" for i, text in enumerate(texts))
-    return f"<tr>{''.join(cells)}</tr>"
-
-
-def number(value: float | None) -> str:
-    """Three digits, or as many as stand before the point; a dash where there is none."""
-    if value is None or not np.isfinite(value):
-        return "–"
-    return (
-        f"{value:.0f}"
-        if abs(value) >= 1000
-        else f"{value:#.3g}".rstrip(".")
-        if abs(value) >= 1e-4 or value == 0
-        else f"{value:.2e}"
-    )
-
-
-def enumerated(words: Sequence[str]) -> str:
-    """`a, b and c`."""
-    return " and ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
+from ..wording import number
+from .parts import caption, split, table
 
 
 def claimed_sd(made: Solution | Errors) -> Array:
@@ -95,19 +57,16 @@ def error_table(
             v[:, running] = np.nan
         scores = [_scores(v[e.inside(window)]) for v, e in zip(values, found.values())]
         rows += [
-            [f"{label} [{unit}]", *(text for score in scores for text in score[i])]
+            [f"{label} [{unit}]", *split((text for score in scores for text in score[i]), 3)]
             for i, label in enumerate(labels)
             if any(np.isfinite(v[:, i]).any() for v in values)
         ]
     head = [
-        "true − estimate",
-        *(
-            f"{name}: {what}" if what == "RMS" else what
-            for name in found
-            for what in ("RMS", "largest", "last")
-        ),
+        f"{name}: {what}" if what == "RMS" else what
+        for name in found
+        for what in ("RMS", "largest", "last")
     ]
-    return table(head, rows, split=3)
+    return table(["true − estimate", *split(head, 3)], rows)
 
 
 def _columns(values: Array | Sequence[Array] | None) -> Array | None:
@@ -254,9 +213,9 @@ def _largest_and_last(values: Array) -> str:
 
 FAR_BELOW = 0.05
 LASTING_FIELD_NOTE = (
-    "<p class=caption>The mean NIS of the magnetic field is far below what is expected: its errors "
+    "The mean NIS of the magnetic field is far below what is expected: its errors "
     "are taken as lasting, so single samples count "
-    "little; see docs/explanation/attitude.md.</p>"
+    "little; see docs/explanation/attitude.md."
 )
 
 
@@ -282,7 +241,7 @@ def fix_table(solutions: Mapping[str, Solution]) -> str:
             rows.append([who, good, bad, *map(number, (found, expected, gate))])
     return (
         table(["source", "accepted", "rejected", "mean NIS", "expected", "gate"], rows)
-        + (LASTING_FIELD_NOTE if lasting else "")
+        + (caption(LASTING_FIELD_NOTE) if lasting else "")
         if rows
         else ""
     )
@@ -303,8 +262,7 @@ def rejection_table(solutions: Mapping[str, Solution]) -> str:
         for run in solution.rejected
     ]
     head = ["source", "time [s]", "rejected", "probable cause", "what was seen", "what to do"]
-    shown = f"<div class=said>{table(head, rows)}</div>"
-    return f"<h3>Why fixes were rejected</h3>{shown}" if rows else ""
+    return f"<h3>Why fixes were rejected</h3>{table(head, rows, 'said')}" if rows else ""
 
 
 def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors]) -> str:
@@ -333,13 +291,3 @@ def withheld_table(solutions: Mapping[str, Solution], found: Mapping[str, Errors
     if all(row[1:] == NOTHING for row in rows):
         head, rows = head[:1], [row[:1] for row in rows]
     return table(head, rows) if rows else ""
-
-
-def listing(items: Sequence[object]) -> str:
-    """A scrolling HTML list of texts, at most LISTED of them."""
-    more = [f"and {len(items) - LISTED} more"] if len(items) > LISTED else []
-    return (
-        "<ul class=list>"
-        + "".join(f"<li>{escape(str(item))}</li>" for item in [*items[:LISTED], *more])
-        + "</ul>"
-    )

@@ -16,6 +16,8 @@ from ..verdict import (
     Verdict,
     together,
 )
+from ..wording import capitalised
+from .parts import Html, numbered, paragraphs, remarks
 
 LOOKS = {
     TRUSTED: ("right", "✓", "Nothing that could be tested speaks against it."),
@@ -72,7 +74,7 @@ def verdict_block(
 def worded(verdict: Verdict, contradicted: bool) -> str:
     """The word of a verdict, with what a reference says of it."""
     said = ", but contradicted by the reference" if contradicted and verdict.trusted else ""
-    return _begun(verdict.word) + said
+    return capitalised(verdict.word) + said
 
 
 def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str]]) -> str:
@@ -81,37 +83,34 @@ def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str
         look, mark, meaning = *LOOKS[DOUBTFUL][:2], CONTRADICTED
     elif verdict.trusted and verdict.reasons:
         meaning = OF_A_PART
-    against = "".join(
-        f"<p class=note>{escape(f'{name}: {text}')}</p>"
-        for name, texts in contradicted.items()
-        for text in texts
-    )
     whose = f"<span class=whose>{escape(names)}</span>" if names else ""
-    reasons = "".join(f"<li>{_reason(reason)}</li>" for reason in verdict.reasons)
-    untested = f"Not tested: {'; '.join(verdict.untested)}." if verdict.untested else ""
-    return (
-        f"<div class='verdict {look}' role=note><p class=word><i aria-hidden=true>{mark}</i>"
-        f"<strong>{escape(worded(verdict, bool(contradicted)))}</strong>{whose}</p><p>{meaning}</p>"
-        + against
-        + (f"<ol>{reasons}</ol>" if reasons else "")
-        + (f"<p class=untested>{_text(untested)}</p>" if untested else "")
-        + "</div>"
+    untested = [f"Not tested: {'; '.join(verdict.untested)}."] if verdict.untested else []
+    return judged(
+        look,
+        mark,
+        f"<strong>{escape(worded(verdict, bool(contradicted)))}</strong>{whose}",
+        paragraphs([meaning]),
+        remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
+        numbered([_reason(reason) for reason in verdict.reasons]),
+        paragraphs(map(_text, untested), "untested"),
     )
 
 
-def _reason(reason: Reason) -> str:
+def judged(look: str, mark: str, word: str, *parts: str) -> str:
+    """HTML of a judgement: its class in page.css, its mark, its word and parts below, HTML."""
+    head = f"<p class=word><i aria-hidden=true>{mark}</i>{word}</p>"
+    return f"<div class='verdict {look}' role=note>{head}{''.join(parts)}</div>"
+
+
+def _reason(reason: Reason) -> Html:
     lines = (("Seen", reason.seen), ("To do", reason.remedy))
     said = "".join(
-        f"<p><span>{name}</span><span>{_text(_begun(text))}.</span></p>" for name, text in lines
+        f"<p><span>{name}</span><span>{_text(capitalised(text))}.</span></p>"
+        for name, text in lines
     )
-    return f"<h3>Probable cause: {escape(reason.what)}</h3>{said}"
+    return Html(f"<h3>Probable cause: {escape(reason.what)}</h3>{said}")
 
 
-def _begun(text: str) -> str:
-    """The text with a capital, where it does not begin with something quoted."""
-    return text[:1].upper() + text[1:]
-
-
-def _text(text: str) -> str:
+def _text(text: str) -> Html:
     """Escaped, with what stands between backticks as code."""
-    return re.sub("`([^`]*)`", r"<code>\1</code>", escape(text))
+    return Html(re.sub("`([^`]*)`", r"<code>\1</code>", escape(text)))

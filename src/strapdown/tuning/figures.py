@@ -13,7 +13,17 @@ from plotly.subplots import make_subplots
 from ..constants import CHI_SQUARE_95
 from ..data import Solution
 from ..evaluation.consistency import band, whiteness
-from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, origin
+from ..reports.drawing import (
+    COLOURS,
+    GREY,
+    finish,
+    log_ticks,
+    note,
+    origin,
+    positive,
+    ribbon,
+    time_label,
+)
 from ..typing import Array
 
 if TYPE_CHECKING:
@@ -90,8 +100,7 @@ def _profile(drawn: go.Figure, each: "Parameter", row: int, column: int) -> None
 
 def _log_axis(*values: Array) -> dict[str, Any]:
     """Settings of a logarithmic axis that holds these values."""
-    all_values = np.concatenate([np.asarray(each, float) for each in values])
-    known = np.log10(all_values[np.isfinite(all_values) & (all_values > 0)])
+    known = np.log10(positive(*values))
     low, high = (known.min() - 0.05, known.max() + 0.05) if len(known) else (-1.0, 1.0)
     return {"type": "log", "range": [low, high], **log_ticks(low, high)}
 
@@ -148,10 +157,13 @@ def _panels(found: "Tuning", sources: Sequence[int], x: str, y: str) -> go.Figur
     return drawn
 
 
-def _place(number: int, sources: Sequence[int]) -> dict[str, int]:
-    """Row and column of the panel of the `number`-th source."""
-    across = min(2, len(sources))
-    return {"row": number // across + 1, "col": number % across + 1}
+def _places(sources: Sequence[int]) -> list[tuple[int, dict[str, int]]]:
+    """[(source, row and column of its panel)]."""
+    across = min(2, max(len(sources), 1))
+    return [
+        (s, {"row": number // across + 1, "col": number % across + 1})
+        for number, s in enumerate(sources)
+    ]
 
 
 def _curve(drawn: go.Figure, place: dict[str, int], x: Array, y: Array, label: str) -> None:
@@ -191,8 +203,7 @@ def spectrum(t: Array, rows: Array) -> tuple[Array, Array]:
 def spectra_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """Power spectral densities of the whitened innovations of each source, before and after."""
     drawn = _panels(found, sources, "frequency [Hz]", "PSD / white [-]")
-    for number, s in enumerate(sources):
-        place = _place(number, sources)
+    for s, place in _places(sources):
         curves = {label: spectrum(*_whitened(run, s)) for label, run in _runs(found)}
         for label, curve in curves.items():
             _curve(drawn, place, *curve, label)
@@ -211,8 +222,8 @@ def spectra_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
 def autocorrelation_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """Autocorrelation of the whitened innovations of each source, before and after."""
     drawn = _panels(found, sources, "lag [s]", "autocorrelation [-]")
-    for number, s in enumerate(sources):
-        place, bound = _place(number, sources), 0.0
+    for s, place in _places(sources):
+        bound = 0.0
         for label, run in _runs(found):
             t, rows = _whitened(run, s)
             white = whiteness(rows, min(LAGS, len(rows) // 2))
@@ -231,21 +242,22 @@ def autocorrelation_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure
 def nis_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """NIS of each source over time, averaged, over its expectation, before and after, with the
     band of a chi-square mean."""
-    drawn = _panels(found, sources, "time [s]", "NIS / expected [-]")
     start, stop = found.seconds
     zero = origin(np.array([start]))
-    for number, s in enumerate(sources):
-        place, means = _place(number, sources), [np.ones(1)]
+    drawn = _panels(found, sources, time_label(zero), "NIS / expected [-]")
+    for s, place in _places(sources):
+        means = [np.ones(1)]
         for label, run in _runs(found):
             t, mean, low, high = _averaged(run, s, start, stop)
             if label == AFTER:
-                _chi_square_band(drawn, place, t - zero, low, high)
+                shown = np.isfinite(low)
+                ribbon(
+                    drawn, (t - zero)[shown], low[shown], high[shown], MEANT, 0.16, None, **place
+                )
             _curve(drawn, place, t - zero, mean, label)
             means.append(mean)
         _expected(drawn, place, 1.0)
         drawn.update_yaxes(**_log_axis(*means), **place)
-    if zero:
-        drawn.update_xaxes(title_text=f"time since {zero:.0f} s [s]")
     note(
         drawn,
         f"Mean over {(stop - start) / STRETCHES:.3g} s or more of all fixes, rejected ones too. "
@@ -272,24 +284,6 @@ def _averaged(solution: Solution, source: int, start: float, stop: float) -> tup
     return centres, mean, low, high
 
 
-def _chi_square_band(
-    drawn: go.Figure, place: dict[str, int], t: Array, low: Array, high: Array
-) -> None:
-    known = np.isfinite(low)
-    drawn.add_trace(
-        go.Scatter(
-            x=np.r_[t[known], t[known][::-1]],
-            y=np.r_[low[known], high[known][::-1]],
-            fill="toself",
-            fillcolor="rgba(232,113,10,0.16)",
-            line={"width": 0},
-            hoverinfo="skip",
-            showlegend=False,
-        ),
-        **place,
-    )
-
-
 def rejected_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
     """When fixes were rejected, a row of marks per source, before and after."""
     drawn = finish(go.Figure(), 90 + 56 * len(sources))
@@ -311,8 +305,8 @@ def rejected_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:
                         showlegend=False,
                     )
                 )
-    drawn.update_xaxes(title_text="time [s]" if not zero else f"time since {zero:.0f} s [s]")
-    drawn.update_xaxes(range=[found.seconds[0] - zero, found.seconds[1] - zero])
+    ends = [found.seconds[0] - zero, found.seconds[1] - zero]
+    drawn.update_xaxes(title_text=time_label(zero), range=ends)
     drawn.update_layout(hovermode="closest")
     note(drawn, "A mark for each fix that the gate kept out.")
     return drawn

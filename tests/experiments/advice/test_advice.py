@@ -13,7 +13,7 @@ import strapdown as sd
 from strapdown import DataError
 from strapdown.evaluation.consistency import Interval, proportion
 from strapdown.experiments.advice.advise import _map_imus, _map_scenarios, advise, durations
-from strapdown.experiments.advice.mission import kinds, mission, seconds, spoken
+from strapdown.experiments.advice.mission import kinds, mission, seconds
 from strapdown.experiments.advice.page import sentences
 from strapdown.experiments.advice.verdicts import (
     CLOSED,
@@ -93,20 +93,6 @@ def test_bad_durations_are_refused_in_one_line(text):
     with pytest.raises(DataError, match="duration") as caught:
         seconds(text)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.short
-def test_times_are_spoken():
-    assert [spoken(t) for t in (45, 90, 120, 419, 660, 3600, 5400, 7199.6)] == [
-        "45 s",
-        "90 s",
-        "2 min",
-        "419 s",
-        "11 min",
-        "1 h",
-        "1 h 30 min",
-        "2 h",
-    ]
 
 
 @pytest.mark.parametrize(

@@ -212,7 +212,8 @@ def cells(html, row):
     found = re.search(rf"<tr><td( colspan=2)?>{row}</td>(.*?)</tr>", html)[2]
     return [
         (text, "best" in kind)
-        for kind, text in re.findall(r"<td class='([^']*)'>([^<]*)</td>", found)
+        for kind, text in re.findall(r"<td(?: class='?([^'>]*)'?)?>([^<]*)</td>", found)
+        if not re.fullmatch(".+–.+", text)  # the time
     ]
 
 

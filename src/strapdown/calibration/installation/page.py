@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
-from ... import __version__
 from ...data import Solution
 from ...diagnosis.installation import applied, constants
 from ...engine.batch import fuse
 from ...engine.sensitivity import LARGEST_NIS
 from ...recording import Recording
-from ...reports.drawing import COLOURS, GREY, finish, line, note, origin, panels
-from ...reports.shell import Page, listed, placed, shell
+from ...reports.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
+from ...reports.parts import listing, paragraphs, remarks, table
+from ...reports.shell import Document, Page
+from ...wording import counted
 from .settled import theta_of
 
 if TYPE_CHECKING:
@@ -35,28 +36,28 @@ def page(found: "Installation") -> Page:
         "as given": _fused(found, found.given),
         "as found": _fused(found, found.recording),
     }
-    figures = [
-        ("Whitened innovations", innovations_figure(solutions)),
-        ("NIS", nis_figure(solutions)),
-        *((f"Misfit: {each.name}", misfit_figure(found, each)) for each in found.found),
-    ]
-    drawn = "".join(
-        placed(number, figure, heading) for number, (heading, figure) in enumerate(figures, 1)
-    )
     t = found.given.imu.t
-    facts = {
-        "recording": found.given.meta.get("name", ""),
-        "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
-        "found": f"{len(found.found)} of {len(found.parameters)} parameters",
-        "runs of the filter": str(found.runs),
-        "software": f"strapdown {__version__}",
-    }
-    return shell(
+    document = Document(
         "Calibration of the installation",
-        listed(facts),
-        [("Parameters", _table(found)), ("Before and after", drawn)],
+        {
+            "recording": found.given.meta.get("name", ""),
+            "time": f"{t[0]:.1f} to {t[-1]:.1f} s",
+            "found": f"{len(found.found)} of {counted(len(found.parameters), 'parameter')}",
+            "runs of the filter": str(found.runs),
+        },
         FOOTER,
     )
+    document.add("Parameters", _table(found))
+    document.add(
+        "Before and after",
+        document.place(innovations_figure(solutions), "Whitened innovations"),
+        document.place(nis_figure(solutions), "NIS"),
+        *(
+            document.place(misfit_figure(found, each), f"Misfit: {each.name}")
+            for each in found.found
+        ),
+    )
+    return document.page()
 
 
 def _fused(found: "Installation", recording: Recording) -> Solution:
@@ -85,46 +86,34 @@ def _table(found: "Installation") -> str:
         "to show it",
     )
 
-    def number(value: float) -> str:
+    def signed(value: float) -> str:
         return f"{value:+.4f}" if np.isfinite(value) else ""
 
-    rows = "".join(
-        "<tr>"
-        + "".join(
-            f"<td>{escape(cell)}</td>"
-            for cell in (
-                each.name,
-                each.unit,
-                number(each.change),
-                number(each.sd).lstrip("+"),
-                number(each.by_states),
-                number(each.states_sd).lstrip("+"),
-                each.status,
-                each.motion,
-            )
+    rows = [
+        (
+            each.name,
+            each.unit,
+            signed(each.change),
+            signed(each.sd).lstrip("+"),
+            signed(each.by_states),
+            signed(each.states_sd).lstrip("+"),
+            each.status,
+            each.motion,
         )
-        + "</tr>"
         for each in found.parameters
-    )
-    head = "".join(f"<th>{escape(name)}</th>" for name in header)
-    said = "".join(
-        f"<p class=note>{escape(text)}</p>" for text in found.lines[len(found.parameters) :]
-    )
-    return (
-        f"<div class=scroll><table class=last><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
-        f"{said}{_changed(found)}"
-    )
+    ]
+    said = remarks(found.lines[len(found.parameters) :])
+    return table(header, rows, "last") + said + _changed(found)
 
 
 def _changed(found: "Installation") -> str:
     """HTML of which file was written, or else of what to change."""
     if found.written:
-        return "".join(
-            f"<p>Written: {escape(str(path))}; the old file is {escape(str(kept))}.</p>"
-            for path, kept in found.written.items()
+        return paragraphs(
+            f"Written: {path}; the old file is {kept}." for path, kept in found.written.items()
         )
-    lines = "".join(f"<li>{escape(text)}</li>" for text in found.changes or ("nothing",))
-    return f"<p>To change in recording.toml:</p><ul>{lines}</ul>"
+    changes = listing(found.changes or ("nothing",), "")
+    return paragraphs(["To change in recording.toml:"]) + changes
 
 
 def _sources(solution: Solution) -> list[int]:
@@ -151,7 +140,7 @@ def innovations_figure(solutions: dict[str, Solution]) -> go.Figure:
             gaps = 1 + np.flatnonzero(np.diff(t) > 10 * np.median(np.diff(t)))
             t, largest = np.insert(t, gaps, t[gaps]), np.insert(largest, gaps, np.nan)
             line(drawn, t, largest, label, DRAWN[label], row)
-    _time(drawn, zero, len(sources))
+    drawn.update_xaxes(title_text=time_label(zero), row=len(sources), col=1)
     note(
         drawn,
         "Of each fix the component of the largest size. Of a right set-up nearly all are within "
@@ -180,7 +169,7 @@ def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
             centre = t[0] + (np.arange(len(count)) + 0.5) * SMOOTHED
             line(drawn, centre - zero, mean, label, DRAWN[label], row)
             drawn.add_hline(y=1.0, line={"color": COLOURS[1], "width": 1, "dash": "dash"}, row=row)
-    _time(drawn, zero, len(sources))
+    drawn.update_xaxes(title_text=time_label(zero), row=len(sources), col=1)
     note(
         drawn,
         f"Mean over {SMOOTHED:.0f} s, over what is expected of a right filter (dashed: 1). Below 1 "
@@ -192,11 +181,6 @@ def nis_figure(solutions: dict[str, Solution]) -> go.Figure:
 def _wrapped(name: str) -> str:
     """A name in lines that fit beside a panel."""
     return "<br>".join(escape(part) for part in wrap(name, 16))
-
-
-def _time(drawn: go.Figure, zero: float, rows: int) -> None:
-    title = "time [s]" if not zero else f"time since {zero:.0f} s [s]"
-    drawn.update_xaxes(title_text=title, row=rows, col=1)
 
 
 def misfit_figure(found: "Installation", each: "Parameter") -> go.Figure:

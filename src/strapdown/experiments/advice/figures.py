@@ -13,9 +13,9 @@ from plotly.subplots import make_subplots
 
 from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import band
-from ...reports.drawing import COLOURS, GREY, RED, line, log_range, note, panels
+from ...reports.drawing import COLOURS, GREY, RED, finish, line, log_range, note, panels, positive
 from ...typing import Array
-from .mission import spoken
+from ...wording import elapsed
 from .verdicts import CLOSED, OPEN, called, interval_of
 
 if TYPE_CHECKING:
@@ -92,8 +92,7 @@ def _errors(
             "the ideal run leaves the truth, so that its linearisation does not hold, or rejects a "
             "fix.",
         )
-    values = np.concatenate([*seen, bound])
-    values = values[np.isfinite(values) & (values > 0)]
+    values = positive(*seen, bound)
     if len(values):
         log_range(figure, max(values.min(), 1e-9), min(values.max(), WIDEST_AXIS * values.min()))
     return figure
@@ -167,7 +166,7 @@ def crossover(advice: Advice) -> go.Figure:
         figure.add_trace(
             go.Heatmap(
                 z=[[kinds.index(cell["answer"]) for cell in line] for line in cells],
-                x=[spoken(t) for t in times],
+                x=[elapsed(t) for t in times],
                 y=imus,
                 text=[[_mark(cell) for cell in line] for line in cells],
                 texttemplate="%{text}",
@@ -187,15 +186,8 @@ def crossover(advice: Advice) -> go.Figure:
         title_text="duration of the mission", type="category", row=len(motions), col=1
     )
     figure.update_yaxes(type="category", autorange="reversed", automargin=True)
-    figure.update_layout(
-        template=go.layout.Template(),
-        height=110 + len(motions) * (70 + 34 * len(imus)),
-        margin={"l": 90, "r": 15, "t": 36, "b": 50},
-        font={"size": 12},
-        meta={"notes": []},
-        hovermode="closest",
-    )
-    return figure
+    finish(figure, 110 + len(motions) * (70 + 34 * len(imus)))
+    return figure.update_layout(margin={"l": 90, "t": 36, "b": 50}, hovermode="closest")
 
 
 def _mark(cell: dict[str, Any]) -> str:

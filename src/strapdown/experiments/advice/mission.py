@@ -17,6 +17,7 @@ from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table
 from ...sim.synthesis import simulate
 from ...typing import File
+from ...wording import elapsed
 
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""
@@ -84,17 +85,6 @@ def seconds(text: str | float) -> float:
             f"{LONGEST_MISSION / 3600:g} h"
         )
     return value
-
-
-def spoken(t: float) -> str:
-    """A time for people: "45 s", "12 min", "1 h 30 min"."""
-    t = round(t)
-    if t < 120 or (t < 600 and t % 60):
-        return f"{t} s"
-    hours, minutes = divmod(round(t / 60), 60)
-    return (
-        f"{minutes} min" if not hours else f"{hours} h {minutes} min" if minutes else f"{hours} h"
-    )
 
 
 def kinds() -> list[str]:
@@ -174,7 +164,7 @@ def _again(table: dict[str, Any], path: Path, duration: float) -> Scenario:
             return made
         times += 1
     raise DataError(
-        f"{path}: its motion of {once:g} s would be flown {times} times in {spoken(duration)}; "
+        f"{path}: its motion of {once:g} s would be flown {times} times in {elapsed(duration)}; "
         f"choose a longer one"
     )
 
@@ -209,5 +199,5 @@ def _lasting(made: Scenario, duration: float) -> Scenario:
         return made.replace(duration=float(duration))
     except DataError as error:
         raise DataError(
-            f"{error}; a flight of {spoken(duration)} needs another motion or start"
+            f"{error}; a flight of {elapsed(duration)} needs another motion or start"
         ) from None

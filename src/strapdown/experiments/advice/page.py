@@ -4,21 +4,19 @@ with its figures."""
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
 from html import escape
-from itertools import count, takewhile
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
-from ... import __version__
 from ...data import Correlated
 from ...evaluation.consistency import Interval
-from ...reports.shell import Page, listed, placed, shell
-from ...reports.summary import enumerated, number, table
+from ...reports.parts import Html, caption, numbered, paragraphs, table
+from ...reports.shell import Document, Page
 from ...typing import ArrayLike
-from .mission import spoken
+from ...wording import elapsed, enumerated, number
 from .verdicts import (
     CLOSED,
     MOST_RUNS,
@@ -33,8 +31,6 @@ from .verdicts import (
 )
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
     from .advise import Advice
 
 FOOTER = "Simulated runs with the IMU's error model as it is described; a real IMU, vibration and faulty fixes are no part of them."
@@ -73,7 +69,7 @@ LEGEND = (
 )
 
 
-NO_MAP = "<p class=caption>Not made; leave out --quick and --no-map for it.</p>"
+NO_MAP = "Not made; leave out --quick and --no-map for it."
 UNESTIMATED = (
     "scale_factor",
     "misalignment",
@@ -114,7 +110,7 @@ def _condition(advice: Advice) -> str:
 
 
 def _headline(advice: Advice) -> str:
-    decision, length = advice.decision, spoken(advice.scenario.duration)
+    decision, length = advice.decision, elapsed(advice.scenario.duration)
     closed, name = advice.found[CLOSED], called(decision.filter)
     decided = {
         "open": f"Open loop: for this mission of {length} it serves as well as the closed loop, "
@@ -165,7 +161,7 @@ def _about(advice: Advice) -> str:
         if sd is not None
     ]
     return (
-        f"{imu_name(advice)}, {flight(advice)}, {spoken(scenario.duration)}, simulated at "
+        f"{imu_name(advice)}, {flight(advice)}, {elapsed(scenario.duration)}, simulated at "
         f"{scenario.rate:g} Hz; "
         f"GNSS {' and '.join(measured) or 'nothing'} every {gnss.interval:g} s; "
         f"{advice.found[CLOSED].count} runs, seed {advice.seed}"
@@ -283,9 +279,9 @@ def _shorter(advice: Advice) -> list[str]:
         return []
     served = [t for t, d in takewhile(lambda each: each[1].answer == "open", advice.through)]
     if not served:
-        first = spoken(advice.through[0][0])
+        first = elapsed(advice.through[0][0])
         return [f"The open loop is not admissible even for the first {first}."]
-    long = spoken(served[-1])
+    long = elapsed(served[-1])
     return [f"By the estimates the open loop would do for the first {long} of this mission."]
 
 
@@ -321,53 +317,42 @@ def page(advice: Advice) -> Page:
     """The Page of an Advice."""
     from . import figures
 
-    numbers = count(1)
-
-    def place(figure: go.Figure, heading: str, caption: str) -> str:
-        return placed(next(numbers), figure, heading, caption)
-
-    loops = "Which loop, for which IMU, duration and dynamics"
-    seen = [
-        ("Why", _why(advice)),
-        (
-            "Error and stated uncertainty",
-            place(figures.rmse(advice), "Position error over time", ERRORS_CAPTION)
-            + place(
-                figures.heading(advice), "Heading error over time", "The same for the heading."
-            ),
-        ),
-        (
-            "Can it be believed",
-            place(figures.nees(advice), "NEES per state over time", NEES)
-            + place(figures.survival(advice), "Survival", SURVIVAL),
-        ),
-        ("Shorter missions", _through(advice)),
-        (
-            "Crossover map",
-            place(figures.crossover(advice), loops, LEGEND) if advice.map else NO_MAP,
-        ),
-        ("The rule", _rule(advice)),
-    ]
-    title = f"Open loop, resets or closed loop: {imu_name(advice)}, {flight(advice)}, {spoken(advice.scenario.duration)}"
-    return shell(title, _answer(advice), seen, FOOTER)
-
-
-def _answer(advice: Advice) -> str:
-    return listed(
-        {
-            "IMU": advice.imu.name,
-            "mission": flight(advice),
-            "duration": spoken(advice.scenario.duration),
-            "condition": _condition(advice).removesuffix(":"),
-            "answer": called(advice.decision.filter)
-            if advice.answer != "undecided"
-            else "not decided",
-            "runs": advice.found[CLOSED].count,
-            "seed": str(advice.seed),
-            "software": f"strapdown {__version__}",
-            "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        }
+    document = Document(
+        f"Open loop, resets or closed loop: {imu_name(advice)}, {flight(advice)}, "
+        f"{elapsed(advice.scenario.duration)}",
+        _facts(advice),
+        FOOTER,
     )
+    place = document.place
+    document.add("Why", _why(advice))
+    document.add(
+        "Error and stated uncertainty",
+        place(figures.rmse(advice), "Position error over time", ERRORS_CAPTION),
+        place(figures.heading(advice), "Heading error over time", "The same for the heading."),
+    )
+    document.add(
+        "Can it be believed",
+        place(figures.nees(advice), "NEES per state over time", NEES),
+        place(figures.survival(advice), "Survival", SURVIVAL),
+    )
+    document.add("Shorter missions", _through(advice))
+    loops = "Which loop, for which IMU, duration and dynamics"
+    crossover = figures.crossover(advice) if advice.map else None
+    document.add("Crossover map", place(crossover, loops, LEGEND) or caption(NO_MAP))
+    document.add("The rule", _rule(advice))
+    return document.page()
+
+
+def _facts(advice: Advice) -> dict[str, object]:
+    return {
+        "IMU": advice.imu.name,
+        "mission": flight(advice),
+        "duration": elapsed(advice.scenario.duration),
+        "condition": _condition(advice).removesuffix(":"),
+        "answer": called(advice.decision.filter) if advice.answer != "undecided" else "not decided",
+        "runs": advice.found[CLOSED].count,
+        "seed": str(advice.seed),
+    }
 
 
 def _why(advice: Advice) -> str:
@@ -376,11 +361,9 @@ def _why(advice: Advice) -> str:
         line for line in rest if not line.startswith(tuple(called(label) for label in advice.found))
     ]
     answer, _, reason = first.partition(": ")
-    head = (
-        f"<p>{escape(condition)}</p><p><b>{escape(answer)}:</b> {escape(reason)}</p>"
-        f"<p class=caption>{escape(about)}</p>"
-    )
-    return head + "".join(f"<p>{escape(line)}</p>" for line in said) + _evidence(advice)
+    decided = Html(f"<b>{escape(answer)}:</b> {escape(reason)}")
+    head = paragraphs([condition, decided]) + caption(about)
+    return head + paragraphs(said) + _evidence(advice)
 
 
 def _evidence(advice: Advice) -> str:
@@ -418,15 +401,13 @@ def _evidence(advice: Advice) -> str:
         "RMSE [m]",
         "heading [deg]",
     ]
-    return f"{table(head, rows)}<p class=caption>{EVIDENCE}</p>"
+    return table(head, rows) + caption(EVIDENCE)
 
 
 def _through(advice: Advice) -> str:
-    rows = [[spoken(t), ANSWERS[d.answer], called(d.filter)] for t, d in advice.through]
-    return (
-        table(["first ... of the mission", "answer", "filter"], rows)
-        + "<p class=caption>From the same runs cut short, by the estimates alone, without intervals.</p>"
-    )
+    rows = [[elapsed(t), ANSWERS[d.answer], called(d.filter)] for t, d in advice.through]
+    cut = "From the same runs cut short, by the estimates alone, without intervals."
+    return table(["first ... of the mission", "answer", "filter"], rows) + caption(cut)
 
 
 def _rule(advice: Advice) -> str:
@@ -443,13 +424,13 @@ def _rule(advice: Advice) -> str:
         f"closed loop's on the same runs.",
     ]
     others = [[name, ANSWERS[d.answer], called(d.filter)] for name, d in advice.others.items()]
-    listed = "".join(f"<li>{escape(c)}</li>" for c in criteria)
+    asked = "An architecture is admissible if the 95 % interval of each of these says so:"
+    chosen = (
+        "The answer is the open loop where it is admissible, for it keeps the INS isolated; else the "
+        "longest admissible time between resets; else the closed loop. Where an interval leaves open "
+        "which of these it is, the answer is “not decided”."
+    )
     return (
-        f"<p>An architecture is admissible if the 95 % interval of each of these says "
-        f"so:</p><ol>{listed}</ol>"
-        "<p>The answer is the open loop where it is admissible, for it keeps the INS isolated; else "
-        "the longest admissible time between resets; "
-        "else the closed loop. Where an interval leaves open which of these it is, the answer is "
-        "“not decided”.</p>"
-        "<h3>With one threshold changed</h3>" + table(["threshold", "answer", "filter"], others)
+        f"{paragraphs([asked])}{numbered(criteria)}{paragraphs([chosen])}"
+        f"<h3>With one threshold changed</h3>{table(['threshold', 'answer', 'filter'], others)}"
     )

@@ -22,7 +22,6 @@ from ...notebook.plots import titled
 from ...reports.drawing import (
     COLOURS,
     GREY,
-    column,
     corners,
     even,
     finish,
@@ -30,14 +29,16 @@ from ...reports.drawing import (
     line,
     log_range,
     log_ticks,
-    metres,
     note,
     origin,
     panels,
     path as draw_path,
+    positive,
+    ribbon,
     seen_from_above,
 )
 from ...typing import Array, Ints, Mask
+from ...wording import metres
 from .words import Ratio, ranked, ratio
 
 if TYPE_CHECKING:
@@ -235,33 +236,17 @@ def _ribbon(
     row: int,
     opacity: float,
 ) -> None:
-    """The stretch between two lines, shaded, shown and hidden with the line of the same name."""
-    known = np.isfinite(low) & np.isfinite(high) & (low > 0)
-    if known.sum() < 2:
-        return
-    keep = np.flatnonzero(known)[even(int(known.sum()), LINE_POINTS)]
-    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
-    figure.add_trace(
-        go.Scatter(
-            x=column(np.r_[x[keep], x[keep][::-1]]),
-            y=column(np.r_[high[keep], low[keep][::-1]]),
-            mode="lines",
-            fill="toself",
-            fillcolor=f"rgba({red},{green},{blue},{opacity})",
-            line={"width": 0},
-            legendgroup=name,
-            showlegend=False,
-            hoverinfo="skip",
-        ),
-        row=row,
-        col=1,
-    )
+    """A `ribbon` where both lines are known, thinned."""
+    known = np.flatnonzero(np.isfinite(low) & np.isfinite(high) & (low > 0))
+    if len(known) > 1:
+        keep = known[even(len(known), LINE_POINTS)]
+        ribbon(figure, x[keep], low[keep], high[keep], colour, opacity, name, row=row, col=1)
 
 
 def _frame(figure: go.Figure, values: Array, row: int, least: float = 0.0) -> None:
     """Range of a logarithmic axis that holds the `values` down to their quantile `least`; what
     is farther than REACH leaves it, which is said."""
-    values = values[np.isfinite(values) & (values > 0)]
+    values = positive(values)
     if not len(values):
         return
     middle, most = np.median(values), values.max()
@@ -554,14 +539,18 @@ def named(comparison: Comparison, what: str, length: float | None, outage: int) 
     if what == "course":
         count = len(comparison.windows)
         check_number(outage, "outage", least=1, most=count, whole=True)
-        heading, made = f"{heading} {outage}", course(comparison, outage - 1)
-    elif what == "paired":
-        best = [*ranked(comparison, length), *comparison.filters][0]
-        heading, made = f"{heading} {best}", paired(comparison, best, length)
-    elif what in ("coverage", "track"):
-        made = coverage(comparison) if what == "coverage" else track(comparison)
-    else:
-        made = (growth if what == "growth" else outages)(comparison, length)
+    best = [*ranked(comparison, length), *comparison.filters][0]
+    draw = {
+        "growth": lambda: growth(comparison, length),
+        "outages": lambda: outages(comparison, length),
+        "paired": lambda: paired(comparison, best, length),
+        "course": lambda: course(comparison, outage - 1),
+        "coverage": lambda: coverage(comparison),
+        "track": lambda: track(comparison),
+    }
+    made = draw[what]()
     if made is None:
         raise DataError(f"figure {what!r}: this comparison has nothing to draw there")
-    return titled(made, heading)
+    return titled(
+        made, " ".join([heading, *{"course": [str(outage)], "paired": [best]}.get(what, [])])
+    )

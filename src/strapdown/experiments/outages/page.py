@@ -3,28 +3,20 @@ done."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from datetime import UTC, datetime
-from html import escape
-from itertools import count
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ... import __version__
-from ...reports.shell import Page, listed, placed, shell
-from ...reports.summary import listing
+from ...reports.parts import around, caption, listing, paragraphs, remarks
+from ...reports.shell import Document, Page
 from ...reports.verdict_block import verdict_block
+from ...wording import counted
 from . import figures, tables
-from .words import answers, counted, failures, ranked, unlike
+from .words import answers, failures, ranked, unlike
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
     from .result import Comparison
 
-Place: TypeAlias = Callable[..., str]
-"""(figure or None, heading, caption) -> HTML of the figure, "" of None."""
 FOOTER = (
     "Errors are true − estimate against the reference in its own geodetic frame, without any "
     "alignment of trajectories, at every row of the "
@@ -67,11 +59,21 @@ DRAWN_IN_FULL = 6
 
 def page(comparison: Comparison) -> Page:
     """The Page of a Comparison."""
-    numbers = count(1)
-
-    def place(figure: go.Figure | None, heading: str, caption: str = "") -> str:
-        return placed(next(numbers), figure, heading, caption) if figure is not None else ""
-
+    outages = counted(len(comparison.windows), "outage")
+    document = Document(
+        f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {outages}",
+        {
+            "recording": comparison.name,
+            "outages": comparison.words,
+            "withheld": ", ".join(comparison.kinds),
+            "IMU": comparison.settings.get("imu", ""),
+        },
+        FOOTER,
+        verdict_block(comparison.verdicts),
+        STYLE,
+        wide=True,
+    )
+    place = document.place
     each = [
         (length, f", outages of {length:g} s" if len(comparison.lengths) > 1 else "")
         for length in comparison.lengths
@@ -80,7 +82,7 @@ def page(comparison: Comparison) -> Page:
         place(figures.outages(comparison, length), f"RMSE of each outage{of}", LOGARITHMIC)
         for length, of in each
     ]
-    pairs = [_pairs(comparison, place, length, of) for length, of in each]
+    pairs = [_pairs(comparison, document, length, of) for length, of in each]
     growth = [
         place(figures.growth(comparison, length), f"Error over the time in the outage{of}", GROWTH)
         for length, of in each
@@ -93,56 +95,33 @@ def page(comparison: Comparison) -> Page:
         figures.coverage(comparison), "Errors within the claimed standard deviations", COVERAGE
     )
     seen = TRACK if figures.are_listed(comparison) else SWEPT
-    sections = (
-        ("Summary", _summary(comparison)),
-        ("Every outage", tables.of_outages(comparison) + "".join(every)),
-        ("Paired differences", "".join(pairs)),
-        ("Growth", _around("grid", *growth)),
-        ("Single outages", _around("grid", *single)),
-        ("Coverage", _around("narrow", covered)),
-        ("Track", _around("narrow", place(figures.track(comparison), "Seen from above", seen))),
-        ("How it was done", tables.how(comparison)),
-        ("Notes", listing(comparison.notes) if comparison.notes else ""),
-    )
-    title = f"{comparison.name or 'A recording'}: {counted(len(comparison.filters), 'filter')} in {counted(len(comparison.windows))}"
-    facts = {
-        "recording": comparison.name,
-        "outages": comparison.words,
-        "withheld": ", ".join(comparison.kinds),
-        "IMU": comparison.settings.get("imu", ""),
-        "software": f"strapdown {__version__}",
-        "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-    }
-    return shell(
-        title,
-        listed(facts),
-        [(heading, text) for heading, text in sections if text],
-        FOOTER,
-        verdict_block(comparison.verdicts),
-        style=STYLE,
-        wide=True,
-    )
-
-
-def _around(kind: str, *parts: str) -> str:
-    """A block of that class around parts; "" around nothing."""
-    return f"<div class={kind}>{''.join(parts)}</div>" if any(parts) else ""
+    track = place(figures.track(comparison), "Seen from above", seen)
+    document.add("Summary", _summary(comparison))
+    document.add("Every outage", tables.of_outages(comparison), *every)
+    document.add("Paired differences", *pairs)
+    document.add("Growth", around("grid", *growth))
+    document.add("Single outages", around("grid", *single))
+    document.add("Coverage", around("narrow", covered))
+    document.add("Track", around("narrow", track))
+    document.add("How it was done", tables.how(comparison))
+    document.add("Notes", listing(comparison.notes))
+    return document.page()
 
 
 def _summary(comparison: Comparison) -> str:
-    said = [("answer", answers(comparison)), ("note", unlike(comparison) + failures(comparison))]
-    lines = "".join(f"<p class={kind}>{escape(text)}</p>" for kind, texts in said for text in texts)
-    return f"{lines}{tables.summary(comparison)}<p class=caption>{RANKED}</p>"
+    said = paragraphs(answers(comparison), "answer")
+    said += remarks([*unlike(comparison), *failures(comparison)])
+    return said + tables.summary(comparison) + caption(RANKED)
 
 
-def _pairs(comparison: Comparison, place: Place, length: float, of: str) -> str:
+def _pairs(comparison: Comparison, document: Document, length: float, of: str) -> str:
     """The ratios to the best filter, and of all pairs."""
     best = ranked(comparison, length)[:1]
     drawn = figures.paired(comparison, best[0], length) if best else None
     if drawn is None:
         return ""
     every = f"<details><summary>All pairs{of}</summary>{tables.pairs(comparison, length)}</details>"
-    return place(drawn, f"Ratio to {best[0]}{of}", RATIOS) + every
+    return document.place(drawn, f"Ratio to {best[0]}{of}", RATIOS) + every
 
 
 def _chosen(comparison: Comparison) -> list[tuple[int, str]]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from html import escape
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,8 +14,9 @@ import pandas as pd
 
 from ...constants import STANDARD_GRAVITY
 from ...evaluation.metrics import NED_AXES
-from ...reports.summary import number, table
+from ...reports.parts import Cell, Html, Ruled, around, caption, paragraphs, split, table
 from ...typing import Array
+from ...wording import number
 from .words import ranked, unlike
 
 if TYPE_CHECKING:
@@ -63,7 +65,7 @@ def summary(comparison: Comparison) -> str:
     found, several = in_order(comparison), len(comparison.lengths) > 1
     shown = [(head, name) for head, name in SUMMARY if np.isfinite(found[name]).any()]
     head = ["filter", *(["length [s]"] if several else []), "scored", *(text for text, _ in shown)]
-    body = ""
+    body: list[list[object]] = []
     for _, own in found.groupby("length_s", sort=False):
         comparable = own["n"].to_numpy() == own["n"].max()
         marks = np.array(
@@ -75,12 +77,9 @@ def summary(comparison: Comparison) -> str:
                 *([f"{row['length_s']:g}"] if several else []),
                 f"{row['n']} of {row['n'] + row['failures']}",
             ]
-            begin = ("<tr>" if i or not body else "<tr class=rule>") + "".join(
-                f"<td>{escape(text)}</td>" for text in lead
-            )
-            body += begin + _cells([row[name] for _, name in shown], mark, False) + "</tr>"
-    cells = "".join(f"<th>{escape(text)}</th>" for text in head)
-    return f"<div class='scroll names'><table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>"
+            cells = [*lead, *_cells([row[name] for _, name in shown], mark)]
+            body.append(cells if i or not body else Ruled(cells))
+    return table(head, body, "names")
 
 
 def _smallest(values: Array) -> list[bool]:
@@ -91,35 +90,27 @@ def _smallest(values: Array) -> list[bool]:
     return [number(value) == number(np.nanmin(values)) for value in values]
 
 
-def _cells(values: Iterable[float], marks: Iterable[bool], rule: bool = True) -> str:
-    """Cells of numbers, some of them marked, the first with a rule to its left."""
-    kinds = [
-        " ".join(["split"] * (rule and not i) + ["best"] * bool(mark))
-        for i, mark in enumerate(marks)
-    ]
-    return "".join(f"<td class='{kind}'>{number(value)}</td>" for kind, value in zip(kinds, values))
+def _cells(values: Iterable[float], marks: Iterable[bool]) -> list[Cell]:
+    """Cells of numbers, some of them marked."""
+    return [Cell(number(value), "best" if mark else "") for value, mark in zip(values, marks)]
 
 
 def of_outages(comparison: Comparison) -> str:
     """RMSE of every outage, axis by axis, as Table 1 of Alam, Whidborne & Millidere has it; the
     smallest of each outage and axis is marked."""
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
-    axes = "".join(f"<th colspan={n} class=split>{axis.capitalize()} [m]</th>" for axis in NED_AXES)
-    names = "".join(
-        f"<th{'' if i else ' class=split'}>{_breakable(name)}</th>"
-        for _ in NED_AXES
-        for i, name in enumerate(comparison.filters)
-    )
-    head = f"<tr><th rowspan=2>outage</th><th rowspan=2>time [s]</th>{axes}</tr><tr>{names}</tr>"
+    above = [Cell("outage", rows=2), Cell("time [s]", rows=2)]
+    above += [Cell(f"{axis.capitalize()} [m]", "split", n) for axis in NED_AXES]
+    head = split([*map(_breakable, comparison.filters)] * len(NED_AXES), n)
 
-    def line(lead: str, row: Array) -> str:
-        parts = np.split(row, len(NED_AXES))
-        return f"<tr>{lead}{''.join(_cells(part, _smallest(part)) for part in parts)}</tr>"
+    def cells(row: Array) -> list[Cell]:
+        marks = map(_smallest, np.split(row, len(NED_AXES)))
+        return split(_cells(row, chain.from_iterable(marks)), n)
 
-    body = "".join(
-        line(f"<td>{i}</td><td>{start:.10g}–{stop:.10g}</td>", row)
+    body = [
+        [i, f"{start:.10g}–{stop:.10g}", *cells(row)]
         for i, ((start, stop), row) in enumerate(zip(comparison.windows, values), 1)
-    )
+    ]
     # NaN stays in these two: over other outages than the others' they would be no mean and median
     # to compare
     pooled = (
@@ -127,18 +118,17 @@ def of_outages(comparison: Comparison) -> str:
         if len(values) > 1 and len(comparison.lengths) == 1
         else []
     )
-    foot = "".join(line(f"<td colspan=2>{what}</td>", row) for what, row in pooled)
-    return (
-        "<p class=caption>RMSE of the position in each outage; shaded: the smallest of its row and "
-        "axis (<a href='table.csv'>CSV</a>).</p>"
-        f"<div class='scroll tall "
-        f"names'><table><thead>{head}</thead><tbody>{body}</tbody><tfoot>{foot}</tfoot></table></div>"
+    foot = [[Cell(what, columns=2), *cells(row)] for what, row in pooled]
+    said = (
+        "RMSE of the position in each outage; shaded: the smallest of its row and axis "
+        "(<a href='table.csv'>CSV</a>)."
     )
+    return caption(Html(said)) + table(head, body, "tall names", above, foot)
 
 
-def _breakable(name: str) -> str:
+def _breakable(name: str) -> Html:
     """A filter's label as HTML that may be broken behind its punctuation."""
-    return re.sub("([:,=])", r"\1<wbr>", escape(name))
+    return Html(re.sub("([:,=])", r"\1<wbr>", escape(name)))
 
 
 def pairs(comparison: Comparison, length: float) -> str:
@@ -193,15 +183,14 @@ def how(comparison: Comparison) -> str:
         ]
         for name in comparison.filters
     ]
-    some = "".join(f" {escape(text)}" for text in unlike(comparison))
-    return (
-        "<p>All filters had the same start and the same noise, and were offered the same fixes, of "
-        "which the same were withheld; "
-        f"the table says which sources each used.{some}</p>"
-        "<div class=text>"
-        + table(["of all filters", ""], [row for row in common if row[1]])
-        + table(["filter", "options", "sources", "reference"], own)
-        + "</div>"
+    alike = (
+        "All filters had the same start and the same noise, and were offered the same fixes, of "
+        "which the same were withheld; the table says which sources each used."
+    )
+    said = " ".join([alike, *unlike(comparison)])
+    shared = table(["of all filters", ""], [row for row in common if row[1]])
+    return paragraphs([said]) + around(
+        "text", shared, table(["filter", "options", "sources", "reference"], own)
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...reports.summary import enumerated, number
+from ...wording import counted, enumerated, number
 
 if TYPE_CHECKING:
     from .result import Comparison
@@ -76,7 +76,7 @@ def answers(comparison: Comparison) -> list[str]:
 
 def _answer(comparison: Comparison, length: float) -> str:
     order, count = ranked(comparison, length), comparison.of_length(length)["outage"].nunique()
-    where = counted(count) + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
+    where = counted(count, "outage") + (f" of {length:g} s" if len(comparison.lengths) > 1 else "")
     if not order:
         return f"Nothing was scored in {where}."
     if len(order) < 2:
@@ -149,11 +149,6 @@ def unlike(comparison: Comparison) -> list[str]:
     return said
 
 
-def counted(n: int, noun: str = "outage") -> str:
-    """`1 outage`, `2 outages`."""
-    return f"{n} {noun}{'' if n == 1 else 's'}"
-
-
 def failures(comparison: Comparison) -> list[str]:
     """A line for each filter that was not scored in all outages, with what was said."""
     lines = []
@@ -165,6 +160,6 @@ def failures(comparison: Comparison) -> list[str]:
             said[2:] = [f"and {len(said) - 2} more"] if len(said) > 2 else []
             where = len(missing) if len(missing) < len(own) else "any"
             lines.append(
-                f"{name} was not scored in {where} of {counted(len(own))}: {'; '.join(said)}"
+                f"{name} was not scored in {where} of {counted(len(own), 'outage')}: {'; '.join(said)}"
             )
     return lines
