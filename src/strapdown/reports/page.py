@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from itertools import chain
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -253,9 +254,13 @@ def _summary(
         "</div></div>",
     ]
     parts += [summary.withheld_table(solutions, scores), summary.rejection_table(solutions)]
-    for heading, key in (("Notes", "notes"), ("Read from the files", "read")):
-        every = (text for solution in solutions.values() for text in solution.meta.get(key, ()))
-        texts = list(dict.fromkeys(map(str, every)))
+    metas = [solution.meta for solution in solutions.values()]
+    told = {
+        "Notes": [meta.get("notes", []) for meta in metas],
+        "Read from the files": [meta.get("read", []) for meta in metas],
+    }
+    for heading, every in told.items():
+        texts = list(dict.fromkeys(map(str, chain.from_iterable(every))))
         parts += [f"<h3>{heading}</h3>", listing(texts)] if texts else []
     return "".join([*parts, occasions(solutions)])
 
