@@ -17,6 +17,7 @@ from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.synthesis import Simulator
 from strapdown_reproductions.common import write_docs
+from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.consistency import figure, main, runs, summary, twin, verdicts
 from strapdown_reproductions.consistency.refused import MOST, REFUSED
 from strapdown_reproductions.consistency.verdicts import Shares
@@ -201,11 +202,17 @@ def test_refused_cells_count_for_no_target():
             made_up(grade="consumer", verdict="diverging", refused="heading unknown: 40 deg"),
         ]
     )
-    found = summary.figures(rows)
+    found = summary.figures(Evidence(cells=rows))
     assert found == {"inside": 88, "survived": 100, "refused": 1, "missed": 1, "wrong": 0}
     rows.loc[2, "refused"] = ""
-    assert summary.figures(rows)["wrong"] == 1
-    assert [c["holds"] for c in summary.claims(rows)] == [False, True, True, False, False]
+    assert summary.figures(Evidence(cells=rows))["wrong"] == 1
+    assert [c["holds"] for c in summary.STUDY.claims(Evidence(cells=rows))] == [
+        False,
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 @pytest.mark.short

@@ -6,7 +6,7 @@ A case is one outage of the simulated flight over all seeds, or all windows of a
 import numpy as np
 import pandas as pd
 
-from ..common.paired_ratios import ratio
+from ..common.paired_ratios import by_case, ratio
 from .runs import AXES, EKF, MEASURES, NLO, XKF
 
 PUBLISHED = {
@@ -26,20 +26,8 @@ THREE = (EKF, NLO, XKF)
 
 
 def wide(scores: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """{case: DataFrame} of the table of scores: a row per outage under its block, columns by
-    measure and filter, cases in their order.
-
-    attrs["widening"] of each: by how much the intervals of its blocks are wider, from the column of
-    that name, 1 where there is none.
-    """
-    if not len(scores):
-        return {}
-    measures, found = [name for name in MEASURES if name in scores], {}
-    for case, own in scores.groupby("case", sort=False):
-        found[case] = own.set_index(["block", "outage", "filter"])[measures].unstack("filter")
-        known = own["widening"].dropna() if "widening" in own else ()
-        found[case].attrs["widening"] = float(known.iloc[0]) if len(known) else 1.0
-    return found
+    """{case: table} of the scores, as paired_ratios.by_case."""
+    return by_case(scores, "case", MEASURES, "filter") if len(scores) else {}
 
 
 def redrawn(scores: pd.DataFrame, names: tuple[str, ...] = THREE) -> pd.DataFrame:

@@ -216,7 +216,7 @@ STUDY = Study(
     figures,
     tables,
     stored=(RUNS,),
-    texts=lambda claims, tables: {
+    texts=lambda found, claims, tables: {
         "table.md": in_docs(claims, {name: tables[name] for name in ("ratios", "boundaries")})
     },
 )

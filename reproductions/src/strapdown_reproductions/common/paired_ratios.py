@@ -50,6 +50,25 @@ class Ratio(NamedTuple):
         )
 
 
+def by_case(
+    scores: pd.DataFrame, keys: str | list[str], measures: Mapping[str, float], filters: str
+) -> dict[Any, pd.DataFrame]:
+    """{case: table} of rows of scores, cases by the values of `keys` in their order: a row per
+    outage under its block, columns by those of the `measures` that there are and by filter, which
+    the column `filters` names.
+
+    attrs["widening"] of each: by how much the intervals of its blocks are wider, from the column of
+    that name, 1 where there is none.
+    """
+    own_measures, found = [name for name in measures if name in scores], {}
+    for case, own in scores.groupby(keys, sort=False):
+        table = own.set_index(["block", "outage", filters])[own_measures].unstack(filters)
+        known = own["widening"].dropna() if "widening" in own else ()
+        table.attrs["widening"] = float(known.iloc[0]) if len(known) else 1.0
+        found[case] = table
+    return found
+
+
 def both_of(
     table: pd.DataFrame, measure: str, first: str, second: str
 ) -> tuple[Ints, Array, Array]:

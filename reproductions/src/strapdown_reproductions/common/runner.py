@@ -6,14 +6,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import pandas as pd
 
 from strapdown.checks import check_number
-from strapdown.experiments.monte_carlo import study as monte_carlo
-from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.typing import Progress
+
+if TYPE_CHECKING:  # half of what a process needs to begin
+    from strapdown.experiments.monte_carlo.campaign import Campaign
+    from strapdown.experiments.monte_carlo.study import Study
 
 Key, Of, Result = TypeVar("Key"), TypeVar("Of"), TypeVar("Result")
 SEED = 11
@@ -83,11 +85,11 @@ def collected(
 
 
 def campaigns(
-    studies: Mapping[Key, monte_carlo.Study],
+    studies: Mapping[Key, "Study"],
     folder: Callable[[Key], Path],
     progress: Progress | None = None,
     **given: Any,
-) -> dict[Key, Campaign]:
+) -> dict[Key, "Campaign"]:
     """Runs what is missing of the studies, each in a folder of its own, where it can be resumed;
     given: as in Study.run."""
     steps = {key: study.steps() for key, study in studies.items()}

@@ -19,7 +19,7 @@ from .targets import Target, in_docs, judged
 Claims: TypeAlias = Sequence[Mapping[str, Any]]
 
 
-def in_one_file(claims: Claims, tables: Tables) -> dict[str, str]:
+def in_one_file(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of the one file for docs/: figures and all tables, numbers with three digits."""
     return {"table.md": in_docs(claims, tables)}
 
@@ -36,23 +36,28 @@ class Study(NamedTuple):
     tables: Callable[[Evidence], Tables]
     # tables of the Evidence that stand beside the page as they are
     stored: tuple[str, ...] = ()
-    texts: Callable[[Claims, Tables], Mapping[str, str]] = in_one_file
+    # {name: text} of further files: of the Evidence, its claims and tables
+    texts: Callable[[Evidence, Claims, Tables], Mapping[str, str]] = in_one_file
     digits: int = 3  # of the figures
 
     def claims(self, found: Evidence) -> list[dict[str, Any]]:
         """What was asked for, what was measured, whether it holds, as far as the runs decide."""
         return judged(self.figures(found), self.targets, self.digits)
 
-    def write(self, out: File, found: Evidence) -> list[dict[str, Any]]:
-        """Write page and tables into the folder `out`; return the claims."""
+    def write(
+        self, out: File, found: Evidence, size: Sequence[str] = (), **page: Any
+    ) -> list[dict[str, Any]]:
+        """Write page and tables into the folder `out`; return the claims. size: sentences on how
+        large the study was; page: more of `write_page`."""
         claims, tables = self.claims(found), self.tables(found)
         write_page(
             Path(out),
             self.title,
-            self.introduction,
+            (*self.introduction, *size),
             claims,
             {name: (None, found[name]) for name in self.stored} | dict(tables),
-            texts=self.texts(claims, tables),
+            texts=self.texts(found, claims, tables),
+            **page,
         )
         return claims
 

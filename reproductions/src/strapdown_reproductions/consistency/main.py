@@ -9,9 +9,9 @@ import pandas as pd
 from strapdown.checks import check_choice
 from strapdown.typing import File, Progress
 
-from ..common.pages import write_page
-from ..common.runner import campaigns, count_of, on_threads, part_of
-from . import figure, runs, summary
+from ..common.runner import Evidence, campaigns, count_of, on_threads, part_of
+from . import runs
+from .summary import PICTURE, STUDY, size
 from .twin import SETS, right
 from .worlds import FILTERS, GRADES, SCENARIOS, Cell, check_filter, is_fed
 
@@ -45,7 +45,9 @@ def reproduce(
         check_filter(label)
     for name in names:
         check_choice(name, "scenario", SCENARIOS)
-    return write(Path(out), table(Path(out), labels, names, count, seed, workers, progress))
+    rows = table(Path(out), labels, names, count, seed, workers, progress)
+    links = [("every cell in one figure", PICTURE)]
+    return STUDY.write(out, Evidence(cells=rows), [size(rows)], links=links)
 
 
 def table(
@@ -89,22 +91,3 @@ def table(
             for place, grade in enumerate(GRADES)
         ]
     )
-
-
-def write(out: Path, rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Write page, figure and tables of finished cells into the folder `out`; return the claims."""
-    claims = summary.claims(rows)
-    write_page(
-        out,
-        summary.TITLE,
-        (*summary.INTRODUCTION, summary.size(rows)),
-        claims,
-        {"cells": (None, rows), **summary.tables(rows)},
-        links=[("every cell in one figure", "consistency.svg")],
-        texts={
-            "table.md": summary.in_docs(rows),
-            "each.md": summary.each_in_docs(claims, rows),
-            "consistency.svg": figure.drawn(rows),
-        },
-    )
-    return claims

@@ -1,18 +1,20 @@
 """The figures of the table of consistency, their targets, and the tables."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
-from ..common import markdown, targets
+from ..common import markdown
+from ..common.runner import Evidence
+from ..common.study import Claims, Study
 from ..common.tables import Tables, outcomes, with_rows
-from ..common.targets import Target
+from ..common.targets import Target, table
+from . import figure
 from .refused import MOST
 from .verdicts import BY_CHANCE, CONSISTENT, INSIDE, SURVIVED, VERDICTS
 
-TITLE = "Consistency: is the error as large as the filter says"
+CELLS = "cells"
+"""The table of the Evidence: a row per cell."""
+PICTURE = "consistency.svg"
 INTRODUCTION = (
     "Every cell is a filter in a scenario with a grade of IMU. At each epoch the NEES of the 15 "
     "states is averaged over all runs, to their end, whatever became of them; a right filter keeps "
@@ -43,8 +45,9 @@ def counted(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["refused"] == ""]
 
 
-def figures(rows: pd.DataFrame) -> dict[str, float]:
+def figures(found: Evidence) -> dict[str, float]:
     """{name of a target: figure}."""
+    rows = found[CELLS]
     own = counted(rows)
     refused = (rows["refused"] != "").groupby(rows["filter"]).sum()
     return {
@@ -54,11 +57,6 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
         "missed": float((own["verdict"] != CONSISTENT).sum()),
         "wrong": float((~own["verdict"].isin((CONSISTENT, BY_CHANCE))).sum()),
     }
-
-
-def claims(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """What was asked for, what was measured, whether it holds."""
-    return targets.judged(figures(rows), TARGETS, digits=4)
 
 
 def by_filter(rows: pd.DataFrame) -> pd.DataFrame:
@@ -103,15 +101,16 @@ def refused(rows: pd.DataFrame) -> pd.DataFrame:
     return cells.reset_index()[["filters", "scenario", "grade", "reason"]]
 
 
-def tables(rows: pd.DataFrame) -> Tables:
-    """{name: (caption, DataFrame)}."""
-    found = {
+def tables(found: Evidence) -> Tables:
+    """{name: (caption, DataFrame)} of those that have rows."""
+    rows = found[CELLS]
+    of = {
         "holding": ("In which scenarios each filter may be believed", holding(rows)),
         "by-filter": ("Cells of each filter", by_filter(rows)),
         "refused": ("Refused cells", refused(rows)),
         "each": ("Every cell", each(rows)),
     }
-    return with_rows(found)
+    return with_rows(of)
 
 
 def size(rows: pd.DataFrame) -> str:
@@ -129,11 +128,11 @@ def holding(rows: pd.DataFrame) -> pd.DataFrame:
     holds = rows.assign(
         holds=rows["verdict"].isin((CONSISTENT, BY_CHANCE)) & (rows["refused"] == "")
     )
-    table = {
+    said = {
         name: {grade: _said(cells) for grade, cells in own.groupby("grade", sort=False)}
         for name, own in holds.groupby("filter", sort=False)
     }
-    return pd.DataFrame(table).T.reset_index(names="filter")
+    return pd.DataFrame(said).T.reset_index(names="filter")
 
 
 def _said(cells: pd.DataFrame) -> str:
@@ -146,24 +145,32 @@ def _said(cells: pd.DataFrame) -> str:
     return f"not {', '.join(no)}" if len(no) < len(yes) else ", ".join(yes)
 
 
-def in_docs(rows: pd.DataFrame) -> str:
-    """Markdown for docs/reference/evidence/consistency.md."""
+def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
+    """{name: text} of two files for docs/, targets and a table per filter in the second, and of the
+    picture."""
+    rows = found[CELLS]
     headed = [(f"In which scenarios each filter may be believed. {size(rows)}", holding(rows))]
     if len(refused(rows)):
         headed.append(("Refused cells:", refused(rows)))
-    return markdown.tables(headed)
-
-
-def each_in_docs(claims: Sequence[Mapping[str, Any]], rows: pd.DataFrame) -> str:
-    """Markdown for docs/reference/evidence/consistency-each.md: the targets, and a table per filter."""
     of_filters = [
         (f"## {name}", own.drop(columns="filter"))
         for name, own in each(rows).groupby("filter", sort=False)
     ]
-    return markdown.tables(
-        [
-            ("## Targets", targets.table(claims)),
-            ("## Cells of each filter", by_filter(rows)),
-            *of_filters,
-        ]
-    )
+    of_all = [("## Targets", table(claims)), ("## Cells of each filter", by_filter(rows))]
+    return {
+        "table.md": markdown.tables(headed),
+        "each.md": markdown.tables([*of_all, *of_filters]),
+        PICTURE: figure.drawn(rows),
+    }
+
+
+STUDY = Study(
+    "Consistency: is the error as large as the filter says",
+    INTRODUCTION,
+    TARGETS,
+    figures,
+    tables,
+    stored=(CELLS,),
+    texts=texts,
+    digits=4,
+)

@@ -209,7 +209,7 @@ IN_DOCS = ("silent", "by-filter", "jumps", "without-fault", "not-showable")
 """Tables that are small enough for docs/reference/evidence/faults.md."""
 
 
-def texts(claims: Claims, tables: Tables) -> dict[str, str]:
+def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of two files for docs/."""
     few = {name: tables[name] for name in IN_DOCS}
     return {

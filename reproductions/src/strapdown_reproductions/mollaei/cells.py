@@ -10,6 +10,7 @@ import pandas as pd
 from strapdown.evaluation.consistency import band
 from strapdown.typing import Array
 
+from ..common.paired_ratios import by_case
 from .metrics import MEASURES
 
 NO_FILTER, EKF, UKF, PKF, TRUTH = "no filter", "EKF", "UKF", "PKF", "true state"
@@ -151,22 +152,12 @@ def wide(scores: pd.DataFrame) -> dict[Case, pd.DataFrame]:
     A row's index is (block, outage), the seed and 0, as common.paired_ratios.ratio takes it.
     attrs["lost"]: {mode: flights that stopped or diverged}.
     """
-    found = {}
+    rows = scores.assign(block=scores["seed"], outage=0)
+    found = by_case(rows, list(Case._fields), MEASURES, "mode")
     for case, own in scores.groupby(list(Case._fields), sort=False):
-        measures = [name for name in MEASURES if name in own]
-        table = (
-            own.assign(block=own["seed"], outage=0)
-            .set_index(["block", "outage", "mode"])[measures]
-            .unstack("mode")
-        )
-        table.attrs |= {
-            "widening": 1.0,
-            "lost": own.groupby("mode", sort=False)["said"]
-            .agg(lambda said: int(said.ne("").sum()))
-            .to_dict(),
-        }
-        found[Case(*case)] = table
-    return found
+        lost = own["said"].ne("").groupby(own["mode"], sort=False).sum()
+        found[case].attrs["lost"] = lost.astype(int).to_dict()
+    return {Case(*case): table for case, table in found.items()}
 
 
 def of(

@@ -169,5 +169,5 @@ STUDY = Study(
     figures,
     tables,
     stored=(CELLS,),
-    texts=lambda claims, tables: {"table.md": in_docs(claims, tables, markdown.cell)},
+    texts=lambda found, claims, tables: {"table.md": in_docs(claims, tables, markdown.cell)},
 )
