@@ -7,6 +7,10 @@ from typing import Any, NamedTuple, TypeAlias
 
 from .checks import DataError, brief, check_choice, check_number
 
+KNOWN = 0.5
+"""Of its prior standard deviation: what is known no better is not observable. The noise of a gyro at
+rest alone brings an arm from 1 m to 0.4 m, though nothing shows it."""
+
 
 class Estimable(NamedTuple):
     """A parameter of one or more components, each of which becomes a state where its prior standard
@@ -38,6 +42,12 @@ class Estimable(NamedTuple):
     def si(self) -> str:
         """Its SI unit."""
         return "rad" if self.unit == "deg" else self.unit
+
+    @property
+    def known_sd(self) -> float:
+        """The standard deviation from which a component is not observable where nobody gave a
+        prior."""
+        return KNOWN * max(self.sd)
 
     def component(self, axis: int) -> str:
         """A component in words, such as "lever arm forward"."""

@@ -49,9 +49,6 @@ from .settling import (
 
 LEAST_CLOCK_ALONE = 0.5
 """s: a smaller offset of a clock is not reported where no source measures velocity."""
-LARGEST_SD = {CLOCK: 0.2, LEVER_ARM: 0.5, MOUNTING: np.radians(3.0), SCALE: 0.02}
-"""s, m, rad: a constant that is known no better is not observable. Half of the prior, or what harms
-a solution."""
 COARSE_GAIN = 0.8
 """A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
 
@@ -242,7 +239,7 @@ class _Runs:
         of, axis, sd = unknown.of, unknown.axis, float(final.sd[i])
         aidings = [self.recording.aidings[k] for k in unknown.sources]
         names = tuple(a.name or a.kind for a in aidings)
-        status = FOUND if wrong else NOT_OBSERVABLE if sd > LARGEST_SD[of] else CONSISTENT
+        status = FOUND if wrong else NOT_OBSERVABLE if sd > of.known_sd else CONSISTENT
         motion = of.motions[axis]
         if "velocity" not in self.kinds and status == CONSISTENT:
             status = NOT_OBSERVABLE

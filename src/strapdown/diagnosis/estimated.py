@@ -12,7 +12,7 @@ from .. import estimable
 from ..checks import DataError, brief
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Solution
-from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..estimable import CLOCK, KNOWN, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
 from ..verdict import Reason
@@ -21,8 +21,6 @@ from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE, Estimate
 from .installation import CONSTRAINED, GNSS, SHOWN_BY, rotation
 from .settling import NOTABLE
 
-KNOWN = 0.5
-"""Of its prior standard deviation: what is known no better is not observable."""
 TIGHT = 0.1
 """Of the prior that a parameter has where none is given: one as tight says as much as data do."""
 PLAUSIBLE = 3.0

@@ -30,8 +30,6 @@ STEP, PACE = 0.5, 1.0
 ROWS = 5000  # of a solution, in which motion is looked for
 WINDOW = 1000.0
 """s that are looked at: of a longer recording those with the most motion."""
-KNOWN = {CLOCK: 0.03, LEVER_ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
-"""s, m, rad: standard deviations from which a constant counts as not tested."""
 HARMFUL = 3.0
 """Claimed standard deviations that an error must not exceed."""
 ARM_SHARE = 0.5
@@ -203,7 +201,7 @@ def _has(solution: Solution, kind: str) -> bool:
 
 
 def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
-    of, worse = suspect.of, [i for i, sd in enumerate(suspect.sd) if sd > KNOWN[suspect.of]]
+    of, worse = suspect.of, [i for i, sd in enumerate(suspect.sd) if sd > suspect.of.known_sd]
     if not worse:
         return
     axes = [suspect.unknowns[i].axis for i in worse]

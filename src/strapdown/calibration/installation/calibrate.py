@@ -10,7 +10,6 @@ import numpy as np
 from ...aiding import find
 from ...checks import DataError
 from ...core.loop.contract import Filter, Start
-from ...diagnosis.diagnose import LARGEST_SD
 from ...diagnosis.estimated import EstimatedParameter
 from ...diagnosis.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
 from ...diagnosis.installation import applied
@@ -21,7 +20,7 @@ from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
-from .confirming import KNOWN, Asking, as_states, check_states
+from .confirming import Asking, as_states, check_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
 from .settled import Settled, settle, theta_of
 
@@ -117,7 +116,7 @@ def _status(found: Parameter, moved: bool, sure: bool) -> str:
     `sure` where they agree and the first settled."""
     of = found.of
     least = max(of.min_reported * of.factor, LEAST_Z * found.sd)
-    if found.sd > LARGEST_SD[of] * of.factor or found.states_sd >= KNOWN[of] * of.factor:
+    if found.sd > of.known_sd * of.factor:
         return NOT_OBSERVABLE
     if not moved or abs(found.change) <= least:
         return CONSISTENT

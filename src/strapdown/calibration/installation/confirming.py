@@ -4,8 +4,6 @@ found: a second estimate of the same numbers, in one run."""
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ...core.loop.contract import Filter, Start
 from ...diagnosis.estimated import EstimatedParameter, installation
 from ...diagnosis.findings import Diagnosed
@@ -14,14 +12,11 @@ from ...diagnosis.settling import unknowns
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu, brought
 from ...engine.smoothing import smooth
-from ...estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ...estimable import CLOCK, MOUNTING, Estimable
 from ...recording import Recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
 
-KNOWN = {CLOCK: 0.05, LEVER_ARM: 0.25, MOUNTING: np.radians(1.5), SCALE: 0.01}
-"""s, m, rad: standard deviations from which the data show too little. The noise of a gyro at rest
-alone brings an arm from 1 m to 0.4 m, though nothing shows it."""
 ROWS = 1000
 """IMU samples of which one row is kept: constants need only the last."""
 
