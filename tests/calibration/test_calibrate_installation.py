@@ -3,6 +3,7 @@ is not sure is not written."""
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,16 +12,17 @@ from installed import car, wrong
 
 import strapdown as sd
 from strapdown.calibration.installation import calibrate as module, settled as settling
-from strapdown.calibration.installation.confirming import Seen
 from strapdown.calibration.installation.findings import (
     IMPLAUSIBLE,
     NOT_CONFIRMED,
     NOT_CONSTANT,
+    Parameter,
 )
 from strapdown.calibration.installation.settled import Settled, theta_of
 from strapdown.checks import DataError
 from strapdown.diagnosis.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
 from strapdown.diagnosis.installation import applied, constants
+from strapdown.estimable import CLOCK
 
 DEG = np.pi / 180
 TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "odometer scale": 0.01}
@@ -137,7 +139,7 @@ def test_a_change_that_harms_half_of_the_recording_is_not_constant():
     (first, _), (second, _) = clock.halves
     assert (first, second) == pytest.approx((0.35, 0.08), abs=0.03)
     assert any(f"not constant: {first:+.3f} +- " in line for line in made.lines)
-    unsure = clock._replace(status=NOT_CONSTANT)
+    unsure = replace(clock, status=NOT_CONSTANT)
     assert f"not constant, so not written: {first:+.3f} +- " in str(unsure)
     assert not module._helps_both(0.21, clock.halves) and module._helps_both(0.1, [(0.1, 1)] * 2)
     assert made.used == "used: 0.0 to 200.0 s, 200 s"
@@ -154,7 +156,7 @@ def test_nothing_is_written_beside_what_is_not_sure(found, drive):
     clock = of(found, "clock")
     for status in (NOT_CONFIRMED, NOT_CONSTANT):
         unsure = tuple(
-            each._replace(status=status) if each is clock else each for each in found.parameters
+            replace(each, status=status) if each is clock else each for each in found.parameters
         )
         made = replace(found, parameters=unsure)
         assert made.found and not made.edits and not made.changes
@@ -167,7 +169,7 @@ def test_nothing_is_written_beside_what_is_not_sure(found, drive):
 
 def test_two_estimates_that_contradict_each_other_are_not_confirmed(monkeypatch):
     def far(recording, sought, asking):
-        return {each: Seen(10 * each.sd, each.sd, True) for each in sought}
+        return {each: SimpleNamespace(change=10 * each.sd, sd=each.sd) for each in sought}
 
     monkeypatch.setattr(module, "as_states", far)
     made = sd.calibrate_installation(wrong(car(1073, 100.0), "clock", 0.2))
@@ -202,8 +204,8 @@ def test_clocks_that_differ_are_told_apart():
 def test_the_clock_of_the_imu_is_the_other_way_round():
     recording = wrong(car(1076, 150.0, vehicle=False), "clock", 0.2)
     made = sd.calibrate_installation(recording, imu_clock=True)
-    ((source, key, (value,), (deviation,)),) = made.edits
-    assert (source, key) == (None, "time") and value == pytest.approx(-0.2, abs=0.02)
+    ((source, what, (value,), (deviation,)),) = made.edits
+    assert source is None and what is CLOCK and value == pytest.approx(-0.2, abs=0.02)
     assert deviation == of(made, "clock").sd
     assert made.changes == (f"[imu] time: add {value:+.3f} s to offset",)
     with pytest.raises(DataError, match="--imu-clock: no offset was estimated of speed"):
@@ -215,7 +217,11 @@ def test_two_clocks_that_trade_off_are_said():
     diagnosis = sd.diagnose(recording)
     (clock,) = [each for each in diagnosis.parameters if each.cause == "clock"]
     clocks = tuple(
-        module._unseen(clock)._replace(name=f"clock of {name}", sources=(name,), change=change)
+        Parameter(
+            **vars(clock)
+            | {"name": f"clock of {name}", "sources": (name,), "change": change}
+            | {"status": NOT_OBSERVABLE}
+        )
         for name, change in (("a", 0.5), ("b", 0.1))
     )
     nothing = np.zeros(len(constants(recording.aidings)))

@@ -10,10 +10,11 @@ from recordings import flight
 
 from strapdown import filters
 from strapdown.data import Aiding
-from strapdown.diagnosis.findings import settings
+from strapdown.diagnosis.findings import edits
 from strapdown.diagnosis.installation import Model, applied, constants, rotation
 from strapdown.engine.prepare import Asked
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
+from strapdown.estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.geodesy import displacement
 from strapdown.preprocessing.axes import rotation_matrix
 
@@ -69,7 +70,7 @@ def test_derivatives_are_those_of_the_measurements(model, at, source):
             "lever arm": (arm + change * (source in one.sources), np.zeros(3), 0.0),
             "mounting": (arm, change, 0.0),
             "odometer scale": (arm, np.zeros(3), STEP * (source in one.sources)),
-        }.get(one.kind)
+        }.get(one.of.cause)
         if given is None:
             continue
         as_given = measured(model, at, source, arm, np.zeros(3), 0.0)
@@ -98,7 +99,7 @@ def test_a_start_made_of_fixes_errs_with_them():
     V = Model(run, found, True).start
     assert not Model(run, found, False).start.any()
     for j, one in enumerate(found):
-        if one.kind != "lever arm":
+        if one.of is not LEVER_ARM:
             continue
         theta = step * np.eye(len(found))[j]
         there, back = begun(theta).start, begun(-theta).start
@@ -115,10 +116,10 @@ def test_what_is_applied_is_what_the_constants_say():
     recording = car(1040, 20.0)
     found = constants(recording.aidings)
     theta = np.zeros(len(found))
-    theta[[j for j, one in enumerate(found) if one.kind == "clock"]] = 0.3
-    theta[[one.kind == "lever arm" and one.axis == 2 for one in found].index(True)] = 0.4
-    theta[[one.kind == "mounting" and one.axis == 2 for one in found].index(True)] = np.pi / 2
-    theta[[one.kind == "odometer scale" for one in found].index(True)] = 0.25
+    theta[[j for j, one in enumerate(found) if one.of is CLOCK]] = 0.3
+    theta[[one.of is LEVER_ARM and one.axis == 2 for one in found].index(True)] = 0.4
+    theta[[one.of is MOUNTING and one.axis == 2 for one in found].index(True)] = np.pi / 2
+    theta[[one.of is SCALE for one in found].index(True)] = 0.25
     made = applied(recording, found, theta)
     position, _, speed = made.aidings[:3]
     np.testing.assert_allclose(position.t, recording.aidings[0].t + 0.3)
@@ -137,7 +138,7 @@ def test_rates_that_the_gyro_measured_turn_with_it():
     )
     recording = replace(recording, aidings=(*recording.aidings, rates))
     found = constants(recording.aidings)
-    theta = np.array([np.pi / 2 * (one[::2] == ("mounting", 2)) for one in found])
+    theta = np.array([np.pi / 2 * (one[::2] == (MOUNTING, 2)) for one in found])
     made = applied(recording, found, theta)
     np.testing.assert_allclose(made.aidings[-1].y, [[-0.02, 0.01, 0.03]], atol=1e-15)
 
@@ -147,8 +148,8 @@ def test_each_antenna_has_an_arm_of_its_own():
     position, velocity = recording.aidings
     other = replace(position, parameters=(2.0, 0.0, 0.0), name="second")
     found = constants((position, velocity, other))
-    arms = {one.sources for one in found if one.kind == "lever arm"}
-    assert arms == {(0, 1), (2,)} and sum(one.kind == "clock" for one in found) == 3
+    arms = {one.sources for one in found if one.of is LEVER_ARM}
+    assert arms == {(0, 1), (2,)} and sum(one.of is CLOCK for one in found) == 3
 
 
 @pytest.mark.short
@@ -159,21 +160,24 @@ def test_what_the_description_must_say_gives_the_recording_as_found():
         recording, meta={**recording.meta, "imu_mounting": given, "imu_lever_arm": [0.0, 0.1, -0.5]}
     )
     found = [
-        ("mounting", (0, 1), 1, 0.05),
-        ("mounting", (0, 1), 2, -0.1),
-        ("lever arm", (0, 1), 0, 1.5),
-        ("odometer scale", (2,), 0, 0.02),
+        (MOUNTING, (0, 1), 1, 0.05, 0.01),
+        (MOUNTING, (0, 1), 2, -0.1, 0.02),
+        (LEVER_ARM, (0, 1), 0, 1.5, 0.2),
+        (SCALE, (2,), 0, 0.02, 0.001),
     ]
     known = constants(recording.aidings)
     theta = np.array(
-        [sum(x for kind, _, axis, x in found if one[::2] == (kind, axis)) for one in known]
+        [sum(x for of, _, axis, x, _ in found if one[::2] == (of, axis)) for one in known]
     )
     wanted = applied(recording, known, theta)
-    said = {(each.kind, each.source): each.value for each in settings(recording, found)}
-    mounted = raw @ rotation_matrix(*said["mounting", None]).T
+    made = {(each.of, each.source): each for each in edits(recording, found)}
+    said = {key: np.array(each.value) for key, each in made.items()}
+    assert made[MOUNTING, None].sd == (0.0, 0.01, 0.02) and made[LEVER_ARM, 1].sd == (0.2, 0, 0)
+    assert made[SCALE, 2].sd == pytest.approx((0.001 / 1.02,))
+    mounted = raw @ rotation_matrix(*said[MOUNTING, None]).T
     np.testing.assert_allclose(mounted, wanted.imu.dv, atol=1e-12)
     for i in (0, 1):
-        arm = said["lever arm", i] - recording.meta["imu_lever_arm"]
+        arm = said[LEVER_ARM, i] - recording.meta["imu_lever_arm"]
         np.testing.assert_allclose(arm, wanted.aidings[i].parameters)
-    speed = recording.aidings[2].y * said["odometer scale", 2]
+    speed = recording.aidings[2].y * said[SCALE, 2]
     np.testing.assert_allclose(speed, wanted.aidings[2].y)

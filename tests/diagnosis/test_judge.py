@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-from strapdown.cross_checks.heights import COLUMNS
+
 from strapdown.data import DOUBTFUL
 from strapdown.diagnosis import evidence
 from strapdown.geodesy import displaced

@@ -14,9 +14,10 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Use
 from strapdown.core.mathematics import solution_row
-from strapdown.diagnosis.installation import ARM, CLOCK, Model, applied, constants
+from strapdown.diagnosis.installation import Model, applied, constants
 from strapdown.engine import sensitivity
 from strapdown.engine.prepare import Asked, Run
+from strapdown.estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.sensor_models.gnss import Gnss
 
 
@@ -52,7 +53,7 @@ def slopes(recording, direction, step, filter="closed-loop", skip=50):
     return made
 
 
-STEPS = {"lever arm": 0.01, "mounting": 1e-3, "odometer scale": 1e-3}
+STEPS = {LEVER_ARM: 0.01, MOUNTING: 1e-3, SCALE: 1e-3}
 
 
 @pytest.mark.parametrize("filter", ["closed-loop", "mekf"])
@@ -62,9 +63,9 @@ def test_arms_mounting_and_scale_change_innovations_as_said(filter):
     found = constants(recording.aidings)
     seen = 0
     for j, constant in enumerate(found):
-        if constant.kind == CLOCK:
+        if constant.of is CLOCK:
             continue
-        made = slopes(recording, np.eye(len(found))[j], STEPS[constant.kind], filter)
+        made = slopes(recording, np.eye(len(found))[j], STEPS[constant.of], filter)
         largest = max(size for _, size in made.values())
         for slope, size in made.values():
             if size > 0.4 * largest:
@@ -76,9 +77,9 @@ def test_arms_mounting_and_scale_change_innovations_as_said(filter):
 def test_lever_arms_change_innovations_as_said_beside_correlated_errors():
     """Of the positions, which have these errors; the vertical arm hardly shows in them."""
     recording = told(without_gates(car(1001, seconds=120.0)), (1.0, 1.0, 2.0), 20.0)
-    arm = [one.kind == ARM for one in constants(recording.aidings)]
+    arm = [one.of is LEVER_ARM for one in constants(recording.aidings)]
     directions = np.eye(len(arm))[arm]
-    made = [slopes(recording, direction, STEPS[ARM])[0] for direction in directions]
+    made = [slopes(recording, direction, STEPS[LEVER_ARM])[0] for direction in directions]
     largest = max(size for _, size in made)
     shown = [slope for slope, size in made if size > 0.4 * largest]
     assert shown == pytest.approx([1.0, 1.0], abs=0.01)
@@ -90,7 +91,7 @@ def test_the_clock_changes_innovations_as_said():
     recording = sd.simulate("demo", 120.0, "navigation", seed=1001, gnss=gnss)
     exact = gnss.plan(recording.reference).exact()
     recording = without_gates(replace(recording, aidings=tuple(exact)))
-    together = np.array([one.kind == CLOCK for one in constants(recording.aidings)], float)
+    together = np.array([one.of is CLOCK for one in constants(recording.aidings)], float)
     for slope, _ in slopes(recording, together, 0.02).values():
         assert slope == pytest.approx(1.0, abs=0.03)
 

@@ -5,10 +5,11 @@ from installed import flown
 
 import strapdown as sd
 from strapdown.core.loop.contract import STATES
-from strapdown.diagnosis.installation import ARM, CLOCK, applied, constants
+from strapdown.diagnosis.installation import applied, constants
 from strapdown.engine.batch import begin
 from strapdown.engine.installation import with_estimates
 from strapdown.engine.prepare import Asked
+from strapdown.estimable import CLOCK, LEVER_ARM
 from strapdown.geodesy import displacement
 
 ESTIMATE = {"clock": 0.1, "lever-arm": 0.5}
@@ -23,12 +24,12 @@ def test_correlations_of_the_start_are_what_a_wrong_set_up_does_to_it():
     recording = flown(1001, 60.0)
     P, start = covariance(recording), sd.align(recording, sd.grade("tactical"))
     found = constants(recording.aidings)
-    for column, (kind, axis, step) in enumerate(
-        [(CLOCK, 0, 0.02), (ARM, 0, 0.1), (ARM, 1, 0.1), (ARM, 2, 0.1)]
+    for column, (of, axis, step) in enumerate(
+        [(CLOCK, 0, 0.02), *((LEVER_ARM, axis, 0.1) for axis in range(3))]
     ):
-        theta = np.array([step if (one.kind, one.axis) == (kind, axis) else 0.0 for one in found])
+        theta = np.array([step if (one.of, one.axis) == (of, axis) else 0.0 for one in found])
         other = sd.align(applied(recording, found, theta), sd.grade("tactical"))
-        if kind == CLOCK:  # the moment of the start moves with the stamps: both at one time
+        if of is CLOCK:  # the moment of the start moves with the stamps: both at one time
             shift = (start.t - other.t) * np.asarray(other.v)
         else:
             shift = np.zeros(3)

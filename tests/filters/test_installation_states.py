@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.data import DOUBTFUL
-from strapdown.diagnosis.installation import ARM, CLOCK, MOUNTING, SCALE
 from strapdown.engine.batch import begin
 from strapdown.engine.prepare import Asked
 
@@ -39,9 +38,9 @@ ESTIMATE = {
 def recording():
     """A car of two minutes with all of it wrong."""
     made = car(1001, 120.0, "tactical")
-    for kind, value, axis in ((CLOCK, 0.08, 0), (ARM, 0.5, 0), (MOUNTING, np.radians(1.5), 2)):
-        made = wrong(made, kind, value, axis)
-    made, dtheta = wrong(made, SCALE, 0.01), made.imu.dtheta.copy()
+    made = wrong(wrong(made, "clock", 0.08), "lever arm", 0.5, 0)
+    made = wrong(wrong(made, "mounting", np.radians(1.5), 2), "odometer scale", 0.01)
+    dtheta = made.imu.dtheta.copy()
     dtheta[:, 2] *= 1.01
     return replace(made, imu=made.imu._replace(dtheta=dtheta))
 

@@ -6,16 +6,9 @@ import tomllib
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.io.description.rewriting import (
-    LEVER_ARM,
-    MOUNTING,
-    SCALE,
-    TIME,
-    Edit,
-    rewrite,
-    rewritten,
-    told,
-)
+from strapdown.estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.io.description.edits import Edit, told
+from strapdown.io.description.rewriting import rewrite, rewritten
 
 MARK = "2026-11-22, calibrate installation"
 KINDS = ["position", "velocity", "speed"]
@@ -74,19 +67,19 @@ def changed(path, *edits, kinds=KINDS):
     ("edit", "gone", "new"),
     [
         (
-            Edit(0, TIME, (0.002,), (0.003,)),
+            Edit(0, CLOCK, (0.002,), (0.003,)),
             'time = { column = "t", unit = "s", offset = -0.20 }       # of the receiver',
             'time = { column = "t", unit = "s", offset = -0.198 }       # of the receiver; offset +- '
             f"0.003 s, {MARK}",
         ),
         (
-            Edit(None, TIME, (-0.1,), (0.0114,)),
+            Edit(None, CLOCK, (-0.1,), (0.0114,)),
             'time = { column = "t", unit = "s" }   # its clock',
             'time = { column = "t", unit = "s", offset = -0.100 }   # its clock; offset +- 0.011 s, '
             f"{MARK}",
         ),
         (
-            Edit(2, TIME, (0.25,), (0.004,)),
+            Edit(2, CLOCK, (0.25,), (0.004,)),
             "time.offset = 1.0 # by hand",
             f"time.offset = 1.250 # by hand; +- 0.004 s, {MARK}",
         ),
@@ -127,7 +120,7 @@ def test_of_an_arm_over_several_lines_only_what_was_estimated_changes(path):
 def test_what_is_missing_is_added_at_the_end_of_its_section(path):
     text = rewritten(
         path,
-        [Edit(1, LEVER_ARM, (1.0, 0.0, 2.0), (0.1, 0.0, 0.1)), Edit(1, TIME, (0.5,), (0.01,))],
+        [Edit(1, LEVER_ARM, (1.0, 0.0, 2.0), (0.1, 0.0, 0.1)), Edit(1, CLOCK, (0.5,), (0.01,))],
         KINDS,
         MARK,
     )
@@ -158,7 +151,7 @@ offset = 0.500  # +- 0.010 s, {MARK}
 
 @pytest.mark.short
 def test_what_was_said_before_is_replaced(path):
-    edit = Edit(0, TIME, (0.002,), (0.003,))
+    edit = Edit(0, CLOCK, (0.002,), (0.003,))
     path.write_text(rewritten(path, [edit], KINDS, "2025-01-01, calibrate installation"))
     _, (line,) = changed(path, edit)
     assert line.endswith(f"# of the receiver; offset +- 0.003 s, {MARK}")
@@ -174,7 +167,7 @@ def test_lines_end_as_they_did(path):
 
 @pytest.mark.short
 def test_each_file_that_was_replaced_is_kept(path):
-    edit = Edit(0, TIME, (0.1,), (0.003,))
+    edit = Edit(0, CLOCK, (0.1,), (0.003,))
     copies = [rewrite(path, [edit], KINDS, MARK) for _ in range(3)]
     assert [copy.name for copy in copies] == [
         f"recording.toml.before{number}" for number in ("", "-2", "-3")
@@ -208,7 +201,7 @@ def test_each_file_that_was_replaced_is_kept(path):
 def test_what_cannot_be_changed_is_refused_and_stays(path, text, said):
     path.write_text(text)
     with pytest.raises(DataError) as refused:
-        rewrite(path, [Edit(0, TIME, (0.1,), (0.01,))], KINDS, MARK)
+        rewrite(path, [Edit(0, CLOCK, (0.1,), (0.01,))], KINDS, MARK)
     assert said in str(refused.value) and "\n" not in str(refused.value)
     assert path.read_text() == text and len(list(path.parent.iterdir())) == 1
 
@@ -217,14 +210,14 @@ def test_what_cannot_be_changed_is_refused_and_stays(path, text, said):
 def test_a_file_that_is_read_only_stays(path):
     path.chmod(0o444)
     with pytest.raises(DataError, match="is read-only; make it writable, or change it by hand"):
-        rewrite(path, [Edit(0, TIME, (0.1,), (0.01,))], KINDS, MARK)
+        rewrite(path, [Edit(0, CLOCK, (0.1,), (0.01,))], KINDS, MARK)
     assert path.read_text() == TEXT and len(list(path.parent.iterdir())) == 1
 
 
 def test_an_edit_is_told_with_the_digits_of_the_file():
     deg = math.radians(1.0)
     for edit, text in (
-        (Edit(0, TIME, (-0.20123,), (0.0004,)), "time: add -0.2012 s to offset"),
+        (Edit(0, CLOCK, (-0.20123,), (0.0004,)), "time: add -0.2012 s to offset"),
         (
             Edit(0, LEVER_ARM, (1.0, 0.26, 0.0), (0.2, 0.004, 0.0)),
             "lever_arm = [1.00, 0.260, 0.000]",
@@ -241,7 +234,7 @@ def test_an_edit_is_told_with_the_digits_of_the_file():
 def test_a_clock_of_two_tables_is_left_to_the_user(path):
     own = 'accel = { columns = ["x", "y", "z"], time = { column = "t", unit = "s" } }\n'
     path.write_text(TEXT.replace("# the receiver", own))
-    edit = Edit(None, TIME, (0.25,), (0.01,))
+    edit = Edit(None, CLOCK, (0.25,), (0.01,))
     with pytest.raises(DataError, match=r"\[imu\] accel has a time of its own; add \+0.25 s"):
         rewritten(path, [edit], KINDS, MARK)
 
@@ -249,5 +242,5 @@ def test_a_clock_of_two_tables_is_left_to_the_user(path):
 def test_keys_beside_stay(path):
     keys = 'geoid = "EGM96"\nwhere = { column = "fix", least = 3 }  # 3D\n'
     path.write_text(TEXT.replace("lever_arm", keys + "lever_arm"))
-    gone, new = changed(path, Edit(0, TIME, (0.125,), (0.01,)))
+    gone, new = changed(path, Edit(0, CLOCK, (0.125,), (0.01,)))
     assert len(gone) == len(new) == 1 and "offset = -0.075" in new[0]

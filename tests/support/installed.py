@@ -7,7 +7,8 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.data import Aiding
-from strapdown.diagnosis.installation import CLOCK, applied, constants
+from strapdown.diagnosis.installation import applied, constants
+from strapdown.estimable import CLOCK
 from strapdown.sensor_models.gnss import Gnss
 
 GNSS = Gnss(
@@ -51,8 +52,8 @@ def wrong(recording, kind, value, axis=0, of=None):
     theta = np.array(
         [
             value
-            if one.kind == kind
-            and (kind == CLOCK or one.axis == axis)
+            if one.of.cause == kind
+            and (one.of is CLOCK or one.axis == axis)
             and (of is None or recording.aidings[one.sources[0]].kind == of)
             else 0.0
             for one in found

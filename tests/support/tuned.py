@@ -11,7 +11,6 @@ from strapdown.data import Correlated
 from strapdown.tuning.findings import (
     AT_LEAST,
     AT_MOST,
-    IMU,
     KEPT,
     OPEN,
     TUNED,
@@ -20,6 +19,7 @@ from strapdown.tuning.findings import (
     Parameter,
     Tuning,
 )
+from strapdown.tuning.numbers import IMU, LASTING, OF_IMU, TIME, WHITE
 
 SHEET = np.degrees(60.0)  # rad/sqrt(s) in deg/sqrt(h)
 
@@ -34,7 +34,9 @@ def scan(value, width=0.2, lower=True, upper=True):
 
 def parameter(source, name, unit, factor, given, value, status, low=0.0, high=np.inf):
     curve = scan(value, lower=low > 0, upper=np.isfinite(high))
-    return Parameter(source, name, unit, factor, given, value, low, high, status, curve)
+    what = next(k for k in (*OF_IMU, WHITE, LASTING, TIME) if name.startswith(k.name))
+    part = name.removeprefix(what.name).strip()
+    return Parameter(source, what, part, unit, factor, given, value, low, high, status, curve)
 
 
 def gnss(name="position"):

@@ -72,7 +72,7 @@ def test_a_tuning_without_scans_or_rejections_is_drawn_too():
     empty = (np.empty(0), np.empty(0))
     bare = replace(
         found,
-        parameters=tuple(each._replace(scan=empty) for each in found.parameters),
+        parameters=tuple(replace(each, scan=empty) for each in found.parameters),
         directions=(),
         fits=(),
         before=found.after,

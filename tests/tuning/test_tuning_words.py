@@ -61,7 +61,7 @@ def test_what_is_not_decided_is_said_in_words(found):
 
 
 def test_what_was_too_large_is_called_so(found):
-    noise = gnss()[0]._replace(given=5.1, value=1.02)
+    noise = replace(gnss()[0], given=5.1, value=1.02)
     assert str(noise).endswith("given 5.1, 5 times too large")
 
 

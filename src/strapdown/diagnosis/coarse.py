@@ -9,8 +9,9 @@ from ..checks import DataError
 from ..cross_checks import plane, position_velocity
 from ..cross_checks.clock import coarse_lag
 from ..cross_checks.motion import Subject
+from ..estimable import CLOCK
 from ..typing import Array
-from .installation import CLOCK, Constant
+from .installation import Constant
 
 LEAST = 0.5
 """s: a smaller lag is left to the estimate, which finds it better."""
@@ -33,7 +34,7 @@ def coarse_clocks(subject: Subject, constants: Sequence[Constant]) -> list[Array
     In the first, sources whose own lag is not believed go with the surest one; in the second each
     has its own. 0 below `LEAST`, and for all other constants. A run must confirm them.
     """
-    clocks = [j for j, constant in enumerate(constants) if constant.kind == CLOCK]
+    clocks = [j for j, constant in enumerate(constants) if constant.of is CLOCK]
     lags = {
         j: lag
         for j in clocks

@@ -12,8 +12,10 @@ from ..checks import DataError
 from ..core.loop.contract import Filter, Start
 from ..cross_checks.motion import Subject
 from ..engine.finish import solution
+from ..engine.installation import as_given
 from ..engine.prepare import Asked, GivenImu, Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
+from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
 from ..typing import Array, Mask, Progress, Say
@@ -26,24 +28,14 @@ from .findings import (
     LEAST_Z,
     MISFIT,
     NOT_OBSERVABLE,
-    UNITS,
+    Diagnosed,
     Diagnosis,
-    Estimate,
-    changes,
+    edits,
+    line,
     named,
     reasons,
-    settings,
 )
-from .installation import (
-    ARM,
-    CLOCK,
-    MOUNTING,
-    SCALE,
-    SHOWN_BY,
-    Model,
-    applied,
-    constants,
-)
+from .installation import SHOWN_BY, Model, applied, constants
 from .settling import (
     MOST_RUNS,
     Estimated,
@@ -55,20 +47,8 @@ from .settling import (
     whole,
 )
 
-LEAST = {CLOCK: 0.02, ARM: 0.1, MOUNTING: np.radians(0.5), SCALE: 0.003}
-"""s, m, rad: smaller changes are not reported."""
 LEAST_CLOCK_ALONE = 0.5
-"""s: the same of a clock where no source measures velocity."""
-LARGEST_SD = {CLOCK: 0.2, ARM: 0.5, MOUNTING: np.radians(3.0), SCALE: 0.02}
-"""s, m, rad: a constant that is known no better is not observable. Half of the prior, or what harms
-a solution."""
-MOTIONS = {
-    CLOCK: ("accelerate, brake or turn",) * 3,
-    ARM: ("turn, to both sides",) * 2 + ("roll and pitch, as in banked turns",),
-    MOUNTING: ("drive faster, on slopes", "drive faster", "drive faster"),
-    SCALE: ("drive faster",) * 3,
-}
-"""{kind: what would show it, by axis}."""
+"""s: a smaller offset of a clock is not reported where no source measures velocity."""
 COARSE_GAIN = 0.8
 """A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
 
@@ -149,9 +129,9 @@ class _Runs:
             raise DataError(
                 f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
             )
-        of_clocks = [c.kind == CLOCK for c in self.constants]
+        of_clocks = [c.of is CLOCK for c in self.constants]
         split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
-        clocks = [each for each in unknowns(self.constants, split) if each.kind == CLOCK]
+        clocks = [each for each in unknowns(self.constants, split) if each.of is CLOCK]
         last = self.way.settled(last, clocks)
         if "velocity" not in self.kinds:
             return self.told(first, last, clocks)
@@ -178,7 +158,7 @@ class _Runs:
     def apart(self, trial: Trial) -> bool:
         """Whether the clocks of the GNSS sources differ from each other."""
         together = unknowns(self.constants)
-        clocks = [each for each in unknowns(self.constants, split=True) if each.kind == CLOCK]
+        clocks = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
         others = clocks[1:]  # beside what is common to all: by how much they differ from the first
         found = estimated(trial, [*others, *together], self.way.centre)
         return any(self.wrong(each, found, i) for i, each in enumerate(others))
@@ -206,11 +186,13 @@ class _Runs:
             for i, each in enumerate(sought)
         ]
         found = [
-            (each.kind, each.sources, each.axis, float(x))
-            for each, x, one in zip(sought, value, wrong)
+            (each.of, each.sources, each.axis, float(x), float(sd))
+            for each, x, sd, one in zip(sought, value, final.sd, wrong)
             if one
         ]
-        lines = changes(self.recording, settings(self.recording, found))
+        lines: dict[str, list[str]] = {}
+        for edit in edits(self.recording, found):
+            lines.setdefault(edit.of.cause, []).append(line(self.recording.aidings, edit))
         self.progress(1.0)
         return Diagnosis(
             tuple(estimates + self.never(sought)),
@@ -219,15 +201,15 @@ class _Runs:
             self.way.runs,
             gain,
             fit(best).misfit,
-            reasons(estimates, lines, "falls"),
-            tuple(line for own in lines.values() for line in own),
+            reasons(estimates, lines),
+            tuple(text for own in lines.values() for text in own),
         )
 
     def wrong(self, unknown: Unknown, final: Estimated, i: int) -> bool:
         """Whether the i-th estimate is one to report."""
-        least = LEAST[unknown.kind]
+        least = unknown.of.min_reported
         if "velocity" not in self.kinds:
-            least = LEAST_CLOCK_ALONE if unknown.kind == CLOCK else np.inf
+            least = LEAST_CLOCK_ALONE if unknown.of is CLOCK else np.inf
         return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
 
     def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> Estimated:
@@ -252,65 +234,62 @@ class _Runs:
 
     def estimate(
         self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
-    ) -> Estimate:
+    ) -> Diagnosed:
         """The i-th estimate in the terms of recording.toml."""
-        unit, factor = UNITS[unknown.kind]
+        of, axis, sd = unknown.of, unknown.axis, float(final.sd[i])
         aidings = [self.recording.aidings[k] for k in unknown.sources]
         names = tuple(a.name or a.kind for a in aidings)
-        given = 0.0
-        if unknown.kind == ARM:
-            of_imu = self.recording.meta.get("imu_lever_arm", [0.0] * 3)
-            given = (*aidings[0].parameters, 0.0, 0.0, 0.0)[unknown.axis] + of_imu[unknown.axis]
-        elif unknown.kind == SCALE:
-            given = 1.0
-        sd = float(final.sd[i])
-        status = FOUND if wrong else NOT_OBSERVABLE if sd > LARGEST_SD[unknown.kind] else CONSISTENT
-        motion = MOTIONS[unknown.kind][unknown.axis]
+        status = FOUND if wrong else NOT_OBSERVABLE if sd > of.known_sd else CONSISTENT
+        motion = of.motions[axis]
         if "velocity" not in self.kinds and status == CONSISTENT:
             status = NOT_OBSERVABLE
             motion = (
                 f"add a source of velocity: positions show no less than {LEAST_CLOCK_ALONE:g} s"
             )
-        antennas = sum(each.kind == ARM for each in self.constants) // 3
-        return Estimate(
+        antennas = sum(each.of is LEVER_ARM for each in self.constants) // 3
+        return Diagnosed(
+            of,
+            axis,
             named(unknown, names, antennas),
-            unknown.kind,
             names,
-            unit,
             status,
-            given,
-            value * factor,
-            sd * factor,
-            gain,
+            0.0 if of is MOUNTING else as_given(self.recording, of, axis, unknown.sources),
+            value * of.factor,
+            sd * of.factor,
             motion,
-            unknown.axis,
-            tuple((float(x * factor), float(s * factor)) for x, s in final.halves[i]),
+            gain,
+            tuple((float(x * of.factor), float(s * of.factor)) for x, s in final.halves[i]),
         )
 
-    def never(self, sought: Sequence[Unknown]) -> list[Estimate]:
+    def never(self, sought: Sequence[Unknown]) -> list[Diagnosed]:
         """What no motion would show with these sources, with what is missing."""
-        found = []
-        for kind, axis in [(ARM, 0), (ARM, 1), (ARM, 2), (MOUNTING, 1), (MOUNTING, 2), (SCALE, 0)]:
-            if any(each.kind == kind and each.axis == axis for each in sought):
-                continue
-            missing = "add a source of velocity"
-            if kind == MOUNTING and SHOWN_BY[axis] not in self.kinds:
-                missing = f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
-            elif kind == SCALE and "speed" not in self.kinds:
-                missing = "add an odometer (kind speed)"
-            nothing = Unknown(kind, (), axis, np.zeros(0))
-            found.append(
-                Estimate(
-                    named(nothing, (), 1),
-                    kind,
-                    (),
-                    UNITS[kind][0],
-                    NOT_OBSERVABLE,
-                    np.nan,
-                    np.nan,
-                    np.nan,
-                    motion=missing,
-                    axis=axis,
-                )
+        known = {(each.of, each.axis) for each in sought}
+        never = [
+            each
+            for each in (
+                *((LEVER_ARM, axis) for axis in range(3)),
+                *((MOUNTING, axis) for axis in SHOWN_BY),
+                (SCALE, 0),
             )
-        return found
+            if each not in known
+        ]
+        return [
+            Diagnosed(
+                of,
+                axis,
+                named(Unknown(of, (), axis, np.zeros(0)), (), 1),
+                (),
+                NOT_OBSERVABLE,
+                *(np.nan, np.nan, np.nan),
+                self.missing(of, axis),
+            )
+            for of, axis in never
+        ]
+
+    def missing(self, of: Estimable, axis: int) -> str:
+        """The source without which no motion shows a component."""
+        if of is MOUNTING and SHOWN_BY[axis] not in self.kinds:
+            return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
+        if of is SCALE and "speed" not in self.kinds:
+            return "add an odometer (kind speed)"
+        return "add a source of velocity"

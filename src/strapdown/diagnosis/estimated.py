@@ -4,7 +4,7 @@ what speaks against them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,26 +13,16 @@ from ..checks import DataError, brief
 from ..constants import REST_SPEED
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Solution
-from ..estimable import Estimable
+from ..estimable import CLOCK, KNOWN, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..operations import operation
 from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
 from ..verdict import Reason
-from .diagnose import LEAST, MOTIONS
 from .evidence import moves
-from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE
-from .installation import ARM, CLOCK, CONSTRAINED, GNSS, MOUNTING, SCALE, SHOWN_BY, rotation
+from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE, Estimate
+from .installation import CONSTRAINED, GNSS, SHOWN_BY, rotation
 from .settling import NOTABLE
 
-CAUSES = {"clock": CLOCK, "lever-arm": ARM, "mounting": MOUNTING, "scale": SCALE}
-"""{name of an Estimable: cause of verdict.CAUSES}; of the sensors "gyro" and "accelerometer"."""
-OF_SENSORS = {
-    "gyro": "turn about all axes, by more than 90 deg and to both sides",
-    "accelerometer": "tilt it to all sides, or accelerate along all axes",
-}
-"""{cause: the motion that would show scale and misalignment}."""
-KNOWN = 0.5
-"""Of its prior standard deviation: what is known no better is not observable."""
 TIGHT = 0.1
 """Of the prior that a parameter has where none is given: one as tight says as much as data do."""
 PLAUSIBLE = 3.0
@@ -43,27 +33,25 @@ OF_BODY = ("attitude", "magnetic-field", "gravity")
 """Kinds of aiding in the axes of the IMU, also where its mounting is a state."""
 
 
-class EstimatedParameter(NamedTuple):
-    """A parameter of the installation as a filter with states for them has it in the end. Numbers
-    are in `unit`: s, m, deg, or none."""
+@dataclass(frozen=True)
+class EstimatedParameter(Estimate):
+    """A parameter of the installation as a filter with states for it has it in the end. The change is
+    the state: of a mounting about the axis of the vehicle; of a scale the share by which the odometer
+    reads too much."""
 
-    name: str  # such as "clock of gnss", "lever arm forward of gnss"
-    parameter: str  # name of `estimable`: "clock"
-    component: str  # "forward"; "" of the only one
-    sources: tuple[str, ...]  # names of those that it concerns; of the IMU's those that see it
-    unit: str
-    status: str  # "found", "consistent" or "not observable"
-    given: float  # as the recording has it; of a clock 0, of a scale 1, else as in recording.toml
     value: float  # what belongs there; of a scale what the scale in recording.toml is to be times
-    # true less given, the state: of a mounting about the axis of the vehicle; of a scale the share
-    # by which the odometer reads too much
-    error: float
-    sd: float  # of both
-    prior: float  # standard deviation of the error before
-    most: float  # what is further off is no error of an installation
-    cause: str  # a key of verdict.CAUSES
-    motion: str  # what would show it, or show it better; "" where the prior is that tight
-    column: str  # of the solution's: the error over time
+    prior: float  # standard deviation of the change before
+    column: str  # of the solution's: the change over time
+
+    @property
+    def parameter(self) -> str:
+        """Its name in `estimable`: "clock"."""
+        return self.of.name
+
+    @property
+    def component(self) -> str:
+        """Such as "forward"; "" of the only one."""
+        return self.of.components[self.axis]
 
     @property
     def sd_column(self) -> str:
@@ -72,33 +60,27 @@ class EstimatedParameter(NamedTuple):
 
     @property
     def advice(self) -> str:
-        """What to do where it is not observable."""
+        """What to do where it is not observable; no motion helps where the prior is tight."""
         if self.motion:
             return f"to show it, {self.motion}"
         return "the prior says as much as the data"
 
     @property
-    def seen(self) -> str:
-        """The error with its standard deviation and unit."""
-        return _interval(self.error, self.sd, self.unit)
-
-    def __str__(self) -> str:
+    def told(self) -> str:
+        """Its status, with the numbers that belong to it."""
         if self.status == NOT_OBSERVABLE:
             known = f"+-{_size(self.sd, self.unit)} of a prior of {_size(self.prior, self.unit)}"
-            return f"{self.name}: not observable ({known}); {self.advice}"
-        if self.status == FOUND and self.parameter == "scale":
-            many = "much" if self.error > 0 else "little"
+            return f"not observable ({known}); {self.advice}"
+        if self.status == CONSISTENT:
+            return super().told
+        if self.of is SCALE:
+            many = "much" if self.change > 0 else "little"
             return (
-                f"{self.name}: found: it reads {100 * abs(self.error):.1f} % too {many}, off what was "
-                f"given by {self.seen}; multiply its scale by {self.value:.4f}"
+                f"found: it reads {100 * abs(self.change):.1f} % too {many}, off what was given by "
+                f"{self.seen}; multiply its scale by {self.value:.4f}"
             )
-        if self.status == FOUND:
-            new = f": {self.value:.3f} {self.unit}"
-            new = new if self.parameter in ("lever-arm", "mounting") else ""
-            return f"{self.name}: found{new}, off what was given by {self.seen}"
-        if abs(self.error) < NOTABLE * self.sd:
-            return f"{self.name}: consistent with what was given ({self.seen})"
-        return f"{self.name}: not surely, or not by much, off what was given ({self.seen})"
+        new = f": {self.value:.3f} {self.unit}" if self.of in (LEVER_ARM, MOUNTING) else ""
+        return f"found{new}, off what was given by {self.seen}"
 
 
 @dataclass(frozen=True)
@@ -180,66 +162,59 @@ def _of(facts: dict[str, Any]) -> Estimable:
 
 
 def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> EstimatedParameter:
-    what, axis, sources = _of(facts), facts["component"], tuple(facts["sources"])
-    error, sd = (_last(solution, facts, prefix) for prefix in ("", "sd of "))
-    cause = CAUSES.get(what.name, "gyro" if what.name.startswith("gyro") else "accelerometer")
+    of, axis, sources = _of(facts), facts["component"], tuple(facts["sources"])
+    change, sd = (_last(solution, facts, prefix) for prefix in ("", "sd of "))
     status = CONSISTENT
     if not sd < KNOWN * facts["prior"]:
         status = NOT_OBSERVABLE
-    elif abs(error) > max(LEAST_Z * sd, LEAST.get(cause, 0.0)):
+    elif abs(change) > max(LEAST_Z * sd, of.min_reported):
         status = FOUND
-    words = [what.name.replace("-", " "), what.components[axis]]
-    words += [] if facts["of_imu"] else ["of", " and ".join(sources)]
-    numbers = (facts["given"], value, error, sd, facts["prior"], what.most)
-    given, value, error, sd, prior, most = (each * what.factor for each in numbers)
+    name = of.component(axis)
     return EstimatedParameter(
-        " ".join(filter(None, words)),
-        what.name,
-        what.components[axis],
+        of,
+        axis,
+        name if facts["of_imu"] else f"{name} of {' and '.join(sources)}",
         sources,
-        what.unit,
         status,
-        given,
-        value,
-        error,
-        sd,
-        prior,
-        most,
-        cause,
-        "" if facts["prior"] <= TIGHT * max(what.sd) else _motion(solution, cause, axis),
+        facts["given"] * of.factor,
+        change * of.factor,
+        sd * of.factor,
+        "" if facts["prior"] <= TIGHT * max(of.sd) else _motion(solution, of, axis),
+        value * of.factor,
+        facts["prior"] * of.factor,
         facts["column"],
     )
 
 
-def _motion(solution: Solution, cause: str, axis: int) -> str:
+def _motion(solution: Solution, of: Estimable, axis: int) -> str:
     """What would show it."""
     kinds = set(solution.meta["kinds"].values())
-    if cause == MOUNTING and axis in SHOWN_BY and SHOWN_BY[axis] not in kinds:
+    if of is MOUNTING and axis in SHOWN_BY and SHOWN_BY[axis] not in kinds:
         return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
-    return OF_SENSORS[cause] if cause in OF_SENSORS else MOTIONS[cause][axis]
+    return of.motions[axis]
 
 
 def _doubts(each: EstimatedParameter) -> Iterator[Reason]:
     """Why an estimate, or its prior, cannot be right."""
     source = each.sources[0] if len(each.sources) == 1 and " of " in each.name else ""
-    if abs(each.error) > each.most:
+    size, most = abs(each.change), each.of.most * each.of.factor
+    if size > most:
         yield Reason(
             each.cause,
             f"{each.name} is estimated {each.seen} off what was given, at most "
-            f"{_size(each.most, each.unit)} is plausible",
+            f"{_size(most, each.unit)} is plausible",
             "look for its cause, such as a wrong unit, and give it before it is estimated",
             source,
-            3.0 * abs(each.error) / each.most,
+            3.0 * size / most,
         )
-    elif each.status != NOT_OBSERVABLE and abs(each.error) > PLAUSIBLE * each.prior:
-        times = abs(each.error) / each.prior
+    elif each.status != NOT_OBSERVABLE and size > PLAUSIBLE * each.prior:
         yield Reason(
             each.cause,
             f"{each.name} is estimated {each.seen} off what was given, and its prior is "
             f"{_size(each.prior, each.unit)}: the prior contradicts the data",
-            f"correct what is given, or give a prior of {_size(abs(each.error), each.unit)} or more",
+            f"correct what is given, or give a prior of {_size(size, each.unit)} or more",
             source,
-            times / PLAUSIBLE,
+            size / each.prior / PLAUSIBLE,
         )
 
 
@@ -293,7 +268,7 @@ def _trusted(
             )
     kinds = solution.meta["kinds"].items()
     own = [name for name, kind in kinds if kind in OF_BODY]
-    if own and any(each.parameter == "mounting" for each in parameters):
+    if own and any(each.of is MOUNTING for each in parameters):
         yield f"the mounting is estimated, and {' and '.join(own)} taken as of the IMU's own axes"
 
 
@@ -301,9 +276,9 @@ def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]
     """What a clock that is off says of the reference; "" where it says nothing."""
     kinds = solution.meta["kinds"]
     for each in parameters:
-        off = each.status != NOT_OBSERVABLE and abs(each.error) > NOTABLE * each.sd
+        off = each.status != NOT_OBSERVABLE and abs(each.change) > NOTABLE * each.sd
         positions = [name for name in each.sources if kinds.get(name) == "position"]
-        if each.parameter == "clock" and off and positions:
+        if each.of is CLOCK and off and positions:
             if solution.meta["installation"].get("reference"):
                 return (
                     f"the reference keeps its time stamps: where it comes from the receiver of "
@@ -311,11 +286,6 @@ def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]
                     f"larger for that"
                 )
     return ""
-
-
-def _interval(value: float, sd: float, unit: str) -> str:
-    digits = 3 if unit else 4
-    return f"{value:+.{digits}f} +- {sd:.{digits}f} {unit}".rstrip()
 
 
 def _size(value: float, unit: str) -> str:

@@ -22,12 +22,12 @@ from ..data import Aiding
 from ..engine.installation import errors_of_start
 from ..engine.prepare import Run
 from ..engine.sensitivity import Corrections, acceleration_at
+from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
+from ..preprocessing.lever_arm import lever_arm_of
 from ..recording import Recording
 from ..typing import Array, Ints
 
-CLOCK, ARM, MOUNTING, SCALE = "clock", "lever arm", "mounting", "odometer scale"
-"""Kinds of constants: causes of `verdict.CAUSES`."""
 GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
 """{kind of aiding: body axis along which it sees the velocity of the vehicle}."""
@@ -40,7 +40,7 @@ SHOWN_BY = {1: "zero-vertical-velocity", 2: "zero-lateral-velocity"}
 class Constant(NamedTuple):
     """One unknown number of an installation."""
 
-    kind: str
+    of: Estimable
     sources: tuple[int, ...]  # of the recording, whose measurements it changes
     axis: int = 0  # 0, 1, 2 of a lever arm or a mounting
 
@@ -50,9 +50,11 @@ def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
     kinds = [a.kind for a in aidings]
     gnss = tuple(i for i, kind in enumerate(kinds) if kind in GNSS)
     found = [Constant(CLOCK, (i,)) for i in gnss]
-    for arm in dict.fromkeys(_arm(aidings[i]) for i in gnss):
-        own = tuple(i for i in gnss if _arm(aidings[i]) == arm)
-        found += [Constant(ARM, own, axis) for axis in range(3)]
+    antennas: dict[tuple[float, ...], list[int]] = {}
+    for i in gnss:
+        antennas.setdefault(tuple(lever_arm_of(aidings[i])), []).append(i)
+    for own in antennas.values():
+        found += [Constant(LEVER_ARM, tuple(own), axis) for axis in range(3)]
     seen = tuple(i for i, kind in enumerate(kinds) if kind in (*CONSTRAINED, HEADING))
     found += [
         Constant(MOUNTING, (*gnss, *seen), axis)
@@ -63,23 +65,19 @@ def constants(aidings: Sequence[Aiding]) -> tuple[Constant, ...]:
     return tuple(found)
 
 
-def _arm(aiding: Aiding) -> tuple[float, ...]:
-    return tuple((*aiding.parameters, 0.0, 0.0, 0.0)[:3])
-
-
 def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Recording:
     """The recording set up with these constants changed by theta (m,)."""
     aidings, turn = list(recording.aidings), np.zeros(3)
     for constant, value in zip(found, theta):
-        if constant.kind == MOUNTING:
+        if constant.of is MOUNTING:
             turn[constant.axis] = value
             continue
         for i in constant.sources:
             a = aidings[i]
-            if constant.kind == CLOCK:
+            if constant.of is CLOCK:
                 aidings[i] = replace(a, t=a.t + value)
-            elif constant.kind == ARM:
-                arm = np.array(_arm(a))
+            elif constant.of is LEVER_ARM:
+                arm = lever_arm_of(a)
                 arm[constant.axis] += value
                 aidings[i] = replace(a, parameters=tuple(map(float, arm)))
             else:
@@ -109,7 +107,7 @@ class Model:
         """aligned: whether the start was made of the first fixes, and errs with them."""
         self.found, aidings = tuple(found), run.recording.aidings
         self.kinds = np.array([a.kind for a in aidings])
-        self.arms = np.array([_arm(a) for a in aidings])
+        self.arms = np.array([lever_arm_of(a) for a in aidings])
         # what the turning Earth adds to an acceleration, 0.015 m/s^2 at 100 m/s, is left out
         latitude, height = run.start.lla[0], run.start.lla[2]
         self.g = np.array([0.0, 0.0, gravity(np.sin(latitude), height)])
@@ -129,10 +127,10 @@ class Model:
         by_clock, by_arm = errors_of_start(np.asarray(start.v), C, rate, acceleration)
         for j, constant in enumerate(self.found):
             kinds = self.kinds[list(constant.sources)]
-            if constant.kind == CLOCK:
+            if constant.of is CLOCK:
                 V[0:3, j] = by_clock[:3] * ("position" in kinds)
                 V[3:6, j] = by_clock[3:] * ("velocity" in kinds)
-            elif constant.kind == ARM:
+            elif constant.of is LEVER_ARM:
                 V[0:6, j] = by_arm[:, constant.axis]
 
     def derivatives(self, at: Corrections) -> Array:
@@ -160,7 +158,7 @@ class Model:
             else turned(C, at.f[rows] + cross(omega, swing)) + self.g
         )
         by_arm = C if self.kinds[s] == "position" else C @ cross_matrices(omega)
-        by = {CLOCK: by_time[:, :, None], ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
+        by = {CLOCK: by_time[:, :, None], LEVER_ARM: by_arm, MOUNTING: by_arm @ cross_matrix(arm)}
         return self._columns(by, s)
 
     def _of_body(self, body: Array, axis: int, s: int) -> Array:
@@ -174,14 +172,14 @@ class Model:
         by = (n * turn[:, 1] - e * turn[:, 0]) / np.maximum(n * n + e * e, 1e-12)
         return self._columns({MOUNTING: by[:, None]}, s)[:, 0]
 
-    def _columns(self, by: dict[str, Array], s: int) -> Array:
+    def _columns(self, by: dict[Estimable, Array], s: int) -> Array:
         """(k, rows, m) from the derivatives (k, rows, axes) by each kind of constant, of source s;
         arms are given in axes of the vehicle, so that they turn with the mounting."""
         some = next(iter(by.values()))
         nothing = np.zeros(some.shape[:2])
         return np.stack(
             [
-                by[one.kind][:, :, one.axis] if s in one.sources and one.kind in by else nothing
+                by[one.of][:, :, one.axis] if s in one.sources and one.of in by else nothing
                 for one in self.found
             ],
             axis=2,

@@ -8,30 +8,21 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import filters
-from ..core.loop.contract import POS, STATES, VEL, Imu, Noise, Start
+from ..core.loop.contract import POS, STATES, VEL, Noise, Start
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding, Solution
 from ..engine.prepare import Asked
 from ..engine.sensitivity import begin_sensitive, fit, sums
+from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
+from ..preprocessing.unbroken import summed
 from ..recording import Recording
 from ..typing import Array
 from ..verdict import Reason
-from .diagnose import LEAST_CLOCK_ALONE, MOTIONS
+from .diagnose import LEAST_CLOCK_ALONE
 from .estimated import installation
-from .findings import AXES, LEAST_Z, UNITS
-from .installation import (
-    ARM,
-    CLOCK,
-    CONSTRAINED,
-    GNSS,
-    MOUNTING,
-    SCALE,
-    Model,
-    applied,
-    constants,
-    rotation,
-)
+from .findings import LEAST_GAIN, LEAST_Z
+from .installation import CONSTRAINED, GNSS, Model, applied, constants, rotation
 from .settling import Trial, Unknown, estimated, explained, groups
 
 STEP, PACE = 0.5, 1.0
@@ -39,14 +30,8 @@ STEP, PACE = 0.5, 1.0
 ROWS = 5000  # of a solution, in which motion is looked for
 WINDOW = 1000.0
 """s that are looked at: of a longer recording those with the most motion."""
-LEAST = {CLOCK: 0.02, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
-"""s, m, rad: smaller ones are no reason for doubt."""
-KNOWN = {CLOCK: 0.03, ARM: 0.3, MOUNTING: np.radians(1.0), SCALE: 0.005}
-"""s, m, rad: standard deviations from which a constant counts as not tested."""
 HARMFUL = 3.0
 """Claimed standard deviations that an error must not exceed."""
-EXPLAINED = 25.0
-"""Of the sum of squared innovations: less is no reason for doubt."""
 ARM_SHARE = 0.5
 """Of what a lever arm explains: its three numbers take up most of a clock's error too, but a clock
 takes up less than a fifth of an arm's."""
@@ -57,11 +42,16 @@ PART_OF_EXCESS = 0.3
 class Suspect(NamedTuple):
     """A group of unknowns that would explain innovations, estimated with all else as given."""
 
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[Unknown, ...]  # of one parameter
     value: Array  # (q,) s, m, rad
     sd: Array  # (q,) of the value
     explained: float  # of the sum of squared whitened innovations
     excess: float  # of that sum over its expectation
+
+    @property
+    def of(self) -> Estimable:
+        """The parameter."""
+        return self.unknowns[0].of
 
     @property
     def z(self) -> Array:
@@ -71,7 +61,7 @@ class Suspect(NamedTuple):
     @property
     def likely(self) -> float:
         """What it explains, for comparison with others."""
-        return self.explained * (ARM_SHARE if self.unknowns[0].kind == ARM else 1.0)
+        return self.explained * (ARM_SHARE if self.of is LEVER_ARM else 1.0)
 
 
 def window(solution: Solution) -> tuple[Recording, Start]:
@@ -118,11 +108,10 @@ def as_found(solution: Solution, recording: Recording, start: Start) -> tuple[Re
     )
     theta, turn = np.zeros(len(known)), np.zeros(3)
     for each in installation(solution).parameters:
-        axis = AXES[each.cause].index(each.component) if each.cause in AXES else 0
-        for k, (kind, sources, own) in enumerate(known):
-            if (kind, own) == (each.cause, axis) and names[sources[0]] in each.sources:
-                theta[k] = each.error / UNITS[kind][1]
-                turn[own] += theta[k] if kind == MOUNTING else 0.0
+        for k, (of, sources, axis) in enumerate(known):
+            if (of, axis) == (each.of, each.axis) and names[sources[0]] in each.sources:
+                theta[k] = each.change / of.factor
+                turn[axis] += theta[k] if of is MOUNTING else 0.0
     if turn.any():  # the body turns, and what is known of it
         R = rotation(turn)
         C = rotation_matrix(*start.rph) @ R.T
@@ -141,15 +130,11 @@ def thinned(recording: Recording) -> Recording:
     imu = recording.imu
     aidings = tuple(map(_paced, of_installation(recording.aidings)))
     part = np.floor((imu.t - recording.span[0]) / STEP - 1e-6)
-    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
-    begins = np.r_[True, (part[1:] != part[:-1]) | gap]
+    begins = np.r_[True, part[1:] != part[:-1]]
     at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
     begins[at[at < len(begins)]] = True
     begins[at[at + 1 < len(begins)] + 1] = True
-    first = np.flatnonzero(begins)
-    last = np.r_[first[1:], len(part)] - 1
-    samples = Imu(imu.t[last], *(np.add.reduceat(column, first) for column in imu[1:]))
-    return Recording(samples, aidings)
+    return Recording(summed(imu, begins), aidings)
 
 
 def _paced(aiding: Aiding) -> Aiding:
@@ -193,7 +178,7 @@ def look(solution: Solution) -> tuple[list[Reason], list[str]]:
         return reasons, []
     unknown = [text for each in found for text in _unknown(solution, each)]
     # of clocks one line is enough: that of all, which is known best
-    clocks = [text for text in unknown if text.startswith(CLOCK)]
+    clocks = [text for text in unknown if text.startswith(CLOCK.name)]
     return reasons, [text for text in unknown if text not in clocks[1:]]
 
 
@@ -204,7 +189,7 @@ def _estimated(solution: Solution, suspect: Suspect) -> bool:
     own = {
         name
         for each in installation(solution).parameters
-        if each.cause == suspect.unknowns[0].kind
+        if each.of is suspect.of
         for name in each.sources
     }
     return all(names[i] in own for i in suspect.unknowns[0].sources)
@@ -216,16 +201,15 @@ def _has(solution: Solution, kind: str) -> bool:
 
 
 def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
-    kind = suspect.unknowns[0].kind
-    worse = [i for i, sd in enumerate(suspect.sd) if sd > KNOWN[kind]]
+    of, worse = suspect.of, [i for i, sd in enumerate(suspect.sd) if sd > suspect.of.known_sd]
     if not worse:
         return
-    unit, factor = UNITS[kind]
-    size = f"{suspect.sd[worse].max() * factor:.2g} {unit}".strip()
-    axes = ", ".join(AXES[kind][suspect.unknowns[i].axis] for i in worse) if kind in AXES else ""
-    shows = dict.fromkeys(MOTIONS[kind][suspect.unknowns[i].axis] for i in worse)
+    axes = [suspect.unknowns[i].axis for i in worse]
+    named = [f"{of.cause} of {_concerned(solution, suspect)}"]
+    named += [of.components[axis] for axis in axes if of.components[axis]]
+    shows = dict.fromkeys(of.motions[axis] for axis in axes)
     yield (
-        f"{kind} of {_concerned(solution, suspect)}{axes and ', '}{axes}: known to +-{size} only; "
+        f"{', '.join(named)}: known to +-{of.size(suspect.sd[worse].max())} only; "
         f"to show it, {' and '.join(shows)}"
     )
 
@@ -234,7 +218,7 @@ def _concerned(solution: Solution, suspect: Suspect) -> str:
     """Names of the sources that it concerns."""
     assert solution.recording is not None
     names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
-    if suspect.unknowns[0].kind == MOUNTING:
+    if suspect.of is MOUNTING:
         return "the IMU"
     return " and ".join(names[i] for i in suspect.unknowns[0].sources)
 
@@ -243,7 +227,7 @@ def harm(solution: Solution, suspect: Suspect) -> float:
     """The error that it brings, over the standard deviation that the solution claims: of
     position, or of velocity where only that is concerned."""
     assert solution.recording is not None
-    made, kind, size = solution.trajectory, suspect.unknowns[0].kind, np.abs(suspect.value).max()
+    made, of, size = solution.trajectory, suspect.of, np.abs(suspect.value).max()
     rows = slice(None, None, max(1, len(made.t) // 500))
     v, sd = made.v_n, made.sd
     assert v is not None and sd is not None
@@ -251,12 +235,12 @@ def harm(solution: Solution, suspect: Suspect) -> float:
         return HARMFUL  # the filter claims nothing
     of_position, of_velocity = (np.nanmedian(sd[rows, each].max(axis=1)) for each in (POS, VEL))
     speed = np.sqrt(np.nanmean((v[rows] ** 2).sum(axis=1)))
-    if kind == ARM:
+    if of is LEVER_ARM:
         return float(size / of_position)
     kinds = [a.kind for a in of_installation(solution.recording.aidings)]
-    if kind == CLOCK and "position" in (kinds[i] for i in suspect.unknowns[0].sources):
+    if of is CLOCK and "position" in (kinds[i] for i in suspect.unknowns[0].sources):
         return float(size * speed / of_position)
-    if kind == CLOCK:
+    if of is CLOCK:
         change = np.abs(np.diff(v[rows], axis=0)).sum(axis=1) / np.diff(made.t[rows])
         speed = np.sqrt(np.nanmean(change**2))
     return float(size * speed / of_velocity)
@@ -269,32 +253,30 @@ def of_installation(aidings: Sequence[Aiding]) -> list[Aiding]:
 
 def _matters(suspect: Suspect, alone: bool) -> bool:
     """Whether it is a reason; of positions `alone`, without velocities, only a clock is."""
-    kind = suspect.unknowns[0].kind
-    least = LEAST_CLOCK_ALONE if alone else LEAST[kind]
-    clear = (suspect.z > LEAST_Z) & (np.abs(suspect.value) > least) & (not alone or kind == CLOCK)
-    explains = suspect.explained > max(EXPLAINED, PART_OF_EXCESS * suspect.excess)
+    of = suspect.of
+    least = LEAST_CLOCK_ALONE if alone else of.min_doubted
+    clear = (suspect.z > LEAST_Z) & (np.abs(suspect.value) > least) & (not alone or of is CLOCK)
+    explains = suspect.explained > max(LEAST_GAIN, PART_OF_EXCESS * suspect.excess)
     return bool(clear.any() and explains)
 
 
 def _reason(solution: Solution, suspect: Suspect) -> Reason:
-    kind = suspect.unknowns[0].kind
-    sources = "" if kind == MOUNTING else _concerned(solution, suspect)
-    unit, factor = UNITS[kind]
-    clear = [i for i, z in enumerate(suspect.z) if z > LEAST_Z]
+    of = suspect.of
+    sources = "" if of is MOUNTING else _concerned(solution, suspect)
     values = ", ".join(
-        f"{suspect.value[i] * factor:+.2g} {unit}"
-        + (f" {AXES[kind][suspect.unknowns[i].axis]}" if kind in AXES else "")
-        for i in clear
+        f"{value * of.factor:+.2g} {of.unit} {of.components[unknown.axis]}".rstrip()
+        for value, unknown, z in zip(suspect.value, suspect.unknowns, suspect.z)
+        if z > LEAST_Z
     )
     what = {
         CLOCK: f"the innovations ask for {values} on the time stamps",
-        ARM: f"the innovations ask for an antenna that is moved by {values}",
+        LEVER_ARM: f"the innovations ask for an antenna that is moved by {values}",
         MOUNTING: f"the constraints ask for an IMU turned by {values}",
         SCALE: f"the speeds are too large by a factor of {1 + suspect.value[0]:.3f}",
-    }[kind]
+    }[of]
     times = harm(solution, suspect)
     return Reason(
-        kind,
+        of.cause,
         f"{what}, {suspect.z.max():.0f} standard deviations ({LEAST_Z:.0f} at most); errors of about "
         f"{times:.0f} claimed standard deviations",
         "run `strapdown diagnose` for the value and what it changes",

@@ -8,12 +8,10 @@ import numpy as np
 
 from ..engine.prepare import Run
 from ..engine.sensitivity import Fit, Sums
+from ..estimable import CLOCK, Estimable
 from ..typing import Array
-from .installation import ARM, CLOCK, MOUNTING, SCALE, Constant
+from .installation import Constant
 
-PRIOR = {CLOCK: 10.0, ARM: 1.0, MOUNTING: np.radians(20.0), SCALE: 0.05}
-"""s, m, rad: standard deviation of what was given, before the run. A constant that is hardly seen
-would else gather false information, because its derivatives are noisy."""
 MOST_RUNS = 15
 RISE = 1.02
 """A step is taken unless the cost of a run rises by more than this factor."""
@@ -27,7 +25,7 @@ NOTABLE = 3.0
 class Unknown(NamedTuple):
     """What is estimated as one number: a constant, or one that several share."""
 
-    kind: str
+    of: Estimable
     sources: tuple[int, ...]  # of the recording
     axis: int
     direction: Array  # (m,) what it is in the constants
@@ -36,11 +34,11 @@ class Unknown(NamedTuple):
 def unknowns(constants: Sequence[Constant], split: bool = False) -> list[Unknown]:
     """One Unknown per constant; but all clocks as one, unless `split`."""
     rows = np.eye(len(constants))
-    clocks = [j for j, constant in enumerate(constants) if constant.kind == CLOCK]
+    clocks = [j for j, constant in enumerate(constants) if constant.of is CLOCK]
     found = [
         Unknown(*constant, rows[j])
         for j, constant in enumerate(constants)
-        if split or constant.kind != CLOCK
+        if split or constant.of is not CLOCK
     ]
     if split or not clocks:
         return found
@@ -58,11 +56,11 @@ def groups(constants: Sequence[Constant]) -> list[list[Unknown]]:
     """The unknowns that are looked at alone: all clocks as one, each clock, the arm of each
     antenna, the mounting, the scale."""
     together = unknowns(constants)
-    of_kind: dict[tuple[str, tuple[int, ...]], list[Unknown]] = {}
+    alike: dict[tuple[str, tuple[int, ...]], list[Unknown]] = {}
     for each in together:
-        of_kind.setdefault((each.kind, each.sources), []).append(each)
-    own = [each for each in unknowns(constants, split=True) if each.kind == CLOCK]
-    return [*of_kind.values(), *([each] for each in own if len(own) > 1)]
+        alike.setdefault((each.of.name, each.sources), []).append(each)
+    own = [each for each in unknowns(constants, split=True) if each.of is CLOCK]
+    return [*alike.values(), *([each] for each in own if len(own) > 1)]
 
 
 class Trial(NamedTuple):
@@ -96,7 +94,7 @@ def estimated(trial: Trial, sought: Sequence[Unknown], centre: Array) -> Estimat
     inverse = np.linalg.pinv(basis)
     now, mean = inverse @ trial.theta, inverse @ centre
     information, score = trial.sums.mapped(basis)
-    weight = np.array([PRIOR[each.kind] ** -2.0 for each in sought])
+    weight = np.array([each.of.given_sd**-2.0 for each in sought])
     covariance = np.linalg.inv(information.sum(axis=0) + np.diag(weight))
     step = covariance @ (score.sum(axis=0) + weight * (mean - now))
     left = score - information @ step

@@ -21,39 +21,15 @@ from ..core.loop.contract import (
 from ..core.mathematics.coupling import Coupling
 from ..core.mathematics.error_dynamics import cross_matrix
 from ..data import Aiding, SolutionMeta
-from ..estimable import (
-    ACCEL_MISALIGNMENT,
-    ACCEL_SCALE,
-    AXES,
-    CLOCK,
-    GYRO_MISALIGNMENT,
-    GYRO_SCALE,
-    LEVER_ARM,
-    MOUNTING,
-    SCALE,
-    Estimable,
-)
+from ..estimable import AXES, CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
+from ..preprocessing.lever_arm import lever_arm_of
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 
 IMU = "imu"
 """What names the IMU where a source could stand."""
-PLACES = {
-    CLOCK.name: "clock_state",
-    LEVER_ARM.name: "arm_state",
-    MOUNTING.name: "mounting_state",
-    SCALE.name: "scale_state",
-}
-"""Field of a SourceRow that has the index of its state, or of those of its components."""
-SENSORS = {
-    GYRO_SCALE.name: 0,
-    GYRO_MISALIGNMENT.name: 0,
-    ACCEL_SCALE.name: 3,
-    ACCEL_MISALIGNMENT.name: 3,
-}
-"""The first component of the increments of their sensor."""
 WAIT, LONGEST_WAIT = 3.0, 1.0
 """A fix whose clock is a state waits so many prior standard deviations, but at most so many s: later
 than it holds, with any probable offset."""
@@ -80,9 +56,8 @@ class Parameter(NamedTuple):
     @property
     def name(self) -> str:
         """As a column of a Solution: the error true - given, with its unit."""
-        words = [self.of.name.replace("-", " "), self.of.components[self.component]]
         unit = f" [{self.of.unit}]" if self.of.unit else ""
-        return f"{' '.join(filter(None, words))} error of {self.owner}{unit}"
+        return f"{self.of.component(self.component)} error of {self.owner}{unit}"
 
 
 def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording:
@@ -231,7 +206,7 @@ def told(recording: Recording, P: Array) -> SolutionMeta:
                     "column": each.name,
                     "sources": [names[s] for s in each.sources],
                     "of_imu": each.owner == IMU,
-                    "given": _given(recording, each),
+                    "given": as_given(recording, each.of, each.component, each.sources),
                     "prior": float(each.sd),
                     "beside": [names[i] for i in _of_right_clock(recording.aidings, each)],
                 }
@@ -255,16 +230,15 @@ def _of_right_clock(aidings: Sequence[Aiding], parameter: Parameter) -> list[int
     ]
 
 
-def _given(recording: Recording, parameter: Parameter) -> float:
-    """As the recording has it, SI: of a clock 0, of a scale 1, a lever arm from the reference point
-    of the vehicle, a mounting as roll, pitch, heading."""
-    what, k = parameter.of, parameter.component
-    if what is LEVER_ARM:
-        own = recording.aidings[parameter.sources[0]].parameters
-        return float((*own, 0.0, 0.0, 0.0)[k] + recording.meta.get("imu_lever_arm", [0.0] * 3)[k])
-    if what is MOUNTING:
-        return float(recording.meta.get("imu_mounting", [0.0] * 3)[k])
-    return 1.0 if what is SCALE else 0.0
+def as_given(recording: Recording, of: Estimable, component: int, sources: Sequence[int]) -> float:
+    """A component as the recording has it, SI: of a clock 0, of a scale 1, a lever arm of sources from
+    the reference point of the vehicle, a mounting as roll, pitch, heading."""
+    if of is LEVER_ARM:
+        of_imu = recording.meta.get("imu_lever_arm", [0.0] * 3)
+        return float(lever_arm_of(recording.aidings[sources[0]])[component] + of_imu[component])
+    if of is MOUNTING:
+        return float(recording.meta.get("imu_mounting", [0.0] * 3)[component])
+    return 1.0 if of is SCALE else 0.0
 
 
 def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
@@ -288,10 +262,9 @@ def coupled(found: Sequence[Parameter], first: int) -> Any:
     """The rows of `Cursor.coupled`: those of the states that are scales and misalignments of the
     IMU; the states begin with `first`."""
     listed = [
-        (first + k, sensor + into, sensor + of)
+        (first + k, parameter.of.increments + into, parameter.of.increments + of)
         for k, parameter in enumerate(found)
-        if parameter.of.name in SENSORS
-        for sensor in [SENSORS[parameter.of.name]]
+        if parameter.of.increments >= 0
         for into, of in [_axes(parameter.of.components[parameter.component])]
     ]
     table = rows(Coupling, len(listed))
@@ -344,10 +317,10 @@ def place(sources: Any, found: Sequence[Parameter], first: int) -> None:
     """Write into the sources, a table of SourceRow, where their states are, which begin with the
     state `first`."""
     for k, parameter in enumerate(found):
-        if parameter.of.name not in PLACES:
+        if not parameter.of.place:
             continue
         for s in parameter.sources:
-            states = sources[PLACES[parameter.of.name]][s : s + 1].reshape(-1)  # a view
+            states = sources[parameter.of.place][s : s + 1].reshape(-1)  # a view
             states[parameter.component] = first + k
             sources[s].estimated = 1
             if parameter.of is CLOCK:

@@ -31,6 +31,11 @@ CONTIGUOUS = 0.5
 loop."""
 
 
+def lever_arm_of(aiding: Aiding) -> Array:
+    """(3,) the lever arm of a source, m, body; zeros where it has none."""
+    return np.array((*aiding.parameters, 0.0, 0.0, 0.0)[:3], float)
+
+
 def specific_force_at(
     f: ArrayLike, omega: ArrayLike, omega_dot: ArrayLike, lever_arm: ArrayLike
 ) -> Array:
@@ -113,8 +118,8 @@ def gnss_at(
     """
     from scipy.spatial.transform import Slerp
 
-    own = (*fixes.parameters, 0.0, 0.0, 0.0)[:3]
-    lever_arm = check_array(own if lever_arm is None else lever_arm, ARM, (3,), what=METRES)
+    own = lever_arm_of(fixes) if lever_arm is None else lever_arm
+    lever_arm = check_array(own, ARM, (3,), what=METRES)
     if fixes.kind not in ("position", "velocity"):
         raise DataError(
             f"fixes of kind {fixes.kind!r} stay where they are; position and velocity can be moved"

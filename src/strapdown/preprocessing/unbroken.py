@@ -36,3 +36,12 @@ def felt(imu: Imu, t: Array) -> Mask:
 def is_unbroken(imu: Imu, a: float, b: float) -> bool:
     """Whether no gap lies between the times a and b."""
     return nearest_felt(imu, a)[0] == nearest_felt(imu, b)[0]
+
+
+def summed(imu: Imu, begins: Mask) -> Imu:
+    """Samples summed to longer ones, each of which begins where `begins` (n,) is true, and behind a
+    gap: nothing is summed across one."""
+    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
+    first = np.flatnonzero(np.r_[True, begins[1:] | gap])
+    last = np.r_[first[1:], len(imu.t)] - 1
+    return Imu(imu.t[last], *(np.add.reduceat(column, first) for column in imu[1:]))

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..typing import Array, Mask
+from .lever_arm import lever_arm_of
 from .stationary import rate_at_rest, stretches
 
 SURELY = 5.0  # standard deviations of an innovation: beyond it is slip
@@ -55,7 +56,7 @@ def slipping(wheel: Aiding, imu: Imu) -> Mask:
     t = wheel.t[inside]
     dt, dtheta, dv = _between(imu, t)
     gravity = _begun(imu, float(t[0]))
-    arm = np.asarray((*wheel.parameters[:3], 0.0, 0.0, 0.0)[:3])
+    arm = lever_arm_of(wheel)
     rate = dtheta / dt[:, None]
     # of the IMU: the point of the wheels is `arm` from it
     speed = wheel.y[inside[1:], 0] - rate[:, 1] * arm[2] + rate[:, 2] * arm[1]

@@ -99,7 +99,7 @@ def installation_table(solutions: Mapping[str, Solution]) -> str:
             values = (
                 parameter.given,
                 parameter.value,
-                parameter.error,
+                parameter.change,
                 parameter.sd,
                 parameter.prior,
             )

@@ -9,14 +9,13 @@ import numpy as np
 
 from ..core.loop import loop
 from ..core.loop.contract import Use
-from ..engine.prepare import Asked, Run, ready
-from ..recording import Recording
+from ..engine.prepare import Asked, Run
+from ..evaluation.fix_statistics import MEDIANS
 from ..typing import Array, Mask
 from .likelihood import seen
-from .unknowns import WHITE, Unknown, noise_with, sources_with
+from .numbers import WHITE
+from .unknowns import Unknown, run_with
 
-MEDIAN_SQUARE = 0.4549
-"""Median of chi-square with one degree of freedom."""
 ROUNDS, SETTLED = 6, 0.1
 LARGEST = np.log(30.0)
 """Of a rough factor: what is further off shows by the likelihood."""
@@ -39,11 +38,11 @@ def rough(run: Run, asked: Asked, unknowns: Sequence[Unknown]) -> Rough:
         found = seen(last, np.arange(len(run.recording.aidings)))
         change = np.zeros(len(theta))
         for j, each in enumerate(unknowns):
-            if each.what == WHITE:
+            if each.what is WHITE:
                 squares = found.whitened[found.source == each.place][:, list(each.rows)] ** 2
                 squares = squares[np.isfinite(squares)]
                 if len(squares):
-                    change[j] = 0.5 * np.log(np.median(squares) / MEDIAN_SQUARE)
+                    change[j] = 0.5 * np.log(np.median(squares) / MEDIANS[1])
         theta = np.clip(theta + change, begin - LARGEST, begin + LARGEST)
         last = passed(run, asked, unknowns, theta)
         if np.abs(change).max() < SETTLED:
@@ -55,14 +54,11 @@ def passed(
     run: Run, asked: Asked, unknowns: Sequence[Unknown], theta: Array, gated: bool = True
 ) -> Run:
     """A run at a place, with gates as given or open, that has ended."""
-    aidings = sources_with(run.recording.aidings, unknowns, theta)
-    aidings = tuple(
-        replace(a, gate=a.gate if gated else np.inf, robust=False, adaptive=0.0) for a in aidings
-    )
-    recording: Recording = replace(run.recording, aidings=aidings)
-    noise = noise_with(run.noise, unknowns, theta)
-    asked = asked._replace(every=len(run.samples.t), covariance=False)
-    again = ready(recording, run.filter, run.start, noise, run.spec, asked)
+    aidings = [
+        replace(a, gate=a.gate if gated else np.inf, robust=False, adaptive=0.0)
+        for a in run.recording.aidings
+    ]
+    again = run_with(run, asked, aidings, unknowns, theta)
     again.complete()
     return again
 

@@ -2,7 +2,6 @@
 that is changed to have both."""
 
 import datetime
-import difflib
 import os
 from dataclasses import replace
 from math import inf
@@ -13,9 +12,8 @@ import numpy as np
 
 from ..checks import DataError
 from ..files import together
-from ..io.description.complaints import load
-from ..io.description.installed import difference as differing, installed
-from ..io.description.rewriting import check_sections, check_writable, rewrite, rewritten
+from ..io.description.found import Change
+from ..io.description.rewriting import check_writable
 from ..io.description.rewriting_noise import (
     CORRELATED,
     GRADE,
@@ -24,16 +22,15 @@ from ..io.description.rewriting_noise import (
     scaled_deviations,
 )
 from ..io.noise_file import SourceNoise, correlated_text, in_tables, write_noise
-from ..opening import settings_text
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
+from .numbers import IMU, TIME, WHITE
 
 if TYPE_CHECKING:
     from .findings import Parameter, Tuning
 
-MARK = "tune"
-"""Behind the date in the comments that it writes."""
+COMMAND = "tune"
 
 
 def name_of(recording: Recording) -> str:
@@ -78,7 +75,7 @@ def write(found: "Tuning", folder: Path) -> list[Path]:
 
 def described(found: "Tuning") -> ImuSpec:
     """The IMU as found, with its name and where its numbers are from."""
-    of_imu = [each for each in found.parameters if each.source == "imu"]
+    of_imu = [each for each in found.parameters if each.source == IMU]
     said = "; ".join(
         f"{each.name} 95 % {each.interval} {each.unit}"
         if each.interval
@@ -135,8 +132,8 @@ def _median(ratio: Array) -> float:
 
 def _said(found: "Tuning", source: str) -> str:
     """What a comment says of the standard deviations of a source: factors with their intervals."""
-    own = [p for p in found.parameters if p.source == source and p.name.startswith("noise")]
-    told = [f"{p.name.removeprefix('noise').strip()} {_times(p)}".strip() for p in own if p.given]
+    own = [p for p in found.parameters if p.source == source and p.what is WHITE]
+    told = [f"{p.part} {_times(p)}".strip() for p in own if p.given]
     return f"95 % {', '.join(told) or 'not decided'}"
 
 
@@ -147,22 +144,10 @@ def _times(noise: "Parameter") -> str:
     return f"{low} to {high}"
 
 
-def _parameter(found: "Tuning", source: str, name: str) -> "Parameter | None":
-    own = (each for each in found.parameters if (each.source, each.name) == (source, name))
-    return next(own, None)
-
-
 def difference(found: "Tuning", path: Path) -> list[str]:
     """The lines of a recording.toml that `change` would change. Raises DataError."""
     edits = _edits(found, path)
-    new = rewritten(path, edits, _kinds(found), _mark(), change_noise).splitlines()
-    old, lines = settings_text(path).splitlines(), []
-    matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
-    for step, i, j, k, m in matcher.get_opcodes():
-        if step != "equal":
-            lines += [f"{row + 1:4d} - {old[row]}" for row in range(i, j)]
-            lines += [f"{row + 1:4d} + {new[row]}" for row in range(k, m)]
-    return lines
+    return _change(found.recording).lines(path, edits)
 
 
 def change(found: "Tuning", path: Path) -> tuple[Path, Path]:
@@ -173,22 +158,14 @@ def change(found: "Tuning", path: Path) -> tuple[Path, Path]:
     edits = _edits(found, path)
     with together():
         described(found).to_toml(imu)
-        kept = rewrite(path, edits, _kinds(found), _mark(), change_noise)
+        kept = _change(found.recording).write(path, edits)
     return imu, kept
 
 
 def check_changeable(recording: Recording, path: Path) -> None:
     """Refuse what is no recording.toml, or has other values than the recording was read with.
     Raises DataError."""
-    check_sections(path, [a.kind for a in recording.aidings])
-    read = recording.meta.get("installed")
-    differs = (
-        "the recording was not read as a recording.toml has it"
-        if read is None
-        else differing(installed(load(path)), read)
-    )
-    if differs:
-        raise DataError(f"{path}: {differs}; read that file and tune it")
+    _change(recording).check(path)
     check_writable(path)
 
 
@@ -203,15 +180,11 @@ def _edits(found: "Tuning", path: Path) -> list[NoiseEdit]:
             edits.append(scaled_deviations(path, number, factors, _said(found, name)))
         if new.correlated is not None and new.correlated != old.correlated:
             text = correlated_text(in_tables(new.correlated, old.kind))
-            time = _parameter(found, name, "correlation time")
-            said = f"95 % time {f'{time.interval} s' if time and time.interval else 'not decided'}"
+            times = [p.interval for p in found.parameters if (p.source, p.what) == (name, TIME)]
+            said = f"95 % time {f'{times[0]} s' if any(times) else 'not decided'}"
             edits.append(NoiseEdit(number, CORRELATED, (text,), said))
     return edits
 
 
-def _kinds(found: "Tuning") -> list[str]:
-    return [a.kind for a in found.recording.aidings]
-
-
-def _mark() -> str:
-    return f"{datetime.date.today().isoformat()}, {MARK}"
+def _change(recording: Recording) -> Change:
+    return Change(recording, COMMAND, change_noise)

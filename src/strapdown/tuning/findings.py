@@ -13,6 +13,7 @@ from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, File
 from .files import change, difference, name_of, write
+from .numbers import WHITE, Number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,30 +24,12 @@ TUNED, AT_MOST, AT_LEAST, OPEN, KEPT = "tuned", "at most", "at least", "open", "
 """Status of a Parameter: both ends of its interval are there; only the upper; only the lower; none;
 or its innovations are correlated for reasons that the model lacks, so that a smaller value would
 mean nothing, and the given one stays."""
-IMU = "imu"
-"""What names the IMU where a source could stand."""
-MEANINGS = {
-    "gyro noise": "white noise of the turn rate",
-    "accel noise": "white noise of the specific force",
-    "gyro bias walk": "how fast the gyro bias wanders",
-    "accel bias walk": "how fast the accelerometer bias wanders",
-    "noise": "sd of errors that are new with each fix",
-    "correlated error": "sd of errors that last over many fixes",
-    "correlation time": "how long those errors last",
-}
-"""{name of a Parameter, or how it begins: what it is}."""
 
 
-class Parameter(NamedTuple):
-    """A number of the noise model, SI."""
+@dataclass(frozen=True)
+class Parameter(Number):
+    """A number with what the data say of it, SI."""
 
-    source: str  # name of the source, or IMU
-    # "gyro noise", "accel noise", "gyro bias walk", "accel bias walk" of the IMU; "noise",
-    # "correlated error" with its rows, "correlation time" of a source
-    name: str
-    unit: str  # as shown
-    factor: float  # from SI to it
-    given: float  # 0: none
     value: float  # what the tuned recording and IMU have
     low: float  # ends of the 95 % interval of the profile likelihood; 0 where it is open
     high: float  # inf where it is open
@@ -55,14 +38,9 @@ class Parameter(NamedTuple):
     scan: tuple[Array, Array]
 
     @property
-    def label(self) -> str:
-        """Source and name; of the IMU the name alone, which says the sensor."""
-        return self.name if self.source == IMU else f"{self.source} {self.name}"
-
-    @property
     def meaning(self) -> str:
         """What it is, in a few words."""
-        return next(text for name, text in MEANINGS.items() if self.name.startswith(name))
+        return self.what.meaning
 
     @property
     def stays(self) -> bool:
@@ -192,7 +170,7 @@ class Tuning:
 
     def _unexplained(self, fit: Fit) -> str:
         """That the noise of a source cannot be told."""
-        own = (p for p in self.parameters if p.source == fit.source and p.name.startswith("noise"))
+        own = (p for p in self.parameters if p.source == fit.source and p.what is WHITE)
         smaller = any(p.value < p.given and not p.stays for p in own)
         return (
             f"innovations of {fit.source} stay correlated ({fit.correlation[1]:.2f} one fix apart) for "

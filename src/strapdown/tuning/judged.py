@@ -10,7 +10,7 @@ from ..constants import CHI_SQUARE_95
 from ..data import Solution
 from ..evaluation.fix_statistics import counts
 from ..typing import Array
-from .findings import AT_LEAST, AT_MOST, IMU, KEPT, OPEN, TUNED, Direction, Fit, Parameter
+from .findings import AT_LEAST, AT_MOST, KEPT, OPEN, TUNED, Direction, Fit, Parameter
 from .scoring import Profile, Top, climb
 from .search import Search
 from .unknowns import Unknown
@@ -73,7 +73,8 @@ def parameters(
     return tuple(
         Parameter(
             each.source,
-            each.name,
+            each.what,
+            each.part,
             each.unit,
             each.factor,
             each.given,
@@ -106,17 +107,13 @@ def directions(top: Top, unknowns: Sequence[Unknown]) -> tuple[Direction, ...]:
         chosen = [unknowns[told[i]] for i in main]
         same = bool(np.sign(weights[main[0]]) == np.sign(weights[main[1]]))
         text = _text(chosen, same, spread)
-        by_name = {_label(unknowns[told[i]]): float(weights[i]) for i in main}
+        by_name = {unknowns[told[i]].label: float(weights[i]) for i in main}
         found.append(Direction(by_name, spread, text))
     return tuple(found)
 
 
-def _label(each: Unknown) -> str:
-    return each.name if each.source == IMU else f"{each.source} {each.name}"
-
-
 def _text(chosen: Sequence[Unknown], same: bool, spread: float) -> str:
-    first, *others = map(_label, chosen)
+    first, *others = (each.label for each in chosen)
     what, how = ("ratio", "with") if same else ("sum", "against")
     size = "any factor" if spread > 1e3 else f"a factor of {spread:.2g}"
     return (

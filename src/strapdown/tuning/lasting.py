@@ -7,10 +7,10 @@ import numpy as np
 
 from ..data import Correlated
 from ..typing import Array
-from .findings import IMU
 from .likelihood import Likelihood
+from .numbers import IMU, WHITE
 from .scoring import Top, climb
-from .unknowns import WHITE, Unknown, groups, lasting
+from .unknowns import Unknown, groups, lasting
 
 TIMES = (3.0, 10.0, 30.0, 100.0)
 """s: the likelihood can have two maxima, so the search begins at several times and sizes."""
@@ -34,7 +34,7 @@ def with_lasting(likelihood: Likelihood, top: Top, index: int) -> Found:
     that of the Bayesian information criterion (Schwarz 1978) for their numbers."""
     source, theta = likelihood.aidings[index], top.point.theta
     white = [j for j, each in enumerate(likelihood.unknowns) if each.place == index]
-    white = [j for j in white if likelihood.unknowns[j].what == WHITE]
+    white = [j for j in white if likelihood.unknowns[j].what is WHITE]
     sd = np.zeros(np.asarray(source.sd).shape[1])
     for j, rows in zip(white, groups(source).values()):
         sd[list(rows)] = np.exp(theta[j])

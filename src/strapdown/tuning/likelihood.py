@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..engine.prepare import Asked, Run, ready
+from ..engine.prepare import Asked, Run
 from ..typing import Array, Ints, Mask
-from .unknowns import Unknown, noise_with, sources_with
+from .unknowns import Unknown, run_with
 
 THREADS = min(2, os.cpu_count() or 1)
 SETTLING, SETTLING_SHARE = 60.0, 0.2
@@ -90,8 +90,7 @@ class Likelihood:
         kept: Sequence[Mask],
     ) -> None:
         self.run, self.unknowns, self.counted, self.kept = run, tuple(unknowns), counted, kept
-        # rows of a solution are not looked at
-        self.asked = asked._replace(every=len(run.samples.t), covariance=False)
+        self.asked = asked
         self.aidings = tuple(
             replace(
                 a._where(kept[s]),
@@ -123,12 +122,7 @@ class Likelihood:
 
     def ready(self, theta: Array) -> Run:
         """The Run at a place, before its first sample."""
-        recording = replace(
-            self.run.recording, aidings=sources_with(self.aidings, self.unknowns, theta)
-        )
-        noise = noise_with(self.run.noise, self.unknowns, theta)
-        run = self.run
-        return ready(recording, run.filter, run.start, noise, run.spec, self.asked)
+        return run_with(self.run, self.asked, self.aidings, self.unknowns, theta)
 
     def _seen(self, theta: Array) -> Seen:
         run = self.ready(theta)

@@ -11,6 +11,7 @@ from ..data import Solution
 from ..diagnosis.screening import started, window
 from ..engine.prepare import Asked, Run
 from ..engine.smoothing import smooth
+from ..preprocessing.unbroken import summed
 from ..recording import Recording
 
 STEP = 0.01
@@ -49,10 +50,7 @@ def thinned(imu: Imu) -> Imu:
     if np.median(imu.dt) > 0.75 * STEP:
         return imu
     number = np.floor((imu.t - imu.t[0] + 0.5 * np.median(imu.dt)) / STEP)
-    gap = imu.t[1:] - imu.dt[1:] - imu.t[:-1] > 0.5 * imu.dt[1:]
-    first = np.flatnonzero(np.r_[True, (number[1:] != number[:-1]) | gap])
-    last = np.r_[first[1:], len(imu.t)] - 1
-    return Imu(imu.t[last], *(np.add.reduceat(column, first) for column in imu[1:]))
+    return summed(imu, np.r_[True, number[1:] != number[:-1]])
 
 
 def check_length(recording: Recording, start: Start, fixes: int) -> None:

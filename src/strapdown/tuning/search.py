@@ -16,15 +16,13 @@ from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
 from .counted import passed, rough, used
-from .findings import IMU
 from .lasting import with_lasting
 from .likelihood import Likelihood
+from .numbers import IMU, TIME, WHITE
 from .part import check_length, part, smoothed_start
 from .scoring import Profile, Top, climb, profile
 from .unknowns import (
     APART,
-    TIME,
-    WHITE,
     Unknown,
     imu_with,
     noise_with,
@@ -147,7 +145,7 @@ class Search:
         stays = [
             j
             for j, each in enumerate(self.unknowns)
-            if each.place not in self.lasting or each.what == WHITE or each.given
+            if each.place not in self.lasting or each.what is WHITE or each.given
         ]
         theta, self.unknowns = self.theta[stays], [self.unknowns[j] for j in stays]
         self._least = np.array(
@@ -159,7 +157,7 @@ class Search:
         self._climb(np.maximum(theta, self._least), self.likelihood.kept)
 
     def _of_lasting(self, each: Unknown) -> bool:
-        return each.source == IMU or (each.place in self.lasting and each.what != TIME)
+        return each.source == IMU or (each.place in self.lasting and each.what is not TIME)
 
     def _unexplained(self) -> set[int]:
         """The sources whose whitened innovations stay correlated, among the fixes that count or
@@ -239,7 +237,7 @@ class Search:
     def tuned(self, theta: Array) -> tuple[Recording, ImuSpec]:
         """The recording and the IMU with these logarithms, the recording naming this IMU."""
         unknowns = [
-            each._replace(place=self.given[each.place]) if each.place >= 0 else each
+            replace(each, place=self.given[each.place]) if each.place >= 0 else each
             for each in self.unknowns
         ]
         aidings = sources_with(self.recording.aidings, unknowns, theta)

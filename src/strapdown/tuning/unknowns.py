@@ -1,8 +1,7 @@
 """The numbers of the noise model that are sought, and what a run takes in their place."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,74 +9,56 @@ from .. import quantities
 from ..aiding import find
 from ..core.loop.contract import Noise
 from ..data import Aiding, Correlated
+from ..engine.prepare import Asked, Run, ready
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 from ..units import SHEET, in_units
-from .findings import IMU
+from .numbers import IMU, LASTING, OF_IMU, TIME, WHITE, Number
 
-OF_IMU = {
-    "gyro noise": ("gyro", "rad/sqrt(s)"),
-    "accel noise": ("accel", "m/s/sqrt(s)"),
-    "gyro bias walk": ("gyro_bias", "rad/s/sqrt(s)"),
-    "accel bias walk": ("accel_bias", "m/s^2/sqrt(s)"),
-}
-"""{name: (field of Noise, SI unit)}."""
 WIDE = 100.0
 """Factor, up and down, within which a number is sought."""
 WITHOUT_WALK = 0.01
 """1/s: where no bias walk is given, the search begins with this times the white noise."""
 APART = ("position", "velocity")
 """Kinds whose vertical errors have numbers of their own."""
-WHITE, LASTING, TIME = "noise", "correlated error", "correlation time"
 
 
-class Unknown(NamedTuple):
+@dataclass(frozen=True)
+class Unknown(Number):
     """A number that is sought; its logarithm is what varies."""
 
-    source: str  # name of the source, or IMU
-    name: str
-    unit: str  # as shown
-    factor: float  # from SI to it
-    given: float  # SI; 0: none
     begin: float  # SI, where the search begins
     least: float  # SI
     most: float
     place: int = -1  # of the source among the aidings
     rows: tuple[int, ...] = ()  # of its innovation
 
-    @property
-    def what(self) -> str:
-        """WHITE, LASTING, TIME, or the name of one of the IMU."""
-        return next(
-            (each for each in (WHITE, LASTING, TIME) if self.name.startswith(each)), self.name
-        )
-
 
 def of_imu(noise: Noise) -> list[Unknown]:
     """Those of the IMU."""
     found = []
-    for name, (field, si) in OF_IMU.items():
-        given = getattr(noise, field)
-        begin = given or WITHOUT_WALK * getattr(noise, field.removesuffix("_bias"))
-        scale = in_units(1.0, si)
-        found.append(Unknown(IMU, name, SHEET[si], scale, given, begin, begin / WIDE, begin * WIDE))
+    for what in OF_IMU:
+        given = getattr(noise, what.field)
+        begin = given or WITHOUT_WALK * getattr(noise, what.field.removesuffix("_bias"))
+        of = (IMU, what, "", SHEET[what.si], in_units(1.0, what.si))
+        found.append(Unknown(*of, given, begin, begin / WIDE, begin * WIDE))
     return found
 
 
 def groups(a: Aiding) -> dict[str, tuple[int, ...]]:
-    """{words after a name: rows of the innovation that share a number}."""
+    """{part of a source: rows of the innovation that share a number}."""
     rows = tuple(range(np.shape(a.sd)[1]))
-    return {" horizontal": rows[:2], " vertical": rows[2:]} if a.kind in APART else {"": rows}
+    return {"horizontal": rows[:2], "vertical": rows[2:]} if a.kind in APART else {"": rows}
 
 
 def of_source(a: Aiding, index: int) -> list[Unknown]:
     """Those of a source's white errors, and of its correlated ones where it has some."""
     found = []
-    for words, rows in groups(a).items():
+    for part, rows in groups(a).items():
         unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
         given = typical_sd(a, rows)
-        of = (_name(a), WHITE + words, unit, factor)
+        of = (_name(a), WHITE, part, unit, factor)
         found.append(Unknown(*of, given, given, given / WIDE, given * WIDE, index, rows))
     return found + (lasting(a, index, a.correlated, a.correlated) if a.correlated else [])
 
@@ -88,16 +69,16 @@ def lasting(
     """Those of a source's correlated errors."""
     found = []
     seconds = float(np.ptp(a.t))
-    for words, rows in groups(a).items():
+    for part, rows in groups(a).items():
         unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
         size, white = _rms(begin.sd, rows), typical_sd(a, rows)
         before = _rms(given.sd, rows) if given else 0.0
-        of = (_name(a), LASTING + words, unit, factor)
+        of = (_name(a), LASTING, part, unit, factor)
         bounds = (min(size, white) / WIDE, max(size, white) * WIDE)
         found.append(Unknown(*of, before, size or white / WIDE, *bounds, index, rows))
     before = given.time if given else 0.0
     least = min(float(np.median(np.diff(a.t))), begin.time)
-    of = (_name(a), TIME, "s", 1.0)
+    of = (_name(a), TIME, "", "s", 1.0)
     found.append(Unknown(*of, before, begin.time, least, max(seconds, begin.time), index))
     return found
 
@@ -119,9 +100,7 @@ def _name(a: Aiding) -> str:
 def noise_with(noise: Noise, unknowns: Iterable[Unknown], theta: Array) -> Noise:
     """The Noise with these logarithms in it."""
     values = {
-        OF_IMU[each.name][0]: float(np.exp(x))
-        for each, x in zip(unknowns, theta)
-        if each.source == IMU
+        each.what.field: float(np.exp(x)) for each, x in zip(unknowns, theta) if each.source == IMU
     }
     return noise._replace(**values)
 
@@ -143,14 +122,25 @@ def _source_with(a: Aiding, own: Sequence[tuple[Unknown, float]]) -> Aiding:
     lasts, time = np.zeros(sd.shape[1]), 0.0
     for each, value in own:
         rows = list(each.rows)
-        if each.what == WHITE:
+        if each.what is WHITE:
             sd[:, rows] *= value / each.given
-        elif each.what == LASTING:
+        elif each.what is LASTING:
             lasts[rows] = value
         else:
             time = value
     correlated = Correlated(tuple(lasts.tolist()), float(time)) if time else a.correlated
     return replace(a, sd=sd, correlated=correlated)
+
+
+def run_with(
+    run: Run, asked: Asked, aidings: Sequence[Aiding], unknowns: Sequence[Unknown], theta: Array
+) -> Run:
+    """A Run as another, but with these sources and logarithms, before its first sample. Rows of its
+    solution are not looked at."""
+    recording = replace(run.recording, aidings=sources_with(aidings, unknowns, theta))
+    noise = noise_with(run.noise, unknowns, theta)
+    asked = asked._replace(every=len(run.samples.t), covariance=False)
+    return ready(recording, run.filter, run.start, noise, run.spec, asked)
 
 
 def imu_with(spec: ImuSpec, noise: Noise, source: str) -> ImuSpec:

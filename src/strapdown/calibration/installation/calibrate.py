@@ -2,6 +2,7 @@
 settle, confirmed by a second estimate, and ready to be written into recording.toml."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,24 +10,17 @@ import numpy as np
 from ...aiding import find
 from ...checks import DataError
 from ...core.loop.contract import Filter, Start
-from ...diagnosis.diagnose import LARGEST_SD, LEAST
-from ...diagnosis.findings import (
-    CONSISTENT,
-    FOUND,
-    LEAST_Z,
-    MISFIT,
-    NOT_OBSERVABLE,
-    UNITS,
-    Estimate,
-)
-from ...diagnosis.installation import ARM, CLOCK, applied
+from ...diagnosis.estimated import EstimatedParameter
+from ...diagnosis.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
+from ...diagnosis.installation import applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
+from ...estimable import CLOCK, LEVER_ARM
 from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
 from ...typing import Progress, Say
 from ...vehicle import GivenVehicle
-from .confirming import ESTIMABLE, Asking, Seen, as_states, check_states
+from .confirming import Asking, as_states, check_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
 from .settled import Settled, settle, theta_of
 
@@ -76,7 +70,7 @@ def calibrate_installation(
     )
     parameters = (
         *(_parameter(each, settled, seen[each]) for each in settled.sought),
-        *(_unseen(each) for each in last.parameters if not each.sources),
+        *(Parameter(**vars(each)) for each in last.parameters if not each.sources),
     )
     if all(each.status == NOT_OBSERVABLE for each in parameters):
         motions = dict.fromkeys(f"the {each.cause}: {each.motion}" for each in settled.sought)
@@ -98,52 +92,49 @@ def calibrate_installation(
     )
 
 
-def _parameter(each: Estimate, settled: Settled, seen: Seen) -> Parameter:
-    """What the two estimates of a constant come to. The value is that of the innovations; the
-    standard deviation is the larger."""
-    unit, factor = UNITS[each.cause]
-    j = settled.of(each)
-    change = settled.before[j] * factor + each.change
-    halves = tuple((settled.before[j] * factor + half, own) for half, own in each.halves)
-    by_states = settled.theta[j] * factor + seen.left
-    sd = max(each.sd, seen.sd)
-    least = max(LEAST[each.cause] * factor, LEAST_Z * sd)
+def _parameter(each: Diagnosed, settled: Settled, seen: EstimatedParameter) -> Parameter:
+    """The two estimates of a constant together. The value is that of the innovations; the standard
+    deviation is the larger."""
+    factor, j = each.of.factor, settled.of(each)
+    before = settled.before[j] * factor
+    change, by_states = before + each.change, settled.theta[j] * factor + seen.change
+    halves = tuple((before + half, own) for half, own in each.halves)
+    whole = vars(each) | {
+        "given": each.given - before * (each.of is LEVER_ARM),
+        "change": float(change),
+        "sd": max(each.sd, seen.sd),
+        "halves": halves,
+    }
+    found = Parameter(**whole, by_states=float(by_states), states_sd=seen.sd)
     agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
-    if sd > LARGEST_SD[each.cause] * factor or not seen.known:
-        status = NOT_OBSERVABLE
-    elif not settled.theta[j] or abs(change) <= least:
-        status = CONSISTENT
-    elif not _constant(each) and not _helps_both(change, halves):
-        status = NOT_CONSTANT
-    elif not agree or not settled.sure:
-        status = NOT_CONFIRMED
-    elif abs(change) > ESTIMABLE[each.cause].most * factor:
-        status = IMPLAUSIBLE
-    else:
-        status = FOUND if abs(by_states) > least else CONSISTENT
-    return Parameter(
-        each.name,
-        each.cause,
-        each.sources,
-        each.axis,
-        unit,
-        status,
-        each.given - settled.before[j] * factor * (each.cause == ARM),
-        float(change),
-        sd,
-        float(by_states),
-        seen.sd,
-        each.motion,
-        halves,
-    )
+    moved, sure = bool(settled.theta[j]), bool(agree and settled.sure)
+    return replace(found, status=_status(found, moved, sure))
 
 
-def _constant(each: Estimate | Parameter) -> bool:
+def _status(found: Parameter, moved: bool, sure: bool) -> str:
+    """The status of two estimates together: `moved` where the recording was changed by the first,
+    `sure` where they agree and the first settled."""
+    of = found.of
+    least = max(of.min_reported * of.factor, LEAST_Z * found.sd)
+    if found.sd > of.known_sd * of.factor:
+        return NOT_OBSERVABLE
+    if not moved or abs(found.change) <= least:
+        return CONSISTENT
+    if not _constant(found) and not _helps_both(found.change, found.halves):
+        return NOT_CONSTANT
+    if not sure:
+        return NOT_CONFIRMED
+    if abs(found.change) > of.most * of.factor:
+        return IMPLAUSIBLE
+    return FOUND if abs(found.by_states) > least else CONSISTENT
+
+
+def _constant(each: Parameter) -> bool:
     """Whether both halves of the time say the same, or what differs is within the noise or so
     little that it is not reported."""
     (first, first_sd), (second, second_sd) = each.halves
-    least = max(LEAST[each.cause] * UNITS[each.cause][1], VARIES * np.hypot(first_sd, second_sd))
-    return not abs(first - second) > least
+    least = each.of.min_reported * each.of.factor
+    return not abs(first - second) > max(least, VARIES * np.hypot(first_sd, second_sd))
 
 
 def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
@@ -151,17 +142,9 @@ def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
     return all(abs(half - change) < abs(half) for half, _ in halves)
 
 
-def _unseen(each: Estimate) -> Parameter:
-    """A constant that no motion shows with these sources."""
-    return Parameter(
-        *(each.name, each.cause, each.sources, each.axis, each.unit, NOT_OBSERVABLE, each.given),
-        *(np.nan, np.nan, np.nan, np.nan, each.motion),
-    )
-
-
 def _check_imu_clock(recording: Recording, parameters: tuple[Parameter, ...]) -> None:
     """Refuse to blame the clock of the IMU where not all sources share the offset."""
-    clocks = [each for each in parameters if each.cause == CLOCK]
+    clocks = [each for each in parameters if each.of is CLOCK]
     if len(clocks) > 1:
         values = ", ".join(f"{each.name} {each.seen}" for each in clocks)
         raise DataError(
@@ -184,7 +167,7 @@ def _notes(
     settled: Settled, recording: Recording, parameters: tuple[Parameter, ...], imu_clock: bool
 ) -> tuple[str, ...]:
     notes = []
-    clocks = [each for each in parameters if each.cause == CLOCK]
+    clocks = [each for each in parameters if each.of is CLOCK]
     positions = {a.name or a.kind for a in recording.aidings if a.kind == "position"}
     moved = any(each.status == FOUND and positions & set(each.sources) for each in clocks)
     if recording.reference is not None and moved and not imu_clock:

@@ -1,6 +1,7 @@
 """The page of an installation: the table, innovations and NIS of each source as given and as found,
 and the misfit over each parameter that was found."""
 
+from dataclasses import replace
 from html import escape
 from textwrap import wrap
 from typing import TYPE_CHECKING
@@ -193,7 +194,7 @@ def misfit_figure(found: "Installation", each: "Parameter") -> go.Figure:
         theta = theta_of(
             known,
             found.given,
-            [other if other is not each else each._replace(change=value) for other in found.found],
+            [other if other is not each else replace(each, change=value) for other in found.found],
         )
         nis = _fused(found, applied(found.given, known, theta)).innovations.nis
         costs.append(np.minimum(nis[np.isfinite(nis)], LARGEST_NIS).sum())

@@ -2,22 +2,20 @@
 parameters."""
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ...diagnosis.diagnose import diagnose
-from ...diagnosis.findings import UNITS, Diagnosis, Estimate
-from ...diagnosis.installation import CLOCK, Constant, applied, constants
+from ...diagnosis.findings import Diagnosed, Diagnosis
+from ...diagnosis.installation import Constant, applied, constants
 from ...diagnosis.settling import MOST_RUNS
+from ...estimable import CLOCK
 from ...recording import Recording
 from ...typing import Array
 from .confirming import Asking
 
-if TYPE_CHECKING:
-    from .findings import Parameter
-
-Estimated: TypeAlias = "Estimate | Parameter"
 MOST_TURNS = 3
 """So often `diagnose` is run, on what it found before."""
 
@@ -29,7 +27,7 @@ class Settled(NamedTuple):
     before: Array  # (m,) change of what was given, SI, in the last recording that was diagnosed
     theta: Array  # (m,) and with what was found in that
     last: Diagnosis
-    sought: tuple[Estimate, ...]  # its parameters that some source shows, clocks that differ apart
+    sought: tuple[Diagnosed, ...]  # its parameters that some source shows, clocks that differ apart
     runs: int  # of the filter, in all
 
     @property
@@ -37,7 +35,7 @@ class Settled(NamedTuple):
         """Whether nothing was found in the end, before the runs were used up."""
         return not self.last.found and self.last.runs < MOST_RUNS
 
-    def of(self, each: Estimate) -> int:
+    def of(self, each: Diagnosed) -> int:
         """The constant that an estimate is of: the first, of several that share it."""
         return which(self.known, self.last.recording, each)[0]
 
@@ -68,32 +66,32 @@ def settle(recording: Recording, asking: Asking) -> Settled:
     return Settled(known, before, theta, found, tuple(apart), runs)
 
 
-def which(known: Sequence[Constant], recording: Recording, each: Estimated) -> list[int]:
+def which(known: Sequence[Constant], recording: Recording, each: Diagnosed) -> list[int]:
     """The constants that an estimate is of."""
     names = [a.name or a.kind for a in recording.aidings]
     return [
         j
         for j, constant in enumerate(known)
-        if (constant.kind, constant.axis) == (each.cause, each.axis)
+        if (constant.of, constant.axis) == (each.of, each.axis)
         and {names[i] for i in constant.sources} <= set(each.sources)
     ]
 
 
 def _apart(
-    each: Estimate, known: Sequence[Constant], recording: Recording, theta: Array
-) -> list[Estimate]:
+    each: Diagnosed, known: Sequence[Constant], recording: Recording, theta: Array
+) -> list[Diagnosed]:
     """A clock of several sources that were changed by different offsets as one of each."""
     own = which(known, recording, each)
-    if each.cause != CLOCK or not np.ptp(theta[own]):
+    if each.of is not CLOCK or not np.ptp(theta[own]):
         return [each]
     names = [a.name or a.kind for a in recording.aidings]
     owners = [names[known[j].sources[0]] for j in own]
-    return [each._replace(name=f"clock of {name}", sources=(name,)) for name in owners]
+    return [replace(each, name=f"clock of {name}", sources=(name,)) for name in owners]
 
 
-def theta_of(known: Sequence[Constant], recording: Recording, found: Iterable[Estimated]) -> Array:
+def theta_of(known: Sequence[Constant], recording: Recording, found: Iterable[Diagnosed]) -> Array:
     """(m,) the changes of constants that estimates come to, SI."""
     theta = np.zeros(len(known))
     for each in found:
-        theta[which(known, recording, each)] = each.change / UNITS[each.cause][1]
+        theta[which(known, recording, each)] = each.change / each.of.factor
     return theta

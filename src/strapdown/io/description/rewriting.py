@@ -6,24 +6,22 @@ import stat
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, InlineTable, Item, Table, Trivia
 
 from ...checks import DataError
+from ...estimable import CLOCK, LEVER_ARM, MOUNTING
 from ...files import replacing, together
 from ...opening import open_file, toml_of
 from ...typing import File
 from ...units import DEG
+from .edits import Edit, deviations, number, rounded
 
-TIME, LEVER_ARM, MOUNTING, SCALE = "time", "lever_arm", "mounting", "scale"
+TIME = CLOCK.key
 ASSUMED = "assumed"  # key of [imu]; what is written anew is no longer assumed, but for a clock
-ARM_AXES, ANGLES = ("forward", "right", "down"), ("roll", "pitch", "heading")
-UNITS = {TIME: " s", LEVER_ARM: " m", MOUNTING: " deg", SCALE: ""}
-FEWEST = {TIME: 3, LEVER_ARM: 2, MOUNTING: 3, SCALE: 4}
-"""{key: digits behind the point that are always written}."""
 
 
 class Keyed(Protocol):
@@ -38,32 +36,23 @@ class Keyed(Protocol):
         """Of the section."""
 
 
-class Edit(NamedTuple):
-    """One key of a section, with a new value."""
-
-    source: int | None  # [[aiding]], from 0; None: [imu]
-    key: str  # TIME, LEVER_ARM, MOUNTING or SCALE
-    # s to add to the offset; m of all three axes; roll, pitch, heading, rad; a factor
-    value: tuple[float, ...]
-    sd: tuple[float, ...]  # of the value, by component; 0 of one that was not estimated
-
-
 def change_installation(section: Any, edit: Edit, mark: str) -> None:
     """Set the key of a section, and its comment."""
-    if edit.key == TIME:
+    key = edit.key
+    if edit.of is CLOCK:
         time, sd = section[TIME], edit.sd[0]
-        put(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, TIME), TIME)
+        put(section, "offset", _number(time.get("offset", 0.0) + edit.value[0], sd, edit), TIME)
         inline = isinstance(time, InlineTable)
         where, key = (section, TIME) if inline else (section[TIME], "offset")
-        said = f"{'offset ' if where is section else ''}+- {_sd(sd)} s"
-    elif edit.key == MOUNTING:
-        where, key, said = section, MOUNTING, _of_each(ANGLES, edit)
+        said = f"{'offset ' if where is section else ''}+- {rounded(sd)} s"
+    elif edit.of is MOUNTING:
+        where, said = section, deviations(edit)
         _set_mounting(section, edit)
-    elif edit.key == LEVER_ARM:
-        where, key, said = section, LEVER_ARM, _of_each(ARM_AXES, edit)
+    elif edit.of is LEVER_ARM:
+        where, said = section, deviations(edit)
         _set_arm(section, edit)
     else:
-        where, key, said = section, SCALE, f"+- {_sd(edit.sd[0])} of it"
+        where, said = section, f"+- {rounded(edit.sd[0])} of it"
         _set_scale(section, edit)
     say(where[key], f"{said}, {mark}", mark)
 
@@ -106,24 +95,6 @@ def rewritten(
     if _others(made, edits) != _others(old, edits) or not all(_there(made, e) for e in edits):
         raise _unable(path, edits)
     return new
-
-
-def told(edit: Edit) -> str:
-    """What an edit changes, in words, with the digits of the file."""
-    size, least = DEG if edit.key == MOUNTING else 1.0, min(sd for sd in edit.sd if sd)
-    own = edit.sd if edit.key == LEVER_ARM else [least] * len(edit.value)
-    numbers = [
-        _number(x / size, (sd or least) / size, edit.key).as_string()
-        for x, sd in zip(edit.value, own)
-    ]
-    if edit.key == TIME:
-        return f"time: add {'' if edit.value[0] < 0 else '+'}{numbers[0]} s to offset"
-    if edit.key == LEVER_ARM:
-        return f"lever_arm = [{', '.join(numbers)}]"
-    if edit.key == MOUNTING:
-        angles = ", ".join(f"{name} = {number}" for name, number in zip(ANGLES, numbers))
-        return f'mounting = {{ {angles}, unit = "deg" }}'
-    return f"scale: multiply by {numbers[0]}"
 
 
 def rewrite(
@@ -208,46 +179,38 @@ def _unable(path: File, edits: Iterable[Keyed]) -> DataError:
     )
 
 
-def _of_each(names: Sequence[str], edit: Edit) -> str:
-    """Standard deviations of the components that were estimated, by name."""
-    size = DEG if edit.key == MOUNTING else 1.0
-    return ", ".join(
-        f"{name} +- {_sd(sd / size)}{UNITS[edit.key]}" for name, sd in zip(names, edit.sd) if sd
-    )
-
-
 def _set_mounting(section: Any, edit: Edit) -> None:
-    if MOUNTING not in section:
-        put(section, MOUNTING, tomlkit.value('{ unit = "deg" }'))
-    given = section[MOUNTING]
+    if edit.key not in section:
+        put(section, edit.key, tomlkit.value('{ unit = "deg" }'))
+    given = section[edit.key]
     unit = DEG if given["unit"] == "deg" else 1.0
     sd = min(each for each in edit.sd if each) / unit
-    for name, angle in zip(ANGLES, edit.value):
-        number = _number(angle / unit, sd, MOUNTING)
-        if name in given or float(number.as_string()):
-            put(section, name, number, MOUNTING)
+    for name, angle in zip(MOUNTING.components, edit.value):
+        item = _number(angle / unit, sd, edit)
+        if name in given or float(item.as_string()):
+            put(section, name, item, edit.key)
 
 
 def _set_arm(section: Any, edit: Edit) -> None:
     least = min(each for each in edit.sd if each)
-    numbers = [_number(x, sd or least, LEVER_ARM) for x, sd in zip(edit.value, edit.sd)]
-    if LEVER_ARM not in section:
-        texts = ", ".join(number.as_string() for number in numbers)
-        put(section, LEVER_ARM, tomlkit.value(f"[{texts}]"))
+    items = [_number(x, sd or least, edit) for x, sd in zip(edit.value, edit.sd)]
+    if edit.key not in section:
+        texts = ", ".join(item.as_string() for item in items)
+        put(section, edit.key, tomlkit.value(f"[{texts}]"))
         return
-    for axis, (number, sd) in enumerate(zip(numbers, edit.sd)):
+    for axis, (item, sd) in enumerate(zip(items, edit.sd)):
         if sd:
-            section[LEVER_ARM][axis] = number
+            section[edit.key][axis] = item
 
 
 def _set_scale(section: Any, edit: Edit) -> None:
     (by,), (sd,) = edit.value, edit.sd
-    old = section.get(SCALE, 1.0)
+    old = section.get(edit.key, 1.0)
     if isinstance(old, list):
         for i, each in enumerate(old):
-            old[i] = _number(each * by, abs(each) * sd, SCALE)
+            old[i] = _number(each * by, abs(each) * sd, edit)
     else:
-        put(section, SCALE, _number(old * by, abs(old) * sd, SCALE))
+        put(section, edit.key, _number(old * by, abs(old) * sd, edit))
 
 
 def put(section: Any, key: str, item: Item, within: str | None = None) -> None:
@@ -273,23 +236,10 @@ def put(section: Any, key: str, item: Item, within: str | None = None) -> None:
         table[key] = item
 
 
-def _number(value: float, sd: float, key: str) -> Item:
+def _number(value: float, sd: float, edit: Edit) -> Item:
     """A number with the digits that its standard deviation leaves it."""
-    digits = max(FEWEST[key], _digits(sd))
-    text = f"{value:.{digits}f}"
-    if not float(text):
-        text = text.lstrip("-")
+    text = number(value, sd, edit.of.digits)
     return Float(float(text), Trivia(), text)
-
-
-def _sd(sd: float) -> str:
-    return f"{sd:.{_digits(sd)}f}"
-
-
-def _digits(sd: float) -> int:
-    """Behind the point of a standard deviation: one that counts, two where the first is 1."""
-    magnitude, first = f"{sd:.1e}".split("e")[1], f"{sd:.0e}"[0]
-    return max(0, -int(magnitude) + (first == "1"))
 
 
 def say(item: Item, text: str, mark: str) -> None:

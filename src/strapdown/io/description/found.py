@@ -1,0 +1,61 @@
+"""A recording.toml changed to have what was found in the recording that was read from it."""
+
+import datetime
+import difflib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ...checks import DataError
+from ...opening import settings_text
+from ...recording import Recording
+from ...typing import File
+from .complaints import load
+from .installed import difference, installed
+from .rewriting import Keyed, change_installation, check_sections, rewrite, rewritten
+
+
+class Change(NamedTuple):
+    """How a command changes the file of a recording."""
+
+    recording: Recording  # as it was read
+    command: str  # stands behind the date in the comments that it writes
+    section: Callable[[Any, Any, str], None] = change_installation
+
+    def check(self, path: File) -> None:
+        """Refuse what is no description, or has other values than the recording was read with.
+        Raises DataError."""
+        check_sections(path, self._kinds)
+        read = self.recording.meta.get("installed")
+        differs = (
+            "the recording was not read as a recording.toml has it"
+            if read is None
+            else difference(installed(load(path)), read)
+        )
+        if differs:
+            raise DataError(f"{path}: {differs}; read that file and {self.command.split()[0]} it")
+
+    def lines(self, path: File, edits: Iterable[Keyed]) -> list[str]:
+        """The lines that the edits change, with their numbers: - as they are, + as they would be.
+        Raises DataError."""
+        new = rewritten(path, edits, self._kinds, self._mark, self.section).splitlines()
+        old, lines = settings_text(path).splitlines(), []
+        matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
+        for step, i, j, k, m in matcher.get_opcodes():
+            if step != "equal":
+                lines += [f"{row + 1:4d} - {old[row]}" for row in range(i, j)]
+                lines += [f"{row + 1:4d} + {new[row]}" for row in range(k, m)]
+        return lines
+
+    def write(self, path: File, edits: Iterable[Keyed]) -> Path:
+        """Change the file; the path of the copy of the old one. Raises DataError, and then nothing
+        is changed."""
+        return rewrite(path, edits, self._kinds, self._mark, self.section)
+
+    @property
+    def _kinds(self) -> list[str]:
+        return [a.kind for a in self.recording.aidings]
+
+    @property
+    def _mark(self) -> str:
+        return f"{datetime.date.today().isoformat()}, {self.command}"

@@ -1,0 +1,53 @@
+"""The numbers of a noise model, one table: those of the IMU, and those of each source."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ..engine.installation import IMU as IMU
+
+
+class Kind(NamedTuple):
+    """What a number is of."""
+
+    name: str
+    meaning: str
+    field: str = ""  # of Noise; "" of a number of a source
+    si: str = ""  # SI unit of a number of the IMU; that of a source's follows its kind
+
+
+OF_IMU = (
+    Kind("gyro noise", "white noise of the turn rate", "gyro", "rad/sqrt(s)"),
+    Kind("accel noise", "white noise of the specific force", "accel", "m/s/sqrt(s)"),
+    Kind("gyro bias walk", "how fast the gyro bias wanders", "gyro_bias", "rad/s/sqrt(s)"),
+    Kind(
+        "accel bias walk",
+        "how fast the accelerometer bias wanders",
+        "accel_bias",
+        "m/s^2/sqrt(s)",
+    ),
+)
+WHITE = Kind("noise", "sd of errors that are new with each fix")
+LASTING = Kind("correlated error", "sd of errors that last over many fixes")
+TIME = Kind("correlation time", "how long those errors last")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of the noise model. Values are in SI."""
+
+    source: str  # name of the source, or IMU
+    what: Kind
+    part: str  # "horizontal" or "vertical" where these have numbers of their own
+    unit: str  # as shown
+    factor: float  # from SI to it
+    given: float  # 0: none
+
+    @property
+    def name(self) -> str:
+        """What it is of, with its part."""
+        return f"{self.what.name} {self.part}".rstrip()
+
+    @property
+    def label(self) -> str:
+        """Source and name; of the IMU the name alone, which says the sensor."""
+        return self.name if self.source == IMU else f"{self.source} {self.name}"
