@@ -248,7 +248,10 @@ def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = Non
 
 def rate_of(t: ArrayLike, unit: float = 1.0) -> float:
     """Hz of times in units of `unit` s: 1 / their median interval; 0 of fewer than two."""
-    steps = np.diff(np.sort(np.asarray(t)))
+    t = np.asarray(t)
+    steps = np.diff(t.astype(np.int64) if t.dtype.kind == "u" else t)
+    if (steps < 0).any():
+        steps = np.diff(np.sort(t))
     steps = steps[steps > 0]
     return 1 / (unit * float(np.median(steps))) if len(steps) else 0.0
 

@@ -14,6 +14,7 @@ from ...checks import DataError, check_choice, printable
 from ...recording import Recording
 from ...time_scales import rate_of
 from ...typing import File
+from ...units import factor
 from ..contract import GUESS, ROLES, Log, Section
 from ..registry import ask, looker
 from ..tables.table_file import Table
@@ -380,5 +381,13 @@ def _rate(section: Section, tables: Mapping[str, Table]) -> float:
         time, name = signal.get("time", keys.get("time")), signal.get("table", keys.get("table"))
         if time is not None and name in tables and isinstance(time["column"], str):
             found[name, time["column"]] = time
-    rates = (rate_of(times_of(tables[name], time)) for (name, _), time in found.items())
+    rates = (_of(tables[name], time) for (name, _), time in found.items())
     return min((hz or math.inf for hz in rates), default=math.inf)
+
+
+def _of(table: Table, time: Mapping[str, Any]) -> float:
+    """Hz of the times of one table; of numbers whatever their clock, which takes time to look up."""
+    if "format" in time:
+        return rate_of(times_of(table, time))
+    size = factor(time["unit"], "time") * time.get("scale", 1.0)
+    return rate_of(table.numbers(time["column"]), size)
