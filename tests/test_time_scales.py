@@ -5,11 +5,13 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown.time_scales import (
+    days_of,
     gps_from_unix,
     gps_of,
     iso,
     leap_seconds,
     midnight,
+    rate_of,
     seconds_since,
     unix_from_gps,
 )
@@ -68,3 +70,17 @@ def test_time_of_week():
 def test_what_is_no_time():
     with pytest.raises(DataError, match="write it as"):
         gps_of("yesterday")
+
+
+def test_days_of_dates_are_those_of_the_calendar():
+    days = np.arange("1900-01-01", "2101-01-01", 17, dtype="M8[D]")
+    parts = [[each.year, each.month, each.day] for each in days.astype(object)]
+    assert (days_of(*np.array(parts, float).T) == days.astype(int)).all()
+    wrong = [[2023, 2, 29], [2024, 2, 30], [2024, 4, 31], [2024, 0, 1], [2024, 13, 1], [2024, 1, 0]]
+    assert np.isnan(days_of(*np.array([*wrong, [np.nan, 1, 1], [2024, 1, np.nan]]).T)).all()
+    assert days_of(*np.array([[2024.0, 2.0, 29.0]]).T).tolist() == [19782]
+
+
+def test_the_rate_is_that_of_most_intervals():
+    assert rate_of(np.array([0, 10, 20, 20, 500, 30], np.uint64), 1e-3) == pytest.approx(100)
+    assert rate_of([1.0]) == rate_of([]) == rate_of([2.0, 2.0]) == 0

@@ -66,7 +66,8 @@ class RecordingMeta(TypedDict, total=False):
     velocity: list[float]
     attitude: list[float]
     gravity: float
-    installed: dict[str, Any]  # what its recording.toml says of the installation
+    # what its recording.toml says of the installation; not of one changed after reading
+    installed: dict[str, Any]
     # of a simulated flight
     aircraft: str
     filter_options: dict[str, Any]

@@ -194,6 +194,18 @@ def span(moments: NDArray[np.datetime64]) -> str:
     return f"{first} to {last[11:] if first[:10] == last[:10] else last} UTC"
 
 
+def days_of(year: Array, month: Array, day: Array) -> Array:
+    """Days since 1970-01-01 of dates (n,); NaN where the calendar has no such day."""
+    with np.errstate(invalid="ignore"):
+        fits = (np.abs(year) < 1e5) & (month >= 1) & (month <= 12) & (day >= 1)
+    months = np.where(fits, 12 * (year - 1970) + month - 1, 0).astype(np.int64)
+    first, following = (
+        each.astype("M8[M]").astype("M8[D]").astype(np.int64) for each in (months, months + 1)
+    )
+    days = first + day - 1
+    return np.where(fits & (days < following), days, np.nan)
+
+
 def midnight(gps: float) -> float:
     """The last midnight, UTC, before a moment, both in seconds of GPS time since its zero."""
     return float(gps_from_unix(np.floor(unix_from_gps(gps) / DAY) * DAY))
@@ -232,6 +244,16 @@ def seconds_since(epoch: float, t: Any, clock: str, unit: float, week: Any = Non
         step = per_second * unit
         return (second - first) * step + rest * unit + (first * step + offset)
     return t.astype(float) * unit + offset
+
+
+def rate_of(t: ArrayLike, unit: float = 1.0) -> float:
+    """Hz of times in units of `unit` s: 1 / their median interval; 0 of fewer than two."""
+    t = np.asarray(t)
+    steps = np.diff(t.astype(np.int64) if t.dtype.kind == "u" else t)
+    if (steps < 0).any():
+        steps = np.diff(np.sort(t))
+    steps = steps[steps > 0]
+    return 1 / (unit * float(np.median(steps))) if len(steps) else 0.0
 
 
 def rolled(t: Array, period: float) -> Array:

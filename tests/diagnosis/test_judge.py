@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import strapdown as sd
-
 from strapdown.data import DOUBTFUL
 from strapdown.diagnosis import evidence
 from strapdown.geodesy import displaced
@@ -69,7 +68,7 @@ def with_imu(recording, change):
 
 
 INSPECTED = {  # problems that leave the innovations as they are, and one that does not
-    "height": lambda r: replace(r, meta={**r.meta, COLUMNS: {"hMSL": r.aidings[0].name}}),
+    "height": lambda r: replace(r, meta={**r.meta, "height_columns": {"hMSL": r.aidings[0].name}}),
     "each sample twice": lambda r: with_imu(r, lambda x: x[np.arange(len(x)) // 2 * 2]),
     "column": lambda r: with_imu(r, lambda x: x * [1, 1, 1, 1, 0, 1]),
     "gyro bias": lambda r: with_imu(r, lambda x: x + np.radians([3.0, 0, 0, 0, 0, 0])),

@@ -24,10 +24,10 @@ from written_ros import FLU, Written, drive, imu, write_bag, write_mcap
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.io.decoding.mapped import mapped
 from strapdown.io.decoding.robots.mcap_records import read_mcap
 from strapdown.io.decoding.robots.ros_messages import Messages
 from strapdown.io.decoding.robots.unpacking import unpack_frames
+from strapdown.io.tables.table_file import mapped
 
 __all__ = ["driven"]  # a fixture
 SAMPLE = "native/rosbag2/jackal_sim_imu_odom_61s.mcap.xz"
@@ -187,7 +187,7 @@ def test_a_whole_file_packed_by_any_writer_of_zstd(tmp_path):
         path.write_bytes(packed)
         assert len(log_of(path).tables["/imu"].frame) == N
     path.write_bytes(streamed[:-40])
-    assert "ends within a frame" in asked(path)
+    assert "ended before the end-of-stream marker" in asked(path)
     path.write_bytes(streamed + b"no frame")
     assert "or damaged" in asked(path)
 

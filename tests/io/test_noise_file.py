@@ -7,7 +7,6 @@ from mutated_own import NOISE
 
 import strapdown as sd
 from strapdown.data import Correlated
-from strapdown.io.description.installed import INSTALLED
 from strapdown.io.noise_file import SourceNoise, read_noise, write_noise
 
 pytestmark = pytest.mark.short
@@ -29,9 +28,9 @@ def test_deviations_are_multiplied_and_errors_that_last_added(file):
 
 def test_sources_that_are_not_named_stay_and_the_file_of_before_is_forgotten(file):
     file.write_text('["heading"]\nsd_factor = 3')
-    read = sd.Recording(RECORDING.imu, RECORDING.aidings, None, RECORDING.meta | {INSTALLED: {}})
+    read = sd.Recording(RECORDING.imu, RECORDING.aidings, None, RECORDING.meta | {"installed": {}})
     made = sd.with_noise(read, file)
-    assert made.aidings[0] is RECORDING.aidings[0] and INSTALLED not in made.meta
+    assert made.aidings[0] is RECORDING.aidings[0] and "installed" not in made.meta
     np.testing.assert_allclose(made.aidings[1].sd, 0.06)
 
 

@@ -30,13 +30,13 @@ from written_ros import (
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.io.decoding.mapped import mapped
 from strapdown.io.decoding.robots.bag_records import read_bag
 from strapdown.io.decoding.robots.ros_messages import Topic
 from strapdown.io.decoding.robots.ros_transforms import Frames
 from strapdown.io.description.logs import join, opened
 from strapdown.io.inspection import draft
 from strapdown.io.readers.rosbag2 import messages_of
+from strapdown.io.tables.table_file import mapped
 
 SAMPLES = "native/rosbag1/jackal_sim_imu_odom_61s.bag", "native/rosbag2/jackal_sim_imu_odom_61s.db3"
 N = 400

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.io.tables import table_numbers, table_text
+from strapdown.io.tables import table_text
 from strapdown.io.tables.table_file import Numbers
 
 STAMP = 1_700_000_000_123_456_789
@@ -85,7 +85,7 @@ def test_anything_else_is_left_to_pandas(tmp_path, monkeypatch, text):
 
 def test_a_long_text_is_left_to_pandas(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("t,x\n1,2\n3,4\n")
-    monkeypatch.setattr(table_numbers, "SHORT", 11)
+    monkeypatch.setattr(table_text, "SHORT", 11)
     assert not isinstance(table_text.read_table(tmp_path / "a.csv").content, Numbers)
-    monkeypatch.setattr(table_numbers, "SHORT", 12)
+    monkeypatch.setattr(table_text, "SHORT", 12)
     assert isinstance(table_text.read_table(tmp_path / "a.csv").content, Numbers)

@@ -13,7 +13,7 @@ from ..checks import DataError
 from ..data import Solution
 from ..files import replacing
 from ..typing import File
-from .own.one_line import one_line
+from .own.hdf5_content import one_line
 from .solutions.geojson import geojson
 from .solutions.gpx import gpx
 from .solutions.kml import kml

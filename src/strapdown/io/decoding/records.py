@@ -1,12 +1,15 @@
 """Records of a binary log, one after another: those of one kind side by side, and where to go on
 after damage."""
 
-from collections.abc import Callable, Iterator, Mapping
+from abc import ABC, abstractmethod
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...preprocessing.origin import counted
 from ..tables.table_file import Table
 
 Bytes = NDArray[np.uint8]
@@ -45,6 +48,78 @@ def next_record(follow: Follow, begin: int, end: int) -> int:
             return int(at[np.argmax(last >= 0)])
         begin, size = begin + size, min(2 * size, MOST_AT_ONCE)
     return end
+
+
+class Walked(ABC):
+    """A log of records one after another, walked once, with the parameters that it sets and the count
+    of what was lost. Each format says which records are whole, which one is cut short, and how
+    records follow each other."""
+
+    def __init__(self, content: bytes) -> None:
+        self.content = content
+        self.data: Bytes = np.frombuffer(content, np.uint8)
+        self.parameters: dict[str, float] = {}
+        self.changed: dict[str, list[float]] = {}  # values that parameters had before
+        self.unread = 0  # bytes between damage and the next record
+        self.damages = 0
+        self.cut = 0  # bytes of a record that the end of the file cuts short
+        self._places = array("q")  # where records begin
+
+    @abstractmethod
+    def _whole(self, at: int, end: int) -> int:
+        """Take in whole records from `at`; where the first stands that is none."""
+
+    @abstractmethod
+    def _is_cut(self, at: int, end: int) -> bool:
+        """Whether the record at a place that has no whole one is a good one but for its end."""
+
+    @abstractmethod
+    def _follow(self, end: int) -> Follow:
+        """The Follow of this file."""
+
+    def _walk(self, begin: int, end: int) -> None:
+        """Take in the records from `begin`; what is no record is passed over and counted."""
+        while begin < end:
+            begin = self._whole(begin, end)
+            if begin >= end:
+                return
+            if self._is_cut(begin, end):
+                self.cut += end - begin
+                return
+            self.damages += 1
+            found = end
+            if self.damages <= MOST_DAMAGES:
+                found = next_record(self._follow(end), begin + 1, end)
+            self.unread += found - begin
+            begin = found
+
+    def _grouped(
+        self, kind_of: Callable[[NDArray[np.int64]], NDArray[Any]], kinds: Sequence[int]
+    ) -> dict[int, NDArray[np.int64]]:
+        """{kind: where its records begin}, of kinds in rising order; `kind_of` are those of places."""
+        starts = np.frombuffer(self._places, np.int64)
+        every = kind_of(starts)
+        order = np.argsort(every, kind="stable")
+        cuts = np.searchsorted(every[order], kinds)
+        return dict(zip(kinds, np.split(starts[order], cuts)[1:]))
+
+    def _set(self, name: str, value: float) -> None:
+        """Take in the value of a parameter."""
+        if name in self.parameters and self.parameters[name] != value:
+            self.changed.setdefault(name, []).append(self.parameters[name])
+        self.parameters[name] = value
+
+    @property
+    def remarks(self) -> list[str]:
+        """Lines on what of the file was lost."""
+        lines = []
+        if self.unread:
+            lines.append(
+                f"{counted(self.damages, 'damaged place')}, {self.unread} bytes passed over"
+            )
+        if self.cut:
+            lines.append(f"the last record is cut short ({self.cut} bytes)")
+        return lines
 
 
 class Tables(Mapping[str, Table]):

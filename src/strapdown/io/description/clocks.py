@@ -14,7 +14,7 @@ from ...time_scales import DAY, WEEK, gps_of, iso
 from ..contract import Log, Section
 from ..tables.table_file import Table
 from .schema_base import Time
-from .source_files import Files
+from .source_files import times_of
 
 HALF_WEEK = timedelta(days=3, hours=12).total_seconds()
 
@@ -42,10 +42,8 @@ def timed(path: Path, log: Log, section: Section) -> Timed | None:
     if keys is None or table is None:
         return None
     is_week = "week" in keys and keys["week"] is None
-    own = {key: keys[key] for key in keys if key not in ("clock", "week")} if is_week else keys
     try:
-        time = Time.model_validate(own)
-        t = Files(path, 0.0).times(table, time)
+        time, t = Time.model_validate(keys), times_of(table, keys)
     except (DataError, ValueError):
         return None
     known = t[np.isfinite(t)]

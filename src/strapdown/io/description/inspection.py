@@ -28,13 +28,12 @@ from .logs import Take, join, opened
 from .read import (
     assumed,
     height_column,
-    in_order,
     level_notes,
-    read_aiding,
     read_field,
     read_imu,
     read_meta,
     read_reference,
+    read_sources,
 )
 from .schema import Description
 from .schema_aiding import AidingPart
@@ -98,23 +97,16 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     found.add(clock_facts(imu, meta.get("epoch")))
     found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
     found.add(temperature_facts(meta))
-    aidings: list[Aiding] = []
-    parts: list[tuple[AidingPart, int]] = []
-    place = description.lla
-    for number, part in in_order(description):
-        arm = description.imu.lever_arm
-        read = found.attempt(read_aiding, part, number, arm, imu, files, aidings, place)
-        if read is not None:
-            aidings.append(read[0])
-            parts.append((part, number))
-            notes += read[1]
+    read, more = read_sources(description, imu, files, found.attempt)
+    aidings, parts = list(read.values()), [(description.aiding[n - 1], n) for n in read]
+    notes += more
     notes += level_notes(aidings, meta)
     notes += _magnetometers(path, parts, aidings, imu, meta, found)
     if description.reference is not None:
         if description.reference.position is not None:
             column = height_column(description.reference.position)
             found.take([], above_sea_level("reference", column), [])
-        whereabouts = Whereabouts(aidings, place)
+        whereabouts = Whereabouts(aidings, description.lla)
         reference, more = found.attempt(
             read_reference, description.reference, imu, files, whereabouts
         ) or (None, [])

@@ -10,7 +10,6 @@ from ...checks import is_number
 from .schema import Description
 from .schema_aiding import AidingPart
 
-"""Where the meta of a Recording has it; not of one whose set-up was changed after reading."""
 LOOK_THE_SAME = 1e-9
 """By which numbers may differ that are the same."""
 

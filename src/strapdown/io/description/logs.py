@@ -1,6 +1,7 @@
 """From the files of devices to one description: which of their sections a recording takes, and that
 description as a Recording or as the text of a `recording.toml`."""
 
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,15 +11,17 @@ import tomlkit
 
 from ...checks import DataError, check_choice, printable
 from ...recording import Recording
+from ...time_scales import rate_of
 from ...typing import File
+from ...units import factor
 from ..contract import GUESS, ROLES, Log, Section
 from ..registry import ask, looker
+from ..tables.table_file import Table
 from .clocks import OneClock, one_clock
 from .complaints import load
 from .imu_grade import CLASSES, nearest_grade
-from .imu_rate import slow
 from .read import read_imu, recording_of
-from .source_files import Files
+from .source_files import Files, times_of
 
 HEAD = """# Drafted from {names}. Check every line marked "check".
 """
@@ -338,3 +341,52 @@ def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
     description = load(label, joined.content("."))
     recording = recording_of(description, Files(label, description.epoch, ".", dict(joined.logs)))
     return recording.knowing(name=joined.name, read=joined.told)
+
+
+# ---- fast enough
+
+LEAST_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
+"""Hz by the kind of the samples below which a log is refused, and below which it is noted: between point
+samples motion and vibration are lost, which no filter gets back; increments hold all of the motion.
+docs/how-to/flight-controllers.md has what was measured."""
+ROUNDED = 0.98
+"""Of a rate: it may be 99 for 100."""
+
+
+def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | None:
+    """(line on an IMU that is slow, whether it is refused); None where it is fast enough, or no
+    IMU of a log."""
+    if section.of != "imu":
+        return None
+    hz, kind = _rate(section, tables), section.keys.get("kind", "rate")
+    least, safe = LEAST_RATES.get(kind, (0.0, 0.0))
+    if hz >= safe * ROUNDED:
+        return None
+    samples = "increments" if kind == "increment" else "samples"
+    refused = hz < least * ROUNDED
+    line = (
+        f"{hz:.3g} Hz is {'too ' if refused else ''}slow for {samples} of an IMU: {least:g} Hz are "
+        f"needed, {safe:g} Hz are safe"
+    )
+    remedy = section.faster or "set the logger to a higher rate"
+    return f"{line}; {remedy}", refused
+
+
+def _rate(section: Section, tables: Mapping[str, Table]) -> float:
+    """Hz of the slower of gyro and accelerometer: 1 / the median interval; infinite where the
+    samples have no times in a log."""
+    keys, found = section.keys, {}
+    for signal in (keys.get(each, {}) for each in ("gyro", "accel")):
+        time, name = signal.get("time", keys.get("time")), signal.get("table", keys.get("table"))
+        if time is not None and name in tables and isinstance(time["column"], str):
+            found[name, time["column"]] = time
+    rates = (_of(tables[name], time) for (name, _), time in found.items())
+    return min((hz or math.inf for hz in rates), default=math.inf)
+
+
+def _of(table: Table, time: Mapping[str, Any]) -> float:
+    """Hz of the times of one table; of numbers whatever their clock, which takes time to look up."""
+    if "format" in time:
+        return rate_of(times_of(table, time))
+    size = factor(time["unit"], "time") * time.get("scale", 1.0)
+    return rate_of(table.numbers(time["column"]), size)

@@ -1,10 +1,10 @@
 """From a description to a Recording: columns to signals, units to SI, sensor axes to the body,
 fixes checked against the IMU."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,15 +26,15 @@ from ...recording import Recording, RecordingMeta
 from ...time_scales import iso, utc
 from ...typing import Array, File
 from ...units import DEG, factor
+from ..contract import Made
 from ..magnetic_record import sound
 from ..tables.table_file import Table
 from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures
 from .complaints import load
-from .fix_columns import Whereabouts, read_fixes
+from .fix_columns import Whereabouts, read_columns, read_fixes
 from .installed import installed
 from .magnetic_sources import calibrated, with_field
-from .reference_columns import read_columns
 from .schema import Description, ImuPart, ReferencePart, Vector
 from .schema_aiding import AidingPart
 from .schema_base import Signal
@@ -80,12 +80,8 @@ def recording_of(description: Description, files: Files) -> Recording:
     imu, notes = read_imu(description.imu, files)
     accused = accusation(imu, description.imu.kind, description.vehicle, str(path))
     aidings: list[Aiding] = []
-    found: dict[int, Aiding] = {}
-    arm, place = description.imu.lever_arm, description.lla
-    for number, part in in_order(description):
-        before = list(found.values())
-        found[number], more = read_aiding(part, number, arm, imu, files, before, place)
-        notes += more
+    found, more = read_sources(description, imu, files, _surely)
+    notes += more
     for number, aiding in sorted(found.items()):
         others = [other.name for other in aidings]
         aidings.append(aiding if aiding.name not in others else _renamed(aiding, number))
@@ -96,7 +92,7 @@ def recording_of(description: Description, files: Files) -> Recording:
         notes += more
     reference = None
     if description.reference is not None:
-        whereabouts = Whereabouts(aidings, place)
+        whereabouts = Whereabouts(aidings, description.lla)
         reference, more = read_reference(description.reference, imu, files, whereabouts)
         notes += more
     notes = [*files.notes, *notes]
@@ -106,6 +102,26 @@ def recording_of(description: Description, files: Files) -> Recording:
         recording = recording.knowing(sensors=sensors)
     recording = recording.knowing(installed=installed(description), notes=notes)
     return decided(recording, accused)
+
+
+def _surely(function: Callable[..., Made], *arguments: Any) -> Made | None:
+    return function(*arguments)
+
+
+def read_sources(
+    description: Description, imu: Imu, files: Files, attempt: Callable[..., Any]
+) -> tuple[dict[int, Aiding], list[str]]:
+    """({number of its [[aiding]]: Aiding} in the order of reading, notes); `attempt` calls what reads
+    one, and gives None of one that is left out."""
+    found: dict[int, Aiding] = {}
+    notes: list[str] = []
+    for number, part in in_order(description):
+        where = (files, list(found.values()), description.lla)
+        read = attempt(read_aiding, part, number, description.imu.lever_arm, imu, *where)
+        if read is not None:
+            found[number], more = read
+            notes += more
+    return found, notes
 
 
 def in_order(description: Description) -> list[tuple[int, AidingPart]]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import tomlkit
-from tomlkit.items import Float, InlineTable, Item, Trivia
+from tomlkit.items import Float, Item, Trivia
 
 from ...checks import DataError, is_number
 from ...quantities import dimension, innovation_dimension
@@ -79,15 +79,10 @@ def _replace(holder: Any, key: Any, text: str) -> None:
     """Put a value in the place of one; where both are tables the new scale goes into the old one."""
     old: Any = holder[key]
     new: Any = tomlkit.value(text)
-    if not (isinstance(old, dict) and isinstance(new, dict)):
-        holder[key] = _item(text)
-    elif isinstance(old, InlineTable) and "scale" not in old:
-        head = old.as_string().rstrip("}")
-        space = head[len(head.rstrip()) :]
-        scale = new["scale"].as_string()
-        holder[key] = tomlkit.value(f"{head.rstrip()}, scale = {scale}{space}}}")
+    if isinstance(old, dict) and isinstance(new, dict):
+        put(holder, "scale", _item(new["scale"].as_string()), key)
     else:
-        put(old, "scale", _item(new["scale"].as_string()))
+        holder[key] = _item(text)
 
 
 def _item(text: str) -> Item:

@@ -31,6 +31,7 @@ from .schema_base import (
     AngleUnit,
     Column,
     Finite,
+    Geoid,
     Part,
     Signal,
     Time,
@@ -39,7 +40,6 @@ from .schema_base import (
     named,
     refuse,
 )
-from .schema_values import Geoid
 
 MOST_SOURCES = 200
 """Sections [[aiding]]: each looks at all before it."""

@@ -18,7 +18,10 @@ from ...typing import Array
 from ...units import factor, spread_factor
 from .schema_base import (
     Column,
+    Declination,
+    EarthField,
     Finite,
+    Geoid,
     Part,
     Time,
     Triple,
@@ -27,7 +30,6 @@ from .schema_base import (
     named,
     refuse,
 )
-from .schema_values import Declination, EarthField, Geoid
 
 ECEF = "ECEF"
 """Axes of what is told about the centre of the Earth: x through latitude 0, longitude 0, z through

@@ -203,6 +203,14 @@ class Files:
         return t + DAY * np.round((self._start - some[0]) / DAY) if len(some) else t
 
 
+def times_of(table: Table, keys: Mapping[str, Any]) -> Array:
+    """Times of the rows of a table (n,), s, by the key `time` of a section: GPS time since its zero on an
+    absolute clock, else as they count, as do those of a week without its number."""
+    if "week" in keys and keys["week"] is None:
+        keys = {key: keys[key] for key in keys if key not in ("clock", "week")}
+    return Files("", 0.0).times(table, Time.model_validate(dict(keys)))
+
+
 def _believed(gps: float, table: Table, time: Time) -> float:
     """A first time, s of GPS time since its zero. Raises DataError where it is none of a recording."""
     year = year_of(gps)

@@ -119,7 +119,7 @@ class Names(NamedTuple):
     @classmethod
     def of(cls, table: Table) -> "Names":
         """All columns of a table."""
-        return cls(table, [str(name) for name in table.frame.columns])
+        return cls(table, [*table.titles])
 
     def without(self, names: Iterable[str]) -> "Names":
         """The same without these columns."""

@@ -7,11 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...typing import Array
-from ...units import UNITS
 from ..contract import GUESS, Log, Section
-from ..description.schema_base import Time
-from ..description.source_files import Files
+from ..description.source_files import times_of
 from ..tables.table_arrays import tables_of
 from ..tables.table_file import Table
 from .column_names import ACCEL, GYRO, Names, plain
@@ -67,7 +64,7 @@ def _of_table(table: Table, name: str | None) -> Log:
         )
         return Log({"": table}, (), tuple(facts), asked=(no_time,))
     facts.append(clock.fact + (f" (a guess: {clock.assumed})" if clock.assumed else ""))
-    t = _times(table, clock.keys)
+    t = times_of(table, clock.keys)
     imu, more, asked = imu_section(columns, clock.keys, t)
     magnetometer, of_field = magnetometer_section(
         columns, clock.keys, imu.keys.get("axes", "FRD").removesuffix(GUESS) if imu else "FRD"
@@ -141,13 +138,6 @@ MOST_KINDS = 20
 """Texts in a column at most that are kinds of rows."""
 MADE = "with degrees"
 """Name of the table of a file of one, with columns that are made of its own."""
-
-
-def _times(table: Table, keys: dict[str, Any]) -> Array:
-    """Times of the rows (n,), s, as far as they are known: without the week of a time of week."""
-    if keys.get("week", 0) is None:
-        return table.numbers(keys["column"]) * UNITS["time"][keys["unit"]]
-    return Files("", 0.0).times(table, Time.model_validate(keys))
 
 
 def _without_header(table: Table) -> Log:

@@ -1,18 +1,19 @@
-"""NetCDF files of our own in memory. Whatever their checksum, their structure or HDF5 says against them
-is one line here and nowhere else."""
+"""NetCDF files of our own in memory. Whatever their checksum, their structure, HDF5 or any library says
+against them is one line here and nowhere else."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...checks import DataError
+from ...checks import DataError, brief, printable
 from ...checksum import DAMAGED, has_checksum
-from ...file_limits import regular
+from ...file_limits import reading_within, regular
 from ...typing import File
 from ..tables.hdf5_file import open_hdf5
-from .one_line import one_line
+from ..tables.table_file import first_line_of
 
 NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"
 """Begins the attribute NAME of a dataset that only has the size of a dimension (NetCDF-4 format
@@ -49,6 +50,18 @@ def content(
             found = _group(file, path, names)
     if SEALED in found.attributes and not sealed:
         raise DataError(f"{path}: the line with its checksum is missing; {DAMAGED}")
+    return found
+
+
+def content_of(path: File, what: str, format: str, others: str) -> Content:
+    """The content of a file that says to be of a format of our own. Raises DataError, whose remedy is
+    `others`."""
+    found = content(path, f"NetCDF {what}")
+    said = found.attributes.get("format")
+    if not isinstance(said, str) or said != format:
+        raise DataError(
+            f"{path}: is no {what} (its format attribute is {brief(said)}, not {format!r}); {others}"
+        )
     return found
 
 
@@ -112,3 +125,24 @@ def _attributes(node: Any) -> dict[str, Any]:
     return {
         name: value.decode() if isinstance(value, bytes) else value for name, value in found.items()
     }
+
+
+@contextmanager
+def one_line(path: File, what: str) -> Iterator[None]:
+    """Around what takes a file apart that should be `what`, as "NetCDF recording": every exception
+    becomes a DataError of one line."""
+    try:
+        with reading_within(path):
+            yield
+    except DataError:
+        raise
+    except OSError as error:
+        said = (
+            error.strerror
+            if error.errno and error.strerror
+            else printable(first_line_of(error)[:120])
+        )
+        raise DataError(f"{path}: is not a whole {what} ({said}); {DAMAGED}") from error
+    except Exception as error:
+        said = f"{type(error).__name__}: {printable(first_line_of(error)[:120])}"
+        raise DataError(f"{path}: is not a whole {what} ({said}); {DAMAGED}") from error

@@ -1,13 +1,15 @@
-"""Attributes and JSON of our own files, checked against models of pydantic: what all of them share."""
+"""What our own files say in words, attributes and JSON, checked against models of pydantic: those of a
+recording as NetCDF, of a solution, and what both share."""
 
 import json
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from ...checks import DataError
 from ...checksum import DAMAGED
 from ...time_scales import gps_of
+from ...verdict import SEVERITY
 
 Model = TypeVar("Model")
 
@@ -60,3 +62,116 @@ def check_values(model: Any, values: Any, where: object) -> Any:
             f"{where}: {place and place + ': '}{said[0].lower()}{said[1:160]}; {DAMAGED}"
         ) from None
     return values
+
+
+# ---- recordings
+
+
+class AidingAttributes(Said):
+    """Of the group of a source."""
+
+    kind: Name
+    name: Name
+    gate: Annotated[float, Field(gt=0)] | None = None
+    parameters: list[Finite] = []
+    estimate: dict[Name, list[Deviation]] = {}
+    slip: Annotated[Finite, Field(ge=0)] = 0.0
+    correlated_sd: list[Deviation] = []
+    correlation_time: Annotated[Finite, Field(gt=0)] = 1.0
+    correlated_states: bool = True
+    robust: bool = False
+    adaptive: Annotated[Finite, Field(ge=0)] = 0.0
+
+
+class RecordingMeta(Said):
+    """`Recording.meta`, as far as the library asks for it."""
+
+    name: Line = ""
+    epoch: Moment | None = None
+    date: Name | None = None
+    grade: Name | dict[str, Any] | None = None
+    notes: list[Line] = []
+    read: list[Line] = []
+    place: Triple | None = None
+    vehicle: Name | dict[str, Any] | None = None
+    imu_lever_arm: Triple = [0.0, 0.0, 0.0]
+    imu_mounting: Triple = [0.0, 0.0, 0.0]
+    guessed_axes: Name | None = None
+    undecided_gyro: Line | None = None
+    point: Name = "imu"
+    estimate: dict[Name, list[Deviation]] | None = None
+    sensors: dict[str, Any] = {}
+    height_columns: dict[Name, Name] = {}
+
+
+# ---- solutions
+
+Sources = list[Name]
+Gates = list[Annotated[float, Field(gt=0)] | None]
+Event = Annotated[list[float | Line], Field(min_length=2, max_length=2)]
+Events = list[Event]
+
+
+class StartRules(Said):
+    """Where a filter began."""
+
+    t: Finite
+    sd: list[float]
+    lla: list[float] = []
+    v: list[float] = []
+    rph: list[float] = []
+    note: Line = ""
+
+
+class RejectedRules(Only):
+    """A run of rejected fixes."""
+
+    source: Name
+    start: Finite
+    stop: Finite
+    number: Annotated[int, Field(ge=0)]
+    of: Annotated[int, Field(ge=0)]
+    cause: Name
+    seen: Line
+    remedy: Line
+
+
+class SolutionMeta(Said):
+    """`Solution.meta`, as far as the library asks for it."""
+
+    filter: Line = ""
+    recording: Line = ""
+    epoch: Moment | None = None
+    date: Name | None = None
+    notes: list[Line] = []
+    read: list[Line] = []
+    imu: Line = ""
+    vehicle: Name | None = None
+    start: StartRules | None = None
+    noise: dict[Name, float] | None = None
+    kinds: dict[Name, Name] = {}
+    bias_sd: list[float] | None = None
+    fixes_outside: int = 0
+    point: Name = "imu"
+    withheld: list[Annotated[list[float], Field(min_length=2, max_length=2)]] = []
+    installation: dict[str, Any] | None = None
+    rejected: list[RejectedRules] = []
+
+
+class ReasonRules(Only):
+    """A reason of a verdict."""
+
+    cause: Name
+    seen: Line
+    remedy: Line
+    source: Name = ""
+    weight: Annotated[float, Field(ge=0)] = 1.0
+
+
+class VerdictRules(Said):
+    """A verdict, as `Verdict.as_dict` gives it."""
+
+    word: Literal[SEVERITY]  # type: ignore[valid-type]  # a tuple of texts
+    reasons: list[ReasonRules]
+    untested: list[Line]
+    rows: Annotated[int, Field(ge=0)] | None = None  # of the table, in a CSV

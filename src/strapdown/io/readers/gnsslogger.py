@@ -6,25 +6,25 @@ file. All times are taken from `elapsedRealtimeNanos`, the phone's clock since i
 that this was tried on. The fixes of the satellite receiver say what UTC the clock's zero is.
 """
 
-import io
 import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...checks import DataError
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
+from ..decoding.phones.csv_export import parsed
 from ..decoding.phones.phone import (
     FixColumns,
     Piece,
     day,
-    fix_sections,
-    fixes,
     inertial,
+    location,
     magnetometer_section,
+    matching,
     no_imu,
+    triple,
 )
 from ..tables.table_file import Table, head_of, packed, read_bytes
 
@@ -50,6 +50,7 @@ FIX = FixColumns(
     r"SpeedAccuracyMps",
     r"BearingAccuracyDegrees",
 )
+VECTOR = r"(Uncal)?(Gyro|Accel|Mag){axis}.*"
 UTC = r"UnixTimeMillis|\(UTC\)TimeInMs"
 Bytes = np.ndarray[tuple[int], np.dtype[np.uint8]]
 WANTED = ("Fix", *(kind for kinds in SENSORS.values() for kind in kinds))
@@ -59,6 +60,7 @@ LEFT = {
 }
 OFF = 0.1
 """s between the phone's UTC and that of the satellites that are worth a line."""
+NEEDED = "latitude, longitude, altitude or accuracy"
 RECORD = "switch Sensors on in GnssLogger when you record"
 FASTER = "record at 100 Hz, and take the log as the app wrote it"
 
@@ -137,8 +139,6 @@ def open_log(path: Path) -> Log:
 
 def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
     """The Table of one kind; rows with other cells than its header line names are left out."""
-    import pandas as pd
-
     names, lines = file.names[kind], file.beginning(kind.encode() + b",")
     text = file.text(lines)
     if text.count(b",") != (len(names) - 1) * len(lines):
@@ -146,35 +146,25 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
         left.append(f"{kind}: {int((~whole).sum())} rows with other cells than the header names")
         lines = lines[whole]
         text = file.text(lines)
-    label = f"{path} [{kind}]"
-    try:
-        frame = pd.read_csv(
-            io.BytesIO(text.replace(b"\r\n", b"\n")),
-            header=None,
-            names=names,
-            quoting=3,
-            lineterminator="\n",  # a lone carriage return is none, as in `lines`
-            encoding_errors="replace",
-            low_memory=False,
-        )
-    except pd.errors.EmptyDataError:
-        frame = pd.DataFrame(columns=names)
-    except (pd.errors.ParserError, ValueError, OverflowError) as error:
-        said = (str(error).splitlines() or ["?"])[0]
-        raise DataError(f"{label}: cannot be read ({said})") from None
-    return Table(label, frame, lines[: len(frame)] + 1)
+    frame = parsed(
+        text.replace(b"\r\n", b"\n"),
+        f"{path} [{kind}]",
+        header=None,
+        names=names,
+        quoting=3,
+        lineterminator="\n",  # a lone carriage return is none, as in `lines`
+    )
+    return Table(f"{path} [{kind}]", frame, lines[: len(frame)] + 1)
 
 
 def _matching(table: Table, pattern: str) -> str:
-    """The column whose name is of the pattern, "" where there is none."""
-    names = [str(name) for name in table.frame.columns]
-    return next((name for name in names if pattern and re.fullmatch(pattern, name)), "")
+    return matching(table.titles, pattern)
 
 
 def _triple(table: Table) -> list[str]:
     """Names of the columns of x, y and z, as UncalGyroXRadPerSec; [] where one is missing."""
-    found = [_matching(table, rf"(Uncal)?(Gyro|Accel|Mag){axis}.*") for axis in "XYZ"]
-    return found if all(found) and CLOCK in table.frame.columns else []
+    found = triple(table.titles, VECTOR)
+    return found if CLOCK in table.names else []
 
 
 def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
@@ -231,7 +221,7 @@ def _date(tables: dict[str, Table]) -> dict[str, str]:
 
 def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:
     """(sections of the IMU, facts)."""
-    from ..description.imu_rate import slow  # loads pydantic: 0.2 s
+    from ..description.logs import slow  # loads pydantic: 0.2 s
 
     pieces: dict[str, Piece] = {}
     for role, unit in (("gyro", "rad/s"), ("accel", "m/s^2")):
@@ -252,9 +242,6 @@ def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Sectio
     if "Fix" not in tables:
         return []
     table = tables["Fix"]
-    names = FixColumns(*(_matching(table, pattern) for pattern in FIX))
-    if not (names.latitude and names.longitude and names.height and names.accuracy):
-        return ["Fix: lacks latitude, longitude, altitude or accuracy"]
     provider = table.frame["Provider"].astype(str) if "Provider" in table.frame else None
     left = []
     if provider is not None:
@@ -266,9 +253,10 @@ def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Sectio
         table = table.taking(use)
     if time["column"] not in table.frame.columns:
         return [*left, f"Fix: lacks {CLOCK} and any UTC"]
-    tables["Fix"], lines = fixes(table, names, android=True)
-    sections += fix_sections("Fix", tables["Fix"], names, time, android=True)
-    return left + [f"Fix: {line}" for line in lines]
+    tables["Fix"], names = table, FIX.among(table.titles)
+    of_fixes, more = location(tables, "Fix", names, time, True, NEEDED)
+    sections += of_fixes
+    return left + more
 
 
 READER = Reader(

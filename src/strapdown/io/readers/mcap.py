@@ -9,10 +9,10 @@ from ..tables.table_file import packed
 
 def open_mcap(path: Path) -> Log:
     """The Log of an MCAP file with messages of ROS 2 (CDR) or ROS 1. Raises DataError."""
-    from ..decoding.mapped import mapped
     from ..decoding.robots.mcap_records import read_mcap
     from ..decoding.robots.robot_sections import log_of
     from ..decoding.robots.ros_messages import Messages
+    from ..tables.table_file import mapped
 
     return log_of(path, "MCAP file", read_mcap(mapped(path), Messages()))
 

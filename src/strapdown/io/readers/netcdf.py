@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from ...aiding import find
-from ...checks import DataError, brief, located
+from ...checks import DataError, located
 from ...checksum import DAMAGED
 from ...core.loop.contract import Imu
 from ...data import Aiding, Correlated, Trajectory
@@ -23,12 +23,11 @@ from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
 from ..own.array_rules import Column, Schema, check_arrays
-from ..own.hdf5_content import Content, content
+from ..own.hdf5_content import Content, content_of
 from ..solutions.solution_netcdf import Variables, fill, plain
 from ..unfelt_tilt import accusation, decided
 
 FORMAT = "strapdown recording 1"
-WHAT = "NetCDF recording"
 SOURCE = re.compile(r"aiding_\d{1,9}", re.ASCII)
 AXES = {"axis": 3, "quaternion": 4}
 IMU_COLUMNS = {
@@ -178,13 +177,7 @@ def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | N
             f"{path}: cannot be read ({'it is a folder' if os.path.isdir(path) else 'no such file'}); "
             f"check the path"
         )
-    found = content(path, WHAT)
-    said = found.attributes.get("format")
-    if not isinstance(said, str) or said != FORMAT:
-        raise DataError(
-            f"{path}: is no recording (its format attribute is {brief(said)}, not {FORMAT!r}); "
-            f"solutions are read with read_solution"
-        )
+    found = content_of(path, "recording", FORMAT, "solutions are read with read_solution")
     if "imu" not in found.groups:
         raise DataError(f"{path}: group imu is missing; {DAMAGED}")
     imu = Imu(**_checked(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))
@@ -213,8 +206,7 @@ def _checked(group: Content, schema: Schema, where: str) -> dict[str, Array]:
 
 
 def _meta_of(found: Content, path: Path) -> RecordingFacts:
-    from ..own.recording_rules import RecordingMeta
-    from ..own.text_rules import check_values, from_json
+    from ..own.text_rules import RecordingMeta, check_values, from_json
 
     where = f"{path}: meta"
     meta = check_values(dict[str, Any], from_json(found.texts.get("meta"), where), where)
@@ -234,8 +226,7 @@ def _meta_of(found: Content, path: Path) -> RecordingFacts:
 
 
 def _aiding(group: Content, where: str) -> Aiding:
-    from ..own.recording_rules import AidingAttributes
-    from ..own.text_rules import check_values, from_json
+    from ..own.text_rules import AidingAttributes, check_values, from_json
 
     said = dict(group.attributes)
     for name in {"parameters", "correlated_sd"} & set(said):

@@ -20,11 +20,11 @@ from ..decoding.phones.phone import (
     Piece,
     barometer_section,
     day,
-    fix_sections,
-    fixes,
     inertial,
+    location,
     magnetometer_section,
     no_imu,
+    triple,
 )
 from ..tables.table_file import Table
 
@@ -33,7 +33,7 @@ UNIX = "POSIX time (ns)"
 """Column that is added where the start is known."""
 TIMES = "meta/time"
 DEVICE = "meta/device"
-VECTOR = r"(?P<of>.*?)\b{axis} \((?P<unit>m/s\^2|rad/s|[µμ]T)\)"
+VECTOR = r".*?\b{axis} \((m/s\^2|rad/s|[µμ]T)\)"
 """Names of the columns of a vector, as "X (m/s^2)" or "Linear Acceleration x (m/s^2)"."""
 FIX = FixColumns(
     r"latitude .*",
@@ -45,6 +45,7 @@ FIX = FixColumns(
     r"direction .*",
 )
 GEOID = "phyphox takes a grid of EGM84 off, which is within a metre or two of EGM96"
+NEEDED = "longitude, height or horizontal accuracy"
 RECORD = 'record Gyroscope and "Acceleration with g", which phyphox also calls Accelerometer'
 
 
@@ -66,21 +67,12 @@ def columns_of(head: str) -> list[str]:
     return names if names[0] == TIME_COLUMN else []
 
 
-def vector(columns: list[str]) -> list[str]:
-    """Names of the columns of x, y and z, [] where there are none."""
-    found = [
-        next((name for name in columns if re.fullmatch(VECTOR.format(axis=axis), name, re.I)), "")
-        for axis in "xyz"
-    ]
-    return found if all(found) else []
-
-
 def kind(columns: list[str]) -> str:
     """What a file is: accelerometer, linear accelerometer, gyro, magnetometer, barometer, location;
     "" where it is none of these."""
     if not columns:
         return ""
-    if three := vector(columns):
+    if three := triple(columns, VECTOR):
         unit = three[0].rpartition("(")[2]
         linear = re.match(r"linear|.*without", three[0], re.I)
         return {"rad/s)": "gyro", "m/s^2)": f"{'linear ' if linear else ''}accelerometer"}.get(
@@ -88,22 +80,7 @@ def kind(columns: list[str]) -> str:
         )
     if any(name.endswith("(hPa)") for name in columns):
         return "barometer"
-    return "location" if fix_columns(columns).latitude else ""
-
-
-def fix_columns(columns: list[str]) -> FixColumns:
-    """The names of the columns of a fix."""
-    return FixColumns(
-        *(
-            # of two heights the one above the ellipsoid
-            max(
-                (each for each in columns if pattern and re.fullmatch(pattern, each, re.I)),
-                key=len,
-                default="",
-            )
-            for pattern in FIX
-        )
-    )
+    return "location" if FIX.among(columns).latitude else ""
 
 
 def open_export(path: Path) -> Log:
@@ -126,7 +103,7 @@ def open_export(path: Path) -> Log:
             continue
         table = found.table(name)
         # blanks around quotes make other names of the columns
-        is_whole = kind([str(column) for column in table.frame.columns]) == of
+        is_whole = kind(table.titles) == of
         if of == "accelerometer" and re.search(r"linear|without", name, re.I):
             of = "linear accelerometer"
         if of == "linear accelerometer":
@@ -196,7 +173,7 @@ def _inertial(
     pieces: dict[str, Piece] = {}
     for of, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2")):
         for name in kinds.get(of, [])[:1]:
-            columns = vector([str(column) for column in tables[name].frame.columns])
+            columns = triple(tables[name].titles, VECTOR)
             pieces[of] = Piece(name, time, columns, unit)
     if "accelerometer" not in pieces and "linear accelerometer" in kinds:
         return [no_imu(f"{kinds['linear accelerometer'][0]}: is without gravity; {RECORD}")], []
@@ -212,21 +189,17 @@ def _aidings(
     android: bool,
 ) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
-    left = []
+    left: list[str] = []
     for name in kinds.get("location", [])[:1]:
-        names = fix_columns([str(column) for column in tables[name].frame.columns])
-        if not (names.longitude and names.height and names.accuracy):
-            left.append(f"{name}: lacks longitude, height or horizontal accuracy")
-            continue
-        tables[name], lines = fixes(tables[name], names, android)
-        left += [f"{name}: {line}" for line in lines]
+        names = FIX.among(tables[name].titles)
         geoid = "" if "wgs84" in names.height.lower() else GEOID
-        sections += fix_sections(name, tables[name], names, time, android, geoid)
+        of_fixes, left = location(tables, name, names, time, android, NEEDED, geoid)
+        sections += of_fixes
     for name in kinds.get("magnetometer", [])[:1]:
-        columns = vector([str(column) for column in tables[name].frame.columns])
+        columns = triple(tables[name].titles, VECTOR)
         sections.append(magnetometer_section(name, time, columns, head))
     for name in kinds.get("barometer", [])[:1]:
-        column = next(each for each in tables[name].frame.columns if each.endswith("(hPa)"))
+        column = next(each for each in tables[name].titles if each.endswith("(hPa)"))
         sections.append(barometer_section(name, time, column))
     return left
 

@@ -9,9 +9,9 @@ from ..tables.table_file import packed
 
 def open_rosbag1(path: Path) -> Log:
     """The Log of a bag. Raises DataError."""
-    from ..decoding.mapped import mapped
     from ..decoding.robots.bag_records import read_bag
     from ..decoding.robots.robot_sections import log_of
+    from ..tables.table_file import mapped
 
     return log_of(path, "bag of ROS 1", read_bag(mapped(path)))
 

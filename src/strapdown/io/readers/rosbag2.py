@@ -66,7 +66,7 @@ def _parts(path: Path) -> list[Path]:
 def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
     """A database, and its size in bytes."""
     if path.name.lower().endswith(PACKED):
-        from ..decoding.mapped import mapped
+        from ..tables.table_file import mapped
 
         content = mapped(path)
         if not len(content):  # of which SQLite says that memory ran out
@@ -176,9 +176,9 @@ def _unpacked(rows: list[Row]) -> Iterator[Row]:
 
 def messages_of(path: Path) -> "Messages":
     """The messages of a database or of the folder of a bag. Raises DataError."""
-    from ..decoding.mapped import mapped
     from ..decoding.robots.mcap_records import read_mcap
     from ..decoding.robots.ros_messages import Messages
+    from ..tables.table_file import mapped
 
     messages = Messages()
     for part in _parts(path):

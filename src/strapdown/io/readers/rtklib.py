@@ -17,6 +17,7 @@ from ...time_scales import GPS_ZERO, WEEK
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
+from ..decoding.receivers.nmea_sentences import number
 from ..tables.table_file import Table, head_of, packed, read_bytes
 
 START = 1 << 16
@@ -119,13 +120,13 @@ def _rows(path: Path, text: str, header: re.Match[str]) -> Solution:
     width = len(words) + 2 + (4 if dms else 0)
     cells, numbers = [], []
     broken = 0
-    for number, line in enumerate(text.splitlines(), 1):
+    for row_number, line in enumerate(text.splitlines(), 1):
         if line.startswith("%") or not line.strip():
             continue
         row = re.split(r"[\s,;]+", line.strip()) if "," in line or ";" in line else line.split()
         if len(row) == width:
             cells.append(row)
-            numbers.append(number)
+            numbers.append(row_number)
         else:
             broken += 1
     values, moments = _numbers(cells, width - 2), _moments(cells)
@@ -146,14 +147,7 @@ def _numbers(cells: list[list[str]], many: int) -> Array:
     try:
         return np.array([row[2:] for row in cells], float).reshape(len(cells), many)
     except ValueError:
-        return np.array([[_number(each) for each in row[2:]] for row in cells])
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
+        return np.array([[number(each) for each in row[2:]] for row in cells])
 
 
 def _moments(cells: list[list[str]]) -> Ints:
@@ -211,7 +205,7 @@ def _from_baseline(path: Path, columns: dict[str, Array], text: str) -> dict[str
     """The columns with positions of the baseline from the base that the header names."""
     base = REFERENCE.search(text)
     words = re.split(r"[\s,;]+", base.group(1).strip()) if base else []
-    numbers = np.array([_number(each) for each in words])
+    numbers = np.array([number(each) for each in words])
     if len(numbers) == 7:
         numbers = np.array([*(_degrees(numbers[None, i : i + 3])[0] for i in (0, 3)), numbers[6]])
     if len(numbers) != 3 or not np.isfinite(numbers).all():

@@ -20,9 +20,8 @@ from ..decoding.phones.phone import (
     Piece,
     barometer_section,
     day,
-    fix_sections,
-    fixes,
     inertial,
+    location,
     magnetometer_section,
     median_force,
     no_imu,
@@ -50,6 +49,7 @@ FUSED = (
     " of Android's fused provider (FLP), which mixes networks in; "
     '"Additional Location Data" of the app records LocationGps, of satellites alone'
 )
+NEEDED = "latitude, longitude, altitude or horizontalAccuracy"
 SUM = "Accelerometer and Gravity"
 UNUSED = {
     "Orientation": "fused with inertial data by the phone",
@@ -191,17 +191,12 @@ def _aidings(
     tables: dict[str, Table], sections: list[Section], head: dict[str, Any], android: bool
 ) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
-    left = []
+    left: list[str] = []
     locations = [name for name in LOCATIONS if name in tables]
     for instance, name in enumerate(locations):
-        present = tables[name].frame.columns
-        names = FixColumns(*(each if each in present else "" for each in FIX))
-        if not (names.latitude and names.longitude and names.height and names.accuracy):
-            left.append(f"{name}: lacks latitude, longitude, altitude or horizontalAccuracy")
-            continue
-        tables[name], lines = fixes(tables[name], names, android)
-        left += [f"{name}: {line}" for line in lines]
-        found = fix_sections(name, tables[name], names, TIME, android, instance=instance)
+        names = FIX.among(tables[name].titles)
+        found, lines = location(tables, name, names, TIME, android, NEEDED, instance=instance)
+        left += lines
         if android and found and name == "Location":
             found[0] = found[0]._replace(title=found[0].title + FUSED)
         sections += found

@@ -8,22 +8,18 @@ u-blox 6, M8 and F9.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...checks import DataError
 from ...time_scales import gps_from_unix
 from ..contract import Log, Reader, Section
-from ..decoding.receivers.nmea_clock import epochs
+from ..decoding.receivers.cyclic_times import Clock
 from ..decoding.receivers.nmea_fixes import nmea_log
-from ..decoding.receivers.nmea_sentences import Sentences, find_sentences
+from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
 from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
-from ..decoding.receivers.ubx_frames import Frames, find_frames
+from ..decoding.receivers.ubx_frames import NAMES, NAV_PVAT, Frames, clock, find_frames
 from ..decoding.receivers.ubx_imu import Epochs, imu_sections
-from ..decoding.receivers.ubx_layouts import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAV_PVAT
-from ..decoding.receivers.ubx_sensors import NAMES
-from ..decoding.receivers.ubx_times import Clock, clock
 from ..tables.table_file import Table, head_of, packed, read_bytes
 
 START = 1 << 18
@@ -73,23 +69,8 @@ def open_ubx(path: Path) -> Log:
 
 def _kinds(frames: Frames) -> str:
     keys, many = np.unique(frames.key, return_counts=True)
-    known = {**{key: key for key in LAYOUTS}, ESF_RAW: ESF_RAW, ESF_MEAS: ESF_MEAS}
-    shown = [f"{KIND_NAMES[key]} {n}" for key, n in zip(keys.tolist(), many) if key in known]
+    shown = [f"{NAMES[key]} {n}" for key, n in zip(keys.tolist(), many) if key in NAMES]
     return f": {', '.join(shown)}" if shown else ""
-
-
-KIND_NAMES = {
-    0x0102: "NAV-POSLLH",
-    0x0103: "NAV-STATUS",
-    0x0106: "NAV-SOL",
-    0x0107: "NAV-PVT",
-    0x0112: "NAV-VELNED",
-    0x0114: "NAV-HPPOSLLH",
-    0x0117: "NAV-PVAT",
-    0x0120: "NAV-TIMEGPS",
-    **NAMES,
-    ESF_ALG: "ESF-ALG",
-}
 
 
 def _damage(frames: Frames) -> list[str]:
@@ -101,15 +82,9 @@ def _damage(frames: Frames) -> list[str]:
     return lines
 
 
-def _time(time: Clock) -> dict[str, Any]:
-    if time.absolute:
-        return {"column": "gps_ms", "unit": "ms", "clock": "gps"}
-    return {"column": "tow_ms", "unit": "ms", "clock": "gps", "week": None}
-
-
 def _table(path: Path, name: str, columns: Columns, time: Clock) -> Table:
     values = {key: each for key, each in columns.items() if key not in ("t", "row", "place", "ok")}
-    first = {"gps_ms" if time.absolute else "tow_ms": columns["t"]}
+    first = {time.column: columns["t"]}
     return Table.of(f"{path} [{name}]", first | values, columns["row"], "message")
 
 
@@ -150,7 +125,7 @@ def _pair(
     table: str, moving: bool, time: Clock, instance: int, title: str, why: str
 ) -> list[Section]:
     """Sections of position and velocity of one table."""
-    common = {"table": table, "time": _time(time)}
+    common = {"table": table, "time": time.time}
     position = {
         "kind": "position",
         **common,
@@ -179,7 +154,7 @@ def _vehicle(path: Path, frames: Frames, time: Clock, tables: dict[str, Table]) 
     tables["NAV-PVAT"] = _table(path, "NAV-PVAT", columns, time)
     keys = {
         "table": "NAV-PVAT",
-        "time": _time(time),
+        "time": time.time,
         "position": {"columns": ["lat", "lon", "height"], "unit": ["deg", "deg", "m"]},
         "velocity": {"columns": ["velN", "velE", "velD"], "unit": "m/s", "axes": "NED"},
         "attitude": {"columns": ["vehRoll", "vehPitch", "vehHeading"], "unit": "deg"},

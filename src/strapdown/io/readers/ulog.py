@@ -10,8 +10,16 @@ import numpy as np
 from ...time_scales import gps_from_unix, iso
 from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
-from ..decoding.autopilots.px4 import SINCE_2001, imus, is_unix, others, prepared, trajectories
-from ..decoding.autopilots.px4_receivers import DELAYS, receivers
+from ..decoding.autopilots.px4 import (
+    DELAYS,
+    SINCE_2001,
+    imus,
+    is_unix,
+    others,
+    prepared,
+    receivers,
+    trajectories,
+)
 from ..decoding.autopilots.ulog import MAGIC, ULog
 from ..decoding.records import Tables
 from ..tables.table_file import Table, packed, read_bytes

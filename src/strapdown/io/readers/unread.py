@@ -2,8 +2,8 @@
 with the name of its format, what is in the way and which tool makes tables of it."""
 
 import re
-import struct
 import zlib
+from binascii import crc_hqx
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +23,7 @@ CAN_LINE = re.compile(
     rb"|\d{4}-\d\d-\d\d[T-][\d:.]+Z?,\d,\d{4,6},\d{1,3},\d{1,3},\d{1,3}(?:,[0-9a-fA-F]{2})+)\s*$",  # canboat
     re.MULTILINE,
 )
-MIP_SETS = [number in range(1, 16) or number in range(0x7F, 0xB0) for number in range(256)]
+MIP_SETS = {*range(1, 16), *range(0x7F, 0xB0)}
 """Descriptor sets of MIP, by their numbers: commands, system and data."""
 TABLES = "`strapdown inspect FILE.csv --write recording.toml` drafts the description of its tables"
 
@@ -37,62 +37,75 @@ class Format(NamedTuple):
     remedy: str
 
 
-def has_mip(data: bytes) -> bool:
-    """Whether a MIP packet stands in it: 75 65, descriptor set, length, payload, Fletcher's
-    checksum of all (MicroStrain MIP protocol)."""
-    for at in _places(data, b"ue"):
-        end = at + 4 + data[at + 3] if at + 4 <= len(data) else len(data)
-        if end + 2 <= len(data) and MIP_SETS[data[at + 2]]:
-            a = b = 0
-            for byte in data[at:end]:
-                a = (a + byte) & 255
-                b = (b + a) & 255
-            if data[end : end + 2] == bytes((a, b)):
-                return True
-    return False
+class Packet(NamedTuple):
+    """How a device frames what it sends: packets with a length and a checksum behind."""
 
+    mark: bytes  # how it begins
+    head: int  # bytes that say the length
+    size: Callable[[bytes], int]  # bytes before the checksum, by the head; 0 of what is none
+    checksum: Callable[[bytes], bytes]  # of these bytes
 
-def has_openimu(data: bytes) -> bool:
-    """Whether an OpenIMU packet stands in it: 55 55, two letters or digits, length, payload, CRC 16
-    (Aceinna OpenIMU serial protocol)."""
-    for at in _places(data, b"UU"):
-        body = data[at + 2 : at + 5]
-        if len(body) == 3 and body[:2].isalnum():
-            end = at + 5 + body[2]
-            if end + 2 <= len(data):
-                if (
-                    struct.pack(">H", _crc(data[at + 2 : end], 16, 0x1021, 0x1D0F))
-                    == data[end : end + 2]
-                ):
+    def stands_in(self, data: bytes) -> bool:
+        """Whether a whole packet stands in it."""
+        for at in _places(data, self.mark):
+            head = data[at : at + self.head]
+            size = self.size(head) if len(head) == self.head else 0
+            if size and at + size < len(data):
+                told = self.checksum(data[at : at + size])
+                if data.startswith(told, at + size):
                     return True
-    return False
+        return False
 
 
-def has_novatel(data: bytes) -> bool:
-    """Whether a NovAtel OEM message stands in it: AA 44 12 or the short AA 44 13, CRC 32 at the end
-    (OEM7 commands and logs reference)."""
-    for at in _places(data, b"\xaaD"):
-        head = data[at : at + 12]
-        if len(head) < 12 or head[2] not in (0x12, 0x13):
-            continue
-        size = head[3] + struct.unpack_from("<H", head, 8)[0] if head[2] == 0x12 else 12 + head[3]
-        crc = data[at + size : at + size + 4]
-        told = zlib.crc32(data[at : at + size], 0xFFFFFFFF) ^ 0xFFFFFFFF
-        if len(crc) == 4 and struct.unpack("<I", crc)[0] == told:
-            return True
-    return False
+def _fletcher(data: bytes) -> bytes:
+    a = b = 0
+    for byte in data:
+        a = (a + byte) & 255
+        b = (b + a) & 255
+    return bytes((a, b))
 
 
-def has_rtcm(data: bytes) -> bool:
-    """Whether an RTCM 3 frame stands in it: D3, six zero bits, length, payload, CRC 24Q."""
-    for at in _places(data, b"\xd3"):
-        if at + 6 <= len(data) and data[at + 1] < 4:
-            end = at + 3 + struct.unpack_from(">H", data, at + 1)[0]
-            told = data[end : end + 3]
-            if len(told) == 3 and end > at + 5:
-                if _crc(data[at:end], 24, 0x864CFB, 0).to_bytes(3, "big") == told:
-                    return True
-    return False
+def _crc24(data: bytes) -> bytes:
+    """The cyclic redundancy check 24Q, highest bit first."""
+    crc = 0
+    for byte in data:
+        crc ^= byte << 16
+        for _ in range(8):
+            crc = ((crc << 1) ^ 0x864CFB if crc & 0x800000 else crc << 1) & 0xFFFFFF
+    return crc.to_bytes(3, "big")
+
+
+def _of_rtcm(head: bytes) -> int:
+    payload = int.from_bytes(head[1:], "big")
+    return 3 + payload if 3 <= payload < 1024 else 0
+
+
+# 75 65, descriptor set, length, payload, Fletcher's checksum of all (MicroStrain MIP protocol)
+MIP = Packet(
+    b"ue",
+    4,
+    lambda head: 4 + head[3] if head[2] in MIP_SETS else 0,
+    _fletcher,
+)
+# 55 55, two letters or digits, length, payload, CRC 16 (Aceinna OpenIMU serial protocol)
+OPENIMU = Packet(
+    b"UU",
+    5,
+    lambda head: 5 + head[4] if head[2:4].isalnum() else 0,
+    lambda data: crc_hqx(data[2:], 0x1D0F).to_bytes(2, "big"),
+)
+# AA 44 12 with a long head, AA 44 13 with a short one, CRC 32 (OEM7 commands and logs reference)
+NOVATEL = Packet(
+    b"\xaaD",
+    12,
+    lambda head: {
+        0x12: head[3] + int.from_bytes(head[8:10], "little"),
+        0x13: 12 + head[3],
+    }.get(head[2], 0),
+    lambda data: (zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF).to_bytes(4, "little"),
+)
+# D3, six zero bits, length, payload, CRC 24Q
+RTCM = Packet(b"\xd3", 3, _of_rtcm, _crc24)
 
 
 def has_mavlink(data: bytes) -> bool:
@@ -135,16 +148,6 @@ def _places(data: bytes, mark: bytes, most: int = 200) -> list[int]:
     return found
 
 
-def _crc(data: bytes, bits: int, polynomial: int, start: int) -> int:
-    """Cyclic redundancy check, highest bit first."""
-    crc, top, mask = start, 1 << (bits - 1), (1 << bits) - 1
-    for byte in data:
-        crc ^= byte << (bits - 8)
-        for _ in range(8):
-            crc = ((crc << 1) ^ polynomial if crc & top else crc << 1) & mask
-    return crc
-
-
 FORMATS = (
     Format(
         "an MP4 or MOV video",
@@ -174,13 +177,13 @@ FORMATS = (
     ),
     Format(
         "a MicroStrain log (MIP)",
-        has_mip,
+        MIP.stands_in,
         "its messages are not decoded here",
         f"SensorConnect or MSCL export tables of it (accelerations in g); {TABLES}",
     ),
     Format(
         "a NovAtel OEM log",
-        has_novatel,
+        NOVATEL.stands_in,
         "its corrected IMU messages (CORRIMU) hold increments without gravity, which no filter here "
         "takes",
         f"NovAtel Convert or novatel_edie write tables of BESTPOS, BESTVEL and RAWIMU; {TABLES}",
@@ -199,7 +202,7 @@ FORMATS = (
     ),
     Format(
         "a log of an Aceinna OpenIMU",
-        has_openimu,
+        OPENIMU.stands_in,
         "its packets are not decoded here",
         f"Aceinna's python-openimu writes tables of it (gyro in deg/s, time in us); {TABLES}",
     ),
@@ -211,7 +214,7 @@ FORMATS = (
     ),
     Format(
         "RTCM 3",
-        has_rtcm,
+        RTCM.stands_in,
         "it holds observations of satellites and no positions",
         "RTKLIB's convbin and rnx2rtkp make a .pos of them, which is read",
     ),

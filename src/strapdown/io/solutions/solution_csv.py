@@ -23,8 +23,7 @@ from ...verdict import NOT_JUDGED
 from ..tables.table_file import Table, open_text, reading
 from ..tables.table_text import read_table
 from .number_text import lines
-from .solution_netcdf import SCHEMA
-from .solution_table import columns_of, state_of
+from .solution_netcdf import SCHEMA, columns_of, state_of
 
 VERDICT_LINE = "# verdict: "
 """Begins the first line of a file whose solution was judged; the word follows, then all as JSON."""
@@ -182,8 +181,7 @@ def _epoch_of(table: Table) -> str | None:
 def _said(path: Path) -> dict[str, Any]:
     """What the comment before the table says: a verdict, and as `rows` how many rows follow; {}
     where there is none. Raises DataError."""
-    from ..own.solution_rules import VerdictRules
-    from ..own.text_rules import check_values, from_json
+    from ..own.text_rules import VerdictRules, check_values, from_json
 
     with reading(path), open_text(path) as file:
         first = file.readline()

@@ -3,7 +3,7 @@ unit, and times as dates where the clock is absolute."""
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,23 +16,23 @@ from ...data import (
     BIAS_COLUMNS,
     NAV_COLUMNS,
     SD_COLUMNS,
+    SD_SCALE,
     UNITS,
     Innovations,
     Separation,
     Solution,
+    Trajectory,
 )
 from ...files import netcdf
 from ...typing import Array
 from ...verdict import NOT_JUDGED
 from ..own.array_rules import Column, check_arrays
-from ..own.hdf5_content import Content, content
-from .solution_table import columns_of, state_of
+from ..own.hdf5_content import Content, content_of
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
 """{name: (dimensions, values, attributes)} of a group of a NetCDF file."""
 FORMAT = "strapdown solution 1"
-WHAT = "NetCDF solution"
 CONVENTIONS = "CF-1.11"
 STANDARD_NAMES = {
     "lat": "latitude",
@@ -255,13 +255,7 @@ def _unit_of(name: str) -> dict[str, str]:
 
 def read_netcdf(path: Path) -> Solution:
     """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
-    found = content(path, WHAT)
-    said = found.attributes.get("format")
-    if not isinstance(said, str) or said != FORMAT:
-        raise DataError(
-            f"{path}: this NetCDF file is no solution (`format` is not {FORMAT!r}); read "
-            f"recordings with strapdown.read"
-        )
+    found = content_of(path, "solution", FORMAT, "recordings are read with read")
     texts = _texts(found, path)
     columns = found.variables
     units = {name: "s" if SINCE.match(unit) else unit for name, unit in found.units.items()}
@@ -302,8 +296,7 @@ def _separation(columns: Mapping[str, Any], path: Path) -> Separation | None:
 
 def _texts(found: Content, path: Path) -> dict[str, Any]:
     """What the variables of JSON say. Raises DataError."""
-    from ..own import solution_rules as rules
-    from ..own.text_rules import check_values, from_json
+    from ..own import text_rules as rules
 
     models = {
         "sources": rules.Sources,
@@ -313,7 +306,7 @@ def _texts(found: Content, path: Path) -> dict[str, Any]:
         "verdict": rules.VerdictRules,
     }
     return {
-        name: check_values(model, from_json(found.texts.get(name), where), where)
+        name: rules.check_values(model, rules.from_json(found.texts.get(name), where), where)
         for name, model in models.items()
         for where in [f"{path}: {name}"]
         if name != "verdict" or name in found.texts
@@ -355,3 +348,23 @@ def plain(value: Any) -> Any:
     if isinstance(value, (np.ndarray, np.generic)):
         return plain(value.tolist())
     return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+# ---- the table of a solution
+
+
+def columns_of(solution: Solution) -> dict[str, Any]:
+    """The columns of a solution's table by name, (n,) each, NaN where its trajectory does not have
+    them; without pandas, which takes 0.3 s to load."""
+    known, none = solution.as_columns(), np.full(len(solution.t), np.nan)
+    names = [*NAV_COLUMNS, *BIAS_COLUMNS, *SD_COLUMNS, *solution.columns, "status"]
+    return {name: known.get(name, none) for name in names}
+
+
+def state_of(
+    t: Array, table: Callable[[list[str]], Array], q_nb: Array | None
+) -> tuple[Trajectory, Array, Array]:
+    """Trajectory, b_a and b_g in SI from `table(names)`, which is in the units of `UNITS`."""
+    lla = table(NAV_COLUMNS[:3]) * [np.pi / 180, np.pi / 180, 1]
+    b_a, b_g = np.hsplit(table(BIAS_COLUMNS) / SD_SCALE[9:], 2)
+    return Trajectory(t, lla, table(NAV_COLUMNS[3:6]), q_nb, table(SD_COLUMNS) / SD_SCALE), b_a, b_g

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...preprocessing.origin import Origin
+from ...time_scales import days_of
 from ...typing import Array, Ints, Mask
 
 ISO = "iso"
@@ -114,17 +115,14 @@ def _days(value: dict[str, Array], n: int) -> tuple[Array, Mask]:
     year = value.get("Y", np.full(n, 1970.0))
     if "y" in value:  # as strptime: 69 to 99 are of the last century
         year = value["y"] + np.where(value["y"] < 69, 2000, 1900)
+    one = np.ones(n)
     if "j" in value:
-        month, day = np.ones(n), value["j"]
-        most = np.full(n, 366.0)
+        days = days_of(year, one, one) + value["j"] - 1
+        wrong = (value["j"] < 1) | (days >= days_of(year + 1, one, one))
     else:
-        month, day = value.get("m", value.get("b", np.ones(n))), value["d"]
-        most = np.full(n, 31.0)
-    wrong = (month < 1) | (month > 12) | (day < 1) | (day > most)
-    months = (12 * (year - 1970) + np.clip(month, 1, 12) - 1).astype(np.int64)
-    first = months.astype("M8[M]").astype("M8[D]").astype(np.int64)
-    after = (months + (12 if "j" in value else 1)).astype("M8[M]").astype("M8[D]").astype(np.int64)
-    return first + day - 1, wrong | (first + day - 1 >= after)
+        days = days_of(year, value.get("m", value.get("b", one)), value["d"])
+        wrong = np.isnan(days)
+    return np.where(wrong, 0.0, days), wrong
 
 
 def _characters(

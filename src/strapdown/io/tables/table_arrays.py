@@ -37,8 +37,7 @@ def tables_of(path: Path, header: bool | None = None) -> dict[str, Table]:
         with reading(path):
             return {path.stem: _parquet(path)}
     table = read_table(path, header is not False)
-    names = [str(name) for name in table.names]
-    if header is None and sum(map(is_number, names)) > len(names) / 2:
+    if header is None and sum(map(is_number, table.titles)) > len(table.titles) / 2:
         table = read_table(path, False)
     return {path.name.partition(".")[0]: table}
 

@@ -5,13 +5,16 @@ import bz2
 import gzip
 import io
 import lzma
+import mmap
 import re
 import struct
+import sys
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO
 
@@ -22,19 +25,25 @@ from ...file_limits import Meter, regular
 from ...opening import Zip, metered, open_file
 from ...preprocessing.origin import Origin
 from ...typing import Array, ArrayLike, File, Ints, Mask
-from .zstd_file import open_zstd
 
 if TYPE_CHECKING:
     import pandas as pd
 
 PACKED = (".gz", ".xz", ".bz2", ".zst", ".zstd", ".zip")
 """What `open_text` unpacks."""
+
+
+def zstd() -> Any:
+    """The module of zstd, which Python has itself from 3.14 on; loaded where it is needed."""
+    return import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+
+
 OPENERS: dict[str, Any] = {
     ".gz": gzip.open,
     ".xz": lzma.open,
     ".bz2": bz2.open,
-    ".zst": open_zstd,
-    ".zstd": open_zstd,
+    ".zst": lambda path: zstd().open(path),
+    ".zstd": lambda path: zstd().open(path),
 }
 
 
@@ -45,9 +54,7 @@ def packed(*suffixes: str) -> tuple[str, ...]:
 
 def broken() -> tuple[type[Exception], ...]:
     """What unpacking raises of a damaged file."""
-    import zstandard
-
-    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstandard.ZstdError
+    damaged = lzma.LZMAError, zlib.error, zipfile.BadZipFile, zstd().ZstdError
     return EOFError, struct.error, *damaged
 
 
@@ -121,6 +128,11 @@ class Table(NamedTuple):
     def names(self) -> list[str | int]:
         """Of the columns."""
         return [*self.content]
+
+    @property
+    def titles(self) -> list[str]:
+        """Names of the columns as text, their numbers where there is no header."""
+        return [str(name) for name in self.names]
 
     def taking(self, rows: Mask) -> "Table":
         """These rows of it."""
@@ -260,3 +272,14 @@ def split_error(error: BaseException) -> str:
 def first_line_of(error: BaseException) -> str:
     """What an exception says, its first line, or its name."""
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+
+
+def mapped(path: Path) -> memoryview:
+    """The bytes of a file: of a plain one without reading all of it into memory, of a packed one
+    unpacked. Raises DataError."""
+    with reading(path):
+        plain = regular(path)
+        if path.name.lower().endswith(PACKED) or not plain.is_file() or not plain.stat().st_size:
+            return memoryview(read_bytes(path))
+        with plain.open("rb") as file:
+            return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
+from ....time_scales import rate_of
 from ...contract import Section
 from . import autopilot
 from .dataflash import DataFlash
@@ -32,7 +33,6 @@ U_BLOX = dict.fromkeys(("0007", "0008", "0019", "000A"), 0.12)
 SD = {"POSNE_M_NSE": 0.5, "VELNE_M_NSE": 0.3, "MAG_M_NSE": 0.05, "ALT_M_NSE": 2.0}
 """ArduPilot's own standard deviations where neither the receiver nor a parameter of the log says
 one: m, m/s, gauss, m."""
-ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 MESSAGES = {
     "imu": ("IMU", "IMU2", "IMU3"),
     "gnss": ("GPS", "GPS2"),
@@ -109,7 +109,7 @@ def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]
     made, left = {}, []
     trim = [np.degrees(log.parameters.get(f"AHRS_TRIM_{axis}", 0.0)) for axis in "XY"]
     for instance, columns in _instances(log, "imu").items():
-        table, hz = f"IMU {instance}", autopilot.rate(columns["TimeUS"])
+        table, hz = f"IMU {instance}", rate_of(columns["TimeUS"], 1e-6)
         columns, bad = _healthy(columns)
         if bad:
             left.append(
@@ -126,7 +126,7 @@ def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]
         }
         if is_temperature(columns.get("T", ())):
             keys["temperature"] = {"column": "T"}
-        assumed = {"grade": autopilot.GRADE_OF_MEMS}
+        assumed = {}
         if any(trim):
             keys["mounting"] = {
                 "roll": round(trim[0], 4),
@@ -135,12 +135,9 @@ def imus(log: DataFlash) -> tuple[dict[str, tuple[Columns, Section]], list[str]]
                 "unit": "deg",
             }
             assumed["mounting"] = "AHRS_TRIM_X and AHRS_TRIM_Y of the log"
-        arm = autopilot.arm(log.parameters, f"INS_POS{instance + 1}_")
-        if any(arm):
-            keys["lever_arm"], assumed["lever_arm"] = arm, f"INS_POS{instance + 1} of the log"
-        keys["grade"] = "consumer"
-        title = f"{table}, {hz:.3g} Hz, point samples"
-        made[table] = columns, Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
+        arm, title = f"INS_POS{instance + 1}_", f"{table}, {hz:.3g} Hz, point samples"
+        section = autopilot.imu_section(log.parameters, arm, keys, instance, title, assumed, FASTER)
+        made[table] = columns, section
     return made, left
 
 
@@ -186,13 +183,10 @@ def _delay(log: DataFlash, instance: int) -> tuple[float, str]:
     return DELAY, f"{names[1]} of the log names none, and this is ArduPilot's own default"
 
 
-def _setting(log: DataFlash, name: str) -> tuple[float, str]:
-    """(a standard deviation, where it comes from): what the autopilot's own filter took."""
-    found = log.parameters.get("AHRS_EKF_TYPE", 3.0)
-    parameter = f"EK{2 if found == 2 else 3}_{name}"
-    if log.parameters.get(parameter, 0.0) > 0:
-        return float(f"{log.parameters[parameter]:.6g}"), f"{parameter} of the log"
-    return SD[name], f"the default of {parameter}"
+def _setting(log: DataFlash, name: str) -> autopilot.Deviation:
+    """What the autopilot's own filter took."""
+    filter_in_use = 2 if log.parameters.get("AHRS_EKF_TYPE", 3.0) == 2 else 3
+    return autopilot.setting(log.parameters, f"EK{filter_in_use}_{name}", SD[name])
 
 
 def receivers(log: DataFlash) -> tuple[dict[str, tuple[Columns, Any, list[Section]]], list[str]]:
@@ -214,64 +208,44 @@ def _gnss(log: DataFlash, instance: int, fixes: Columns) -> list[Section]:
     time = {"column": "SampleUS", "unit": "us", "offset": -delay}
     common: dict[str, Any] = {"table": f"GPS {instance}", "time": time}
     assumed = {"time": why}
-    for name in (f"GPS{instance + 1}_POS_", f"GPS_POS{instance + 1}_"):
-        arm = autopilot.arm(log.parameters, name)
-        if any(arm):
-            common["lever_arm"], assumed["lever_arm"] = arm, f"{name[:-1]} of the log"
-    title = f"GPS {instance}, {autopilot.rate(fixes['TimeUS']):.3g} Hz"
+    names = (f"GPS_POS{instance + 1}_", f"GPS{instance + 1}_POS_")
+    autopilot.add_arm(common, assumed, log.parameters, names)
+    title = f"GPS {instance}, {rate_of(fixes['TimeUS'], 1e-6):.3g} Hz"
     height = "Height" if "Height" in fixes else "Alt"
-    position = {"columns": ["Lat", "Lng", height], "unit": ["deg", "deg", "m"]}
+    columns = {"columns": ["Lat", "Lng", height], "unit": ["deg", "deg", "m"]}
+    geoid = {"geoid": "EGM96"} if height == "Alt" else {}
     velocity = {"columns": ["VN", "VE", "VZ"], "unit": "m/s"}
-    sections = []
-    above_geoid = height == "Alt"
-    for kind, keys, names, setting in (
-        ("position", position, ["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"),
-        ("velocity", velocity, ["SAcc"], "VELNE_M_NSE"),
-    ):
-        known = all(name in fixes and np.isfinite(fixes[name]).any() for name in names)
-        sd, origin = _setting(log, setting)
-        said = names[0] if len(names) == 1 else names
-        whole = {"kind": kind, **common, **keys, "sd": said if known else sd}
-        if above_geoid and kind == "position":
-            whole["geoid"] = "EGM96"
-        reasons = assumed | ({} if known else {"sd": f"the receiver says none; {origin}"})
-        where = ("aiding", "gnss", whole, instance, f"{title}, {kind}", reasons)
-        sections.append(
-            Section(*where, remarks=() if "log names none" not in why else autopilot.UNSURE)
-        )
-    return sections
+    sd, sd_of_velocity = (
+        autopilot.deviation(fixes, names, _setting(log, own))
+        for names, own in ((["HAcc", "HAcc", "VAcc"], "POSNE_M_NSE"), (["SAcc"], "VELNE_M_NSE"))
+    )
+    remarks = autopilot.UNSURE if "log names none" in why else ()
+    return autopilot.receiver_sections(
+        Section("aiding", "gnss", common, instance, title, assumed, remarks=remarks),
+        ({**columns, **sd.key, **geoid}, sd.assumed),
+        ({**velocity, **sd_of_velocity.key}, sd_of_velocity.assumed),
+    )
 
 
 def others(log: DataFlash, dated: bool) -> dict[str, tuple[Columns, Section]]:
     """{table: (its columns, section)} of magnetometers and barometers."""
     made = {}
-    for role, kind, columns, unit, setting in (
-        ("magnetometer", "magnetic-field", ["MagX", "MagY", "MagZ"], "gauss", "MAG_M_NSE"),
-        ("barometer", "pressure", ["Press"], "Pa", "ALT_M_NSE"),
+    time = {"column": "TimeUS", "unit": "us"}
+    in_thousandths = {"scale": 1e-3}
+    for role, columns, setting, more in (
+        ("magnetometer", ["MagX", "MagY", "MagZ"], "MAG_M_NSE", in_thousandths),
+        ("barometer", ["Press"], "ALT_M_NSE", {}),
     ):
-        sd, why = _setting(log, setting)
+        own = _setting(log, setting)
         for instance, values in _instances(log, role).items():
             if "Health" in values:
                 good = values["Health"] != 0
                 values = {key: each[good] for key, each in values.items()}
             if not len(values["TimeUS"]):
                 continue
-            table = f"{MESSAGES[role][0]} {instance}"
-            keys = {
-                "kind": kind,
-                "table": table,
-                "time": {"column": "TimeUS", "unit": "us"},
-                "columns": columns,
-                "unit": unit,
-                "sd": sd,
-            }
-            if role == "magnetometer":
-                keys["scale"] = 1e-3  # counts of a thousandth
-            left = ""
-            if role == "magnetometer" and not dated:
-                left = "the model of the Earth's field needs a date, and the log has none"
-            title = f"{table}, {autopilot.rate(values['TimeUS']):.3g} Hz"
-            section = Section("aiding", role, keys, instance, title, {"sd": why}, left)
+            table, hz = f"{MESSAGES[role][0]} {instance}", rate_of(values["TimeUS"], 1e-6)
+            keys = {"time": time, "columns": columns}
+            section = autopilot.other_section(role, table, keys, own, instance, hz, dated, **more)
             made[table] = values, section
     return made
 
@@ -296,7 +270,9 @@ def trajectories(log: DataFlash) -> list[tuple[Columns, Section]]:
             velocity = {key: each[velocity["C"] == 0] for key, each in velocity.items()}
         columns = autopilot.trajectory(_place(own), (attitude["TimeUS"], q), _velocity(velocity))
         title = f"POS, ATT and {name}"
-        found.append(autopilot.reference(columns, "estimate", 1, title, ESTIMATE, geoid=True))
+        found.append(
+            autopilot.reference(columns, "estimate", 1, title, autopilot.ESTIMATE, geoid=True)
+        )
     return [each for each in found if len(each[0]["t"]) > 1]
 
 

@@ -1,8 +1,8 @@
 """What the logs of flight controllers have in common: rates, the moment of their zero, the delay
 and the arms that their parameters state, a trajectory of several messages as one table."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,16 +21,30 @@ VEHICLES: dict[float, str] = {
 """Kinds of MAV_TYPE (https://mavlink.io/en/messages/common.html#MAV_TYPE) with bounds of their own."""
 LATEST = 5e9  # s of GPS time, in 2138
 GRADE_OF_MEMS = "flight controllers have a MEMS IMU"
+ESTIMATE = "the autopilot's own estimate, made of the same sensors"
+NO_DATE = "the model of the Earth's field needs a date, and the log has none"
+OTHERS = {"magnetometer": ("magnetic-field", "gauss"), "barometer": ("pressure", "Pa")}
+"""Kind and unit of the sources by their roles."""
 Columns = Mapping[str, Any]
 UNSURE = ('# estimate = ["clock"]           # the filter then finds the delay itself',)
 """Of a receiver whose delay is assumed."""
 
 
-def rate(t_us: Any) -> float:
-    """Hz of times in us: 1 / their median interval; 0 of fewer than two."""
-    steps = np.diff(np.sort(np.asarray(t_us).astype(np.int64)))
-    steps = steps[steps > 0]
-    return 1e6 / float(np.median(steps)) if len(steps) else 0.0
+class Deviation(NamedTuple):
+    """The key `sd` of a section."""
+
+    sd: Any  # a number or names of columns
+    why: str  # where it comes from; "" where the log says it of each fix
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """Of a section."""
+        return {"sd": self.sd}
+
+    @property
+    def assumed(self) -> dict[str, str]:
+        """Of a section: why it is assumed."""
+        return {"sd": self.why} if self.why else {}
 
 
 def zero_of_clock(gps: Array, t: Array) -> dict[str, str]:
@@ -48,6 +62,92 @@ def arm(parameters: Mapping[str, float], name: str) -> list[float]:
     missing."""
     found = [float(parameters.get(f"{name}{axis}", np.nan)) for axis in "XYZ"]
     return found if np.isfinite(found).all() else [0.0, 0.0, 0.0]
+
+
+def add_arm(
+    keys: dict[str, Any],
+    assumed: dict[str, str],
+    parameters: Mapping[str, float],
+    names: Iterable[str],
+) -> None:
+    """Add the key `lever_arm`, of the first of these parameters that says one."""
+    for name in names:
+        found = arm(parameters, name)
+        if any(found):
+            keys["lever_arm"], assumed["lever_arm"] = found, f"{name.rstrip('_')} of the log"
+            return
+
+
+def setting(parameters: Mapping[str, float], name: str, default: float) -> Deviation:
+    """The standard deviation that a parameter of the autopilot's own filter says, or its default."""
+    found = parameters.get(name, 0.0)
+    if found > 0:
+        return Deviation(float(f"{found:.6g}"), f"{name} of the log")
+    return Deviation(default, f"the default of {name}")
+
+
+def deviation(fixes: Columns, names: Sequence[str], own: Deviation) -> Deviation:
+    """The standard deviations that columns of a receiver say, else the autopilot's own setting."""
+    if all(name in fixes and np.any(fixes[name] > 0) for name in names):
+        return Deviation(names[0] if len(names) == 1 else list(names), "")
+    return Deviation(own.sd, f"the receiver says none; {own.why}")
+
+
+def imu_section(
+    parameters: Mapping[str, float],
+    arm_of: str,
+    keys: dict[str, Any],
+    instance: int,
+    title: str,
+    assumed: Mapping[str, str],
+    faster: str,
+) -> Section:
+    """[imu] of a flight controller, whose place is in the parameters `arm_of`."""
+    keys = {**keys, "grade": "consumer"}
+    assumed = {**assumed, "grade": GRADE_OF_MEMS}
+    add_arm(keys, assumed, parameters, [arm_of])
+    return Section("imu", "imu", keys, instance, title, assumed, faster=faster)
+
+
+Part = tuple[Mapping[str, Any], Mapping[str, str]]
+"""Keys of a section, and why those of them that are assumed."""
+
+
+def receiver_sections(
+    receiver: Section, position: Part, velocity: Part, no_velocity: str = ""
+) -> list[Section]:
+    """Position and velocity of a receiver, beside what is common to both; `no_velocity` is why the
+    velocity is left."""
+    return [
+        receiver._replace(
+            keys={"kind": kind, **receiver.keys, **keys},
+            title=f"{receiver.title}, {kind}",
+            assumed={**receiver.assumed, **why},
+            left=left,
+        )
+        for kind, (keys, why), left in (
+            ("position", position, ""),
+            ("velocity", velocity, no_velocity),
+        )
+    ]
+
+
+def other_section(
+    role: str,
+    table: str,
+    keys: Mapping[str, Any],
+    own: Deviation,
+    instance: int,
+    hz: float,
+    dated: bool,
+    **more: Any,
+) -> Section:
+    """A magnetometer or a barometer, whose `keys` are its time and columns; `dated`: the log tells
+    a date."""
+    kind, unit = OTHERS[role]
+    keys = {"kind": kind, "table": table, **keys, "unit": unit, **own.key, **more}
+    left = "" if dated or role != "magnetometer" else NO_DATE
+    return Section("aiding", role, keys, instance, f"{table}, {hz:.3g} Hz", own.assumed, left)
 
 
 def changes(

@@ -1,15 +1,13 @@
 """ArduPilot's log format DataFlash, https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
 and `AP_Logger/LogStructure.h`: its messages as tables, its parameters and its text."""
 
-from array import array
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....checks import DataError
-from ....preprocessing.origin import counted
-from ..records import MOST_DAMAGES, Bytes, next_record, structured
+from ..records import Follow, Walked, structured
 
 HEAD = b"\xa3\x95"
 FORMAT, FORMAT_LENGTH = 128, 89
@@ -70,14 +68,13 @@ class Message(NamedTuple):
         return found if found.itemsize == self.length - 3 else None
 
 
-class DataFlash:
+class DataFlash(Walked):
     """A binary DataFlash log, walked once. Raises DataError where the bytes are none."""
 
     def __init__(self, content: bytes) -> None:
         if HEAD not in content[:4096]:
             raise DataError("is no DataFlash log; is it the .BIN file of the autopilot?")
-        self.content = content
-        self.data: Bytes = np.frombuffer(content, np.uint8)
+        super().__init__(content)
         self.messages: dict[int, Message] = {
             FORMAT: Message(
                 "FMT",
@@ -86,17 +83,14 @@ class DataFlash:
                 ("Type", "Length", "Name", "Format", "Columns"),
             )
         }
-        self.unread = self.damages = self.cut = 0
         self._lengths = [0] * 256
         self._lengths[FORMAT] = FORMAT_LENGTH
-        self._places = array("q")
-        self._walk()
-        starts = np.frombuffer(self._places, np.int64)
-        kinds = self.data[starts + 2]
-        order = np.argsort(kinds, kind="stable")
-        cuts = np.searchsorted(kinds[order], np.arange(256))
-        self._rows = np.split(starts[order], cuts)[1:]
-        self.parameters, self.changed = self._parameters()
+        self._walk(0, len(content))
+        self._rows = self._grouped(lambda starts: self.data[starts + 2], range(256))
+        columns = self.columns("PARM")
+        if {"Name", "Value"} <= set(columns):
+            for raw, value in zip(columns["Name"].tolist(), columns["Value"].tolist()):
+                self._set(raw.decode("ascii", "replace"), float(value))
 
     @property
     def counts(self) -> dict[str, int]:
@@ -125,48 +119,7 @@ class DataFlash:
         texts = self.columns("MSG").get("Message", np.array([], "S1"))
         return [each.decode("utf-8", "replace") for each in texts.tolist()]
 
-    @property
-    def remarks(self) -> list[str]:
-        """Lines on what of the file was lost."""
-        lines = []
-        if self.unread:
-            lines.append(
-                f"{counted(self.damages, 'damaged place')}, {self.unread} bytes passed over"
-            )
-        if self.cut:
-            lines.append(f"the last record is cut short ({self.cut} bytes)")
-        return lines
-
-    def _parameters(self) -> tuple[dict[str, float], dict[str, list[float]]]:
-        columns = self.columns("PARM")
-        found: dict[str, float] = {}
-        changed: dict[str, list[float]] = {}
-        if {"Name", "Value"} <= set(columns):
-            for raw, value in zip(columns["Name"].tolist(), columns["Value"].tolist()):
-                name = raw.decode("ascii", "replace")
-                if found.get(name, value) != value:
-                    changed.setdefault(name, []).append(found[name])
-                found[name] = float(value)
-        return found, changed
-
-    def _walk(self) -> None:
-        at, end = 0, len(self.content)
-        while at < end:
-            at = self._whole(at, end)
-            if at >= end:
-                return
-            if self._is_cut(at, end):
-                self.cut = end - at
-                return
-            self.damages += 1
-            found = end
-            if self.damages <= MOST_DAMAGES:
-                found = next_record(self._follow(end), at + 1, end)
-            self.unread += found - at
-            at = found
-
     def _whole(self, at: int, end: int) -> int:
-        """Take in whole messages from `at`; where the first stands that is none."""
         content, lengths, place = self.content, self._lengths, self._places.append
         while at + 3 <= end:
             kind = content[at + 2]
@@ -180,13 +133,11 @@ class DataFlash:
         return at
 
     def _is_cut(self, at: int, end: int) -> bool:
-        """Whether the message at a place that has no whole one is a good one but for its end."""
         if not HEAD.startswith(self.content[at : at + 2]):
             return False
         return at + 3 > end or at + self._lengths[self.content[at + 2]] > end
 
-    def _follow(self, end: int) -> Any:
-        """The Follow of this file."""
+    def _follow(self, end: int) -> Follow:
         data, lengths = self.data, np.array(self._lengths)
 
         def follow(at: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -5,6 +5,9 @@ the autopilot integrated from the raw samples of its sensors, over 4 to 5 ms, ca
 to the body; divided by the time that they were integrated over these are mean rates, which stay
 right where the logger lost a message. `sensor_gyro` and `sensor_accel`, raw, neither calibrated nor
 turned, are taken only where the log has nothing better.
+
+Delay and antenna of a receiver are in EKF2_GPS_DELAY and EKF2_GPS_POS_*; since 2026 in parameters of
+each receiver, SENS_GPS0_* and SENS_GPS1_*.
 """
 
 from collections.abc import Mapping
@@ -14,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
+from ....time_scales import rate_of
 from ...contract import GUESS, Section
 from . import autopilot
 from .ulog import ULog
@@ -62,7 +66,6 @@ EQUAL = (
     "heights above the ellipsoid and mean sea level are equal in all rows, as simulators write them: "
     "taken as above mean sea level"
 )
-ESTIMATE = "the autopilot's own estimate, made of the same sensors"
 
 
 def prepared(log: ULog, name: str, instance: int) -> tuple[Columns, NDArray[np.int64]]:
@@ -118,7 +121,7 @@ def instances(log: ULog, name: str) -> dict[int, float]:
     for topic, instance in log.topics:
         columns = log.columns(name, instance) if topic == name else {}
         if any(needed | {"timestamp"} <= set(columns) for needed in NEEDED[name]):
-            rates[instance] = autopilot.rate(columns["timestamp"])
+            rates[instance] = rate_of(columns["timestamp"], 1e-6)
     return rates
 
 
@@ -220,12 +223,8 @@ def _raw_imu(log: ULog, name: str, instance: int, hz: float) -> Section:
 def _of_imu(
     log: ULog, instance: int, title: str, keys: dict[str, Any], assumed: dict[str, str]
 ) -> Section:
-    keys["grade"] = "consumer"
-    assumed["grade"] = autopilot.GRADE_OF_MEMS
-    position = autopilot.arm(log.parameters, "EKF2_IMU_POS_")
-    if any(position):
-        keys["lever_arm"], assumed["lever_arm"] = position, "EKF2_IMU_POS of the log"
-    return Section("imu", "imu", keys, instance, title, assumed, faster=FASTER)
+    arm = "EKF2_IMU_POS_"
+    return autopilot.imu_section(log.parameters, arm, keys, instance, title, assumed, FASTER)
 
 
 def same_heights(columns: Mapping[str, Any], ellipsoid: str, sea_level: str) -> bool:
@@ -234,51 +233,28 @@ def same_heights(columns: Mapping[str, Any], ellipsoid: str, sea_level: str) -> 
     return np.array_equal(columns[ellipsoid], columns[sea_level])
 
 
-def setting(log: ULog, parameter: str) -> tuple[float, str]:
-    """(a standard deviation, where it comes from)."""
-    found = log.parameters.get(parameter, 0.0)
-    if found > 0:
-        return float(f"{found:.6g}"), f"{parameter} of the log"
-    return SD[parameter], f"the default of {parameter}"
+def setting(log: ULog, parameter: str) -> autopilot.Deviation:
+    """What the autopilot's own filter took."""
+    return autopilot.setting(log.parameters, parameter, SD[parameter])
 
 
 def others(log: ULog, dated: bool) -> list[Section]:
     """Magnetometers and barometers."""
     sections = []
-    for topic, role, kind, columns, unit, parameter in (
+    for role, topic, columns, parameter in (
         (
-            "vehicle_magnetometer",
             "magnetometer",
-            "magnetic-field",
+            "vehicle_magnetometer",
             [f"magnetometer_ga[{k}]" for k in range(3)],
-            "gauss",
             "EKF2_MAG_NOISE",
         ),
-        (
-            "vehicle_air_data",
-            "barometer",
-            "pressure",
-            ["baro_pressure_pa"],
-            "Pa",
-            "EKF2_BARO_NOISE",
-        ),
+        ("barometer", "vehicle_air_data", ["baro_pressure_pa"], "EKF2_BARO_NOISE"),
     ):
-        sd, why = setting(log, parameter)
+        own = setting(log, parameter)
         for instance, hz in sorted(instances(log, topic).items()):
-            values = log.columns(topic, instance)
-            keys = {
-                "kind": kind,
-                "table": f"{topic} {instance}",
-                "time": time_of(log, values),
-                "columns": columns,
-                "unit": unit,
-                "sd": sd,
-            }
-            left = ""
-            if role == "magnetometer" and not dated:
-                left = "the model of the Earth's field needs a date, and the log has none"
-            title = f"{topic} {instance}, {hz:.3g} Hz"
-            sections.append(Section("aiding", role, keys, instance, title, {"sd": why}, left))
+            table = f"{topic} {instance}"
+            keys = {"time": time_of(log, log.columns(topic, instance)), "columns": columns}
+            sections.append(autopilot.other_section(role, table, keys, own, instance, hz, dated))
     return sections
 
 
@@ -288,7 +264,7 @@ def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
     title = "vehicle_global_position, vehicle_attitude, vehicle_local_position"
     for instance, suffix, table, named, left in (
         (0, "_groundtruth", "groundtruth", "the simulator's truth", ""),
-        (1, "", "estimate", title, ESTIMATE),
+        (1, "", "estimate", title, autopilot.ESTIMATE),
     ):
         position = log.columns(f"vehicle_global_position{suffix}")
         attitude = log.columns(f"vehicle_attitude{suffix}")
@@ -314,3 +290,104 @@ def trajectories(log: ULog) -> list[tuple[Columns, Section]]:
         geoid = heights[:1] == ["alt"]
         found.append(autopilot.reference(columns, table, instance, named, left, geoid, **clock))
     return found
+
+
+# ---- receivers
+
+OLD_DELAY = "EKF2_GPS_DELAY"
+DELAYS = (OLD_DELAY, "SENS_GPS0_DELAY", "SENS_GPS1_DELAY")  # ms
+NO_DELAY = "the log has no delay of the receiver: 0 s, but PX4's usual default is 110 ms; check it"
+TAKEN_OFF = "PX4 has taken the receiver's delay off timestamp_sample"
+
+
+def receivers(log: ULog) -> tuple[list[Section], list[str]]:
+    """(sections, lines on what is left) of the receivers. `vehicle_gps_position` of a newer log
+    repeats what one of `sensor_gps` says, or a mixture of several."""
+    own, chosen = (instances(log, name) for name in ("sensor_gps", "vehicle_gps_position"))
+    fast, slow = (max(each.values(), default=0.0) for each in (own, chosen))
+    name, other = "vehicle_gps_position", "sensor_gps"
+    if fast and fast >= NEARLY * slow:
+        name, other, own, chosen, fast, slow = other, name, chosen, own, slow, fast
+    sections, left = [], [f"{other}, {fast:.3g} Hz: of the same receiver as {name}"] if own else []
+    left += lacking(log, other) + lacking(log, name)
+    for instance in sorted(chosen):
+        fixes, rows = prepared(log, name, instance)
+        lost = len(log.columns(name, instance)["timestamp"]) - len(rows)
+        if lost:
+            left.append(f"{name} {instance}: {lost} of {lost + len(rows)} rows without a 3D fix")
+        if len(rows):
+            sections += _gnss(log, name, instance, fixes)
+    return sections, left
+
+
+def _gnss(log: ULog, name: str, instance: int, fixes: Columns) -> list[Section]:
+    """The sections of one receiver."""
+    parameters = log.parameters
+    slot = _slot(parameters, fixes, instance)
+    time, why = _time(log, fixes, slot)
+    common: dict[str, Any] = {"table": f"{name} {instance}", "time": time}
+    assumed = {"time": why} if why else {}
+    names = (f"SENS_GPS{slot}_OFF", "EKF2_GPS_POS_")
+    autopilot.add_arm(common, assumed, parameters, names)
+    title = f"{name} {instance}, {rate_of(fixes['timestamp'], 1e-6):.3g} Hz"
+    position, of_position = _position(fixes)
+    moved = {"columns": [f"vel_{axis}_m_s" for axis in "ned"], "unit": "m/s"}
+    left = "" if fixes["vel_ned_valid"].any() else "the log says vel_ned_valid = 0 of all of them"
+    sd, sd_of_velocity = (
+        autopilot.deviation(fixes, columns, setting(log, own))
+        for columns, own in (
+            (["eph", "eph", "epv"], "EKF2_GPS_P_NOISE"),
+            (["s_variance_m_s"], "EKF2_GPS_V_NOISE"),
+        )
+    )
+    remarks = autopilot.UNSURE if why == NO_DELAY else ()
+    return autopilot.receiver_sections(
+        Section("aiding", "gnss", common, instance, title, assumed, remarks=remarks),
+        ({**position, **sd.key}, {**sd.assumed, **of_position}),
+        ({**moved, **sd_of_velocity.key}, sd_of_velocity.assumed),
+        left,
+    )
+
+
+def _slot(parameters: Mapping[str, float], fixes: Columns, instance: int) -> int:
+    """The number of a receiver in the parameters SENS_GPS0_* and SENS_GPS1_*: of the one with its
+    device id, else its instance."""
+    devices, many = np.unique(fixes.get("device_id", np.zeros(1)), return_counts=True)
+    device = float(devices[np.argmax(many)])
+    for slot in (0, 1):
+        # the parameter is signed, the id is not
+        if device and parameters.get(f"SENS_GPS{slot}_ID", 0.0) % 2**32 == device:
+            return slot
+    return instance
+
+
+def _time(log: ULog, fixes: Columns, slot: int) -> tuple[dict[str, Any], str]:
+    """(the key `time` of a receiver, where its delay comes from). Since 2026 `timestamp_sample` is
+    the moment of the fix, as PX4's VehicleGPSPosition works it out, where it is before
+    `timestamp`; earlier versions go by `timestamp` alone."""
+    sampled = fixes.get("timestamp_sample", np.zeros(1))
+    if OLD_DELAY not in log.parameters and np.all((sampled > 0) & (sampled < fixes["timestamp"])):
+        return time_of(log, fixes), TAKEN_OFF
+    name = f"SENS_GPS{slot}_DELAY"
+    name = name if name in log.parameters else OLD_DELAY
+    if name not in log.parameters:
+        return time_of(log, {}), NO_DELAY
+    delay = log.parameters[name]
+    if not delay:
+        return time_of(log, {}), ""
+    return time_of(log, {}, -1e-3 * delay), f"{name} of the log is {delay:g} ms"
+
+
+def _position(fixes: Columns) -> tuple[dict[str, Any], dict[str, str]]:
+    """(keys, those of them that are assumed) of the positions of a receiver."""
+    new = "latitude_deg" in fixes
+    heights = ["altitude_ellipsoid_m", "altitude_msl_m"] if new else ["alt_ellipsoid", "alt"]
+    same = same_heights(fixes, *heights)
+    height = heights[0] if np.any(fixes[heights[0]] != 0) and not same else heights[1]
+    columns = ["latitude_deg", "longitude_deg", height] if new else ["lat", "lon", height]
+    keys: dict[str, Any] = {"columns": columns, "unit": ["deg", "deg", "m"]}
+    if not new:
+        keys["scale"] = [1e-7, 1e-7, 1e-3]
+    if height != heights[1]:
+        return keys, {}
+    return keys | {"geoid": "EGM96"}, {"geoid": EQUAL} if same else {}

@@ -3,7 +3,6 @@ tables, its parameters and its text."""
 
 import re
 import struct
-from array import array
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from ....checks import DataError
 from ....preprocessing.origin import counted
-from ..records import MOST_DAMAGES, Bytes, how_it_begins, next_record, structured
+from ..records import Follow, Walked, how_it_begins, structured
 
 MAGIC = b"ULog\x01\x12\x35"
 HEADER = 16  # bytes: magic, version, time of the start
@@ -48,7 +47,7 @@ class Topic(NamedTuple):
     sizes: tuple[int, ...]  # bytes that its messages may have, the id included; () where unknown
 
 
-class ULog:
+class ULog(Walked):
     """A ULog, walked once: `columns` gives a topic when it is asked for.
 
     Raises DataError where the bytes are no ULog, or one that needs a newer reader.
@@ -57,20 +56,13 @@ class ULog:
     def __init__(self, content: bytes) -> None:
         if content[: len(MAGIC)] != MAGIC or len(content) < HEADER:
             raise DataError(f"is no ULog: {how_it_begins(content, MAGIC)}")
-        self.data: Bytes = np.frombuffer(content, np.uint8)
-        self.content = content
+        super().__init__(content)
         self.start = int.from_bytes(content[8:HEADER], "little")  # us
-        self.parameters: dict[str, float] = {}
-        self.changed: dict[str, list[float]] = {}  # values that parameters had before
         self.info: dict[str, str] = {}
         self.dropouts: list[int] = []  # ms
-        self.unread = 0  # bytes between damage and the next record
-        self.damages = 0
-        self.cut = 0  # bytes of a record that the end of the file cuts short
         self._formats: dict[str, str] = {}
         self._topics: dict[int, Topic] = {}
         self._sizes: list[tuple[int, ...] | None] = [None] * (LONGEST + 1)
-        self._places = array("q")
         self._handlers = {
             ord("F"): self._format,
             ord("I"): self._information,
@@ -81,13 +73,11 @@ class ULog:
         edges = [HEADER, *self._appended(), len(content)]
         for begin, end in zip(edges, edges[1:]):
             self._walk(begin, end)
-        self.starts = np.frombuffer(self._places, np.int64)
-        ids = self.data[self.starts + 3].astype(np.int64) + 256 * self.data[self.starts + 4].astype(
-            np.int64
-        )
-        order = np.argsort(ids, kind="stable")
-        cuts = np.searchsorted(ids[order], sorted(self._topics))
-        self._rows = dict(zip(sorted(self._topics), np.split(self.starts[order], cuts)[1:]))
+        self._rows = self._grouped(self._ids, sorted(self._topics))
+
+    def _ids(self, starts: NDArray[np.int64]) -> NDArray[Any]:
+        """The ids of data messages that begin there."""
+        return structured(self.data, starts + 3, np.dtype("<u2"))
 
     @property
     def topics(self) -> dict[tuple[str, int], int]:
@@ -140,22 +130,7 @@ class ULog:
         places = tuple(each for each in places if HEADER < each < len(self.content))
         return sorted(set(places)) if incompatible[0] & APPENDED else []
 
-    def _walk(self, begin: int, end: int) -> None:
-        """Take in the records from `begin`; what is no record is passed over and counted."""
-        while begin < end:
-            begin = self._whole(begin, end)
-            if begin + 3 > end or self._is_cut(begin, end):
-                self.cut += end - begin
-                return
-            self.damages += 1
-            found = end
-            if self.damages <= MOST_DAMAGES:
-                found = next_record(self._follow(end), begin + 1, end)
-            self.unread += found - begin
-            begin = found
-
     def _whole(self, at: int, end: int) -> int:
-        """Take in whole records from `at`; where the first stands that is none."""
         content, sizes, place, handlers = (
             self.content,
             self._sizes,
@@ -184,7 +159,8 @@ class ULog:
         return at
 
     def _is_cut(self, at: int, end: int) -> bool:
-        """Whether the record at a place that has no whole one is a good one but for its end."""
+        if at + 3 > end:
+            return True
         size = self.content[at] + 256 * self.content[at + 1]
         kind = self.content[at + 2]
         if at + 3 + size <= end or kind not in KINDS:
@@ -194,8 +170,8 @@ class ULog:
         known = self._sizes[self.content[at + 3] + 256 * self.content[at + 4]]
         return known is None or size in known
 
-    def _follow(self, end: int) -> Any:
-        """The Follow of this file: data of a known size, sync marks, and short texts."""
+    def _follow(self, end: int) -> Follow:
+        """By data of a known size, sync marks, and short texts."""
         data = self.data
         sizes = np.full((LONGEST + 1, 2), -1)
         for number, topic in self._topics.items():
@@ -266,23 +242,15 @@ class ULog:
         return at, logged
 
     def _information(self, body: bytes) -> None:
-        length = body[0] if body else 0
-        kind, _, key = body[1 : 1 + length].decode("ascii", "replace").partition(" ")
-        value = body[1 + length :]
+        kind, key, value = _entry(body)
         if kind.startswith("char"):
             self.info[key] = value.decode("utf-8", "replace").strip("\0")
 
     def _parameter(self, body: bytes) -> None:
-        length = body[0] if body else 0
-        kind, _, key = body[1 : 1 + length].decode("ascii", "replace").partition(" ")
-        value = body[1 + length :]
+        kind, key, value = _entry(body)
         if len(value) != 4 or kind not in ("int32_t", "float"):
             return
-        number = float(np.frombuffer(value, TYPES[kind])[0])
-        before = self.parameters.get(key, number)
-        if before != number:
-            self.changed.setdefault(key, []).append(before)
-        self.parameters[key] = number
+        self._set(key, float(np.frombuffer(value, TYPES[kind])[0]))
 
     def _dropout(self, body: bytes) -> None:
         if len(body) >= 2:
@@ -301,10 +269,11 @@ class ULog:
             lines.append(
                 f"{counted(unknown, 'topic')} not read: the format is missing or contradicts itself"
             )
-        if self.unread:
-            lines.append(
-                f"{counted(self.damages, 'damaged place')}, {self.unread} bytes passed over"
-            )
-        if self.cut:
-            lines.append(f"the last record is cut short ({self.cut} bytes)")
-        return lines
+        return lines + super().remarks
+
+
+def _entry(body: bytes) -> tuple[str, str, bytes]:
+    """(type, name, value) of an information or a parameter."""
+    length = body[0] if body else 0
+    kind, _, key = body[1 : 1 + length].decode("ascii", "replace").partition(" ")
+    return kind, key, body[1 + length :]

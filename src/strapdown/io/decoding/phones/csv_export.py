@@ -7,14 +7,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 
 from ....checks import DataError
 from ....file_limits import Meter
 from ....opening import Zip, files_of
-from ...tables.table_file import Table, open_bytes, packed, reading, split_error
+from ...tables.table_file import Table, first_line_of, open_bytes, packed, reading, split_error
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CSV = tuple(end for end in packed(".csv") if not end.endswith(".zip"))
 """How the names of the files end."""
@@ -44,8 +47,6 @@ class Export(NamedTuple):
 
     def table(self, name: str) -> Table:
         """A file as a Table, without rows where it has none. Raises DataError."""
-        import pandas as pd
-
         label = str(self.path) if self.alone else f"{self.path} [{name}.csv]"
         head = self.head(name)
         separator = max(",;\t", key=head.count)
@@ -53,23 +54,8 @@ class Export(NamedTuple):
             content = file.read()
         # apps set in some languages write 1,5 between semicolons or tabs
         comma = separator != "," and re.search(rb"\d,\d", content[len(head) :][:HEAD])
-        try:
-            frame = pd.read_csv(
-                io.BytesIO(content),
-                sep=separator,
-                decimal="," if comma else ".",
-                index_col=False,
-                encoding_errors="replace",
-                low_memory=False,
-            )
-        except pd.errors.EmptyDataError:
-            frame = pd.DataFrame()
-        except (pd.errors.ParserError, ValueError, OverflowError) as error:
-            raise DataError(
-                f"{label}: is not a table of comma-separated values ({split_error(error)}); export it "
-                f"again"
-            ) from None
-        frame.columns = pd.Index([str(column).strip() for column in frame.columns])
+        decimal = "," if comma else "."
+        frame = parsed(content, label, sep=separator, decimal=decimal, index_col=False)
         return Table(label, frame, np.arange(len(frame)) + 2)
 
     @contextmanager
@@ -81,10 +67,28 @@ class Export(NamedTuple):
         except (NotImplementedError, RuntimeError, ValueError, KeyError, struct.error) as error:
             if isinstance(error, DataError):
                 raise
-            said = (str(error).splitlines() or [type(error).__name__])[0]
             raise DataError(
-                f"{self.path}: cannot be unpacked ({said}); unpack it and name the folder"
+                f"{self.path}: cannot be unpacked ({first_line_of(error)}); unpack it and name the folder"
             ) from None
+
+
+def parsed(content: bytes, label: str, **options: Any) -> "pd.DataFrame":
+    """What pandas makes of a text of cells, without rows where it has none. Raises DataError, which
+    begins with `label`."""
+    import pandas as pd
+
+    try:
+        frame = pd.read_csv(
+            io.BytesIO(content), encoding_errors="replace", low_memory=False, **options
+        )
+    except pd.errors.EmptyDataError:
+        frame = pd.DataFrame(columns=options.get("names"))
+    except (pd.errors.ParserError, ValueError, OverflowError) as error:
+        raise DataError(
+            f"{label}: is not a table of comma-separated values ({split_error(error)}); export it again"
+        ) from None
+    frame.columns = pd.Index([str(column).strip() for column in frame.columns])
+    return frame
 
 
 def export(path: Path) -> Export:

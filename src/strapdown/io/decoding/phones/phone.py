@@ -1,7 +1,8 @@
 """What logs of phones have in common: the axes, what a fix of the phone's location says, how it
 was held."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -48,6 +49,10 @@ class FixColumns(NamedTuple):
     speed_accuracy: str = ""  # m/s
     course_accuracy: str = ""  # deg
 
+    def among(self, columns: Sequence[str]) -> "FixColumns":
+        """The columns of a table whose names are of these patterns."""
+        return FixColumns(*(matching(columns, pattern) for pattern in self))
+
 
 class Piece(NamedTuple):
     """A gyro or an accelerometer: where its three columns are and what they are."""
@@ -57,6 +62,20 @@ class Piece(NamedTuple):
     columns: list[str]
     unit: str
     scale: float = 1.0
+
+
+def matching(columns: Sequence[str], pattern: str) -> str:
+    """The column whose name is of the pattern, the longest of several, "" where there is none: of two
+    heights that is the one above the ellipsoid."""
+    found = (each for each in columns if pattern and re.fullmatch(pattern, each, re.IGNORECASE))
+    return max(found, key=len, default="")
+
+
+def triple(columns: Sequence[str], pattern: str) -> list[str]:
+    """Names of the columns of x, y and z, whose pattern has "{axis}" for the axis; [] where one is
+    missing."""
+    found = [matching(columns, pattern.replace("{axis}", axis)) for axis in "xyz"]
+    return found if all(found) else []
 
 
 def fixes(table: Table, names: FixColumns, android: bool) -> tuple[Table, list[str]]:
@@ -92,6 +111,25 @@ def fixes(table: Table, names: FixColumns, android: bool) -> tuple[Table, list[s
     if unknown := int(np.isnan(accuracy).sum()):
         left.append(f"{unknown} fixes without an accuracy")
     return table._replace(content=frame, lines=table.lines[use]), left
+
+
+def location(
+    tables: dict[str, Table],
+    name: str,
+    names: FixColumns,
+    time: Mapping[str, Any],
+    android: bool,
+    needed: str,
+    geoid: str = "",
+    **more: Any,
+) -> tuple[list[Section], list[str]]:
+    """(sections, lines on what is left) of the fixes in a table, which gets the columns ADDED; `needed`
+    are the words for the columns without which there are none."""
+    if not (names.latitude and names.longitude and names.height and names.accuracy):
+        return [], [f"{name}: lacks {needed}"]
+    tables[name], left = fixes(tables[name], names, android)
+    sections = fix_sections(name, tables[name], names, time, android, geoid, **more)
+    return sections, [f"{name}: {line}" for line in left]
 
 
 def fix_sections(

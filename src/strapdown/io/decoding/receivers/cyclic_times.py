@@ -1,12 +1,55 @@
 """Moments from times that begin anew each day or week, by the dates that some records have."""
 
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ....time_scales import rolled
-from ....typing import Ints
+from ....typing import Array, Ints
 
 DAY, WEEK = 86_400_000, 604_800_000
 """ms"""
+
+
+class Clock(NamedTuple):
+    """The moments that records of a file say."""
+
+    place: Ints  # in the file (m,)
+    moment: Ints  # ms since the zero of an absolute clock, or of the first day or week (m,)
+    period: int  # ms, of the times that other records say
+    absolute: bool
+    time: dict[str, Any]  # as a description has it
+
+    @property
+    def column(self) -> str:
+        """Of a table: the name of the times."""
+        return str(self.time["column"])
+
+    def ms(self, place: Ints, t: Ints) -> Ints:
+        """Moments (n,) of times of day or of week at places in the file."""
+        return moments(place, t.astype(int), self.place, self.moment, self.period)
+
+
+def clock_of(
+    dated: Iterable[tuple[Ints, Ints]],
+    timed: Iterable[tuple[Ints, Ints]],
+    period: int,
+    absolute: dict[str, Any],
+    own: dict[str, Any],
+) -> Clock:
+    """The Clock of records with a date, each (place, moment), or where there is none of those with a
+    time (place, t); `absolute` and `own` are the key `time` of a description then."""
+    none = np.zeros(0, int)
+    place, moment = (np.concatenate([none, *each]) for each in zip((none, none), *dated))
+    is_absolute = len(place) > 0
+    if not is_absolute:
+        place, t = (np.concatenate([none, *each]) for each in zip((none, none), *timed))
+        place, moment = undated(place, t, period)
+    if not len(place):
+        place = moment = np.zeros(1, int)
+    order = np.argsort(place, kind="stable")
+    return Clock(place[order], moment[order], period, is_absolute, absolute if is_absolute else own)
 
 
 def moments(place: Ints, t: Ints, dated: Ints, moment: Ints, period: int) -> Ints:
@@ -35,3 +78,12 @@ def in_order(t: Ints) -> tuple[Ints, int, int]:
     order = np.argsort(t, kind="stable")
     first = np.diff(t[order], prepend=t[order][:1] - 1) > 0
     return order[first], int(np.count_nonzero(np.diff(t) < 0)), int(np.count_nonzero(~first))
+
+
+def same_time(t: Ints, there: Ints, values: Array) -> Array:
+    """The values (m,) at times `there` (m,) that stand at the times t (n,); NaN where there is none."""
+    if not len(there):
+        return np.full(len(t), np.nan)
+    order = np.argsort(there, kind="stable")
+    at = np.minimum(np.searchsorted(there[order], t), len(there) - 1)
+    return np.where(there[order][at] == t, values[order][at], np.nan)

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ....typing import Ints
 from ...contract import Log, Section
 from ...tables.table_file import Table
-from .cyclic_times import in_order
-from .nmea_clock import Clock, clock_of
-from .nmea_sentences import TIME_FIELD, Kind, Sentences
+from .cyclic_times import Clock, in_order, same_time
+from .nmea_sentences import TIME_FIELD, Kind, Sentences, clock as clock_of
 
 ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
 """m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
@@ -206,18 +205,12 @@ def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[
     if "GST" in sentences.kinds:
         gst = sentences.kinds["GST"]
         t = gst.time_of_day(1)
-        rows = np.flatnonzero(t >= 0)
-        moment = clock.ms(gst.place[rows], t[rows])
-        values = np.stack([gst.numbers(field)[rows] for field in (6, 7, 8)], axis=1)
-        order, _, _ = in_order(moment)
-        if len(order):
-            there = moment[order]
-            at = np.minimum(np.searchsorted(there, table.cells(clock.column)), len(there) - 1)
-            own = values[order][at]
-            beside = there[at] == table.cells(clock.column)
-            told = beside[:, None] & np.isfinite(own) & (own > 0)
-            raised = bool((told & (own < least)).any())
-            sd = np.where(told, np.maximum(own, least), sd)
+        there = np.where(t >= 0, clock.ms(gst.place, t), -1)
+        every = [same_time(table.cells(clock.column), there, gst.numbers(k)) for k in (6, 7, 8)]
+        own = np.stack(every, axis=1)
+        told = np.isfinite(own) & (own > 0)
+        raised = bool((told & (own < least)).any())
+        sd = np.where(told, np.maximum(own, least), sd)
     frame = table.frame.assign(sd_n=sd[:, 0], sd_e=sd[:, 1], sd_d=sd[:, 2])
     assumptions = []
     if not told.all():

@@ -2,7 +2,8 @@
 
 A sentence is $, talker (2 letters), type (3), fields after commas, * and the exclusive or of all
 bytes between $ and * in hexadecimal (NMEA 0183 version 4; gpsd's "NMEA Revealed"). One without
-checksum, or with a wrong one, is not used.
+checksum, or with a wrong one, is not used. Most have the time of the day; `clock` makes moments of it by
+the dates that some have.
 """
 
 import re
@@ -10,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ....time_scales import days_of
 from ....typing import Array, Ints
+from .cyclic_times import DAY, Clock, clock_of
 
 TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")
 """Sentences that are read; all others, such as GSV, are passed over."""
@@ -76,19 +79,26 @@ class Sentences(NamedTuple):
     rejected: int  # sentences of these types that fail their checksum
     bare: int  # and those without one
 
-    def time_beside(self, kind: Kind) -> Ints:
-        """Time of day (n,), ms, of sentences that have none: that of the sentence nearest in the
-        file, of two the one before; -1 where there is none."""
-        timed = [
+    @property
+    def timed(self) -> tuple[Ints, Ints, Ints]:
+        """(place, end, time of day in ms, -1 where there is none) of those that have such, in the
+        order of the file."""
+        none = np.zeros(0, int)
+        found = [
             (each.place, each.end, each.time_of_day(TIME_FIELD[name]))
             for name, each in self.kinds.items()
             if name in TIME_FIELD
         ]
-        if not timed:
-            return np.full(len(kind.place), -1)
-        place, end, t = (np.concatenate(each) for each in zip(*timed))
+        place, end, t = (np.concatenate(each) for each in zip((none, none, none), *found))
         order = np.argsort(place)
-        place, end, t = place[order], end[order], t[order]
+        return place[order], end[order], t[order]
+
+    def time_beside(self, kind: Kind) -> Ints:
+        """Time of day (n,), ms, of sentences that have none: that of the sentence nearest in the
+        file, of two the one before; -1 where there is none."""
+        place, end, t = self.timed
+        if not len(place):
+            return np.full(len(kind.place), -1)
         after = np.searchsorted(place, kind.place)
         before, after = np.maximum(after - 1, 0), np.minimum(after, len(place) - 1)
         nearer = np.abs(place[after] - kind.end) < np.abs(kind.place - end[before])
@@ -126,12 +136,64 @@ def numbers(texts: list[bytes]) -> Array:
     try:
         values = cells.astype(float)
     except ValueError:
-        values = np.array([_number(each) for each in texts])
+        values = np.array([number(each) for each in texts])
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _number(text: bytes) -> float:
+def number(text: bytes | str) -> float:
+    """NaN where a text is no number."""
     try:
         return float(text)
     except ValueError:
         return np.nan
+
+
+# ---- moments
+
+UNIX = {"column": "unix_ms", "unit": "ms", "clock": "unix"}
+OF_DAY = {"column": "day_ms", "unit": "ms"}
+"""The key `time` of a description, with a date and without any: days then count from the first."""
+
+
+def clock(sentences: Sentences) -> Clock:
+    """The clock of a file."""
+    dated = dates(sentences.kinds)
+    if len(dated[0]):
+        return clock_of([dated], [], DAY, UNIX, OF_DAY)
+    place, _, t = sentences.timed
+    return clock_of([], [(place[t >= 0], t[t >= 0])], DAY, UNIX, OF_DAY)
+
+
+def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
+    """(place in the file, ms, whether these are POSIX) of all sentences with a time of day."""
+    found = clock(sentences)
+    place, _, t = sentences.timed
+    place, ms = place[t >= 0], found.ms(place[t >= 0], t[t >= 0])
+    first = np.diff(ms, prepend=-1) != 0
+    return place[first], ms[first], bool(len(place)) and found.absolute
+
+
+def dates(kinds: dict[str, Kind]) -> tuple[Ints, Ints]:
+    """(place (m,), POSIX ms (m,)) of the sentences that say a date: RMC of a fix, else ZDA, else any
+    RMC."""
+    empty = np.zeros(0, int)
+    every = []
+    if "RMC" in kinds:
+        rmc = kinds["RMC"]
+        date = rmc.numbers(9)
+        day, month, year = date // 10000, date // 100 % 100, date % 100
+        year = np.where(year < 80, 2000 + year, 1900 + year)
+        place, moment = _moments(rmc, rmc.time_of_day(1), year, month, day)
+        fixed = np.isin(place, [p for p, state in zip(rmc.place, rmc.text(2)) if state == b"A"])
+        every += [(place[fixed], moment[fixed]), (place, moment)]
+    if "ZDA" in kinds:
+        zda = kinds["ZDA"]
+        parts = (zda.numbers(4), zda.numbers(3), zda.numbers(2))
+        every.insert(1, _moments(zda, zda.time_of_day(1), *parts))
+    return next((each for each in every if len(each[0])), (empty, empty))
+
+
+def _moments(kind: Kind, t: Ints, year: Array, month: Array, day: Array) -> tuple[Ints, Ints]:
+    days = days_of(year, month, day)
+    fits = (t >= 0) & (year >= 1980) & (year < 2100) & np.isfinite(days)
+    return kind.place[fits], days[fits].astype(int) * DAY + t[fits]

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....typing import Array, Ints
-from .cyclic_times import in_order
-from .ubx_frames import Frames
-from .ubx_layouts import (
+from .cyclic_times import Clock, in_order, same_time
+from .ubx_frames import (
     LAYOUTS,
+    NAMES,
     NAV_HPPOSLLH,
     NAV_POSLLH,
     NAV_PVAT,
@@ -18,15 +18,14 @@ from .ubx_layouts import (
     NAV_SOL,
     NAV_STATUS,
     NAV_VELNED,
+    Frames,
 )
-from .ubx_times import Clock
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
 """Of NAV-PVT: date and time of day are valid."""
 LEAST_SD = 1e-3
 """m and m/s, the resolution of NAV-PVT: a smaller standard deviation reads 0."""
-NAMES = {NAV_PVT: "NAV-PVT", NAV_HPPOSLLH: "NAV-HPPOSLLH", NAV_POSLLH: "NAV-POSLLH"}
 
 
 def solutions(frames: Frames, clock: Clock) -> tuple[str, Columns]:
@@ -57,11 +56,11 @@ def vehicle(frames: Frames, clock: Clock) -> Columns:
 def untimed(frames: Frames) -> list[str]:
     """Lines on the messages whose receiver did not yet know date and time; they are not used."""
     lines = []
-    for key, name in ((NAV_PVT, "NAV-PVT"), (NAV_PVAT, "NAV-PVAT")):
+    for key in (NAV_PVT, NAV_PVAT):
         _, records = frames.records(key, LAYOUTS[key])
         many = int(np.count_nonzero(records["valid"] & TIME_VALID != TIME_VALID))
         if many:
-            lines.append(f"{many} {name} without a valid date and time")
+            lines.append(f"{many} {NAMES[key]} without a valid date and time")
     return lines
 
 
@@ -71,7 +70,7 @@ def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Co
     found = {
         "row": np.flatnonzero(valid),
         "place": place,
-        "t": clock.gps_ms(place, records["iTOW"]),
+        "t": clock.ms(place, records["iTOW"]),
         "fixType": records["fixType"],
         "ok": (records["flags"] & 1).astype(bool),
         "lat": records["lat"] / 1e7,
@@ -86,7 +85,7 @@ def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Co
 
 def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Columns:
     """From a message of the position alone, the velocity and the state of the fix at its times."""
-    t = clock.gps_ms(place, records["iTOW"])
+    t = clock.ms(place, records["iTOW"])
     found = {"row": np.arange(len(t)), "place": place, "t": t, **_position(records)}
     velocity = _at(frames, clock, NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
     found |= {name: values / 100 for name, values in velocity.items()}
@@ -120,9 +119,9 @@ def _high_precision(frames: Frames, clock: Clock, found: Columns) -> Columns:
     place, records = frames.records(NAV_HPPOSLLH, LAYOUTS[NAV_HPPOSLLH])
     if not len(records):
         return found
-    t, finer = clock.gps_ms(place, records["iTOW"]), _position(records)
+    t, finer = clock.ms(place, records["iTOW"]), _position(records)
     for name, values in finer.items():
-        at = _looked_up(found["t"], t, values)
+        at = same_time(found["t"], t, values)
         found[name] = np.where(np.isfinite(at), at, found[name])
     return found
 
@@ -132,16 +131,8 @@ def _at(
 ) -> dict[str, Array]:
     """Fields of the messages of one kind at the epochs t; NaN where there is none."""
     place, records = frames.records(key, LAYOUTS[key])
-    there = clock.gps_ms(place, records["iTOW"])
-    return {name: _looked_up(t, there, records[name].astype(float)) for name in names}
-
-
-def _looked_up(t: Ints, there: Ints, values: Array) -> Array:
-    if not len(there):
-        return np.full(len(t), np.nan)
-    order = np.argsort(there, kind="stable")
-    at = np.minimum(np.searchsorted(there[order], t), len(there) - 1)
-    return np.where(there[order][at] == t, values[order][at], np.nan)
+    there = clock.ms(place, records["iTOW"])
+    return {name: same_time(t, there, records[name].astype(float)) for name in names}
 
 
 def usable(found: Columns, kinds: tuple[int, ...]) -> tuple[Columns, int, int]:

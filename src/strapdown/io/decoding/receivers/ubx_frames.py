@@ -2,7 +2,8 @@
 
 A frame is B5 62, class, identifier, length of the payload (2 bytes, little-endian), payload, and
 two bytes of Fletcher's checksum over all but the first two (u-blox M8 and F9 interface
-descriptions, "UBX frame structure").
+descriptions, "UBX frame structure"). `LAYOUTS` says where the fields of those messages are that a
+recording is made of, `clock` makes GPS time of their times of week by the weeks and dates that some say.
 """
 
 from typing import Any, NamedTuple
@@ -10,8 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....typing import Ints
+from ....time_scales import days_of, gps_from_unix
+from ....typing import Array, Ints
 from ..records import Bytes, structured
+from .cyclic_times import WEEK, Clock, clock_of, moments
 
 
 class Frames(NamedTuple):
@@ -87,3 +90,152 @@ def _without_overlap(start: Ints, end: Ints) -> NDArray[np.bool_]:
         keep[i] = begin >= free
         free = max(free, stop) if keep[i] else free
     return keep
+
+
+# ---- layouts
+
+
+def _layout(**fields: tuple[int, str]) -> np.dtype[Any]:
+    """The type of a record with these fields: (offset in the payload, format)."""
+    return np.dtype(
+        {
+            "names": list(fields),
+            "offsets": [offset for offset, _ in fields.values()],
+            "formats": [f"<{kind}" for _, kind in fields.values()],
+        }
+    )
+
+
+NAV_POSLLH, NAV_STATUS, NAV_SOL, NAV_PVT = 0x0102, 0x0103, 0x0106, 0x0107
+NAV_VELNED, NAV_HPPOSLLH, NAV_PVAT, NAV_TIMEGPS = 0x0112, 0x0114, 0x0117, 0x0120
+ESF_MEAS, ESF_RAW, ESF_ALG = 0x1002, 0x1003, 0x1014
+
+DATE = dict(year=(0, "u2"), month=(2, "u1"), day=(3, "u1"), hour=(4, "u1"), minute=(5, "u1"))
+
+
+def _date(at: int) -> dict[str, tuple[int, str]]:
+    """Year to second, UTC, from an offset on."""
+    fields = {name: (at + offset, kind) for name, (offset, kind) in DATE.items()}
+    return fields | {"second": (at + 6, "u1")}
+
+
+def _solution(at: int) -> dict[str, tuple[int, str]]:
+    """Of NAV-PVT and NAV-PVAT, from the longitude on: what both have alike."""
+    names = ("lon", "lat", "height", "hMSL", "hAcc", "vAcc", "velN", "velE", "velD")
+    unsigned = {"hAcc", "vAcc"}
+    return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
+
+
+LAYOUTS: dict[int, np.dtype[Any]] = {
+    NAV_PVT: _layout(
+        iTOW=(0, "u4"),
+        **_date(4),
+        valid=(11, "u1"),
+        fixType=(20, "u1"),
+        flags=(21, "u1"),
+        **_solution(24),
+        sAcc=(68, "u4"),
+        flags3=(78, "u2"),
+    ),
+    NAV_PVAT: _layout(
+        iTOW=(0, "u4"),
+        valid=(5, "u1"),
+        **_date(6),
+        fixType=(24, "u1"),
+        flags=(25, "u1"),
+        **_solution(28),
+        sAcc=(68, "u4"),
+        vehRoll=(72, "i4"),
+        vehPitch=(76, "i4"),
+        vehHeading=(80, "i4"),
+    ),
+    NAV_POSLLH: _layout(
+        iTOW=(0, "u4"),
+        lon=(4, "i4"),
+        lat=(8, "i4"),
+        height=(12, "i4"),
+        hAcc=(20, "u4"),
+        vAcc=(24, "u4"),
+    ),
+    NAV_HPPOSLLH: _layout(
+        invalid=(3, "u1"),
+        iTOW=(4, "u4"),
+        lon=(8, "i4"),
+        lat=(12, "i4"),
+        height=(16, "i4"),
+        lonHp=(24, "i1"),
+        latHp=(25, "i1"),
+        heightHp=(26, "i1"),
+        hAcc=(28, "u4"),
+        vAcc=(32, "u4"),
+    ),
+    NAV_VELNED: _layout(
+        iTOW=(0, "u4"), velN=(4, "i4"), velE=(8, "i4"), velD=(12, "i4"), sAcc=(28, "u4")
+    ),
+    NAV_SOL: _layout(iTOW=(0, "u4"), week=(8, "i2"), fixType=(10, "u1"), flags=(11, "u1")),
+    NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
+    NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    ESF_ALG: _layout(
+        flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
+    ),
+}
+"""By the interface descriptions of u-blox 6, M8 and F9 (UBX-NAV, UBX-ESF). A layout ends with the
+last field that is needed, because newer receivers append fields."""
+NAMES = {
+    NAV_POSLLH: "NAV-POSLLH",
+    NAV_STATUS: "NAV-STATUS",
+    NAV_SOL: "NAV-SOL",
+    NAV_PVT: "NAV-PVT",
+    NAV_VELNED: "NAV-VELNED",
+    NAV_HPPOSLLH: "NAV-HPPOSLLH",
+    NAV_PVAT: "NAV-PVAT",
+    NAV_TIMEGPS: "NAV-TIMEGPS",
+    ESF_RAW: "ESF-RAW",
+    ESF_MEAS: "ESF-MEAS",
+    ESF_ALG: "ESF-ALG",
+}
+"""Of all messages that are read."""
+
+
+# ---- moments
+
+EPOCHS = (NAV_PVT, NAV_SOL, NAV_TIMEGPS, NAV_PVAT)
+"""Messages that say a date or a week."""
+WEEKLESS = (NAV_POSLLH, NAV_HPPOSLLH)
+"""Messages of positions that say no week."""
+VALID = {NAV_PVT: 0x03, NAV_PVAT: 0x03, NAV_TIMEGPS: 0x03, NAV_SOL: 0x0C}
+"""Bits that all stand where date (or week) and time are valid."""
+
+
+GPS = {"column": "gps_ms", "unit": "ms", "clock": "gps"}
+OF_WEEK = {"column": "tow_ms", "unit": "ms", "clock": "gps", "week": None}
+"""The key `time` of a description, with a known week and without any."""
+
+
+def clock(frames: Frames) -> Clock:
+    """The clock of a file."""
+    dated, timed = [], []
+    for key in EPOCHS:
+        place, records = frames.records(key, LAYOUTS[key])
+        valid = records["flags" if key == NAV_SOL else "valid"] & VALID[key] == VALID[key]
+        tow = records["iTOW"].astype(int)
+        timed.append((place, tow))
+        if key in (NAV_PVT, NAV_PVAT):
+            gps = np.round(1e3 * gps_from_unix(_unix(records)))
+            valid &= np.isfinite(gps)
+            moment = moments(place, tow, place, np.nan_to_num(gps).astype(int), WEEK)
+        else:
+            moment = records["week"].astype(int) * WEEK + tow
+        valid &= moment > 0
+        dated.append((place[valid], moment[valid]))
+    for key in WEEKLESS:
+        place, records = frames.records(key, LAYOUTS[key])
+        timed.append((place, records["iTOW"].astype(int)))
+    return clock_of(dated, timed, WEEK, GPS, OF_WEEK)
+
+
+def _unix(records: NDArray[Any]) -> Array:
+    """POSIX seconds of the fields year to second; NaN where they are no date."""
+    days = days_of(*(records[name].astype(float) for name in ("year", "month", "day")))
+    seconds = records["hour"] * 3600.0 + records["minute"] * 60.0 + records["second"]
+    return days * 86400.0 + seconds

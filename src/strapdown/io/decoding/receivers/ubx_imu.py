@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ....time_scales import rate_of
 from ....typing import Array, Ints
 from ...contract import GUESS, Section
 from ...tables.table_file import Table
-from .ubx_frames import Frames
-from .ubx_layouts import ESF_ALG, LAYOUTS
-from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, NAMES, Samples, Sensors, sensors
+from .ubx_frames import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAMES, Frames
+from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, Sensors, sensors
 
 
 class Epochs(NamedTuple):
@@ -31,14 +31,18 @@ def imu_sections(
 ) -> list[Section]:
     """Sections of the IMU, those of the fastest message first."""
     mounting = _mounting(frames)
-    read = {key: sensors(frames, key, by.place, by.gps) for key in NAMES if frames.count(key)}
+    read = {
+        key: sensors(frames, key, by.place, by.gps)
+        for key in (ESF_RAW, ESF_MEAS)
+        if frames.count(key)
+    }
     for key, each in read.items():
         if each is None:
             left.append(
                 f"{NAMES[key]}: no gyro with an accelerometer, or no NAV message between its own that "
                 f"sets its clock"
             )
-    every = sorted(filter(None, read.values()), key=lambda each: -_rate(each.gyro.t))
+    every = sorted(filter(None, read.values()), key=lambda each: -rate_of(each.gyro.t, 1e-6))
     sections: list[Section] = []
     for instance, each in enumerate(every):
         if len(each.gyro.t) and len(each.accel.t):
@@ -46,11 +50,6 @@ def imu_sections(
             if each.lost:
                 left.append(f"{each.name}: {each.lost} samples at times that nothing tells")
     return sections
-
-
-def _rate(t: Ints) -> float:
-    """Hz"""
-    return 1e6 / max(float(np.median(np.diff(t))), 1.0) if len(t) > 1 else 0.0
 
 
 def _imu(
@@ -97,7 +96,7 @@ def _imu(
         **({"mounting": angles} if angles else {}),
         "grade": "consumer",
     }
-    title = f"{each.name}, {_rate(each.gyro.t):.0f} Hz"
+    title = f"{each.name}, {rate_of(each.gyro.t, 1e-6):.0f} Hz"
     return Section("imu", "imu", keys, instance, title, assumed)
 
 

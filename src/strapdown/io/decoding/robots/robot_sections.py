@@ -12,8 +12,7 @@ import numpy as np
 
 from ...contract import Log, Section
 from ...tables.table_file import Table
-from .robot_aiding import barometer, fix, magnetometer, odometry, twist
-from .robot_imu import imu
+from .robot_aiding import barometer, fix, imu, magnetometer, odometry, twist
 from .robot_parts import BASE, Made, Robot
 from .robot_streams import Stream, streams_of, unread
 from .ros_messages import Columns, Messages

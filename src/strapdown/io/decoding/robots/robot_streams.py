@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....checks import DataError
+from ....time_scales import rate_of
 from ....typing import Ints
 from .ros_messages import Columns, Decoded, Messages, Topic
 from .ros_transforms import plain
@@ -37,8 +38,7 @@ class Stream(NamedTuple):
     @property
     def rate(self) -> float:
         """Hz."""
-        step = float(np.median(np.diff(self.stamp))) if len(self.stamp) > 1 else 0.0
-        return SECOND / step if step > 0 else 0.0
+        return rate_of(self.stamp, 1 / SECOND)
 
     @property
     def fact(self) -> str:

@@ -6,7 +6,7 @@ from typing import IO, cast
 
 from ....checks import DataError
 from ....file_limits import Meter
-from ...tables.zstd_file import unpacking
+from ...tables.table_file import zstd
 
 PIECE = 1 << 20
 """Bytes that are unpacked at a time, so that a wrong size costs no memory."""
@@ -19,9 +19,7 @@ def _opened(packed: bytes, way: str) -> IO[bytes]:
         import lz4.frame
 
         return cast(IO[bytes], lz4.frame.open(io.BytesIO(packed)))
-    import zstandard
-
-    return cast(IO[bytes], zstandard.ZstdDecompressor().stream_reader(packed))
+    return cast(IO[bytes], zstd().open(io.BytesIO(packed)))
 
 
 def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> bytes:
@@ -52,12 +50,10 @@ def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> byt
 def unpack_frames(packed: bytes, most: int) -> bytes:
     """zstd frames, one after the other, at most `most` bytes long when they are unpacked. Raises
     DataError."""
-    import zstandard
-
     try:
-        with unpacking(io.BytesIO(packed)) as file:
+        with _opened(packed, "zstd") as file:
             unpacked = file.read(most + 1)
-    except (EOFError, zstandard.ZstdError) as error:
+    except (EOFError, zstd().ZstdError) as error:
         raise DataError(f"is damaged ({str(error):.60})") from error
     if len(unpacked) > most:
         raise DataError(f"unpacks to more than {most} bytes")
