@@ -14,9 +14,9 @@ from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
 from ..data import Aiding, Rejected
-from ..preprocessing.origin import counted
 from ..typing import Array
 from ..vehicle import Vehicle
+from ..wording import counted
 from .rejections import runs
 from .rejections.contradictions import Run
 from .rejections.windows import Fixes

@@ -12,7 +12,6 @@ from ..data import Aiding
 from ..preprocessing.attitude_checks import facts_and_problems as of_attitude
 from ..preprocessing.fixes import overlap_notes
 from ..preprocessing.imu_samples import GAP_MEDIANS, MOST_SHORT_GAPS, SHORT_GAP
-from ..preprocessing.origin import counted
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.vehicle_rest import moving
@@ -21,6 +20,7 @@ from ..sensor_models.imu import grade
 from ..time_scales import span, utc
 from ..typing import Array, Ints, Mask
 from ..verdict import Reason
+from ..wording import counted
 from .contract import Findings
 from .magnetic_record import facts_and_problems as of_field
 

@@ -12,9 +12,10 @@ from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..preprocessing.axes import named_permutation, signed_permutations
-from ..preprocessing.origin import Origin, counted
+from ..preprocessing.origin import Origin
 from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck, turned as turned_by
 from ..typing import Array, ArrayLike, Mask
+from ..wording import counted
 
 LEAST_LEVELS, PILE, TIMES = 20, 0.01, 5
 """A column is saturated where it has more than LEAST_LEVELS values and its extreme one holds more

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from ..checks import DataError
 from ..typing import Ints, Mask
-from ..wording import counted as counted
 
 
 class Origin(NamedTuple):

@@ -9,9 +9,9 @@ import numpy as np
 from ...checks import DataError
 from ...core.loop.contract import Imu
 from ...data import Aiding
-from ...preprocessing.origin import counted
 from ...recording import RecordingMeta
 from ...typing import Array
+from ...wording import counted
 from ..calibration_file import HEATED, NONE, Correction, read_corrections
 from .schema import Description, ImuPart, Temperature
 from .source_files import Files

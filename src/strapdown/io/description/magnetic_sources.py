@@ -8,10 +8,10 @@ import numpy as np
 from ...checks import DataError
 from ...core.loop.contract import Imu
 from ...data import Aiding
-from ...preprocessing.origin import counted
 from ...sensor_models.geomagnetism import geomagnetic_field
 from ...typing import Array
 from ...units import UNITS
+from ...wording import counted
 from ..calibration_file import read_calibration
 from ..magnetic_record import facts_and_problems, vertical
 from .schema_aiding import AidingPart
