@@ -6,7 +6,6 @@ their methods nevertheless.
 """
 
 from collections.abc import Callable, Mapping
-from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -18,7 +17,6 @@ def provide(functions: Mapping[str, str]) -> None:
     _provided.update(functions)
 
 
-@cache
 def operation(name: str) -> Callable[..., Any]:
     """Return the function that does this."""
     module, _, function = _provided[name].partition(":")
