@@ -17,7 +17,7 @@ def from_a_file() -> sd.Solution:
     """Read, fuse, look, write."""
     recording = sd.read("recording.toml")
     assert_type(recording, sd.Recording)
-    solution = sd.fuse(recording, "closed-loop", every=10, options={"gate": 3.0})
+    solution = sd.fuse(recording, "closed-loop", every=10, options={"error_model": "literal"})
     assert_type(solution, sd.Solution)
     assert_type(solution.trajectory, sd.Trajectory)
     assert_type(solution.trajectory.lla, NDArray[np.float64])
@@ -45,7 +45,9 @@ def simulated() -> float:
 
 def wrong(recording: sd.Recording, start: sd.Start) -> None:
     """Each of these is an error before anything runs."""
-    sd.fuse(42, options={"filtre": 3})  # type: ignore[arg-type]
+    sd.fuse(42)  # type: ignore[arg-type]
+    sd.fuse(recording, filtre=3)  # type: ignore[call-arg]
+    sd.tune(recording, every=2)  # type: ignore[call-arg]
     sd.fuse(recording, every="2")  # type: ignore[arg-type]
     sd.fuse(recording).trajectorie  # type: ignore[attr-defined]
     sd.fuze(recording)  # type: ignore[attr-defined]

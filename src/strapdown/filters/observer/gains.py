@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...checks import check_choice, check_number
 from ...core.loop.contract import Belief, Noise, Source, Start
 from ...core.mathematics.embedded import as_numbers
-from ...typing import Array, Mask
+from ...typing import Array, ArrayLike, Mask
 from . import adaptive, equations, translation_gains
 
 DEFAULTS = dict(
@@ -107,15 +107,8 @@ def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
     Raises ValueError where an option or the start's biases are out of bounds.
     """
     o = checked(options)
-    for name, values, bound in (
-        ("gyro", start.bg, o["gyro_bound"]),
-        ("accel", start.ba, o["accel_bound"]),
-    ):
-        if np.linalg.norm(values) > bound:
-            raise ValueError(
-                f"the start's {name} bias is {np.linalg.norm(values):.3g}, beyond {name}_bound = "
-                f"{bound:g}; give a larger bound"
-            )
+    _check_bias("gyro", start.bg, o["gyro_bound"])
+    _check_bias("accel", start.ba, o["accel_bound"])
     at = equations
     block[:] = 0.0
     block[at.SQUARE] = float(np.dot(start.ba, start.ba))
@@ -147,6 +140,15 @@ def begin(block: Array, start: Start, noise: Noise, **options: Any) -> None:
     own["P"].reshape(3, 6)[:, [0, 3, 5]] = [
         (start.sd[axis] ** 2, start.sd[3 + axis] ** 2, FORCE_SD**2) for axis in range(3)
     ]
+
+
+def _check_bias(name: str, bias: ArrayLike, bound: float) -> None:
+    """Raise ValueError where the bias of a start is beyond its bound."""
+    if np.linalg.norm(bias) > bound:
+        raise ValueError(
+            f"the start's {name} bias is {np.linalg.norm(bias):.3g}, beyond {name}_bound = {bound:g}; "
+            f"give a larger bound"
+        )
 
 
 def implant(workspace: Array, start: Start, noise: Noise, **options: Any) -> None:
