@@ -3,9 +3,9 @@
 import inspect
 
 import pytest
+from support.recordings import flight
 
 import strapdown as sd
-from support.recordings import flight
 from strapdown.checks import DataError
 from strapdown.engine.options import (
     OPTIONS,
