@@ -28,6 +28,7 @@ sys.meta_path.append(former_names)
 # what values can do through rooms above them
 provide(
     {
+        "clean": f"{__name__}.preprocessing.fixes:cleaned",
         "judge": f"{__name__}.diagnosis.judge:judge",
         "card": f"{__name__}.notebook.cards:card_of",
         "figure": f"{__name__}.notebook.plots:figure_of",

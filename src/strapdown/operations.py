@@ -1,4 +1,4 @@
-"""What can be done with a value by functions that it does not know: judge, show, draw, convert.
+"""Functions on values that the values do not know: clean, judge, show, draw, convert.
 
 `Solution.plot` calls `operation("figure")`. `strapdown/__init__.py` says which function of which room that
 is; the room is imported at the first call. So values lie below all rooms that work on them, and have

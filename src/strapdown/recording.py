@@ -1,5 +1,4 @@
-"""What filters run on: IMU samples, sources of fixes and a reference, from arrays that are
-cleaned and checked."""
+"""The Recording, on which filters run: IMU samples, sources of fixes and a reference."""
 
 from __future__ import annotations
 
@@ -15,8 +14,6 @@ from .checks import DataError, brief
 from .core.loop.contract import Imu
 from .data import Aiding, Trajectory
 from .operations import operation
-from .preprocessing.fixes import checked_aidings
-from .preprocessing.imu_samples import imu_from_arrays
 from .time_scales import ends, utc
 from .typing import Array, ArrayLike
 
@@ -107,10 +104,9 @@ class Recording:
         Row k is the integral (or mean) over (t[k-1], t[k]]; the first row's interval is the median
         one. Raises DataError.
         """
-        imu, notes = imu_from_arrays(t, gyro, accel, kind, meta.get("vehicle"))
-        aidings, more = checked_aidings(imu, aidings)
-        known = cast(RecordingMeta, {"name": "arrays", **meta, "notes": [*notes, *more]})
-        return cls(imu, tuple(aidings), reference, known)
+        imu, sources, notes = operation("clean")(t, gyro, accel, aidings, kind, meta.get("vehicle"))
+        known = cast(RecordingMeta, {"name": "arrays", **meta, "notes": notes})
+        return cls(imu, sources, reference, known)
 
     @classmethod
     def from_frames(

@@ -18,7 +18,6 @@ from ..operations import operation
 from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
 from ..verdict import Reason
-from .evidence import moves
 from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE, Estimate
 from .installation import CONSTRAINED, GNSS, SHOWN_BY, rotation
 from .settling import NOTABLE
@@ -246,7 +245,7 @@ def _nothing(solution: Solution, parameters: tuple[EstimatedParameter, ...]) -> 
     why = "the motion does not show them"
     if not kinds & {*GNSS, *CONSTRAINED}:
         why = "there is no source of position or velocity"
-    elif not moves(solution):
+    elif not in_motion(solution):
         why = f"it hardly moves, at most {REST_SPEED:g} m/s"
     elif not kinds & {"velocity", "speed"}:
         why = "there is no source of velocity, add one"
@@ -290,3 +289,11 @@ def _of_reference(solution: Solution, parameters: tuple[EstimatedParameter, ...]
 
 def _size(value: float, unit: str) -> str:
     return f"{value:.2g} {unit}".rstrip()
+
+
+def in_motion(solution: Solution) -> bool:
+    """Return True where a solution is ever faster than what hardly moves."""
+    v = solution.trajectory.v_n
+    if v is None:
+        return False
+    return bool((np.abs(v[:: max(1, len(v) // 2000), :2]) > REST_SPEED).any())

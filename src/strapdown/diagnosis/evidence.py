@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constants import REST_SPEED, SETTLING
+from ..constants import SETTLING
 from ..core.loop.contract import ATT, BA, BG, DOUBTFUL, VEL
 from ..core.loop.gaps import BRIDGE
 from ..core.mathematics.rotation import quaternion_to_euler
@@ -444,11 +444,3 @@ def heading_never_seen(solution: Solution) -> bool:
         return False
     first, last = solution.meta["start"]["sd"][ATT.stop - 1], sd[-1, ATT.stop - 1]
     return bool(last > 0.7 * first and last > np.radians(5.0))
-
-
-def moves(solution: Solution) -> bool:
-    """Whether it is ever faster than what hardly moves."""
-    v = solution.trajectory.v_n
-    if v is None:
-        return False
-    return bool((np.abs(v[:: max(1, len(v) // 2000), :2]) > REST_SPEED).any())

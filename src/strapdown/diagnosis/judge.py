@@ -13,7 +13,7 @@ from ..io.facts import own_reasons
 from ..plugins import one_line
 from ..verdict import NOT_JUDGED, Reason, Verdict
 from . import evidence, screening
-from .estimated import installation
+from .estimated import in_motion, installation
 from .evidence import GATED, Fixes
 from .guessed_axes import of_guessed_axes
 from .installation import CONSTRAINED
@@ -48,7 +48,7 @@ def judge(solution: Solution) -> Verdict:
     if any(source.kind == "position" for source in sources):
         looked, unknown = attempt("clock and lever arm", screening.look, solution) or ([], [])
         causes += looked
-        untested += unknown if evidence.moves(solution) else []
+        untested += unknown if in_motion(solution) else []
     inspected = attempt("the recording", _inspected, solution) or []
     if not sources and not symptoms and not inspected:
         return Verdict(NOT_JUDGED, untested=("anything: no fix was used", *untested))
@@ -119,7 +119,7 @@ def _untested(solution: Solution, sources: list[Fixes], seconds: float) -> Itera
     if solution.meta.get("bias_sd") is None:
         yield "biases: the IMU is not described"
     kinds = {source.kind for source in sources}
-    moves = evidence.moves(solution)
+    moves = in_motion(solution)
     if not kinds & {"position", "velocity"}:
         yield "clock and lever arm: there is no GNSS"
     elif not moves:

@@ -13,11 +13,12 @@ from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
 from ..time_scales import iso, span, utc
-from ..typing import Array
+from ..typing import Array, ArrayLike
+from ..vehicle import GivenVehicle
 from ..wording import counted
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
-from .imu_samples import ordered
+from .imu_samples import imu_from_arrays, ordered
 from .origin import Origin, Rows
 
 PRESSURES = (5e3, 200e3)
@@ -40,6 +41,21 @@ PRESSURE_SLIPS = {
     1e5: "Pa read as bar",
 }
 """What a mistaken unit makes of the pressure near the ground, and what to say then."""
+
+
+def cleaned(
+    t: ArrayLike,
+    gyro: ArrayLike,
+    accel: ArrayLike,
+    aidings: Iterable[Aiding],
+    kind: str,
+    vehicle: GivenVehicle | None,
+) -> tuple[Imu, tuple[Aiding, ...], list[str]]:
+    """(Imu, aidings, notes) of a recording from arrays, as `Recording.from_arrays` takes them, cleaned
+    and checked. Raises DataError."""
+    imu, notes = imu_from_arrays(t, gyro, accel, kind, vehicle)
+    sources, more = checked_aidings(imu, aidings)
+    return imu, sources, [*notes, *more]
 
 
 def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
