@@ -187,7 +187,7 @@ vario = sd.Aiding("vertical-speed", np.array([2.0]), np.array([[999.0]]), np.arr
 start, said = sd.align(r, sd.grade("tactical")), "^plugin sensor.py: a kernel fails while it runs .ValueError: too fast.$"
 with pytest.raises(sd.DataError, match=said):
     sd.fuse(replace(r, aidings=(*r.aidings, vario)), start=start)
-stream = sd.Stream("closed-loop", start, imu="tactical", aidings=[vario])
+stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=[vario])
 stream.step(sd.Fix(2.0, 0, (999.0,), (0.1,)))
 with pytest.raises(sd.DataError, match=said):
     for row in zip(*map(np.ndarray.tolist, r.imu)):

@@ -179,7 +179,7 @@ def flown(
         start=start,
         every=round(1 / ideal.dt[0]),
         covariance=True,
-        **options,
+        options=options,
     )
     e, rows = sd.errors(solution, truth), np.searchsorted(ideal.t, solution.t - 1e-6)
     return np.c_[

@@ -289,7 +289,9 @@ def test_many_components_are_the_kalman_filter_within_their_monte_carlo_error():
 def test_a_stream_is_the_batch_bit_for_bit_and_a_seed_repeats(filter, options):
     recording, start, _ = made = flight(3.0)
     batch = fused(made, filter, **options)
-    stream = live.Stream(filter, start, noise=NOISE, aidings=recording.aidings, lag=0.1, **options)
+    stream = live.Stream(
+        filter, start=start, noise=NOISE, aidings=recording.aidings, lag=0.1, options=options
+    )
     for aiding, source in zip(recording.aidings, (0, 1)):
         for t, y, deviations in zip(aiding.t, aiding.y, aiding.sd):
             stream.step(live.Fix(t, source, tuple(y), tuple(deviations)))

@@ -329,7 +329,7 @@ from strapdown.engine.stream import Fix, Sample
 recording = sd.read(sys.argv[1])
 start = sd.align(recording, sd.grade("tactical"))
 solution = sd.fuse(recording, "closed-loop", start=start)
-stream = sd.Stream("closed-loop", start, imu="tactical", aidings=recording.aidings)
+stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=recording.aidings)
 imu = recording.imu
 columns = (imu.t, imu.dt, imu.dtheta, imu.dv)
 events = [Sample(*row) for row in zip(*(column.tolist() for column in columns))]
