@@ -29,6 +29,10 @@ sys.meta_path.append(former_names)
 provide(
     {
         "clean": f"{__name__}.preprocessing.fixes:cleaned",
+        "errors": f"{__name__}.evaluation.metrics:errors",
+        "at": f"{__name__}.evaluation.other_instants:at",
+        "save solution": f"{__name__}.io.solution:write_solution",
+        "save recording": f"{__name__}.io:write_recording",
         "judge": f"{__name__}.diagnosis.judge:judge",
         "card": f"{__name__}.notebook.cards:card_of",
         "figure": f"{__name__}.notebook.plots:figure_of",

@@ -21,7 +21,7 @@ from .core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID, Imu  # noqa: 
 from .core.mathematics.rotation import quaternion_to_euler
 from .operations import operation
 from .time_scales import ends, utc, within
-from .typing import Array, Ints, Mask, Vector
+from .typing import Array, ArrayLike, File, Ints, Mask, Vector
 from .verdict import NOT_JUDGED, Verdict
 
 if TYPE_CHECKING:
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from scipy.spatial.transform import Rotation
 
+    from .evaluation.metrics import Errors
+    from .evaluation.other_instants import Instants
     from .recording import Recording
 
 ATTITUDE_COLUMNS = ["roll", "pitch", "heading"]
@@ -335,6 +337,15 @@ class Solution:
     def __len__(self) -> int:
         return len(self.t)
 
+    def between(
+        self, start: float | str | None = None, stop: float | str | None = None
+    ) -> Solution:
+        """Return the rows from start to stop, s or dates, both included, with their fixes and events.
+
+        Its verdict is that of the whole, and says so. Raises DataError where there are no rows.
+        """
+        return self[start:stop]
+
     def __getitem__(self, part: slice) -> Solution:
         """The rows of `solution[100:200]`, s, both ends included, with their fixes and events; dates
         do where the clock is absolute.
@@ -411,6 +422,28 @@ class Solution:
         """Whether latitude, longitude and height are known in any row; filters of attitude alone
         publish NaN."""
         return bool(np.isfinite(self.trajectory.lla).all(axis=1).any())
+
+    def errors(self, reference: Trajectory | None = None) -> Errors:
+        """Return true less estimated position, velocity and attitude, as `strapdown.errors`; the
+        default reference is that of the recording it was made of. Raises DataError."""
+        if reference is None and self.recording is not None:
+            reference = self.recording.reference
+        if reference is None:
+            raise DataError("errors: the recording has no reference; give one, a Trajectory")
+        errors: Errors = operation("errors")(self, reference)
+        return errors
+
+    def at(self, times: ArrayLike, lever_arm: ArrayLike = (0.0, 0.0, 0.0)) -> Instants:
+        """Return position, velocity, attitude and covariance at any instants, s or dates, of a point
+        that is a lever arm away, m, body axes: see `evaluation.other_instants.at`. Raises
+        DataError."""
+        instants: Instants = operation("at")(self, times, lever_arm)
+        return instants
+
+    def save(self, path: File, *, utc: bool = False) -> None:
+        """Write it to a file by the ending of its path, as `write_solution`: .nc, .csv, .csv.gz,
+        .csv.xz, .kml, .gpx, .geojson or .tum. Raises DataError."""
+        operation("save solution")(self, path, utc)
 
     def table(self) -> pd.DataFrame:
         """pandas DataFrame of state, biases, standard deviations and status, units as in

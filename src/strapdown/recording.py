@@ -15,7 +15,7 @@ from .core.loop.contract import Imu
 from .data import Aiding, Trajectory
 from .operations import operation
 from .time_scales import ends, utc
-from .typing import Array, ArrayLike
+from .typing import Array, ArrayLike, File
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -200,6 +200,10 @@ class Recording:
         return replace(
             self, aidings=tuple(a.without(windows) if hide(a) else a for a in self.aidings)
         )
+
+    def save(self, path: File) -> None:
+        """Write it to a file .nc, as `write_recording`. Raises DataError."""
+        operation("save recording")(self, path)
 
     def plot(self, what: str = "readings") -> go.Figure:
         """A plotly Figure, which can be changed: "readings" of the IMU, its "temperature" and the

@@ -43,6 +43,11 @@ class Errors:
         even that is."""
         return None if self.position is None else np.hypot(self.position[:, 0], self.position[:, 1])
 
+    def rms(self, window: tuple[float, float] | None = None) -> Rms:
+        """Return their root mean square over window = (start, stop) in s, both included, or over all
+        of them."""
+        return rms(self, window)
+
     def inside(self, window: tuple[float, float] | None) -> Mask:
         """(n,) which rows are in the window (start, stop) s, both included; all without one."""
         start, stop = (-np.inf, np.inf) if window is None else window
