@@ -22,6 +22,7 @@ from .core.mathematics.rotation import quaternion_to_euler
 from .operations import operation
 from .time_scales import ends, utc, within
 from .typing import Array, ArrayLike, File, Ints, Mask, Vector
+from .value import Value
 from .verdict import NOT_JUDGED, Verdict
 
 if TYPE_CHECKING:
@@ -88,8 +89,8 @@ def _known(part: Array | None) -> Array:
     return part  # type: ignore[return-value]
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, eq=False)
+class Trajectory(Value):
     """Position, velocity and attitude over time: truth, reference and solution alike. What is
     not known is None or NaN."""
 
@@ -185,8 +186,8 @@ class Correlated(NamedTuple):
     states: bool = True
 
 
-@dataclass(frozen=True)
-class Aiding:
+@dataclass(frozen=True, eq=False)
+class Aiding(Value):
     """One source of fixes. `sd` has a column per row of the innovation; a missing component of
     `y` is NaN."""
 
@@ -226,8 +227,8 @@ class Aiding:
         return f"Aiding({self.name or self.kind}, {len(self.t)} fixes)"
 
 
-@dataclass(frozen=True)
-class Innovations:
+@dataclass(frozen=True, eq=False)
+class Innovations(Value):
     """What became of each fix, in time order."""
 
     t: Array  # (m,) s
@@ -313,8 +314,8 @@ class SolutionMeta(TypedDict, total=False):
     verdict: dict[str, Any]  # `Verdict.as_dict`, of a solution read from a file
 
 
-@dataclass(frozen=True)
-class Solution:
+@dataclass(frozen=True, eq=False)
+class Solution(Value):
     """What a filter made of a recording: n rows, SI and radians, in NED."""
 
     # with sd of the 15 error states; NaN where the filter estimates or claims none

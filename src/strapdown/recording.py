@@ -16,6 +16,7 @@ from .data import Aiding, Trajectory
 from .operations import operation
 from .time_scales import ends, utc
 from .typing import Array, ArrayLike, File
+from .value import Value
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,8 +79,8 @@ class RecordingMeta(TypedDict, total=False):
     seed: int
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, eq=False)
+class Recording(Value):
     """IMU samples, sources of fixes and, where there is one, a reference to score against."""
 
     imu: Imu

@@ -19,13 +19,14 @@ from ..data import Solution, Trajectory
 from ..geodesy import displacement, radii, wrap
 from ..rotation_products import slerp, turns_between, unit
 from ..typing import Array, Ints, Mask
+from ..value import Value
 
 NED_AXES, EULER = ("north", "east", "down"), ("roll", "pitch", "heading")
 """Names of the columns of errors."""
 
 
-@dataclass(frozen=True)
-class Errors:
+@dataclass(frozen=True, eq=False)
+class Errors(Value):
     """true - estimate at times `t`. What the reference or the estimate nowhere knows is None, or
     where it is a component NaN; so are rows in gaps."""
 
