@@ -14,7 +14,7 @@ from .checks import DataError, brief
 from .core.loop.contract import Imu
 from .data import Aiding, Trajectory
 from .operations import operation
-from .time_scales import ends, utc
+from .time_scales import ends, seconds_to, utc
 from .typing import Array, ArrayLike, File
 from .value import Value
 
@@ -118,8 +118,13 @@ class Recording(Value):
         kind: str = "rate",
         **meta: Any,
     ) -> Recording:
-        """From a DataFrame indexed by time (s) with columns gyro_x, gyro_y, gyro_z, accel_x,
-        accel_y, accel_z (pyins), SI and radians."""
+        """From a DataFrame indexed by time with columns gyro_x, gyro_y, gyro_z, accel_x, accel_y,
+        accel_z (pyins), SI and radians, such as `to_pandas` gives.
+
+        The index has seconds, or dates (UTC where they have no zone): then the clock is absolute, and
+        t counts from `epoch`, ISO 8601, by default the whole second of the first date. Raises
+        DataError.
+        """
         axes = [[f"{sensor}_{axis}" for axis in "xyz"] for sensor in ("gyro", "accel")]
         missing = [name for names in axes for name in names if name not in imu.columns]
         if missing:
@@ -128,8 +133,11 @@ class Recording(Value):
                 f"{', '.join(map(str, imu.columns))}"
             )
         gyro, accel = (imu[names].to_numpy(float) for names in axes)
+        dated = imu.index.dtype.kind == "M" or hasattr(imu.index, "tz_convert")
+        if dated:
+            meta.setdefault("epoch", f"{imu.index[0]:%Y-%m-%dT%H:%M:%S}Z")
         return cls.from_arrays(
-            imu.index.to_numpy(float),
+            _seconds(imu, meta["epoch"]) if dated else imu.index.to_numpy(float),
             gyro,
             accel,
             aidings=aidings,
@@ -233,6 +241,14 @@ class Recording(Value):
 
     def __repr__(self) -> str:
         return f"Recording({self.meta.get('name', '')}: {len(self.imu.t)} IMU samples, {self.span[0]:.1f} to {self.span[1]:.1f} s, {list(self.aidings)})"
+
+
+def _seconds(table: pd.DataFrame, epoch: str) -> Array:
+    """(n,) s since the epoch of the dates that are the index of a table."""
+    dates: Any = table.index if table.index.tz is None else table.index.tz_convert("UTC")  # type: ignore[attr-defined]  # it has dates
+    dates = dates.to_numpy("M8[ns]")
+    after = (dates - dates[0]) / np.timedelta64(1, "ns") * 1e-9
+    return seconds_to(dates[0], epoch, "the index of the table") + after
 
 
 def check_recording(recording: object) -> None:

@@ -90,6 +90,21 @@ def test_the_frame_of_the_imu_is_what_from_frames_takes(recording):
     assert dated(recording).to_pandas().index[0].isoformat() == "2024-05-01T12:00:00.020000+00:00"
 
 
+@pytest.mark.parametrize("epoch", ["2024-05-01T12:00:00Z", "2016-12-31T23:59:50Z"])
+def test_dates_go_and_come_back(recording, epoch):
+    """Over a leap second too: POSIX dates show it twice, so there samples may be a second early."""
+    frame = recording.knowing(epoch=epoch).to_pandas()
+    again = sd.Recording.from_frames(frame, epoch=epoch)
+    before = again.imu.t < 9.0
+    np.testing.assert_allclose(again.imu.t[before], recording.imu.t[before], atol=2e-6)
+    own = sd.Recording.from_frames(frame)  # from the whole second of the first date
+    assert own.meta["epoch"] == epoch and abs(own.imu.t[0] - recording.imu.t[0]) < 2e-6
+    local = frame.tz_convert("Europe/Oslo")
+    assert sd.Recording.from_frames(local, epoch=epoch).imu.t[0] == again.imu.t[0]
+    naive = frame.tz_localize(None)
+    assert sd.Recording.from_frames(naive).meta["epoch"] == epoch
+
+
 def test_fixes_and_reference_are_frames_too(recording):
     frame = recording.to_pandas("GNSS position")
     assert list(frame.columns) == ["lat", "lon", "alt", "sd_north", "sd_east", "sd_down"]
