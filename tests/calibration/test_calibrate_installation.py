@@ -148,7 +148,7 @@ def test_a_change_that_harms_half_of_the_recording_is_not_constant():
 def test_a_change_that_helps_both_halves_is_found_and_said_to_be_a_mean():
     made = changing(0.25, 0.15)
     (note,) = [note for note in made.notes if "is not constant: +0.2" in note]
-    assert of(made, "clock").status == FOUND and note.endswith("what is said of it is a mean")
+    assert of(made, "clock").status == FOUND and note.endswith("the value reported is the average")
 
 
 def test_nothing_is_written_beside_what_is_not_sure(found, drive):

@@ -143,3 +143,10 @@ def test_errors_rms_and_files(solution, tmp_path):
 
 def test_a_trajectory_says_what_it_is(solution):
     assert isinstance(solution.at([5.0]).trajectory, Trajectory)
+
+
+def test_what_is_no_trajectory_is_named(solution):
+    with pytest.raises(DataError, match="^errors: reference is .*; it must be a Trajectory"):
+        sd.errors(solution, flight())
+    with pytest.raises(DataError, match="^errors: trajectory is 'x'; it must be a Trajectory or"):
+        sd.errors("x", flight().reference)

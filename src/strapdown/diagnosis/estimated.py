@@ -23,7 +23,7 @@ from .installation import CONSTRAINED, GNSS, SHOWN_BY, rotation
 from .settling import NOTABLE
 
 TIGHT = 0.1
-"""Of the prior that a parameter has where none is given: one as tight says as much as data do."""
+"""Default prior sd; a posterior this tight carries as much information as the data."""
 PLAUSIBLE = 3.0
 """Prior standard deviations from which the data contradict the prior: one right prior in 370 does."""
 ALIKE = 0.95

@@ -74,7 +74,7 @@ class Estimate:
             return f"found to be off by {self.seen}"
         if abs(self.change) < NOTABLE * self.sd:
             return f"consistent with what was given ({self.seen})"
-        return f"not surely, or not by much, off what was given ({self.seen})"
+        return f"no significant difference from the given value ({self.seen})"
 
     def __str__(self) -> str:
         return f"{self.name}: {self.told}"

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeGuard
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
-from ..checks import DataError
+from ..checks import DataError, brief
 from ..core.mathematics.rotation import quaternion_to_euler
 from ..data import Solution, Trajectory
 from ..geodesy import displacement, radii, wrap
@@ -76,8 +76,9 @@ def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
     attitude alone, whose positions are NaN, is scored on attitude alone, one that knows its height
     on that too. Raises DataError where the two do not overlap.
     """
-    whole: Any = trajectory
-    estimate: Trajectory = getattr(whole, "trajectory", whole)
+    estimate = trajectory.trajectory if isinstance(trajectory, Solution) else trajectory
+    _check_trajectory(estimate, "trajectory", "a Trajectory or a Solution")
+    _check_trajectory(reference, "reference", "a Trajectory, such as recording.reference")
     first, last = (
         np.searchsorted(estimate.t, reference.t[[0, -1]]) if len(reference.t) > 1 else (0, 0)
     )
@@ -105,6 +106,12 @@ def errors(trajectory: Trajectory | Solution, reference: Trajectory) -> Errors:
         None if estimate.sd is None else estimate.sd[rows],
         rows,
     )
+
+
+def _check_trajectory(value: object, name: str, wanted: str) -> None:
+    """Refuse what is no Trajectory. Raises DataError."""
+    if not isinstance(value, Trajectory):
+        raise DataError(f"errors: {name} is {brief(value)}; it must be {wanted}")
 
 
 def interpolated(reference: Trajectory, t: Array) -> Trajectory:

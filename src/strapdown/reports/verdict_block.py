@@ -35,7 +35,7 @@ LOOKS = {
 }
 """{word: its class in page.css, its mark, what it means}."""
 OF_A_PART = (
-    "Nothing that could be tested speaks against it as a whole. Of a part, this is to be said."
+    "Nothing that could be tested speaks against it as a whole. One part of the run has a problem:"
 )
 """What "trusted" means where there are reasons."""
 

@@ -191,7 +191,7 @@ def _notes(
         )
     notes += [
         f"{each.name} is not constant: {' by the first half of the time, '.join(each.by_halves)} by "
-        f"the second; what is said of it is a mean"
+        f"the second; the value reported is the average"
         for each in parameters
         if each.status in (CONSISTENT, FOUND) and not _constant(each)
     ]

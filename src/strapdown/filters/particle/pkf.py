@@ -344,6 +344,6 @@ PKF = Filter(
     diagnose=lost,
     start_kernels=(normal_rows,),
     bias=DECAYING,
-    good_for="beliefs that are no one Gaussian: any heading, beacons",
+    good_for="multimodal problems: unknown heading, ranging to beacons",
     poor_for="daily use: 500 closed loops for the result of one",
 )
