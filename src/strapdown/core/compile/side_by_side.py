@@ -105,7 +105,7 @@ def _job(kernel: Any) -> Job | None:
 
 
 def _writable(path: Path) -> bool:
-    """Whether files can be made beside it, and Python started."""
+    """True where the folder of a path can be written and Python can be started."""
     python = Path(sys.executable or "").name.lower().startswith(("python", "pypy"))
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -256,8 +256,8 @@ class _Workers:
 
 
 def main() -> None:
-    """What such a process does: compile jobs that it is sent, and answer each with the seconds that it
-    took, 0 where it came to nothing."""
+    """Run a worker process: compile the jobs that arrive on stdin, and answer each with the seconds
+    that it took, 0 where it failed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever began it ends it
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer

@@ -183,7 +183,7 @@ def side_by_side(kernel: Any) -> Any:
 
 
 class Source(Protocol):
-    """What a filter may ask of a source of fixes before a run: an Aiding, which is defined above
+    """A source of measurements, as a filter sees it before a run: an Aiding, which is defined above
     the kernels. Times in s, y and sd in SI and radians."""
 
     @property
@@ -227,7 +227,7 @@ Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[f
 
 
 class Condition(NamedTuple):
-    """What a filter can say of itself while it runs; in `Filter.conditions`."""
+    """A condition that a filter reports while it runs; in `Filter.conditions`."""
 
     text: str  # as in an event, with the remedy
     doubtful: bool = True  # whether rows are DOUBTFUL as long as it lasts

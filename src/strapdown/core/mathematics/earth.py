@@ -66,8 +66,8 @@ def curvature(sine: float) -> tuple[float, float]:
 
 @helper
 def place(lat: float, h: float) -> tuple[float, float, float, float]:
-    """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N
-    + h in m.
+    """Return the terms that every equation at a position needs: sine and cosine of latitude, M =
+    R_M + h and N = R_N + h in m.
 
     The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept
     above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.

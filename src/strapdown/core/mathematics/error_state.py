@@ -1,5 +1,5 @@
-"""What the error-state filters share: their workspace array, the linearised step, the
-measurement, the injection of an error into the belief."""
+"""Functions shared by the error-state filters: their workspace array, the linearised step, the
+measurement, the injection of an error into the estimate."""
 
 import math
 
@@ -165,8 +165,8 @@ def measure(
 def observed(
     belief: Belief, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
 ) -> int:
-    """What `observe` makes of a fix, and the correlated errors of its source: innovation and H,
-    cleared before. Returns the rows."""
+    """Compute by `observe` the innovation and H of a measurement, both cleared before, with the
+    time-correlated errors of its source. Returns the rows."""
     for i in range(innovation.size):
         innovation[i] = math.nan
     for i in range(3):
