@@ -1,5 +1,5 @@
-"""What a run needs before its first sample: checked arguments, compiled kernels, and its belief,
-fixes, cursor and output, all held in a `Run`."""
+"""Preparation of a run before its first sample: checked arguments, compiled kernels, and its state,
+measurements, cursor and output, all held in a `Run`."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -296,7 +296,7 @@ def new_cursor(
 
 
 def positioned(filter: Filter) -> bool:
-    """Whether `filter` estimates a position, and so must start from one."""
+    """True where `filter` estimates a position, and so must start from one."""
     return POS.start in filter.estimates
 
 
