@@ -236,7 +236,8 @@ def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
 
 @helper
 def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
-    """What the cross product (x, y, z), in n, does with that gain."""
+    """Rotate the attitude by the cross product (x, y, z), in n, times `gain`, and correct the gyro
+    bias by it."""
     C, bias = belief.C, belief.workspace[KI] * gain
     for i in range(3):
         belief.bg[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)

@@ -1,5 +1,5 @@
-"""What the sigma-point filters share: the 15 error states, and those that aidings bring along,
-through filters/sigma_point/sigma_points.py.
+"""Functions shared by the sigma-point filters: the 15 error states, and the augmented states of
+sources, through filters/sigma_point/sigma_points.py.
 
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation
 vector from the left, sums. The errors of the propagated points are taken back the same way, about

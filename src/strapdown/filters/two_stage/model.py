@@ -100,7 +100,7 @@ NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
 class StageOptions(NamedTuple):
-    """What filters of this model let a user choose; `start` of `two-stage-ekf` says what it is."""
+    """Options of the filters of this model; `start` of `two-stage-ekf` explains them."""
 
     velocity: str  # "full" or "down"
     course: str  # "gnss" or "none"
