@@ -139,14 +139,14 @@ def heading_of(courses: Courses, imu: Imu, t: float) -> Found | None:
 
 
 def is_sure(courses: Courses, imu: Imu, k: int) -> bool:
-    """Whether the k-th has a course: a speed that its noise does not make."""
+    """True where velocity k has a course: its speed stands out from its noise."""
     if not courses.speed[k] > SURE * courses.sd[k]:
         return False
     return bool(courses.speed[k] > SURE_AT_REST * courses.sd[k]) or not _still(imu, courses.t[k])
 
 
 def _still(imu: Imu, t: float) -> bool:
-    """Whether the IMU feels rest at t."""
+    """True where the IMU is at rest at t."""
     rows = slice(*np.searchsorted(imu.t, [t - 1.5, t + 1.5]))
     still = at_rest(Imu(*(column[rows] for column in imu)))
     return bool(len(still)) and bool(
