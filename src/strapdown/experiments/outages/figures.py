@@ -317,7 +317,7 @@ of a sweep, are told by their start."""
 
 
 def are_listed(comparison: Comparison) -> bool:
-    """Whether the outages are few and of one run."""
+    """True where the outages are few and of one run."""
     return not comparison.sweep and len(comparison.windows) <= LIST
 
 

@@ -1,5 +1,5 @@
-"""What the scores of a comparison say together: summaries, paired differences with intervals,
-growth of the error, the table of the paper."""
+"""Summaries of a comparison: paired differences with intervals, growth of the error, the table of
+the paper."""
 
 from __future__ import annotations
 
@@ -141,8 +141,8 @@ def widening(starts: Array, lengths: Array, block: Ints) -> float:
 
 
 def _covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
-    """Of the means over two blocks (starts, lengths) of window averages of white noise of
-    density 1."""
+    """Return the covariance of the means over two blocks (starts, lengths) of window averages of
+    white noise of density 1."""
     (a, la), (b, lb) = one, other
     overlap = np.minimum.outer(a + la, b + lb) - np.maximum.outer(a, b)
     return float((np.clip(overlap, 0.0, None) / np.multiply.outer(la, lb)).mean())
