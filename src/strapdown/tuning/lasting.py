@@ -1,4 +1,4 @@
-"""Whether the errors of a source last: the likelihood with correlated errors against that without."""
+"""Test of a source for time-correlated errors: the likelihood with them against that without."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -30,8 +30,9 @@ class Found(NamedTuple):
 
 
 def with_lasting(likelihood: Likelihood, top: Top, index: int) -> Found:
-    """What comes of correlated errors of source `index`. They pay where the gain in log L exceeds
-    that of the Bayesian information criterion (Schwarz 1978) for their numbers."""
+    """Maximise the likelihood with time-correlated errors of source `index`. They pay where the
+    gain in log L exceeds that of the Bayesian information criterion (Schwarz 1978) for their
+    numbers."""
     source, theta = likelihood.aidings[index], top.point.theta
     white = [j for j, each in enumerate(likelihood.unknowns) if each.place == index]
     white = [j for j in white if likelihood.unknowns[j].what is WHITE]
