@@ -81,7 +81,7 @@ def _append(code: bytearray, listed: list[Section]) -> dict[int, int]:
 
 
 class Processor(NamedTuple):
-    """What code for it refers by."""
+    """The jumps and relocations of a processor's code."""
 
     jump: Callable[[int], bytes]  # to the address that stands so many bytes away
     relocate: Mapping[int, Callable[[int, int, int], int]]  # (word, to, at) -> word, by kind

@@ -46,7 +46,7 @@ EVERY = 10
 
 
 class Exported(NamedTuple):
-    """What was written."""
+    """The files of an export, with target, sizes and notes."""
 
     files: tuple[str, ...]
     target: Target
