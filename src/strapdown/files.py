@@ -173,7 +173,7 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
     with `others`, of installed packages that bring some.
 
     Such a package names itself under the entry points `strapdown.data`; a name that `package` has
-    itself stays its own. One that cannot be imported is told of and left out.
+    itself stays its own. One that cannot be imported is reported and left out.
     """
     found: dict[str, Traversable] = {}
     for place in (

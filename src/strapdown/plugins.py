@@ -60,8 +60,7 @@ class Plugin:
 
     @property
     def values(self) -> list[Any]:
-        """The values at its top level and those registered, now; other types than those of plugins
-        among them."""
+        """All values at the top level of its module now, of any type, and those registered."""
         module = sys.modules.get(self.module) if self.whole else None
         return [*(vars(module).values() if module else ()), *self.registered]
 

@@ -31,7 +31,7 @@ class Vehicle:
     @property
     def points_ahead(self) -> bool:
         """True where the forward axis points along the course; a person may carry the sensors
-        anyhow."""
+        in any attitude."""
         return not self.by_thrust and self.name != "pedestrian"
 
     def __post_init__(self) -> None:

@@ -77,7 +77,7 @@ def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
 
 
 def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
-    """Means (k, 2) of so many velocities in a row, that span so many seconds, and their sd (k,).
+    """Return means (k, 2) of `several` velocities in a row, over `span` (s), and their sd (k,).
     Those of one second count as one: their errors are alike."""
     v = np.cumsum(np.vstack([np.zeros(2), velocity.y[:, :2]]), axis=0)
     variance = np.cumsum(np.r_[0.0, _rms(velocity.sd) ** 2])
@@ -89,7 +89,7 @@ def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
 
 
 def _displacement_rate(position: Aiding, several: int) -> tuple[Array, Array]:
-    """Displacements (k, 2) over so many intervals by their time, m/s, and their sd (k,)."""
+    """Return displacements (k, 2) over `several` intervals by their time, m/s, and sd (k,)."""
     seconds = position.t[several:] - position.t[:-several]
     moved = displacement(position.y[several:], position.y[:-several])[:, :2]
     return moved / seconds[:, None], np.hypot(

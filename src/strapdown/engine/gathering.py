@@ -106,8 +106,8 @@ class Gathering:
         return aligned(recording, self._spec, position, self._noise, self._say)
 
     def worth(self, start: Start) -> bool:
-        """True where a start need not wait for a better one: its heading is known, or given, or not
-        estimated by the filter."""
+        """True where a start need not wait for a better one: its heading is known, or given, or the
+        filter estimates no position."""
         return (
             self._given is not None or not positioned(self._filter) or bool(start.sd[8] <= DOUBTFUL)
         )

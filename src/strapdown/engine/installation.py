@@ -1,5 +1,5 @@
-"""Parameters of an installation as states of a filter: which are asked for, which sources share them,
-and where they stand behind the states that sources bring along."""
+"""Parameters of an installation as states of a filter: which are estimated, which sources share
+them, and their places behind the augmented states of the sources."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -31,8 +31,8 @@ from ..typing import Array
 IMU = "imu"
 """What names the IMU where a source could stand."""
 WAIT, LONGEST_WAIT = 3.0, 1.0
-"""A fix whose clock is a state waits so many prior standard deviations, but at most so many s: later
-than it holds, with any probable offset."""
+"""A fix whose clock is a state waits WAIT prior standard deviations, but at most LONGEST_WAIT s:
+later than it holds, with any probable offset."""
 
 Prior: TypeAlias = float | Sequence[float] | None
 Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]

@@ -1,5 +1,5 @@
 """Eight runs of one filter at once, on recordings that differ in numbers only: the same times, sources
-and options. What leaves the lanes is told, and must be run alone."""
+and options. Runs that leave the lanes are reported, and must be run alone."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple

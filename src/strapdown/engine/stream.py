@@ -558,7 +558,7 @@ class Stream:
     # ---- what it says
 
     def _when(self, t: float) -> float:
-        """A time for an event: `t`, or where that is none the newest one."""
+        """Return a time for an event: `t`, or the newest one where `t` is not finite."""
         return t if isfinite(t) else self.newest if isfinite(self.newest) else 0.0
 
     def _drop_sample(self, t: float) -> None:
@@ -665,8 +665,8 @@ def _check(lag: float, align_within: float, history: int, covariance: bool) -> N
 
 
 class _Ahrs:
-    """The stream of an AHRS beside another one, whose attitudes are fixes of that. It is always
-    as far as that or further."""
+    """The stream of an AHRS beside another stream, which uses its attitudes as measurements. It is
+    never behind that stream."""
 
     def __init__(self, stream: Stream, aidings: Sequence[Aiding], rate: float) -> None:
         self.stream, self._rate, self._every, self._count = stream, rate, 0, 0

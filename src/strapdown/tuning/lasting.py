@@ -18,7 +18,7 @@ SIZES = (0.7, 3.0)
 """Correlated over white standard deviation where it begins."""
 LESS_WHITE = np.log(0.7)
 BEST, FIRST_ROUNDS = 2, 4
-"""So many of the beginnings are followed by so many steps, the best of them to its end."""
+"""The BEST beginnings are followed for FIRST_ROUNDS steps, the best of them to its end."""
 
 
 class Found(NamedTuple):

@@ -317,7 +317,7 @@ def unpacked(signature: Signature) -> Any:
 
 
 def _of_arguments(count: int, result: Any, codegen: Callable[..., Any]) -> Any:
-    """An intrinsic of so many arguments, whatever they are."""
+    """Return an intrinsic of `count` arguments of any type."""
     names = ", ".join(f"a{i}" for i in range(count))
     scope: dict[str, Any] = {"result": result, "codegen": codegen}
     return intrinsic(eval(f"lambda typing, {names}: (result({names}), codegen)", scope))

@@ -118,8 +118,8 @@ def _both(of: SideBySide, *given: Any) -> bool:
 def _operator(
     of: SideBySide, result: Any, count: int, emit: Callable[..., Any], *functions: Any
 ) -> Any:
-    """Give numba's functions of so many arguments their meaning for `of`: what `emit` makes of a
-    builder and vectors."""
+    """Implement numba's functions of `count` arguments for `of`, by `emit` of a builder and
+    vectors."""
     names = ("a", "b", "c")[:count]
 
     def declared(context: Any, *given: Any) -> Any:

@@ -124,7 +124,7 @@ def _cores() -> int:
 
 
 class _Clock:
-    """Time left to compile some kernels in so many processes."""
+    """The time left to compile kernels in several processes."""
 
     def __init__(self, kernels: Sequence[Any], processes: int) -> None:
         self._left = {kernel: work(kernel) for kernel in kernels}
@@ -225,7 +225,7 @@ class _Workers:
             self._jobs.put(each)
 
     def done(self, count: int) -> Any:
-        """(job, seconds) of those of so many jobs that were compiled, as they are."""
+        """Yield (job, seconds) of those of `count` jobs that were compiled, as they end."""
         running = len(self._processes)
         while count and running:
             try:
@@ -244,7 +244,7 @@ class _Workers:
         assert process.stdin and process.stdout
         while job := self._jobs.get():
             seconds = None
-            # ValueError: of a pipe that is closed, or of an answer that is none
+            # ValueError: of a closed pipe, or of an invalid answer
             with suppress(OSError, ValueError, pickle.PicklingError, AttributeError):
                 pickle.dump(job, process.stdin)
                 process.stdin.flush()

@@ -24,7 +24,7 @@ LANES = 8
 
 
 class Number(NamedTuple):
-    """A `double`, or an `int64_t`; or so many of them side by side."""
+    """A `double`, or an `int64_t`; or `lanes` of them side by side."""
 
     real: bool
     lanes: int = 1

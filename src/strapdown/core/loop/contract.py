@@ -126,8 +126,7 @@ class Start(NamedTuple):
     rph: tuple[float, ...] = ()  # roll, pitch, heading, rad; NaN, NaN, heading: that alone is known
     ba: tuple[float, ...] = ()  # accelerometer bias, m/s^2
     bg: tuple[float, ...] = ()  # gyro bias, rad/s
-    # 15 standard deviations in the order of the error states, then those of states that aidings
-    # bring along
+    # 15 standard deviations in the order of the error states, then those of the augmented states
     sd: tuple[float, ...] = ()
     note: str = ""  # how each part was found
     # angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each, NED, SI) of a

@@ -18,8 +18,8 @@ from .log import Code, say
 from .tables import Fixes
 
 CONFIRM, CONFIRM_AFTER = 3, 1.0
-"""Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
-a doubt ends."""
+"""Fixes in a row that must pass their gates, the first of them this time (s) after the last cause,
+before a doubt ends."""
 HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
 LEFT = -1  # in Books.rejecting: left out
 NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
@@ -31,7 +31,7 @@ SAME_VALUE = 1e-9  # of a value: less is rounding and no change
 SELDOM, LONG_SAMPLE = (
     16,
     0.05,
-)  # changes are looked at in each so many samples, or in longer ones (s)
+)  # changes are tested every SELDOM samples, or in longer ones (s)
 LAST_CHANGES = 16.0  # over which they are averaged
 MOST_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
 MOST_JITTER = 2.0
@@ -253,7 +253,7 @@ def length(vector: Array) -> float:
 @helper
 def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
     """True where measurement `k` is plausible: not latitude and longitude 0, and within the limits
-    of the vehicle. Raises its standard deviations to the `floor` of its source."""
+    of the vehicle. Increases its standard deviations to the `floor` of its source."""
     s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits[0]
     floor = cursor.books[s].floor
     for i in range(3):

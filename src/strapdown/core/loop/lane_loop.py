@@ -297,7 +297,7 @@ def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
 
 @helper
 def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
-    """Runs of which an axis repeats its value for as long as that of a stuck sensor must go alone."""
+    """Take runs out of the batch where an axis repeats its value as long as a stuck sensor."""
     repeated, before = cursor.work[REPEATED], cursor.state[0].before
     cursor.state[0].repeating = 0
     for i in range(6):

@@ -68,7 +68,7 @@ def use_next(kernels: Kernels, belief: Belief, fixes: Fixes, cursor: Cursor, out
 
 @inlined
 def _begin(belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
-    """Everything as before the stages; the states that its source brought along have walked."""
+    """Reset the work space before the stages, and propagate the augmented states of the source."""
     s, work = fixes.source[k], cursor.work[0]
     source = fixes.sources[s]
     for i in range(3):
@@ -84,8 +84,8 @@ def _begin(belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
 
 @helper
 def walk(P: Array, source: SourceRow, seconds: float) -> None:
-    """The random walk of the states that a source brought along; only its measurements see them, so
-    it can wait for one."""
+    """Propagate the random walk of a source's augmented states; only its measurements observe them,
+    so that this can wait for one."""
     for i in range(source.first_state, source.first_state + source.states):
         P[i, i] += source.walk * source.walk * seconds
 

@@ -31,7 +31,7 @@ class Belief(NamedTuple):
     f: Array  # last bias-free specific force f_ib_b, m/s^2
     # what one architecture alone needs: its `slots`, of which the output columns are the first
     workspace: Array
-    extra_states: Array  # the states that aidings bring along, error states 15 ...
+    extra_states: Array  # the augmented states, error states 15 ...
 
 
 class Noise(NamedTuple):

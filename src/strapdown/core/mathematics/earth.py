@@ -148,8 +148,8 @@ def displace(lla: Array, north: float, east: float, down: float) -> None:
 
 @helper
 def displaced(lla: Array, north: float, east: float) -> tuple[float, float]:
-    """Latitude and longitude (rad) of a geodetic position so many metres further, as `displace`
-    says."""
+    """Return latitude and longitude (rad) of a geodetic position moved by `north` and `east` (m),
+    as by `displace`."""
     sine = sine_of_latitude(lla[0])
     R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))

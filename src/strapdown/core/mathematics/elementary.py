@@ -103,7 +103,7 @@ def _difference(a: float, b: float) -> tuple[float, float]:
 
 @helper
 def _of_quarter(x: float, rest: float, quarter: int) -> tuple[float, float]:
-    """(sine, cosine) of x + rest and so many quarter turns, |x| <= pi/4."""
+    """Return sine and cosine of x + rest and `quarter` quarter turns, |x| <= pi/4."""
     z = x * x
     w = z * z
     r = S2 + z * (S3 + z * S4) + z * w * (S5 + z * S6)

@@ -219,8 +219,7 @@ def _turn(n: int, P: Array, R: NineNumbers) -> None:
 
 @inlined
 def inject_all(belief: Belief, dx: Array) -> None:
-    """Compose the whole correction into the belief: position, velocity, attitude, biases and
-    what aidings brought along."""
+    """Inject the whole correction: position, velocity, attitude, biases and augmented states."""
     inject(belief.lla, belief.v, belief.C, dx)
     inject_biases(belief, dx)
 
@@ -263,6 +262,6 @@ def inject_biases(belief: Belief, dx: Array) -> None:
 
 @inlined
 def inject_tail(belief: Belief, dx: Array) -> None:
-    """Add their errors to the states that aidings brought along."""
+    """Inject the errors of the augmented states."""
     for i in range(belief.extra_states.size):
         belief.extra_states[i] += dx[STATES + i]

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 GRID = 61
 """Points of a growth curve."""
 CURVE_GAP = 2.5
-"""Usual steps of a Track, thinned to every row or every other one: it is not known over more,
-nor over so many beyond its ends."""
+"""Usual steps of a Track, thinned to every row or every other one: it is unknown in longer gaps,
+and further than that beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
 MEDIANS = tuple(f"{part}_rmse_deg" for part in EULER) + (
     "velocity_rmse_m_s",

@@ -214,8 +214,8 @@ def _level(belief: Belief, dt: float, q: float) -> None:
 
 @helper
 def _gains(belief: Belief, k: float, seconds: float) -> float:
-    """The gain of a pull by k (1/s) after so many seconds: exact for a small error that nothing
-    else corrects; and those of the six states, K_NORTH to K_DOWN."""
+    """Return the gain of a correction by k (1/s) over `seconds`, exact for a small error that
+    nothing else corrects; write those of the six states, K_NORTH to K_DOWN."""
     workspace, C = belief.workspace, belief.C
     gain = 1 - decay(k * min(seconds, LONGEST_GAP))
     K_north, K_east, K_down = workspace[K_NORTH], workspace[K_EAST], workspace[K_DOWN]

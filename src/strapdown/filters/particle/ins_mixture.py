@@ -21,7 +21,7 @@ from ...core.mathematics.threefry import STREAM
 from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
 
-TAIL = NAVIGATION.size  # where a component's states that aidings brought along begin
+TAIL = NAVIGATION.size  # where the augmented states of a component begin
 SLOTS = Slots(after=ERROR_STATE)
 EFFECTIVE = SLOTS.output("effective_components")
 RESAMPLINGS = SLOTS.output("resamplings")
