@@ -1,7 +1,8 @@
-"""What is refused at the edge, said one way: numbers out of range, arrays of another shape, words
-that are not known.
+"""Checks of arguments at the public functions, with messages of one form: numbers out of range,
+arrays of another shape, unknown words.
 
-Every refusal is a DataError of one line: what it is, what it must be. Nothing here knows files.
+Every check raises a DataError of one line: the value, and what it must be. Nothing here knows
+files.
 """
 
 import math
@@ -49,7 +50,7 @@ def located(where: object) -> Iterator[None]:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether it is a real number; True and False are none."""
+    """True for a real number; True and False are none."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 

@@ -26,8 +26,8 @@ def append_checksum(path: Path) -> None:
 
 
 def has_checksum(path: Path) -> bool:
-    """Whether the file has the line, which then is right. Raises DataError where it is wrong, and
-    OSError."""
+    """Return True where the file has a checksum and it is correct, False where it has none. Raises
+    DataError where it is wrong, and OSError."""
     size = path.stat().st_size
     with open(path, "rb") as file:
         file.seek(max(0, size - LENGTH))

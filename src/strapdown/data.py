@@ -229,7 +229,7 @@ class Aiding(Value):
 
 @dataclass(frozen=True, eq=False)
 class Innovations(Value):
-    """What became of each fix, in time order."""
+    """The innovations of a solution and the use of each measurement, in time order."""
 
     t: Array  # (m,) s
     source: Ints  # (m,) index into `names`
@@ -287,7 +287,7 @@ class Rejected(NamedTuple):
 
 
 class SolutionMeta(TypedDict, total=False):
-    """What is known of a solution beside its numbers, each only where it is known."""
+    """Metadata of a solution; each key only where it is known."""
 
     filter: str
     recording: str  # its name
@@ -316,7 +316,7 @@ class SolutionMeta(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Solution(Value):
-    """What a filter made of a recording: n rows, SI and radians, in NED."""
+    """The result of a filter on a recording: n rows, SI and radians, in NED."""
 
     # with sd of the 15 error states; NaN where the filter estimates or claims none
     trajectory: Trajectory
@@ -390,8 +390,8 @@ class Solution(Value):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether to trust it, with the reasons: found when asked for, or as its file says; "not
-        judged" where a file says nothing."""
+        """The verdict on whether to trust the solution, with the reasons: computed when asked for,
+        or as its file says; "not judged" where a file says nothing."""
         if "verdict" in self.meta:
             return Verdict.from_dict(self.meta["verdict"])
         if self.recording is None:
@@ -420,7 +420,7 @@ class Solution(Value):
 
     @property
     def has_position(self) -> bool:
-        """Whether latitude, longitude and height are known in any row; filters of attitude alone
+        """True where latitude, longitude and height are known in any row; filters of attitude alone
         publish NaN."""
         return bool(np.isfinite(self.trajectory.lla).all(axis=1).any())
 

@@ -189,7 +189,7 @@ ASKED_OF_IMU: Known = {name: (each,) for name, each in OF_IMU.items()} | {
 
 
 def asked_at(names: Sequence[str]) -> Known:
-    """What can be asked for at a source that knows these names."""
+    """Return the parameters that can be asked for at a source, of those with these names."""
     return {name: (OF_SOURCE[name],) for name in names if name in OF_SOURCE}
 
 

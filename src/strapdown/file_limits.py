@@ -1,4 +1,4 @@
-"""What a file may be, so that none stops or fills the process that reads it: a regular file, of
+"""Limits on files, so that none stops or fills the process that reads it: a regular file, of
 bounded size once unpacked, of bounded depth and number of entries.
 
 `opening` has the ways of opening a file, which ask here; nothing else opens one. What unpacks or
@@ -19,7 +19,7 @@ from .typing import File
 
 
 class Limits(NamedTuple):
-    """What a file may be. A week at 200 Hz as CSV has 15 GB."""
+    """Limits of a file. A week at 200 Hz as CSV has 15 GB."""
 
     # bytes of a file's content, once unpacked; of text of what it takes in memory, if that is more
     size: float = 64e9

@@ -47,8 +47,8 @@ _SET: ContextVar[_Set | None] = ContextVar("set of files", default=None)
 
 @contextmanager
 def together() -> Iterator[_Set]:
-    """What `replacing` writes in the block takes its place when the block ends well: all of it, or
-    nothing, and then what stood there before is untouched.
+    """Put all files that `replacing` writes in the block in place when the block ends well; else
+    leave the former files untouched.
 
     Until then a reader finds the files of before. A set inside another one is part of it; a thread
     has its own. Only a kill or a power failure between two of the last renames, some microseconds,
@@ -110,7 +110,7 @@ def _put_back(before: Path | None, target: Path) -> None:
 
 @contextmanager
 def _refusals(path: File) -> Iterator[None]:
-    """What the system refuses in the block, as a DataError on `path`."""
+    """Raise an OSError of the block as a DataError on `path`."""
     try:
         yield
     except OSError as error:
@@ -173,7 +173,7 @@ def shipped(kind: str, package: str, others: bool = True) -> dict[str, Traversab
     with `others`, of installed packages that bring some.
 
     Such a package names itself under the entry points `strapdown.data`; a name that `package` has
-    itself stays its own. One that cannot be imported is told of and left out.
+    itself stays its own. One that cannot be imported is reported and left out.
     """
     found: dict[str, Traversable] = {}
     for place in (

@@ -145,7 +145,8 @@ class Zip(zipfile.ZipFile):
         self._found[:] = files
 
     def content(self, name: str, meter: Meter | None = None, lines: bool = False) -> BinaryIO:
-        """What a file of the archive unpacks to, open to read. Raises as `open`, and DataError."""
+        """Return the unpacked content of a file of the archive, open to read. Raises as `open`, and
+        DataError."""
         with _unzipping(self.path):
             return metered(cast(BinaryIO, self.open(name)), meter or self.meter, lines)
 
@@ -199,9 +200,8 @@ def settings_text(path: File) -> str:
 
 
 def toml_of(text: str, path: File) -> dict[str, Any]:
-    """What a text in TOML holds. Raises DataError, which names `path`, where it is none, and of what
-    a parser would take long to read: too many values, too deep, whole numbers of more than 64 bits.
-    """
+    """Parse a text in TOML. Raises DataError, which names `path`, where it is not TOML, and where a
+    parser would take long to read it: too many values, too deep, integers of more than 64 bits."""
     check_toml(text, path)
     try:
         found = tomllib.loads(text)
@@ -239,7 +239,7 @@ def _check_whole(value: Any, path: File, key: str = "") -> None:
 
 
 def json_of(text: str | bytes, path: File) -> Any:
-    """What a text in JSON holds. Raises DataError, which names `path`, where it is none."""
+    """Parse a text in JSON. Raises DataError, which names `path`, where it is not JSON."""
     try:
         return json.loads(text)
     except RecursionError:

@@ -1,11 +1,11 @@
-"""What comes from outside the library: sensors, filters, readers, figures and quantities of
-installed packages and of a user's own files.
+"""Plugins: sensors, filters, readers, figures and quantities of installed packages and of a user's
+own files.
 
-A plugin is a module. What it brings are the values of these types at its top level. Installed
-packages name their modules under the entry points `strapdown.plugins`, a user names files or modules
-in the environment variable STRAPDOWN_PLUGINS or hands values to `strapdown.register`. Plugins are
-imported when a name is asked for that the library does not have, or when everything is listed. One
-that cannot be imported, or brings what cannot be used, is told of in one line and left out.
+A plugin is a module. It provides the values of these types at its top level. Installed packages
+name their modules under the entry points `strapdown.plugins`, a user names files or modules in the
+environment variable STRAPDOWN_PLUGINS or hands values to `strapdown.register`. Plugins are imported
+when a name is asked for that the library does not have, or when everything is listed. One that
+cannot be imported, or provides unusable values, is reported in one line and left out.
 """
 
 import importlib
@@ -60,7 +60,7 @@ class Plugin:
 
     @property
     def values(self) -> list[Any]:
-        """What it brings now, beside whatever else stands at its top level."""
+        """All values at the top level of its module now, of any type, and those registered."""
         module = sys.modules.get(self.module) if self.whole else None
         return [*(vars(module).values() if module else ()), *self.registered]
 
@@ -288,8 +288,8 @@ class Registry(Generic[Kind]):
                 kept.append(value)
 
     def _is_there(self, value: Any, found: dict[str, tuple[Kind, Plugin]]) -> bool:
-        """Whether the very value is there already. Raises DataError where its name is none, or
-        something else has it."""
+        """True where this very value is registered already. Raises DataError where its name is
+        invalid, or another value has it."""
         name, kind = value.name, self.kind.__name__
         if not isinstance(name, str) or not name.strip() or "\n" in name:
             raise DataError(f"a {kind} has the name {name!r}; it must be text")

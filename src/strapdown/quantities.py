@@ -1,4 +1,5 @@
-"""What a component of a fix can be: its units, what its innovation is, and what no sensor reads."""
+"""Quantities that a component of a measurement can have: units, innovation, and the limits of
+sensors."""
 
 import math
 from collections.abc import Mapping

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 
 class RecordingMeta(TypedDict, total=False):
-    """What is known of a recording beside its samples, each only where it is known.
+    """Metadata of a recording; each key only where it is known.
 
-    What a reader or a user adds under other names is kept.
+    Keys that a reader or a user adds under other names are kept.
     """
 
     name: str

@@ -14,7 +14,7 @@ Read: TypeAlias = Callable[[Any, str], Any]
 
 
 class Key(NamedTuple):
-    """What a key of a TOML table is."""
+    """A key of a TOML table."""
 
     field: str  # that it sets
     read: Read
@@ -115,12 +115,13 @@ def scaled(unit: float, read: Read = number) -> Read:
 def made(
     kind: Callable[..., Made], keys: Mapping[str, Key], **others: Any
 ) -> Callable[[Any, str], Made]:
-    """What `kind` makes of the fields of a table; `others` are fields where the table has none."""
+    """Return a reader that calls `kind` on the fields of a table; `others` are fields where the
+    table has none."""
     return lambda value, where: kind(**others | read_table(value, keys, where))
 
 
 def section(read: Read) -> Read:
-    """What `read` makes of a table that is a section [of its own]."""
+    """Return a reader that applies `read` to a table that is a section [of its own]."""
 
     def in_brackets(value: Any, where: str) -> Any:
         if not isinstance(value, dict):

@@ -166,8 +166,8 @@ Values = TypeVar("Values", float, Array)
 
 
 def factor(unit: object, of: str, where: str = "") -> float:
-    """What a value in `unit` is multiplied with to be SI and radians; `of` is a dimension or its SI
-    unit (`DIMENSIONS`). Raises DataError that names `where` and lists the accepted names."""
+    """Return the factor from `unit` to SI and radians; `of` is a dimension or its SI unit
+    (`DIMENSIONS`). Raises DataError that names `where` and lists the accepted names."""
     dimension = DIMENSIONS.get(of, of)
     known = UNITS[dimension]
     if isinstance(unit, str) and unit in known:

@@ -1,5 +1,4 @@
-"""What carries the sensors, and what it never exceeds: samples, fixes and states beyond that are
-mistakes."""
+"""Vehicles and their limits: samples, measurements and states beyond them are out of range."""
 
 import math
 from collections.abc import Mapping
@@ -25,13 +24,14 @@ class Vehicle:
 
     @property
     def by_thrust(self) -> bool:
-        """Whether thrust along an axis of its own is all that holds it up: it flies to any side, so
-        that its course is no heading, and its accelerometer does not feel a tilt."""
+        """True where thrust along an axis of its own is all that holds the vehicle up: it flies to
+        any side, so that its course is no heading, and its accelerometer does not feel a tilt."""
         return self.name == "multicopter"
 
     @property
     def points_ahead(self) -> bool:
-        """Whether its forward axis points where it goes; what a person carries lies anyhow."""
+        """True where the forward axis points along the course; a person may carry the sensors
+        in any attitude."""
         return not self.by_thrust and self.name != "pedestrian"
 
     def __post_init__(self) -> None:

@@ -1,5 +1,5 @@
-"""What is said of a result or a recording that may be wrong: reasons with their probable cause, and
-the verdict that they come to. Whoever finds something (`cross_checks`, `diagnosis`) makes Reasons."""
+"""Reasons to doubt a result or a recording, with their probable cause, and the verdict that they
+give. `cross_checks` and `diagnosis` make Reasons."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Reason(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether to trust a result: `word` is one of TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED, or
+    """The verdict on a result: `word` is one of TRUSTED, DOUBTFUL, NOT_TO_BE_TRUSTED, or
     NOT_JUDGED."""
 
     word: str
@@ -103,7 +103,7 @@ class Verdict:
 
     @property
     def trusted(self) -> bool:
-        """Whether nothing speaks against the result."""
+        """True where nothing speaks against the result."""
         return self.word == TRUSTED
 
     @property

@@ -16,7 +16,7 @@ PARAMETER_MEANINGS = ("", "antenna", "reference", "field")
 
 
 def name_of(kind: Kind) -> str:
-    """Of a kind that kernels know by its number."""
+    """Return the name of a kind that kernels know by its number."""
     return kind.name.lower().replace("_", "-")
 
 

@@ -38,8 +38,8 @@ def turned_back(C: Array, a: Three) -> Three:
 
 @helper
 def any_of(belief: Belief, source: SourceRow) -> bool:
-    """Whether any of the installation of a source is a state. Asked of the belief first, because
-    firmware has no such states, and then none of what follows."""
+    """True where any parameter of the installation of a source is a state. Tests the filter first,
+    because firmware has no such states, and skips the rest then."""
     return belief.extra_states.size > 0 and source.estimated > 0
 
 
@@ -155,7 +155,8 @@ def by_attitude(H: Array, x: Three) -> None:
 
 @helper
 def position(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> None:
-    """What becomes of an innovation y - p (m, NED) of an antenna's position."""
+    """Correct an innovation y - p (m, NED) of an antenna's position, and its H, for the states of
+    the installation."""
     C, M, v = belief.C, source.turn, belief.v
     later = error(belief, source.clock_state) - source.clock
     age = source.age - later
@@ -205,7 +206,8 @@ def rate_then(belief: Belief, source: SourceRow) -> Three:
 
 @helper
 def velocity(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> None:
-    """What becomes of an innovation y - v (m/s, NED) of an antenna's velocity."""
+    """Correct an innovation y - v (m/s, NED) of an antenna's velocity, and its H, for the states of
+    the installation."""
     C, M = belief.C, source.turn
     later = error(belief, source.clock_state) - source.clock
     age = source.age - later

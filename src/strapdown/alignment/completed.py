@@ -29,7 +29,8 @@ def _given(start: Start, name: str) -> bool:
 
 
 def _heading_alone(name: str, values: object) -> bool:
-    """Whether these are NaN, NaN and a heading; what is none of it is refused elsewhere."""
+    """True where `rph` has a heading alone: NaN, NaN and a number; other values are refused
+    elsewhere."""
     try:
         rph = np.asarray(values, float)
     except (TypeError, ValueError):

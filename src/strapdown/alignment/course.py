@@ -77,7 +77,7 @@ def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
 
 
 def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
-    """Means (k, 2) of so many velocities in a row, that span so many seconds, and their sd (k,).
+    """Return means (k, 2) of `several` velocities in a row, over `span` (s), and their sd (k,).
     Those of one second count as one: their errors are alike."""
     v = np.cumsum(np.vstack([np.zeros(2), velocity.y[:, :2]]), axis=0)
     variance = np.cumsum(np.r_[0.0, _rms(velocity.sd) ** 2])
@@ -89,7 +89,7 @@ def _mean(velocity: Aiding, several: int, span: Array) -> tuple[Array, Array]:
 
 
 def _displacement_rate(position: Aiding, several: int) -> tuple[Array, Array]:
-    """Displacements (k, 2) over so many intervals by their time, m/s, and their sd (k,)."""
+    """Return displacements (k, 2) over `several` intervals by their time, m/s, and sd (k,)."""
     seconds = position.t[several:] - position.t[:-several]
     moved = displacement(position.y[several:], position.y[:-several])[:, :2]
     return moved / seconds[:, None], np.hypot(
@@ -139,14 +139,14 @@ def heading_of(courses: Courses, imu: Imu, t: float) -> Found | None:
 
 
 def is_sure(courses: Courses, imu: Imu, k: int) -> bool:
-    """Whether the k-th has a course: a speed that its noise does not make."""
+    """True where velocity k has a course: its speed stands out from its noise."""
     if not courses.speed[k] > SURE * courses.sd[k]:
         return False
     return bool(courses.speed[k] > SURE_AT_REST * courses.sd[k]) or not _still(imu, courses.t[k])
 
 
 def _still(imu: Imu, t: float) -> bool:
-    """Whether the IMU feels rest at t."""
+    """True where the IMU is at rest at t."""
     rows = slice(*np.searchsorted(imu.t, [t - 1.5, t + 1.5]))
     still = at_rest(Imu(*(column[rows] for column in imu)))
     return bool(len(still)) and bool(

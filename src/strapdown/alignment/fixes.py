@@ -1,5 +1,4 @@
-"""Of the fixes of a recording what an alignment can use: their complete ones, and the velocities
-that they tell."""
+"""Measurements of a recording for an alignment: complete ones, and velocities from them."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -63,7 +62,7 @@ def position_and_velocity(recording: Recording) -> tuple[Aiding | None, Aiding |
 
 
 def velocities(position: Aiding, velocity: Aiding | None) -> Velocities:
-    """Of the velocity source, else of differences of positions."""
+    """Return the velocities of the velocity source, else differences of positions."""
     if velocity is not None:
         return Velocities(velocity.t, velocity.y, velocity.sd)
     _, first = np.unique(position.t, return_index=True)  # two fixes of one time have no velocity

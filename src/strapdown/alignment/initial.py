@@ -120,7 +120,7 @@ class _Felt(NamedTuple):
 
 
 class _Moment(NamedTuple):
-    """What is known of an instant before its heading and its level are."""
+    """The data of an instant that its heading and its level are found from."""
 
     t: float  # s
     fixes: Aiding  # positions
@@ -139,7 +139,7 @@ class _Moment(NamedTuple):
     note: str  # on the gyro bias
 
     def rested(self, imu: Imu) -> bool:
-        """Whether a rest tells the level."""
+        """True where a rest gives the level."""
         return _age(imu, self.rest, self.t) < REST_AGE
 
 
@@ -427,7 +427,7 @@ def _age(imu: Imu, rest: list[Ints], t: float) -> float:
 
 
 def _by_thrust(recording: Recording) -> bool:
-    """Whether the course of the vehicle is no heading."""
+    """True where the course of the vehicle is no heading."""
     return find_vehicle(recording.meta.get("vehicle")).by_thrust
 
 
@@ -515,8 +515,8 @@ def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
 
 
 def _felt(recording: Recording, moment: _Moment) -> _Felt | None:
-    """What is _Felt by the velocity fixes around, else by positions; None where a rest tells the
-    level, or fixes are too few."""
+    """Return the mean force and acceleration by the velocity fixes around, else by positions; None
+    where a rest gives the level, or there are too few fixes."""
     if moment.rested(recording.imu):
         return None
     velocity = moment.velocity
@@ -534,8 +534,8 @@ def _felt(recording: Recording, moment: _Moment) -> _Felt | None:
 
 
 def _felt_by_positions(recording: Recording, moment: _Moment) -> _Felt | None:
-    """What is _Felt by the second difference of three positions around, as far apart as their
-    noise and the gyros like it; None without."""
+    """Return the mean force and acceleration by the second difference of three positions around, at
+    the spacing that suits their noise and the gyros best; None without."""
     found = []
     for apart in (1.0, 2.0, 4.0):
         if (rows := _three(moment.fixes.t, moment.t, apart)) is None:
@@ -608,7 +608,7 @@ def _level_at_rest(force: MeanForce, b_a_sd: float, sways: bool) -> tuple[float,
 
 
 def _sways(imu: Imu, rest: list[Ints]) -> bool:
-    """Whether a body that feels at rest turns to and fro, as in smooth flight or on water."""
+    """True where a body that seems at rest rotates to and fro, as in smooth flight or on water."""
     return bool(rest) and bool(np.linalg.norm(unsteadiness(imu, rest)) > SWAYING)
 
 

@@ -29,10 +29,10 @@ LEAST_FELT = 0.8
 
 
 class StatesBiases(Protocol):
-    """Of an IMU's description all that an alignment asks for; an ImuSpec has it."""
+    """The part of an IMU's description that an alignment needs; an ImuSpec has it."""
 
     def noise(self) -> Noise:
-        """What a filter assumes of it."""
+        """Return the noise that a filter assumes of the IMU."""
 
     def bias_sd(self) -> tuple[float, float]:
         """Standard deviations of the turn-on biases: accelerometer m/s^2, gyro rad/s."""
@@ -48,7 +48,7 @@ class Found(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether it says anything: its deviation is below that of any heading."""
+        """True where the heading has information: its sd is below that of an unknown heading."""
         return self.sd < UNKNOWN_SD
 
 

@@ -1,4 +1,4 @@
-"""Where a vehicle stands still, before an instant and after it, and the gyro bias that this tells."""
+"""Standstills of a vehicle before and after an instant, and the gyro bias from them."""
 
 from typing import NamedTuple
 

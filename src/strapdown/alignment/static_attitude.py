@@ -115,7 +115,7 @@ def body_to_navigation(roll: float, pitch: float, heading: float) -> Array:
 
 
 class Gyrocompass(NamedTuple):
-    """What the Earth's rate tells of a body at rest; rad and rad/s."""
+    """The attitude of a body at rest by the Earth's rate; rad and rad/s."""
 
     rph: tuple[float, float, float]  # roll, pitch, heading
     heading_sd: float

@@ -147,7 +147,7 @@ def _stop(message: str, code: int = 2) -> NoReturn:
 
 
 def _version(context: typer.Context, given: typer.CallbackParam, wanted: bool) -> bool:
-    """Of --version and --verbose: answers when both are known, before typer looks at any other
+    """Handle --version and --verbose: answer when both are known, before typer looks at any other
     option, for which it loads pydantic."""
     said = {**context.params, given.name: wanted}
     if {"version", "verbose"} <= said.keys():

@@ -1,5 +1,5 @@
-"""What the shell offers for the value of an option: names that the library knows, with a word on
-each. Heavy imports inside functions, as everywhere here."""
+"""Shell completion of option values: names that the library knows, with a word on each. Heavy
+imports inside functions, as everywhere here."""
 
 from importlib.metadata import EntryPoint, entry_points
 
@@ -79,7 +79,7 @@ def targets() -> Offered:
 
 
 def reproductions() -> Offered:
-    """What an installed package offers to run again."""
+    """Reproductions that an installed package offers."""
     return [(name, "") for name in sorted(offered())]
 
 

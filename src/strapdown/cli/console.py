@@ -1,5 +1,5 @@
-"""What the commands share: options, the folder for results, tables, summaries, progress. Heavy
-imports inside functions, so that `--help` stays quick."""
+"""Functions shared by the commands: options, the folder for results, tables, summaries, progress.
+Heavy imports inside functions, so that `--help` stays quick."""
 
 import os
 import sys
@@ -233,7 +233,7 @@ def asked_imu(text: str | None) -> tuple[int | None, str | None]:
 
 
 def instances(imu: int | None, take: Sequence[str] | None) -> dict[str, int | None]:
-    """What `read` takes as instances, of --imu and --take. Raises DataError."""
+    """Return the `instances` of `read` from --imu and --take. Raises DataError."""
     found: dict[str, int | None] = {} if imu is None else {"imu": imu}
     for item in take or ():
         name, _, number = (part.strip() for part in item.partition("="))
@@ -277,8 +277,8 @@ def save_draft(
 
 
 def summarise(solution: "sd.Solution") -> None:
-    """What a user must know of a solution beside its errors: the verdict first, then notes,
-    start, fixes, events, uncertainty at the end."""
+    """Print the summary of a solution without its errors: the verdict first, then notes, start,
+    fixes, events, uncertainty at the end."""
     from ..core.loop.contract import DOUBTFUL
     from ..reports.summary import claimed_sd
 
@@ -548,14 +548,14 @@ def option_values(items: Sequence[str] | None) -> dict[str, float | str]:
 
 
 def estimates(items: Sequence[str] | None) -> "dict[str, Prior] | None":
-    """What `fuse` takes as `estimate`, from NAME and NAME=SD as `standard_deviations` reads them;
+    """Return the `estimate` of `fuse` from NAME and NAME=SD, as `standard_deviations` reads them;
     None where nothing is given. Raises DataError."""
     return standard_deviations(items, "--estimate") if items else None
 
 
 def robust_sources(items: Sequence[str] | None) -> bool | list[str] | None:
-    """What `fuse` takes as `robust`, from names between commas, `all` or `none`; None where nothing is
-    given."""
+    """Return the `robust` of `fuse` from names between commas, `all` or `none`; None where nothing
+    is given."""
     if not items:
         return None
     names = [piece.strip() for item in items for piece in item.split(",")]
@@ -563,7 +563,7 @@ def robust_sources(items: Sequence[str] | None) -> bool | list[str] | None:
 
 
 def memories(items: Sequence[str] | None) -> float | dict[str, float] | None:
-    """What `fuse` takes as `adaptive`, from SECONDS, or SOURCE=SECONDS between commas; None where
+    """Return the `adaptive` of `fuse` from SECONDS, or SOURCE=SECONDS between commas; None where
     nothing is given. Raises DataError."""
     if not items:
         return None

@@ -1,5 +1,5 @@
-"""What `--help` shows beside the options: commands by task, options in groups, examples, the page
-that tells more. Light, since every start loads it."""
+"""The pages of `--help` beside the options: commands by task, options in groups, examples, the page
+with details. Light, since every start loads it."""
 
 from textwrap import fill
 from typing import Any, NamedTuple

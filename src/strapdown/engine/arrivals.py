@@ -1,4 +1,5 @@
-"""What a stream is given, and what of it is refused: the same as of arrays and files, in one line."""
+"""Samples, measurements and sources that a stream receives, and the checks on them: the same as for
+arrays and files, in one line."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, isfinite, nan
@@ -82,7 +83,8 @@ def _is_vector(value: object) -> bool:
 
 
 def checked_aidings(aidings: Sequence[Aiding]) -> tuple[Aiding, ...]:
-    """What a stream is given as its sources. Raises DataError where they are none."""
+    """Return the sources of a stream as a tuple. Raises DataError where they are not a list of
+    Aiding."""
     if isinstance(aidings, Aiding):
         raise DataError("aidings is one Aiding; it must be a list of them: aidings=[...]")
     if isinstance(aidings, str) or not isinstance(aidings, Iterable):

@@ -94,8 +94,8 @@ def chosen(
 
 
 def whose(taken: Sequence[Aiding], replaced: Sequence[Aiding]) -> str:
-    """What a note says of the sources that the AHRS has for itself, and of those that it stands
-    for."""
+    """Return the words of a note on the sources that only the AHRS uses, and those that it
+    replaces."""
     text = f", which alone uses {_names(taken)}" if taken else ""
     return text + (f", in place of the recorded {_names(replaced)}" if replaced else "")
 

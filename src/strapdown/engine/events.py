@@ -1,5 +1,5 @@
-"""What a run says while it goes on, in words: the rows of the loop's log and the runs of rejected
-fixes as events (t, text)."""
+"""Events of a run in words: rows of the loop's log and runs of rejected measurements as (t,
+text)."""
 
 from collections.abc import Callable, Sequence
 from enum import IntEnum
@@ -27,7 +27,8 @@ MOST_OF_A_KIND = 20
 
 
 class Said(IntEnum):
-    """What only a stream says: of rows that a Recording has not, of its start, of its caller."""
+    """Kinds of events that only a stream has: rows that no Recording has, its start, its
+    callback."""
 
     SAMPLES_NOT_FINITE = 100
     SAMPLES_TWICE = 101
@@ -122,7 +123,7 @@ class Events:
         return True
 
     def text(self, row: LogRow) -> str:
-        """What a row of the log says."""
+        """Return the message of a row of the log."""
         which, value = int(row.which), float(row.value)
         return WORDS[int(row.code)](self, row, which, value)
 
@@ -144,14 +145,14 @@ class Events:
         return f"{self.name(s)} {NED[i]}" if width == 3 else self.name(s)
 
     def apart(self, which: int) -> tuple[int, int, bool]:
-        """Of sources whose heights contradict each other: that which is left out, that which is
-        used, and whether the data tell which is wrong."""
+        """Return, for two heights that contradict each other, the source excluded, the source used,
+        and whether the data decide which is wrong."""
         pair, told = divmod(which, 2)
         return *divmod(pair, len(self._aidings)), bool(told)
 
     @property
     def heights_apart(self) -> list[dict[str, Any]]:
-        """What is told of heights that were left out, as plain values."""
+        """Heights that were excluded, as plain values."""
         return [
             {
                 "source": self.name(wrong),
@@ -173,7 +174,7 @@ class Events:
 
     @property
     def speed(self) -> str:
-        """What the vehicle does at most."""
+        """The speed limit of the vehicle, in words."""
         return f"the {self.vehicle.speed:.4g} m/s of {self.vehicle}"
 
     @property
@@ -183,7 +184,7 @@ class Events:
 
     @property
     def held(self) -> str:
-        """What happens in a gap that is too long to be bridged."""
+        """The effect of a gap that is too long to be bridged, in words."""
         return (
             "velocity and attitude held, invalid until the next position fix"
             if POS.start in self._filter.estimates
@@ -191,7 +192,7 @@ class Events:
         )
 
     def condition(self, which: int) -> str:
-        """What the filter says of itself."""
+        """Return the message of a condition that the filter reports."""
         return self._filter.conditions[which].text
 
 
@@ -204,7 +205,7 @@ def log_row(t: float, until: float, code: int, which: int, count: int, value: fl
 
 
 def _goes_on(alike: list[LogRow], row: LogRow) -> bool:
-    """Whether a row belongs to the last of these."""
+    """True where a row continues the last of these."""
     return bool(alike) and bool(row.t - alike[-1].until <= FOLD)
 
 

@@ -50,7 +50,7 @@ def solution(run: Run) -> Solution:
 
 
 def _meta(run: Run, used: Table[FixRow]) -> SolutionMeta:
-    """What is known of a run beside its numbers."""
+    """Return the metadata of a run."""
     recording, spec = run.recording, run.spec
     meta: SolutionMeta = {
         "filter": run.filter.name,
@@ -109,7 +109,7 @@ def _columns(run: Run, nav: Array) -> dict[str, Array]:
 
 
 def stopped(t: float) -> str:
-    """What is said of a filter that stopped at the sample of `t` s."""
+    """Return the message of a filter that stopped at the sample of `t` s."""
     return (
         f"stopped at {t:.2f} s: the latitude left the +-89 deg where results hold, or the filter "
         f"diverged"

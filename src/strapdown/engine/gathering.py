@@ -1,4 +1,5 @@
-"""What a stream is given before it knows where to start, and the Start that it tells."""
+"""The alignment buffer of a stream: samples and measurements before its start, and the Start that
+they give."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -66,11 +67,12 @@ class Gathering:
 
     @property
     def late(self) -> bool:
-        """Whether any start is better than none."""
+        """True where any start is better than none."""
         return bool(self.samples) and self.samples[-1].t - self._first >= self._within - 1e-6
 
     def recording(self) -> Recording:
-        """What was gathered. Raises DataError where that is nothing."""
+        """Return the buffered samples and measurements as a Recording. Raises DataError for fewer
+        than two samples."""
         if len(self.samples) < 2:
             raise DataError(
                 f"{len(self.samples)} IMU samples are no start; give the stream some seconds of "
@@ -104,8 +106,8 @@ class Gathering:
         return aligned(recording, self._spec, position, self._noise, self._say)
 
     def worth(self, start: Start) -> bool:
-        """Whether a start need not wait for a better one: its heading is known, or given, or of
-        no use to the filter."""
+        """True where a start need not wait for a better one: its heading is known, or given, or the
+        filter estimates no position."""
         return (
             self._given is not None or not positioned(self._filter) or bool(start.sd[8] <= DOUBTFUL)
         )

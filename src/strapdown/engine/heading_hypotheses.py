@@ -73,15 +73,15 @@ def aligned(
 
 
 def _doubtful(start: Start) -> bool:
-    """Whether the heading is unknown, or from the course of what goes slowly: a hand may carry
-    it."""
+    """True where the heading is unknown, or from the course of a slow vehicle, which may be carried
+    by hand."""
     if "heading from the course" not in start.note:
         return not start.sd[8] < UNKNOWN_SD
     return bool(start.sd[8] > DOUBTFUL or np.hypot(start.v[0], start.v[1]) < MOVING)
 
 
 class _Trials(NamedTuple):
-    """What the runs of all headings share."""
+    """The inputs shared by the runs of all headings."""
 
     recording: Recording
     begin: float  # s

@@ -1,5 +1,5 @@
-"""Parameters of an installation as states of a filter: which are asked for, which sources share them,
-and where they stand behind the states that sources bring along."""
+"""Parameters of an installation as states of a filter: which are estimated, which sources share
+them, and their places behind the augmented states of the sources."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -31,8 +31,8 @@ from ..typing import Array
 IMU = "imu"
 """What names the IMU where a source could stand."""
 WAIT, LONGEST_WAIT = 3.0, 1.0
-"""A fix whose clock is a state waits so many prior standard deviations, but at most so many s: later
-than it holds, with any probable offset."""
+"""A fix whose clock is a state waits WAIT prior standard deviations, but at most LONGEST_WAIT s:
+later than it holds, with any probable offset."""
 
 Prior: TypeAlias = float | Sequence[float] | None
 Estimate: TypeAlias = str | Iterable[str] | Mapping[str, Prior]
@@ -72,9 +72,9 @@ def with_estimates(recording: Recording, estimate: Estimate | None) -> Recording
 
 
 def of_grade(filter: Filter, spec: ImuSpec | None) -> tuple[OfImu, list[str]]:
-    """What the grade of an IMU states of scale and misalignment, as states where nobody asked for or
-    against any of the IMU, and notes on it: a filter that leaves them out is less certain than it
-    says."""
+    """Return the scale and misalignment errors that the grade of an IMU states, as states, and
+    notes on them. Used where no parameter of the IMU was asked for or excluded: a filter that
+    leaves them out is less certain than it says."""
     axes = {} if spec is None else spec.axes_sd()
     if not axes:
         return {}, []
@@ -189,8 +189,8 @@ def _same_antenna(a: Aiding, b: Aiding) -> bool:
 
 
 def told(recording: Recording, P: Array) -> SolutionMeta:
-    """What the meta of a Solution says of the parameters that were states, in plain values: each as
-    given and its prior, SI, and their correlations by the last covariance P. {} without any."""
+    """Return the metadata of the parameters that were states, as plain values: each as given and
+    its prior, SI, and their correlations by the last covariance P. {} without any."""
     found = parameters(recording.aidings, recording.meta.get("estimate") or {})
     if not found:
         return {}

@@ -1,4 +1,4 @@
-"""What samples, fixes and states of a run never exceed, from the IMU's description and the
+"""Limits of samples, measurements and states of a run, from the IMU's description and the
 vehicle."""
 
 import math

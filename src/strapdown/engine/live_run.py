@@ -47,7 +47,7 @@ TELL = 10.0  # s from the first of rejected fixes on until their cause is looked
 
 
 class SetUp(NamedTuple):
-    """A filter, and what it is told of the IMU, the sources and the vehicle."""
+    """A filter, with the descriptions of the IMU, the sources and the vehicle."""
 
     filter: Filter
     noise: Noise
@@ -205,8 +205,8 @@ class LiveRun:
         return self.events
 
     def refused(self, fixes: int, over: bool = False) -> list[tuple[float, str]]:
-        """Events of rejections that began TELL s ago or earlier, with the newest fixes, so many; of
-        all where the stream is `over`. Each is told once."""
+        """Take in the `fixes` newest measurements, and return the events of rejections that began
+        TELL s ago or earlier, of all where the stream is `over`. Each is reported once."""
         rows, refusing = self._room.out.fix, self._refusing
         for row in rows[self._room.state[FIX] - fixes : self._room.state[FIX]]:
             t, s = float(row.t), int(row.source)

@@ -23,7 +23,7 @@ Call = TypeVar("Call", bound=Callable[..., Any])
 
 
 class SetUpOptions(TypedDict, total=False):
-    """The options that every function has that runs a filter over a recording."""
+    """The options of every function that runs a filter over a recording."""
 
     imu: GivenImu | None
     start: Start | None

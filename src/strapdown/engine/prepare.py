@@ -1,5 +1,5 @@
-"""What a run needs before its first sample: checked arguments, compiled kernels, and its belief,
-fixes, cursor and output, all held in a `Run`."""
+"""Preparation of a run before its first sample: checked arguments, compiled kernels, and its state,
+measurements, cursor and output, all held in a `Run`."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -82,7 +82,7 @@ def prepare(
     needed: stages.Needed = stages.NONE,
 ) -> Kernels:
     """Compile (or load from the cache) the kernels of `filter`, of the `kinds` of measurements and of
-    the stages that they need. `say` is told where that takes seconds."""
+    the stages that they need. Calls `say` where that takes seconds."""
     filter = filters.find(filter)
     sensors = [aiding.find(kind) for kind in dict.fromkeys(kinds)]
     slow: list[Any] = [filter.predict, filter.correct, loop.run, *filter.start_kernels]
@@ -197,8 +197,8 @@ class Brought(NamedTuple):
 
 
 def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brought]:
-    """The states beyond the fifteenth, in their order: those that these sources bring along, then
-    the parameters of the installation that are estimated. Raises DataError."""
+    """Return the augmented states, in their order: those of these sources, then the estimated
+    parameters of the installation. Raises DataError."""
     states: list[Brought] = []
     for a in aidings:
         sensor, name = aiding.find(a.kind), a.name or a.kind
@@ -296,7 +296,7 @@ def new_cursor(
 
 
 def positioned(filter: Filter) -> bool:
-    """Whether `filter` estimates a position, and so must start from one."""
+    """True where `filter` estimates a position, and so must start from one."""
     return POS.start in filter.estimates
 
 
@@ -431,8 +431,8 @@ def new_output(
     fixes: int = 0,
     record: int = 0,
 ) -> Output:
-    """An Output of so many rows, with their covariances or not, and of so many fixes; with a
-    record of so many calls for the smoother."""
+    """Return an empty Output for these numbers of rows and fixes, with covariances or without, and
+    with a record of that number of calls for the smoother."""
     width = solution_row.NAV_WIDTH + len(filter.columns) + 2 * belief.extra_states.size
     recorded = filter.smoother.width(len(belief.P)) if record and filter.smoother else 0
     return Output(
@@ -471,7 +471,7 @@ def assumed_noise(
 
 
 def _check_part(name: str, value: object, size: int) -> None:
-    """Raise DataError where a field of a Start is not so many numbers that it can be."""
+    """Raise DataError where a field of a Start has not `size` numbers or is out of range."""
     try:
         values = np.atleast_1d(np.asarray(value))
         values = values.astype(float) if values.dtype.kind in "iuf" else np.empty(0)

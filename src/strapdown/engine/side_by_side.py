@@ -1,5 +1,5 @@
 """Eight runs of one filter at once, on recordings that differ in numbers only: the same times, sources
-and options. What leaves the lanes is told, and must be run alone."""
+and options. Runs that leave the lanes are reported, and must be run alone."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -111,9 +111,9 @@ class SideBySide:
         self._given = keep.true, keep.biases, aligned(keep.scratch, LANES)
 
     def calls(self, increments: Array) -> Callable[[int, int], None]:
-        """What processes the IMU rows from the first to before the second that it is given;
-        `increments` (block, 6, LANES) has those from the first on, and is filled anew for each
-        call."""
+        """Return a function (first, stop) that processes the IMU rows from `first` to before
+        `stop`; `increments` (block, 6, LANES) has those from `first` on, and is filled anew for
+        each call."""
         predict, correct, observers, keep = self._kernels
         go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
             predict,

@@ -112,8 +112,8 @@ def smooth(
 
 
 def both_ways(run: Run, report: Progress) -> Differences:
-    """Fill the output of a Run that has not begun with smoothed rows, and say how far the filter
-    was from them; `report` is told the fraction done. Its kernels must be compiled."""
+    """Fill the output of a Run that has not begun with smoothed rows, and return how far the filter
+    was from them; `report` receives the fraction done. Its kernels must be compiled."""
     state = run.cursor.state[0]
     keeping = int(state.every), int(state.phase)
     state.save_step = address(_smoother(run).save_step)

@@ -225,7 +225,7 @@ class Stream:
 
     @property
     def started(self) -> bool:
-        """Whether it has its start."""
+        """True once the stream has its start."""
         return self._live is not None
 
     @property
@@ -239,8 +239,8 @@ class Stream:
         return self._found() if self._live is None else self._live.start
 
     def _found(self) -> Start:
-        """What was gathered tells it. Raises DataError, of the clock where that is why no position
-        is among it."""
+        """Return the start from the buffered data. Raises DataError, on the clock where that is why
+        they lack a position."""
         try:
             return self._gathered.start()
         except DataError:
@@ -416,7 +416,7 @@ class Stream:
             self._telling.note(words.Said.AHRS_SAYS, self._telling.events.of_ahrs.index(said), t)
 
     def _take_attitude(self, inner: "Stream", live: LiveRun) -> None:
-        """What the AHRS made of its newest sample, as a fix."""
+        """Queue the attitude of the AHRS after its newest sample as a measurement."""
         assert self._ahrs is not None  # whose this is
         fix = self._ahrs.fix(live, inner._looking)
         if not inner._looking and (silent := live.t - self._ahrs.valid) > SILENT:
@@ -460,7 +460,7 @@ class Stream:
         return fixes
 
     def _is_new(self, fix: UsableFix) -> bool:
-        """Whether it is not the one before of its source, which is dropped."""
+        """True unless a measurement repeats the one before of its source; drops it then."""
         before = self._before[fix.source]
         if before is not None and fix[:3] == before[:3]:
             self._drop_fix(fix)
@@ -522,7 +522,7 @@ class Stream:
 
     @contextmanager
     def _ahead(self) -> Iterator[LiveRun | None]:
-        """What is used inside is as if it had not been; None before the start."""
+        """Undo at the end of the block all that is used inside it; yields None before the start."""
         live = self._live
         if live is None:
             yield None
@@ -558,7 +558,7 @@ class Stream:
     # ---- what it says
 
     def _when(self, t: float) -> float:
-        """A time for an event: `t`, or where that is none the newest one."""
+        """Return a time for an event: `t`, or the newest one where `t` is not finite."""
         return t if isfinite(t) else self.newest if isfinite(self.newest) else 0.0
 
     def _drop_sample(self, t: float) -> None:
@@ -625,7 +625,7 @@ class Stream:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether to trust its history, and why not: that of its `solution`."""
+        """The verdict on its `solution`: whether to trust its history, and why not."""
         return self.solution.verdict
 
 
@@ -647,7 +647,7 @@ def _events(
 
 
 def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
-    """What is known of the recording of a stream."""
+    """Return the metadata of the recording of a stream."""
     meta: RecordingMeta = {"name": "stream"}
     if vehicle:
         meta["vehicle"] = vehicle
@@ -665,8 +665,8 @@ def _check(lag: float, align_within: float, history: int, covariance: bool) -> N
 
 
 class _Ahrs:
-    """The stream of an AHRS beside another one, whose attitudes are fixes of that. It is always
-    as far as that or further."""
+    """The stream of an AHRS beside another stream, which uses its attitudes as measurements. It is
+    never behind that stream."""
 
     def __init__(self, stream: Stream, aidings: Sequence[Aiding], rate: float) -> None:
         self.stream, self._rate, self._every, self._count = stream, rate, 0, 0
@@ -682,13 +682,13 @@ class _Ahrs:
 
     @property
     def notes(self) -> list[str]:
-        """What it is."""
+        """Notes on the AHRS, its rate and its sources."""
         notes = notes_on(self.stream._filter, self._rate, bool(self._taken))
         notes[0] += whose(self._taken, self._replaced)
         return notes
 
     def has_for_itself(self, a: Aiding) -> bool:
-        """Whether the other filter does not get this source."""
+        """True where only the AHRS gets this source, or its attitudes replace it."""
         return a is not self.made and (a.kind == "attitude" or any(a is b for b in self._taken))
 
     def take(self, event: Sample | Fix) -> str:
@@ -728,7 +728,7 @@ class _Ahrs:
 
     @contextmanager
     def ahead(self) -> Iterator[None]:
-        """What the AHRS uses now is as if it had not been afterwards."""
+        """Undo at the end of the block all that the AHRS uses inside it."""
         count, valid = self._count, self.valid
         with self.stream._ahead() as live:
             if live is not None:

@@ -1,4 +1,5 @@
-"""What a stream tells its user: events, kept and handed over as they begin, and what was dropped."""
+"""The notifier of a stream: events, kept and handed over as they begin, and counts of dropped
+data."""
 
 from collections.abc import Callable, Sequence
 
@@ -51,7 +52,7 @@ class Telling:
 
     @property
     def listens(self) -> bool:
-        """Whether there is anyone to tell."""
+        """True where a callback receives the events."""
         return self._on_event is not None
 
     def tell(self, t: float) -> None:

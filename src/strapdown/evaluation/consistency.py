@@ -216,8 +216,8 @@ def paired(a: ArrayLike, b: ArrayLike, probability: float = 0.95) -> Paired:
 
 
 def coverage(error: ArrayLike, sd: ArrayLike, sigmas: Sequence[float] = (1, 2, 3)) -> Array:
-    """(len(sigmas), k) share of the errors (..., k) within so many of their standard deviations
-    (..., k); what is NaN is left out.
+    """Return the share (len(sigmas), k) of the errors (..., k) within these multiples of their
+    standard deviations (..., k); NaN are left out.
 
     Of a Gaussian error 0.683, 0.954 and 0.997 are within 1, 2 and 3.
     """

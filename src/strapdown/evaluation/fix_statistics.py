@@ -31,8 +31,8 @@ def counts(i: Innovations, name: str, first: float, last: float) -> tuple[float,
 
 
 def correlation(whitened: Array) -> float:
-    """Of whitened innovations (m, 3) of a source and those one fix later: that of the row where it
-    is largest."""
+    """Return the lag-1 correlation of the whitened innovations (m, 3) of a source: that of
+    its row with the largest magnitude."""
     w = np.clip(whitened, -CLIPPED, CLIPPED)
     found = [0.0]
     for row in w.T:

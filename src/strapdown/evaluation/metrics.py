@@ -123,7 +123,7 @@ def interpolated(reference: Trajectory, t: Array) -> Trajectory:
 
 
 def any_known(values: Array | None) -> TypeGuard[Array]:
-    """Whether there is a number in an array that may be None, or NaN where nothing is known."""
+    """True where an array has a finite number; it may be None, or NaN where nothing is known."""
     return values is not None and bool(np.isfinite(values).any())
 
 

@@ -20,7 +20,7 @@ ANYWHERE, NOISELESS = (
 
 
 class Labelled(NamedTuple):
-    """What a label stands for."""
+    """The filter, options and estimated parameters that a label names."""
 
     filter: Filter
     options: dict[str, Any]
@@ -41,7 +41,7 @@ class Labelled(NamedTuple):
 
 
 def parsed(label: str) -> Labelled:
-    """What "name", "name:option=value,option=value" or "name:estimate=clock+lever-arm" stands for.
+    """Parse a label "name", "name:option=value,option=value" or "name:estimate=clock+lever-arm".
     Raises DataError."""
     name, _, rest = label.partition(":")
     pairs = [item.partition("=") for item in rest.split(",") if item.strip()]

@@ -341,5 +341,5 @@ def _called(function: Any) -> Iterator[tuple[str, str]]:
 
 
 def _kind(function_type: Any) -> str:
-    """Of a function, as `_called` says it."""
+    """Return the type of a function as text, as `_called` writes it."""
     return str(function_type).replace(" ", "")

@@ -10,7 +10,7 @@ WASM_FUNCTION = 0
 
 
 class Kind(IntEnum):
-    """Of a section of an ELF file (gABI, sh_type)."""
+    """Types of sections of an ELF file (gABI, sh_type)."""
 
     SYMBOLS = 2
     RELOCATIONS = 4
@@ -18,14 +18,14 @@ class Kind(IntEnum):
 
 
 class Flag(IntEnum):
-    """Of a section of an ELF file (gABI, sh_flags)."""
+    """Flags of sections of an ELF file (gABI, sh_flags)."""
 
     WRITABLE = 1
     LOADED = 2
 
 
 class Section(NamedTuple):
-    """Of an ELF file."""
+    """A section of an ELF file."""
 
     kind: int
     flags: int
@@ -36,7 +36,7 @@ class Section(NamedTuple):
 
 
 class Symbol(NamedTuple):
-    """Of an ELF file."""
+    """A symbol of an ELF file."""
 
     name: str
     section: int  # 0: defined elsewhere
@@ -116,7 +116,7 @@ def relocations(content: bytes, listed: list[Section]) -> Iterator[Relocation]:
 
 
 def _wide(content: bytes) -> bool:
-    """Whether an ELF file is one of 64 bits. Raises ValueError."""
+    """True for an ELF file of 64 bits. Raises ValueError."""
     if content[:4] != b"\x7fELF" or len(content) < 64 or content[5] != 1:
         raise ValueError("neither an ELF file nor WebAssembly")
     return content[4] == 2

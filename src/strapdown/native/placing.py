@@ -81,9 +81,9 @@ def _append(code: bytearray, listed: list[Section]) -> dict[int, int]:
 
 
 class Processor(NamedTuple):
-    """What code for it refers by."""
+    """The jumps and relocations of a processor's code."""
 
-    jump: Callable[[int], bytes]  # to the address that stands so many bytes away
+    jump: Callable[[int], bytes]  # to the address that many bytes away
     relocate: Mapping[int, Callable[[int, int, int], int]]  # (word, to, at) -> word, by kind
 
 
@@ -95,7 +95,7 @@ def _relocate(code: bytearray, one: Relocation, at: int, to: int, processor: Pro
 
 
 def _bits(value: int, count: int) -> int:
-    """A number with a sign in so many bits. Raises RuntimeError where it does not fit."""
+    """Return a signed number in `count` bits. Raises RuntimeError where it does not fit."""
     if not -(1 << count - 1) <= value < 1 << count - 1:
         raise RuntimeError("the block of kernels is too large for its processor")
     return value & (1 << count) - 1

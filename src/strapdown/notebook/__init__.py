@@ -1,2 +1,2 @@
-"""What recordings, solutions and results show of themselves in a notebook, and hand to pandas, xarray
-and plotly."""
+"""Display of recordings, solutions and results in a notebook, and their conversion for pandas,
+xarray and plotly."""

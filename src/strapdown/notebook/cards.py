@@ -1,5 +1,5 @@
-"""What a cell of a notebook shows of a value: HTML of a few lines, without script, that reads on light
-and on dark ground. Names from files are escaped."""
+"""HTML cards for the cells of a notebook: a few lines, without script, readable on light and on
+dark ground. Names from files are escaped."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def of_trajectory(made: Trajectory) -> str:
 
 
 def _known(made: Trajectory) -> str:
-    """What a Trajectory knows, and when."""
+    """Return the known parts of a Trajectory, and its times."""
     parts = (("position", made.lla), ("velocity", made.v_n), ("attitude", made.q_nb))
     known = [name for name, part in parts if part is not None and np.isfinite(part).any()]
     when = f", {made.t[0]:.1f} to {made.t[-1]:.1f} s, {rate(made.t)}" if len(made) else ""

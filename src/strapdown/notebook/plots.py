@@ -68,7 +68,7 @@ def _of_errors(known: Mapping[str, Figure]) -> list[Figure]:
 
 
 def _drawn(figure: Figure, solution: Solution, reference: Trajectory | None) -> go.Figure | None:
-    """What a Figure of the report draws of one solution alone."""
+    """Draw a Figure of the report for one solution alone."""
     name = str(solution.meta.get("filter", "solution"))
     errors = None
     if reference is not None and not {"errors", "scores"}.isdisjoint(figure.takes):

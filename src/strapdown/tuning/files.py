@@ -96,7 +96,8 @@ def _origin(found: "Tuning") -> str:
 
 
 def _noises(found: "Tuning") -> dict[str, SourceNoise]:
-    """What changes of the sources. Raises DataError where two have one name."""
+    """Return the changes to the noise of the sources, by name. Raises DataError where two have one
+    name."""
     noises: dict[str, SourceNoise] = {}
     for number, (old, new) in enumerate(zip(found.recording.aidings, found.tuned.aidings)):
         name = old.name or old.kind
@@ -131,7 +132,7 @@ def _median(ratio: Array) -> float:
 
 
 def _said(found: "Tuning", source: str) -> str:
-    """What a comment says of the standard deviations of a source: factors with their intervals."""
+    """Return the comment on the standard deviations of a source: factors with their intervals."""
     own = [p for p in found.parameters if p.source == source and p.what is WHITE]
     told = [f"{p.part} {_times(p)}".strip() for p in own if p.given]
     return f"95 % {', '.join(told) or 'not decided'}"
@@ -170,7 +171,7 @@ def check_changeable(recording: Recording, path: Path) -> None:
 
 
 def _edits(found: "Tuning", path: Path) -> list[NoiseEdit]:
-    """What changes in a recording.toml. Raises DataError where it is another file."""
+    """Return the edits to a recording.toml. Raises DataError where it is another file."""
     check_changeable(found.recording, path)
     named = f'"{imu_file(found.recording)}"'
     edits = [NoiseEdit(None, GRADE, (named,), "95 % intervals in that file")]

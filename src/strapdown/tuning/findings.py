@@ -1,5 +1,5 @@
-"""What `tune` found: the noise of the IMU and of each source, how certain, and what the data do not
-decide."""
+"""The result of `tune`: the noise of the IMU and of each source, with intervals, and the
+combinations that the data do not determine."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -39,17 +39,17 @@ class Parameter(Number):
 
     @property
     def meaning(self) -> str:
-        """What it is, in a few words."""
+        """The meaning of the parameter, in a few words."""
         return self.what.meaning
 
     @property
     def stays(self) -> bool:
-        """Whether it is used as given."""
+        """True where the given value is kept."""
         return isclose(self.value, self.given, rel_tol=1e-6)
 
     @property
     def agrees(self) -> bool:
-        """Whether what was given lies within the interval."""
+        """True where the given value lies within the interval."""
         return self.given > 0 and self.low <= self.given <= self.high
 
     @property
@@ -81,7 +81,7 @@ class Parameter(Number):
         return f"the data say {self.interval} {self.unit} (95 %), not how much; {used}{given}"
 
     def _beside_given(self) -> str:
-        """What was given, beside what was found."""
+        """Return the comparison of the given value with the estimate, in words."""
         if not self.given > 0:
             return "none was given"
         ratio = self.value / self.given
@@ -115,7 +115,7 @@ class Fit(NamedTuple):
 
     @property
     def unexplained(self) -> bool:
-        """Whether its innovations stay correlated for reasons that the model lacks."""
+        """True where the innovations stay correlated for reasons that the model lacks."""
         return lasts(self.correlation[1])
 
     def __str__(self) -> str:
@@ -162,7 +162,8 @@ class Tuning:
 
     @property
     def undecided(self) -> list[str]:
-        """What the data do not decide beyond single parameters, and why, a line each."""
+        """Combinations of parameters and sources that the data do not determine, and why, a line
+        each."""
         return [
             *(each.text for each in self.directions),
             *(self._unexplained(fit) for fit in self.fits if fit.unexplained),
@@ -187,7 +188,8 @@ class Tuning:
 
     @property
     def used(self) -> str:
-        """What of the recording was used, and what it came to."""
+        """The part of the recording that was used, the runs of the filter and the gain in
+        log-likelihood, in words."""
         (start, stop), (before, after) = self.seconds, self.log_likelihood
         return (
             f"used: {start:.1f} to {stop:.1f} s, {stop - start:.0f} s, in {self.runs} runs of the "
@@ -217,7 +219,7 @@ class Tuning:
 
     @property
     def name(self) -> str:
-        """Of the recording: how the names of its files begin."""
+        """The name of the recording, with which the names of its files begin."""
         return name_of(self.recording)
 
     def write(self, folder: File) -> list[Path]:

@@ -1,5 +1,5 @@
-"""What the maximum and its profiles come to: a value with a status for each unknown, and the
-directions that the data do not decide."""
+"""Results from the maximum and its profiles: a value with a status for each unknown, and the
+directions that the data do not determine."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -69,7 +69,7 @@ def _given(unknown: Unknown, otherwise: float) -> float:
 def parameters(
     search: Search, profiles: Sequence[Profile], judged: Judged
 ) -> tuple[Parameter, ...]:
-    """What `tune` says of each unknown."""
+    """Return the Parameter of each unknown."""
     return tuple(
         Parameter(
             each.source,

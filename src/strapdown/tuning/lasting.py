@@ -1,4 +1,4 @@
-"""Whether the errors of a source last: the likelihood with correlated errors against that without."""
+"""Test of a source for time-correlated errors: the likelihood with them against that without."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -18,7 +18,7 @@ SIZES = (0.7, 3.0)
 """Correlated over white standard deviation where it begins."""
 LESS_WHITE = np.log(0.7)
 BEST, FIRST_ROUNDS = 2, 4
-"""So many of the beginnings are followed by so many steps, the best of them to its end."""
+"""The BEST beginnings are followed for FIRST_ROUNDS steps, the best of them to its end."""
 
 
 class Found(NamedTuple):
@@ -30,8 +30,9 @@ class Found(NamedTuple):
 
 
 def with_lasting(likelihood: Likelihood, top: Top, index: int) -> Found:
-    """What comes of correlated errors of source `index`. They pay where the gain in log L exceeds
-    that of the Bayesian information criterion (Schwarz 1978) for their numbers."""
+    """Maximise the likelihood with time-correlated errors of source `index`. They pay where the
+    gain in log L exceeds that of the Bayesian information criterion (Schwarz 1978) for their
+    numbers."""
     source, theta = likelihood.aidings[index], top.point.theta
     white = [j for j, each in enumerate(likelihood.unknowns) if each.place == index]
     white = [j for j in white if likelihood.unknowns[j].what is WHITE]

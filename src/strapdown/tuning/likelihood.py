@@ -28,7 +28,7 @@ LEAST_STEP = 1e-2
 
 
 class Seen(NamedTuple):
-    """What a run says of its m counted fixes."""
+    """The m counted measurements of a run, with innovations and likelihood."""
 
     source: Ints  # (m,) index of the source
     e: Array  # (m, 3) innovations; 0 where nothing was measured
@@ -44,7 +44,7 @@ def settled(run: Run) -> float:
 
 
 def seen(run: Run, counted: Ints) -> Seen:
-    """What a run that has ended says of the fixes of these sources, once it has settled."""
+    """Return the measurements of these sources in a complete run, once it has settled."""
     fix = run.out.fix[: run.cursor.state[0].fix]
     fix = fix[np.isin(fix["source"], counted) & (fix["t"] > settled(run))]
     whitened = fix["whitened"]
@@ -131,11 +131,11 @@ class Likelihood:
         return seen(run, self.counted)
 
     def at(self, theta: Array) -> Point:
-        """What one place says."""
+        """Return the Point at theta."""
         return self.all([theta])[0]
 
     def all(self, thetas: Sequence[Array]) -> list[Point]:
-        """What several places say, on two processors."""
+        """Return the Points at several theta, on two processors."""
         self.runs += len(thetas)
         reference = self.reference
         if len(thetas) == 1 or THREADS == 1:

@@ -7,7 +7,7 @@ from ..engine.installation import IMU as IMU
 
 
 class Kind(NamedTuple):
-    """What a number is of."""
+    """A kind of number of the noise model."""
 
     name: str
     meaning: str
@@ -44,7 +44,7 @@ class Number:
 
     @property
     def name(self) -> str:
-        """What it is of, with its part."""
+        """The name of its kind, with its part."""
         return f"{self.what.name} {self.part}".rstrip()
 
     @property

@@ -1,5 +1,5 @@
-"""What of a recording is used: all of a short one, of a longer one the part with the most motion,
-with samples of at most about 100 Hz."""
+"""The part of a recording that `tune` uses: all of a short one, of a longer one the part with the
+most motion, with samples of at most about 100 Hz."""
 
 from dataclasses import replace
 

@@ -43,7 +43,7 @@ CORRELATED_FROM = 0.1
 
 
 class Search:
-    """What was found so far: `likelihood` and its maximum `top`."""
+    """The state of the search: `likelihood` and its maximum `top`."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class Search:
 
     @property
     def runs(self) -> int:
-        """Of the filter."""
+        """Number of runs of the filter."""
         return self._runs + self.likelihood.runs
 
     @property

@@ -104,7 +104,8 @@ def _reads(code: CodeType, scope: dict[str, Any]) -> list[tuple[str, ...]]:
 
 
 def _is_plain(value: Any) -> bool:
-    """Whether a value counts as a whole, and may count where it is not read."""
+    """True for a value that is identified as a whole, and that does no harm where code does not
+    read it."""
     if isinstance(value, ModuleType):
         return _known_by_version(value.__name__)
     return type(value) in (int, float, slice) or hasattr(value, "closes_over")

@@ -83,12 +83,12 @@ def compiled(kernel: Any) -> tuple[int, bool]:
 
 
 def warm_up() -> None:
-    """What numba does before the first function that it compiles."""
+    """Compile a trivial function, so that numba's own start-up is over before the first kernel."""
     c_function(lambda x: x + x, (types.float64,), types.float64, OPTIONS).compile()
 
 
 def is_cached(kernel: Any) -> bool:
-    """Whether its machine code is on disk."""
+    """Return True where the kernel's machine code is on disk."""
     path = cache_of(kernel).path
     return path is not None and path.exists()
 
@@ -134,8 +134,8 @@ def _c_function(kernel: Any) -> Any:
 
 
 def by_address(signature: Signature) -> bool:
-    """Whether its result is written to an address: how a vector is returned depends on the
-    processor."""
+    """True where the kernel writes its result to an address: how a vector is returned depends on
+    the processor."""
     return signature.result is not None and signature.result.lanes > 1
 
 
@@ -237,7 +237,7 @@ def _llvm_struct(record: Record) -> Any:
 
 
 def _llvm_type(kind: Kind) -> Any:
-    """Of a C argument."""
+    """Return the LLVM type of a C argument."""
     if isinstance(kind, Number):
         return _llvm_number(kind)
     if isinstance(kind, Numbers):
@@ -317,7 +317,7 @@ def unpacked(signature: Signature) -> Any:
 
 
 def _of_arguments(count: int, result: Any, codegen: Callable[..., Any]) -> Any:
-    """An intrinsic of so many arguments, whatever they are."""
+    """Return an intrinsic of `count` arguments of any type."""
     names = ", ".join(f"a{i}" for i in range(count))
     scope: dict[str, Any] = {"result": result, "codegen": codegen}
     return intrinsic(eval(f"lambda typing, {names}: (result({names}), codegen)", scope))

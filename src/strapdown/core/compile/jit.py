@@ -100,7 +100,8 @@ class Kernel:
 
     @property
     def at_hand(self) -> bool:
-        """Whether `ready` would not take seconds."""
+        """True where `ready` returns at once: the machine code is in the library or in the
+        cache."""
         if not self._address and COMPILED:
             self._address = library.find(self) or 0
         if self._address or not COMPILED:
@@ -232,7 +233,7 @@ def bound(kernel: Any, *arguments: Any) -> Callable[[], Any]:
 
 
 class Intrinsic:
-    """What compiled code has an intrinsic of the compiler for, and Python a twin."""
+    """An operation with a compiler intrinsic for compiled code, and a twin for Python."""
 
     def __init__(self, twin: Callable[..., Any], name: str, *arguments: Any) -> None:
         self._twin, self._name, self._arguments = twin, name, arguments
@@ -254,7 +255,8 @@ class Intrinsic:
 
 
 def caller(signature: Signature) -> Callable[[int], Any]:
-    """What makes an address into a function of `signature`, callable in compiled code."""
+    """Return the intrinsic that turns an address into a function of `signature`, callable in
+    compiled code."""
     return cast(Any, Intrinsic(_TWINS.__getitem__, "function_at", signature))
 
 

@@ -77,7 +77,8 @@ class _Code(ast.NodeTransformer):
 
 
 class ModuleCode(NamedTuple):
-    """What a file of code says, without docstrings, comments and annotations of arguments."""
+    """Imports and digest of a file of code, without docstrings, comments and annotations of
+    arguments."""
 
     at_once: tuple[Import, ...]  # import statements that run when the module is loaded
     imports: tuple[Import, ...]  # these and those inside functions
@@ -248,14 +249,14 @@ def key(kernel: Any, options: dict[str, Any]) -> str:
 
 
 def _edited_since(name: str, declared: int) -> bool:
-    """Whether a file that a kernel's code comes from was written after the kernel was declared (ns):
-    then what is in memory is another code than what the files say."""
+    """True where a file that a kernel's code comes from was written after the kernel was declared
+    (ns): the code in memory then differs from that in the files."""
     return any(file.stat().st_mtime_ns > declared for file in import_closure(sys.modules[name])[0])
 
 
 class KernelCache:
-    """What numba asks of a cache, for one kernel. Where nothing can be read or written the
-    kernel is compiled anew, and that is all."""
+    """The cache of one kernel, with the methods that numba expects. Where nothing can be read or
+    written, the kernel is compiled in each process."""
 
     def __init__(self, kernel: Any, options: dict[str, Any]) -> None:
         self._stem = kernel.stem

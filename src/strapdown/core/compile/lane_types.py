@@ -27,7 +27,8 @@ Given: TypeAlias = tuple[Callable[..., Any], ...]
 
 
 class SideBySide(types.Type):  # type: ignore[misc]
-    """Of one item for each run. One number or truth value can stand for all of them."""
+    """The numba type of a batch: one item for each run. One number or truth value can stand for all
+    items."""
 
     def __init__(self, name: str, one: Any, item: Any) -> None:
         super().__init__(name)
@@ -43,7 +44,7 @@ class SideBySide(types.Type):  # type: ignore[misc]
 
 
 class LaneType(SideBySide):
-    """Of real numbers."""
+    """A batch of real numbers."""
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
         """From one for all, and from whole numbers."""
@@ -53,11 +54,11 @@ class LaneType(SideBySide):
 
 
 class MaskType(SideBySide):
-    """Of truth values."""
+    """A batch of truth values."""
 
 
 class WordType(SideBySide):
-    """Of whole numbers of 64 bits, whose shift to the right brings zeros."""
+    """A batch of 64-bit integers; a shift to the right fills with zeros."""
 
 
 LANE = LaneType(f"Lane{LANES}", types.Number, ir.DoubleType())
@@ -108,7 +109,7 @@ lower_cast(WordType, LaneType)(_real)
 
 
 def _both(of: SideBySide, *given: Any) -> bool:
-    """Whether these are values side by side and at least one of them is `of`."""
+    """True where at least one of these types is `of` and all others are `of` or its scalar."""
     return any(one is of for one in given) and all(
         one is of or isinstance(one, of.one) for one in given
     )
@@ -117,8 +118,8 @@ def _both(of: SideBySide, *given: Any) -> bool:
 def _operator(
     of: SideBySide, result: Any, count: int, emit: Callable[..., Any], *functions: Any
 ) -> Any:
-    """Give numba's functions of so many arguments their meaning for `of`: what `emit` makes of a
-    builder and vectors."""
+    """Implement numba's functions of `count` arguments for `of`, by `emit` of a builder and
+    vectors."""
     names = ("a", "b", "c")[:count]
 
     def declared(context: Any, *given: Any) -> Any:

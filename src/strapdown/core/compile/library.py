@@ -62,7 +62,7 @@ class Library(NamedTuple):
 
 
 def contracted() -> bool:
-    """Whether CONTRACTION is asked for."""
+    """Return True where the environment sets CONTRACTION."""
     return _set(CONTRACTION)
 
 
@@ -104,7 +104,8 @@ def values_of(kernel: Any) -> str:
 
 
 def there() -> bool:
-    """Whether this installation has a library, fit or not, or is told of one."""
+    """Return True where this installation has a library, usable or not, or the environment names
+    one."""
     folder = _folder()
     return folder != OWN or os.path.exists(folder / MANIFEST)
 
@@ -189,13 +190,14 @@ def levels() -> tuple[str, ...]:
 
 @cache
 def processor() -> str:
-    """Of this machine: model and level."""
+    """Return the model and the level of this machine's processor."""
     model = _of_processor("model name") or platform.processor() or platform.machine()
     return " ".join([model, *levels()[:1]])
 
 
 def _of_processor(what: str) -> str:
-    """What Linux says of the first processor; there may be hundreds."""
+    """Return a field of the first processor in Linux's /proc/cpuinfo, which may list hundreds;
+    empty elsewhere."""
     if sys.platform == "linux":
         with suppress(OSError), open("/proc/cpuinfo", encoding="ascii", errors="replace") as told:
             line = next((line for line in told if line.startswith(what)), "")
@@ -205,7 +207,7 @@ def _of_processor(what: str) -> str:
 
 @cache
 def _edited(file: str) -> bool:
-    """Whether a file of the package is another than the library was made from."""
+    """True where a file of the package differs from the one that the library was made from."""
     library = opened()
     assert isinstance(library, Library)
     return _digest(PACKAGE / file) != library.files[file]

@@ -27,7 +27,7 @@ COMMIT, WINDOWS_READ_WRITE, WINDOWS_READ_RUN = 0x3000, 0x04, 0x20
 
 
 class Index(NamedTuple):
-    """What a file says of its code."""
+    """The index of a file of machine code."""
 
     needed: tuple[str, ...]  # functions of the C library, in the order of the table
     kernels: dict[str, int]  # where each begins in the code, by symbol

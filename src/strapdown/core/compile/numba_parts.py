@@ -57,13 +57,13 @@ KNOWN = ("0.68",)
 
 
 def known() -> bool:
-    """Whether the installed numba is one of KNOWN."""
+    """Return True where the installed numba is one of KNOWN."""
     return ".".join(numba.__version__.split(".")[:2]) in KNOWN
 
 
 def reference_counts_can_be_left_out() -> bool:
-    """Whether this numba still has the option `_nrt`; without it a sample takes 0.14 us more, otherwise
-    all is the same."""
+    """Return True where this numba has the option `_nrt`; without it a sample takes 0.14 us longer,
+    and nothing else changes."""
     return hasattr(getattr(cpu, "CPUTargetOptions", None), "_nrt")
 
 
@@ -90,7 +90,8 @@ def rebuilt(target_context: Any, reduced: Any) -> Any:
 
 
 class _Library(codegen.JITCodeLibrary):  # type: ignore[misc]
-    """Of a helper: what was lowered, not optimised, without machine code, and without what it calls."""
+    """The library of a helper: its LLVM code as lowered, not optimised, without machine code and
+    without its callees."""
 
     _complete: Any = None
 
@@ -185,7 +186,7 @@ class _Dispatcher(registry.CPUDispatcher):  # type: ignore[misc]
 
 
 class _KernelLibrary(codegen.JITCodeLibrary):  # type: ignore[misc]
-    """Of a kernel: with all helpers that it reaches, optimised as a whole."""
+    """The library of a kernel: optimised as a whole, with all helpers that it reaches."""
 
     def finalize(self) -> None:
         """Link, optimise and make machine code."""

@@ -112,8 +112,8 @@ def place(made: type[Any], name: str) -> int:
 
 @cache
 def notes(made: Hashable) -> dict[str, str]:
-    """What a class says of each of its fields: the comment on the line of the field, with the one
-    above it, or that above the fields before it."""
+    """Return {field: comment} of a class: the comment on the line of the field, else the one above
+    it, else that above the fields before it."""
     found: dict[str, str] = {}
     above: list[str] = []
     for line in inspect.getsource(made).splitlines()[1:]:  # type: ignore[arg-type]

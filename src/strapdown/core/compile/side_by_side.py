@@ -105,7 +105,7 @@ def _job(kernel: Any) -> Job | None:
 
 
 def _writable(path: Path) -> bool:
-    """Whether files can be made beside it, and Python started."""
+    """True where the folder of a path can be written and Python can be started."""
     python = Path(sys.executable or "").name.lower().startswith(("python", "pypy"))
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -124,7 +124,7 @@ def _cores() -> int:
 
 
 class _Clock:
-    """Time left to compile some kernels in so many processes."""
+    """The time left to compile kernels in several processes."""
 
     def __init__(self, kernels: Sequence[Any], processes: int) -> None:
         self._left = {kernel: work(kernel) for kernel in kernels}
@@ -225,7 +225,7 @@ class _Workers:
             self._jobs.put(each)
 
     def done(self, count: int) -> Any:
-        """(job, seconds) of those of so many jobs that were compiled, as they are."""
+        """Yield (job, seconds) of those of `count` jobs that were compiled, as they end."""
         running = len(self._processes)
         while count and running:
             try:
@@ -244,7 +244,7 @@ class _Workers:
         assert process.stdin and process.stdout
         while job := self._jobs.get():
             seconds = None
-            # ValueError: of a pipe that is closed, or of an answer that is none
+            # ValueError: of a closed pipe, or of an invalid answer
             with suppress(OSError, ValueError, pickle.PicklingError, AttributeError):
                 pickle.dump(job, process.stdin)
                 process.stdin.flush()
@@ -256,8 +256,8 @@ class _Workers:
 
 
 def main() -> None:
-    """What such a process does: compile jobs that it is sent, and answer each with the seconds that it
-    took, 0 where it came to nothing."""
+    """Run a worker process: compile the jobs that arrive on stdin, and answer each with the seconds
+    that it took, 0 where it failed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever began it ends it
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # what is printed meanwhile, as numba does when it is told to, is no answer

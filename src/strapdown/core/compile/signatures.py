@@ -1,11 +1,11 @@
-"""What kernels take and return, said once for Python, numba, LLVM, ctypes and C.
+"""Signatures of kernels, declared once for Python, numba, LLVM, ctypes and C.
 
 In C a kernel is a function of plain arguments: numbers as `double` and `int64_t`, an array as the
 address of its first number (by rows, without gaps), a row of named numbers as the address of a
-struct of them, each of eight bytes, a record as the address of a struct of its fields, addresses and numbers as above, and behind them one `int64_t` for each size of its arrays that
-has a name, in the order in which they first occur. Sizes that have a name and stand in no record of
-the call are `int64_t` arguments behind all others. A kernel as an argument is its address as an
-`int64_t`.
+struct of them, each of eight bytes, a record as the address of a struct of its fields, addresses
+and numbers as above, and behind them one `int64_t` for each size of its arrays that has a name, in
+the order in which they first occur. Sizes that have a name and stand in no record of the call are
+`int64_t` arguments behind all others. A kernel as an argument is its address as an `int64_t`.
 
 A kernel can also be made for eight runs at once, from the same source: its numbers are then lanes,
 eight numbers side by side, one of each run (`in_lanes`). An array of lanes has a last dimension of
@@ -24,7 +24,7 @@ LANES = 8
 
 
 class Number(NamedTuple):
-    """A `double`, or an `int64_t`; or so many of them side by side."""
+    """A `double`, or an `int64_t`; or `lanes` of them side by side."""
 
     real: bool
     lanes: int = 1
@@ -83,7 +83,7 @@ Kind: TypeAlias = Number | Numbers | Row | Rows | Record | Function
 
 
 class Signature(NamedTuple):
-    """Of a kernel: its arguments by name, and what it returns."""
+    """The signature of a kernel: its arguments by name, and its result."""
 
     name: str
     arguments: tuple[tuple[str, Kind], ...]
@@ -92,7 +92,7 @@ class Signature(NamedTuple):
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
-        """Of the arguments."""
+        """Kinds of the arguments."""
         return tuple(kind for _, kind in self.arguments)
 
     @property

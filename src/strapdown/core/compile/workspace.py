@@ -93,7 +93,7 @@ class Slots:
         return first
 
     def zeros(self, rest: int = 0) -> Array:
-        """A workspace with room for all slots, and so many numbers in the part at the end."""
+        """Return a workspace with room for all slots, and `rest` numbers in the part at the end."""
         if (rest > 0) != self.ended:
             raise RuntimeError("the part of open size at the end, and only that, needs a size")
         self.closed = True

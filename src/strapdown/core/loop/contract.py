@@ -126,8 +126,7 @@ class Start(NamedTuple):
     rph: tuple[float, ...] = ()  # roll, pitch, heading, rad; NaN, NaN, heading: that alone is known
     ba: tuple[float, ...] = ()  # accelerometer bias, m/s^2
     bg: tuple[float, ...] = ()  # gyro bias, rad/s
-    # 15 standard deviations in the order of the error states, then those of states that aidings
-    # bring along
+    # 15 standard deviations in the order of the error states, then those of the augmented states
     sd: tuple[float, ...] = ()
     note: str = ""  # how each part was found
     # angular rate (3, body, rad/s), velocity and acceleration of the antenna (3 each, NED, SI) of a
@@ -183,7 +182,7 @@ def side_by_side(kernel: Any) -> Any:
 
 
 class Source(Protocol):
-    """What a filter may ask of a source of fixes before a run: an Aiding, which is defined above
+    """A source of measurements, as a filter sees it before a run: an Aiding, which is defined above
     the kernels. Times in s, y and sd in SI and radians."""
 
     @property
@@ -227,7 +226,7 @@ Diagnose: TypeAlias = Callable[[Array, Array, Mapping[str, Array]], list[tuple[f
 
 
 class Condition(NamedTuple):
-    """What a filter can say of itself while it runs; in `Filter.conditions`."""
+    """A condition that a filter reports while it runs; in `Filter.conditions`."""
 
     text: str  # as in an event, with the remedy
     doubtful: bool = True  # whether rows are DOUBTFUL as long as it lasts

@@ -55,7 +55,7 @@ class LoopState:
 
 
 class Limits:
-    """What samples, measurements and the belief never exceed."""
+    """Limits of samples, measurements and states; a value beyond them is out of range."""
 
     gyro_range: float  # rad/s
     accel_range: float  # m/s^2
@@ -82,7 +82,7 @@ class Axis:
 
 
 class Books:
-    """What the loop keeps of a source."""
+    """Counts, times and innovation tests of a source."""
 
     accepted: int  # measurements
     rejected: int  # measurements

@@ -1,5 +1,5 @@
-"""Whether what comes in can be true: samples of the IMU against their range and against each other,
-fixes against what they and the vehicle can be, innovations against what chance allows.
+"""Plausibility of samples and measurements: samples of the IMU against their range and each other,
+measurements against the limits of sensor and vehicle, innovations against chance.
 
 The tests of innovations are cumulative sums (Page 1954) of whitened innovations, which are N(0, 1)
 where the filter is right. Fixes of a second count as one, by their mean, because errors that last
@@ -18,8 +18,8 @@ from .log import Code, say
 from .tables import Fixes
 
 CONFIRM, CONFIRM_AFTER = 3, 1.0
-"""Fixes in a row that must pass their gates, the first so many seconds after its last cause, before
-a doubt ends."""
+"""Fixes in a row that must pass their gates, the first of them this time (s) after the last cause,
+before a doubt ends."""
 HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
 LEFT = -1  # in Books.rejecting: left out
 NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
@@ -31,7 +31,7 @@ SAME_VALUE = 1e-9  # of a value: less is rounding and no change
 SELDOM, LONG_SAMPLE = (
     16,
     0.05,
-)  # changes are looked at in each so many samples, or in longer ones (s)
+)  # changes are tested every SELDOM samples, or in longer ones (s)
 LAST_CHANGES = 16.0  # over which they are averaged
 MOST_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
 MOST_JITTER = 2.0
@@ -85,7 +85,7 @@ def leave_out(cursor: Cursor, s: int) -> None:
 
 @helper
 def fails(books: Books) -> bool:
-    """Whether any test of the innovations of a source fails."""
+    """True where any test of the innovations of a source fails."""
     failing = 0.0
     for channel in range(CHANNELS):
         failing += books.fails[channel]
@@ -101,7 +101,8 @@ def forget(books: Books) -> None:
 
 @helper
 def level_again(cursor: Cursor, t: float) -> bool:
-    """Whether gravity confirms a filter that estimates no position, because nothing else can."""
+    """True where gravity confirms a filter that estimates no position: no measurement was tested
+    and no doubt arose for LEVELLED seconds."""
     last = cursor.state[0].cause
     for s in range(cursor.books.size):
         last = max(last, cursor.books[s].tested)
@@ -225,8 +226,8 @@ def _usual(axes: Table[Axis], i: int, samples: int) -> float:
 
 @inlined
 def _alone(axes: Table[Axis], i: int, samples: int) -> bool:
-    """Whether the other axes of the sensor go on as usual, or stopped at the same sample: at rest a
-    coarse sensor repeats its values on all, and not from one sample on."""
+    """True where the other axes of the sensor behave as usual, or stopped at the same sample: at
+    rest a coarse sensor repeats its values on all axes, but not from one sample on."""
     alone, first = True, 0 if i < 3 else 3
     for j in range(first, first + 3):
         alone &= (
@@ -241,7 +242,7 @@ def _alone(axes: Table[Axis], i: int, samples: int) -> bool:
 
 @helper
 def length(vector: Array) -> float:
-    """Of the components of a vector in three that were measured."""
+    """Return the norm of a vector in three, of its measured components alone."""
     squares = 0.0
     for i in range(3):
         if not math.isnan(vector[i]):
@@ -251,8 +252,8 @@ def length(vector: Array) -> float:
 
 @helper
 def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
-    """Whether fix `k` can be one: not latitude and longitude 0, and within what the vehicle can
-    do. Its standard deviations are raised to the `floor` of its source."""
+    """True where measurement `k` is plausible: not latitude and longitude 0, and within the limits
+    of the vehicle. Increases its standard deviations to the `floor` of its source."""
     s, y, sd, t, limits = fixes.source[k], fixes.y[k], fixes.sd[k], fixes.t[k], cursor.limits[0]
     floor = cursor.books[s].floor
     for i in range(3):
@@ -280,8 +281,8 @@ def measured(fixes: Fixes, k: int, belief: Belief, cursor: Cursor) -> bool:
 
 @helper
 def reachable(belief: Belief, innovation: Array, s: int, t: float, cursor: Cursor) -> bool:
-    """Whether the vehicle can have gone to a position fix since the last one that was used, or the
-    belief allows it."""
+    """True where the vehicle can have reached a position since the last one used, or the covariance
+    allows it."""
     variance = 0.0
     for i in range(3):
         if not math.isnan(innovation[i]):

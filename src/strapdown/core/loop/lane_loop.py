@@ -82,7 +82,7 @@ class LaneCursor(NamedTuple):
 
 
 class LaneOutput(NamedTuple):
-    """What runs side by side write."""
+    """The output of a batch of runs."""
 
     fix: Array  # lanes (fixes, FIX_NUMBERS)
     kept: Array  # lanes (rows, numbers), as the kernel that keeps rows has them
@@ -259,8 +259,8 @@ def _use_fix(
 
 @inlined
 def _may_be_alone(fixes: Fixes, s: int, t: float, cursor: LaneCursor) -> bool:
-    """Whether the one loop may treat a rejected fix as one that nothing contradicts, as it does with
-    velocities in the body while it dead reckons."""
+    """True where the one loop may treat a rejected measurement as one that nothing contradicts, as
+    it does with body velocities in dead reckoning."""
     alone = fixes.sources[s].kind >= NAMED_KINDS
     for k in range(fixes.sources.size):
         if fixes.sources[k].kind == Kind.POSITION or fixes.sources[k].kind == Kind.VELOCITY:
@@ -297,7 +297,7 @@ def _watch(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
 
 @helper
 def _count_repeated(u: Array, dt: float, t: float, cursor: LaneCursor) -> None:
-    """Runs of which an axis repeats its value for as long as that of a stuck sensor must go alone."""
+    """Take runs out of the batch where an axis repeats its value as long as a stuck sensor."""
     repeated, before = cursor.work[REPEATED], cursor.state[0].before
     cursor.state[0].repeating = 0
     for i in range(6):

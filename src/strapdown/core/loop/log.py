@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Code(IntEnum):
-    """What a row of the log can be; engine/events.py has their words. APART is the smoother's."""
+    """Kinds of rows of the log; engine/events.py has their messages. APART is the smoother's."""
 
     BRIDGED_GAP = 0
     HELD_GAP = 1
@@ -38,7 +38,7 @@ class Code(IntEnum):
 
 
 class LogRow:
-    """What happened, from when to when."""
+    """A row of the log: an event, from when to when."""
 
     t: float  # s
     until: float  # s

@@ -217,7 +217,7 @@ def _predict(
 
 @inlined
 def _is_sound(belief: Belief) -> bool:
-    """Whether the belief is numbers, and where results hold."""
+    """True where the estimate is finite and its latitude within LATITUDE_LIMIT."""
     return (
         abs(belief.lla[0]) <= LATITUDE_LIMIT
         and belief.P[0, 0] >= 0

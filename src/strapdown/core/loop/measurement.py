@@ -1,5 +1,5 @@
-"""What happens to a measurement, step by step: may it be true, what stages make of it, what the filter
-says, whether its gate is lifted, and the books of its source.
+"""The use of a measurement, step by step: its plausibility, the stages, the correction by the
+filter, the opening of its gate, and the counts of its source.
 
 Rules of the gate (docs/reference/conventions.md):
 - A source whose measurements were rejected REJECTED times in a row over at least LIFT_AFTER seconds
@@ -68,7 +68,7 @@ def use_next(kernels: Kernels, belief: Belief, fixes: Fixes, cursor: Cursor, out
 
 @inlined
 def _begin(belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
-    """Everything as before the stages; the states that its source brought along have walked."""
+    """Reset the work space before the stages, and propagate the augmented states of the source."""
     s, work = fixes.source[k], cursor.work[0]
     source = fixes.sources[s]
     for i in range(3):
@@ -84,8 +84,8 @@ def _begin(belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> None:
 
 @helper
 def walk(P: Array, source: SourceRow, seconds: float) -> None:
-    """The random walk of the states that a source brought along; only its measurements see them, so
-    it can wait for one."""
+    """Propagate the random walk of a source's augmented states; only its measurements observe them,
+    so that this can wait for one."""
     for i in range(source.first_state, source.first_state + source.states):
         P[i, i] += source.walk * source.walk * seconds
 
@@ -94,7 +94,8 @@ def walk(P: Array, source: SourceRow, seconds: float) -> None:
 def _ask(
     kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor, out: Output
 ) -> Use:
-    """What the filter makes of a measurement: once, or a second time with the gate lifted."""
+    """Correct the filter by a measurement: once, or a second time with the gate opened. Returns its
+    use."""
     s, state, work = fixes.source[k], cursor.state[0], cursor.work[0]
     source, t = fixes.sources[s], fixes.t[k]
     weighed = source.robust > 0 or source.memory > 0
@@ -127,7 +128,7 @@ def _corrected(
 
 @inlined
 def _is_due(books: Books, alone: int, t: float) -> bool:
-    """Whether the gate of a source is to be lifted for a measurement that is beyond it."""
+    """True where the gate of a source is to be opened for a measurement beyond it."""
     return (
         books.in_a_row >= REJECTED
         and t - books.since >= (LIFT_ALONE if alone else LIFT_AFTER)
@@ -165,7 +166,7 @@ def _lift(
 
 @inlined
 def _use(source: SourceRow, gate: float, cursor: Cursor) -> Use:
-    """What became of a measurement that the filter was asked about."""
+    """Return the use of a measurement, from its NIS and innovation in the cursor."""
     work = cursor.work[0]
     e, use = work.innovation, Use.ACCEPTED
     if math.isnan(work.nis):

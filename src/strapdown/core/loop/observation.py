@@ -1,4 +1,4 @@
-"""What a sensor observes of a belief, without the filter."""
+"""The innovation and H of a measurement alone, without the filter's correction."""
 
 import math
 

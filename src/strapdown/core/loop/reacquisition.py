@@ -77,13 +77,13 @@ def row_of_height(kind: int) -> int:
 
 @helper
 def is_height(kind: int) -> bool:
-    """Whether a source measures the height above the ellipsoid."""
+    """True where a source measures the height above the ellipsoid."""
     return kind == Kind.POSITION or kind == Kind.ALTITUDE
 
 
 @helper
 def height_alone(kind: int, innovation: Array) -> bool:
-    """Whether a measurement that is beyond its gate is so for its height alone."""
+    """True where a measurement is beyond its gate for its height alone."""
     if kind == Kind.ALTITUDE:
         return True
     if kind != Kind.POSITION and kind != Kind.VELOCITY:

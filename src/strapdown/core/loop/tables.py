@@ -1,5 +1,5 @@
-"""What a run reads and writes: samples of the IMU, measurements with their sources, the solution and
-what became of each measurement."""
+"""Tables that a run reads and writes: samples of the IMU, measurements with their sources, the
+solution and the use of each measurement."""
 
 from enum import IntEnum
 from typing import Annotated, NamedTuple
@@ -11,7 +11,7 @@ from ..mathematics.source import SourceRow
 
 
 class Status(IntEnum):
-    """Of a row of the solution."""
+    """The status of a row of the solution."""
 
     VALID = 0  # computed from samples
     BRIDGED = 1  # over an IMU gap of at most 1 s
@@ -23,7 +23,7 @@ VALID, BRIDGED, INVALID, DOUBTFUL = Status
 
 
 class Use(IntEnum):
-    """What became of a measurement."""
+    """The use of a measurement."""
 
     NOT_ASKED = -2  # it cannot be true: the filter was not asked
     UNMEASURED = -1  # no component was measured
@@ -52,7 +52,7 @@ class Fixes(NamedTuple):
 
 
 class FixRow:
-    """What became of a measurement."""
+    """The result of a measurement: its innovation, test and use."""
 
     t: float  # s
     source: int  # row of the sources
@@ -67,7 +67,7 @@ class FixRow:
 
 
 class Output(NamedTuple):
-    """What a run writes: a row per kept IMU sample, a row per measurement."""
+    """The output of a run: a row per kept IMU sample, a row per measurement."""
 
     nav: Array  # (rows, columns): core.mathematics.solution_row, then a filter's own
     covariance: Array  # (rows, n, n), or (0, n, n)

@@ -1,4 +1,4 @@
-"""What the loop writes for the smoother, where there is one."""
+"""The record that the loop writes for the smoother, where there is one."""
 
 from ...typing import Array
 from ..compile.jit import caller, flatten, helper

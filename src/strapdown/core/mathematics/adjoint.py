@@ -49,7 +49,7 @@ def width(n: int) -> int:
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What `linearised_step` or `measure`, whichever was called last, left in workspace."""
+    """Save from workspace the last step, of `linearised_step` or `measure`."""
     kept(belief, record)
 
 

@@ -1,5 +1,5 @@
-"""What every filter keeps: the belief, its error states in their order, and the noise that it assumes of
-the IMU.
+"""The state of every filter: estimate and covariance, the order of the error states, and the
+assumed noise of the IMU.
 
 Everything is SI and radians, navigation frame NED, body frame forward-right-down; errors are true -
 estimate.
@@ -18,7 +18,8 @@ follow them."""
 
 
 class Belief(NamedTuple):
-    """What a filter believes at one instant, at the IMU; arrays updated in place."""
+    """The state of a filter at one instant, at the IMU: estimate, covariance and workspace; arrays
+    updated in place."""
 
     lla: Array  # latitude rad, longitude rad, ellipsoidal height m
     v: Array  # velocity NED, m/s
@@ -30,11 +31,11 @@ class Belief(NamedTuple):
     f: Array  # last bias-free specific force f_ib_b, m/s^2
     # what one architecture alone needs: its `slots`, of which the output columns are the first
     workspace: Array
-    extra_states: Array  # the states that aidings bring along, error states 15 ...
+    extra_states: Array  # the augmented states, error states 15 ...
 
 
 class Noise(NamedTuple):
-    """What a filter assumes of the IMU, per axis, in root densities."""
+    """The noise that a filter assumes of the IMU, per axis, in root densities."""
 
     gyro: float  # angle random walk, rad/sqrt(s)
     accel: float  # velocity random walk, m/s/sqrt(s)

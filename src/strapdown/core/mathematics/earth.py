@@ -66,8 +66,8 @@ def curvature(sine: float) -> tuple[float, float]:
 
 @helper
 def place(lat: float, h: float) -> tuple[float, float, float, float]:
-    """What every equation at a position needs: sine and cosine of latitude, M = R_M + h and N = R_N
-    + h in m.
+    """Return the terms that every equation at a position needs: sine and cosine of latitude, M =
+    R_M + h and N = R_N + h in m.
 
     The cosine comes from the sine, at half the price and 1e-13 of itself at 89 deg. It is kept
     above 1e-3, its value 6 km from a pole, so that a raw INS that crosses a pole stays finite.
@@ -148,8 +148,8 @@ def displace(lla: Array, north: float, east: float, down: float) -> None:
 
 @helper
 def displaced(lla: Array, north: float, east: float) -> tuple[float, float]:
-    """Latitude and longitude (rad) of a geodetic position so many metres further, as `displace`
-    says."""
+    """Return latitude and longitude (rad) of a geodetic position moved by `north` and `east` (m),
+    as by `displace`."""
     sine = sine_of_latitude(lla[0])
     R_M, R_N = curvature(sine)
     lon = lla[1] + east / ((R_N + lla[2]) * max(math.sqrt(1 - sine * sine), 1e-6))

@@ -53,21 +53,21 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 @stands_for(math.sin, np.sin)
 @helper
 def sine(x: float) -> float:
-    """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    """Return the sine of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
     return sine_cosine(x)[0]
 
 
 @stands_for(math.cos, np.cos)
 @helper
 def cosine(x: float) -> float:
-    """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    """Return the cosine of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
     return sine_cosine(x)[1]
 
 
 @stands_for(math.tan, np.tan)
 @helper
 def tangent(x: float) -> float:
-    """Of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    """Return the tangent of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
     s, c = sine_cosine(x)
     return s / c
 
@@ -103,7 +103,7 @@ def _difference(a: float, b: float) -> tuple[float, float]:
 
 @helper
 def _of_quarter(x: float, rest: float, quarter: int) -> tuple[float, float]:
-    """(sine, cosine) of x + rest and so many quarter turns, |x| <= pi/4."""
+    """Return sine and cosine of x + rest and `quarter` quarter turns, |x| <= pi/4."""
     z = x * x
     w = z * z
     r = S2 + z * (S3 + z * S4) + z * w * (S5 + z * S6)
@@ -268,5 +268,5 @@ def _signed(x: float, like: float) -> float:
 @stands_for(math.hypot)
 @helper
 def hypotenuse(x: float, y: float) -> float:
-    """Of a right-angled triangle with these sides."""
+    """Return the hypotenuse of a right-angled triangle with these sides."""
     return math.sqrt(x * x + y * y)

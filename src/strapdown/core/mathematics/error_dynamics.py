@@ -125,7 +125,8 @@ def _velocity_by_position(v: Three, at: At, ie: tuple[float, float], F: Array) -
 
 @inlined
 def _gravity_by_position(angle: tuple[float, float], h: float, M: float, F: Array) -> None:
-    """Of gravity g down and -k h sin L cos L north, whose k is GRAVITY_NORTH_GRADIENT,
+    """Add to F the gradient of gravity, g down and -k h sin L cos L north, k
+    GRAVITY_NORTH_GRADIENT:
 
         F_vp += [ -k h cos(2 L)/M  0  k sin L cos L ]
                 [        0         0        0       ]

@@ -1,5 +1,5 @@
-"""What the error-state filters share: their workspace array, the linearised step, the
-measurement, the injection of an error into the belief."""
+"""Functions shared by the error-state filters: their workspace array, the linearised step, the
+measurement, the injection of an error into the estimate."""
 
 import math
 
@@ -165,8 +165,8 @@ def measure(
 def observed(
     belief: Belief, y: Array, observe: Observe, source: SourceRow, innovation: Array, H: Array
 ) -> int:
-    """What `observe` makes of a fix, and the correlated errors of its source: innovation and H,
-    cleared before. Returns the rows."""
+    """Compute by `observe` the innovation and H of a measurement, both cleared before, with the
+    time-correlated errors of its source. Returns the rows."""
     for i in range(innovation.size):
         innovation[i] = math.nan
     for i in range(3):
@@ -219,8 +219,7 @@ def _turn(n: int, P: Array, R: NineNumbers) -> None:
 
 @inlined
 def inject_all(belief: Belief, dx: Array) -> None:
-    """Compose the whole correction into the belief: position, velocity, attitude, biases and
-    what aidings brought along."""
+    """Inject the whole correction: position, velocity, attitude, biases and augmented states."""
     inject(belief.lla, belief.v, belief.C, dx)
     inject_biases(belief, dx)
 
@@ -263,6 +262,6 @@ def inject_biases(belief: Belief, dx: Array) -> None:
 
 @inlined
 def inject_tail(belief: Belief, dx: Array) -> None:
-    """Add their errors to the states that aidings brought along."""
+    """Inject the errors of the augmented states."""
     for i in range(belief.extra_states.size):
         belief.extra_states[i] += dx[STATES + i]

@@ -28,8 +28,11 @@ LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than
 
 @inlined
 def changed(own: Array, noise: Noise) -> bool:
-    """Whether the samples that wait had another noise, so that P must go on before the next one."""
-    return float(own[NOISE][1]) != noise.accel and float(own[SECONDS]) > 0
+    """True where the waiting samples have other white noise, so that P must be propagated before the
+    next one."""
+    told = own[NOISE]
+    other = float(told[0]) != noise.gyro or float(told[1]) != noise.accel
+    return other and float(own[SECONDS]) > 0
 
 
 @inlined

@@ -396,7 +396,7 @@ def _six(numbers: Array, k: int) -> tuple[float, ...]:
 
 @inlined
 def _decays(dt: float, noise: Noise) -> tuple[float, ...]:
-    """What is left of each bias after dt."""
+    """Return the share of each bias that remains after dt."""
     a, g = decay(noise.accel_decay * dt), decay(noise.gyro_decay * dt)
     return (a, a, a, g, g, g)
 

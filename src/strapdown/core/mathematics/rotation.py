@@ -197,8 +197,8 @@ def rotation_between(C: Array, M: NineNumbers) -> tuple[float, float, float]:
 def nearest_turn(
     x: float, y: float, z: float, a: float, b: float, c: float
 ) -> tuple[float, float, float]:
-    """Of the rotation vectors of the same rotation as (x, y, z), which differ by whole turns
-    about it, the one nearest to (a, b, c), rad."""
+    """Return the equivalent of rotation vector (x, y, z), whole turns about it apart, that is
+    nearest to (a, b, c), rad."""
     size = math.sqrt(x * x + y * y + z * z)
     if size > 1e-9:
         scale = 1 + 2 * math.pi / size * np.floor(

@@ -1,15 +1,15 @@
-"""What constants that a filter does not know would change in its innovations: separate bias
-estimation, from what its calls leave behind.
+"""Sensitivity of the innovations to constants that a filter does not estimate: separate bias
+estimation, from the record of its calls.
 
-theta (m,) are such constants, 0 where the set-up is right, h the derivative of a measurement by
+theta (m,) are such constants, 0 where the set-up is correct, h the derivative of a measurement by
 them. The error of the filter is that of one that knows theta, plus V theta, V (n, m):
 
     V <- Phi V                                    a prediction
     J  = L^-1 (H V + h),  U = L^-1 H P            a correction, S = L L'
     V <- A (V - U' J)                             where it was used; A as of `error_state.turn_half`
 
-So the whitened innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE Trans. Automatic
-Control 14(4).
+So the whitened innovations of one run are J theta plus white noise. Source: Friedland (1969), IEEE
+Trans. Automatic Control 14(4).
 """
 
 from ...typing import Array
@@ -60,7 +60,8 @@ V_SIZE = MOVED + 9 * LANES
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What the smoother needs; of fixes, used or not, also the belief and L^-1."""
+    """Save the last step for the smoother; of measurements, used or not, also the state and
+    L^-1."""
     kept(belief, record)
     if record[0] == PREDICTED:
         return

@@ -1,4 +1,4 @@
-"""What a filter and an observation are told of a source of measurements."""
+"""The parameters of a source of measurements, as a filter and an observation read them."""
 
 import math
 from collections.abc import Callable

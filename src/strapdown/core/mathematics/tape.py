@@ -1,4 +1,4 @@
-"""What a call of predict or correct leaves for the way back, and how it is undone."""
+"""The record of a call of predict or correct for the backward pass, and its adjoint."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias

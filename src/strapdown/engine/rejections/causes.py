@@ -122,7 +122,8 @@ def whitened(root: Array, values: Array) -> Array:
 
 
 class _Sums(NamedTuple):
-    """Of n whitened innovations e and of what p parameters do to them, A: e'e, A'e and A'A."""
+    """Sums over n whitened innovations e and the effect of p parameters on them, A: e'e, A'e and
+    A'A."""
 
     rows: int
     squares: float
@@ -146,7 +147,7 @@ class _Sums(NamedTuple):
 
 
 def _deviance(sums: Sequence[_Sums]) -> float:
-    """Of normal rows whose spread is free, one for each of the sums."""
+    """Return the deviance of normal rows of free spread, one spread for each of the sums."""
     return sum(
         each.rows * (float(np.log(max(each.squares / each.rows, LEAST_SPREAD))) + 1.0)
         for each in sums
@@ -165,7 +166,7 @@ def _fit(sums: Sequence[_Sums], own: slice) -> Array:
 
 
 def _without(window: Window, e: Array, passed: Mask) -> Found:
-    """What a run is where no shape explains it."""
+    """Classify a run that no shape explains: noise, single outliers, or unknown."""
     spread, good = float(np.sqrt(np.mean(e**2))), e[passed]
     bad = ~window.passed
     if len(good) and np.mean(good**2) > SPREAD:

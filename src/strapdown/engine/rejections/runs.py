@@ -75,7 +75,7 @@ def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
 
 
 def _together(own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found | None:
-    """What explains chains of rejections all at once: something that lasts."""
+    """Find one lasting cause of all chains of rejections together; None where there is none."""
     long = [chain for chain in chains if len(chain) >= FEW]
     if len(long) < 2:
         return None
@@ -86,7 +86,8 @@ def _together(own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found 
 def _explained(
     own: Fixes, every: Fixes, kind: str, bad: Ints
 ) -> Iterator[tuple[Ints, Found | None]]:
-    """What explains a chain of rejections, or each of its parts; None where they are few."""
+    """Yield a chain of rejections, or each of its parts, with its cause; None where they are
+    few."""
     if len(bad) < FEW:
         yield bad, None
         return
@@ -160,7 +161,8 @@ def _run(s: int, own: Fixes, bad: Ints, found: Found) -> Run:
 
 
 def _by_chance(own: Fixes, bad: Ints) -> bool:
-    """Whether right fixes are rejected as often, and as far off, by the distribution of the NIS."""
+    """True where correct measurements would be rejected as often, and as far off, by the
+    distribution of the NIS."""
     rows, nearest = own.measured, float(own.nis[own.rejected].min())
     expected = sum(
         count * farther(k, nearest) for k, count in enumerate(np.bincount(rows).tolist())

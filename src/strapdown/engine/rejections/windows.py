@@ -34,7 +34,8 @@ class Fixes(NamedTuple):
 
     @property
     def began(self) -> float:
-        """Of fixes of one source: when its first was tested, s."""
+        """When the first measurement of the source was tested, s; for measurements of one
+        source."""
         return float(self.begin[int(self.rows["source"][0])])
 
     @property

@@ -1,4 +1,4 @@
-"""What is said of a run of rejections: its cause, what was seen of it, and what to do."""
+"""Messages on a run of rejections: its cause, its evidence, and the remedy."""
 
 from collections.abc import Sequence
 

@@ -262,7 +262,7 @@ def _map_study(scenario: Scenario, spec: ImuSpec, runs: int, seed: int) -> Study
 
 
 def _cost(study: Study, maps: Study | None, steps: int) -> str:
-    """What a command is about to do, and the work that it takes, in a line."""
+    """Describe in a line the runs that a command is about to do, and their processor time."""
     cells = len(study.cells) + (len(maps.cells) if maps else 0)
     work = steps * STEP_TIME + cells * CELL_TIME
     total = study.steps() + (maps.steps() if maps else 0)

@@ -88,7 +88,7 @@ def seconds(text: str | float) -> float:
 
 
 def kinds() -> list[str]:
-    """What `mission` takes beside scenario files: "dynamic" and the names of the built-in
+    """Return the names that `mission` takes beside scenario files: "dynamic" and the built-in
     scenarios."""
     return sorted({CIRCUIT["name"], *scenarios()})
 

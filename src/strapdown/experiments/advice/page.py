@@ -1,5 +1,5 @@
-"""What `strapdown advise` says and shows: the sentences, the table of evidence, and the page
-with its figures."""
+"""The output of `strapdown advise`: the sentences, the table of evidence, and the page with its
+figures."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def imu_name(advice: Advice) -> str:
 
 
 def _condition(advice: Advice) -> str:
-    """What the answer holds for: how well the attitude is known at the start."""
+    """Return the condition of the answer: how well the attitude is known at the start."""
     north, east, down = np.degrees(np.array(advice.scenario.start_sd[6:9], float))
     known = f"roll and pitch are known to {max(north, east):.2g} deg and heading to {down:.2g} deg"
     how = "after an alignment in motion" if advice.alignment == "moving" else "at the start"
@@ -169,7 +169,7 @@ def _about(advice: Advice) -> str:
 
 
 def notes(advice: Advice) -> list[str]:
-    """What a reader must know of this mission: sentences, often none."""
+    """Return caveats on this mission: sentences, often none."""
     truth, found = advice.scenario.glance(200), []
     low, high = truth.lla[:, 2].min(), truth.lla[:, 2].max()
     if high - low > 3000:
@@ -185,7 +185,7 @@ def notes(advice: Advice) -> list[str]:
 
 
 def _broken(e: Evidence, verdict: Verdict, state: str) -> list[str]:
-    """What speaks against a filter: the criteria that are in `state`, in words."""
+    """Return the evidence against a filter: the criteria that are in `state`, in words."""
     factor = np.sqrt(max(e.nees.value, 1 / e.nees.value)) if e.nees.value > 0 else np.nan
     small = "small" if e.nees.value > 1 else "large"
     said = {

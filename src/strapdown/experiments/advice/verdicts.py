@@ -32,7 +32,7 @@ YES, NO, UNDECIDED = "yes", "no", "undecided"
 
 
 class Rules(NamedTuple):
-    """What makes an architecture admissible; each is asked of a 95 % interval. Defaults:
+    """Criteria for an admissible architecture; each is tested by a 95 % interval. Defaults:
     docs/how-to/advise.md."""
 
     survival: float = 0.9  # share of runs neither lost nor inconsistent, at least
@@ -45,7 +45,7 @@ DEFAULT_RULES = Rules()
 
 
 class Evidence(NamedTuple):
-    """What the runs say of one filter."""
+    """Statistics of the runs of one filter."""
 
     filter: str
     count: int  # type: ignore[assignment]  # runs; hides the method of tuples
@@ -93,8 +93,8 @@ class Runs(NamedTuple):
 
     @classmethod
     def of(cls, campaign: Campaign, cell: str) -> Runs:
-        """Of a campaign's cell, without the runs that were quarantined. Raises DataError where
-        none is left."""
+        """Read the runs of a campaign's cell, without those that were quarantined. Raises DataError
+        where none is left."""
         parts = campaign.read(cell, ("t", "error", "nees_rows", "lasted", "reason"))
         joined = {
             name: np.concatenate([part[name] for part in parts], axis=1)

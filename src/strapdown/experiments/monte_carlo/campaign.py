@@ -179,8 +179,8 @@ class Campaign:
         return read(path, names, self.manifest, self._identity(path), {}, path in self._whole)
 
     def _identity(self, path: Path) -> str:
-        """What only the file at `path` of this campaign says: a digest of the manifest, the cell
-        and the runs."""
+        """Return the identity of the file at `path` in this campaign: a digest of the manifest, the
+        cell and the runs."""
         text = json.dumps(self.manifest, sort_keys=True) + f"{path.parent.name}/{path.name}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -216,8 +216,8 @@ class Campaign:
         return found
 
     def _last_of(self, what: str, cell: str, make: Callable[[], Arrays]) -> Arrays:
-        """What is made of the files of a cell, kept until another cell is asked for, or a file has
-        changed: tables ask for it once for each filter."""
+        """Return the result of `make` for a cell, kept until another cell is asked for or a file
+        has changed: tables ask for it once for each filter."""
         stats = [path.stat() for path in self._files(cell)]
         key = (cell, *((stat.st_ino, stat.st_mtime_ns, stat.st_size) for stat in stats))
         if self._kept.get(what, (None, {}))[0] != key:
@@ -368,7 +368,8 @@ def _digest(plugin: Plugin) -> str:
 
 
 def _study_of(manifest: dict[str, Any]) -> dict[str, Any]:
-    """What a manifest says of the study, without who has worked on it."""
+    """Return the part of a manifest that describes the study, without the machines that worked on
+    it."""
     return {key: value for key, value in manifest.items() if key != "processors"}
 
 

@@ -1,4 +1,4 @@
-"""What a campaign and its workers run: the cells and chunks of a study, and the chunk function.
+"""The work of a campaign and its workers: the cells and chunks of a study, and the chunk function.
 
 A chunk is some runs of a cell with all filters on the same records; its results depend on the study
 and the numbers of its runs alone.
@@ -198,8 +198,8 @@ class Record:
 
 
 def estimated(installation: Installation, label: Labelled) -> Installation | None:
-    """What a filter estimates, as `fuse` has it: the parameters that its label names, with the
-    standard deviations from which they are drawn."""
+    """Return the parameters that a filter estimates, as `fuse` takes them: those that its label
+    names, with the standard deviations from which they are drawn."""
     if label.estimate is None:
         return None
     return {name: installation.get(name) for name in label.estimate}

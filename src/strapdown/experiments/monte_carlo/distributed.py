@@ -94,7 +94,8 @@ def _work(
 
 
 def _killed(future: Future[Any]) -> bool:
-    """Whether the worker died of it; any other failure is raised where the result is asked for."""
+    """True where the task killed its worker; any other failure is raised where the result is
+    read."""
     from distributed.scheduler import KilledWorker
 
     if future.status != "error":

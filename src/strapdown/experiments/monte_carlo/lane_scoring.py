@@ -1,4 +1,4 @@
-"""What is kept of runs side by side at each scored epoch: errors, standard deviations and NEES, by one
+"""Scores of a batch of runs at each scored epoch: errors, standard deviations and NEES, by one
 kernel, so that neither rows nor covariances are stored."""
 
 import math

@@ -1,4 +1,4 @@
-"""What the manifest of a campaign must say."""
+"""Rules for the manifest of a campaign."""
 
 from typing import Annotated
 

@@ -143,8 +143,8 @@ def scored(
 def score_parameters(
     solution: Solution, scored: Scored, true: Mapping[str, float]
 ) -> dict[str, float | Array]:
-    """What became of parameters of the installation, {column of a Solution: true error of what was
-    given}: "parameter_error" (m,) true - estimate at the end, or as given where it is no state,
+    """Score the parameters of the installation, {column of a Solution: true error of the given
+    value}: "parameter_error" (m,) true - estimate at the end, or as given where it is no state,
     "parameter_sd" (m,), NaN there, both in the units of the columns, and PARAMETER_SCALARS."""
     left, sd = np.array(list(true.values())), np.full(len(true), np.nan)
     numbers: dict[str, float | Array] = {
@@ -227,8 +227,9 @@ def _square(vectors: Array) -> Array:
 
 
 def _fixes(fixes: FixRows, run: int, end: float) -> dict[str, float]:
-    """Of a run until the abort at `end` s: mean NIS by degree of freedom over the measured rows,
-    lag-1 correlation of the innovations; and over the whole run how many fixes were used."""
+    """Return the fix statistics of a run until the abort at `end` s: mean NIS by degree of freedom
+    over the measured rows, lag-1 correlation of the innovations; and, over the whole run, counts of
+    accepted and rejected."""
     count = int(fixes.reached[run])
     until = min(int(np.searchsorted(fixes.t, end, side="right")), count)
     nis, y = fixes.nis[run, :until], fixes.innovation[run, :until]

@@ -1,9 +1,9 @@
-"""What the results of a study come from, beside its manifest: the code of all modules that the chunk
-function can reach, the data files beside them, and the versions of the packages that they compute with.
+"""Sources of the results of a study, beside its manifest: the code of all modules that the chunk
+function can reach, the data files beside them, and the versions of the packages that they use.
 
-Imports are followed as they stand in the files, those inside functions too. Of a package that looks for its
-modules by itself (filters, kinds of aiding) all count. Docstrings, comments and annotations do not, as in
-`core.compile.kernel_cache`.
+Imports are followed as they stand in the files, those inside functions too. Of a package that looks
+for its modules by itself (filters, kinds of aiding) all count. Docstrings, comments and annotations
+do not, as in `core.compile.kernel_cache`.
 """
 
 import ast
@@ -97,7 +97,7 @@ def _below(name: str, room: str) -> bool:
 
 
 def _looks_around(statements: tuple[Import, ...]) -> bool:
-    """Whether a package imports modules by names that no statement says."""
+    """True where a package imports modules by name at run time, with importlib."""
     return any(alias.name == "importlib" for each in statements for alias in each.names)
 
 

@@ -58,7 +58,7 @@ CAMPAIGN_OPTIONS = {
 
 @dataclass(frozen=True)
 class Study:
-    """What is simulated, which filters run on it, and how often. Raises DataError.
+    """A study: scenarios, the filters that run on them, and the number of runs. Raises DataError.
 
     scenarios: Scenario values, built-in names or TOML files; filters: names, with options as
     "periodic-reset:interval=60"; imus: grades, files or ImuSpec, each with every scenario (default:
@@ -129,8 +129,8 @@ class Study:
 
     @property
     def side_by_side(self) -> bool:
-        """Whether its runs go through filters with lanes eight at a time: a study that takes no
-        more than a second or so runs them one by one, and waits for no other kernels."""
+        """True where runs go through filters with lanes eight at a time. A study of a second or so
+        runs them one by one, and waits for no other kernels."""
         lanes = any(parsed(label)[0].lanes for label in self.filters)
         return COMPILED and lanes and not self.installation and self.steps() >= MANY_STEPS
 

@@ -107,9 +107,9 @@ def summary_row(campaign: Campaign, number: int, place: int) -> dict[str, Any]:
 
 
 def _of_parameters(numbers: Arrays, names: list[str], ran: NDArray[np.bool_]) -> dict[str, float]:
-    """Of a wrong installation: NEES of all states and of its parameters by degree of freedom, and
-    of each parameter RMSE and bias at the end, and the share of runs whose 95 % interval holds the
-    truth."""
+    """Summarise runs with a wrong installation: NEES of all states and of its parameters by degree
+    of freedom, and of each parameter RMSE and bias at the end, and the share of runs whose 95 %
+    interval holds the truth."""
     if not names:
         return {}
     row = {

@@ -285,7 +285,7 @@ def _comparison(
 def _settings(
     common: Common, entrants: list[Entrant], ways: list[Way], spec: ImuSpec | None
 ) -> dict[str, Any]:
-    """What all runs had in common, and what each filter had of its own."""
+    """Return the settings that all runs share, and those of each filter."""
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
     noise = common.given["noise"] or next(run.spec.noise() for _, run in ran if run and run.spec)
     return {
@@ -314,7 +314,7 @@ def _settings(
 
 
 def _estimated(entrant: Entrant) -> dict[str, str]:
-    """What a label says of the installation, as an option."""
+    """Return the estimated parameters that a label names, as an option."""
     wanted = entrant.estimate
     return {} if wanted is None else {ESTIMATE: "+".join(wanted) or NOTHING}
 

@@ -64,7 +64,7 @@ OUTAGE_COLOUR = "rgba(59,125,216,0.35)"
 GAUSS = (68.27, 95.45, 99.73)
 """Percent of a normal error within 1, 2 and 3 standard deviations."""
 REACH = 100.0
-"""A logarithmic axis reaches so many times above and below the median at most: a filter that
+"""Largest ratio to the median, above and below, that a logarithmic axis shows: a filter that
 diverges leaves it instead of flattening the others."""
 SHARES = {
     f"{part}coverage_{k + 1}": (col, k)
@@ -76,7 +76,7 @@ SINCE = "time since the outage began [s]"
 LINE_POINTS = 250
 """Of a line over one outage at most."""
 MIDDLING = 5.0
-"""The frame of a single outage holds so many times the largest error of the middle filter, where
+"""Multiple of the largest error of the middle filter that the frame of a single outage shows, where
 others go twice as far."""
 
 
@@ -312,12 +312,12 @@ def outages(comparison: Comparison, length: float) -> go.Figure | None:
 
 
 LIST = 12
-"""Up to so many outages of one run have a number each on the track and on axes; more, and those
-of a sweep, are told by their start."""
+"""Most outages of one run that have a number each on the track and on axes; more, and those of a
+sweep, are named by their start."""
 
 
 def are_listed(comparison: Comparison) -> bool:
-    """Whether the outages are few and of one run."""
+    """True where the outages are few and of one run."""
     return not comparison.sweep and len(comparison.windows) <= LIST
 
 

@@ -54,7 +54,7 @@ COVERAGE = (
 TRACK = "The reference, and the outages on it with what the filters took for the track."
 SWEPT = "The reference, and the outages on it: the colour of a mark is the error in the outage that begins there."
 DRAWN_IN_FULL = 6
-"""Up to so many outages are all drawn in full."""
+"""Most outages that are all drawn in full."""
 
 
 def page(comparison: Comparison) -> Page:

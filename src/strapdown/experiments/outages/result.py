@@ -201,5 +201,5 @@ class Comparison:
 
 
 def unit(name: str) -> str:
-    """Of a score, by how its name ends; "1" of one that has none."""
+    """Return the unit of a score, by how its name ends; "1" where it has none."""
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "1")

@@ -37,7 +37,7 @@ Result: TypeAlias = tuple[dict[str, float], Track, Sequence[tuple[float, str]]] 
 
 
 class Common(NamedTuple):
-    """What all filters of a comparison have in common."""
+    """The inputs that all filters of a comparison share."""
 
     recording: Recording  # with all its fixes
     hidden: Recording  # without those of any outage
@@ -146,8 +146,8 @@ def _judged(run: Run) -> tuple[Verdict | None, float]:
 
 
 def _fed_alike(common: Common, entrant: Entrant, fed: list[Aiding]) -> bool:
-    """Whether what a filter is `fed` in a run with all fixes is the same without those of any
-    outage."""
+    """True where the AHRS attitudes `fed` to a filter stay the same in a run without the fixes of
+    any outage."""
     try:
         other = _fed(_begun(common, entrant, common.hidden), common.hidden) if fed else []
     except DataError:
@@ -166,7 +166,7 @@ def _fed(run: Run, recording: Recording) -> list[Aiding]:
 
 
 def _is_of(a: Aiding, recording: Recording) -> bool:
-    """Whether the source is one of the recording's, maybe with other parameters as states."""
+    """True where the source is one of the recording's, perhaps with other parameters as states."""
     return any(a.y is own.y for own in recording.aidings)
 
 

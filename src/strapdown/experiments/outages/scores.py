@@ -1,5 +1,5 @@
-"""What is scored of an outage, which is the same for every filter, and the scores of one filter in
-it.
+"""The scores of an outage: the scored rows, which are the same for every filter, and the scores of
+one filter.
 
 Errors are true - estimate at the solution's own rows against the reference in its own geodetic
 frame, without any alignment of the two. An outage is scored from its first row to the last one
@@ -91,7 +91,7 @@ def known_reference(recording: Recording) -> Trajectory:
 
 
 class _Scene(NamedTuple):
-    """What outages are found from."""
+    """The data that outages are found from."""
 
     t: Array  # s of the IMU rows
     used: Array  # s up to which each row uses fixes

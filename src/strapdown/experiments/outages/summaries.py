@@ -1,10 +1,10 @@
-"""What the scores of a comparison say together: summaries, paired differences with intervals,
-growth of the error, the table of the paper."""
+"""Summaries of a comparison: paired differences with intervals, growth of the error, the table of
+the paper."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,14 +15,11 @@ from ...typing import Array, Ints
 from .protocols import ROUNDING
 from .scores import Track
 
-if TYPE_CHECKING:
-    pass
-
 GRID = 61
 """Points of a growth curve."""
 CURVE_GAP = 2.5
-"""Usual steps of a Track, thinned to every row or every other one: it is not known over more,
-nor over so many beyond its ends."""
+"""Usual steps of a Track, thinned to every row or every other one: it is unknown in longer gaps,
+and further than that beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
 MEDIANS = tuple(f"{part}_rmse_deg" for part in EULER) + (
     "velocity_rmse_m_s",
@@ -141,8 +138,8 @@ def widening(starts: Array, lengths: Array, block: Ints) -> float:
 
 
 def _covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
-    """Of the means over two blocks (starts, lengths) of window averages of white noise of
-    density 1."""
+    """Return the covariance of the means over two blocks (starts, lengths) of window averages of
+    white noise of density 1."""
     (a, la), (b, lb) = one, other
     overlap = np.minimum.outer(a + la, b + lb) - np.maximum.outer(a, b)
     return float((np.clip(overlap, 0.0, None) / np.multiply.outer(la, lb)).mean())

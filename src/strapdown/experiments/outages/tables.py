@@ -164,7 +164,7 @@ def pairs(comparison: Comparison, length: float) -> str:
 
 
 def how(comparison: Comparison) -> str:
-    """What all filters had in common, and the options and sources of each."""
+    """Return the settings that all filters share, and the options and sources of each."""
     known = comparison.settings
     withheld = ", ".join(f"{count} of {name}" for name, count in known["withheld"].items() if count)
     common = [

@@ -1,5 +1,5 @@
-"""What a comparison over outages says in words: which filter drifts least and how sure that is,
-and which filters were not scored, with why."""
+"""The result of a comparison over outages in words: which filter drifts least and how certain that
+is, and which filters were not scored, with why."""
 
 from __future__ import annotations
 

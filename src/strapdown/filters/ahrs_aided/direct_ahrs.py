@@ -86,8 +86,8 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 def _doubt_rates(
     belief: Belief, pitch: float, heading: float, mid: Array, cosine: float, dt: float
 ) -> None:
-    """What the rates of the angles err by, because they are those at the known attitude, mid (9,)
-    of that cosine of pitch.
+    """Add to P the error of the angle rates, which are those at the known attitude, mid (9,) of
+    that cosine of pitch.
 
     Its tilt off the estimated one, x forward and y right, counts as long as it is held: the angles
     change by `pitch` and `heading` (rad), and err by (pitch tan(pitch angle) x + heading y,

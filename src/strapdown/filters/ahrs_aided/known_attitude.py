@@ -1,5 +1,5 @@
-"""What filters share whose attitude comes from elsewhere, such as an AHRS: the known attitude, what
-its errors do to the velocity, Euler angles.
+"""Functions shared by filters that take their attitude as known, such as from an AHRS: that
+attitude, the effect of its errors on the velocity, Euler angles.
 
 The known attitude is that of the last record, carried on by the gyros. Position and velocity are
 computed with it, so that their errors, with those of the accelerometer biases, and the errors of
@@ -344,8 +344,8 @@ def _spread(belief: Belief, S: Array, f0: float, f1: float, f2: float, dt: float
 
 @helper
 def _carry(belief: Belief, dt: float, noise: Noise) -> None:
-    """What the gyros add to the errors of the known attitude over dt: their noise, and the turn
-    by their biases."""
+    """Propagate the errors of the known attitude over dt: the noise of the gyros, and the turn by
+    their biases."""
     workspace, P = belief.workspace, belief.P
     walk = workspace[CONSIDERED] * noise.gyro * noise.gyro * dt
     drift = workspace[CONSIDERED] * math.sqrt((P[12, 12] + P[13, 13] + P[14, 14]) / 3) * dt
@@ -419,7 +419,7 @@ def euler_rates(
 
 @helper
 def gentle(belief: Belief, turn: float) -> bool:
-    """Whether the Euler angles stay away from their singularity while the body turns by `turn`
+    """True where the Euler angles stay away from their singularity while the body turns by `turn`
     (rad)."""
     return abs(belief.workspace[ANGLES][1]) + turn < STEEP_PITCH
 

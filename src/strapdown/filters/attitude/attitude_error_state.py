@@ -1,5 +1,5 @@
-"""What attitude filters share: the specific force carried along by the gyros, and the covariance of
-six of the fifteen error states.
+"""Functions shared by the attitude filters: the specific force carried along by the gyros, and the
+covariance of six of the fifteen error states.
 
 The six are attitude (6-8, in n) and gyro bias (12-14); they keep their places in the 15 x 15
 covariance, whose other rows stay zero.

@@ -329,7 +329,7 @@ def _level(belief: Belief, dt: float, q: float) -> None:
 
 @helper
 def level_bias(belief: Belief, K_north: Array, K_east: Array) -> None:
-    """What levelling with these gains (6,) makes of the sensitivity to accelerometer biases."""
+    """Update the sensitivity to accelerometer biases for a levelling with these gains (6,)."""
     C, g = belief.C, GRAVITY_EQUATOR
     sensitivity = matrix(belief.workspace, SENSITIVITY, 6, 3)
     about_north = (-C[1, 0] / g, -C[1, 1] / g, -C[1, 2] / g)
@@ -554,8 +554,8 @@ def _known(source: SourceRow) -> tuple[float, float]:
 def refused(
     belief: Belief, y: Array, sd: Array, source: SourceRow, square: float, down: float
 ) -> bool:
-    """Whether a field y (T) of that horizontal square (T^2) and downward part (T) cannot be the
-    known one, and the books of that."""
+    """True where a field y (T) of that horizontal square (T^2) and downward part (T) is rejected as
+    disturbed; updates the counts of its magnetometer."""
     workspace, P, s = belief.workspace, belief.P, _magnetometer(source)
     turn = _turn_since(workspace, s, y)
     strength, dip = _known(source)
@@ -635,8 +635,8 @@ def _departure(
 
 @kernel(SAVE_STEP)
 def save_step(belief: Belief, record: Array) -> None:
-    """What the last call left in workspace, and what of P is the accelerometer biases': gains do
-    not know them, so that a smoother goes back with P without them."""
+    """Save the last call from workspace, and the part of P due to accelerometer biases: the gains
+    do not use it, so that the smoother goes back with P without it."""
     workspace, last = belief.workspace, belief.workspace[LAST]
     sensitivity, variance = matrix(workspace, SENSITIVITY, 6, 3), workspace[BIAS_VARIANCE]
     for i in range(last.size):

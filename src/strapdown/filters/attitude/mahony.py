@@ -214,8 +214,8 @@ def _level(belief: Belief, dt: float, q: float) -> None:
 
 @helper
 def _gains(belief: Belief, k: float, seconds: float) -> float:
-    """The gain of a pull by k (1/s) after so many seconds: exact for a small error that nothing
-    else corrects; and those of the six states, K_NORTH to K_DOWN."""
+    """Return the gain of a correction by k (1/s) over `seconds`, exact for a small error that
+    nothing else corrects; write those of the six states, K_NORTH to K_DOWN."""
     workspace, C = belief.workspace, belief.C
     gain = 1 - decay(k * min(seconds, LONGEST_GAP))
     K_north, K_east, K_down = workspace[K_NORTH], workspace[K_EAST], workspace[K_DOWN]
@@ -236,7 +236,8 @@ def _upwards(C: Array, f: Array, size: float) -> tuple[float, float, float]:
 
 @helper
 def _pull(belief: Belief, x: float, y: float, z: float, gain: float) -> None:
-    """What the cross product (x, y, z), in n, does with that gain."""
+    """Rotate the attitude by the cross product (x, y, z), in n, times `gain`, and correct the gyro
+    bias by it."""
     C, bias = belief.C, belief.workspace[KI] * gain
     for i in range(3):
         belief.bg[i] -= bias * (C[0, i] * x + C[1, i] * y + C[2, i] * z)

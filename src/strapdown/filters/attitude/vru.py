@@ -57,7 +57,7 @@ LEAST_ACCEL, SHORTEST_LEVEL_INTERVAL = 1e-6, 1e-3
 """m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of
 zero-sea-level, which may come at one time."""
 MANY_HEIGHTS = 18
-"""Independent heights, six waves, after which their average is better than that of so many."""
+"""Independent heights, six waves, after which the density of the waves replaces theirs."""
 SLOTS = Slots(after=attitude_mekf.ATTITUDE)
 LEVEL = SLOTS.number("LEVEL")  # height at the start, m
 VARIANCE = SLOTS.number("VARIANCE")  # of it, m^2
@@ -167,7 +167,7 @@ def _fall(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 @helper
 def _spread(belief: Belief, dt: float, noise: Noise) -> None:
     """P of the vertical channel over dt: p' = v, v' = the row ERRS of tilt and accelerometer bias;
-    its covariances with the attitude and with the states that aidings brought along."""
+    its covariances with the attitude and with the augmented states."""
     P, workspace, n = belief.P, belief.workspace, belief.P.shape[0]
     row, w = workspace[ERRS], workspace[DX]  # of the velocity gained, w = row . x
     keep, q = decay(noise.accel_decay * dt), noise.accel * noise.accel * dt

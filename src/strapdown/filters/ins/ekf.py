@@ -250,7 +250,7 @@ def _gain(
                 total += U[a, j] * H[b, j]
             for m in range(b):
                 total -= L[a, m] * L[b, m]
-            if a == b:  # where P is no covariance any more: rejected, and counted as that
+            if a == b:  # where S is not positive definite: rejected, and counted so
                 nis = where(total > 0, nis, math.inf)
                 total = where(total > 0, total, 1.0)
             L[a, b] = math.sqrt(total) if a == b else total / L[b, b]

@@ -1,5 +1,5 @@
-"""What the observer's errors are, to first order: covariance of its 15 error states, of xi and of
-the angle between course and heading, under the gains that it really uses.
+"""First-order covariance of the observer's errors: its 15 error states, xi and the angle between
+course and heading, under the gains that it really uses.
 
 The errors are true - estimate. xi makes up for what the estimated specific force lacks, so its true
 value is zero, and the error of xi is what moves the others between fixes:

@@ -158,7 +158,7 @@ def advance(bar: Belief, u: Array, dt: float, noise: Noise) -> None:
 
 @inlined
 def _answer_sample(bar: Belief, k: float, dt: float, free: bool) -> None:
-    """What a sample makes of wrong biases and wind, in which the attitude was turned by k f x xi."""
+    """Update the adaptive law for a sample in which the attitude was turned by k f x xi."""
     C, workspace, f, own = bar.C, bar.workspace, bar.f, bar.workspace[ADAPTIVE]
     f0, f1, f2 = turned(C, f[0], f[1], f[2])
     ki = where(free, gain(workspace, KI), 0.0)
@@ -168,7 +168,7 @@ def _answer_sample(bar: Belief, k: float, dt: float, free: bool) -> None:
 
 @helper
 def outage(workspace: Array) -> bool:
-    """Whether position and velocity have been away for so long that nothing else is injected
+    """True where position and velocity have been missing for so long that nothing else is injected
     either."""
     return workspace[SINCE_FIX] > workspace[OUTAGE_AFTER]
 
@@ -324,7 +324,7 @@ def inject(
     innovation: Array,
     wanted: bool = True,
 ) -> None:
-    """What a fix changes where it is wanted, without looking whether it is plausible."""
+    """Inject a measurement where it is wanted, without a gate."""
     H = matrix(bar.workspace, JACOBIAN, 3, bar.P.shape[0])
     observed(bar, y, observe, source, innovation, H)
     take(bar, y, sd, kind, source, innovation, wanted)
@@ -340,8 +340,8 @@ def take(
     innovation: Array,
     wanted: bool = True,
 ) -> None:
-    """What a fix with that innovation changes where it is wanted: position, velocity and xi by the gains of the
-    translational motion observer, the attitude by a direction.
+    """Inject a measurement by its innovation where it is wanted: position, velocity and xi by the
+    gains of the translational motion observer, the attitude by a direction.
 
     In an outage only position and velocity, which end it; a heading or field is only remembered as
     one that is there, so that no course takes its place.
@@ -427,7 +427,7 @@ def _assess_excitation(workspace: Array, value: float, enough: float, wanted: bo
 
 @inlined
 def _answer_heading(bar: Belief, by_wind: float) -> None:
-    """What the adaptive part knows of the last turn about the vertical."""
+    """Update the adaptive law for the last turn about the vertical."""
     C, workspace, f = bar.C, bar.workspace, bar.f
     f0, f1, f2 = turned(C, f[0], f[1], f[2])
     share, ki = workspace[SHARE], workspace[LEARNT]
@@ -526,8 +526,9 @@ def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> 
 
 @helper
 def too_slow(speed: float, sd: float, least: float) -> bool:
-    """Whether a velocity of that speed, each component with that sd (m/s), has no course: below
-    `least`, or where that is 0 as the standard deviation of the course says."""
+    """True where a velocity of that speed, each component with that sd (m/s), gives no course: its
+    speed is below `least`, or, where that is 0, the standard deviation of the course is too
+    large."""
     if least > 0:
         return speed < least
     return not speed * LARGEST_COURSE_SD >= sd
@@ -549,7 +550,8 @@ def _towards_heading(bar: Belief, heading: float, seconds: float, wanted: bool) 
 
 @helper
 def _left(angle: float, time: float) -> float:
-    """What is left of an angle (rad) whose rate is - sin(angle), after that (scaled) time."""
+    """Return the remainder of an angle (rad) whose rate is - sin(angle), after that (scaled)
+    time."""
     return 2 * arctangent(tangent(0.5 * angle) * decay(time))
 
 

@@ -519,8 +519,8 @@ def last_gains(jumps: list[Jump]) -> list[tuple[str, Array]]:
 
 
 def round_matrix(jumps: list[Jump], A: Array) -> Array:
-    """What one round of fixes does to the state whose first three are p, v, xi (of the force)
-    and whose derivative is A x."""
+    """Return the transition matrix over one round of fixes of the state whose first three are p, v,
+    xi (of the force) and whose derivative is A x."""
     from scipy.linalg import expm
 
     M = np.eye(len(A))

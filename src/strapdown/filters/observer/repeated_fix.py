@@ -1,5 +1,5 @@
-"""Whether a fix is handed over a second time: what stands beside a filter and does not gate, as
-an observer does, must take it once."""
+"""Detection of a measurement that is handed over a second time: an observer beside a filter has no
+gate, and must use it once."""
 
 import math
 
@@ -17,8 +17,8 @@ FORGOTTEN = -1.0
 
 @helper
 def repeated(memory: Array, y: Array, kind: int, gate: float, nis: float) -> bool:
-    """Whether this call brings the fix of the call before once more; remembers it in `memory`
-    (of MEMORY) where its `nis` is above `gate`.
+    """True where this call hands over the measurement of the call before again. Stores it in
+    `memory` (of MEMORY), for the next call, where its `nis` is above `gate`.
 
     The loop does so where it lifts a gate, right after a rejection, with `gate` infinite; and where
     it asks what the filter makes of a fix, with `gate` -1, before it hands it over with other

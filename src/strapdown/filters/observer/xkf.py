@@ -131,15 +131,15 @@ def at(belief: Belief, state: Belief) -> Belief:
 
 @inlined
 def at_estimate(belief: Belief) -> bool:
-    """Whether the model is taken at the estimate, as filters/observer/own_estimate.py says, rather
-    than at the observer."""
+    """True where the model is linearised at the estimate, as filters/observer/own_estimate.py says,
+    rather than at the observer."""
     return belief.workspace[CLOSE] * belief.workspace[ITSELF] > 0
 
 
 @inlined
 def model_point(belief: Belief, bar: Belief, itself: bool, z: float) -> Belief:
-    """What the linear model is taken at: the observer, or the estimate `itself`, turned back by z
-    (rad). Its state is in POINT."""
+    """Return the linearisation point of the model: the observer, or the estimate `itself`, turned
+    back by z (rad). Its state is in POINT."""
     numbers = belief.workspace[POINT]
     point = at(belief, navigation(numbers, belief.P, belief.workspace, belief.extra_states))
     take_over(point, bar)
@@ -207,7 +207,8 @@ def relate(belief: Belief, bar: Belief) -> None:
 
 @inlined
 def switch(belief: Belief, angle: float) -> None:
-    """Whether the mean goes on by the model itself, with the observer that angle (rad) away.
+    """Decide whether the mean is propagated by the model at the estimate, with the observer that
+    angle (rad) away.
 
     At the estimate the model is right where the tilt is known, and wherever the observer goes, as
     long as the fixes do not speak against it.
@@ -225,13 +226,13 @@ def switch(belief: Belief, angle: float) -> None:
 
 @helper
 def known(P: Array, angle: float) -> bool:
-    """Whether the tilt is known to that angle, rad."""
+    """True where the standard deviation of the tilt is below that angle, rad."""
     return P[6, 6] + P[7, 7] < angle * angle
 
 
 @inlined
 def publish(belief: Belief, bar: Belief) -> None:
-    """What the observer says of itself, among the extra columns."""
+    """Copy the observer's output into the extra columns."""
     said = belief.workspace[SAID]
     for i in range(said.size):
         said[i] = bar.workspace[i]

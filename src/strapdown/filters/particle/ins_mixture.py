@@ -21,7 +21,7 @@ from ...core.mathematics.threefry import STREAM
 from ...typing import Array
 from .mixture import accumulate, clear, moments, moments_size, resample_size
 
-TAIL = NAVIGATION.size  # where a component's states that aidings brought along begin
+TAIL = NAVIGATION.size  # where the augmented states of a component begin
 SLOTS = Slots(after=ERROR_STATE)
 EFFECTIVE = SLOTS.output("effective_components")
 RESAMPLINGS = SLOTS.output("resamplings")
@@ -49,7 +49,7 @@ COMPONENTS = SLOTS.rest("COMPONENTS")  # what `places` says
 
 
 class Mixture(NamedTuple):
-    """What there is beside the belief, as views of its workspace."""
+    """The mixture beside the filter state, as views of its workspace."""
 
     workspace: Array
     left: Array  # (n, n) covariance as the last call left it
@@ -135,7 +135,8 @@ def group(m: Mixture, g: int, side: int) -> Group:
 
 @helper
 def counts(m: Mixture, g: int) -> bool:
-    """Whether any component of a group has weight: without it counts nowhere any more."""
+    """True where any component of a group has weight; a group without weight is used nowhere any
+    more."""
     some = False
     for k in range(LANES * g, LANES * g + LANES):
         some |= m.weights[k] > 0
@@ -353,8 +354,8 @@ def _observed_one(
 
 @helper
 def same_rows(innovation: Array, mine: Array) -> bool:
-    """Whether a component measures what is measured at the belief; others of its rows become
-    none."""
+    """True where a component measures all that is measured at the estimate; its other rows become
+    NaN."""
     for i in range(3):
         if math.isnan(innovation[i]):
             mine[i] = math.nan

@@ -1,5 +1,5 @@
-"""What the sigma-point filters share: the 15 error states, and those that aidings bring along,
-through filters/sigma_point/sigma_points.py.
+"""Functions shared by the sigma-point filters: the 15 error states, and the augmented states of
+sources, through filters/sigma_point/sigma_points.py.
 
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation
 vector from the left, sums. The errors of the propagated points are taken back the same way, about
@@ -64,7 +64,7 @@ REPAIRED = SLOTS.output("repairs")  # so far
 # sets of prediction and correction
 STEP_SPREAD, STEP_REST, SPREAD, REST = SLOTS.numbers("STEP_SPREAD", "STEP_REST", "SPREAD", "REST")
 AUGMENTED = SLOTS.number("AUGMENTED")  # 1 or 0: white noise has points of its own
-POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and what aidings brought along
+POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and its augmented states
 POINT_EXTRA = SLOTS.array("POINT_EXTRA", MOST_STATES - STATES)
 CENTRE = SLOTS.part("CENTRE", NAVIGATION)  # the propagated belief
 ERRORS = (
@@ -333,8 +333,8 @@ def _noise_rows(
     root: float,
     noise: Noise,
 ) -> int:
-    """Append what has no points: states that aidings brought along, driving noise of the biases
-    and, unless `augmented`, white noise. Returns the rows."""
+    """Append the rows that have no points: augmented states, driving noise of the biases and,
+    unless `augmented`, white noise. Returns the rows."""
     A, factored, force = (
         belief.workspace[TABLE],
         belief.workspace[ROOT],

@@ -34,8 +34,8 @@ DOWNDATE_FLOOR = 1e-6
 def merwe(
     states: int, alpha: float = 0.1, beta: float = 2.0, kappa: float = 0.0
 ) -> tuple[float, float]:
-    """(spread, rest) of Van der Merwe's scaled set for so many states, noise included. Raises
-    ValueError where it has no points."""
+    """Return (spread, rest) of Van der Merwe's scaled set for this number of states, noise
+    included. Raises ValueError where it has no points."""
     if not (
         alpha > 0
         and states + kappa > 0

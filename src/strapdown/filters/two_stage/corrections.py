@@ -330,7 +330,7 @@ def see(
 
 @inlined
 def oriented(kind: int) -> bool:
-    """Whether a kind of fix belongs to stage 1."""
+    """True where a kind of measurement belongs to stage 1."""
     return kind == Kind.HEADING or kind == Kind.MAGNETIC_FIELD
 
 
@@ -351,8 +351,8 @@ def steer(
     source: SourceRow,
     innovation: Array,
 ) -> None:
-    """What a velocity fix tells stage 1: the direction of gravity by the change of velocity, and
-    the course. Writes the innovation at `bar`."""
+    """Correct stage 1 by a velocity: the direction of gravity by the change of velocity, and the
+    course. Writes the innovation at `bar`."""
     workspace, n = belief.workspace, belief.P.shape[0]
     observed(bar, y, observe, source, innovation, matrix(workspace, JACOBIAN, 3, n))
     v0, v1, v2, since = (

@@ -60,7 +60,7 @@ BEFORE = TWO_STAGE.matrix("BEFORE", 3, 3)  # an attitude that is left
 # of the rows that stage 1 makes itself
 INNOVATION = TWO_STAGE.array("INNOVATION", 3)
 DEVIATION = TWO_STAGE.array("DEVIATION", 3)
-UNUSED = TWO_STAGE.array("UNUSED", 3)  # innovation that nobody is told
+UNUSED = TWO_STAGE.array("UNUSED", 3)  # innovation that is discarded
 MOVED = TWO_STAGE.array("MOVED", 3)  # change of v, see `doubt`
 # gravity vectors, and courses, in a row that were far off
 FAR_VECTORS, FAR_COURSES = TWO_STAGE.numbers("FAR_VECTORS", "FAR_COURSES")
@@ -100,7 +100,7 @@ NO_HEADING = "nothing measures the heading: it drifts with the gyro bias"
 
 
 class StageOptions(NamedTuple):
-    """What filters of this model let a user choose; `start` of `two-stage-ekf` says what it is."""
+    """Options of the filters of this model; `start` of `two-stage-ekf` explains them."""
 
     velocity: str  # "full" or "down"
     course: str  # "gnss" or "none"

@@ -130,8 +130,8 @@ def start(
 def configure(
     options: dict[str, Any], aidings: Sequence[Source]
 ) -> tuple[dict[str, Any], list[str]]:
-    """What these sources decide of the observer and what it says of itself; refuses what either
-    cannot run on."""
+    """Return the options with the observer's gains for these sources, and the notes of both;
+    refuses sources that either cannot use."""
     _, notes = configure_model(options, aidings)
     options, said = configure_observer(options, aidings)
     return options, [*notes, *said]

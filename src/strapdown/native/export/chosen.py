@@ -1,5 +1,5 @@
-"""What is exported: a filter with its options, sources and IMU, checked as a run of it is, and that
-run over a recording."""
+"""The choice of an export: a filter with its options, sources and IMU, checked as for a run, and
+that run over a recording."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -47,7 +47,7 @@ GIVEN = PARAMETERS
 
 
 class Chosen(NamedTuple):
-    """What is exported."""
+    """The filter, options, sources, IMU and recording of an export."""
 
     filter: Filter
     options: dict[str, Any]
@@ -116,7 +116,7 @@ def chosen(
     options: Mapping[str, Any] | None = None,
     waiting: int = WAITING,
 ) -> Chosen:
-    """What these arguments, which are those of `fuse`, name.
+    """Check the arguments of an export, which are those of `fuse`, and return the choice.
 
     sources: kinds of aiding; the second of a kind is the second of the recording. One that the
     recording does not have is a source without fixes there. waiting: fixes that there is room for.

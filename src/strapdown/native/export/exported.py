@@ -42,11 +42,11 @@ KEPT, KEEP = "export-", 12
 OWN = 4
 """Numbers of strapdown_filter behind those of the loop."""
 EVERY = 10
-"""A row of the replay for each so many samples."""
+"""Samples between rows of the replay."""
 
 
 class Exported(NamedTuple):
-    """What was written."""
+    """The files of an export, with target, sizes and notes."""
 
     files: tuple[str, ...]
     target: Target
@@ -70,7 +70,7 @@ def find_target(name: str) -> Target:
 
 def export(of: Chosen, target: Target, folder: Path, say: Say | None = None) -> Exported:
     """Write the object of a filter for a target, its header, its functions in C, an example with a
-    replay and a README into a folder that there is. `say` is told of what takes long.
+    replay and a README into an existing folder. Calls `say` before steps that take long.
 
     Raises DataError for a filter that cannot be exported.
     """

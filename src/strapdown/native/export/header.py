@@ -85,13 +85,13 @@ def identifier(name: str) -> str:
 
 
 def columns(of: Chosen) -> list[str]:
-    """What the columns behind the status are."""
+    """Return the meaning of each column behind the status."""
     states = [each.name for each in brought(of.aidings)]
     return [*of.filter.columns, *states, *(f"standard deviation of {name}" for name in states)]
 
 
 def source_text(sensor: Measurement) -> str:
-    """What its fixes and parameters are, with units."""
+    """Return a description of its measurements and parameters, with units."""
     units = [quantities.si(quantities.dimension(q)) for q in sensor.quantities]
     named = [f"{QUANTITIES.get(q, q)} {unit}" for q, unit in zip(sensor.quantities, units)]
     count = len(named)
@@ -142,7 +142,7 @@ def _struct(record: str, made: Layout, indent: str) -> str:
 
 
 def type_name(row: Row) -> str:
-    """Of a row, in C."""
+    """Return the name of a row's type in C."""
     words = re.findall("[A-Z][a-z]*", row.name)
     return "strapdown_" + "_".join(words).lower() + ("" if words[-1] == "Row" else "_row")
 

@@ -1,5 +1,5 @@
-"""What a filter's start leaves in the struct, as numbers that do not depend on the start and numbers
-that are copies of parts of it, found by starting it many times.
+"""The initial image of the struct after a filter's start: numbers that do not depend on the start
+and copies of parts of it, found by starting the filter many times.
 
 `start` of a filter is plain Python that computes whatever it likes. What it makes of a start other
 than a copy cannot be told in C, and such a filter is refused.
@@ -149,7 +149,7 @@ def _copies(tried: Sequence[Tried]) -> dict[int, Known]:
 
 
 def _name(filter: Filter, made: Layout, k: int) -> str:
-    """What a number of the struct is, for people."""
+    """Return the name of a number of the struct, for messages."""
     place = next(place for place in made.places if place.first <= k < place.first + place.length)
     if place.name == "workspace":
         return _slot(filter.slots, k - place.first)

@@ -55,7 +55,7 @@ class Place(NamedTuple):
 
     @property
     def single(self) -> bool:
-        """Whether it is a table of one row, which is a struct in C and no array of them."""
+        """True for a table of one row, which is a struct in C and no array of them."""
         return self.row is not None and self.sizes == (1,)
 
 

@@ -41,7 +41,7 @@ FIXED = {
 
 
 class Sizes(NamedTuple):
-    """What an export takes on its target."""
+    """The sizes of an export on its target."""
 
     code: int  # bytes of code and constants of strapdown.o
     state: int  # bytes of strapdown_filter

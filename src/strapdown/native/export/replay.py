@@ -27,7 +27,7 @@ END, SAMPLE, FIX, ROW = range(4)
 
 
 def replay(of: Chosen, run: Run, every: int) -> bytes:
-    """The content of replay.bin, of a run that was completed; a row of each so many samples and the
+    """Return the content of replay.bin of a complete run: a row for every `every` samples and the
     last."""
     return b"".join(chain(_begin(of, run), _events(run, every)))
 

@@ -1,5 +1,5 @@
-"""What the fields of the exported struct are, for people: units, frames, what the numbers of a table
-mean. A test asks that each field and each name has its text."""
+"""Descriptions of the fields of the exported struct: units, frames, the meaning of the numbers of a
+table. A test asks that each field and each name has its text."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

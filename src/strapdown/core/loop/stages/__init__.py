@@ -1,5 +1,5 @@
-"""What only some runs ask for, a file each: a kernel with its equation and source, and which runs
-need it. The loop reaches it by its address, so that a run without it pays nothing.
+"""Stages that only some runs need, a file each: a kernel with its equation and source, and which
+runs need it. The loop calls it by its address, so that a run without it pays nothing.
 
 A stage between a measurement and the filter is added as a file here and a line in PREPARE.
 """

@@ -94,5 +94,5 @@ def _correlate(books: Books, innovation: Array, share: float) -> None:
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where the noise of one is followed."""
+    """True where a run needs this stage: a source has adaptive R."""
     return bool(np.any(sources["memory"] > 0))

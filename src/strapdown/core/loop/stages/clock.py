@@ -264,5 +264,5 @@ def _second_difference(
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where a clock is a state."""
+    """True where a run needs this stage: a clock offset is a state."""
     return bool(cursor.recent.size)

@@ -36,8 +36,8 @@ def alone(
 
 @helper
 def _carries_alone(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, cursor: Cursor) -> bool:
-    """Whether measurement k is of a velocity in the body, and the filter has for long used neither a
-    position nor a velocity."""
+    """True where measurement k is a velocity in the body, and the filter has used neither a
+    position nor a velocity for HEARD seconds."""
     own, t = fixes.sources[fixes.source[k]].kind, fixes.t[k]
     if cursor.state[0].positioned == 0 or own == Kind.POSITION or own == Kind.VELOCITY:
         return False
@@ -52,5 +52,5 @@ def _carries_alone(kernels: Kernels, belief: Belief, fixes: Fixes, k: int, curso
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where one is neither position nor velocity."""
+    """True where a run needs this stage: a source measures neither position nor velocity."""
     return bool(np.any(sources["kind"] > Kind.VELOCITY))

@@ -126,7 +126,8 @@ def _climb(e: float, sd: float, t: float, cursor: Cursor) -> None:
 
 @helper
 def _agrees(belief: Belief, fixes: Fixes, k: int, row: int, cursor: Cursor) -> bool:
-    """Whether the level of a source is inside its gate again, while another tells the height."""
+    """True where the level of a source is inside its gate again, while another source measures the
+    height."""
     s, t, sd = fixes.source[k], fixes.t[k], fixes.sd[k, row]
     off = cursor.state[0].corrected + cursor.state[0].climb - cursor.books[s].level
     return _farthest(fixes, s, t, cursor) >= 0 and off * off <= AGREE * fixes.sources[s].gate * (
@@ -136,8 +137,8 @@ def _agrees(belief: Belief, fixes: Fixes, k: int, row: int, cursor: Cursor) -> b
 
 @helper
 def _farthest(fixes: Fixes, s: int, t: float, cursor: Cursor) -> int:
-    """Of the other sources whose height was used lately the one whose level is farthest from that of
-    source `s`, or NOBODY."""
+    """Return the other source, of recently used height, whose level is farthest from that of source
+    `s`, or NOBODY."""
     books, found, most = cursor.books, NOBODY, -1.0
     for o in range(books.size):
         if o != s and is_height(fixes.sources[o].kind) and books[o].suspended == 0:
@@ -161,9 +162,10 @@ def _leave_out_pulling(belief: Belief, fixes: Fixes, s: int, t: float, cursor: C
 
 @helper
 def _contradiction(fixes: Fixes, s: int, t: float, cursor: Cursor) -> tuple[int, int, bool, float]:
-    """Of the height of source `s` and that of another in use that contradict each other, or of two
-    in use where `s` measures a velocity: the wrong one, the other, whether the data tell so, and by
-    how many standard deviations they differ. NOBODY where there is no contradiction."""
+    """Find two heights in use that contradict each other, one of them that of source `s` unless `s`
+    measures a velocity. Returns the wrong source, the other, whether the data decide which is
+    wrong, and by how many standard deviations they differ; NOBODY where there is no
+    contradiction."""
     books, velocity = cursor.books, fixes.sources[s].kind == Kind.VELOCITY
     one = _mover(fixes, t, cursor) if velocity else s
     other = NOBODY if one < 0 else _farthest(fixes, one, t, cursor)
@@ -247,7 +249,7 @@ def _compared(fixes: Fixes, s: int, o: int, clearly: float, t: float, cursor: Cu
 
 @helper
 def _mover(fixes: Fixes, t: float, cursor: Cursor) -> int:
-    """Of the sources whose height was used lately that whose level moved most, or NOBODY."""
+    """Return the source, of recently used height, whose level moved most, or NOBODY."""
     books, found = cursor.books, NOBODY
     for k in range(books.size):
         if is_height(fixes.sources[k].kind) and books[k].suspended == 0:
@@ -258,5 +260,5 @@ def _mover(fixes: Fixes, t: float, cursor: Cursor) -> int:
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where several measure the height."""
+    """True where a run needs this stage: several sources measure the height."""
     return bool(cursor.state[0].heights > 1)

@@ -22,6 +22,6 @@ def uncorrected(belief: Belief, u: Array, dt: float, cursor: Cursor, record: Arr
 
 @kernel(STEP)
 def coupled(belief: Belief, u: Array, dt: float, cursor: Cursor, record: Array) -> None:
-    """What the states of the IMU do to a prediction: a call of its own to the smoother."""
+    """Apply the states of the IMU to a prediction: a call of its own to the smoother."""
     couple(cursor.coupled, belief, cursor.work[0].raw, dt, record)
     cursor.state[0].recorded += 1

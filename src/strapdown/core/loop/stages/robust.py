@@ -37,7 +37,7 @@ HALVINGS = 40  # of the interval of the logarithm of the factor
 
 @helper
 def suspicious(innovation: Array, nis: float) -> bool:
-    """Whether a fix is further off than 19 in 20 right ones, so that a look at it pays."""
+    """True where the NIS is above the 95 % limit, so that an outlier test is worth its time."""
     rows = 0
     for i in range(3):
         rows += not math.isnan(innovation[i])
@@ -134,5 +134,5 @@ def variance_factor(S: Array, R: Array, innovation: Array) -> float:
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where one is robust or adaptive."""
+    """True where a run needs this stage: a source is robust or adaptive."""
     return bool(np.any((sources["robust"] > 0) | (sources["memory"] > 0)))

@@ -31,5 +31,5 @@ def slipping(
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where one slips."""
+    """True where a run needs this stage: a source has side slip."""
     return bool(np.any(sources["slip"] > 0))

@@ -31,5 +31,5 @@ def fade_errors(
 
 
 def needed(sources: Any, cursor: Cursor) -> bool:
-    """Whether a run with these sources has something for it to do: where the errors of one are correlated."""
+    """True where a run needs this stage: the errors of a source are time-correlated."""
     return bool(np.any(sources["correlation_time"] > 0))
