@@ -15,6 +15,7 @@ from strapdown.evaluation.metrics import errors
 from strapdown.recording import Recording
 from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS
+from strapdown_reproductions.common.reproduction import Asked
 from strapdown_reproductions.fossen import (
     cases as fossen_cases,
     main,
@@ -411,9 +412,8 @@ def made(tmp_path_factory):
             "strapdown_reproductions.fossen.intro.simulate",
             lambda *a, f=main.fossen_intro.simulate: f(*a, duration=SHORT),
         )
-        claims = main.reproduce(
-            out, runs=2, seed=9, threads=2, progress=shares.append, studied=STUDIED, duration=SHORT
-        )
+        asked = Asked(runs=2, seed=9, threads=2, progress=shares.append)
+        claims = main.made(out, asked, STUDIED, SHORT)
     assert shares == sorted(shares) and shares[-1] == 1.0
     return out, claims
 

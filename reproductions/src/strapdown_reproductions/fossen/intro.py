@@ -18,7 +18,7 @@ from scipy.linalg import expm
 
 from strapdown.typing import Array, ArrayLike, Mask
 
-from ..common.runner import SEED
+from ..common.reproduction import SEED
 
 STATES = (
     "position, m",

@@ -4,10 +4,9 @@ installation`."""
 from pathlib import Path
 from typing import Any
 
-from strapdown.typing import File, Progress
-
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.runner import Task, collected, count_of
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Task, collected
 from . import drive, misses, simulated
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN
 from .summary import DRIVE, FILTER, MISSES, STUDY
@@ -20,26 +19,14 @@ BATCH = 5
 QUICK_MOTION = "car with odometer"
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 1,
-    recordings: File | None = None,
-    workers: int = 0,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Run everything, write the page into the folder `out`, return the claims.
-
-    quick: few seeds of one motion; runs: number of seeds; seed: the first of them; recordings:
-    folder of the descriptions (default: those of the source tree, left out where they are not);
-    workers: processes, the processors by default; progress: called with the fraction done. Raises
-    DataError.
-    """
-    count = count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    folder = Path(recordings) if recordings else DESCRIPTIONS
-    tasks = quick_tasks(seed, count) if quick else all_tasks(folder, seed, count)
-    return STUDY.write(out, collected(tasks, workers, progress))
+@reproduction("quick", "runs", "seed", "recordings", "workers", "progress", usual=Asked(seed=1))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run everything, write the page into the folder `out`, return the claims; quick: few seeds of one
+    motion; the recordings are left out where they are not. Raises DataError."""
+    count = asked.count(SEEDS, QUICK_SEEDS)
+    folder = Path(asked.recordings or DESCRIPTIONS)
+    tasks = quick_tasks(asked.seed, count) if asked.quick else all_tasks(folder, asked.seed, count)
+    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
 
 
 def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
