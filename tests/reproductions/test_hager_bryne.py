@@ -23,7 +23,7 @@ from strapdown.reports.shell import Page
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
-from strapdown_reproductions.common import markdown, pages, write_docs
+from strapdown_reproductions.common import pages, write_docs
 from strapdown_reproductions.common.pages import COLOURS, Finding, write_page
 from strapdown_reproductions.common.reproduction import Asked
 from strapdown_reproductions.common.targets import claim
@@ -388,20 +388,14 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
     ] and {v for _, _, v in listed} <= set(COLOURS)
 
 
-def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
+def test_findings_as_markdown_go_between_the_marks(out, claims, goes_into_its_page):
     text = (out / "findings.md").read_text()
     assert (
         text.startswith("This page: 2 runs")
         and len(re.findall(r"^\| \d+ \| .* \| \*\*", text, re.MULTILINE)) == 19
         and text.count("| tactical | 07 |") == 3
     )
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.mark('hager-bryne')}\nold\n{markdown.END}\nafter\n")
-    write_docs.insert(page, "hager-bryne", text)
-    assert (
-        page.read_text()
-        == f"before\n{write_docs.mark('hager-bryne')}\n{text}{markdown.end(text)}\nafter\n"
-    )
+    goes_into_its_page("hager-bryne", text)
 
 
 @pytest.mark.short

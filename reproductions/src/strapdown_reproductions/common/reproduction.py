@@ -9,6 +9,8 @@ from typing import Any, NamedTuple, TypeAlias
 from strapdown.checks import check_number
 from strapdown.typing import File, Progress, Say
 
+from .signatures import keywords
+
 SEED = 11
 """Of the studies of the papers: one that was used nowhere before their rules were written."""
 
@@ -61,10 +63,7 @@ def reproduction(
     Its signature has them, because `strapdown reproduce` goes by it; usual: what they are where they
     are not given.
     """
-    known = [
-        Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=getattr(usual, name))
-        for name in options
-    ]
+    known = keywords({name: getattr(usual, name) for name in options})
     taken = Signature([Parameter("out", Parameter.POSITIONAL_OR_KEYWORD), *known])
 
     def with_options(run: Callable[[Path, Asked], list[dict[str, Any]]]) -> Reproduce:

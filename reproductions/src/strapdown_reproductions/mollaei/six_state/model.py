@@ -32,6 +32,7 @@ from strapdown.flight.aircraft.parameters import (
 )
 from strapdown.typing import Array, File
 
+from ...common.signatures import keywords
 from . import operating_point
 
 SIX = Slots(room=8)
@@ -85,12 +86,8 @@ class Options(NamedTuple):
 def takes_options(start: StartFunction) -> StartFunction:
     """A `start` whose **options are Options, for the engine, which goes by its signature."""
     own = [p for p in signature(start).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
-    shared = [
-        Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default)
-        for name, default in Options._field_defaults.items()
-    ]
     # the type of a function knows no __signature__
-    start.__signature__ = Signature([*own, *shared])  # type: ignore[attr-defined]
+    start.__signature__ = Signature([*own, *keywords(Options._field_defaults)])  # type: ignore[attr-defined]
     return start
 
 
