@@ -32,10 +32,16 @@ class Asked(NamedTuple):
     say: Say | None = None  # told what begins and what takes long
     progress: Progress | None = None  # called with the fraction done
 
+    def wanted(self, full: int, few: int) -> int:
+        """How many runs of each cell are asked for: `runs` where that is given, else `full`, or
+        `few` of a quick run."""
+        if self.runs is None:
+            return few if self.quick else full
+        return self.runs
+
     def count(self, full: int, few: int, least: int = 1) -> int:
-        """How many runs there are of each cell: `runs` where that is given, else `full`, or `few`
-        of a quick run. Raises DataError."""
-        count = (few if self.quick else full) if self.runs is None else self.runs
+        """The same, refused where there cannot be so many. Raises DataError."""
+        count = self.wanted(full, few)
         check_number(count, "runs", least=least, whole=True)
         check_number(self.seed, "seed", least=0, whole=True)
         return count

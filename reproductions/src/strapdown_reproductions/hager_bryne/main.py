@@ -89,8 +89,7 @@ OF_PAPER = Flown()
 def studies(asked: Asked = USUAL, flown: Flown = OF_PAPER) -> dict[str, Study]:
     """{name: Study} of what is run. Raises DataError."""
     printed_updates.make_known()
-    seed, imus = asked.seed, flown.imus
-    count = (QUICK_RUNS if asked.quick else RUNS) if asked.runs is None else asked.runs
+    count, seed, imus = asked.wanted(RUNS, QUICK_RUNS), asked.seed, flown.imus
     moved = lambda ending, decays: tuple(
         s.replace(name=f"{s.name}-{ending}", accel_offset=OFFSET, offset_decays=decays)
         for s in map(scenario, flown.with_offset)
