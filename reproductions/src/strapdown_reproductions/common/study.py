@@ -101,10 +101,10 @@ def write_study(out: File, work: Work, found: Outcome) -> list[dict[str, Any]]:
     `out`; return the claims as they stand there."""
     banner, claims = "", found.claims
     if found.runs < ENOUGH:
-        few = (
-            f"A quick run, {found.runs} of each: it shows that everything works and what the pages"
+        banner = (
+            f"A quick run, {found.runs} of each: it shows that everything works and what the pages "
+            f"look like. Verdicts take {ENOUGH} runs or more."
         )
-        banner = f"{few} look like. Verdicts take {ENOUGH} runs or more."
         claims = [{**claim, "verdict": TOO_FEW} for claim in claims]
     headed = [(heading, table) for _, heading, table in found.shown]
     left_open = f"What the {work.kind} leaves open, and what was chosen"
