@@ -23,7 +23,7 @@ from strapdown_reproductions.alam import (
 )
 from strapdown_reproductions.alam.convergence import Case
 from strapdown_reproductions.alam.runs import ASTRAY, CLOSED, EKF, MEASURES, NLO, XKF, Variant
-from strapdown_reproductions.common import markdown, paired_ratios, write_docs
+from strapdown_reproductions.common import paired_ratios
 from strapdown_reproductions.common.pages import COLOURS
 
 STAND_INS = {EKF: Variant("closed-loop-error-bias"), CLOSED: Variant("closed-loop")}
@@ -326,7 +326,7 @@ def test_runs_are_scored_by_seed_filter_and_outage(short_flight):
     )
 
 
-def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
+def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path, goes_into_its_page):
     monkeypatch.setattr(alam, "FILTERS", STAND_INS)
     monkeypatch.setattr(alam, "ABLATIONS", {})
     monkeypatch.setattr(
@@ -368,14 +368,8 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path):
         "convergence.csv",
     }
     text = (tmp_path / "findings.md").read_text()
-    docs = tmp_path / "alam.md"
-    docs.write_text(f"before\n{write_docs.mark('alam')}\nold\n{markdown.END}\nafter\n")
-    write_docs.insert(docs, "alam", text)
-    assert (
-        docs.read_text()
-        == f"before\n{write_docs.mark('alam')}\n{text}{markdown.end(text)}\nafter\n"
-        and "| 1 | During the outage" in text
-    )
+    goes_into_its_page("alam", text)
+    assert "| 1 | During the outage" in text
 
 
 @pytest.mark.short

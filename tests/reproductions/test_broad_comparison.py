@@ -13,7 +13,6 @@ from strapdown.core.loop.contract import Imu
 from strapdown.data import Trajectory
 from strapdown.recording import Recording
 from strapdown_reproductions.broad import figures, main, peers
-from strapdown_reproductions.common import markdown, write_docs
 
 N = 400
 T = np.arange(N) * 0.01
@@ -204,17 +203,11 @@ def test_every_claim_is_about_an_estimator_there_is():
 
 
 @pytest.mark.short
-def test_markdown_of_the_tables(tmp_path):
+def test_markdown_of_the_tables(goes_into_its_page):
     trials, runs = five({"attitude-mekf": (1, 2, 3, 2.6, 4)})
     text = main.in_docs(main.tables(trials, runs))
     assert text.count("| attitude-mekf |") == 3 and r"02\*, deg" in text and "| 2.52 |" in text
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.mark('broad')}\nold\n{markdown.END}\nafter\n")
-    write_docs.insert(page, "broad", text)
-    assert (
-        page.read_text()
-        == f"before\n{write_docs.mark('broad')}\n{text}{markdown.end(text)}\nafter\n"
-    )
+    goes_into_its_page("broad", text)
 
 
 @pytest.mark.short

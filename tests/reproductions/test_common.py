@@ -1,7 +1,9 @@
 """What the reproductions share: rows of claims and their runner, seeds, threads, and the pages of
 docs/."""
 
+import inspect
 from operator import itemgetter
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -19,6 +21,7 @@ from strapdown_reproductions.common.pages import (
     UNDECIDED,
     counts,
 )
+from strapdown_reproductions.common.reproduction import Asked, reproduction
 from strapdown_reproductions.common.verdicts import (
     Count,
     both,
@@ -83,14 +86,26 @@ def test_counts():
 
 
 def test_seeds():
-    assert runner.seeds(False, None, 2, 3, 1) == [2000, 2001, 2002]
-    assert runner.seeds(True, None, 0, 3, 1) == [0] and runner.seeds(True, 2, 1, 3, 1) == [
-        1000,
-        1001,
-    ]
+    assert Asked(seed=2).seeds(3, 1) == [2000, 2001, 2002]
+    assert Asked(quick=True, seed=0).seeds(3, 1) == [0]
+    assert Asked(quick=True, runs=2, seed=1).seeds(3, 1) == [1000, 1001]
+    assert Asked(seed=4).seeds_from(3, 1) == range(4, 7)
     for runs, seed in ((0, 2), (1, -1), (1.5, 2)):
         with pytest.raises(DataError, match="must be a whole number"):
-            runner.seeds(False, runs, seed, 3, 1)
+            Asked(runs=runs, seed=seed).seeds(3, 1)
+
+
+def test_a_reproduction_takes_the_options_that_it_names():
+    made = reproduction("quick", "runs", usual=Asked(runs=4))(lambda out, asked: [(out, asked)])
+    taken = inspect.signature(made).parameters
+    assert {name: each.default for name, each in taken.items()} == {
+        "out": inspect.Parameter.empty,
+        "quick": False,
+        "runs": 4,
+    }
+    assert made("x", True) == [(Path("x"), Asked(quick=True, runs=4))]
+    with pytest.raises(TypeError, match="unexpected keyword argument 'seed'"):
+        made("x", seed=3)
 
 
 def test_threads_keep_the_order_and_tell_how_far_they_are():
@@ -99,6 +114,10 @@ def test_threads_keep_the_order_and_tell_how_far_they_are():
     assert list(runner.on_threads(lambda x: x * x, [3, 1, 2], 2, part)) == [9, 1, 4]
     assert told == pytest.approx([0.2 + 0.8 / 3, 0.2 + 1.6 / 3, 1.0])
     assert runner.part_of(None, 0.0, 1.0) is None
+
+
+def in_a_table(first, count):
+    return pd.DataFrame(numbered(first, count))
 
 
 def numbered(first, count):
@@ -115,7 +134,7 @@ def test_tasks_fill_their_tables_in_order(workers):
     tasks = [
         runner.Task("one", numbered, (5, 2)),
         runner.Task("", several, (1,)),
-        runner.Task("one", numbered, (3, 1)),
+        runner.Task("one", in_a_table, (3, 1)),
     ]
     found = runner.collected(tasks, workers, told.append)
     assert found["one"]["seed"].tolist() == [5, 6, 0, 3] and found["other"]["seed"].tolist() == [9]
@@ -165,9 +184,10 @@ def test_every_page_has_its_marks(name):
 
 def test_a_page_of_few_runs_has_no_verdicts(tmp_path):
     claims = findings([CLAIM._replace(answer="{most:.0f} is most")], {"a": [2, 3], "b": [2]})
-    arguments = ("A study", ["About it."], "Small.", claims, pd.DataFrame({"x": ["y"]}), {}, ())
+    work = study.Work("A study", ["About it."])
+    outcome = study.Outcome("Small.", claims, pd.DataFrame({"x": ["y"]}), {}, ())
     few, enough = (
-        study.write_study(tmp_path / str(runs), *arguments, runs=runs)
+        study.write_study(tmp_path / str(runs), work, outcome._replace(runs=runs))
         for runs in (runner.ENOUGH - 1, runner.ENOUGH)
     )
     assert [few[0]["verdict"], enough[0]["verdict"]] == [TOO_FEW, REPRODUCED]

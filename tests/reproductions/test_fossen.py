@@ -13,8 +13,8 @@ from strapdown.core.loop.contract import BA, BG, Noise
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.recording import Recording
-from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS
+from strapdown_reproductions.common.reproduction import Asked
 from strapdown_reproductions.fossen import (
     cases as fossen_cases,
     main,
@@ -411,9 +411,8 @@ def made(tmp_path_factory):
             "strapdown_reproductions.fossen.intro.simulate",
             lambda *a, f=main.fossen_intro.simulate: f(*a, duration=SHORT),
         )
-        claims = main.reproduce(
-            out, runs=2, seed=9, threads=2, progress=shares.append, studied=STUDIED, duration=SHORT
-        )
+        asked = Asked(runs=2, seed=9, threads=2, progress=shares.append)
+        claims = main.made(out, asked, STUDIED, SHORT)
     assert shares == sorted(shares) and shares[-1] == 1.0
     return out, claims
 
@@ -457,25 +456,15 @@ def test_threads_change_nothing(made):
     )
 
 
-def test_markdown_goes_between_its_marks(made, tmp_path):
-    text, page = (made[0] / "findings.md").read_text(), tmp_path / "page.md"
+def test_markdown_goes_between_its_marks(made, goes_into_its_page):
+    text = (made[0] / "findings.md").read_text()
     assert (
         text.count("| **") == 14
         and "Signal 1:" in text
         and "At rest:" in text
         and "| fixed-gain | true noises |" in text
     )
-    page.write_text(
-        f"before\n{write_docs.mark('fossen')}\nwhat stood there\n{markdown.END}\nafter\n"
-    )
-    write_docs.insert(page, "fossen", text)
-    found = page.read_text()
-    assert (
-        "what stood there" not in found
-        and text in found
-        and found.startswith("before")
-        and found.endswith("after\n")
-    )
+    goes_into_its_page("fossen", text)
 
 
 def test_the_command(command, tmp_path, monkeypatch):

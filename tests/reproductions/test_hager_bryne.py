@@ -23,8 +23,9 @@ from strapdown.reports.shell import Page
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight
-from strapdown_reproductions.common import markdown, write_docs
-from strapdown_reproductions.common.pages import COLOURS, finding, write_page
+from strapdown_reproductions.common import pages, write_docs
+from strapdown_reproductions.common.pages import COLOURS, Finding, write_page
+from strapdown_reproductions.common.reproduction import Asked
 from strapdown_reproductions.common.targets import claim
 from strapdown_reproductions.hager_bryne import (
     ablations,
@@ -64,14 +65,12 @@ def out(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def claims(out):
-    wanted = main.studies(
-        runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, start_flights=FLIGHTS, imus=IMUS
-    )
+    wanted = main.studies(Asked(runs=2), main.Flown(FLIGHTS, FLIGHTS, FLIGHTS, IMUS))
     wanted |= {
         f"ablation-{name}": study for name, study in ablations.studies(FLIGHTS[:1], 2, 1).items()
     }
     said, shares = [], []
-    found = main.made(out, wanted, threads=2, say=said.append, progress=shares.append)
+    found = main.made(out, wanted, Asked(threads=2, say=said.append, progress=shares.append))
     assert (
         "million filter steps in 9 studies" in said[0]
         and shares == sorted(shares)
@@ -81,7 +80,7 @@ def claims(out):
 
 
 def test_the_full_study_is_the_papers():
-    wanted = main.studies(ablations=True)
+    wanted = main.studies(Asked(ablations=True))
     assert {name: (len(study.cells), study.runs) for name, study in wanted.items()} == {
         "flights": (33, 50),
         "offset": (21, 50),
@@ -118,8 +117,8 @@ def test_the_full_study_is_the_papers():
         and wide.start_sd[:9] == wanted["offset"].cells[0].scenario.start_sd[:9]
     )
     assert (
-        main.studies(quick=True)["flights"].runs == 5
-        and main.studies(runs=7, quick=True)["offset"].runs == 7
+        main.studies(Asked(quick=True))["flights"].runs == 5
+        and main.studies(Asked(runs=7, quick=True))["offset"].runs == 7
     )
 
 
@@ -173,7 +172,7 @@ def test_nothing_runs_twice(out, claims, monkeypatch):
         "strapdown.experiments.monte_carlo.campaign.run_chunk", lambda *_: pytest.fail("ran again")
     )
     for name, study in main.studies(
-        runs=2, flights=FLIGHTS, offset_flights=FLIGHTS, start_flights=FLIGHTS, imus=IMUS
+        Asked(runs=2), main.Flown(FLIGHTS, FLIGHTS, FLIGHTS, IMUS)
     ).items():
         filters, imus = len(study.filters), len(study.imus)
         assert len(study.run(out / "campaign" / name, threads=1).runs) == 4 * filters * imus
@@ -239,11 +238,7 @@ def test_readings_stand_side_by_side(out, claims):
 
 def test_drift_is_that_of_an_ins_without_any_fix():
     study = main.studies(
-        runs=1,
-        flights=FLIGHTS,
-        offset_flights=FLIGHTS,
-        start_flights=FLIGHTS,
-        imus=("paper1-tactical",),
+        Asked(runs=1), main.Flown(FLIGHTS, FLIGHTS, FLIGHTS, ("paper1-tactical",))
     )["flights"]
     t, drift = hager_bryne_drift.drift(study, 0, 0)
     cell = study.cells[0]
@@ -348,17 +343,18 @@ def test_onset_and_resolution_times():
 
 @pytest.mark.short
 def test_a_page_of_findings_escapes_and_counts(tmp_path):
-    write_page(
-        tmp_path / "new",
+    one = Finding("a <claim>", "V", "", "a rule", "", "1 < 2", "", "figure 1", "")
+    page = pages.Page(
         "A <title>",
         ["text & more"],
-        [finding("a <claim>", "V", "a rule", "1 < 2", verdict, "figure 1") for verdict in COLOURS],
+        [one._replace(verdict=verdict)._asdict() for verdict in COLOURS],
         {
             "t": ("a table", pd.DataFrame({"x": [1.0, np.nan]})),
             "hidden": (None, pd.DataFrame({"y": [1]})),
         },
         notes=[("Choices", pd.DataFrame({"what": ["<b>"]}))],
     )
+    write_page(tmp_path / "new", page)
     html = (tmp_path / "new" / "index.html").read_text()
     assert (
         "a &lt;claim&gt;" in html
@@ -392,32 +388,26 @@ def test_the_documentation_lists_the_claims_as_the_code_has_them():
     ] and {v for _, _, v in listed} <= set(COLOURS)
 
 
-def test_findings_as_markdown_go_between_the_marks(out, claims, tmp_path):
+def test_findings_as_markdown_go_between_the_marks(out, claims, goes_into_its_page):
     text = (out / "findings.md").read_text()
     assert (
         text.startswith("This page: 2 runs")
         and len(re.findall(r"^\| \d+ \| .* \| \*\*", text, re.MULTILINE)) == 19
         and text.count("| tactical | 07 |") == 3
     )
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{write_docs.mark('hager-bryne')}\nold\n{markdown.END}\nafter\n")
-    write_docs.insert(page, "hager-bryne", text)
-    assert (
-        page.read_text()
-        == f"before\n{write_docs.mark('hager-bryne')}\n{text}{markdown.end(text)}\nafter\n"
-    )
+    goes_into_its_page("hager-bryne", text)
 
 
 @pytest.mark.short
 def test_a_page_of_bounds_links_its_reports(tmp_path):
-    write_page(
-        tmp_path,
+    page = pages.Page(
         "Recordings",
         ["a `command` & <b>"],
         [claim("heading", 1.5, 2.0, "deg"), claim("roll", 0.5, 0.4, "deg")],
         {"t": ("a table", pd.DataFrame({"x": [1.0]}))},
         [("a flight", "flight.html")],
     )
+    write_page(tmp_path, page)
     html = (tmp_path / "index.html").read_text()
     assert (
         "<td class='yes'>holds</td>" in html

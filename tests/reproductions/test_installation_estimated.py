@@ -206,7 +206,7 @@ def test_what_is_wrong_with_the_drive_names_its_parameters():
 
 @pytest.mark.short
 def test_tasks_hold_every_seed_once(tmp_path):
-    tasks = main.all_tasks(tmp_path, 1, 12)
+    tasks = main.all_tasks(tmp_path, range(1, 13))
     seeds = [
         seed for _, _, (*of, own) in tasks for seed in own if of == ["car", "closed-loop", KNOWN]
     ]

@@ -10,7 +10,6 @@ import pytest
 from strapdown import geodesy
 from strapdown.checks import DataError
 from strapdown.sensor_models.imu import grade
-from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.pages import COLOURS, TOO_FEW
 from strapdown_reproductions.common.study import choices_table
 from strapdown_reproductions.mollaei import main, metrics, runs
@@ -438,7 +437,7 @@ SMALL = (
 )
 
 
-def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
+def test_a_small_study_writes_its_page(monkeypatch, tmp_path, goes_into_its_page):
     monkeypatch.setattr(runs, "SECONDS", {E2: 40.0, WIND: 30.0})
     monkeypatch.setattr(runs, "FILTERS_FULL", {CLOSED: "closed-loop"})
     monkeypatch.setattr(runs, "CASES", SMALL)
@@ -483,14 +482,8 @@ def test_a_small_study_writes_its_page(monkeypatch, tmp_path):
     assert not flights["fx_n"].isna().any()
     assert flights.loc[flights["mode"] == UKF, "apart_m"][flights["prediction"] == IMU].max() < 1e-6
     text = (tmp_path / "findings.md").read_text()
-    docs = tmp_path / "mollaei.md"
-    docs.write_text(f"before\n{write_docs.mark('mollaei')}\nold\n{markdown.END}\nafter\n")
-    write_docs.insert(docs, "mollaei", text)
-    assert (
-        docs.read_text()
-        == f"before\n{write_docs.mark('mollaei')}\n{text}{markdown.end(text)}\nafter\n"
-        and f"| {len(claims)} | (Not said:)" in text
-    )
+    goes_into_its_page("mollaei", text)
+    assert f"| {len(claims)} | (Not said:)" in text
 
 
 @pytest.mark.short

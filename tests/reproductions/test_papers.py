@@ -9,7 +9,7 @@ import pytest
 
 from strapdown_reproductions.common.claims import Kind
 from strapdown_reproductions.common.kinds import ALWAYS
-from strapdown_reproductions.common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, finding
+from strapdown_reproductions.common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, Finding
 from strapdown_reproductions.common.write_docs import DOCS, PAGES
 from strapdown_reproductions.papers import main as papers
 from strapdown_reproductions.papers.renew import with_section
@@ -18,9 +18,9 @@ pytestmark = pytest.mark.short
 
 
 def found(verdict, identity=""):
-    claim = finding(
-        "It is | so.", "4", "a rule", "1 < 2", verdict, "figure 1", "always", "1 of 2", identity
-    )
+    claim = Finding(
+        "It is | so.", "4", "always", "a rule", "1 of 2", "1 < 2", verdict, "figure 1", identity
+    )._asdict()
     return {"hager-bryne": [claim, claim], "alam": [claim]}
 
 

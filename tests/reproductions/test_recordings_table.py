@@ -16,7 +16,6 @@ from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
 from strapdown.data import Aiding
 from strapdown.recording import Recording
-from strapdown_reproductions.common import markdown, write_docs
 from strapdown_reproductions.common.targets import claim
 from strapdown_reproductions.recordings import (
     cases,
@@ -338,21 +337,12 @@ def test_errors_of_motion():
 
 
 @pytest.mark.short
-def test_markdown(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text(
-        f"before\n{write_docs.mark('recordings')}\nold\n{markdown.END}\nafter\n", encoding="utf-8"
-    )
+def test_markdown(goes_into_its_page):
     text = main.in_docs(
         [("Heading", pd.DataFrame([("a|b*", "1.0\n2.0")], columns=["filter", "x"]))]
     )
-    write_docs.insert(page, "recordings", text)
-    write_docs.insert(page, "recordings", text)
-    found = page.read_text(encoding="utf-8")
-    assert (
-        found
-        == f"before\n{write_docs.mark('recordings')}\n### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n{markdown.end(text)}\nafter\n"
-    )
+    assert text == "### Heading\n\n| filter | x |\n| --- | --- |\n| a/b\\* | 1.0<br>2.0 |\n"
+    goes_into_its_page("recordings", text)
 
 
 @pytest.mark.short

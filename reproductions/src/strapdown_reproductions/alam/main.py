@@ -5,16 +5,20 @@ Source: M. Alam, J. Whidborne and M. Millidere, "Performance Analysis of eXogeno
 INS/GNSS Navigation Solutions", IFAC-PapersOnLine 56(2), 2023.
 """
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.typing import File, Progress, Say
+from strapdown.typing import File
 
 from ..common.markdown import number
 from ..common.paired_ratios import ratio
-from ..common.runner import SEED, part_of, seeds
-from ..common.study import choices_table, write_study
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import part_of
+from ..common.study import Outcome, Work, choices_table, write_study
 from . import claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
 from .choices import CHOICES
 from .figures import all_figures
@@ -24,23 +28,25 @@ from .runs import ABLATIONS, AXES, EKF_NO_COURSE, FILTERS, XKF_NO_COURSE, Result
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
 """Starts of the convergence study with --quick; else those of convergence.SEEDS."""
-TITLE = "EKF, nonlinear observer and exogenous Kalman filter in GNSS outages: the study of Alam et al. again"
-INTRODUCTION = (
-    "Alam, Whidborne and Millidere compare a two-stage EKF, a nonlinear observer (NLO) and their "
-    "cascade, the exogenous Kalman filter (XKF), on "
-    "one flight of 33 minutes with the GNSS cut for 30 s in every five minutes. The flight is not "
-    "public. Here the same protocol runs on a "
-    "simulated flight of the stated envelope over many seeds, and on two public recordings. All "
-    "filters have the same start, noise, fixes and "
-    "outages; the closed loop of this library is the anchor, and a second XKF stands around the "
-    "library's 15-state error model.",
-    "Each claim of the paper has a verdict that code has taken from the numbers, by the rule of its "
-    'kind, which stands beside it. "Not reproduced" means: not under the assumptions stated here. A '
-    "claim about NLO or XKF is judged for each reading of two things that the paper leaves open: "
-    "which attitude drives stage 2 of the XKF, and how the accelerometer bias is found. Where one "
-    "reading supports it and another contradicts it, the reading decides. The rules were written "
-    "before any run of the seeds that they judge. Runs that diverge or stop are counted: with 10 km "
-    "and 1 km/s, and the wander of their bias estimates with a hundred times the turn-on biases.",
+WORK = Work(
+    "EKF, nonlinear observer and exogenous Kalman filter in GNSS outages: the study of Alam et al. again",
+    (
+        "Alam, Whidborne and Millidere compare a two-stage EKF, a nonlinear observer (NLO) and their "
+        "cascade, the exogenous Kalman filter (XKF), on "
+        "one flight of 33 minutes with the GNSS cut for 30 s in every five minutes. The flight is not "
+        "public. Here the same protocol runs on a "
+        "simulated flight of the stated envelope over many seeds, and on two public recordings. All "
+        "filters have the same start, noise, fixes and "
+        "outages; the closed loop of this library is the anchor, and a second XKF stands around the "
+        "library's 15-state error model.",
+        "Each claim of the paper has a verdict that code has taken from the numbers, by the rule of its "
+        'kind, which stands beside it. "Not reproduced" means: not under the assumptions stated here. A '
+        "claim about NLO or XKF is judged for each reading of two things that the paper leaves open: "
+        "which attitude drives stage 2 of the XKF, and how the accelerometer bias is found. Where one "
+        "reading supports it and another contradicts it, the reading decides. The rules were written "
+        "before any run of the seeds that they judge. Runs that diverge or stop are counted: with 10 km "
+        "and 1 km/s, and the wander of their bias estimates with a hundred times the turn-on biases.",
+    ),
 )
 SHOWN = {
     "horizontal_rmse_m": ("horizontal RMSE, m", 3),
@@ -59,36 +65,24 @@ WANDERS = {
 DEGREES = float(np.degrees(1.0))
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = SEED,
-    recordings: File | None = None,
-    threads: int | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, str]]:
+@reproduction("quick", "runs", "seed", "recordings", "threads", "say", "progress")
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
-    claims.
-
-    quick: 3 seeds in place of 50, 20 starts in place of 100; runs: another number of seeds; seed:
-    from which they are made, 0 or more; recordings: folder of the descriptions (default: those of
-    the source tree, left out where they are not); threads: the processors by default; say: told of
-    slow compilation; progress: called with the fraction done. Raises DataError.
-    """
-    of_flight = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    starts = range(QUICK_STARTS) if quick else convergence.SEEDS
-    variants = FILTERS | ABLATIONS
-    recorded = on_recordings.run(variants, recordings, threads, say, part_of(progress, 0.0, 0.15))
+    claims; quick: 3 seeds in place of 50, 20 starts in place of 100; recordings that are not in the
+    source tree are left out. Raises DataError."""
+    of_flight = asked.seeds(SEEDS, QUICK_SEEDS)
+    starts = range(QUICK_STARTS) if asked.quick else convergence.SEEDS
+    variants, threads, say = FILTERS | ABLATIONS, asked.threads, asked.say
+    before, later = part_of(asked.progress, 0.0, 0.15), part_of(asked.progress, 0.2, 1.0)
+    recorded = on_recordings.run(variants, asked.recordings, threads, say, before)
     converged = convergence.study(seeds=starts, threads=threads)
-    results = alam_runs.run_all(of_flight, variants, part_of(progress, 0.2, 1.0), threads, say)
-    return write(out, results, recorded, converged, seed)
+    results = alam_runs.run_all(of_flight, variants, later, threads, say)
+    return write(out, results, recorded, converged, asked.seed)
 
 
 def write(
     out: File, results: Results, recorded: Recorded, converged: pd.DataFrame, seed: int
-) -> list[dict[str, str]]:
+) -> list[dict[str, Any]]:
     """Write the page of finished Results, Recorded and convergence study into the folder `out`;
     return the claims."""
     scores = pd.concat([results.scores, recorded.scores], ignore_index=True)
@@ -104,10 +98,7 @@ def write(
         f"{seed}, strapdown {__version__}."
     )
     said = pd.DataFrame(list(dict.fromkeys(recorded.notes)), columns=["recording", "note"])
-    return write_study(
-        out,
-        TITLE,
-        INTRODUCTION,
+    outcome = Outcome(
         size,
         claims,
         choices(count),
@@ -121,6 +112,7 @@ def write(
         [("Notes on the recordings", said)] if recorded.notes else (),
         runs=count,
     )
+    return write_study(out, WORK, outcome)
 
 
 def choices(count: int) -> pd.DataFrame:

@@ -3,6 +3,7 @@ true time constant of the biases: `strapdown reproduce bias-decay`."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,10 +18,11 @@ from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sim.synthesis import draw_start, simulate
-from strapdown.typing import Array, File, Progress
+from strapdown.typing import Array
 
-from ..common.runner import Evidence, Task, collected, seeds
-from ..common.study import Study
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Evidence, Task, collected
+from ..common.study import Study, held_against
 from ..common.tables import Tables, grouped
 from ..common.targets import Target, in_docs
 from .law import boundary, held_is_better
@@ -212,8 +214,7 @@ def tables(found: Evidence) -> Tables:
 STUDY = Study(
     "When the estimate of a bias should decay",
     INTRODUCTION,
-    TARGETS,
-    figures,
+    held_against(TARGETS, figures),
     tables,
     stored=(RUNS,),
     texts=lambda found, claims, tables: {
@@ -222,20 +223,10 @@ STUDY = Study(
 )
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 3,
-    workers: int = 0,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Run all cells, write the page into the folder `out`, return the claims.
-
-    quick: 3 seeds in place of 40; runs: another number; seed: from which theirs are made, 0 or more;
-    workers: processes, the processors by default; progress: called with the fraction done. Raises
-    DataError.
-    """
-    own = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    tasks = [Task(RUNS, rows, ((*true, length), own)) for true in TRUE for length in LENGTHS]
-    return STUDY.write(out, collected(tasks, workers, progress))
+@reproduction("quick", "runs", "seed", "workers", "progress", usual=Asked(seed=3))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run all cells, write the page into the folder `out`, return the claims; quick: 3 seeds in place
+    of 40. Raises DataError."""
+    seeds = asked.seeds(SEEDS, QUICK_SEEDS)
+    tasks = [Task(RUNS, rows, ((*true, length), seeds)) for true in TRUE for length in LENGTHS]
+    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))

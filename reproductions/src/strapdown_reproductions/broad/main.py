@@ -8,7 +8,7 @@ known; rms per trial, then the mean over the trials.
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -23,11 +23,12 @@ from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import body_to_ned, parse
 from strapdown.recording import Recording
-from strapdown.typing import Array, File, Mask, Progress, Say
+from strapdown.typing import Array, File, Mask, Say
 
 from ..common import markdown
 from ..common.example_recordings import inside
-from ..common.pages import write_page
+from ..common.reproduction import Asked, reproduction
+from ..common.study import Study
 from ..common.targets import claim
 from . import figures as broad_figures
 from .peers import PEERS, Peer, installed
@@ -179,42 +180,33 @@ def peer_runs(trial: Trial, quick: bool) -> Iterator[Run]:
             )
 
 
-def reproduce(
-    out: Path,
-    quick: bool = False,
-    recordings: File | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Run all estimators on the trials in `recordings` (the data folder's `broad` by default),
-    write the page into `out`, return the claims.
+class Compared(NamedTuple):
+    """Estimators beside each other on the same trials."""
 
-    progress: called with the fraction done. Raises DataError.
-    """
-    recordings = Path(recordings) if recordings else data_folder() / "broad"
+    trials: Sequence[Trial]
+    runs: Sequence[Run]
+    tables: dict[str, tuple[str, pd.DataFrame]]  # see `tables`
+
+
+@reproduction("quick", "recordings", "say", "progress")
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run all estimators on the trials in the folder `recordings` (the data folder's `broad` by
+    default), write the page into `out`, return the claims; quick: without slow peers. One run
+    after the other, because their time is measured. Raises DataError."""
+    recordings = Path(asked.recordings) if asked.recordings else data_folder() / "broad"
     paths = sorted(recordings.glob("*.npz"))
     if not paths:
         raise DataError(f"{recordings}: no BROAD trials (.npz) there; give their folder")
     trials, names, runs = [load(path) for path in paths], estimators(), []
     for i, trial in enumerate(trials):
-        if say:
-            say(f"{trial.name} ...")
-        if progress:
-            progress(i / len(trials))
-        runs += [*own_runs(trial, names, say), *peer_runs(trial, quick)]
-    made = tables(trials, runs)
-    claims = judged(made["orientation"][1], trials)
-    write_page(
-        out,
-        "strapdown on the BROAD trials",
-        INTRODUCTION,
-        claims,
-        made,
-        figures=broad_figures.figures(trials, runs),
-        notes=_notes(quick, made),
-        texts={"table.md": in_docs(made)},
-    )
-    return claims
+        if asked.say:
+            asked.say(f"{trial.name} ...")
+        if asked.progress:
+            asked.progress(i / len(trials))
+        runs += [*own_runs(trial, names, asked.say), *peer_runs(trial, asked.quick)]
+    found = Compared(trials, runs, tables(trials, runs))
+    figures = broad_figures.figures(trials, runs)
+    return STUDY.write(out, found, figures=figures, notes=_notes(asked.quick, found.tables))
 
 
 def in_docs(made: Mapping[str, tuple[str, pd.DataFrame]]) -> str:
@@ -324,3 +316,12 @@ def _measured(peer: Peer, table: pd.DataFrame) -> list[float]:
         return []
     row = table.loc[peer.name, own].to_list()
     return row if len(peer.known) > 1 else [np.mean(row)]
+
+
+STUDY = Study(
+    "strapdown on the BROAD trials",
+    INTRODUCTION,
+    lambda found: judged(found.tables["orientation"][1], found.trials),
+    lambda found: found.tables,
+    texts=lambda found, claims, tables: {"table.md": in_docs(tables)},
+)

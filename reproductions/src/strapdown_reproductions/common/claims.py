@@ -8,7 +8,7 @@ over which cells of the evidence, the tables of finished runs, which rule decide
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple, TypeVar
 
-from .pages import UNDECIDED, finding
+from .pages import UNDECIDED, Finding
 from .verdicts import both
 
 Found = TypeVar("Found")
@@ -66,23 +66,29 @@ def over(
 
 
 def judge(claim: Claim, evidence: object) -> dict[str, str]:
-    """The `finding` on one claim: reproduced where all its parts are, not reproduced where none
+    """The Finding on one claim: reproduced where all its parts are, not reproduced where none
     is, partly where one is."""
-    kind = claim.kind.name if claim.kind else ""
-    rule = "; ".join(filter(None, (claim.rule, claim.kind.rule if claim.kind else "")))
-    about = {"text": claim.text, "source": claim.source, "rule": rule, "kind": kind}
-    if claim.lacks and (lacks := claim.lacks(evidence)):
-        return finding(**about, measured=lacks, verdict=UNDECIDED, decided_by=claim.decided_by)
+    undecided = Finding(
+        claim.text,
+        claim.source,
+        kind=claim.kind.name if claim.kind else "",
+        rule="; ".join(filter(None, (claim.rule, claim.kind.rule if claim.kind else ""))),
+        answer="",
+        measured=claim.lacks(evidence) if claim.lacks else "",
+        verdict=UNDECIDED,
+        decided_by=claim.decided_by,
+        identity="",
+    )
+    if undecided.measured:
+        return undecided._asdict()
     parts = {name: part(evidence) for name, part in claim.parts.items()}
     told = parts | {name: show(evidence) for name, show in claim.shown.items()}
-    return finding(
-        **about,
+    return undecided._replace(
+        answer=claim.answer.format(**told),
         measured=claim.measured.format(**told),
         verdict=both(*(part.verdict for part in parts.values())),
-        decided_by=claim.decided_by,
-        answer=claim.answer.format(**told),
         identity=claim.identity(evidence) if claim.identity else "",
-    )
+    )._asdict()
 
 
 def findings(claims: Iterable[Claim], evidence: object) -> list[dict[str, str]]:

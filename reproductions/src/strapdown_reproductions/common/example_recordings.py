@@ -13,6 +13,7 @@ from strapdown.typing import Array, Mask
 
 DESCRIPTIONS = Path(__file__).resolve().parents[4] / "examples" / "recordings"
 """Folder of the descriptions in the source tree."""
+
 FLIGHT = (240.0, 575.0)
 """Seconds of thor75 that are scored: heading cannot be observed before the launch at 211 s, and
 the aircraft lands at 579 s."""

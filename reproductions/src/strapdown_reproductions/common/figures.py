@@ -1,7 +1,7 @@
 """Parts of figures that several reproductions draw."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import plotly.graph_objects as go
@@ -70,44 +70,46 @@ def names_down(names: Sequence[str], margin: float = 0.5) -> dict[str, Any]:
     }
 
 
-def marks(
-    figure: go.Figure,
-    x: ArrayLike,
-    y: ArrayLike,
-    name: str,
-    colour: str,
-    ends: tuple[ArrayLike, ArrayLike] | None = None,
-    along: str = "y",
-    row: int = 1,
-    col: int = 1,
-    legend: bool = True,
-    hover: str = "%{y:.3g}",
-    **marker: Any,
-) -> None:
-    """Marks at x (n,) and y (n,) in a panel; ends: (low (n,), high (n,)) of their intervals along
-    "x" or "y"; marker: what Plotly knows of one, such as its size and symbol."""
-    bars = {}
-    if ends is not None:
-        middle, low, high = (np.asarray(each, float) for each in (x if along == "x" else y, *ends))
-        bars[f"error_{along}"] = {
+class Marks(NamedTuple):
+    """Marks of one kind at x (n,) and y (n,)."""
+
+    x: ArrayLike
+    y: ArrayLike
+    name: str  # in the legend
+    colour: str
+    # (low (n,), high (n,)) of their intervals along "x" or "y"
+    ends: tuple[ArrayLike, ArrayLike] | None = None
+    along: str = "y"
+    hover: str = "%{y:.3g}"
+
+    def intervals(self) -> dict[str, Any]:
+        """What Plotly knows of their intervals; empty where they have none."""
+        if self.ends is None:
+            return {}
+        of = (self.x if self.along == "x" else self.y, *self.ends)
+        middle, low, high = (np.asarray(each, float) for each in of)
+        bars = {
             "type": "data",
             "array": np.nan_to_num(high - middle),
             "arrayminus": np.nan_to_num(middle - low),
             "thickness": 1.2,
             "width": 3,
         }
-    figure.add_trace(
-        go.Scatter(
-            x=x,
-            y=np.asarray(y, float),
+        return {f"error_{self.along}": bars}
+
+    def draw(
+        self, figure: go.Figure, row: int = 1, col: int = 1, legend: bool = True, **marker: Any
+    ) -> None:
+        """Draw them in a panel; marker: what Plotly knows of one, such as its size and symbol."""
+        scatter = go.Scatter(
+            x=self.x,
+            y=np.asarray(self.y, float),
             mode="markers",
-            name=name,
-            legendgroup=name,
+            name=self.name,
+            legendgroup=self.name,
             showlegend=legend,
-            marker={"color": colour, "size": 8, **marker},
-            hovertemplate=hover,
-            **bars,
-        ),
-        row=row,
-        col=col,
-    )
+            marker={"color": self.colour, "size": 8, **marker},
+            hovertemplate=self.hover,
+            **self.intervals(),
+        )
+        figure.add_trace(scatter, row=row, col=col)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -19,6 +19,9 @@ from strapdown.typing import File
 
 from .tables import Tables
 
+Claims: TypeAlias = Sequence[Mapping[str, Any]]
+Figure: TypeAlias = tuple[str, go.Figure, str]
+"""Heading, figure, caption."""
 REPRODUCED, PARTLY, DEPENDS, NOT_REPRODUCED, UNDECIDED, TOO_FEW = (
     "reproduced",
     "partly",
@@ -49,34 +52,37 @@ caption{text-align:left;color:var(--soft);padding:.3rem 0;max-width:95ch}.slim{f
 @media(prefers-color-scheme:dark){.yes{color:#7cd992}.no{color:#ff8d85}.half{color:#f0c060}.banner{background:#3a2f10;color:#ffe6a0}}"""
 
 
-def finding(
-    text: str,
-    source: str,
-    rule: str,
-    measured: str,
-    verdict: str,
-    decided_by: str,
-    kind: str = "",
-    answer: str = "",
-    identity: str = "",
-) -> dict[str, str]:
-    """One claim of a paper, where it stands in it, the rule that decides, what was measured, the
-    verdict, the figure or table that shows it; its kind, what was found in one sentence, and by
-    what algebra the verdict holds whatever is measured, "" where by none."""
-    return {
-        "claim": text,
-        "source": source,
-        "kind": kind,
-        "rule": rule,
-        "answer": answer,
-        "measured": measured,
-        "verdict": verdict,
-        "decided_by": decided_by,
-        "identity": identity,
-    }
+class Finding(NamedTuple):
+    """A claim of a paper and what became of it; as a dict in claims.json and on pages."""
+
+    claim: str
+    source: str  # where it stands in the paper
+    kind: str  # of the claim, "" where it has none
+    rule: str  # that decides
+    answer: str  # what was found in one sentence
+    measured: str
+    verdict: str
+    decided_by: str  # the figure or table that shows it
+    identity: str  # by what algebra the verdict holds whatever is measured, "" where by none
 
 
-def counts(claims: Sequence[Mapping[str, str]]) -> str:
+class Page(NamedTuple):
+    """A page of results with the files beside it, before they are written."""
+
+    title: str
+    introduction: Sequence[str]
+    claims: Claims  # of targets.judged, or Findings
+    # {name: (caption, DataFrame)}; one whose caption is None has its CSV alone
+    tables: Tables
+    links: Sequence[tuple[str, str]] = ()  # (text, file beside the page)
+    # (heading, figure of reports.drawing, caption)
+    figures: Sequence[Figure] = ()
+    notes: Sequence[tuple[str, pd.DataFrame]] = ()  # (heading, DataFrame of text)
+    texts: Mapping[str, str] = {}  # {name: text} of more files
+    banner: str = ""  # what must not be overlooked
+
+
+def counts(claims: Claims) -> str:
     """Text: how many claims there are of each verdict; those that hold by algebra apart."""
     free = [c["verdict"] for c in claims if not c["identity"]]
     found = [f"{free.count(verdict)} {verdict}" for verdict in COLOURS if verdict in free]
@@ -85,59 +91,28 @@ def counts(claims: Sequence[Mapping[str, str]]) -> str:
     return f"{len(claims)} claims: {', '.join(found)}"
 
 
-def write_page(
-    out: File,
-    title: str,
-    introduction: Sequence[str],
-    claims: Sequence[Mapping[str, Any]],
-    tables: Tables,
-    links: Sequence[tuple[str, str]] = (),
-    figures: Sequence[tuple[str, go.Figure, str]] = (),
-    notes: Sequence[tuple[str, pd.DataFrame]] = (),
-    texts: Mapping[str, str] = {},
-    banner: str = "",
-) -> None:
-    """Write claims.json, one CSV per table {name: (caption, DataFrame)} and index.html into the
-    folder `out`, all or none.
-
-    claims: of targets.judged or of `finding`; figures: (heading, plotly figure of reports.drawing,
-    caption); notes: (heading, DataFrame of text); texts: {name: text} of more files; banner: what must not be
-    overlooked. A caption of
-    None keeps a table off the page; its CSV is written all the same.
-    """
-    sections = [
-        (heading, text)
-        for heading, text in _sections(claims, tables, links, figures, notes)
-        if text
-    ]
-    said = "".join(f"<p>{_marked(text)}</p>" for text in introduction)
-    if banner:
-        said = f"<p class=banner role=note>{_marked(banner)}</p>{said}"
-    write_files(out, title, said, sections, claims, tables, texts)
+def write_page(out: File, page: Page) -> None:
+    """Write claims.json, one CSV per table, index.html and the further texts of a Page into the
+    folder `out`, all or none."""
+    said = "".join(f"<p>{_marked(text)}</p>" for text in page.introduction)
+    if page.banner:
+        said = f"<p class=banner role=note>{_marked(page.banner)}</p>{said}"
+    write_files(out, page, said, [(heading, text) for heading, text in _sections(page) if text])
 
 
-def write_files(
-    out: File,
-    title: str,
-    said: str,
-    sections: Sequence[tuple[str, str]],
-    claims: Sequence[Mapping[str, Any]],
-    tables: Tables,
-    texts: Mapping[str, str],
-) -> None:
-    """Write index.html of HTML `said` and [(heading, HTML)], claims.json, a CSV per table and the
-    texts {name: text} into the folder `out`, all or none."""
+def write_files(out: File, page: Page, said: str, sections: Sequence[tuple[str, str]]) -> None:
+    """Write the same with an index.html of the HTML `said` and [(heading, HTML)]."""
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    as_json = json.dumps(claims, indent=1, ensure_ascii=False) + "\n"
+    as_json = json.dumps(page.claims, indent=1, ensure_ascii=False) + "\n"
     with together():
-        for name, text in {"claims.json": as_json, **texts}.items():
+        for name, text in {"claims.json": as_json, **page.texts}.items():
             with replacing(out / name) as part:
                 part.write_text(text, encoding="utf-8")
-        for name, (_, table) in tables.items():
+        for name, (_, table) in page.tables.items():
             with replacing(out / f"{name}.csv") as part:
                 inert_table(table).to_csv(part, index=False, float_format="%.6g")
-        shell(title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
+        shell(page.title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
 
 
 def _marked(text: str) -> str:
@@ -145,24 +120,21 @@ def _marked(text: str) -> str:
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
-def _sections(
-    claims: Sequence[Mapping[str, Any]],
-    tables: Tables,
-    links: Sequence[tuple[str, str]],
-    figures: Sequence[tuple[str, go.Figure, str]],
-    notes: Sequence[tuple[str, pd.DataFrame]],
-) -> list[tuple[str, str]]:
+def _sections(page: Page) -> list[tuple[str, str]]:
     """[(heading, HTML)] of the page; empty where there is nothing."""
     shown = {
-        name: (caption, table) for name, (caption, table) in tables.items() if caption is not None
+        name: (caption, table)
+        for name, (caption, table) in page.tables.items()
+        if caption is not None
     }
+    of_paper = bool(page.claims) and "verdict" in page.claims[0]
     return [
-        ("Claims", claims_table(claims) if claims and "verdict" in claims[0] else _claims(claims)),
+        ("Claims", claims_table(page.claims) if of_paper else _claims(page.claims)),
         (
             "Figures",
             "".join(
                 placed(i, drawn, heading, caption)
-                for i, (heading, drawn, caption) in enumerate(figures, 1)
+                for i, (heading, drawn, caption) in enumerate(page.figures, 1)
             ),
         ),
         (
@@ -175,22 +147,22 @@ def _sections(
         ),
         *(
             (heading, f"<div class='scroll text'><table>{_rows(table)}</table></div>")
-            for heading, table in notes
+            for heading, table in page.notes
         ),
         (
             "Reports",
             "<ul>"
             + "".join(
-                f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in links
+                f"<li><a href='{escape(path)}'>{escape(text)}</a></li>" for text, path in page.links
             )
             + "</ul>"
-            if links
+            if page.links
             else "",
         ),
     ]
 
 
-def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
+def _claims(claims: Claims) -> str:
     verdict = lambda holds: (
         f"<td class='{'yes' if holds else 'no'}'>{'holds' if holds else 'does not hold'}</td>"
     )
@@ -201,7 +173,7 @@ def _claims(claims: Sequence[Mapping[str, Any]]) -> str:
     return f"<div class='scroll plain'><table><tr><th>claim</th><th>target</th><th>measured</th><th>verdict</th></tr>{rows}</table></div>"
 
 
-def claims_table(claims: Sequence[Mapping[str, Any]]) -> str:
+def claims_table(claims: Claims) -> str:
     """HTML: findings with their verdicts, counted."""
     rows = "".join(
         f"<tr id=claim{i}><td>{i}</td><td>{escape(c['claim'])}<br><span "

@@ -1,5 +1,4 @@
-"""The runs of a study: how many and of which seeds, over processes or threads, and the tables that
-they fill."""
+"""The runs of a study over processes or threads, and the tables that they fill."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import pandas as pd
 
-from strapdown.checks import check_number
 from strapdown.typing import Progress
 
 if TYPE_CHECKING:  # half of what a process needs to begin
@@ -18,8 +16,6 @@ if TYPE_CHECKING:  # half of what a process needs to begin
     from strapdown.experiments.monte_carlo.study import Study
 
 Key, Of, Result = TypeVar("Key"), TypeVar("Of"), TypeVar("Result")
-SEED = 11
-"""Of the studies of the papers: one that was used nowhere before their rules were written."""
 ENOUGH = 10
 """Runs of each cell; with fewer a study shows how it works, and decides nothing."""
 
@@ -35,23 +31,9 @@ class Task(NamedTuple):
     """A call that fills a table, which a process can make by itself."""
 
     table: str
-    # of `given`: the rows; or {table: DataFrame} where a run fills several
+    # of `given`: the rows, a DataFrame of them, or {table: DataFrame} where a run fills several
     make: Callable[..., Any]
     given: tuple[Any, ...] = ()
-
-
-def count_of(quick: bool, runs: int | None, seed: int, full: int, few: int, least: int = 1) -> int:
-    """How many runs there are of each cell: `runs` where that is given, else `full`, with `quick`
-    only `few`. Raises DataError."""
-    count = (few if quick else full) if runs is None else runs
-    check_number(count, "runs", least=least, whole=True)
-    check_number(seed, "seed", least=0, whole=True)
-    return count
-
-
-def seeds(quick: bool, runs: int | None, seed: int, full: int, few: int) -> list[int]:
-    """The seeds of the runs, so many as `count_of` says. Raises DataError."""
-    return [1000 * seed + k for k in range(count_of(quick, runs, seed, full, few))]
 
 
 def part_of(progress: Progress | None, begin: float, end: float) -> Progress | None:
@@ -111,8 +93,10 @@ def _on_processes(tasks: Sequence[Task], workers: int) -> Iterator[Mapping[str, 
 
 
 def _made(task: Task) -> Mapping[str, pd.DataFrame]:
-    rows = task.make(*task.given)
-    return rows if isinstance(rows, dict) else {task.table: pd.DataFrame(list(rows))}
+    made = task.make(*task.given)
+    if isinstance(made, dict):
+        return made
+    return {task.table: made if isinstance(made, pd.DataFrame) else pd.DataFrame(list(made))}
 
 
 def _told(results: Iterator[Result], count: int, progress: Progress | None) -> Iterator[Result]:

@@ -2,21 +2,17 @@
 decides the claims of a paper."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import pandas as pd
-import plotly.graph_objects as go
 
 from strapdown.typing import File
 
 from . import markdown
-from .pages import TOO_FEW, write_page
+from .pages import TOO_FEW, Claims, Figure, Page, write_page
 from .runner import ENOUGH, Evidence
 from .tables import Tables
 from .targets import Target, in_docs, judged
-
-Claims: TypeAlias = Sequence[Mapping[str, Any]]
 
 
 def in_one_file(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
@@ -24,41 +20,44 @@ def in_one_file(found: Evidence, claims: Claims, tables: Tables) -> dict[str, st
     return {"table.md": in_docs(claims, tables)}
 
 
+def held_against(
+    targets: Mapping[str, Target],
+    figures: Callable[[Evidence], Mapping[str, float]],
+    digits: int = 3,
+) -> Callable[[Evidence], list[dict[str, Any]]]:
+    """A function of the Evidence: its figures {name of a target: figure} as claims, with so many
+    digits; NaN decides nothing."""
+    return lambda found: judged(figures(found), targets, digits)
+
+
 class Study(NamedTuple):
-    """A study whose figures are held against targets: its sentences, and its measures of the
-    Evidence that its runs leave."""
+    """A study whose figures are held against bounds: its sentences, and its measures of what its
+    runs have left, mostly Evidence."""
 
     title: str
     introduction: tuple[str, ...]
-    targets: Mapping[str, Target]
-    # {name of a target: figure}; NaN where the runs do not decide
-    figures: Callable[[Evidence], Mapping[str, float]]
-    tables: Callable[[Evidence], Tables]
+    # what was asked for, what was measured, whether it holds, as far as the runs decide
+    claims: Callable[[Any], list[dict[str, Any]]]
+    tables: Callable[[Any], Tables]
     # tables of the Evidence that stand beside the page as they are
     stored: tuple[str, ...] = ()
-    # {name: text} of further files: of the Evidence, its claims and tables
-    texts: Callable[[Evidence, Claims, Tables], Mapping[str, str]] = in_one_file
-    digits: int = 3  # of the figures
-
-    def claims(self, found: Evidence) -> list[dict[str, Any]]:
-        """What was asked for, what was measured, whether it holds, as far as the runs decide."""
-        return judged(self.figures(found), self.targets, self.digits)
+    # {name: text} of further files: of what was found, its claims and tables
+    texts: Callable[[Any, Claims, Tables], Mapping[str, str]] = in_one_file
 
     def write(
-        self, out: File, found: Evidence, size: Sequence[str] = (), **page: Any
+        self, out: File, found: Any, size: Sequence[str] = (), **page: Any
     ) -> list[dict[str, Any]]:
         """Write page and tables into the folder `out`; return the claims. size: sentences on how
-        large the study was; page: more of `write_page`."""
+        large the study was; page: more of the Page."""
         claims, tables = self.claims(found), self.tables(found)
-        write_page(
-            Path(out),
+        made = Page(
             self.title,
             (*self.introduction, *size),
             claims,
             {name: (None, found[name]) for name in self.stored} | dict(tables),
             texts=self.texts(found, claims, tables),
-            **page,
         )
+        write_page(out, made._replace(**page))
         return claims
 
 
@@ -71,46 +70,54 @@ def choices_table(
     return pd.DataFrame(rows, columns=["what", where, "here"])
 
 
-def write_study(
-    out: File,
-    title: str,
-    introduction: Sequence[str],
-    size: str,
-    claims: Sequence[Mapping[str, Any]],
-    choices: pd.DataFrame,
-    tables: Tables,
-    figures: Sequence[tuple[str, go.Figure, str]],
-    shown: Sequence[tuple[str, str, pd.DataFrame]] = (),
-    notes: Sequence[tuple[str, pd.DataFrame]] = (),
-    listed: Sequence[tuple[str, pd.DataFrame]] = (),
-    between: Sequence[str] = (),
-    work: str = "paper",
-    runs: int = ENOUGH,
-) -> list[dict[str, Any]]:
-    """Write the page of a study, as `write_page`, and beside it findings.md for docs/; return the
-    claims as they stand there.
+class Work(NamedTuple):
+    """A published work that is studied again."""
 
-    size: sentences on how large it was; choices: what the `work` leaves open; shown: [(name,
-    heading, DataFrame of text)] for the page, a CSV each, and findings.md; notes, after them, are
-    for the page alone; listed [(heading, DataFrame of text)] and lines `between` the claims and
-    them are for findings.md alone. runs: of each cell; with fewer than ENOUGH the page says that it
-    has no verdicts.
-    """
-    banner = ""
-    if runs < ENOUGH:
-        few = f"A quick run, {runs} of each: it shows that everything works and what the pages look"
-        banner = f"{few} like. Verdicts take {ENOUGH} runs or more."
+    title: str  # of the page
+    introduction: Sequence[str]
+    kind: str = "paper"
+
+
+class Outcome(NamedTuple):
+    """What the runs of a study have shown of a Work."""
+
+    size: str  # sentences on how large the study was
+    claims: Claims  # Findings
+    choices: pd.DataFrame  # what the work leaves open, see `choices_table`
+    tables: Tables
+    figures: Sequence[Figure]
+    # (name, heading, DataFrame of text): for the page, a CSV each, and findings.md
+    shown: Sequence[tuple[str, str, pd.DataFrame]] = ()
+    # (heading, DataFrame of text) after them, for the page alone
+    notes: Sequence[tuple[str, pd.DataFrame]] = ()
+    # the same for findings.md alone, and lines between the claims and the tables there
+    listed: Sequence[tuple[str, pd.DataFrame]] = ()
+    between: Sequence[str] = ()
+    runs: int = ENOUGH  # of each cell; with fewer than ENOUGH the page has no verdicts
+
+
+def write_study(out: File, work: Work, found: Outcome) -> list[dict[str, Any]]:
+    """Write the page of the study of a Work, and beside it findings.md for docs/, into the folder
+    `out`; return the claims as they stand there."""
+    banner, claims = "", found.claims
+    if found.runs < ENOUGH:
+        banner = (
+            f"A quick run, {found.runs} of each: it shows that everything works and what the pages "
+            f"look like. Verdicts take {ENOUGH} runs or more."
+        )
         claims = [{**claim, "verdict": TOO_FEW} for claim in claims]
-    headed = [(heading, table) for _, heading, table in shown]
-    write_page(
-        out,
-        title,
-        (*introduction, size),
+    headed = [(heading, table) for _, heading, table in found.shown]
+    left_open = f"What the {work.kind} leaves open, and what was chosen"
+    text = markdown.findings(found.size, claims, [*headed, *found.listed], found.between, work.kind)
+    page = Page(
+        work.title,
+        (*work.introduction, found.size),
         claims,
-        {name: (None, table) for name, _, table in shown} | dict(tables),
-        figures=figures,
-        notes=[*headed, (f"What the {work} leaves open, and what was chosen", choices), *notes],
-        texts={"findings.md": markdown.findings(size, claims, [*headed, *listed], between, work)},
+        {name: (None, table) for name, _, table in found.shown} | dict(found.tables),
+        figures=found.figures,
+        notes=[*headed, (left_open, found.choices), *found.notes],
+        texts={"findings.md": text},
         banner=banner,
     )
+    write_page(out, page)
     return [dict(claim) for claim in claims]

@@ -7,9 +7,9 @@ from typing import Any
 import pandas as pd
 
 from strapdown.checks import check_choice
-from strapdown.typing import File, Progress
 
-from ..common.runner import Evidence, campaigns, count_of, on_threads, part_of
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Evidence, campaigns, on_threads, part_of
 from . import runs
 from .summary import PICTURE, STUDY, size
 from .twin import SETS, right
@@ -21,31 +21,25 @@ OF_RUNS = 0.9
 """Part of the time that the runs take; the rest are the twins."""
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 0,
-    workers: int = 0,
-    filter: Sequence[str] = (),
-    scenario: Sequence[str] = (),
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
+@reproduction(
+    "quick", "runs", "seed", "workers", "filter", "scenario", "progress", usual=Asked(seed=0)
+)
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run every cell, write the page into the folder `out`, return the claims.
 
     What the folder has of the same runs is not run again, so that the table can be made in parts.
-    quick: the closed loop in two scenarios, few runs; runs: of each cell; workers: processes of a Dask
-    cluster here, else a thread per processor; filter: labels as of a study (default: FILTERS); scenario: names
-    (default: SCENARIOS); progress: called with the fraction done. Raises DataError.
+    quick: the closed loop in two scenarios, few runs; workers: processes of a Dask cluster here, else
+    a thread per processor; filter: labels as of a study (default: FILTERS); scenario: names (default:
+    SCENARIOS). Raises DataError.
     """
-    count = count_of(quick, runs, seed, RUNS, QUICK_RUNS, least=2)
-    labels = tuple(filter) or (QUICK_FILTERS if quick else FILTERS)
-    names = tuple(scenario) or (QUICK_SCENARIOS if quick else SCENARIOS)
+    count = asked.count(RUNS, QUICK_RUNS, least=2)
+    labels = tuple(asked.filter) or (QUICK_FILTERS if asked.quick else FILTERS)
+    names = tuple(asked.scenario) or (QUICK_SCENARIOS if asked.quick else SCENARIOS)
     for label in labels:
         check_filter(label)
     for name in names:
         check_choice(name, "scenario", SCENARIOS)
-    rows = table(Path(out), labels, names, count, seed, workers, progress)
+    rows = table(out, labels, names, count, asked)
     links = [("every cell in one figure", PICTURE)]
     return STUDY.write(out, Evidence(cells=rows), [size(rows)], links=links)
 
@@ -55,21 +49,19 @@ def table(
     labels: Sequence[str],
     names: Sequence[str],
     count: int,
-    seed: int,
-    workers: int,
-    progress: Progress | None,
+    asked: Asked,
 ) -> pd.DataFrame:
     """A row per cell."""
     studies = {
-        (label, name): runs.study(label, name, GRADES, count, seed)
+        (label, name): runs.study(label, name, GRADES, count, asked.seed)
         for label in labels
         for name in names
     }
     found = campaigns(
         studies,
         lambda key: runs.folder(out, *key),
-        part_of(progress, 0.0, OF_RUNS),
-        workers=workers,
+        part_of(asked.progress, 0.0, OF_RUNS),
+        workers=asked.workers,
     )
     worlds = dict.fromkeys(
         (name, grade, is_fed(label)) for label, name in studies for grade in GRADES
@@ -80,7 +72,7 @@ def table(
             on_threads(
                 lambda world: right(*world, count, SETS),
                 list(worlds),
-                progress=part_of(progress, OF_RUNS, 1.0),
+                progress=part_of(asked.progress, OF_RUNS, 1.0),
             ),
         )
     )

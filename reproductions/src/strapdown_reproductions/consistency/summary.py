@@ -5,7 +5,7 @@ import pandas as pd
 
 from ..common import markdown
 from ..common.runner import Evidence
-from ..common.study import Claims, Study
+from ..common.study import Claims, Study, held_against
 from ..common.tables import Tables, outcomes, with_rows
 from ..common.targets import Target, table
 from . import figure
@@ -167,10 +167,8 @@ def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
 STUDY = Study(
     "Consistency: is the error as large as the filter says",
     INTRODUCTION,
-    TARGETS,
-    figures,
+    held_against(TARGETS, figures, digits=4),
     tables,
     stored=(CELLS,),
     texts=texts,
-    digits=4,
 )

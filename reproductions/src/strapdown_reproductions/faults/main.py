@@ -5,13 +5,14 @@ some smoothed and live too, and what each says is held against how wrong it is.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from strapdown import filters
 from strapdown.checks import DataError, check_choice
-from strapdown.typing import File, Progress
 
 from ..common import runner
+from ..common.reproduction import Asked, reproduction
 from . import jumps
 from .cells import Task, cells
 from .runs import SLOW, SLOW_SEEDS, Subject, family, subjects
@@ -25,32 +26,24 @@ FLIGHTS, QUICK_FLIGHTS = 200, 4
 """Flights of `jumps` for each seed of the table."""
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 1,
-    workers: int = 0,
-    filter: Sequence[str] = (),
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
+@reproduction("quick", "runs", "seed", "workers", "filter", "progress", usual=Asked(seed=1))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run every cell and the jumps, write the page into the folder `out`, return the claims.
 
-    quick: one seed, the gentle motion, few filters and jumps; runs: number of seeds; seed: the first
-    of them; workers: processes, the processors by default; filter: what runs, as in the table
-    ("closed-loop", "closed-loop live", ..., default: all); progress: called with the fraction done. Raises
-    DataError.
+    quick: one seed, the gentle motion, few filters and jumps; filter: what runs, as in the table
+    ("closed-loop", "closed-loop live", ...). Raises DataError.
     """
-    count = runner.count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    matrix = tasks(chosen(filter or (QUICK if quick else ())), seed, count, quick)
+    seeds, quick = asked.seeds_from(SEEDS, QUICK_SEEDS), asked.quick
+    matrix = tasks(chosen(asked.filter or (QUICK if quick else ())), seeds, quick)
     if not matrix:
         raise DataError(
-            f"{', '.join(filter)}: runs in no motion of the reduced form; leave out --quick"
+            f"{', '.join(asked.filter)}: runs in no motion of the reduced form; leave out --quick"
         )
-    flights = range(seed, seed + count * (QUICK_FLIGHTS if quick else FLIGHTS))
+    of_seed = QUICK_FLIGHTS if quick else FLIGHTS
+    flights = range(seeds.start, seeds.start + len(seeds) * of_seed)
     wanted = [runner.Task(CELLS, cells, (task,)) for task in matrix]
     wanted += [runner.Task(TRIALS, jumps.trial, (flight,)) for flight in flights]
-    return STUDY.write(out, runner.collected(wanted, workers, progress))
+    return STUDY.write(out, runner.collected(wanted, asked.workers, asked.progress))
 
 
 def chosen(names: Sequence[str]) -> list[Subject]:
@@ -61,13 +54,13 @@ def chosen(names: Sequence[str]) -> list[Subject]:
     return [one for name, one in known.items() if not names or name in names]
 
 
-def tasks(subjects: Sequence[Subject], seed: int, count: int, quick: bool = False) -> list[Task]:
-    """Every motion that suits a filter, with `count` seeds from `seed` on; the slow ones with fewer."""
+def tasks(subjects: Sequence[Subject], seeds: range, quick: bool = False) -> list[Task]:
+    """Every motion that suits a filter, with each of the seeds; the slow ones with fewer."""
     return [
         Task(motion, subject, s)
-        for s in range(seed, seed + count)
+        for s in seeds
         for subject in subjects
-        if subject.filter not in SLOW or s < seed + SLOW_SEEDS
+        if subject.filter not in SLOW or s < seeds.start + SLOW_SEEDS
         for motion, world in MOTIONS.items()
         if family(filters.find(subject.filter)) in world.families
         and (not quick or motion == GENTLE)

@@ -5,7 +5,7 @@ import pandas as pd
 
 from ..common import markdown
 from ..common.runner import Evidence
-from ..common.study import Claims, Study
+from ..common.study import Claims, Study, held_against
 from ..common.tables import Tables, outcomes
 from ..common.targets import Target, in_docs
 from .judging import CRASH, ORDER, SILENT
@@ -221,10 +221,8 @@ def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
 STUDY = Study(
     "Sensor faults: whether a filter that is wrong says so",
     INTRODUCTION,
-    TARGETS,
-    figures,
+    held_against(TARGETS, figures, digits=4),
     tables,
     stored=(CELLS, TRIALS),
     texts=texts,
-    digits=4,
 )

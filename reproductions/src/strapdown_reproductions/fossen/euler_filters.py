@@ -42,7 +42,7 @@ from strapdown.core.mathematics.earth import displace, place, rotation_rates
 from strapdown.core.mathematics.error_state import bias_free, decay_biases, publish_rates
 from strapdown.core.mathematics.kalman import WORKSPACE, update
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.core.mathematics.rotation import euler_to_matrix, turned
+from strapdown.core.mathematics.rotation import Three, euler_to_matrix, turned
 from strapdown.typing import Array
 
 SLOTS = Slots()
@@ -103,7 +103,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     workspace, C, angles = belief.workspace, belief.C, belief.workspace[ANGLES]
     r, a = bias_free(u, belief.ba, belief.bg, dt)
     transform(angles, matrix(workspace, T, 3, 3))
-    _jacobian(belief, r[0] / dt, r[1] / dt, r[2] / dt, a[0] / dt, a[1] / dt, a[2] / dt, noise)
+    _jacobian(belief, r, a, dt, noise)
     _propagate(belief, dt, noise)
     sine, cosine, M, N = place(belief.lla[0], belief.lla[2])
     _, _, w0, w1, w2 = rotation_rates(belief.v[0], belief.v[1], sine, cosine, M, N)
@@ -141,10 +141,10 @@ def transform(angles: Array, to: Array) -> None:
 
 
 @helper
-def _jacobian(
-    belief: Belief, w0: float, w1: float, w2: float, f0: float, f1: float, f2: float, noise: Noise
-) -> None:
-    """F (15, 15) at the state; w rad/s and f m/s^2 in the body."""
+def _jacobian(belief: Belief, r: Three, a: Three, dt: float, noise: Noise) -> None:
+    """F (15, 15) at the state, from the increments of a sample in the body, rad and m/s."""
+    w0, w1, w2 = r[0] / dt, r[1] / dt, r[2] / dt
+    f0, f1, f2 = a[0] / dt, a[1] / dt, a[2] / dt
     workspace, C, angles = belief.workspace, belief.C, belief.workspace[ANGLES]
     J, to = matrix(workspace, F, STATES, STATES), matrix(workspace, T, 3, 3)
     for i in range(STATES):

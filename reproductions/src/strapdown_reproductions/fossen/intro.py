@@ -18,7 +18,7 @@ from scipy.linalg import expm
 
 from strapdown.typing import Array, ArrayLike, Mask
 
-from ..common.runner import SEED
+from ..common.reproduction import SEED
 
 STATES = (
     "position, m",
@@ -79,6 +79,23 @@ class Record(NamedTuple):
     fixed: Mask  # (n,) whether there is a fix
 
 
+class Fixes(NamedTuple):
+    """When there are fixes: each `every` s but in the outages [(start, stop)], s."""
+
+    outages: Sequence[tuple[float, float]] = ()
+    every: float = 1.0
+
+    def at(self, t: Array, rate: float) -> Mask:
+        """(n,) whether there is one after a sample of `rate` Hz that ends at t (n,)."""
+        fixed = np.arange(1, len(t) + 1) % round(self.every * rate) == 0
+        for start, stop in self.outages:
+            fixed &= (t < start) | (t >= stop)
+        return fixed
+
+
+ALWAYS = Fixes()
+
+
 class Estimate(NamedTuple):
     """What a filter made of a record, rows as those of `Record.true`."""
 
@@ -124,14 +141,13 @@ def simulate(
     rng: np.random.Generator,
     runs: int = 1,
     biases: str = "constant",
-    outages: Sequence[tuple[float, float]] = (),
+    fixes: Fixes = ALWAYS,
     duration: float = 300.0,
     rate: float = 10.0,
-    every: float = 1.0,
     model: Model = MODEL,
 ) -> Record:
-    """A Record: acceleration and rate are the first components of the chapter's signal 1, fixes
-    come each `every` s but in `outages`.
+    """A Record of `duration` s at `rate` Hz: acceleration and rate are the first components of the
+    chapter's signal 1.
 
     biases: "constant", or "decaying" with the time constants of the model, from BEGIN both; the
     model's driving noise moves the decaying ones.
@@ -158,13 +174,10 @@ def simulate(
         + bias[1:]
         + np.array([model.accel, model.rate]) / np.sqrt(dt) * rng.standard_normal((n, runs, 2))
     )
-    fixes = true[1:] @ H.T + np.array([model.position_sd, model.angle_sd]) * rng.standard_normal(
+    measured = true[1:] @ H.T + np.array([model.position_sd, model.angle_sd]) * rng.standard_normal(
         (n, runs, 2)
     )
-    fixed = np.arange(1, n + 1) % round(every * rate) == 0
-    for start, stop in outages:
-        fixed &= (t[1:] < start) | (t[1:] >= stop)
-    return Record(t, dt, imu, true, fixes, fixed)
+    return Record(t, dt, imu, true, measured, fixes.at(t[1:], rate))
 
 
 def strapdown(state: Array, u: Array, dt: float) -> Array:
@@ -260,7 +273,10 @@ def study(runs: int, seed: int = SEED) -> tuple[pd.DataFrame, Kept]:
     for i, biases in enumerate(BIASES):
         for outage in (0, 1):
             record = simulate(
-                np.random.default_rng([seed, i, outage]), runs, biases, (OUTAGE,) if outage else ()
+                np.random.default_rng([seed, i, outage]),
+                runs,
+                biases,
+                Fixes((OUTAGE,) if outage else ()),
             )
             before, after = (int(np.argmin(np.abs(record.t - at))) for at in OUTAGE)
             after, end = after - 1, after - 1 if outage else len(record.t) - 1

@@ -7,15 +7,17 @@ Marine Systems Simulator.
 """
 
 from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.typing import File, Progress
+from strapdown.typing import File
 
 from ..common.markdown import number
-from ..common.runner import SEED, seeds
-from ..common.study import choices_table, write_study
+from ..common.reproduction import Asked, reproduction
+from ..common.study import Outcome, Work, choices_table, write_study
 from . import claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
 from .cases import CASES, FAST, LAST, Case
 from .choices import CHOICES
@@ -23,26 +25,29 @@ from .figures import all_figures
 from .runs import KEYS, Results
 
 SEEDS, QUICK_SEEDS = 50, 5
-TITLE = "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again"
-INTRODUCTION = (
-    "Chapter 14 of Fossen's Handbook of Marine Craft Hydrodynamics and Motion Control derives "
-    "direct and indirect filters for aided "
-    "inertial navigation, with "
-    "an AHRS or with attitude among the states, and shows the multiplicative EKF on simulated "
-    "signals. Its two published test signals are "
-    "run here through "
-    "all of these filters, with the published biases of 0.1, 0.3, -0.1 m/s² and 2.9, 5.7, -2.9 "
-    "deg/s, over many seeds, besides a body at "
-    "rest, in steady "
-    "motion, one that swings its heading alone, and one that pitches through the vertical. The last "
-    "section lists what the chapter leaves open.",
-    "Each claim has a verdict that code has taken from the numbers, by the rule of its kind, which "
-    'stands beside it. "Not reproduced" means: not under the assumptions stated here. A cell is a '
-    "filter with its sensors, an excitation and a tuning; it supports a claim where more than half of "
-    "its runs do, and contradicts it where fewer do (95 % intervals of Wilson's score). Of a claim "
-    "with parts that must all hold: reproduced where all are, not reproduced where none is, partly "
-    "where one is. The rules were written beside trials of seeds that are not in the study; none was "
-    "changed for its verdict.",
+WORK = Work(
+    "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again",
+    (
+        "Chapter 14 of Fossen's Handbook of Marine Craft Hydrodynamics and Motion Control derives "
+        "direct and indirect filters for aided "
+        "inertial navigation, with "
+        "an AHRS or with attitude among the states, and shows the multiplicative EKF on simulated "
+        "signals. Its two published test signals are "
+        "run here through "
+        "all of these filters, with the published biases of 0.1, 0.3, -0.1 m/s² and 2.9, 5.7, -2.9 "
+        "deg/s, over many seeds, besides a body at "
+        "rest, in steady "
+        "motion, one that swings its heading alone, and one that pitches through the vertical. The last "
+        "section lists what the chapter leaves open.",
+        "Each claim has a verdict that code has taken from the numbers, by the rule of its kind, which "
+        'stands beside it. "Not reproduced" means: not under the assumptions stated here. A cell is a '
+        "filter with its sensors, an excitation and a tuning; it supports a claim where more than half of "
+        "its runs do, and contradicts it where fewer do (95 % intervals of Wilson's score). Of a claim "
+        "with parts that must all hold: reproduced where all are, not reproduced where none is, partly "
+        "where one is. The rules were written beside trials of seeds that are not in the study; none was "
+        "changed for its verdict.",
+    ),
+    kind="chapter",
 )
 INTRO_COLUMNS = {
     "position_m": "position error, m",
@@ -73,30 +78,23 @@ DROPOUT_LISTED = {
 """Columns of the dropouts as they are called in findings.md."""
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = SEED,
-    threads: int | None = None,
-    progress: Progress | None = None,
-    studied: Sequence[Case] | None = None,
-    duration: float = fossen_runs.DURATION,
-) -> list[dict[str, str]]:
+@reproduction("quick", "runs", "seed", "threads", "progress")
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
-    claims.
-
-    quick: 5 seeds in place of 50; runs: another number; seed: from which theirs are made, 0 or
-    more; threads: the processors by default; progress: called with the fraction done; studied:
-    Cases in place of all; duration: s. Raises DataError.
-    """
-    of_runs = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    cases = CASES + (() if quick else FAST) if studied is None else studied
-    results = fossen_runs.run_all(of_runs, cases, duration, progress, threads)
-    return write(out, results, len(of_runs), seed)
+    claims; quick: 5 seeds in place of 50, without the cases FAST. Raises DataError."""
+    return made(out, asked, CASES + (() if asked.quick else FAST))
 
 
-def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, str]]:
+def made(
+    out: File, asked: Asked, studied: Sequence[Case], duration: float = fossen_runs.DURATION
+) -> list[dict[str, Any]]:
+    """As `reproduce`, of the Cases `studied`, each of so many s."""
+    seeds = asked.seeds(SEEDS, QUICK_SEEDS)
+    results = fossen_runs.run_all(seeds, studied, duration, asked.progress, asked.threads)
+    return write(out, results, len(seeds), asked.seed)
+
+
+def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, Any]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
     intro, kept = fossen_intro.study(count, seed)
     cells = fossen_runs.table(results.runs)
@@ -106,19 +104,16 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
         f"of {results.t[-1]:.0f} s at 100 Hz and more, "
         f"seed {seed}, strapdown {__version__}."
     )
-    return write_study(
-        out,
-        TITLE,
-        INTRODUCTION,
+    outcome = Outcome(
         size,
         claims,
         choices_table(CHOICES, "in the chapter and its code"),
         _tables(results, cells, intro),
         all_figures(results, kept),
         listed=listed(cells, results.dropouts),
-        work="chapter",
         runs=count,
     )
+    return write_study(out, WORK, outcome)
 
 
 def _tables(

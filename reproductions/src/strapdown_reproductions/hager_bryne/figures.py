@@ -2,6 +2,7 @@
 their bound, and what the drift of the raw INS does."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,7 +29,7 @@ from strapdown.reports.drawing import (
 from strapdown.sim.scenario import Scenario
 from strapdown.typing import Array
 
-from ..common.figures import marks
+from ..common.figures import Marks
 from .cells import LIMIT, ONSET, Numbers, Rows, flight_of, numbers_of, rows_of
 from .rules import UPDATES
 
@@ -89,7 +90,8 @@ def profiles(scenarios: Sequence[Scenario]) -> list[go.Figure]:
                 ),
                 **place,
             )
-        marks(plan, east[:1], north[:1], "start", ORANGE, size=7, legend=i == 0, **place)
+        begin = Marks(east[:1], north[:1], "start", ORANGE)
+        begin.draw(plan, size=7, legend=i == 0, **place)
         plan.update_yaxes(scaleanchor=f"x{i + 1 if i else ''}", constrain="domain", **place)
         height.update_yaxes(range=_at_least(truth.lla[:, 2], 50.0), **place)
         if i + columns >= len(scenarios):
@@ -199,16 +201,18 @@ def positions(cells: pd.DataFrame) -> go.Figure:
             for key, said, symbol, size, aside in POSITIONS:
                 y = own[f"{loop}_{key}"]
                 ends = (y - own[f"{loop}_std_m"], y + own[f"{loop}_std_m"])
-                marks(
-                    drawn,
+                made = Marks(
                     x + aside,
                     y,
                     f"{name}, {said}",
                     colour,
                     ends if key == "rmse_m" else None,
+                    hover="%{y:.4g} m",
+                )
+                made.draw(
+                    drawn,
                     row=row,
                     legend=row == 1,
-                    hover="%{y:.4g} m",
                     symbol=symbol,
                     size=size,
                     line={"color": colour, "width": 1.3},
@@ -250,7 +254,8 @@ def errors_of_a_run(campaign: Campaign, cell: str) -> list[go.Figure]:
             band(drawn, rows.t, zero, stated, row=row, name="±3σ stated by the filter")
             line(drawn, rows.t, error, f"{name}: true − estimate", colour, row=row)
             if np.isfinite(least).any():
-                _edges(drawn, row, rows.t, zero, least, "±3σ of the Cramér-Rao bound", RED, 1)
+                bound_name = "±3σ of the Cramér-Rao bound"
+                _edges(drawn, row, rows.t, zero, least, bound_name, colour=RED, width=1)
             limit, largest = frame_of_errors(rows.t, error, stated)
             drawn.update_yaxes(range=[-limit, limit], row=row, col=1)
             if largest > 1.1 * limit:
@@ -276,13 +281,12 @@ def _edges(
     centre: Array,
     half: Array,
     name: str,
-    colour: str,
-    width: float,
+    **style: Any,
 ) -> None:
-    """Dotted lines `half` (n,) above and below `centre` (n,)."""
+    """Dotted lines `half` (n,) above and below `centre` (n,); style: colour and width."""
     for sign in (1, -1):
         y, legend = centre + sign * half, row == 1 and sign > 0
-        line(drawn, t, y, name, colour, row=row, legend=legend, width=width, dash="dot")
+        line(drawn, t, y, name, row=row, legend=legend, dash="dot", **style)
 
 
 def _along_time(drawn: go.Figure, rows: Rows, last: int) -> go.Figure:
@@ -359,7 +363,8 @@ def biases(campaign: Campaign, cell: str) -> go.Figure:
         true = rows.bias[RUN, :, row - 1].astype(float) * scale
         open_, closed = true - rows.error[:2, RUN, :, 8 + row] * scale
         of_open, of_closed = 3 * rows.sd[:2, RUN, :, 8 + row].astype(float) * scale
-        _edges(drawn, row, rows.t, open_, of_open, "±3σ, open loop", BLUE, 0.8)
+        open_name = "±3σ, open loop"
+        _edges(drawn, row, rows.t, open_, of_open, open_name, colour=BLUE, width=0.8)
         line(drawn, rows.t, open_, "open loop: estimate", BLUE, row=row)
         band(drawn, rows.t, closed, of_closed, row=row, name="±3σ, closed loop")
         line(drawn, rows.t, closed, "closed loop: estimate", ORANGE, row=row)
@@ -467,7 +472,7 @@ def consistency(cells: pd.DataFrame) -> go.Figure:
         for (loop, name, colour), shift in zip(LOOPS, (-0.1, 0.1)):
             middle, *ends = (own[f"{loop}_anees{end}"] for end in ("", "_low", "_high"))
             x, shown = np.arange(len(own)) + shift, row == 1
-            marks(drawn, x, middle, name, colour, tuple(ends), row=row, legend=shown)
+            Marks(x, middle, name, colour, tuple(ends)).draw(drawn, row=row, legend=shown)
         drawn.add_hline(y=1, line={"color": GREY, "width": 1, "dash": "dot"}, row=row, col=1)
         low, high = (
             np.log10(own[[f"{loop}_anees_{end}" for loop, _, _ in LOOPS]].to_numpy(float))
@@ -496,7 +501,7 @@ def by_reading(cells: pd.DataFrame, readings: Mapping[str, pd.DataFrame]) -> go.
             part = read.loc[own.index]
             middle, *ends = (part[f"{loop}_censored_500_m{end}"] for end in ("", "_low", "_high"))
             x = np.arange(len(own)) + 0.15 * (place - 1.5)
-            marks(drawn, x, middle, name, colour, tuple(ends), row=row, legend=row == 1)
+            Marks(x, middle, name, colour, tuple(ends)).draw(drawn, row=row, legend=row == 1)
     return drawn.update_yaxes(
         range=[np.log10(0.03), np.log10(1000)], dtick=1, exponentformat="power"
     )

@@ -7,6 +7,7 @@ aided inertial navigation".
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -14,11 +15,12 @@ from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sim.scenario import Scenario, scenario
-from strapdown.typing import File, Progress, Say
+from strapdown.typing import File
 
 from ..common import markdown
-from ..common.runner import SEED, campaigns
-from ..common.study import choices_table, write_study
+from ..common.reproduction import USUAL, Asked, reproduction
+from ..common.runner import campaigns
+from ..common.study import Outcome, Work, choices_table, write_study
 from ..common.verdicts import BETTER, interval
 from . import (
     ablations as ablation,
@@ -46,55 +48,62 @@ OFFSET_FLIGHTS, OFFSET = FLIGHTS[:7], (0.5, 0.5, 0.5)
 START_FLIGHTS = (*FLIGHTS[:7], FLIGHTS[9])
 """Flights with other starts: all that a claim about short ones needs, and one of 90 minutes."""
 RUNS, QUICK_RUNS = 50, 5
-TITLE = "Open or closed loop: the study of Hager & Bryne again"
-INTRODUCTION = (
-    "Hager & Bryne compare an open-loop (feed-forward) and a closed-loop (feedback) error-state "
-    "Kalman filter in simulation: eleven flights "
-    "of 5 to 95 minutes, three IMU grades, "
-    "IMU and 1 m position fixes at 20 Hz. Their paths, initial uncertainties and one of their two "
-    "abort rules are not published; the last "
-    "section lists what was chosen instead.",
-    "Below, each claim of the paper with a verdict that code has taken from the numbers, by a rule "
-    'that stands beside it. "Not '
-    'reproduced" means: not under the assumptions stated here. '
-    "All comparisons are between runs on the same data; intervals are of 95 %.",
-    f"How verdicts come about. Of two filters on a cell (a flight with a grade) {BETTER}. Each claim "
-    "is of a kind - what is said to be always so falls with one cell that speaks against it, what is "
-    "mostly so does not - and the rule of its kind stands beside it. Of a claim with parts that must "
-    "all hold: reproduced where all are, not reproduced where none is, partly where one is.",
-    "What the paper leaves open or prints in a way that cannot be meant is read in several ways: the "
-    "abort rule, the accelerometer offset, the error of the start, the update (15) and the prediction "
-    "(19) after a reset. Opposite verdicts by two readings mean that the verdict depends on the "
-    "reading; otherwise the least favourable one counts. The row says what each reading gives.",
+WORK = Work(
+    "Open or closed loop: the study of Hager & Bryne again",
+    (
+        "Hager & Bryne compare an open-loop (feed-forward) and a closed-loop (feedback) error-state "
+        "Kalman filter in simulation: eleven flights "
+        "of 5 to 95 minutes, three IMU grades, "
+        "IMU and 1 m position fixes at 20 Hz. Their paths, initial uncertainties and one of their two "
+        "abort rules are not published; the last "
+        "section lists what was chosen instead.",
+        "Below, each claim of the paper with a verdict that code has taken from the numbers, by a rule "
+        'that stands beside it. "Not '
+        'reproduced" means: not under the assumptions stated here. '
+        "All comparisons are between runs on the same data; intervals are of 95 %.",
+        f"How verdicts come about. Of two filters on a cell (a flight with a grade) {BETTER}. Each claim "
+        "is of a kind - what is said to be always so falls with one cell that speaks against it, what is "
+        "mostly so does not - and the rule of its kind stands beside it. Of a claim with parts that must "
+        "all hold: reproduced where all are, not reproduced where none is, partly where one is.",
+        "What the paper leaves open or prints in a way that cannot be meant is read in several ways: the "
+        "abort rule, the accelerometer offset, the error of the start, the update (15) and the prediction "
+        "(19) after a reset. Opposite verdicts by two readings mean that the verdict depends on the "
+        "reading; otherwise the least favourable one counts. The row says what each reading gives.",
+    ),
 )
 
 
-def studies(
-    quick: bool = False,
-    ablations: bool = False,
-    runs: int | None = None,
-    seed: int = SEED,
-    flights: Sequence[str | Scenario] = FLIGHTS,
-    offset_flights: Sequence[str | Scenario] = OFFSET_FLIGHTS,
-    start_flights: Sequence[str | Scenario] = START_FLIGHTS,
-    imus: tuple[str | ImuSpec, ...] = IMUS,
-) -> dict[str, Study]:
-    """{name: Study} of what is run; all flights are Scenario values or names, `imus` grades,
-    the best of them last, which alone flies `start_flights`. Raises DataError."""
+class Flown(NamedTuple):
+    """What is flown: flights are Scenario values or names."""
+
+    flights: Sequence[str | Scenario] = FLIGHTS
+    with_offset: Sequence[str | Scenario] = OFFSET_FLIGHTS
+    with_other_starts: Sequence[str | Scenario] = START_FLIGHTS
+    # grades, the best of them last, which alone flies `with_other_starts`
+    imus: tuple[str | ImuSpec, ...] = IMUS
+
+
+OF_PAPER = Flown()
+
+
+def studies(asked: Asked = USUAL, flown: Flown = OF_PAPER) -> dict[str, Study]:
+    """{name: Study} of what is run. Raises DataError."""
     printed_updates.make_known()
-    count = (QUICK_RUNS if quick else RUNS) if runs is None else runs
+    count, seed, imus = asked.wanted(RUNS, QUICK_RUNS), asked.seed, flown.imus
     moved = lambda ending, decays: tuple(
         s.replace(name=f"{s.name}-{ending}", accel_offset=OFFSET, offset_decays=decays)
-        for s in map(scenario, offset_flights)
+        for s in map(scenario, flown.with_offset)
     )
     aligned = lambda factor: tuple(
         s.replace(
             start_sd=(*s.start_sd[:6], *(factor * sd for sd in s.start_sd[6:9]), *s.start_sd[9:])
         )
-        for s in map(scenario, start_flights)
+        for s in map(scenario, flown.with_other_starts)
     )
     found = {
-        "flights": Study(tuple(map(scenario, flights)), (*FILTERS, *AS_PRINTED), imus, count, seed),
+        "flights": Study(
+            tuple(map(scenario, flown.flights)), (*FILTERS, *AS_PRINTED), imus, count, seed
+        ),
         "offset": Study(moved("offset", False), FILTERS, imus, count, seed),
         "initial": Study(moved("initial", True), FILTERS, imus, count, seed),
         **{
@@ -102,7 +111,7 @@ def studies(
             for name, (_, factor) in STARTS.items()
         },
     }
-    if ablations:
+    if asked.ablations:
         chosen = [f"paper1-{number}" for number in ablation.FLIGHTS]
         found |= {
             f"ablation-{name}": study
@@ -111,61 +120,44 @@ def studies(
     return found
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    ablations: bool = False,
-    runs: int | None = None,
-    seed: int = SEED,
-    threads: int | None = None,
-    workers: int = 0,
-    scheduler: str | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, str]]:
+@reproduction(
+    "quick", "ablations", "runs", "seed", "threads", "workers", "scheduler", "say", "progress"
+)
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run what is missing of the study in DIR/campaign, write the page into the folder `out`, and
     return the claims.
 
-    quick: 5 runs in place of 50; ablations: also the variants of ablations.py; threads,
-    workers, scheduler, say, progress: as in Study.run, progress over all studies. An interrupted
-    call goes on where it was. Raises DataError.
+    quick: 5 runs in place of 50; ablations: also the variants of ablations.py; threads, workers,
+    scheduler, say: as in Study.run. An interrupted call goes on where it was. Raises DataError.
     """
-    return made(
-        out, studies(quick, ablations, runs, seed), threads, workers, scheduler, say, progress
-    )
+    return made(out, studies(asked), asked)
 
 
-def made(
-    out: File,
-    wanted: dict[str, Study],
-    threads: int | None = None,
-    workers: int = 0,
-    scheduler: str | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, str]]:
+def made(out: File, wanted: dict[str, Study], asked: Asked = USUAL) -> list[dict[str, Any]]:
     """As `reproduce`, of given studies: "flights", "offset", "initial" and STARTS, and perhaps
     those of the ablations."""
     out = Path(out)
-    if say:
+    if asked.say:
         steps = {name: study.steps() / 1e6 for name, study in wanted.items()}
         each = ", ".join(f"{name} {million:.3g}" for name, million in steps.items())
-        say(f"{sum(steps.values()):.3g} million filter steps in {len(wanted)} studies: {each}")
+        asked.say(
+            f"{sum(steps.values()):.3g} million filter steps in {len(wanted)} studies: {each}"
+        )
     found = campaigns(
         wanted,
         lambda name: out / "campaign" / name,
-        progress,
-        threads=threads,
-        workers=workers,
-        scheduler=scheduler,
-        say=say,
+        asked.progress,
+        threads=asked.threads,
+        workers=asked.workers,
+        scheduler=asked.scheduler,
+        say=asked.say,
     )
-    return write(out, found, threads)
+    return write(out, found, asked.threads)
 
 
 def write(
     out: File, campaigns: dict[str, Campaign], threads: int | None = None
-) -> list[dict[str, str]]:
+) -> list[dict[str, Any]]:
     """Write page, tables and claims.json of finished campaigns into the folder `out`; return the
     claims."""
     flights = campaigns["flights"]
@@ -185,10 +177,7 @@ def write(
         f"- {name.removeprefix('ablation-')}: {markdown.plain(caption)}"
         for name, (caption, _) in ablated.items()
     ]
-    return write_study(
-        out,
-        TITLE,
-        INTRODUCTION,
+    outcome = Outcome(
         _size(campaigns),
         claims,
         choices_table(CHOICES),
@@ -206,6 +195,7 @@ def write(
         between=["", "Ablations, on flights 01, 07 and 10:", "", *said] if said else (),
         runs=int(flights.manifest["runs"]),
     )
+    return write_study(out, WORK, outcome)
 
 
 def of_starts(

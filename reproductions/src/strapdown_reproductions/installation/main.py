@@ -4,10 +4,9 @@ installation`."""
 from pathlib import Path
 from typing import Any
 
-from strapdown.typing import File, Progress
-
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.runner import Task, collected, count_of
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Task, collected
 from . import drive, misses, simulated
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN
 from .summary import DRIVE, FILTER, MISSES, STUDY
@@ -20,61 +19,44 @@ BATCH = 5
 QUICK_MOTION = "car with odometer"
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 1,
-    recordings: File | None = None,
-    workers: int = 0,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Run everything, write the page into the folder `out`, return the claims.
-
-    quick: few seeds of one motion; runs: number of seeds; seed: the first of them; recordings:
-    folder of the descriptions (default: those of the source tree, left out where they are not);
-    workers: processes, the processors by default; progress: called with the fraction done. Raises
-    DataError.
-    """
-    count = count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    folder = Path(recordings) if recordings else DESCRIPTIONS
-    tasks = quick_tasks(seed, count) if quick else all_tasks(folder, seed, count)
-    return STUDY.write(out, collected(tasks, workers, progress))
+@reproduction("quick", "runs", "seed", "recordings", "workers", "progress", usual=Asked(seed=1))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run everything, write the page into the folder `out`, return the claims; quick: few seeds of one
+    motion; the recordings are left out where they are not. Raises DataError."""
+    seeds, folder = asked.seeds_from(SEEDS, QUICK_SEEDS), Path(asked.recordings or DESCRIPTIONS)
+    tasks = quick_tasks(seeds) if asked.quick else all_tasks(folder, seeds)
+    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
 
 
-def all_tasks(folder: Path, seed: int, count: int) -> list[Task]:
+def all_tasks(folder: Path, seeds: range) -> list[Task]:
     """The recorded ones where they are, and all motions from both starts; of the filters OTHERS
     fewer seeds."""
     there = (folder / "drive0708.toml").exists()
-    few = max(1, count // OTHER_PART)
+    few = seeds[: max(1, len(seeds) // OTHER_PART)]
     recorded = [
         *(Task(DRIVE, drive.rows, (folder, wrong)) for wrong in drive.WRONG),
         Task(MISSES, misses.rows, (folder,)),
     ]
     cells = [
-        *((name, FILTER, start, count) for name in MOTIONS for start in (KNOWN, ALIGNED)),
-        *((name, FILTER, ALIGNED, count) for name in UNSEEN),
+        *((name, FILTER, start, seeds) for name in MOTIONS for start in (KNOWN, ALIGNED)),
+        *((name, FILTER, ALIGNED, seeds) for name in UNSEEN),
         *((name, other, KNOWN, few) for name in MOTIONS for other in OTHERS),
     ]
     return [
         *(recorded if there else ()),
-        *(task for *of, own in cells for task in batches(*of, seed, own)),
+        *(task for cell in cells for task in batches(*cell)),
     ]
 
 
-def quick_tasks(seed: int, count: int) -> list[Task]:
+def quick_tasks(seeds: range) -> list[Task]:
     """One simulated motion alone, from both starts."""
     starts = (KNOWN, ALIGNED)
-    return [t for start in starts for t in batches(QUICK_MOTION, FILTER, start, seed, count)]
+    return [t for start in starts for t in batches(QUICK_MOTION, FILTER, start, seeds)]
 
 
-def batches(name: str, filter: str, start: str, seed: int, count: int) -> list[Task]:
-    """Tasks of so many seeds, each of which fills several tables."""
+def batches(name: str, filter: str, start: str, seeds: range) -> list[Task]:
+    """Tasks of a few of the seeds, each of which fills several tables."""
     return [
-        Task(
-            "",
-            simulated.runs,
-            (name, filter, start, range(first, min(first + BATCH, seed + count))),
-        )
-        for first in range(seed, seed + count, BATCH)
+        Task("", simulated.runs, (name, filter, start, seeds[first : first + BATCH]))
+        for first in range(0, len(seeds), BATCH)
     ]

@@ -2,6 +2,7 @@
 rule from the tables of flights; the kinds of rules are in rules.py."""
 
 from operator import attrgetter
+from typing import NamedTuple
 
 from ..common import kinds
 from ..common.claims import Claim, Kind, findings, over
@@ -66,32 +67,38 @@ OF_STEP = ("step_x_pct", "step_z_pct")
 """The second readings of DEVIATIONS and OVERSHOOTS."""
 
 
+class Comparison(NamedTuple):
+    """What is compared: the first mode of each pair with the second."""
+
+    experiments: tuple[str, ...]
+    measures: tuple[str, ...]
+    pairs: tuple[Pair, ...]
+    # measures of a second reading, which is judged too, and what the two readings are
+    others: tuple[str, ...] = ()
+    how: str = ""
+
+
 def compared(
     text: str,
     source: str,
-    experiments: tuple[str, ...],
-    measures: tuple[str, ...],
-    pairs: tuple[Pair, ...],
+    of: Comparison,
     decided_by: str,
-    others: tuple[str, ...] = (),
-    how: str = "",
     extra: str = "",
     kind: Kind = kinds.OVERALL,
 ) -> Claim:
-    """The row of a claim that the first mode of each pair is better in `experiments`, in all
-    `measures`; others: those of a second reading, which is judged too; how: what the two readings
-    are; extra: said after what was measured."""
-    cells = flown(*experiments)
+    """The row of a claim that the first mode of each pair is better in all experiments and
+    measures; extra: said after what was measured."""
+    cells = flown(*of.experiments)
     return Claim(
         text,
         source,
-        "; ".join(filter(None, (CELLS, "all pairs must hold", READ, how))),
-        {"better": over(cells, better, measures, pairs, others)},
+        "; ".join(filter(None, (CELLS, "all pairs must hold", READ, of.how))),
+        {"better": over(cells, better, of.measures, of.pairs, of.others)},
         f"{{better}}{extra}",
         decided_by,
         kind=kind,
         answer="{better.answer}",
-        identity=over(cells, algebra, pairs),
+        identity=over(cells, algebra, of.pairs),
     )
 
 
@@ -100,9 +107,7 @@ CLAIMS = {
         "Nonlinear filters, particularly the PKF, outperform the EKF in accurate position and "
         "velocity estimates.",
         "Abstract; 5",
-        (E0, E1),
-        ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"),
-        BOTH,
+        Comparison((E0, E1), ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"), BOTH),
         'figure 8; tables "Left out"',
         extra=". The paper shows no error of an estimate",
     ),
@@ -127,61 +132,61 @@ CLAIMS = {
         "With fixes, UKF and PKF resemble the direct feedback, while the EKF leads to greater "
         "deviations of forces and moments.",
         "4; Table 2",
-        (E0,),
-        DEVIATIONS,
-        BOTH,
+        Comparison((E0,), DEVIATIONS, BOTH, FROM_REFERENCE, TWO_FINALS),
         "Table 2 redrawn; figure 2",
-        FROM_REFERENCE,
-        TWO_FINALS,
-        rows_smaller("Table 2", PRINTED_DEVIATIONS, EKF),
+        extra=rows_smaller("Table 2", PRINTED_DEVIATIONS, EKF),
     ),
     "better_than_none": compared(
         "With fixes, deviations and overshoots are smaller with UKF and PKF than without a filter.",
         "4; its Table 2 contradicts it in most rows",
-        (E0,),
-        (*DEVIATIONS, *OVERSHOOTS),
-        ((UKF, NO_FILTER), (PKF, NO_FILTER)),
+        Comparison(
+            (E0,),
+            (*DEVIATIONS, *OVERSHOOTS),
+            ((UKF, NO_FILTER), (PKF, NO_FILTER)),
+            (*FROM_REFERENCE, *OF_STEP),
+            TWO_FINALS,
+        ),
         "Table 2 redrawn",
-        (*FROM_REFERENCE, *OF_STEP),
-        TWO_FINALS,
-        rows_smaller("Table 2", PRINTED_ALL, NO_FILTER),
+        extra=rows_smaller("Table 2", PRINTED_ALL, NO_FILTER),
     ),
     "overshoots": compared(
         "The overshoot of velocity is smaller with UKF and PKF than with the EKF.",
         "4; 4.1; its Table 2 has 5.07 % in X with the EKF and 56.36 % with the UKF",
-        (E0, E1),
-        OVERSHOOTS,
-        BOTH,
+        Comparison((E0, E1), OVERSHOOTS, BOTH, OF_STEP, TWO_OVERSHOOTS),
         "Tables 2, 3 redrawn; figure 3",
-        OF_STEP,
-        TWO_OVERSHOOTS,
-        ". Published rows smaller: "
-        + "; ".join(
-            f"{table} UKF {printed(table, OVERSHOOTS, UKF, EKF)}, PKF "
-            f"{printed(table, OVERSHOOTS, PKF, EKF)}"
-            for table in ("Table 2", "Table 3")
+        extra=(
+            ". Published rows smaller: "
+            + "; ".join(
+                f"{table} UKF {printed(table, OVERSHOOTS, UKF, EKF)}, PKF "
+                f"{printed(table, OVERSHOOTS, PKF, EKF)}"
+                for table in ("Table 2", "Table 3")
+            )
         ),
     ),
     "elevator_and_rudder": compared(
         "With fixes, the deviations of elevator and rudder are smaller with UKF and PKF than with "
         "the EKF or no filter.",
         "4",
-        (E0,),
-        ("elevator_deg", "rudder_deg"),
-        (*BOTH, (UKF, NO_FILTER), (PKF, NO_FILTER)),
+        Comparison(
+            (E0,),
+            ("elevator_deg", "rudder_deg"),
+            (*BOTH, (UKF, NO_FILTER), (PKF, NO_FILTER)),
+            ("elevator_deg_ref", "rudder_deg_ref"),
+            TWO_FINALS,
+        ),
         "figure 1",
-        ("elevator_deg_ref", "rudder_deg_ref"),
-        TWO_FINALS,
     ),
     "engine_and_alpha": compared(
         "Engine speed, AOF and elevator deviate less with UKF and PKF than with the EKF.",
         "4; 4.1; AOF taken as the angle of attack",
-        (E0, E1),
-        ("engine_rad_s", "alpha_deg", "elevator_deg"),
-        BOTH,
+        Comparison(
+            (E0, E1),
+            ("engine_rad_s", "alpha_deg", "elevator_deg"),
+            BOTH,
+            ("engine_rad_s_ref", "alpha_deg_ref", "elevator_deg_ref"),
+            TWO_FINALS,
+        ),
         "figures 1, 4",
-        ("engine_rad_s_ref", "alpha_deg_ref", "elevator_deg_ref"),
-        TWO_FINALS,
     ),
     "symmetric": Claim(
         "Fy and Gy do not deviate at all from their final values (0 in all rows).",
@@ -224,9 +229,7 @@ CLAIMS = {
     "convergence": compared(
         "The curves of UKF and PKF converge much faster than those of the EKF.",
         "4.1",
-        (E1,),
-        SETTLING,
-        BOTH,
+        Comparison((E1,), SETTLING, BOTH),
         "figure 4",
         extra=". Settled: elevator, engine speed and angle of attack within a tenth of the reference "
         "flight's range about the final value",
@@ -235,26 +238,24 @@ CLAIMS = {
         "After the cut the position estimates of UKF and PKF are more accurate than those of the "
         "EKF.",
         "4.1; figure 5",
-        (E1,),
-        (
-            "outage_horizontal_rmse_m",
-            "outage_vertical_rmse_m",
-            "horizontal_end_m",
-            "vertical_end_m",
+        Comparison(
+            (E1,),
+            (
+                "outage_horizontal_rmse_m",
+                "outage_vertical_rmse_m",
+                "horizontal_end_m",
+                "vertical_end_m",
+            ),
+            BOTH,
         ),
-        BOTH,
         "figures 5, 8",
     ),
     "deviations_in_outage": compared(
         "With the GPS cut, forces and moments deviate less with UKF and PKF than with the EKF.",
         "4.1; Table 3",
-        (E1,),
-        DEVIATIONS,
-        BOTH,
+        Comparison((E1,), DEVIATIONS, BOTH, FROM_REFERENCE, TWO_FINALS),
         "Table 3 redrawn",
-        FROM_REFERENCE,
-        TWO_FINALS,
-        rows_smaller("Table 3", PRINTED_DEVIATIONS, EKF),
+        extra=rows_smaller("Table 3", PRINTED_DEVIATIONS, EKF),
     ),
     "nonlinearity": Claim(
         "The EKF is not suitable, because it needs a linearised model and the system has many "
@@ -274,15 +275,19 @@ CLAIMS = {
     "pkf_over_ukf": compared(
         "The PKF usually gives a better response than the UKF: smaller deviations and overshoots.",
         "4.1; 4.2; Tables 3, 4",
-        (E1, E2),
-        (*DEVIATIONS, *OVERSHOOTS),
-        ((PKF, UKF),),
+        Comparison(
+            (E1, E2),
+            (*DEVIATIONS, *OVERSHOOTS),
+            ((PKF, UKF),),
+            (*FROM_REFERENCE, *OF_STEP),
+            TWO_FINALS,
+        ),
         "Tables 3, 4 redrawn; figure 9",
-        (*FROM_REFERENCE, *OF_STEP),
-        TWO_FINALS,
-        ". Published rows smaller: "
-        + "; ".join(f"{table} {printed(table, PRINTED_ALL, PKF, UKF)}" for table in PUBLISHED),
-        kinds.MOSTLY,
+        extra=(
+            ". Published rows smaller: "
+            + "; ".join(f"{table} {printed(table, PRINTED_ALL, PKF, UKF)}" for table in PUBLISHED)
+        ),
+        kind=kinds.MOSTLY,
     ),
     "long_outage": Claim(
         "Without a filter or with the EKF, prolonged outages cause divergence.",
@@ -322,9 +327,7 @@ CLAIMS = {
     "fastest": compared(
         "The PKF converges the fastest.",
         "5; 4.2",
-        (E0, E1, E2),
-        SETTLING,
-        ((PKF, UKF), (PKF, EKF)),
+        Comparison((E0, E1, E2), SETTLING, ((PKF, UKF), (PKF, EKF))),
         "figures 1, 4, 7",
     ),
     "negligible": Claim(

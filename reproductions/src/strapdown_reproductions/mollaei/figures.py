@@ -26,7 +26,7 @@ from strapdown.reports.drawing import (
 )
 from strapdown.typing import Array
 
-from ..common.figures import marks, names_down
+from ..common.figures import Marks, names_down
 from ..common.paired_ratios import ratio
 from .cells import (
     AT_TRIM,
@@ -330,21 +330,16 @@ def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
             found = [ratio(tables[case], measure, *pair) for measure in DEVIATIONS]
             values, *ends = np.array(found, float)[:, :3].T
             known += [each for each in np.ravel([values, *ends]) if 0 < each < np.inf]
-            marks(
-                drawn,
+            made = Marks(
                 values,
                 np.arange(len(DEVIATIONS)) + 0.2 * (k - 1),
                 " / ".join(pair),
                 COLOURS[k + 1],
                 tuple(ends),
                 along="x",
-                row=1,
-                col=col,
-                legend=col == 1,
                 hover="%{x:.3g}",
-                size=6,
-                symbol=symbol,
             )
+            made.draw(drawn, col=col, legend=col == 1, size=6, symbol=symbol)
         drawn.add_vline(x=1, line={"color": GREY, "width": 1, "dash": "dot"}, row=1, col=col)
     low, high = np.log10(min(known)) - 0.05, np.log10(max(known)) + 0.05
     drawn.update_xaxes(type="log", range=[low, high], title_text="ratio", **log_ticks(low, high))
@@ -372,7 +367,7 @@ def turning(results: Results) -> go.Figure:
         if mode == TRUTH:
             at = np.flatnonzero(record.t >= CUT)[:1]
             x, y = record.place[at, 1], record.place[at, 0]
-            marks(drawn, x, y, "fixes end", GREY, size=9, symbol="x")
+            Marks(x, y, "fixes end", GREY).draw(drawn, size=9, symbol="x")
     drawn.update_xaxes(title_text="east [m]")
     drawn.update_yaxes(scaleanchor="x", scaleratio=1)
     return drawn.update_layout(hovermode="closest")

@@ -5,13 +5,16 @@ Source: M. Mollaei, M. Shafieirad and E. Moradi, "Enhanced Navigation Accuracy U
 Kalman Filters in INS/GPS Integration", Majlesi Journal of Electrical Engineering, 2025.
 """
 
+from pathlib import Path
+from typing import Any
+
 import pandas as pd
 
 from strapdown import __version__
-from strapdown.typing import File, Progress
+from strapdown.typing import File
 
-from ..common.runner import SEED, seeds
-from ..common.study import choices_table, write_study
+from ..common.reproduction import Asked, reproduction
+from ..common.study import Outcome, Work, choices_table, write_study
 from . import (
     cells,
     claims as mollaei_claims,
@@ -27,63 +30,56 @@ from .runs import Results
 SEEDS, QUICK_SEEDS = 200, 2
 COMPONENTS, QUICK_COMPONENTS = 500, 25
 """Of the particle Kalman filter."""
-TITLE = "EKF, UKF and particle Kalman filter when GPS is lost: the study of Mollaei et al. again"
-INTRODUCTION = (
-    "Mollaei, Shafieirad and Moradi fly a model of a fixed-wing aircraft on the estimates of an "
-    "EKF, a UKF and a particle Kalman filter (PKF), with "
-    "GPS, with GPS lost at 15 s of 25 s, and lost for five minutes; one flight each, without a "
-    "number of the aircraft, its autopilot, its GPS or its "
-    "path. Here an Aerosonde flies the same experiments over many seeds, and others beside them. "
-    "All modes of a seed have the same sensor errors.",
-    "Who predicts while there is no GPS is not said, and decides everything. Two readings stand "
-    "side by side. IMU-driven: the accelerometers, turned "
-    "by an attitude that is true at the start and then integrated from the gyros; with position and "
-    "velocity as its states the filter is then "
-    "linear, and EKF and UKF are one and the same. Model-driven: the forces of the aircraft's own "
-    "model from the controls, with that same attitude; "
-    "with 15 states its moments too, and no gyros. The model has the very parameters of the "
-    "aircraft that is flown, which no real flight has.",
-    "What the paper leaves open else is read in every way that might favour it, and a claim that "
-    "turns with the reading says so. "
-    + "; ".join(f"{name}: {text}" for name, text in cells.EKFS.items())
-    + f". {cells.POINTS}: components predicted by the sigma points (37) to (39). Other conditions: "
-    + ", ".join(cells.CONDITIONS)
-    + ".",
-    "; ".join(f"{name}: {text}" for name, text in cells.EXPERIMENTS.items())
-    + '. In tables "published / ours" ours is the median over the '
-    "seeds, in brackets their 10 and 90 % quantiles; NEES is the mean over the flights that were "
-    "not lost, with the band that it keeps in 95 % of "
-    "studies where a filter is as good as it says.",
-    "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that "
-    "stands beside it. "
-    "Cells in which filters are one by algebra are no evidence: they are counted apart. "
-    '"Not reproduced" means: not under the assumptions stated here. A flight that stops counts with '
-    "the most of each measure.",
+WORK = Work(
+    "EKF, UKF and particle Kalman filter when GPS is lost: the study of Mollaei et al. again",
+    (
+        "Mollaei, Shafieirad and Moradi fly a model of a fixed-wing aircraft on the estimates of an "
+        "EKF, a UKF and a particle Kalman filter (PKF), with "
+        "GPS, with GPS lost at 15 s of 25 s, and lost for five minutes; one flight each, without a "
+        "number of the aircraft, its autopilot, its GPS or its "
+        "path. Here an Aerosonde flies the same experiments over many seeds, and others beside them. "
+        "All modes of a seed have the same sensor errors.",
+        "Who predicts while there is no GPS is not said, and decides everything. Two readings stand "
+        "side by side. IMU-driven: the accelerometers, turned "
+        "by an attitude that is true at the start and then integrated from the gyros; with position and "
+        "velocity as its states the filter is then "
+        "linear, and EKF and UKF are one and the same. Model-driven: the forces of the aircraft's own "
+        "model from the controls, with that same attitude; "
+        "with 15 states its moments too, and no gyros. The model has the very parameters of the "
+        "aircraft that is flown, which no real flight has.",
+        "What the paper leaves open else is read in every way that might favour it, and a claim that "
+        "turns with the reading says so. "
+        + "; ".join(f"{name}: {text}" for name, text in cells.EKFS.items())
+        + f". {cells.POINTS}: components predicted by the sigma points (37) to (39). Other conditions: "
+        + ", ".join(cells.CONDITIONS)
+        + ".",
+        "; ".join(f"{name}: {text}" for name, text in cells.EXPERIMENTS.items())
+        + '. In tables "published / ours" ours is the median over the '
+        "seeds, in brackets their 10 and 90 % quantiles; NEES is the mean over the flights that were "
+        "not lost, with the band that it keeps in 95 % of "
+        "studies where a filter is as good as it says.",
+        "Each claim of the paper has a verdict that code has taken from the numbers, by a rule that "
+        "stands beside it. "
+        "Cells in which filters are one by algebra are no evidence: they are counted apart. "
+        '"Not reproduced" means: not under the assumptions stated here. A flight that stops counts with '
+        "the most of each measure.",
+    ),
 )
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = SEED,
-    threads: int | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, str]]:
+@reproduction("quick", "runs", "seed", "threads", "progress")
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run everything, write page, tables and claims.json into the folder `out`, and return the
-    claims.
-
-    quick: 2 seeds in place of 200, PKF of 25 components in place of 500; runs: another number of
-    seeds; seed: from which they are made, 0 or more; threads: the processors by default; progress:
-    called with the fraction done. Raises DataError.
-    """
-    of_flights = seeds(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    components = QUICK_COMPONENTS if quick else COMPONENTS
-    results = mollaei_runs.run_all(of_flights, components, threads=threads, progress=progress)
-    return write(out, results, components, seed)
+    claims; quick: 2 seeds in place of 200, PKF of 25 components in place of 500. Raises DataError."""
+    of_flights = asked.seeds(SEEDS, QUICK_SEEDS)
+    components = QUICK_COMPONENTS if asked.quick else COMPONENTS
+    results = mollaei_runs.run_all(
+        of_flights, components, threads=asked.threads, progress=asked.progress
+    )
+    return write(out, results, components, asked.seed)
 
 
-def write(out: File, results: Results, components: int, seed: int) -> list[dict[str, str]]:
+def write(out: File, results: Results, components: int, seed: int) -> list[dict[str, Any]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
     scores = results.scores
     tables = cells.wide(scores)
@@ -91,10 +87,7 @@ def write(out: File, results: Results, components: int, seed: int) -> list[dict[
         (scores["form"] == SIX) & (scores["prediction"] == IMU) & scores["mode"].isin((UKF, PKF))
     ]
     claims = mollaei_claims.claims(rules.Evidence(tables, linear[["seed", "mode", "apart_m"]]))
-    return write_study(
-        out,
-        TITLE,
-        INTRODUCTION,
+    outcome = Outcome(
         sentence(scores, components, seed),
         claims,
         choices_table(CHOICES, seeds=flights(scores), final=FINAL, **mollaei_runs.texts()),
@@ -103,6 +96,7 @@ def write(out: File, results: Results, components: int, seed: int) -> list[dict[
         shown(tables, results),
         runs=int(scores.groupby(["experiment", "form"])["seed"].nunique().max()),
     )
+    return write_study(out, WORK, outcome)
 
 
 def sentence(scores: pd.DataFrame, components: int, seed: int) -> str:

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from strapdown.typing import File, Progress
-
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.runner import Task, collected, count_of
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Task, collected
 from . import correlated, coverage, misstated, outliers
 from .summary import CORRELATED, COVERAGE, MISSTATED, OUTLIERS, STUDY
 from .worlds import CAR, WORLDS
@@ -16,26 +15,17 @@ PLAIN = 2
 """Runs without `tune` for each with it: they take a hundredth of its time."""
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 1,
-    recordings: File | None = None,
-    workers: int = 0,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Run everything, write the page into the folder `out`, return the claims.
-
-    quick: few seeds of the car, without `tune`; runs: number of seeds; seed: the first of them;
-    recordings: folder of the descriptions (default: those of the source tree, left out where they
-    are not); workers: processes, the processors by default; progress: called with the fraction
-    done. Raises DataError.
-    """
-    seeds = range(seed, seed + count_of(quick, runs, seed, SEEDS, QUICK_SEEDS))
-    folder = Path(recordings) if recordings else DESCRIPTIONS
-    tasks = quick_tasks(seeds) if quick else all_tasks(folder, seeds)
-    return STUDY.write(out, collected(tasks, workers, progress))
+@reproduction("quick", "runs", "seed", "recordings", "workers", "progress", usual=Asked(seed=1))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run everything, write the page into the folder `out`, return the claims; quick: few seeds of the
+    car, without `tune`; the recordings are left out where they are not. Raises DataError."""
+    seeds = asked.seeds_from(SEEDS, QUICK_SEEDS)
+    tasks = (
+        quick_tasks(seeds)
+        if asked.quick
+        else all_tasks(Path(asked.recordings or DESCRIPTIONS), seeds)
+    )
+    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
 
 
 def all_tasks(folder: Path, seeds: range) -> list[Task]:

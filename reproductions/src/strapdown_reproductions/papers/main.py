@@ -17,14 +17,15 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from strapdown.files import replacing
-from strapdown.typing import File, Progress, Say
+from strapdown.typing import File
 
 from ..alam import main as alam
 from ..common import kinds
 from ..common.claims import Kind
 from ..common.markdown import plain, table
-from ..common.pages import claims_table, counts, write_files
-from ..common.runner import SEED, part_of
+from ..common.pages import Page, claims_table, counts, write_files
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import part_of
 from ..fossen import main as fossen
 from ..hager_bryne import main as hager_bryne
 from ..mollaei import main as mollaei
@@ -56,29 +57,19 @@ INTRODUCTION = (
 )
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    seed: int = SEED,
-    recordings: File | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
+@reproduction("quick", "seed", "recordings", "say", "progress")
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Run the studies of all papers into folders of `out`, write the table of all claims, return
-    the claims.
-
-    quick, seed, recordings, say, progress: as for each of the studies; the full study of Hager &
-    Bryne is run with its ablations. Raises DataError.
-    """
-    given = {"ablations": not quick, "recordings": recordings, "say": say}
-    out, found, done = Path(out), dict[str, list[dict[str, Any]]](), 0.0
+    the claims; the full study of Hager & Bryne is run with its ablations. Raises DataError."""
+    given = asked._replace(ablations=not asked.quick)
+    found, done = dict[str, list[dict[str, Any]]](), 0.0
     for name, paper in PAPERS.items():
         found[name] = paper.study.reproduce(
             out / name,
-            quick,
-            seed=seed,
-            progress=part_of(progress, done, done + paper.share),
-            **{option: given[option] for option in paper.options},
+            quick=asked.quick,
+            seed=asked.seed,
+            progress=part_of(asked.progress, done, done + paper.share),
+            **{option: getattr(given, option) for option in paper.options},
         )
         done += paper.share
     return write(out, found)
@@ -95,9 +86,14 @@ def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str
         )
         for name, own in found.items()
     ]
-    tables = {"claims": (None, pd.DataFrame(claims))}
-    texts = {"claims.md": markdown_of(found)}
-    write_files(out, "The claims of four papers", INTRODUCTION, sections, claims, tables, texts)
+    page = Page(
+        "The claims of four papers",
+        (),
+        claims,
+        {"claims": (None, pd.DataFrame(claims))},
+        texts={"claims.md": markdown_of(found)},
+    )
+    write_files(out, page, INTRODUCTION, sections)
     return claims
 
 

@@ -26,11 +26,12 @@ from strapdown.io.locate import data_folder
 from strapdown.preprocessing.stationary import motionless
 from strapdown.recording import Recording
 from strapdown.reports.page import report
-from strapdown.typing import File, Ints, Progress, Say
+from strapdown.typing import Ints, Progress, Say
 
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
-from ..common.pages import write_page
+from ..common.pages import Page, write_page
+from ..common.reproduction import Asked, reproduction
 from ..common.targets import claim
 from . import calibrated_compass, drift, table as recordings_table
 from .cases import LASER, cases
@@ -86,31 +87,26 @@ NO_LASER = (
 )
 
 
+@reproduction("recordings", "say", "progress")
 @together()
-def reproduce(
-    out: Path,
-    recordings: File | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Fuse and score the recordings, write the page into the folder `out`, return the claims.
-    progress: called with the fraction done. Raises DataError."""
-    folder = Path(recordings) if recordings else DESCRIPTIONS
+    Raises DataError."""
+    folder = Path(asked.recordings or DESCRIPTIONS)
     if not (folder / "thor75.toml").exists():
         raise DataError(
             f"{folder}: no thor75.toml there; give the folder of the descriptions "
             f"(examples/recordings of the source tree)"
         )
-    claims, tables, links = scored(folder, out, say)
-    every, shown = every_filter(folder, say, progress)
+    claims, tables, links = scored(folder, out, asked.say)
+    every, shown = every_filter(folder, asked.say, asked.progress)
     introduction = (
         INTRODUCTION
         + calibrated_compass.INTRODUCTION
         + (LASER_INTRODUCTION if "lasergyro" in tables else NO_LASER)
         + recordings_table.INTRODUCTION
     )
-    write_page(
-        out,
+    page = Page(
         "strapdown on recorded data",
         introduction,
         claims,
@@ -119,6 +115,7 @@ def reproduce(
         notes=shown,
         texts={"table.md": in_docs(shown)},
     )
+    write_page(out, page)
     return claims
 
 

@@ -3,22 +3,20 @@
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
-from strapdown.io import read
-from strapdown.typing import File, Progress, Say
-
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.pages import write_page
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Evidence, Task, collected, part_of
+from ..common.study import Claims, Study
+from ..common.tables import Tables
 from ..common.targets import claim
-from .drives import drive
-from .on_drive import outage_errors
-from .rest import recorded, simulated
-from .slips import detection, quiet, worth
+from . import on_drive, rest, slips
+from .slips import ALARMS, SCALES, SLIP, WORTH
 
 SEEDS, FEW = range(1, 21), range(1, 4)
 GRADES = ("consumer", "tactical", "navigation")
+OUTAGES, REST = "drive0708-outages", "rest"
+"""Tables of the Evidence, beside those of `slips`."""
 MEDIAN = 1.2  # m, in the outages of the README
 INTRODUCTION = (
     "Rest, side slip, wheel slip and what they are worth, on simulated drives of the seeds 1 to 20 and "
@@ -26,77 +24,88 @@ INTRODUCTION = (
 )
 
 
-def reproduce(
-    out: Path,
-    quick: bool = False,
-    recordings: File | None = None,
-    say: Say | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Measure the kit, write the page into the folder `out`, return the claims. `quick`: three seeds;
-    progress: called with the fraction done. Raises DataError."""
-    seeds = FEW if quick else SEEDS
-    folder = Path(recordings) if recordings else DESCRIPTIONS
+@reproduction("quick", "recordings", "say", "progress")
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Measure the kit, write the page into the folder `out`, return the claims; quick: three seeds
+    in place of 20. Raises DataError."""
+    wanted = stages(Path(asked.recordings or DESCRIPTIONS), FEW if asked.quick else SEEDS)
+    found = Evidence()
+    for place, (name, tasks) in enumerate(wanted.items()):
+        if asked.say:
+            asked.say(name)
+        part = part_of(asked.progress, place / len(wanted), (place + 1) / len(wanted))
+        found |= collected(tasks, progress=part)
+    return STUDY.write(out, found)
 
-    def tell(text: str, done: float) -> None:
-        if say:
-            say(text)
-        if progress:
-            progress(done)
 
-    tell("drive0708: outages", 0.0)
-    each, drive0708 = outage_errors(folder)
-    tell("rest", 0.25)
-    rest = pd.concat(
-        [
-            *(simulated(seeds, grade) for grade in GRADES),
-            simulated(seeds, GRADES[0], smooth=True),
-            recorded(read(folder / "drive0708-kit.toml")),
-        ]
-    )
-    tell("wheel slip", 0.5)
-    drives = [drive(seed) for seed in seeds]
-    rough = [drive(seed, roughness=3.0, engine=0.45) for seed in seeds]
-    found, alarms = detection(drives, seeds), quiet(drives, rough)
-    tell("what it is worth", 0.75)
-    gain = worth(seeds)
-    readme = drive0708.set_index(["windows", "set-up"]).loc[("README", "kit"), "median, m"]
-    claims = [
+def stages(folder: Path, seeds: range) -> dict[str, list[Task]]:
+    """{what is measured: tasks}."""
+    return {
+        "drive0708: outages": [Task(OUTAGES, on_drive.outage_errors, (folder,))],
+        "rest": [
+            *(Task(REST, rest.simulated, (seeds, grade)) for grade in GRADES),
+            Task(REST, rest.simulated, (seeds, GRADES[0], True)),
+            Task(REST, rest.recorded, (folder,)),
+        ],
+        "wheel slip": [Task("", slips.rates, (seeds,))],
+        "what it is worth": [Task("", slips.worth, (seed,)) for seed in seeds],
+    }
+
+
+def claims(found: Evidence) -> list[dict[str, Any]]:
+    """The claims on the drive, on false alarms and on the scale."""
+    medians = on_drive.summary(found[OUTAGES]).set_index(["windows", "set-up"])["median, m"]
+    gain = slips.medians(found[SCALES], found[WORTH]).set_index("wheel speed")
+    return [
         claim(
             "drive0708 with the vehicle kit: median of the largest horizontal error in the README's "
             "nine 15 s outages",
-            readme,
+            medians["README", "kit"],
             MEDIAN,
             "m",
         ),
         claim(
             "wheel slip: false alarms per hour of simulated driving",
-            alarms.iloc[0]["per hour"],
+            found[ALARMS].iloc[0]["per hour"],
             1.0,
             "per hour",
         ),
         claim(
             "odometer scale after 210 s, median error",
-            gain.set_index("wheel speed").loc["with slip, tested", "error of the scale, %"],
+            gain.loc["with slip, tested", "error of the scale, %"],
             0.1,
             "%",
         ),
     ]
-    tables = {
-        "drive0708": ("drive0708: largest horizontal error in outages of 15 s", drive0708),
-        "rest": ("Rest: what is missed, and what is taken for it", rest),
-        "slip": ("Wheel slip, 0.5 to 5 s, above 3 m/s", found),
-        "false-alarms": ("Wheel speed without slip that is left out", alarms),
-        "worth": ("Simulated drives with GNSS outages of 30 s", gain),
+
+
+def tables(found: Evidence) -> Tables:
+    """{name: (caption, DataFrame)}."""
+    return {
+        "drive0708": (
+            "drive0708: largest horizontal error in outages of 15 s",
+            on_drive.summary(found[OUTAGES]),
+        ),
+        REST: ("Rest: what is missed, and what is taken for it", found[REST]),
+        SLIP: ("Wheel slip, 0.5 to 5 s, above 3 m/s", found[SLIP]),
+        ALARMS: ("Wheel speed without slip that is left out", found[ALARMS]),
+        WORTH: (
+            "Simulated drives with GNSS outages of 30 s",
+            slips.medians(found[SCALES], found[WORTH]),
+        ),
     }
+
+
+def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
+    """{name: text} of the tables, for docs/how-to/vehicle.md."""
     headed = [(f"**{caption}**", table) for caption, table in tables.values()]
-    texts = {"table.md": markdown.tables(headed, _cell)}
-    page = tables | {"drive0708-outages": (None, each)}
-    write_page(out, "The vehicle kit", INTRODUCTION, claims, page, texts=texts)
-    return claims
+    return {"table.md": markdown.tables(headed, _cell)}
 
 
 def _cell(value: Any) -> str:
     if not isinstance(value, float):
         return str(value)
     return "–" if value != value else f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+STUDY = Study("The vehicle kit", INTRODUCTION, claims, tables, (OUTAGES,), texts)

@@ -24,9 +24,8 @@ CHOSEN_ON = [
 """s: windows of two runs on which the numbers of the kit were chosen; no other window touches them."""
 
 
-def outage_errors(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """(largest horizontal error of each outage, m, by set-up; medians and paired differences from the
-    constraints)."""
+def outage_errors(folder: Path) -> pd.DataFrame:
+    """Largest horizontal error of each outage, m, by windows and set-up."""
     given, constrained, kit = (
         sd.read(folder / f"drive0708{name}.toml") for name in ("", "-vehicle", "-kit")
     )
@@ -49,8 +48,7 @@ def outage_errors(folder: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
                     for s in sd.outages(solution, given.reference, windows)
                 ]
     columns = ["windows", "set-up", "from, s", "to, s", "largest horizontal, m"]
-    each = pd.DataFrame(rows, columns=columns)
-    return each, summary(each)
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _wheel(recording: Recording) -> Aiding:

@@ -1,11 +1,13 @@
 """How often the detector of rest misses one, and takes motion for one."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from strapdown.data import Aiding
+from strapdown.io import read
 from strapdown.preprocessing.vehicle_rest import vehicle_at_rest
 from strapdown.recording import Recording
 
@@ -39,8 +41,9 @@ def simulated(seeds: Sequence[int], grade: str, smooth: bool = False) -> pd.Data
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def recorded(recording: Recording) -> pd.DataFrame:
-    """Rates on a recorded drive, against the speed of its reference."""
+def recorded(folder: Path) -> pd.DataFrame:
+    """Rates on the recorded drive, against the speed of its reference."""
+    recording = read(folder / "drive0708-kit.toml")
     velocity = tuple(a for a in recording.aidings if a.kind == "velocity")
     rows = [
         ("drive0708", judged, *_rates([recording], [aidings], NOISE))

@@ -20,8 +20,17 @@ SIZES = (0.05, 0.1, 0.2, 0.5, 1.0)
 """Of the speed, by which wheels spin or lock."""
 SCALE = 0.02  # by which the wheel speed reads too much
 GNSS = ("position", "velocity")
+SLIP, ALARMS, SCALES, WORTH = "slip", "false-alarms", "scale", "worth"
+"""The tables of the Evidence."""
 OUTAGES = [(start, start + 30.0) for start in (210.0, 330.0, 450.0, 550.0)]
 """s without GNSS, in a drive of 600 s."""
+
+
+def rates(seeds: Sequence[int]) -> dict[str, pd.DataFrame]:
+    """{table: DataFrame} of `detection` and of `quiet` on the drives of the seeds."""
+    drives = [drive(seed) for seed in seeds]
+    rough = [drive(seed, roughness=3.0, engine=0.45) for seed in seeds]
+    return {SLIP: detection(drives, seeds), ALARMS: quiet(drives, rough)}
 
 
 def detection(drives: Sequence[Recording], seeds: Sequence[int]) -> pd.DataFrame:
@@ -96,37 +105,41 @@ def _with(recording: Recording, wheel: Aiding | None) -> Recording:
     return replace(recording, aidings=others if wheel is None else (*others, wheel))
 
 
-def worth(seeds: Sequence[int]) -> pd.DataFrame:
-    """Per drive with GNSS and constraints, and a wheel speed that reads 2 % too much: the error of the
-    scale that is estimated before the first outage (%), and the largest horizontal error of each
-    outage (m); medians over drives and outages."""
-    scale: dict[str, list[float]] = {}
-    errors: dict[str, list[float]] = {}
-    for seed in seeds:
-        clean = _constrained(_bent(drive(seed, gnss=Gnss()), scale=SCALE))
-        mixed = slipping(clean, seed, float(np.random.default_rng(seed).choice(SIZES)))[0]
-        wheel = wheel_of(mixed)
-        cases = {
-            "no wheel speed": _with(mixed, None),
-            "without slip": clean,
-            "with slip, not tested": mixed,
-            "with slip, tested": _with(mixed, without_slip(wheel, mixed.imu)[0]),
-        }
-        for name, recording in cases.items():
-            estimate = None if recording is cases["no wheel speed"] else ["scale"]
-            solution = sd.fuse(recording.hidden(OUTAGES, GNSS), estimate=estimate)
-            scores = sd.outages(solution, recording.reference, OUTAGES)
-            errors.setdefault(name, []).extend(s.horizontal_max for s in scores)
-            if estimate:
-                row = np.searchsorted(solution.t, OUTAGES[0][0])
-                value = solution.columns["scale error of wheel"][row]
-                scale.setdefault(name, []).append(100 * abs(value - SCALE))
-    rows = [
-        (name, np.median(scale[name]) if name in scale else np.nan, np.median(e), np.max(e))
-        for name, e in errors.items()
-    ]
-    columns = ["wheel speed", "error of the scale, %", "outage, median, m", "outage, largest, m"]
-    return pd.DataFrame(rows, columns=columns)
+def worth(seed: int) -> dict[str, pd.DataFrame]:
+    """{table: DataFrame} of a drive with GNSS and constraints, and a wheel speed that reads 2 % too
+    much: the error of the scale that is estimated before the first outage (%), and the largest
+    horizontal error of each outage (m)."""
+    clean = _constrained(_bent(drive(seed, gnss=Gnss()), scale=SCALE))
+    mixed = slipping(clean, seed, float(np.random.default_rng(seed).choice(SIZES)))[0]
+    cases = {
+        "no wheel speed": _with(mixed, None),
+        "without slip": clean,
+        "with slip, not tested": mixed,
+        "with slip, tested": _with(mixed, without_slip(wheel_of(mixed), mixed.imu)[0]),
+    }
+    scales, errors = [], []
+    for name, recording in cases.items():
+        estimate = None if recording is cases["no wheel speed"] else ["scale"]
+        solution = sd.fuse(recording.hidden(OUTAGES, GNSS), estimate=estimate)
+        scores = sd.outages(solution, recording.reference, OUTAGES)
+        errors += [(name, score.horizontal_max) for score in scores]
+        if estimate:
+            row = np.searchsorted(solution.t, OUTAGES[0][0])
+            value = solution.columns["scale error of wheel"][row]
+            scales.append((name, 100 * abs(value - SCALE)))
+    return {
+        SCALES: pd.DataFrame(scales, columns=["wheel speed", "error, %"]),
+        WORTH: pd.DataFrame(errors, columns=["wheel speed", "outage, m"]),
+    }
+
+
+def medians(scales: pd.DataFrame, errors: pd.DataFrame) -> pd.DataFrame:
+    """A row per case of `worth`: over the drives and outages."""
+    of_scale = scales.groupby("wheel speed")["error, %"].median()
+    far = errors.groupby("wheel speed", sort=False)["outage, m"].agg(["median", "max"])
+    found = pd.DataFrame({"error of the scale, %": of_scale.reindex(far.index)}).join(far)
+    columns = {"median": "outage, median, m", "max": "outage, largest, m"}
+    return found.rename(columns=columns).reset_index()
 
 
 def _constrained(recording: Recording) -> Recording:

@@ -8,10 +8,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from strapdown.typing import File, Progress
-
 from ..common.example_recordings import DESCRIPTIONS
-from ..common.runner import Task, collected, count_of
+from ..common.reproduction import Asked, reproduction
+from ..common.runner import Task, collected
 from . import diagnosed
 from .cases import MOTIONS, recorded, simulated
 from .cells import cells, right_row
@@ -23,29 +22,16 @@ RIGHT_SEEDS, RIGHT_FIRST = 25, 101
 RIGHT_MOTIONS = ("car", "flight", "ship", "hand-held")
 
 
-def reproduce(
-    out: File,
-    quick: bool = False,
-    runs: int | None = None,
-    seed: int = 1,
-    recordings: File | None = None,
-    workers: int = 0,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Run every cell, write the page into the folder `out`, return the claims.
-
-    quick: one seed, one simulated motion; runs: number of seeds; seed: the first of them;
-    recordings: folder of the descriptions (default: those of the source tree, left out where they
-    are not); workers: processes, the processors by default; progress: called with the fraction
-    done. Raises DataError.
-    """
-    count = count_of(quick, runs, seed, SEEDS, QUICK_SEEDS)
-    seeds = range(seed, seed + count)
-    if quick:
+@reproduction("quick", "runs", "seed", "recordings", "workers", "progress", usual=Asked(seed=1))
+def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Run every cell, write the page into the folder `out`, return the claims; quick: one seed, one
+    simulated motion; the recordings are left out where they are not. Raises DataError."""
+    seeds = asked.seeds_from(SEEDS, QUICK_SEEDS)
+    if asked.quick:
         tasks = list(of_motions([next(iter(MOTIONS))], seeds))
     else:
-        tasks = all_tasks(Path(recordings) if recordings else DESCRIPTIONS, seeds)
-    return STUDY.write(out, collected(tasks, workers, progress))
+        tasks = all_tasks(Path(asked.recordings or DESCRIPTIONS), seeds)
+    return STUDY.write(out, collected(tasks, asked.workers, asked.progress))
 
 
 def all_tasks(folder: Path, seeds: range) -> list[Task]:

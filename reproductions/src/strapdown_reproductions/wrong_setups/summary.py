@@ -8,7 +8,7 @@ from strapdown.verdict import DOUBTFUL
 
 from ..common import markdown
 from ..common.runner import Evidence
-from ..common.study import Study
+from ..common.study import Study, held_against
 from ..common.tables import Tables
 from ..common.targets import Target, in_docs
 from . import diagnosed
@@ -165,8 +165,7 @@ def not_showable() -> pd.DataFrame:
 STUDY = Study(
     "Wrong set-ups: who notices, and what is named",
     INTRODUCTION,
-    TARGETS,
-    figures,
+    held_against(TARGETS, figures),
     tables,
     stored=(CELLS,),
     texts=lambda found, claims, tables: {"table.md": in_docs(claims, tables, markdown.cell)},

@@ -2,11 +2,12 @@
 mode without a filter."""
 
 import math
+from typing import Any
 
 from strapdown.core.compile.jit import matrix
 from strapdown.core.loop.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
-from strapdown.flight.aircraft.parameters import GRAVITY, Aircraft, aircraft as find_aircraft
-from strapdown.typing import Array, File
+from strapdown.flight.aircraft.parameters import GRAVITY, aircraft as find_aircraft
+from strapdown.typing import Array
 
 from .model import (
     CRAFT,
@@ -26,6 +27,7 @@ from .model import (
     linearised,
     publish,
     seen,
+    takes_options,
     turn,
 )
 from .operating_point import ESTIMATE, READING, point_of, sampled
@@ -35,27 +37,19 @@ HELD = 1.0
 zero, as in Figure 5 of the paper."""
 
 
+@takes_options
 def start(
     start: Start,
     noise: Noise,
-    model: float = 0.1,
-    q: float = 0.0,
-    r: float = 0.0,
-    rate: float = 100.0,
-    aircraft: File | Aircraft = "aerosonde",
-    earth: str = "flat",
     linearised: str = "estimate",
     airspeed: float | None = None,
+    **shared: Any,
 ) -> Belief:
-    """Belief at `start`. model: random walk (m/s/sqrt(s)) of the velocity beyond what the
-    aircraft's model predicts, where it does; q: variance (m^2 and m^2/s^2) that each sample of an
-    IMU of `rate` Hz adds to each state instead of that and of the accelerometers' noise; r:
-    variance of each row of a fix instead of its own (0: neither). aircraft: whose model predicts;
-    earth: "flat", no other. linearised: where the process is, one of operating_point.READINGS;
-    airspeed: of the trim that "trim" and "once" are about, m/s.
-    """
-    belief = begin(start, SIX, Options(model, q, r, rate, aircraft, earth))
-    point = point_of(find_aircraft(aircraft), start, linearised, airspeed)
+    """Belief at `start`. linearised: where the process is, one of operating_point.READINGS;
+    airspeed: of the trim that "trim" and "once" are about, m/s; shared: Options."""
+    options = Options(**shared)
+    belief = begin(start, SIX, options)
+    point = point_of(find_aircraft(options.aircraft), start, linearised, airspeed)
     belief.workspace[POINT : POINT + len(point)] = point
     return belief
 

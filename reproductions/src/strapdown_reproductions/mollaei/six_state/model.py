@@ -11,13 +11,14 @@ the start's and stay.
 """
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from inspect import Parameter, Signature, signature
+from typing import Any, NamedTuple, TypeVar
 
 from strapdown.checks import check_number
 from strapdown.core.compile.jit import helper, inlined, matrix
 from strapdown.core.loop.contract import Belief, Kind, Noise, Slots, Source, Start
-from strapdown.core.mathematics.rotation import orthonormalise, rotate_right, turned, wrap
+from strapdown.core.mathematics.rotation import Three, orthonormalise, rotate_right, turned, wrap
 from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import (
@@ -31,6 +32,7 @@ from strapdown.flight.aircraft.parameters import (
 )
 from strapdown.typing import Array, File
 
+from ...common.signatures import keywords
 from . import operating_point
 
 SIX = Slots(room=8)
@@ -63,15 +65,30 @@ REPRODUCED = dict(q=0.1, r=0.5)
 """Options that give the Q = 0.1 I and R = 0.5 I of the paper."""
 
 
-class Options(NamedTuple):
-    """What all of these filters take as options; their meaning stands at kalman_filters.start."""
+StartFunction = TypeVar("StartFunction", bound=Callable[..., Belief])
 
-    model: float  # m/s/sqrt(s)
-    q: float  # m^2 and m^2/s^2 of each sample
-    r: float  # m^2 and m^2/s^2
-    rate: float  # Hz
-    aircraft: File | Aircraft
-    earth: str
+
+class Options(NamedTuple):
+    """What all of these filters take as options."""
+
+    # random walk of the velocity beyond what the aircraft's model predicts, where it does,
+    # m/s/sqrt(s)
+    model: float = 0.1
+    # variance that each sample adds to each state instead of that and of the accelerometers' noise,
+    # m^2 and m^2/s^2, and that of each row of a fix instead of its own; 0: neither
+    q: float = 0.0
+    r: float = 0.0
+    rate: float = 100.0  # of the IMU, Hz
+    aircraft: File | Aircraft = "aerosonde"  # whose model predicts
+    earth: str = "flat"  # no other
+
+
+def takes_options(start: StartFunction) -> StartFunction:
+    """A `start` whose **options are Options, for the engine, which goes by its signature."""
+    own = [p for p in signature(start).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    # the type of a function knows no __signature__
+    start.__signature__ = Signature([*own, *keywords(Options._field_defaults)])  # type: ignore[attr-defined]
+    return start
 
 
 def begin(start: Start, slots: Slots, options: Options, rest: int = 0) -> Belief:
@@ -206,7 +223,7 @@ def linearised(belief: Belief, x: Array, P: Array, dt: float, noise: Noise) -> N
         a0, a1, a2 = acceleration(workspace, omega, v0, v1, v2)
         m0, m1, m2 = v0 + 0.5 * dt * a0, v1 + 0.5 * dt * a1, v2 + 0.5 * dt * a2
         b0, b1, b2 = acceleration(workspace, omega, m0, m1, m2)
-        jacobian(workspace, omega, m0, m1, m2, b0, b1, b2, dt)
+        jacobian(workspace, omega, (m0, m1, m2), (b0, b1, b2), dt)
         transform(P, workspace, dt)
         w0, w1, w2 = v0 + dt * b0, v1 + dt * b1, v2 + dt * b2
     add_noise(P, workspace, noise, dt)
@@ -232,17 +249,7 @@ def drift(P: Array, dt: float) -> None:
 
 
 @helper
-def jacobian(
-    workspace: Array,
-    omega: Array,
-    v0: float,
-    v1: float,
-    v2: float,
-    a0: float,
-    a1: float,
-    a2: float,
-    dt: float,
-) -> None:
+def jacobian(workspace: Array, omega: Array, v: Three, a: Three, dt: float) -> None:
     """A = I + J dt + J^2 dt^2 / 2, J the derivative of the model's acceleration a by the
     velocity v at mid-sample, from differences over STEP."""
     s, F = dt / STEP, matrix(workspace, A, 3, 3)
@@ -251,11 +258,11 @@ def jacobian(
         b0, b1, b2 = acceleration(
             workspace,
             omega,
-            v0 + (STEP if k == 0 else 0.0),
-            v1 + (STEP if k == 1 else 0.0),
-            v2 + (STEP if k == 2 else 0.0),
+            v[0] + (STEP if k == 0 else 0.0),
+            v[1] + (STEP if k == 1 else 0.0),
+            v[2] + (STEP if k == 2 else 0.0),
         )
-        F[0, k], F[1, k], F[2, k] = s * (b0 - a0), s * (b1 - a1), s * (b2 - a2)
+        F[0, k], F[1, k], F[2, k] = s * (b0 - a[0]), s * (b1 - a[1]), s * (b2 - a[2])
     j00, j01, j02 = F[0, 0], F[0, 1], F[0, 2]
     j10, j11, j12 = F[1, 0], F[1, 1], F[1, 2]
     j20, j21, j22 = F[2, 0], F[2, 1], F[2, 2]

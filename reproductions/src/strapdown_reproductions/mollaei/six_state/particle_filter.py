@@ -9,7 +9,7 @@ components go their own ways.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from strapdown.checks import check_choice, check_number
 from strapdown.core.compile.jit import flatten, helper, inlined, matrix
@@ -38,8 +38,7 @@ from strapdown.filters.particle.mixture import (
     weigh,
 )
 from strapdown.filters.sigma_point.sigma_points import covariance, factor, symmetric
-from strapdown.flight.aircraft.parameters import Aircraft
-from strapdown.typing import Array, File
+from strapdown.typing import Array
 
 from .model import (
     SIX,
@@ -55,6 +54,7 @@ from .model import (
     linearised,
     publish,
     seen,
+    takes_options,
     turn,
 )
 from .sigma_point_filters import LANES, LAYOUT, ROWS, through
@@ -103,6 +103,7 @@ def views(workspace: Array) -> Views:
     )
 
 
+@takes_options
 def start(
     start: Start,
     noise: Noise,
@@ -110,26 +111,20 @@ def start(
     kernel: float | None = None,
     resample: float = 0.5,
     seed: int = 0,
-    model: float = 0.1,
-    q: float = 0.0,
-    r: float = 0.0,
-    rate: float = 100.0,
-    aircraft: File | Aircraft = "aerosonde",
-    earth: str = "flat",
     transition: str = "linearised",
+    **shared: Any,
 ) -> Belief:
     """Belief at `start`. components; kernel: their width as a fraction of the mixture's (None:
     mixture.kernel_width); resample: when fewer than this fraction of them are effective; seed
     of the draws; transition: of each component, "linearised" at its mean or by "sigma-points", the
-    symmetric set (37)-(39); the others as of EKF6.
+    symmetric set (37)-(39); shared: Options.
     """
     check_number(resample, "resample", least=0, most=1)
     check_choice(transition, "transition", ("linearised", "sigma-points"))
     width = kernel_width(components, 6) if kernel is None else kernel
     deviations, phi, stream = begin_mixture(start.belief(None).P[:6, :6], components, width, seed)
     size = len(deviations)
-    options = Options(model, q, r, rate, aircraft, earth)
-    belief = begin(start, SLOTS, options, rest=size * EACH)
+    belief = begin(start, SLOTS, Options(**shared), rest=size * EACH)
     workspace = belief.workspace
     workspace[N], workspace[KERNEL], workspace[THRESHOLD] = size, width, resample * size
     workspace[RANDOM], workspace[EFFECTIVE] = stream, size
@@ -148,7 +143,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     """Attitude by the gyros; each component as an extended Kalman filter predicts it, or by sigma
     points."""
     turn(belief, u, dt)
-    workspace, omega = belief.workspace, belief.omega
+    workspace = belief.workspace
     m, sums, sets, S = views(workspace), workspace[SUMS], workspace[SETS], workspace[SQUARE_ROOT]
     _follow(belief)
     clear(sums)
@@ -158,9 +153,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
             x, P = own[:6], matrix(own, 6, 6, 6)
             if sets[0] > 0:
                 workspace[REPAIRS] += factor(P, 6, LANES, S)
-                workspace[REPAIRS] += through(
-                    workspace, omega, x, S, sets, workspace[ROOM], noise, dt
-                )
+                workspace[REPAIRS] += through(belief, x, S, sets, workspace[ROOM], noise, dt)
                 covariance(S, 6, LANES, P)
             else:
                 linearised(belief, x, P, dt, noise)

@@ -9,6 +9,7 @@ filters/sigma_point/sigma_points.py.
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from strapdown.checks import check_choice
 from strapdown.core.compile.jit import helper, matrix
@@ -22,6 +23,7 @@ from strapdown.core.loop.contract import (
     Start,
     kernel,
 )
+from strapdown.core.mathematics.rotation import Three
 from strapdown.filters.sigma_point.sigma_points import (
     corrected,
     covariance,
@@ -32,8 +34,7 @@ from strapdown.filters.sigma_point.sigma_points import (
     symmetric,
     triangle,
 )
-from strapdown.flight.aircraft.parameters import Aircraft
-from strapdown.typing import Array, File
+from strapdown.typing import Array
 
 from .model import (
     SIX,
@@ -47,6 +48,7 @@ from .model import (
     publish,
     random_walk,
     seen,
+    takes_options,
     turn,
     variance,
 )
@@ -69,6 +71,7 @@ ROOM = SLOTS.part("ROOM", LAYOUT)
 LEFT = SLOTS.matrix("LEFT", 6, 6)  # the covariance as the filter left it
 
 
+@takes_options
 def start(
     start: Start,
     noise: Noise,
@@ -76,34 +79,19 @@ def start(
     alpha: float = 0.1,
     beta: float = 2.0,
     kappa: float = 0.0,
-    model: float = 0.1,
-    q: float = 0.0,
-    r: float = 0.0,
-    rate: float = 100.0,
-    aircraft: File | Aircraft = "aerosonde",
-    earth: str = "flat",
+    **shared: Any,
 ) -> Belief:
     """Belief at `start`. sigma: "merwe", the scaled set of (30) with alpha, beta and kappa, or
-    "symmetric", that of (23); the others as of EKF6."""
+    "symmetric", that of (23); shared: Options."""
     check_choice(sigma, "sigma", ("merwe", "symmetric"))
     make = symmetric if sigma == "symmetric" else lambda states: merwe(states, alpha, beta, kappa)
-    options = Options(model, q, r, rate, aircraft, earth)
-    return _begin(start, options, (*make(12), 6.0), make(6))
+    return _begin(start, Options(**shared), (*make(12), 6.0), make(6))
 
 
-def start_cubature(
-    start: Start,
-    noise: Noise,
-    model: float = 0.1,
-    q: float = 0.0,
-    r: float = 0.0,
-    rate: float = 100.0,
-    aircraft: File | Aircraft = "aerosonde",
-    earth: str = "flat",
-) -> Belief:
-    """Belief at `start` for the cubature filter; options as of EKF6."""
-    options = Options(model, q, r, rate, aircraft, earth)
-    return _begin(start, options, (*symmetric(6), 0.0), symmetric(6))
+@takes_options
+def start_cubature(start: Start, noise: Noise, **shared: Any) -> Belief:
+    """Belief at `start` for the cubature filter; shared: Options."""
+    return _begin(start, Options(**shared), (*symmetric(6), 0.0), symmetric(6))
 
 
 def _begin(
@@ -134,10 +122,8 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     turn(belief, u, dt)
     workspace = belief.workspace
     _rooted(belief)
-    sets = workspace[SETS]
-    workspace[REPAIRS] += through(
-        workspace, belief.omega, workspace[X], workspace[S], sets, workspace[ROOM], noise, dt
-    )
+    x, A, sets, room = workspace[X], workspace[S], workspace[SETS], workspace[ROOM]
+    workspace[REPAIRS] += through(belief, x, A, sets, room, noise, dt)
     _leave(belief)
 
 
@@ -159,14 +145,7 @@ def _leave(belief: Belief) -> None:
 
 @helper
 def through(
-    workspace: Array,
-    omega: Array,
-    x: Array,
-    A: Array,
-    sets: Array,
-    room: Array,
-    noise: Noise,
-    dt: float,
+    belief: Belief, x: Array, A: Array, sets: Array, room: Array, noise: Noise, dt: float
 ) -> int:
     """Advance one Gaussian by sigma points through the IMU's increment or the aircraft's model: x
     (6,) and the square root of its covariance, the first 6 rows of A (ROWS rows of LANES).
@@ -174,6 +153,7 @@ def through(
     sets: spread and rest of the points, and how many pairs are of noise; room: what LAYOUT has
     room for. Returns how many numbers were repaired.
     """
+    workspace, omega = belief.workspace, belief.omega
     mean, change, spread = room[MEAN], room[CHANGE], sets[0]
     v0, v1, v2 = x[3], x[4], x[5]
     c0, c1, c2 = moved(workspace, omega, v0, v1, v2, dt)
@@ -182,8 +162,8 @@ def through(
         for k in range(LANES):
             A[far + k] = -spread * A[row + k]
             A[row + k] *= spread
-        _propagated(workspace, omega, x, A[row : row + 6], c0, c1, c2, dt)
-        _propagated(workspace, omega, x, A[far : far + 6], c0, c1, c2, dt)
+        _propagated(belief, x, A[row : row + 6], (c0, c1, c2), dt)
+        _propagated(belief, x, A[far : far + 6], (c0, c1, c2), dt)
     take = deviations(A, 6, int(sets[2]), LANES, spread, sets[1], mean)
     _noise_rows(workspace, A[13 * LANES : 19 * LANES], noise, dt)
     triangle(A, 19, 6, LANES)
@@ -200,14 +180,12 @@ def through(
 
 
 @helper
-def _propagated(
-    workspace: Array, omega: Array, x: Array, d: Array, c0: float, c1: float, c2: float, dt: float
-) -> None:
+def _propagated(belief: Belief, x: Array, d: Array, c: Three, dt: float) -> None:
     """The deviation d (6,) of a point from x becomes that of the point from the centre after dt,
     whose velocity is then c (m/s)."""
     d3, d4, d5 = d[3], d[4], d[5]
-    w0, w1, w2 = moved(workspace, omega, x[3] + d3, x[4] + d4, x[5] + d5, dt)
-    d[3], d[4], d[5] = w0 - c0, w1 - c1, w2 - c2
+    w0, w1, w2 = moved(belief.workspace, belief.omega, x[3] + d3, x[4] + d4, x[5] + d5, dt)
+    d[3], d[4], d[5] = w0 - c[0], w1 - c[1], w2 - c[2]
     d[0] += 0.5 * dt * (d3 + d[3])
     d[1] += 0.5 * dt * (d4 + d[4])
     d[2] += 0.5 * dt * (d5 + d[5])
