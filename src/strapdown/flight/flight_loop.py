@@ -118,6 +118,15 @@ STALL_PATIENCE = 1.0  # s
 SINE_STEEPEST_PITCH = math.sin(math.radians(85.0))
 
 
+class Calls(NamedTuple):
+    """Addresses of the kernels that a flight calls."""
+
+    step: int
+    evaluate: int
+    gust: int
+    run: int
+
+
 class Vehicle(NamedTuple):
     """The aircraft in its air."""
 
@@ -167,6 +176,7 @@ class Journal(NamedTuple):
     at: Ints  # int64
 
 
+CALLS = record(Calls, step=WHOLE, evaluate=WHOLE, gust=WHOLE, run=WHOLE)
 VEHICLE = record(
     Vehicle,
     parameters=reals("parameters"),
@@ -207,7 +217,7 @@ JOURNAL = record(
 )
 FLY = signature(
     "fly",
-    **dict.fromkeys(("step", "evaluate", "gust", "run"), WHOLE),
+    calls=CALLS,
     kernels=KERNELS,
     belief=BELIEF,
     imu=IMU,
@@ -231,10 +241,7 @@ run_at, step_at, evaluate_at, gust_at = (
 
 @kernel(FLY)
 def fly(
-    step: int,
-    evaluate: int,
-    gust: int,
-    run: int,
+    calls: Calls,
     kernels: Kernels,
     belief: Belief,
     imu: Imu,
@@ -251,59 +258,28 @@ def fly(
     """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends.
     Commands must stand for the first sample."""
     at, state, work = journal.at, vehicle.state, vehicle.work
-    C, loads, measured, steps = (
-        matrix(work, TRUE_C, 3, 3),
-        work[LOADS],
-        work[STEP_INCREMENTS],
-        at[STEPS],
-    )
+    C, steps = matrix(work, TRUE_C, 3, 3), at[STEPS]
     for row in range(at[ROW], at[LAST]):
         cut, h = journal.cut[row] * at[BY_MODEL], imu.dt[row] / steps
         imagined = cut == 1 and at[INPUTS] < 0
         _begin_sample(vehicle, belief, imu.dtheta[row], imu.dv[row], imagined)
         for k in range(steps):
+            moment = row * steps + k
             if k > 0:  # by the last estimate
                 _steer(steering, vehicle, belief, at[BY_TRUTH], h)
-            if vehicle.turbulence[SD_U] > 0:
-                gust_at(gust)(
-                    vehicle.turbulence,
-                    vehicle.gusts,
-                    vehicle.normals[row * steps + k],
-                    loads[AIR_SPEED],
-                    h,
-                    vehicle.wind,
-                )
-            _move(step, vehicle, h, C)
-            evaluate_at(evaluate)(
-                vehicle.parameters,
-                state,
-                vehicle.wind,
-                work[RATE_ROWS],
-                loads,
-            )
+            _blow(calls.gust, vehicle, moment, h)
+            _move(calls, vehicle, h, C)
             if imagined:
-                _imagine(step, vehicle, belief, h)
+                _imagine(calls.step, vehicle, belief, h)
             else:
-                _measure(
-                    work[INCREMENTS],
-                    errors.numbers,
-                    errors.dtheta[row * steps + k],
-                    errors.dv[row * steps + k],
-                    h,
-                    measured[0:3],
-                    measured[3:6],
-                )
-            for i in range(3):
-                imu.dtheta[row, i] += measured[i]
-                imu.dv[row, i] += measured[3 + i]
+                _measure(work, errors, moment, h)
+            _add(work[STEP_INCREMENTS], imu.dtheta[row], imu.dv[row])
             _fill(errors, fixes, at, state, C, imu.t[row] - (steps - 1 - k) * h, work[SLOPES])
-        if at[INPUTS] >= 0:
-            _tell(belief.workspace, at[INPUTS], cut, work, steering.wind, imu.dt[row], steps)
+        _tell(belief.workspace, at, cut, work, steering.wind, imu.dt[row])
         cursor.state[0].stop = row + 1
-        if imagined:
-            run_at(run)(kernels, belief, imu, fixes, model_noise, cursor, out)
-        else:
-            run_at(run)(kernels, belief, imu, fixes, noise, cursor, out)
+        assumed = model_noise if imagined else noise
+        run_at(calls.run)(kernels, belief, imu, fixes, assumed, cursor, out)
+        if not imagined:
             _learn(vehicle.model, state, belief)
         if at[BY_TRUTH] == 1 or cursor.state[0].fault == 0:
             _steer(steering, vehicle, belief, at[BY_TRUTH], h)
@@ -311,7 +287,7 @@ def fly(
         at[CAUSE] = (
             FILTER
             if cursor.state[0].fault
-            else _cause(state, C, vehicle.limits, loads[ALPHA], at, imu.dt[row])
+            else _cause(state, C, vehicle.limits, work[LOADS][ALPHA], at, imu.dt[row])
         )
         at[ROW] = row + 1
         if at[CAUSE] != FLYING:
@@ -330,6 +306,28 @@ def _begin_sample(
     controls[3] = 0.0
     if imagined:
         _set_model(vehicle.model, belief)
+
+
+@helper
+def _blow(gust: int, vehicle: Vehicle, moment: int, h: float) -> None:
+    """Go on with the gusts, if any blow, in the aircraft's step of that number."""
+    if vehicle.turbulence[SD_U] > 0:
+        gust_at(gust)(
+            vehicle.turbulence,
+            vehicle.gusts,
+            vehicle.normals[moment],
+            vehicle.work[LOADS][AIR_SPEED],
+            h,
+            vehicle.wind,
+        )
+
+
+@helper
+def _add(measured: Array, dtheta: Array, dv: Array) -> None:
+    """Add the increments of a step to those of its sample."""
+    for i in range(3):
+        dtheta[i] += measured[i]
+        dv[i] += measured[3 + i]
 
 
 @helper
@@ -382,9 +380,9 @@ def _steer(steering: Steering, vehicle: Vehicle, belief: Belief, by_truth: int, 
 
 
 @inlined
-def _move(step: int, vehicle: Vehicle, dt: float, C: Array) -> None:
-    """Move the aircraft by a step; leaves its increments and mean rates of change in `work`, what
-    its controls were among their sums, its attitude in C."""
+def _move(calls: Calls, vehicle: Vehicle, dt: float, C: Array) -> None:
+    """Move the aircraft by a step; leaves its increments, mean rates of change and loads in `work`,
+    what its controls were among their sums, its attitude in C."""
     state, work, slopes, controls = (
         vehicle.state,
         vehicle.work,
@@ -394,13 +392,18 @@ def _move(step: int, vehicle: Vehicle, dt: float, C: Array) -> None:
     for i in range(3):
         slopes[i], slopes[3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
     before = (state[CONTROLS], state[CONTROLS + 1], state[CONTROLS + 2], state[CONTROLS + 3])
-    step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS])
+    step_at(calls.step)(
+        vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS]
+    )
     for i in range(3):
         slopes[i] += state[VELOCITY + i] / dt
         slopes[3 + i] += state[OMEGA + i] / dt
     for i in range(4):
         controls[i] += 0.5 * (before[i] + state[CONTROLS + i])
     _attitude(state[QUATERNION:CONTROLS], C)
+    evaluate_at(calls.evaluate)(
+        vehicle.parameters, state, vehicle.wind, work[RATE_ROWS], work[LOADS]
+    )
 
 
 @helper
@@ -432,15 +435,15 @@ def _learn(model: Array, state: Array, belief: Belief) -> None:
 
 
 @helper
-def _measure(
-    true: Array, numbers: Array, add_theta: Array, add_v: Array, dt: float, dtheta: Array, dv: Array
-) -> None:
-    """The increments as the IMU measures them: distortion, bias and noise, counting, full scale."""
+def _measure(work: Array, errors: Errors, moment: int, dt: float) -> None:
+    """The increments of the aircraft's step of that number as the IMU measures them: distortion,
+    bias and noise, counting, full scale."""
+    true, measured, numbers = work[INCREMENTS], work[STEP_INCREMENTS], errors.numbers
     distortion = numbers[DISTORTION]
     for i in range(3):
         g, m, a = 3 * i, 9 + 3 * i, 18 + 3 * i
-        dtheta[i] = (
-            add_theta[i]
+        dtheta = (
+            errors.dtheta[moment, i]
             + distortion[g] * true[0]
             + distortion[g + 1] * true[1]
             + distortion[g + 2] * true[2]
@@ -449,15 +452,15 @@ def _measure(
             + distortion[m + 2] * true[5]
             + true[i]
         )
-        dv[i] = (
-            add_v[i]
+        dv = (
+            errors.dv[moment, i]
             + distortion[a] * true[3]
             + distortion[a + 1] * true[4]
             + distortion[a + 2] * true[5]
             + true[3 + i]
         )
-        dtheta[i] = _read(numbers, 0, i, dtheta[i], dt)
-        dv[i] = _read(numbers, 1, 3 + i, dv[i], dt)
+        measured[i] = _read(numbers, 0, i, dtheta, dt)
+        measured[3 + i] = _read(numbers, 1, 3 + i, dv, dt)
 
 
 @helper
@@ -473,15 +476,15 @@ def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -
 
 
 @helper
-def _tell(
-    workspace: Array, first: int, cut: int, work: Array, wind: Array, dt: float, steps: int
-) -> None:
-    """The filter's inputs, see inputs.py."""
-    own = workspace[first : first + inputs.TOLD_SIZE]
+def _tell(workspace: Array, at: Ints, cut: int, work: Array, wind: Array, dt: float) -> None:
+    """The filter's inputs, where it takes any, see inputs.py."""
+    if at[INPUTS] < 0:
+        return
+    own = workspace[at[INPUTS] : at[INPUTS] + inputs.TOLD_SIZE]
     controls, told = own[inputs.CONTROLS], own[inputs.WIND]
     own[inputs.BY_MODEL], own[inputs.SECONDS] = float(cut), dt
     for i in range(4):
-        controls[i] = work[CONTROL_SUMS][i] / steps
+        controls[i] = work[CONTROL_SUMS][i] / at[STEPS]
     for i in range(3):
         told[i] = wind[i]
 

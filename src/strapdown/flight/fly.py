@@ -474,7 +474,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     at, rows = journal.at, len(run.samples.t)
     go = bound(
         kernels.fly,
-        *(address(each) for each in (step, evaluate, gust, loop.run)),
+        kernels.Calls(*map(address, (step, evaluate, gust, loop.run))),
         run.kernels,
         run.belief,
         run.samples,
