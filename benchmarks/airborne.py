@@ -56,7 +56,7 @@ def aircraft(times):
     compile_kernel(step)
     trim = sd.trim(sd.aircraft("aerosonde"), 25.0, radius=300.0)
     parameters, wind, increments = (
-        trim.aircraft.array("geodetic", trim.origin),
+        trim.aircraft.parameters("geodetic", trim.origin),
         np.array([3.0, 1, 0, 0.5, 0.5, 0.5, 0.01, 0.01, 0.01]),
         np.empty(6),
     )

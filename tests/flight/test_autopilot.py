@@ -11,7 +11,7 @@ from strapdown.checks import DataError
 from strapdown.flight import autopilot as p
 from strapdown.flight.aircraft.dynamics import step
 from strapdown.flight.aircraft.modes import linearise
-from strapdown.flight.aircraft.parameters import GRAVITY, aircraft
+from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.flight.autopilot_gains import gains, pilot_array
 from strapdown.flight.fly import fly
@@ -169,8 +169,8 @@ def test_roll_follows_a_step(asked):
     """Surfaces alone, in the compiled aircraft: 90 % within two time constants and the
     actuator's lag, at most 5 % over, steady error below 2 deg (there is no integral here)."""
     craft, steady, _, k = parts()
-    array = craft.array("flat", DEFAULT_PLACE)
-    pilot = pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), array[GRAVITY])
+    parameters = craft.parameters("flat", DEFAULT_PLACE)
+    pilot = pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), parameters.gravity)
     memory, state, commands, u = (
         np.zeros(p.MEMORY_SIZE),
         steady.state.copy(),
@@ -186,7 +186,7 @@ def test_roll_follows_a_step(asked):
             math.asin(2 * (a * c - b * d)),
         )
         surfaces(pilot, memory, roll, pitch, state[10:13], 25.0, commands)
-        advance(array, state, commands, np.zeros(9), 0.01, u)
+        advance(parameters, state, commands, np.zeros(9), 0.01, u)
         rolls.append(roll / asked)
     rise = 0.01 * np.argmax(np.array(rolls) > 0.9)
     assert 0.3 < rise < 2.3 / (5 * k.course_p) + 0.3

@@ -64,7 +64,7 @@ def flown(craft, duration=20.0, dt=DT, wind=(0.0, 0.0)):
     """States of `step` on the geodetic Earth, (n, 17), commands held for DT."""
     go, parameters, state, increments = (
         step,
-        craft.array("geodetic"),
+        craft.parameters("geodetic"),
         state_of(25.0, 0.0, 0.05, 0.5, 0.05),
         np.zeros(6),
     )
@@ -175,7 +175,7 @@ def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
     but for gravity, which is that of J2 in JSBSim."""
     rng, parameters, rates, outputs = (
         np.random.default_rng(5),
-        AEROSONDE.array("geodetic"),
+        AEROSONDE.parameters("geodetic"),
         np.zeros(19),
         np.zeros(12),
     )
@@ -238,8 +238,10 @@ def test_the_standard_atmosphere_is_that_of_the_aircraft(height, tmp_path):
         executive.set_aircraft_path(str(tmp_path))
         assert executive.load_model(path.stem)
         _place(executive, state, state[13:], (0.0, 0.0), INTEGRATORS)
-        evaluate(craft.array("geodetic"), state, NOTHING, np.zeros(19), outputs)
-        assert executive["craft/rho"] == pytest.approx(density(craft.array(), height), rel=1e-9)
+        evaluate(craft.parameters("geodetic"), state, NOTHING, np.zeros(19), outputs)
+        assert executive["craft/rho"] == pytest.approx(
+            density(craft.parameters(), height), rel=1e-9
+        )
         force = [executive[f"forces/fb{axis}-total-lbs"] * POUND for axis in "xyz"]
         assert np.allclose(force, outputs[:3], rtol=1e-8, atol=1e-8)
 

@@ -14,7 +14,7 @@ from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.recording import Recording
 
-PARAMETERS = aircraft("aerosonde").array(earth="flat", origin=ORIGIN)
+PARAMETERS = aircraft("aerosonde").parameters(earth="flat", origin=ORIGIN)
 
 
 class Flown(NamedTuple):

@@ -20,6 +20,7 @@ from ..aiding.pressure import (
     pressure_altitude,
 )
 from ..core.compile.jit import caller, helper, inlined, kernel, matrix
+from ..core.compile.records import Table, rows_of
 from ..core.compile.signatures import WHOLE, reals, record, signature, wholes
 from ..core.loop import loop
 from ..core.loop.contract import (
@@ -55,6 +56,7 @@ from .aircraft.dynamics import (
     STEP,
     VELOCITY,
 )
+from .aircraft.parameters import Parameters
 from .aircraft.wind import GUST, SD_U
 from .autopilot import (
     AIRSPEED,
@@ -130,7 +132,7 @@ class Calls(NamedTuple):
 class Vehicle(NamedTuple):
     """The aircraft in its air."""
 
-    parameters: Array  # of the aircraft
+    parameters: Table[Parameters]  # of the aircraft, one row
     state: Array  # (17,) see aircraft.dynamics
     commands: Array  # (4,)
     wind: Array  # (9,) steady (NED), gust velocity (body), gust rates
@@ -179,7 +181,7 @@ class Journal(NamedTuple):
 CALLS = record(Calls, step=WHOLE, evaluate=WHOLE, gust=WHOLE, run=WHOLE)
 VEHICLE = record(
     Vehicle,
-    parameters=reals("parameters"),
+    parameters=rows_of(Parameters, 1),
     state=reals(STATE_SIZE),
     commands=reals(4),
     wind=reals(9),
@@ -335,7 +337,7 @@ def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
     """What the IMU would measure aboard the model in a step, biases included."""
     imaginary, measured = vehicle.work[MODEL_INCREMENTS], vehicle.work[STEP_INCREMENTS]
     step_at(step)(
-        vehicle.parameters,
+        vehicle.parameters[0],
         vehicle.model,
         vehicle.commands,
         vehicle.work[TOLD],
@@ -393,7 +395,7 @@ def _move(calls: Calls, vehicle: Vehicle, dt: float, C: Array) -> None:
         slopes[i], slopes[3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
     before = (state[CONTROLS], state[CONTROLS + 1], state[CONTROLS + 2], state[CONTROLS + 3])
     step_at(calls.step)(
-        vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS]
+        vehicle.parameters[0], state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS]
     )
     for i in range(3):
         slopes[i] += state[VELOCITY + i] / dt
@@ -402,7 +404,7 @@ def _move(calls: Calls, vehicle: Vehicle, dt: float, C: Array) -> None:
         controls[i] += 0.5 * (before[i] + state[CONTROLS + i])
     _attitude(state[QUATERNION:CONTROLS], C)
     evaluate_at(calls.evaluate)(
-        vehicle.parameters, state, vehicle.wind, work[RATE_ROWS], work[LOADS]
+        vehicle.parameters[0], state, vehicle.wind, work[RATE_ROWS], work[LOADS]
     )
 
 

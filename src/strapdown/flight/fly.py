@@ -12,6 +12,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.jit import address, bound
+from ..core.compile.records import rows
 from ..core.loop import loop
 from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
 from ..data import Aiding, Solution, Trajectory
@@ -32,13 +33,7 @@ from ..typing import Array, File, Progress, Say
 from . import flight_loop as kernels
 from .aircraft.dynamics import AIRSPEED, evaluate, step
 from .aircraft.modes import check_step, linearise
-from .aircraft.parameters import (
-    GRAVITY,
-    LATITUDE_RATE,
-    LONGITUDE_RATE,
-    Aircraft,
-    aircraft as find_aircraft,
-)
+from .aircraft.parameters import Aircraft, Parameters, aircraft as find_aircraft
 from .aircraft.trim import Trim, trim
 from .aircraft.wind import NORMALS, SD_U, begin, gust, turbulence as gusts
 from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
@@ -295,7 +290,7 @@ class _Known(NamedTuple):
     """What all flights of one plan, aircraft and wind share; nothing in it is written to, and a
     Flight has copies."""
 
-    array: Array
+    parameters: Parameters
     trim: Trim
     gains: Gains
     route: Array
@@ -321,8 +316,9 @@ class _Underway(NamedTuple):
 @lru_cache(maxsize=32)
 def _known(case: _Case) -> _Known:
     plan, craft, earth, wind, told, dt = case
-    array = craft.array(earth, plan.place)
-    gravity, scales = float(array[GRAVITY]), (1 / array[LATITUDE_RATE], 1 / array[LONGITUDE_RATE])
+    parameters = craft.parameters(earth, plan.place)
+    gravity = float(parameters.gravity)
+    scales = 1 / parameters.latitude_rate, 1 / parameters.longitude_rate
     segments, seconds = route(plan, told, gravity)
     across = wind[1] * math.cos(plan.course) - wind[0] * math.sin(plan.course)
     if math.hypot(*wind) >= 0.9 * plan.begin_airspeed:
@@ -348,7 +344,7 @@ def _known(case: _Case) -> _Known:
             ) from None
     found = gains(craft, begun, linearise(craft, begun), gravity)
     return _Known(
-        array,
+        parameters,
         begun,
         found,
         segments,
@@ -391,11 +387,11 @@ def _journal(
         prediction != "imu",
         -1 if inputs is None else inputs,
     )
-    rows = len(t) + 1
+    moments = len(t) + 1
     journal = kernels.Journal(
-        np.empty((rows, 3)),
-        np.empty((rows, 3)),
-        np.empty((rows, 4)),
+        np.empty((moments, 3)),
+        np.empty((moments, 3)),
+        np.empty((moments, 4)),
         np.empty((len(t), kernels.LOG_WIDTH)),
         cut,
         at,
@@ -429,7 +425,7 @@ def _vehicle(
     wind: Sequence[float] | Array,
     told: tuple[float, ...],
     level: str,
-    rows: int,
+    steps: int,
     of_air: Stream,
 ) -> kernels.Vehicle:
     craft, work = known.trim.aircraft, kernels.WORK.zeros()
@@ -437,16 +433,17 @@ def _vehicle(
     work[kernels.LOADS][AIRSPEED] = known.trim.airspeed
     numbers = gusts(level, plan.clearance, craft["span"])
     blowing = numbers[SD_U] > 0
-    state = known.trim.state.copy()
+    state, parameters = known.trim.state.copy(), rows(Parameters, 1)
+    parameters[0] = known.parameters
     return kernels.Vehicle(
-        known.array,
+        parameters,
         state,
         known.trim.commands.copy(),
         np.r_[np.asarray(wind, float), np.zeros(6)],
         state.copy(),
         numbers,
         begin(numbers, of_air.named("begin").standard_normal(NORMALS)),
-        of_air.standard_normal((rows if blowing else 1, NORMALS)),
+        of_air.standard_normal((steps if blowing else 1, NORMALS)),
         np.array([plan.place[2] - plan.clearance, craft["stall_alpha"]]),
         work,
     )
@@ -471,7 +468,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
         underway.errors.numbers,
         *in_loop_order(run.fixes, run.recording.aidings, underway.made),
     )
-    at, rows = journal.at, len(run.samples.t)
+    at, count = journal.at, len(run.samples.t)
     go = bound(
         kernels.fly,
         kernels.Calls(*map(address, (step, evaluate, gust, loop.run))),
@@ -488,20 +485,23 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
         errors,
         journal,
     )
-    while at[kernels.ROW] < rows and at[kernels.CAUSE] == kernels.FLYING:
-        at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, rows)
+    while at[kernels.ROW] < count and at[kernels.CAUSE] == kernels.FLYING:
+        at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, count)
         go()
         run.events.take(run.cursor)
-        progress(at[kernels.ROW] / rows)
+        progress(at[kernels.ROW] / count)
 
 
 def _flight(underway: _Underway) -> Flight:
     """The Flight of what was flown."""
     run, blank, known, journal = underway.run, underway.blank, underway.known, underway.journal
-    rows, cause = int(journal.at[kernels.ROW]), int(journal.at[kernels.CAUSE])
-    samples = Imu(*(column[:rows] for column in run.samples))
+    count, cause = int(journal.at[kernels.ROW]), int(journal.at[kernels.CAUSE])
+    samples = Imu(*(column[:count] for column in run.samples))
     truth = Trajectory(
-        np.r_[0.0, samples.t], journal.lla[: rows + 1], journal.v[: rows + 1], journal.q[: rows + 1]
+        np.r_[0.0, samples.t],
+        journal.lla[: count + 1],
+        journal.v[: count + 1],
+        journal.q[: count + 1],
     )
     aidings = tuple(
         _measured(a, s, run.fixes, samples.t[-1]) for s, a in enumerate(run.recording.aidings)
@@ -509,7 +509,7 @@ def _flight(underway: _Underway) -> Flight:
     notes = saturated(underway.spec, samples)
     if journal.at[kernels.BY_MODEL] and journal.at[kernels.INPUTS] < 0:
         notes.append(
-            f"{int(journal.cut[:rows].sum())} IMU samples are those of the aircraft's model, not "
+            f"{int(journal.cut[:count].sum())} IMU samples are those of the aircraft's model, not "
             f"measured"
         )
     stopped = None
@@ -519,8 +519,8 @@ def _flight(underway: _Underway) -> Flight:
     steps = int(journal.at[kernels.STEPS])
     made = replace(blank, imu=samples, aidings=aidings, reference=truth).noting(notes)
     recording = made.knowing(
-        b_a=underway.errors.b_a[steps - 1 :: steps][:rows],
-        b_g=underway.errors.b_g[steps - 1 :: steps][:rows],
+        b_a=underway.errors.b_a[steps - 1 :: steps][:count],
+        b_g=underway.errors.b_g[steps - 1 :: steps][:count],
     )
     filters = run.recording.meta["notes"][len(blank.meta["notes"]) :]
     if (
@@ -540,7 +540,7 @@ def _flight(underway: _Underway) -> Flight:
         solution = replace(
             solution, events=tuple(sorted({*solution.events, (stopped.t, str(stopped))}))
         )
-    log = {"t, s": samples.t, **{name: journal.log[:rows, i] for i, name in enumerate(LOG)}}
+    log = {"t, s": samples.t, **{name: journal.log[:count, i] for i, name in enumerate(LOG)}}
     trimmed = replace(
         known.trim,
         **{name: getattr(known.trim, name).copy() for name in ("state", "commands", "outputs")},

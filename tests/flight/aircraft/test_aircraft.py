@@ -16,7 +16,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise, Start
 from strapdown.data import Trajectory
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
-from strapdown.flight.aircraft.parameters import GRAVITY, NAMES, SECTIONS, flat_metres
+from strapdown.flight.aircraft.parameters import NAMES, PARAMETERS, SECTIONS, flat_metres
 from strapdown.recording import Recording
 from strapdown.sim.trajectory import normal_gravity
 
@@ -30,7 +30,11 @@ def told(aircraft, state, wind=CALM, earth="flat"):
     """(rates (19,), outputs (OUTPUTS,)) of the compiled model at a state."""
     rates, outputs = np.zeros(19), np.zeros(OUTPUTS)
     evaluate(
-        aircraft.array(earth, ORIGIN), np.array(state, float), np.array(wind, float), rates, outputs
+        aircraft.parameters(earth, ORIGIN),
+        np.array(state, float),
+        np.array(wind, float),
+        rates,
+        outputs,
     )
     return rates, outputs
 
@@ -170,7 +174,7 @@ def reference(seconds, wind):
     command changes."""
     start = sd.trim(AEROSONDE, 25, origin=ORIGIN, course=0.6, earth="flat")
     C = Rotation.from_quat(np.roll(start.state[6:10], -1))
-    g = AEROSONDE.array("flat", ORIGIN)[GRAVITY]
+    g = AEROSONDE.parameters("flat", ORIGIN).gravity
     x = np.r_[
         0,
         0,
@@ -205,7 +209,7 @@ def test_flight_is_that_of_the_textbook_s_equations_and_converges_to_it():
         states, _ = flown(20.0, dt, wind=np.r_[wind, np.zeros(6)])
         end = states[-1]
         C = Rotation.from_quat(np.roll(end[6:10], -1))
-        metres = flat_metres(AEROSONDE.array("flat", ORIGIN), ORIGIN, end[:3])
+        metres = flat_metres(AEROSONDE.parameters("flat", ORIGIN), ORIGIN, end[:3])
         apart = (C.inv() * Rotation.from_euler("ZYX", want[8:5:-1])).magnitude()
         errors.append(
             np.r_[
@@ -236,8 +240,8 @@ def test_without_air_a_tumbling_body_keeps_angular_momentum_and_energy(inertia):
     assert np.abs(h - h[0]).max() < 2e-8 * np.linalg.norm(h[0])
     rotation = np.einsum("ki,ij,kj->k", omega, J, omega)
     assert np.abs(rotation / rotation[0] - 1).max() < 2e-8
-    array = body.array("flat", ORIGIN)
-    energy = 0.5 * (states[:, 3:6] ** 2).sum(1) + array[GRAVITY] * (states[:, 2] - ORIGIN[2])
+    parameters = body.parameters("flat", ORIGIN)
+    energy = 0.5 * (states[:, 3:6] ** 2).sum(1) + parameters.gravity * (states[:, 2] - ORIGIN[2])
     assert np.abs(energy / energy[0] - 1).max() < 1e-10  # a parabola is exact; this is rounding
     assert np.ptp(omega, axis=0).min() > 0.2  # it does tumble
 
@@ -255,7 +259,7 @@ def test_energy_changes_by_the_work_of_the_forces():
     )
     omega, a = states[:, 10:13], AEROSONDE
     J = np.array([[a["J_x"], 0, -a["J_xz"]], [0, a["J_y"], 0], [-a["J_xz"], 0, a["J_z"]]])
-    g = a.array("flat", ORIGIN)[GRAVITY]
+    g = a.parameters("flat", ORIGIN).gravity
     energy = (
         0.5 * a["mass"] * (body**2).sum(1)
         + a["mass"] * g * states[:, 2]
@@ -400,12 +404,20 @@ def test_a_long_step_is_made_of_short_ones():
 
 
 @pytest.mark.short
+def test_kernels_read_every_parameter_by_its_name():
+    fields = [name for name, *_ in PARAMETERS.fields]
+    assert fields[: len(NAMES)] == list(NAMES)
+    row = AEROSONDE.parameters()
+    assert {name: getattr(row, name) for name in NAMES} == dict(AEROSONDE.values)
+
+
+@pytest.mark.short
 def test_the_flat_earth_is_an_affine_image_and_longitude_wraps():
     origin = (0.5, math.pi - 1e-6, 100.0)
-    array = AEROSONDE.array("flat", origin)
-    assert flat_metres(array, origin, origin) == pytest.approx([0, 0, 0])
+    parameters = AEROSONDE.parameters("flat", origin)
+    assert flat_metres(parameters, origin, origin) == pytest.approx([0, 0, 0])
     east = pymap3d.geodetic2ned(0.5 + 1e-5, origin[1] - 1e-5, 90.0, *origin, deg=False)
-    assert flat_metres(array, origin, (0.5 + 1e-5, origin[1] - 1e-5, 90.0)) == pytest.approx(
+    assert flat_metres(parameters, origin, (0.5 + 1e-5, origin[1] - 1e-5, 90.0)) == pytest.approx(
         east, abs=2e-3
     )
     state = at((25, 0, 0), (0, 0, math.pi / 2))
@@ -504,9 +516,12 @@ def test_aircraft_files(tmp_path):
     "call, complaint",
     [
         (lambda: AEROSONDE["span_m"], "unknown key 'span_m'"),
-        (lambda: AEROSONDE.array("round"), "earth is 'round'; it must be one of geodetic, flat"),
-        (lambda: AEROSONDE.array("flat", (1.6, 0, 0)), "latitude goes to 89 deg"),
-        (lambda: AEROSONDE.array("flat", (1, 0)), "3 finite numbers: latitude and longitude"),
+        (
+            lambda: AEROSONDE.parameters("round"),
+            "earth is 'round'; it must be one of geodetic, flat",
+        ),
+        (lambda: AEROSONDE.parameters("flat", (1.6, 0, 0)), "latitude goes to 89 deg"),
+        (lambda: AEROSONDE.parameters("flat", (1, 0)), "3 finite numbers: latitude and longitude"),
         (
             lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 3)), 0.01),
             r"commands is array.*; it must be n x 4",

@@ -13,7 +13,6 @@ from textbook_aircraft import gammas, matrix, wind_axes
 
 import strapdown as sd
 from strapdown.flight.aircraft.dynamics import MOMENT, OUTPUTS, TORQUE, evaluate
-from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE
 from strapdown.flight.aircraft.trim import quaternion
 
 pytestmark = pytest.mark.short
@@ -43,15 +42,15 @@ class Flown:
             self.r,
             self.controls,
         ]
-        rates, out, array = np.zeros(19), np.zeros(OUTPUTS), A.array("flat", ORIGIN)
-        evaluate(array, state, np.zeros(9), rates, out)
+        rates, out, parameters = np.zeros(19), np.zeros(OUTPUTS), A.parameters("flat", ORIGIN)
+        evaluate(parameters, state, np.zeros(9), rates, out)
         # without the propeller's reaction
         self.g, self.m, self.rolling = (
-            array[GRAVITY],
+            parameters.gravity,
             A["mass"],
             out[MOMENT] + out[TORQUE],
         )
-        self.ground = rates[:3] / [array[LATITUDE_RATE], array[LONGITUDE_RATE], -1]
+        self.ground = rates[:3] / [parameters.latitude_rate, parameters.longitude_rate, -1]
         self.du, self.dv, self.dw = self.C.T @ rates[3:6] - np.cross(
             [self.p, self.q, self.r], velocity
         )

@@ -14,11 +14,11 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
 from strapdown.flight.aircraft.modes import MODEL_STATES, Mode, _named, check_step, deviation_point
-from strapdown.flight.aircraft.parameters import GRAVITY, flat_metres
+from strapdown.flight.aircraft.parameters import flat_metres
 
 AEROSONDE = sd.aircraft("aerosonde")
 ORIGIN = (0.7, -1.2, 250.0)
-G = AEROSONDE.array("flat", ORIGIN)[GRAVITY]
+G = AEROSONDE.parameters("flat", ORIGIN).gravity
 STEADY = [
     dict(airspeed=25),
     dict(airspeed=25, climb=0.1),
@@ -69,7 +69,7 @@ def test_on_the_rotating_earth_the_attitude_turns_as_on_the_flat_one(asked):
     for earth in ("flat", "geodetic"):
         rates = np.zeros(19)
         state = sd.trim(AEROSONDE, origin=ORIGIN, course=1.0, earth=earth, **asked).state
-        evaluate(AEROSONDE.array(earth, ORIGIN), state, np.zeros(9), rates, np.zeros(OUTPUTS))
+        evaluate(AEROSONDE.parameters(earth, ORIGIN), state, np.zeros(9), rates, np.zeros(OUTPUTS))
         turning.append(rates[6:10])
     np.testing.assert_allclose(*turning, rtol=0, atol=1e-15)
 
@@ -125,9 +125,9 @@ def test_flown_from_its_trim_an_aircraft_climbs_and_turns_as_asked(asked, earth,
     )
     assert np.abs(through - want).max() < (0.15 if loose else 1e-6)
     if not loose:
-        metres = flat_metres(AEROSONDE.array("flat", ORIGIN), ORIGIN, states[:, :3]) - np.outer(
-            t, wind
-        )
+        metres = flat_metres(
+            AEROSONDE.parameters("flat", ORIGIN), ORIGIN, states[:, :3]
+        ) - np.outer(t, wind)
         assert -metres[-1, 2] == pytest.approx(asked["airspeed"] * math.sin(climb) * 20, abs=1e-5)
         if math.isfinite(radius):
             centre = radius * np.array([-math.sin(0.5), math.cos(0.5)])

@@ -18,7 +18,6 @@ from strapdown.core.loop.contract import Filter
 from strapdown.data import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
-from strapdown.flight.aircraft.parameters import GRAVITY
 from strapdown.flight.fly import Flight, fly
 from strapdown.flight.plan import FlightPlan, straight, turning
 from strapdown.geodesy import displacement
@@ -220,7 +219,7 @@ def record(flight: Flight) -> Record:
     )
     craft, gravity = (
         flight.trim.aircraft,
-        flight.trim.aircraft.array(flight.trim.earth, flight.trim.origin)[GRAVITY],
+        flight.trim.aircraft.parameters(flight.trim.earth, flight.trim.origin).gravity,
     )
     weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]

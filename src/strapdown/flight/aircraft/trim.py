@@ -10,7 +10,7 @@ import numpy as np
 from ...checks import DataError, check_array, check_number
 from ...typing import Array, File
 from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate
-from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
+from .parameters import Aircraft, Parameters, aircraft as find, checked_origin
 
 SURFACES = ("elevator", "aileron", "rudder", "throttle")
 _ROUNDS, _ENOUGH = 60, 1e-9
@@ -91,8 +91,10 @@ def trim(
     _check(airspeed, climb, radius, course, wind)
     origin = checked_origin(origin)
     turn_rate = 0.0 if math.isinf(radius) else airspeed * math.cos(climb) / radius
-    balance = _Balance(aircraft.array("flat", origin), origin, airspeed, climb, turn_rate, course)
-    z, residual = _solve(balance, _guess(balance.array, aircraft, airspeed, turn_rate))
+    balance = _Balance(
+        aircraft.parameters("flat", origin), origin, airspeed, climb, turn_rate, course
+    )
+    z, residual = _solve(balance, _guess(balance.parameters.gravity, aircraft, airspeed, turn_rate))
     where = (
         f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb "
         f"{math.degrees(climb):.3g} deg" + ("" if math.isinf(radius) else f", radius {radius:g} m")
@@ -102,7 +104,7 @@ def trim(
     outputs = balance.outputs.copy()
     state[3:6] += wind
     if earth != "flat":
-        state[10:13] += _frame_rate(aircraft.array(earth, origin), state)
+        state[10:13] += _frame_rate(aircraft.parameters(earth, origin), state)
     return Trim(
         aircraft,
         float(airspeed),
@@ -139,15 +141,15 @@ class _Balance:
 
     def __init__(
         self,
-        array: Array,
+        parameters: Parameters,
         origin: tuple[float, float, float],
         airspeed: float,
         climb: float,
         turn_rate: float,
         course: float,
     ) -> None:
-        self.array, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = (
-            array,
+        self.parameters, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = (
+            parameters,
             origin,
             airspeed,
             climb,
@@ -196,15 +198,14 @@ class _Balance:
 
     def __call__(self, z: Array) -> Array:
         state, _ = self.state(z)
-        self.evaluate(self.array, state, self.calm, self.rates, self.outputs)
+        self.evaluate(self.parameters, state, self.calm, self.rates, self.outputs)
         turning = self.turn_rate * np.array([-state[4], state[3], 0.0])
         return np.r_[self.rates[3:6] - turning, self.rates[10:13]]
 
 
-def _guess(array: Array, aircraft: Aircraft, airspeed: float, turn_rate: float) -> Array:
+def _guess(gravity: float, aircraft: Aircraft, airspeed: float, turn_rate: float) -> Array:
     """Where to begin: lift that carries the weight in the turn, elevator for no pitching moment,
     half throttle."""
-    gravity = array[GRAVITY]
     roll = math.atan(airspeed * turn_rate / gravity)
     pressure = 0.5 * (aircraft["density"] or 1.0) * airspeed**2 * aircraft["area"]
     alpha = (aircraft["mass"] * gravity / math.cos(roll) / pressure - aircraft["C_L_0"]) / aircraft[
@@ -278,11 +279,11 @@ def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, wh
             )
 
 
-def _frame_rate(array: Array, state: Array) -> Array:
+def _frame_rate(parameters: Parameters, state: Array) -> Array:
     """omega_in in body axes (rad/s) at a state, from the attitude's rate without any body rate."""
     rates, still = np.zeros(19), state.copy()
     still[10:13] = 0.0
-    evaluate(array, still, np.zeros(9), rates, np.zeros(OUTPUTS))
+    evaluate(parameters, still, np.zeros(9), rates, np.zeros(OUTPUTS))
     a, b, c, d = state[6:10]
     to_body = np.array([[-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
     return -2 * to_body @ rates[6:10]

@@ -5,7 +5,7 @@ import math
 
 from strapdown.core.compile.jit import matrix
 from strapdown.core.loop.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
-from strapdown.flight.aircraft.parameters import GRAVITY, Aircraft, aircraft as find_aircraft
+from strapdown.flight.aircraft.parameters import Aircraft, aircraft as find_aircraft
 from strapdown.typing import Array, File
 
 from .model import (
@@ -23,6 +23,7 @@ from .model import (
     begin,
     copy,
     correct_gaussian,
+    craft_in,
     linearised,
     publish,
     seen,
@@ -67,7 +68,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     turn(belief, u, dt)
     workspace = belief.workspace
     if workspace[POINT + READING] != ESTIMATE:
-        attitude, gravity = matrix(workspace, TURNED, 3, 3), workspace[CRAFT][GRAVITY]
+        attitude, gravity = matrix(workspace, TURNED, 3, 3), craft_in(workspace, CRAFT).gravity
         told, own = workspace[INPUTS:], workspace[POINT:]
         sampled(own, told, attitude, belief, gravity, dt, workspace[DV])
     linearised(belief, belief.workspace[X], belief.P, dt, noise)
