@@ -135,7 +135,7 @@ def test_the_route_is_drawn_along_its_lines_and_arcs():
     points = figures.route_points(turning.route)
     gaps = np.hypot(*np.diff(points, axis=0).T)
     # no jump between the parts, no part missing
-    assert gaps.sum() == pytest.approx(turning.route[:, 6].sum(), rel=2e-3)
+    assert gaps.sum() == pytest.approx(turning.route.length.sum(), rel=2e-3)
     corner = np.array(turning.plan.waypoints[1][:2])
     assert 20 < np.hypot(*(points - corner).T).min() < 100  # an arc cuts it
 
@@ -165,7 +165,7 @@ def test_the_map_ends_with_the_flight_and_shows_where_the_receiver_was_cut():
     cut = displacement(turning.recording.reference.lla[[300, 900]], turning.plan.place)[:, :2]
     assert np.allclose(drawn["flown without GNSS"][[0, -1]], cut, atol=0.3)
     last = figures.flown_route(turning, np.array([[-50.0, 0.0], [np.nan, 0.0]]))[-1]
-    assert last[6] == 0.0  # before the begin of the arc
+    assert last.length == 0.0  # before the begin of the arc
 
 
 @pytest.mark.short

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.jit import address, bound
-from ..core.compile.records import rows
+from ..core.compile.records import Table, copied, rows
 from ..core.loop import loop
 from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
 from ..data import Aiding, Solution, Trajectory
@@ -31,13 +31,13 @@ from ..sim.scenario_model import START_SD, start_deviations
 from ..sim.synthesis import draw_start
 from ..typing import Array, File, Progress, Say
 from . import flight_loop as kernels
-from .aircraft.dynamics import AIRSPEED, evaluate, step
+from .aircraft.dynamics import Loads, evaluate, step
 from .aircraft.modes import check_step, linearise
 from .aircraft.parameters import Aircraft, Parameters, aircraft as find_aircraft
 from .aircraft.trim import Trim, trim
-from .aircraft.wind import NORMALS, SD_U, begin, gust, turbulence as gusts
-from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
-from .autopilot_gains import Gains, gains, pilot_array
+from .aircraft.wind import NORMALS, Turbulence, begin, gust, turbulence as gusts
+from .autopilot import Gains, Segment, Steering
+from .autopilot_gains import gains, steering
 from .checks import (
     Request,
     check,
@@ -111,11 +111,11 @@ err by over a second of light turbulence (docs/how-to/flight.md has the measurem
 RECEIVER = Gnss(interval=0.2)
 """The receiver by default: five fixes a second."""
 ENDINGS = {
-    kernels.GROUND: "the aircraft hit the ground",
-    kernels.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
-    kernels.ATTITUDE: "the aircraft was upside down or within 5 deg of the vertical",
-    kernels.NUMBER: "the aircraft's state is not finite",
-    kernels.FILTER: "the filter diverged or left the latitudes where results hold",
+    kernels.Cause.GROUND: "the aircraft hit the ground",
+    kernels.Cause.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
+    kernels.Cause.ATTITUDE: "the aircraft was upside down or within 5 deg of the vertical",
+    kernels.Cause.NUMBER: "the aircraft's state is not finite",
+    kernels.Cause.FILTER: "the filter diverged or left the latitudes where results hold",
 }
 
 
@@ -143,7 +143,7 @@ class Flight:
     trim: Trim
     gains: Gains
     # segments as the autopilot flies them, see autopilot.py
-    route: Array = field(compare=False)
+    route: Table[Segment] = field(compare=False)
 
     def _repr_html_(self) -> str:
         from ..notebook.cards import card
@@ -244,7 +244,7 @@ def fly(
         )
     )
     journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
-    journal.at[kernels.STEPS] = steps
+    journal.at[0].steps = steps
     truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
     blank = _blank(
         t,
@@ -269,8 +269,7 @@ def fly(
     asked = Asked(options, spec, start, noise, 1, covariance, say)
     run = begin_run(blank, filter, asked)
     vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
-    steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
-    underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
+    underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, journal)
     _run(underway, model_noise, listener(progress))
     return _flight(underway)
 
@@ -293,8 +292,7 @@ class _Known(NamedTuple):
     parameters: Parameters
     trim: Trim
     gains: Gains
-    route: Array
-    pilot: Array
+    steering: Steering
     seconds: float
 
 
@@ -309,7 +307,6 @@ class _Underway(NamedTuple):
     errors: ImuErrors
     made: FixErrors
     vehicle: kernels.Vehicle
-    steering: kernels.Steering
     journal: kernels.Journal
 
 
@@ -318,7 +315,6 @@ def _known(case: _Case) -> _Known:
     plan, craft, earth, wind, told, dt = case
     parameters = craft.parameters(earth, plan.place)
     gravity = float(parameters.gravity)
-    scales = 1 / parameters.latitude_rate, 1 / parameters.longitude_rate
     segments, seconds = route(plan, told, gravity)
     across = wind[1] * math.cos(plan.course) - wind[0] * math.sin(plan.course)
     if math.hypot(*wind) >= 0.9 * plan.begin_airspeed:
@@ -333,7 +329,7 @@ def _known(case: _Case) -> _Known:
     )
     check_step(begun, dt)
     for speed, slope in {
-        (float(row[SPEED]), float(row[RISE])) for row in segments if row[KIND] == LINE_KIND
+        (float(each.airspeed), float(each.rise)) for each in segments if not each.is_arc
     }:
         try:
             trim(craft, speed, climb=math.atan(slope), origin=plan.place)
@@ -347,8 +343,7 @@ def _known(case: _Case) -> _Known:
         parameters,
         begun,
         found,
-        segments,
-        pilot_array(found, craft, begun, plan.place, scales, gravity),
+        steering(found, begun, parameters, segments, told),
         seconds,
     )
 
@@ -378,21 +373,18 @@ def _journal(
     prediction: str,
     inputs: int | None,
 ) -> kernels.Journal:
-    cut, at = np.zeros(len(t), np.int64), np.zeros(kernels.AT_SIZE, np.int64)
+    cut, at = np.zeros(len(t), np.int64), rows(kernels.Progress, 1)
     cut[:] = prediction == "model-always"
     for first, stop in windows:
         cut[(t - dt >= first - loop.SAME_TIME) & (t - dt < stop - loop.SAME_TIME)] = 1
-    at[kernels.BY_TRUTH], at[kernels.BY_MODEL], at[kernels.INPUTS] = (
-        feedback == "truth",
-        prediction != "imu",
-        -1 if inputs is None else inputs,
-    )
+    at[0].by_truth, at[0].by_model = feedback == "truth", prediction != "imu"
+    at[0].inputs = -1 if inputs is None else inputs
     moments = len(t) + 1
     journal = kernels.Journal(
         np.empty((moments, 3)),
         np.empty((moments, 3)),
         np.empty((moments, 4)),
-        np.empty((len(t), kernels.LOG_WIDTH)),
+        rows(kernels.LogRow, len(t)),
         cut,
         at,
     )
@@ -428,22 +420,23 @@ def _vehicle(
     steps: int,
     of_air: Stream,
 ) -> kernels.Vehicle:
-    craft, work = known.trim.aircraft, kernels.WORK.zeros()
+    craft, work, loads = known.trim.aircraft, kernels.WORK.zeros(), rows(Loads, 1)
     work[kernels.TOLD][:3] = told
-    work[kernels.LOADS][AIRSPEED] = known.trim.airspeed
-    numbers = gusts(level, plan.clearance, craft["span"])
-    blowing = numbers[SD_U] > 0
-    state, parameters = known.trim.state.copy(), rows(Parameters, 1)
+    loads[0].airspeed = known.trim.airspeed
+    turbulence, parameters = rows(Turbulence, 1), rows(Parameters, 1)
+    turbulence[0] = blowing = gusts(level, plan.clearance, craft["span"])
     parameters[0] = known.parameters
+    state = known.trim.state.copy()
     return kernels.Vehicle(
         parameters,
         state,
         known.trim.commands.copy(),
         np.r_[np.asarray(wind, float), np.zeros(6)],
         state.copy(),
-        numbers,
-        begin(numbers, of_air.named("begin").standard_normal(NORMALS)),
-        of_air.standard_normal((steps if blowing else 1, NORMALS)),
+        loads,
+        turbulence,
+        begin(blowing, of_air.named("begin").standard_normal(NORMALS)),
+        of_air.standard_normal((steps if blowing.sd_u > 0 else 1, NORMALS)),
         np.array([plan.place[2] - plan.clearance, craft["stall_alpha"]]),
         work,
     )
@@ -454,7 +447,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     run, journal = underway.run, underway.journal
     model_noise, first, room = (
         Noise(*map(float, model_noise)),
-        int(journal.at[kernels.INPUTS]),
+        int(journal.at[0].inputs),
         run.belief.workspace.size,
     )
     if first >= 0 and first + TOLD_SIZE > room:
@@ -468,7 +461,9 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
         underway.errors.numbers,
         *in_loop_order(run.fixes, run.recording.aidings, underway.made),
     )
-    at, count = journal.at, len(run.samples.t)
+    at, count = journal.at[0], len(run.samples.t)
+    known = underway.known.steering
+    steered = known._replace(memory=known.memory.copy())
     go = bound(
         kernels.fly,
         kernels.Calls(*map(address, (step, evaluate, gust, loop.run))),
@@ -481,21 +476,22 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
         run.cursor,
         run.out,
         underway.vehicle,
-        underway.steering,
+        steered,
         errors,
         journal,
     )
-    while at[kernels.ROW] < count and at[kernels.CAUSE] == kernels.FLYING:
-        at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, count)
+    while at.row < count and at.cause == kernels.Cause.FLYING:
+        at.last = min(int(at.row) + ROWS_AT_ONCE, count)
         go()
         run.events.take(run.cursor)
-        progress(at[kernels.ROW] / count)
+        progress(at.row / count)
 
 
 def _flight(underway: _Underway) -> Flight:
     """The Flight of what was flown."""
     run, blank, known, journal = underway.run, underway.blank, underway.known, underway.journal
-    count, cause = int(journal.at[kernels.ROW]), int(journal.at[kernels.CAUSE])
+    at = journal.at[0]
+    count, cause = int(at.row), int(at.cause)
     samples = Imu(*(column[:count] for column in run.samples))
     truth = Trajectory(
         np.r_[0.0, samples.t],
@@ -507,16 +503,18 @@ def _flight(underway: _Underway) -> Flight:
         _measured(a, s, run.fixes, samples.t[-1]) for s, a in enumerate(run.recording.aidings)
     )
     notes = saturated(underway.spec, samples)
-    if journal.at[kernels.BY_MODEL] and journal.at[kernels.INPUTS] < 0:
+    if at.by_model and at.inputs < 0:
         notes.append(
             f"{int(journal.cut[:count].sum())} IMU samples are those of the aircraft's model, not "
             f"measured"
         )
     stopped = None
-    if cause != kernels.FLYING:
-        stopped = Stop(float(samples.t[-1]), ENDINGS[cause], underway.vehicle.state.copy())
+    if cause != kernels.Cause.FLYING:
+        stopped = Stop(
+            float(samples.t[-1]), ENDINGS[kernels.Cause(cause)], underway.vehicle.state.copy()
+        )
         notes.append(str(stopped))
-    steps = int(journal.at[kernels.STEPS])
+    steps = int(at.steps)
     made = replace(blank, imu=samples, aidings=aidings, reference=truth).noting(notes)
     recording = made.knowing(
         b_a=underway.errors.b_a[steps - 1 :: steps][:count],
@@ -540,10 +538,13 @@ def _flight(underway: _Underway) -> Flight:
         solution = replace(
             solution, events=tuple(sorted({*solution.events, (stopped.t, str(stopped))}))
         )
-    log = {"t, s": samples.t, **{name: journal.log[:count, i] for i, name in enumerate(LOG)}}
+    numbers = journal.log[:count].view(float).reshape(count, len(LOG))
+    log = {"t, s": samples.t, **{name: numbers[:, i] for i, name in enumerate(LOG)}}
     trimmed = replace(
         known.trim,
-        **{name: getattr(known.trim, name).copy() for name in ("state", "commands", "outputs")},
+        state=known.trim.state.copy(),
+        commands=known.trim.commands.copy(),
+        loads=copied(known.trim.loads),
     )
     return Flight(
         recording,
@@ -554,7 +555,7 @@ def _flight(underway: _Underway) -> Flight:
         underway.plan,
         trimmed,
         known.gains,
-        known.route.copy(),
+        known.steering.route.copy(),
     )
 
 

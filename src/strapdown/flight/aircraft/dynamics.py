@@ -6,13 +6,15 @@ singularity at rest or at any attitude.
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
 
 from ...checks import DataError, check_number
 from ...core.compile.jit import helper, inlined, kernel
+from ...core.compile.records import row_of
 from ...core.compile.signatures import REAL, reals, signature
-from ...core.loop.contract import Imu
+from ...core.loop.contract import Imu, Slots
 from ...core.mathematics.earth import gravity, gravity_north, place, rotation_rates
 from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
@@ -24,22 +26,30 @@ from .parameters import (
     checked_array,
 )
 
-LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATE_SIZE = 0, 3, 6, 10, 13, 17
-"""State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of
-elevator, aileron, rudder (rad) and throttle."""
-FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = (
-    0,
-    3,
-    6,
-    7,
-    8,
-    9,
-    10,
-    11,
-    12,
-)
-"""What `evaluate` tells: force (N), moment (N m), airspeed (m/s), flow angles (rad), propeller
-speed (rad/s), its thrust (N) and torque (N m)."""
+STATE = Slots()
+"""Of an aircraft."""
+LLA = STATE.array("LLA", 3)  # latitude, longitude (rad), height (m)
+VELOCITY = STATE.array("VELOCITY", 3)  # v_n, m/s
+QUATERNION = STATE.array("QUATERNION", 4)  # q_nb
+OMEGA = STATE.array("OMEGA", 3)  # omega_ib_b, rad/s
+CONTROLS = STATE.array("CONTROLS", 4)  # positions of elevator, aileron, rudder (rad) and throttle
+STATE_SIZE = STATE.size
+
+
+class Loads:
+    """What `evaluate` tells of air and propeller."""
+
+    force: Annotated[Array, 3]  # N, body
+    moment: Annotated[Array, 3]  # N m, body
+    airspeed: float  # m/s
+    alpha: float  # angle of attack, rad
+    beta: float  # sideslip, rad
+    propeller: float  # its speed, rad/s
+    thrust: float  # N
+    torque: float  # of the propeller, N m
+
+
+LOADS = row_of(Loads)
 LONGEST_RK4_STEP = 0.01
 """s; a longer step is integrated in pieces."""
 LONGEST_HELD = 1.0
@@ -238,7 +248,7 @@ EVALUATE = signature(
     state=reals(STATE_SIZE),
     wind=reals(9),
     rates=reals(19),
-    outputs=reals(OUTPUTS),
+    loads=LOADS,
 )
 
 
@@ -303,11 +313,9 @@ def step(
 
 
 @kernel(EVALUATE)
-def evaluate(
-    parameters: Parameters, state: Array, wind: Array, rates: Array, outputs: Array
-) -> None:
+def evaluate(parameters: Parameters, state: Array, wind: Array, rates: Array, loads: Loads) -> None:
     """At one instant: `rates` (19,) of the 13 numbers of motion and of the increments
-    (omega_ib_b, f_ib_b), and `outputs` (OUTPUTS,)."""
+    (omega_ib_b, f_ib_b), and the Loads."""
     x = (
         state[0],
         state[1],
@@ -336,14 +344,12 @@ def evaluate(
     _, _, ie_n, ie_d, _, _, _, _, _ = _earth(parameters, x)
     velocity, turning, _ = _against_air(x, wind, ie_n, ie_d)
     rho = density(parameters, state[2])
-    result = forces(parameters, rho, velocity, turning, controls)
-    for i in range(6):
-        outputs[i] = result[i]
-    outputs[AIRSPEED], outputs[ALPHA], outputs[BETA], _, _ = air_data(
-        velocity[0], velocity[1], velocity[2]
-    )
-    outputs[THRUST], outputs[TORQUE], outputs[PROPELLER] = propeller(
-        parameters, rho, outputs[AIRSPEED], state[16]
+    force = forces(parameters, rho, velocity, turning, controls)
+    for i in range(3):
+        loads.force[i], loads.moment[i] = force[i], force[3 + i]
+    loads.airspeed, loads.alpha, loads.beta, _, _ = air_data(velocity[0], velocity[1], velocity[2])
+    loads.thrust, loads.torque, loads.propeller = propeller(
+        parameters, rho, loads.airspeed, state[16]
     )
 
 
@@ -351,10 +357,10 @@ def checked_state(state: ArrayLike, what: str) -> Array:
     """`state` as a new array (STATE_SIZE,), finite and with a unit quaternion. Raises DataError
     naming `what` is given it."""
     state = checked_array(state, (STATE_SIZE,), f"{what}: state").copy()
-    norm = float(np.linalg.norm(state[QUATERNION:OMEGA]))
+    norm = float(np.linalg.norm(state[QUATERNION]))
     if abs(norm - 1) > 1e-6:
         raise DataError(
-            f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length "
+            f"{what}: the quaternion of the state, numbers {QUATERNION.start} to {QUATERNION.stop - 1}, has length "
             f"{norm:g}; make it a unit one"
         )
     return state

@@ -10,9 +10,10 @@ from typing import TypeAlias
 import numpy as np
 
 from ...checks import DataError, check_number
+from ...core.compile.records import rows
 from ...core.mathematics.rotation import euler_terms
 from ...typing import Array, File
-from .dynamics import OUTPUTS, STATE_SIZE, evaluate
+from .dynamics import CONTROLS, LLA, OMEGA, QUATERNION, STATE, VELOCITY, Loads, evaluate
 from .parameters import Aircraft, Parameters, aircraft as find
 from .trim import Trim, quaternion
 
@@ -134,11 +135,15 @@ def _rates(
 ) -> Array:
     """x' of the eight numbers, from the compiled model, on the flat Earth and heading north."""
     velocity, omega, (roll, pitch) = x[0:3], x[3:6], x[6:8]
-    state, rates = np.zeros(STATE_SIZE), np.zeros(19)
+    state, rates = STATE.zeros(), np.zeros(19)
     C = np.reshape(euler_terms(roll, pitch, 0.0), (3, 3))
-    state[0:3], state[3:6], state[6:10] = origin, C @ velocity, quaternion(roll, pitch, 0.0)
-    state[10:13], state[13:17] = omega, controls
-    evaluate(parameters, state, np.zeros(9), rates, np.zeros(OUTPUTS))
+    state[LLA], state[VELOCITY], state[QUATERNION] = (
+        origin,
+        C @ velocity,
+        quaternion(roll, pitch, 0.0),
+    )
+    state[OMEGA], state[CONTROLS] = omega, controls
+    evaluate(parameters, state, np.zeros(9), rates, rows(Loads, 1)[0])
     p, q, r = omega
     across = q * math.sin(roll) + r * math.cos(roll)
     return np.r_[

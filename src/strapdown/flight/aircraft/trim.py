@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...checks import DataError, check_array, check_number
+from ...core.compile.records import copied, rows
 from ...typing import Array, File
-from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate
+from .dynamics import CONTROLS, LLA, OMEGA, QUATERNION, STATE, VELOCITY, Loads, evaluate
 from .parameters import Aircraft, Parameters, aircraft as find, checked_origin
 
 SURFACES = ("elevator", "aileron", "rudder", "throttle")
@@ -39,7 +40,7 @@ class Trim:
     residual: float
     state: Array = field(compare=False)
     commands: Array = field(compare=False)
-    outputs: Array = field(compare=False)
+    loads: Loads = field(compare=False)
 
     def table(self) -> dict[str, float]:
         """{"airspeed, m/s": ...}: the flight and its controls, angles in deg, propeller speed in
@@ -61,8 +62,8 @@ class Trim:
             "airspeed, m/s": self.airspeed,
             **dict(zip(names, degrees.tolist())),
             "throttle": float(self.commands[3]),
-            "thrust, N": float(self.outputs[THRUST]),
-            "propeller, rpm": float(self.outputs[PROPELLER]) * 30 / math.pi,
+            "thrust, N": float(self.loads.thrust),
+            "propeller, rpm": float(self.loads.propeller) * 30 / math.pi,
         }
 
     def __repr__(self) -> str:
@@ -101,10 +102,10 @@ def trim(
     )
     _refuse(balance, aircraft, z, residual, where)
     state, (roll, pitch, _) = balance.state(z)
-    outputs = balance.outputs.copy()
-    state[3:6] += wind
+    loads: Loads = copied(balance.loads)
+    state[VELOCITY] += wind
     if earth != "flat":
-        state[10:13] += _frame_rate(aircraft.parameters(earth, origin), state)
+        state[OMEGA] += _frame_rate(aircraft.parameters(earth, origin), state)
     return Trim(
         aircraft,
         float(airspeed),
@@ -119,7 +120,7 @@ def trim(
         residual,
         state,
         z[2:].copy(),
-        outputs,
+        loads,
     )
 
 
@@ -156,12 +157,9 @@ class _Balance:
             turn_rate,
             course,
         )
-        self.rates, self.outputs, self.calm, self.evaluate = (
-            np.zeros(19),
-            np.zeros(OUTPUTS),
-            np.zeros(9),
-            evaluate,
-        )
+        self.rates, self.calm, self.evaluate = np.zeros(19), np.zeros(9), evaluate
+        self.loads: Loads
+        (self.loads,) = rows(Loads, 1)
 
     def state(self, z: Array) -> tuple[Array, tuple[float, float, float]]:
         """State and Euler angles in which the air comes with angle of attack z[0] and no
@@ -177,28 +175,28 @@ class _Balance:
         )
         ahead = along * math.cos(pitch) + below * math.sin(pitch)
         heading = self.course - math.atan2(aside, ahead)
-        state = np.zeros(STATE_SIZE)
-        state[0:3] = self.origin
-        state[3:6] = (
+        state = STATE.zeros()
+        state[LLA] = self.origin
+        state[VELOCITY] = (
             V * math.cos(self.climb) * math.cos(self.course),
             V * math.cos(self.climb) * math.sin(self.course),
             -V * math.sin(self.climb),
         )
-        state[6:10] = quaternion(roll, pitch, heading)
-        state[10:13] = self.turn_rate * np.array(
+        state[QUATERNION] = quaternion(roll, pitch, heading)
+        state[OMEGA] = self.turn_rate * np.array(
             [-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)]
         )
-        state[13:17] = z[2:]
+        state[CONTROLS] = z[2:]
         return state, (roll, pitch, heading)
 
     def most_thrust(self, z: Array, throttle: float) -> float:
         """Thrust, N, at the most that `throttle` may be."""
         self(np.r_[z[:5], throttle])
-        return float(self.outputs[THRUST])
+        return float(self.loads.thrust)
 
     def __call__(self, z: Array) -> Array:
         state, _ = self.state(z)
-        self.evaluate(self.parameters, state, self.calm, self.rates, self.outputs)
+        self.evaluate(self.parameters, state, self.calm, self.rates, self.loads)
         turning = self.turn_rate * np.array([-state[4], state[3], 0.0])
         return np.r_[self.rates[3:6] - turning, self.rates[10:13]]
 
@@ -281,10 +279,10 @@ def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, wh
 
 def _frame_rate(parameters: Parameters, state: Array) -> Array:
     """omega_in in body axes (rad/s) at a state, from the attitude's rate without any body rate."""
-    rates, still = np.zeros(19), state.copy()
-    still[10:13] = 0.0
-    evaluate(parameters, still, np.zeros(9), rates, np.zeros(OUTPUTS))
-    a, b, c, d = state[6:10]
+    rates, still, loads = np.zeros(19), state.copy(), rows(Loads, 1)
+    still[OMEGA] = 0.0
+    evaluate(parameters, still, np.zeros(9), rates, loads[0])
+    a, b, c, d = state[QUATERNION]
     to_body = np.array([[-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
     return -2 * to_body @ rates[6:10]
 

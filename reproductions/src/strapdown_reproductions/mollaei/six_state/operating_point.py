@@ -58,7 +58,7 @@ def point_of(craft: Aircraft, start: Start, linearised: str, airspeed: float | N
     begun = trim(craft, airspeed, origin=start.lla, course=start.rph[2], earth="flat")
     parameters = craft.parameters(earth="flat", origin=start.lla)
     C = np.reshape(euler_terms(begun.roll, begun.pitch, _heading(begun.state[6:10])), (3, 3))
-    at = np.r_[C.T @ begun.state[3:6], begun.state[OMEGA:CONTROLS], begun.state[CONTROLS:]]
+    at = np.r_[C.T @ begun.state[3:6], begun.state[OMEGA], begun.state[CONTROLS]]
     air = density(parameters, start.lla[2])
 
     def force(x: Array) -> Array:
