@@ -72,14 +72,15 @@ def timed_run(recording, name):
     compiled loop, every sample stored; without covariance."""
     from strapdown import filters
     from strapdown.alignment.initial import align
-    from strapdown.engine.prepare import Asked, assumed_noise, positioned
+    from strapdown.engine.options import run_options
+    from strapdown.engine.prepare import assumed_noise, positioned
 
     start = align(
         recording,
         assumed_noise(recording.meta["grade"], None, True)[1],
         position=positioned(filters.find(name)),
     )
-    return subject.timed(lambda begin: begin(recording, name, Asked({}, start=start)))
+    return subject.timed(lambda begin: begin(recording, name, run_options(start=start)))
 
 
 def vqf_run(made):

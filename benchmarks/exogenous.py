@@ -86,7 +86,7 @@ def drifts():
 
     def drift(name, filters, windows):
         recording = sd.read(DESCRIPTIONS / f"{name}.toml")
-        made = sd.compare(recording, filters, windows or windows_of(recording))
+        made = sd.compare(recording, filters, outages=windows or windows_of(recording))
         found = made.scores.groupby("filter", sort=False)["horizontal_rmse_m"]
         return [
             (row.iloc[0], f"the worst {row.iloc[1]:.0f} m")
@@ -116,9 +116,9 @@ def compared():
     recording = sd.read(
         Path(__file__).resolve().parents[1] / "examples" / "recordings" / "thor75-full.toml"
     )
-    sd.compare(recording, FILTERS, "30@240:280/5")
+    sd.compare(recording, FILTERS, outages="30@240:280/5")
     begin = time.perf_counter()
-    made = sd.compare(recording, FILTERS, OUTAGES)
+    made = sd.compare(recording, FILTERS, outages=OUTAGES)
     with tempfile.TemporaryDirectory() as folder:
         made.write(Path(folder))
     return [

@@ -50,7 +50,7 @@ def flown(seed, truth, ideal, off, gated, name, options):
         noise=WALK.noise(),
         start=start,
         every=RATE,
-        **options,
+        options=options,
     )
     heading = np.degrees(np.abs(sd.errors(solution, truth).attitude[:, 2]))
     away = np.flatnonzero(heading > NEAR)

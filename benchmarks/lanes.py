@@ -16,8 +16,8 @@ from strapdown.core.compile.jit import kernel
 from strapdown.core.compile.signatures import LANES, WHOLE, in_lanes, reals, signature
 from strapdown.core.loop import loop
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
-from strapdown.engine.side_by_side import SideBySide
+from strapdown.engine.options import run_options
+from strapdown.engine.side_by_side import Keeper, SideBySide
 from strapdown.experiments.monte_carlo import lane_scoring, lanes
 from strapdown.experiments.monte_carlo.scoring import epochs
 from strapdown.sensor_models.gnss import Gnss
@@ -51,7 +51,7 @@ class Flight:
         return self.records[0][0], self.filter, self.asked()
 
     def asked(self, run=0):
-        return Asked({}, self.spec, self.records[run][1], every=KEPT, covariance=True)
+        return run_options(imu=self.spec, start=self.records[run][1], every=KEPT, covariance=True)
 
     def side(self):
         """(simulation, filter) of the runs in lanes, before their first sample."""
@@ -61,11 +61,13 @@ class Flight:
             begin(*self.asked_for()),
             [start for _, start in self.records],
             recordings,
-            lane_scoring.keep_errors_in_lanes,
-            lane_scoring.known(self.at),
-            simulated.biases,
-            lane_scoring.SCRATCH,
-            lane_scoring.NUMBERS,
+            Keeper(
+                lane_scoring.keep_errors_in_lanes,
+                lane_scoring.known(self.at),
+                simulated.biases,
+                lane_scoring.SCRATCH,
+                lane_scoring.NUMBERS,
+            ),
         )
         return simulated, side
 

@@ -19,7 +19,7 @@ def demo():
     """The recording of `strapdown demo`, and {filter: Solution}."""
     recording = sd.simulate(demo_flight(), 600.0, "tactical", 7)
     names = ("closed-loop", "open-loop")
-    return recording, {name: sd.fuse(recording, name, "tactical") for name in names}
+    return recording, {name: sd.fuse(recording, name, imu="tactical") for name in names}
 
 
 def pages():

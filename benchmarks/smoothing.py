@@ -52,13 +52,13 @@ def times(name=FILTER, turns=TURNS, **more):
     from strapdown.core.loop import loop
     from strapdown.core.loop.contract import compile_kernel
     from strapdown.engine import batch
-    from strapdown.engine.prepare import Asked
+    from strapdown.engine.options import run_options
     from strapdown.engine.smoothing import both_ways, run_back
     from strapdown.filters import find
 
     w = workload.load("A")
     log, start, noise = subject.recording(w), subject.start(w), subject.noise(w.parameters)
-    made = lambda begin: begin(log, name, Asked(more, start=start, noise=noise))
+    made = lambda begin: begin(log, name, run_options(options=more, start=start, noise=noise))
     smoother = find(name).smoother
     for kernel in (run_back, loop.run, smoother.adjoint_step, smoother.save_step):
         compile_kernel(kernel)

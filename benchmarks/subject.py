@@ -102,7 +102,7 @@ def timed_run(workload, name, every=1, aidings=(), estimate=None, **options):
     As with the yardstick, compiling, the start and the output arrays are there before the clock
     starts.
     """
-    from strapdown.engine.prepare import Asked
+    from strapdown.engine.options import run_options
 
     log, at_start, densities = (
         recording(workload, *aidings),
@@ -113,8 +113,8 @@ def timed_run(workload, name, every=1, aidings=(), estimate=None, **options):
         lambda begin: begin(
             log,
             name,
-            Asked(
-                options,
+            run_options(
+                options=options,
                 start=at_start,
                 noise=densities,
                 every=every,
@@ -155,7 +155,10 @@ def stream_times(workload):
     import strapdown as sd
 
     stream = sd.Stream(
-        "closed-loop", start(workload), noise=noise(workload.parameters), aidings=[fixes(workload)]
+        "closed-loop",
+        start=start(workload),
+        noise=noise(workload.parameters),
+        aidings=[fixes(workload)],
     )
     deviation, samples = (workload.parameters["gnss_sd"],) * 3, []
     for t, dtheta, dv in zip(

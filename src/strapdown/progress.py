@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from importlib import import_module
-from inspect import signature
 from time import perf_counter
 from typing import Any, ParamSpec, TypeVar
 
@@ -34,21 +33,16 @@ def listener(progress: Progress | bool | None) -> Progress:
 
 
 def with_bar(name: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Makes a function that has `progress` show a `bar` of that name where `progress` is True."""
+    """Make a function that has the keyword `progress` show a `bar` of that name where it is True."""
 
     def wrapped(call: Callable[P, R]) -> Callable[P, R]:
-        taken = signature(call)
-
         @wraps(call)
         def shown(*args: P.args, **options: P.kwargs) -> R:
-            if options.get("progress") is not True and not any(each is True for each in args):
-                return call(*args, **options)
-            given = taken.bind(*args, **options)
-            if given.arguments.get("progress") is not True:
+            if options.get("progress") is not True:
                 return call(*args, **options)
             with bar(name) as tell:
-                given.arguments["progress"] = tell
-                return call(*given.args, **given.kwargs)
+                options["progress"] = tell
+                return call(*args, **options)
 
         return shown
 

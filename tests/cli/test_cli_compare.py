@@ -118,7 +118,7 @@ def test_a_verdict_is_on_the_run_to_the_end_with_rows_by_the_second(monkeypatch,
 
     monkeypatch.setattr("strapdown.diagnosis.judge.judge", judge)
     recording = recordings.flight()
-    found = sd.compare(recording, ["closed-loop"], outages)
+    found = sd.compare(recording, ["closed-loop"], outages=outages)
     ((label, verdict),), (solution,) = found.verdicts.items(), judged
     assert (label, verdict) == ("closed-loop", TRUSTED)
     seen = recording if found.sweep else recording.hidden(found.windows)
@@ -141,12 +141,12 @@ def test_it_is_what_python_finds(here, command):
         "--out",
         "made",
     )
-    found = sd.compare(sd.read("flight.nc"), ["closed-loop"], "8:11", kinds=("position",))
+    found = sd.compare(sd.read("flight.nc"), ["closed-loop"], outages="8:11", kinds=("position",))
     shown = pd.read_csv(here / "made" / "scores.csv")
     np.testing.assert_allclose(
         shown["horizontal_rmse_m"], found.scores["horizontal_rmse_m"], rtol=1e-8
     )
-    both = sd.compare(sd.read("flight.nc"), ["closed-loop"], "8:11")
+    both = sd.compare(sd.read("flight.nc"), ["closed-loop"], outages="8:11")
     assert abs(both.scores["horizontal_rmse_m"][0] / shown["horizontal_rmse_m"][0] - 1) > 1e-3
 
 

@@ -12,7 +12,7 @@ from strapdown import filters
 from strapdown.data import Aiding
 from strapdown.diagnosis.findings import edits
 from strapdown.diagnosis.installation import Model, applied, constants, rotation
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
 from strapdown.estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.geodesy import displacement
@@ -26,7 +26,7 @@ def model():
     recording = car(1040, 20.0)
     heading = Aiding("heading", *map(np.array, ([5.0], [[0.0]], [[0.1]])))
     recording = replace(recording, aidings=(*recording.aidings, heading))
-    run = begin_sensitive(recording, filters.find("closed-loop"), Asked({}))
+    run = begin_sensitive(recording, filters.find("closed-loop"), run_options())
     return Model(run, constants(run.recording.aidings), True)
 
 
@@ -93,7 +93,7 @@ def test_a_start_made_of_fixes_errs_with_them():
     recording = car(1040, 60.0)
     found, step = constants(recording.aidings), 0.01
     begun = lambda theta: begin_sensitive(
-        applied(recording, found, theta), filters.find("closed-loop"), Asked({})
+        applied(recording, found, theta), filters.find("closed-loop"), run_options()
     )
     run = begun(np.zeros(len(found)))
     V = Model(run, found, True).start

@@ -12,12 +12,18 @@ from synthetic import flight as circling, solution as made_up
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.engine.attitude_first import ASSUMED, REMEDY, deviations, source
+from strapdown.engine import attitude_first
+from strapdown.engine.attitude_first import ASSUMED, REMEDY, deviations
+from strapdown.engine.options import run_options
 from strapdown.filters import find, names
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.magnetometer import Magnetometer
 
 FED = CLOSED_LOOP._replace(name="fed", needs=("attitude",))
+
+
+def source(recording, ahrs, **asked):
+    return attitude_first.source(recording, ahrs, run_options(**asked))
 
 
 def same_innovations(first, second):
@@ -61,7 +67,7 @@ def test_deviations_are_those_of_the_turned_covariance():
 @pytest.mark.parametrize("rate, every", [(20.0, 1), (10.0, 2), (10, 2), (3.0, 7), (0.4, 50)])
 def test_it_is_the_solution_at_every_nth_sample(rate, every):
     alone = sd.fuse(recording(), "attitude-mekf", every=every)
-    made, said = source(recording(), find("attitude-mekf"), rate)
+    made, said = source(recording(), find("attitude-mekf"), ahrs_rate=rate)
     assert (
         made.kind == "attitude"
         and made.name == "attitude-mekf"
@@ -83,7 +89,10 @@ def test_it_is_the_solution_at_every_nth_sample(rate, every):
 @pytest.mark.short
 def test_nothing_in_a_gap_and_nothing_of_its_invalid_row():
     gaps = without_samples(recording(), (5.0, 5.5), (10.0, 13.0))
-    alone, (made, _) = sd.fuse(gaps, "attitude-mekf"), source(gaps, find("attitude-mekf"), 20.0)
+    alone, (made, _) = (
+        sd.fuse(gaps, "attitude-mekf"),
+        source(gaps, find("attitude-mekf"), ahrs_rate=20.0),
+    )
     assert (alone.status != 0).sum() == len(alone.t) - len(made.t) > 0
     assert not ((made.t > 5.01) & (made.t < 5.49) | (made.t > 10.01) & (made.t < 12.99)).any()
 
@@ -380,9 +389,9 @@ def in_order(aidings):
 def test_a_stream_is_given_attitude():
     start = sd.align(recording(), sd.grade("tactical"))
     with pytest.raises(DataError, match="^fed needs attitude aiding, and there is none: add an"):
-        sd.Stream(FED, start, "tactical", aidings=recording().aidings[:2])
+        sd.Stream(FED, start=start, imu="tactical", aidings=recording().aidings[:2])
     sources = beside(recorded())
-    stream, imu = sd.Stream(FED, start, "tactical", aidings=sources.aidings), sources.imu
+    stream, imu = sd.Stream(FED, start=start, imu="tactical", aidings=sources.aidings), sources.imu
     fixes = in_order(sources.aidings)
     for k, t in enumerate(imu.t):
         while fixes and fixes[0].t <= t:
@@ -404,7 +413,7 @@ def test_one_that_gives_no_attitude_for_long_says_so():
     start = sd.align(whole, sd.grade("tactical"))
     solution = sd.fuse(wild, FED, start=start, ahrs="vru")
     assert "vru gave no attitude from 9.9 to 40.1 s: its samples" in notes(solution)
-    stream = sd.Stream(FED, start, "tactical", aidings=fixes, ahrs="vru")
+    stream = sd.Stream(FED, start=start, imu="tactical", aidings=fixes, ahrs="vru")
     pending, imu = in_order(fixes), wild.imu
     for k, t in enumerate(imu.t):
         while pending and pending[0].t <= t:

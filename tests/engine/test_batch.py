@@ -225,30 +225,42 @@ def test_the_antimeridian_is_crossed(name):
     "wrong, words",
     [
         (dict(filter="closed-lop"), "no filter is called 'closed-lop' (did you mean 'closed-loop'"),
-        (dict(interval=3.0), "filter 'closed-loop' has no option 'interval'; it has error_model"),
         (
-            dict(error_model="exact"),
+            dict(options={"interval": 3.0}),
+            "filter 'closed-loop' has no option 'interval'; it has error_model",
+        ),
+        (
+            dict(options={"error_model": "exact"}),
             "error_model is 'exact'; it must be one of corrected, literal, printed-signs, no-gradient, latitude-gravity",
         ),
         (
-            dict(filter="periodic-reset", interval="x"),
+            dict(filter="periodic-reset", options={"interval": "x"}),
             "filter 'periodic-reset': interval is 'x'; it must be a number",
         ),
-        (dict(filter="periodic-reset", interval=None), "interval is None; it must be a number"),
-        (dict(filter="periodic-reset", interval=True), "interval is True; it must be a number"),
         (
-            dict(filter="fixed-gain", k1=[1, 2]),
+            dict(filter="periodic-reset", options={"interval": None}),
+            "interval is None; it must be a number",
+        ),
+        (
+            dict(filter="periodic-reset", options={"interval": True}),
+            "interval is True; it must be a number",
+        ),
+        (
+            dict(filter="fixed-gain", options={"k1": [1, 2]}),
             "filter 'fixed-gain': k1 is [1, 2]; it must be a number",
         ),
-        (dict(filter="fixed-gain", k1=1j), "k1 is 1j; it must be a number"),
-        (dict(filter="fixed-gain", k1=np.ones(3)), "it must be a number"),
-        (dict(filter="direct-ahrs", correlation=None), "correlation is None; it must be a number"),
+        (dict(filter="fixed-gain", options={"k1": 1j}), "k1 is 1j; it must be a number"),
+        (dict(filter="fixed-gain", options={"k1": np.ones(3)}), "it must be a number"),
         (
-            dict(filter="direct-ahrs", bias=["decaying"]),
+            dict(filter="direct-ahrs", options={"correlation": None}),
+            "correlation is None; it must be a number",
+        ),
+        (
+            dict(filter="direct-ahrs", options={"bias": ["decaying"]}),
             "bias is ['decaying']; it must be text, such as 'random-walk'",
         ),
         (
-            dict(error_model=3.0),
+            dict(options={"error_model": 3.0}),
             "filter 'closed-loop': error_model is 3.0; it must be text, such as 'corrected'",
         ),
         (dict(every=0), "every is 0; it must be a whole number, 1 or more"),
@@ -299,7 +311,7 @@ def test_what_is_no_recording_is_to_be_read_first(wrong):
 def test_options_may_be_any_real_number():
     recording = flight()
     whole = [
-        fused(recording, filter="periodic-reset", interval=value)
+        fused(recording, filter="periodic-reset", options={"interval": value})
         for value in (5, 5.0, np.float32(5), np.int64(5))
     ]
     assert all(same(whole[0], other) for other in whole[1:])

@@ -13,7 +13,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import MOST_STATES
 from strapdown.data import Correlated
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.engine.stream import Stream
 
 pytestmark = pytest.mark.short
@@ -30,7 +30,7 @@ def test_a_filter_without_these_states_says_so_in_batch_and_live(name):
     solution = fused(recording, start, filter=name)
     assert sum(note.startswith(said) for note in solution.meta["notes"]) == 1
     assert solution.counts()["position"][0] > 0
-    stream = Stream(name, start, noise=EXACT, aidings=recording.aidings)
+    stream = Stream(name, start=start, noise=EXACT, aidings=recording.aidings)
     assert sum(note.startswith(said) for note in stream.notes) == 1
     play(stream, events_of(recording))
     assert equal(stream.finish(), solution)
@@ -39,7 +39,7 @@ def test_a_filter_without_these_states_says_so_in_batch_and_live(name):
 def test_a_stream_is_the_batch_bit_for_bit_with_late_fixes_too():
     recording, start = straight()
     solution = fused(recording, start)
-    stream = Stream("closed-loop", start, noise=EXACT, aidings=recording.aidings, lag=0.4)
+    stream = Stream("closed-loop", start=start, noise=EXACT, aidings=recording.aidings, lag=0.4)
     play(stream, shuffled(events_of(recording), 0.39))
     assert equal(stream.finish(), solution)
     for name, values in solution.columns.items():
@@ -52,16 +52,16 @@ def test_a_start_made_of_fixes_has_their_correlated_errors():
     recording, _ = straight()
     made = replace(recording, meta={"grade": "tactical"})
     start = sd.align(made, sd.grade("tactical"))
-    P = begin(made, "closed-loop", Asked({}, start=start)).belief.P
+    P = begin(made, "closed-loop", run_options(start=start)).belief.P
     variance = np.square(start.sd)
     for row, deviation, state in ((0, 1.5, 15), (2, 2.5, 16), (3, 0.3, 17), (4, 0.2, 18)):
         assert P[row, row] == pytest.approx(variance[row] + deviation**2)
         assert P[row, state] == P[state, row] == pytest.approx(-(deviation**2))
     assert P[1, 1] == pytest.approx(variance[1])
     widened = told(told(made, POSITION, TIME, False), VELOCITY, TIME, False, "velocity")
-    diagonal = begin(widened, "closed-loop", Asked({}, start=start)).belief.P
+    diagonal = begin(widened, "closed-loop", run_options(start=start)).belief.P
     np.testing.assert_allclose(np.diag(diagonal), np.diag(P)[:15])
-    given = begin(made, "closed-loop", Asked({}, start=start._replace(motion=()))).belief.P
+    given = begin(made, "closed-loop", run_options(start=start._replace(motion=()))).belief.P
     np.testing.assert_array_equal(given[:15, :15], np.diag(variance))
 
 
@@ -95,5 +95,5 @@ def test_correlated_errors_that_cannot_be_are_refused(bad, said):
     with pytest.raises(DataError) as batch:
         fused(replace(recording, aidings=aidings), start)
     with pytest.raises(DataError) as live:
-        Stream("closed-loop", start, noise=EXACT, aidings=aidings)
+        Stream("closed-loop", start=start, noise=EXACT, aidings=aidings)
     assert said in str(batch.value) and str(batch.value) == str(live.value)

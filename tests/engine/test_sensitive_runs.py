@@ -16,14 +16,15 @@ from strapdown.core.loop.contract import Use
 from strapdown.core.mathematics import solution_row
 from strapdown.diagnosis.installation import Model, applied, constants
 from strapdown.engine import sensitivity
-from strapdown.engine.prepare import Asked, Run
+from strapdown.engine.options import run_options
+from strapdown.engine.prepare import Run
 from strapdown.estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.sensor_models.gnss import Gnss
 
 
 def sensitive(recording, filter="closed-loop", **asked):
     """(Run at its end, Corrections of it joined, J)."""
-    run = sensitivity.begin_sensitive(recording, filters.find(filter), Asked({}, **asked))
+    run = sensitivity.begin_sensitive(recording, filters.find(filter), run_options(**asked))
     model = Model(run, constants(run.recording.aidings), "start" not in asked)
     found = list(sensitivity.pieces(run, model.derivatives, model.start))
     joined = [np.concatenate(parts) for parts in zip(*(corrections for corrections, _ in found))]
@@ -162,7 +163,7 @@ def test_the_run_is_that_of_fuse(troubled):
 @pytest.mark.short
 def test_sums_add_up_over_blocks(troubled):
     run, corrections, J = sensitive(troubled)
-    again = sensitivity.begin_sensitive(troubled, filters.find("closed-loop"), Asked({}))
+    again = sensitivity.begin_sensitive(troubled, filters.find("closed-loop"), run_options())
     model = Model(again, constants(troubled.aidings), True)
     found = sensitivity.sums(again, model.derivatives, model.start)
     np.testing.assert_allclose(

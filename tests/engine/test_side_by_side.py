@@ -15,8 +15,8 @@ from strapdown.core.loop.contract import kernel
 from strapdown.core.loop.lane_loop import KEEP, KEEP_LANES
 from strapdown.core.mathematics import solution_row
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
-from strapdown.engine.side_by_side import SideBySide, why_alone
+from strapdown.engine.options import run_options
+from strapdown.engine.side_by_side import Keeper, SideBySide, why_alone
 from strapdown.sim.scenario import scenarios
 from strapdown.sim.synthesis import Simulator
 
@@ -53,12 +53,20 @@ class Both:
         if spoil:
             self.recordings = [spoil(lane, r) for lane, r in enumerate(self.recordings)]
         self.runs = [
-            begin(r, filter, Asked(options or {}, spec, start, every=every, covariance=True))
+            begin(
+                r,
+                filter,
+                run_options(
+                    options=options or {}, imu=spec, start=start, every=every, covariance=True
+                ),
+            )
             for r, (_, start) in zip(self.recordings, drawn)
         ]
         self.starts = [start for _, start in drawn]
         first = begin(
-            self.recordings[0], filter, Asked(options or {}, spec, self.starts[0], every=every)
+            self.recordings[0],
+            filter,
+            run_options(options=options or {}, imu=spec, start=self.starts[0], every=every),
         )
         self.why = why_alone(first)
         if self.why:
@@ -68,11 +76,13 @@ class Both:
             first,
             self.starts,
             self.recordings,
-            keep_state.for_runs(KEEP_LANES),
-            np.zeros((rows, 1)),
-            aligned(rows, 6, LANES),
-            1,
-            KEPT,
+            Keeper(
+                keep_state.for_runs(KEEP_LANES),
+                np.zeros((rows, 1)),
+                aligned(rows, 6, LANES),
+                1,
+                KEPT,
+            ),
         )
         count = len(first.samples.t)
         increments = aligned(count, 6, LANES)
@@ -234,11 +244,13 @@ def test_what_lanes_do_not_know_is_said(change, estimate, why):
     made = Simulator(sd.scenario("demo").replace(duration=20.0))
     recording, start = made.run(made.scenario.imu, 1)
     changed = replace(recording, imu=recording.imu._replace(t=change(recording.imu.t)))
-    asked = Asked({}, made.scenario.imu, start, estimate=estimate)
+    asked = run_options(imu=made.scenario.imu, start=start, estimate=estimate)
     assert why in why_alone(begin(changed, "closed-loop", asked))
 
 
 def test_a_filter_without_lanes_goes_alone():
     made = Simulator(sd.scenario("demo").replace(duration=20.0))
     recording, start = made.run(made.scenario.imu, 1)
-    assert "no lanes" in why_alone(begin(recording, "ukf", Asked({}, made.scenario.imu, start)))
+    assert "no lanes" in why_alone(
+        begin(recording, "ukf", run_options(imu=made.scenario.imu, start=start))
+    )

@@ -109,7 +109,7 @@ def test_as_rauch_tung_and_striebel(short, seed):
     and the start is off by 2 deg."""
     recording, given, _ = short.drawn(seed)
     smoothed, filtered = (
-        run(recording, "attitude-mekf", covariance=True, **given, **WHITE)
+        run(recording, "attitude-mekf", covariance=True, **given, options=WHITE)
         for run in (sd.smooth, sd.fuse)
     )
     C, b, P = rauch_tung_striebel(log_of(recording, **given))
@@ -141,7 +141,7 @@ def test_as_least_squares_over_the_whole_log(short, seed):
         log, Rotation.concatenate([first[0], C]), np.vstack([first[1], b])
     )
     assert last < 1e-6
-    smoothed = sd.smooth(recording, "attitude-mekf", **given, **WHITE)
+    smoothed = sd.smooth(recording, "attitude-mekf", **given, options=WHITE)
     off = apart(smoothed, C, b)
     assert np.sqrt((off**2).mean(axis=0)).max() < 0.08 and np.abs(off).max() < 0.3
     np.testing.assert_allclose(
@@ -157,7 +157,9 @@ correlated."""
 
 def nees(flight, seed):
     recording, given, b_g = flight.drawn(seed)
-    solution = sd.smooth(recording, "attitude-mekf", covariance=True, every=50, **given, **WHITE)
+    solution = sd.smooth(
+        recording, "attitude-mekf", covariance=True, every=50, **given, options=WHITE
+    )
     rows = np.searchsorted(recording.imu.t, solution.t - 1e-6)
     truth = Rotation.from_quat(flight.truth.q_nb[rows + 1][:, [1, 2, 3, 0]])
     error = np.hstack([(truth * attitude(solution).inv()).as_rotvec(), b_g[rows] - solution.b_g])
@@ -281,7 +283,7 @@ def both(recording, given, **options):
     """(smoothed, filtered), of which is checked what holds for every recording, also in small
     chunks."""
     smoothed, filtered = (
-        run(recording, "attitude-mekf", covariance=True, **given, **options)
+        run(recording, "attitude-mekf", covariance=True, **given, options=options)
         for run in (sd.smooth, sd.fuse)
     )
     ordered(smoothed, filtered)
@@ -289,7 +291,7 @@ def both(recording, given, **options):
     assert smoothed.counts() == filtered.counts()
     before, smoothing.RECORDED_ROWS = smoothing.RECORDED_ROWS, 60
     try:
-        equal(smoothed, sd.smooth(recording, "attitude-mekf", **given, **options))
+        equal(smoothed, sd.smooth(recording, "attitude-mekf", **given, options=options))
     finally:
         smoothing.RECORDED_ROWS = before
     return smoothed, filtered
@@ -379,7 +381,7 @@ def test_rejected_and_missing_fixes_say_nothing(longer):
     # a split of samples at fixes apart
     assert said(smoothed, "magnetometer") == list(smoothed.events)
     told = replace(smoothed, events=())
-    equal(told, sd.smooth(without, "attitude-mekf", **given, **WHITE), tolerance=1e-6)
+    equal(told, sd.smooth(without, "attitude-mekf", **given, options=WHITE), tolerance=1e-6)
 
 
 def test_a_lifted_gate(longer):
@@ -437,7 +439,7 @@ def test_refusals(short):
     ):
         sd.smooth(recording, "attitude-mek", **given)
     with pytest.raises(DataError, match="has no option 'low'"):
-        sd.smooth(recording, "attitude-mekf", low=3, **given)
+        sd.smooth(recording, "attitude-mekf", options={"low": 3}, **given)
     with pytest.raises(DataError, match="every is 0"):
         sd.smooth(recording, "attitude-mekf", every=0, **given)
 

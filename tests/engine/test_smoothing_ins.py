@@ -18,7 +18,7 @@ from strapdown.core.mathematics import solution_row
 from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine import prepare as preparation, smoothing
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.engine.smoothing import Differences
 from strapdown.geodesy import displaced, displacement
 from strapdown.recording import Recording
@@ -181,7 +181,8 @@ def both(recording, given, name="closed-loop", **options):
     """(smoothed, filtered), of which is checked what holds for every recording, also in small
     chunks."""
     smoothed, filtered = (
-        run(recording, name, covariance=True, **given, **options) for run in (sd.smooth, sd.fuse)
+        run(recording, name, covariance=True, **given, options=options)
+        for run in (sd.smooth, sd.fuse)
     )
     ordered(smoothed, filtered)
     assert (
@@ -196,7 +197,7 @@ def both(recording, given, name="closed-loop", **options):
     assert smoothed.meta | filtered.meta == smoothed.meta and smoothed.meta["smoothed"]
     before, smoothing.RECORDED_ROWS = smoothing.RECORDED_ROWS, 60
     try:
-        equal(smoothed, sd.smooth(recording, name, **given, **options))
+        equal(smoothed, sd.smooth(recording, name, **given, options=options))
     finally:
         smoothing.RECORDED_ROWS = before
     return smoothed, filtered
@@ -213,7 +214,8 @@ def test_as_rauch_tung_and_striebel(flight, line, seed):
     name, options, spec, attitude_sd = line
     recording, given, _ = flight.drawn(seed, spec, attitude_sd)
     smoothed, filtered = (
-        run(recording, name, covariance=True, **given, **options) for run in (sd.smooth, sd.fuse)
+        run(recording, name, covariance=True, **given, options=options)
+        for run in (sd.smooth, sd.fuse)
     )
     textbook, P = rauch_tung_striebel(log_of(recording, **given))
     off = apart(smoothed, textbook)
@@ -235,7 +237,13 @@ def test_as_rauch_tung_and_striebel_where_biases_are_held(flight, line):
     recording, given, _ = flight.drawn(0, FORGETFUL[spec], attitude_sd)
     given["noise"] = given["noise"]._replace(held=1.0)
     smoothed, decaying = (
-        sd.smooth(recording, name, covariance=True, **given, bias=bias, **options)
+        sd.smooth(
+            recording,
+            name,
+            covariance=True,
+            **given,
+            options={**options, "bias": bias},
+        )
         for bias in ("held", "decaying")
     )
     textbook, P = rauch_tung_striebel(log_of(recording, **given))
@@ -550,7 +558,7 @@ def test_what_bends_the_rows_before_it_is_said(spoil, reach):
 @pytest.mark.parametrize("status", [VALID, INVALID])
 def test_rows_that_are_apart_are_doubtful_and_those_of_20_s_before(status):
     recording, given, _ = Flight(60).drawn(14)
-    run = begin(recording, "closed-loop", Asked({}, every=20, **given))
+    run = begin(recording, "closed-loop", run_options(every=20, **given))
     run.complete()
     nav = run.out.nav
     nav[:, solution_row.ROW_STATUS] = status

@@ -8,7 +8,7 @@ from strapdown.core.loop.contract import STATES
 from strapdown.diagnosis.installation import applied, constants
 from strapdown.engine.batch import begin
 from strapdown.engine.installation import with_estimates
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.estimable import CLOCK, LEVER_ARM
 from strapdown.geodesy import displacement
 
@@ -16,7 +16,7 @@ ESTIMATE = {"clock": 0.1, "lever-arm": 0.5}
 
 
 def covariance(recording, start=None):
-    return begin(recording, "closed-loop", Asked({}, estimate=ESTIMATE, start=start)).belief.P
+    return begin(recording, "closed-loop", run_options(estimate=ESTIMATE, start=start)).belief.P
 
 
 def test_correlations_of_the_start_are_what_a_wrong_set_up_does_to_it():
@@ -51,5 +51,5 @@ def test_only_a_start_of_fixes_is_correlated_and_only_with_what_is_estimated():
     given = sd.Start(start.t, lla=start.lla, v=start.v)
     completed = covariance(recording, given)
     assert not completed[:STATES, STATES:].any()
-    plain = begin(with_estimates(recording, {}), "closed-loop", Asked({})).belief.P
+    plain = begin(with_estimates(recording, {}), "closed-loop", run_options()).belief.P
     assert np.array_equal(plain, np.diag(np.array(start.sd) ** 2))

@@ -56,7 +56,7 @@ def play(stream, events):
 
 def stream_of(recording, begin=None, name="closed-loop", **more):
     return Stream(
-        name, begin or start(recording), imu="tactical", aidings=recording.aidings, **more
+        name, start=begin or start(recording), imu="tactical", aidings=recording.aidings, **more
     )
 
 
@@ -90,14 +90,14 @@ def shuffled(events, lag, seed=5):
 @pytest.mark.parametrize("name", WITH_POSITION)
 def test_a_stream_is_the_batch_bit_for_bit(name):
     recording, begin, options = eventful(name), start(flight()), OPTIONS.get(name, {})
-    solution = sd.fuse(recording, name, start=begin, covariance=True, **options)
+    solution = sd.fuse(recording, name, start=begin, covariance=True, options=options)
     gated = bool(filters.find(name).states)
     counts = {"GNSS position": (18 + (not gated), int(gated)), "GNSS velocity": (20, 0)} | (
         {"ahrs": (40, 0)} if filters.find(name).needs else {}
     )
     # two gaps, and the wild fix where the filter gates
     assert len(solution.events) == 2 + gated and solution.counts() == counts
-    stream = stream_of(recording, begin, name, lag=0.4, **options)
+    stream = stream_of(recording, begin, name, lag=0.4, options=options)
     for event in shuffled(events_of(recording), 0.39):
         stream.step(event)
     assert equal(stream.finish(), solution)
@@ -118,7 +118,7 @@ def test_an_attitude_stream_is_the_batch_and_leaves_other_sources_alone(name):
     )
     begin = sd.align(recording, sd.grade("consumer"), position=False)
     solution = sd.fuse(recording, name, imu="consumer", start=begin, covariance=True)
-    stream = Stream(name, begin, imu="consumer", aidings=recording.aidings, lag=0.2)
+    stream = Stream(name, start=begin, imu="consumer", aidings=recording.aidings, lag=0.2)
     for event in shuffled(events_of(recording), 0.19):
         stream.step(event)
     belief = stream.finish()
@@ -287,8 +287,11 @@ def test_fixes_ahead_of_the_samples_wait_and_keep_their_order():
 @pytest.mark.parametrize("name", WITH_POSITION)
 def test_now_looks_ahead_and_leaves_the_stream_as_it_was(name):
     recording, begin, options = eventful(name), start(flight()), OPTIONS.get(name, {})
-    solution = sd.fuse(recording, name, start=begin, covariance=True, **options)
-    stream, events = stream_of(recording, begin, name, lag=0.5, **options), events_of(recording)
+    solution = sd.fuse(recording, name, start=begin, covariance=True, options=options)
+    stream, events = (
+        stream_of(recording, begin, name, lag=0.5, options=options),
+        events_of(recording),
+    )
     for k, event in enumerate(events):
         stream.step(event)
         if k % 40 == 7:
@@ -439,9 +442,9 @@ def test_what_else_is_refused():
     with pytest.raises(DataError, match="no filter is called 'closed'"):
         stream_of(recording, name="closed")
     with pytest.raises(DataError, match="has no option 'interval'"):
-        stream_of(recording, interval=3)
+        stream_of(recording, options={"interval": 3})
     with pytest.raises(DataError, match="give imu="):
-        Stream("closed-loop", start(recording), aidings=recording.aidings)
+        Stream("closed-loop", start=start(recording), aidings=recording.aidings)
     stream = stream_of(recording)
     stream.step(events_of(recording)[0])
     with pytest.raises(
@@ -472,6 +475,6 @@ def test_the_latitude_limit_ends_a_stream_with_its_reason():
 def test_the_sources_of_a_stream_need_no_fixes():
     recording = flight()
     empty = [a.between(1e6, 2e6) for a in recording.aidings]
-    stream = Stream("closed-loop", start(recording), imu="tactical", aidings=empty)
+    stream = Stream("closed-loop", start=start(recording), imu="tactical", aidings=empty)
     play(stream, events_of(recording))
     assert equal(stream.finish(), sd.fuse(recording, start=start(recording), covariance=True))

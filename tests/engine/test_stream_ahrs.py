@@ -12,6 +12,7 @@ from test_stream import events_of, play, shuffled
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.engine.attitude_first import source
+from strapdown.engine.options import run_options
 from strapdown.engine.stream import Stream
 
 pytestmark = pytest.mark.short
@@ -55,7 +56,7 @@ def test_it_is_close_to_what_fuse_makes():
     assert stream.start.t == batch.meta["start"]["t"]
     assert np.abs(stream.solution.trajectory.lla[-1] - batch.trajectory.lla[-1]).max() < 1e-6
     made, _ = fed(stream)
-    whole, _ = source(flown, stream._ahrs.stream._filter)
+    whole, _ = source(flown, stream._ahrs.stream._filter, run_options())
     assert np.array_equal(whole.t[-len(made.t) :], made.t)
     assert np.abs(whole.y[-len(made.t) :] - made.y).max() < 1e-6
     assert np.abs(whole.sd[-len(made.t) :] - made.sd).max() < 1e-6
@@ -77,7 +78,7 @@ def test_looking_ahead_looks_ahead_in_the_ahrs_too():
 def test_a_given_start_begins_both_at_once():
     flown = recording()
     begin = sd.align(flown, sd.grade("tactical"), position=True)
-    stream = Stream(FED, begin, "tactical", aidings=flown.aidings)
+    stream = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings)
     play(stream, events_of(flown))
     assert stream.start == begin and fed(stream)[1].start == begin
     assert stream.counts()[2] == (0, 0) and sum(stream.counts()[3]) > 150
@@ -86,8 +87,8 @@ def test_a_given_start_begins_both_at_once():
 def test_an_ahrs_that_is_asked_for_takes_the_place_of_recorded_attitude():
     flown = replace(recording(), aidings=(*recording().aidings, recorded()))
     begin = sd.align(recording(), sd.grade("tactical"))
-    plain = Stream(FED, begin, "tactical", aidings=flown.aidings)
-    asked = Stream(FED, begin, "tactical", aidings=flown.aidings, ahrs="attitude-mekf")
+    plain = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings)
+    asked = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings, ahrs="attitude-mekf")
     for stream in (plain, asked):
         play(stream, events_of(flown))
     assert plain.counts()[3][0] > 0 and len(plain.counts()) == 4
@@ -97,7 +98,7 @@ def test_an_ahrs_that_is_asked_for_takes_the_place_of_recorded_attitude():
 def test_a_rate_beyond_that_of_the_imu_is_refused():
     flown = recording()
     begin = sd.align(flown, sd.grade("tactical"))
-    stream = Stream(FED, begin, "tactical", aidings=flown.aidings, ahrs_rate=50.0)
+    stream = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings, ahrs_rate=50.0)
     with pytest.raises(DataError, match="^ahrs_rate is 50 Hz; it must be at most the IMU's 20 Hz"):
         play(stream, events_of(flown))
 
@@ -105,7 +106,7 @@ def test_a_rate_beyond_that_of_the_imu_is_refused():
 def test_an_ahrs_that_stops_is_said_once():
     flown = recording()
     begin = sd.align(flown, sd.grade("tactical"))
-    stream = Stream(FED, begin, "tactical", aidings=flown.aidings)
+    stream = Stream(FED, start=begin, imu="tactical", aidings=flown.aidings)
     play(stream, events_of(flown)[:300])
     stream._ahrs.stream.belief.C[...] = np.nan
     play(stream, events_of(flown)[300:])

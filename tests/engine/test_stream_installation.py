@@ -38,7 +38,7 @@ def with_wheel(recording):
 
 
 def stream_of(recording, begin, **more):
-    return Stream("closed-loop", begin, imu="tactical", aidings=recording.aidings, **more)
+    return Stream("closed-loop", start=begin, imu="tactical", aidings=recording.aidings, **more)
 
 
 def test_a_stream_that_estimates_the_installation_is_the_batch_bit_for_bit():
@@ -136,7 +136,7 @@ def test_a_fix_may_come_as_late_as_it_waits():
     position = recording.aidings[0]
     for delay, used in ((0.25, True), (0.35, False)):
         stream = Stream(
-            "closed-loop", begin, imu="tactical", aidings=[position], estimate={"clock": 0.1}
+            "closed-loop", start=begin, imu="tactical", aidings=[position], estimate={"clock": 0.1}
         )
         fix = Fix(3.0, 0, tuple(position.y[2]), tuple(position.sd[2]))
         for event in events_of(recording):
@@ -171,14 +171,14 @@ def test_refusals_of_a_stream():
         ({1: 0.1}, "closed-loop", "estimate is {1: 0.1}; it must be names"),
     ):
         with pytest.raises(DataError, match=said.replace("{", r"\{")):
-            Stream(name, begin, imu="tactical", aidings=recording.aidings, estimate=estimate)
+            Stream(name, start=begin, imu="tactical", aidings=recording.aidings, estimate=estimate)
 
 
 def test_what_a_grade_states_of_its_axes_are_states_live_too():
     recording, begin = eventful(), start(flight())
     solution = sd.fuse(recording, imu="dmu10", start=begin, covariance=True)
     assert solution.covariance.shape[1] == 15 + 18
-    stream = Stream("closed-loop", begin, imu="dmu10", aidings=recording.aidings, lag=0.4)
+    stream = Stream("closed-loop", start=begin, imu="dmu10", aidings=recording.aidings, lag=0.4)
     play(stream, shuffled(events_of(recording), 0.39))
     assert equal(stream.finish(), solution)
     assert stream.solution.meta["notes"] == solution.meta["notes"]

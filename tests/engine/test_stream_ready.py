@@ -40,7 +40,7 @@ def test_no_step_makes_a_kernel_ready(ready, name, given):
     if not filters.find(name).needs:
         sources = made.aidings
     begin = start(made) if given else None
-    stream = Stream(name, begin, imu="tactical", aidings=sources, align_within=2.0)
+    stream = Stream(name, start=begin, imu="tactical", aidings=sources, align_within=2.0)
     before = ready()
     for event in events_of(made):
         stream.step(event)
@@ -63,5 +63,5 @@ def test_every_source_is_ready(ready):
     sources = [
         sd.Aiding(kind.name, np.empty(0), *np.empty((2, 0, len(kind.quantities)))) for kind in kinds
     ]
-    Stream("closed-loop", start(flight()), imu="tactical", aidings=sources)
+    Stream("closed-loop", start=start(flight()), imu="tactical", aidings=sources)
     assert {kind.observe.stem for kind in kinds} <= ready()

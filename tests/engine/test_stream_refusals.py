@@ -101,7 +101,9 @@ def test_a_latitude_in_degrees_is_named_so(latitude):
 def test_units_of_other_kinds(kind, y, text):
     n = len(y)
     empty = sd.Aiding(kind, np.empty(0), np.empty((0, n)), np.empty((0, n)))
-    stream = Stream("closed-loop", start(flight()), "tactical", aidings=[*flight().aidings, empty])
+    stream = Stream(
+        "closed-loop", start=start(flight()), imu="tactical", aidings=[*flight().aidings, empty]
+    )
     with pytest.raises(DataError, match=f"^fix at 1.500 s: {kind}: {text}"):
         stream.step(Fix(1.5, 2, y, (1.0,) * n))
     assert no_harm(stream)
@@ -122,8 +124,8 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
         imu_from_arrays(imu.t[first], imu.dtheta[first], imu.dv[first], "increment")
     stream = Stream(
         "closed-loop",
-        start(recording) if begin else None,
-        "tactical",
+        start=start(recording) if begin else None,
+        imu="tactical",
         aidings=recording.aidings,
     )
     samples = [Sample(*row) for row in zip(*(column.tolist() for column in imu))]
@@ -159,7 +161,11 @@ def test_units_of_samples_are_refused_after_ten_seconds(gyro, accel, begin):
         ({"ahrs": "closed-loop"}, "closed-loop is no AHRS"),
         ({"vehicle": "tram"}, "vehicle is 'tram'"),
         ({"start": 3.0}, "start is 3.0; it must be a Start"),
-        ({"no_option": 3.0}, "filter 'closed-loop' has no option 'no_option'"),
+        (
+            {"no_option": 3.0},
+            "Stream has no option 'no_option'; one of the filter's own is given as",
+        ),
+        ({"options": {"no_option": 3.0}}, "filter 'closed-loop' has no option 'no_option'"),
     ],
 )
 def test_options_that_are_refused(option, text):

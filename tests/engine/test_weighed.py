@@ -37,7 +37,7 @@ def with_outliers(recording, share=0.1, size=20.0, seed=4):
 
 def live(recording, name, begin, **options):
     """The finished Stream of a recording's events in time order."""
-    stream = Stream(name, begin, imu="tactical", aidings=recording.aidings, **options)
+    stream = Stream(name, start=begin, imu="tactical", aidings=recording.aidings, **options)
     for event in events_of(recording):
         stream.step(event)
     stream.finish()
@@ -57,7 +57,7 @@ def test_every_filter_weighs_or_says_that_it_cannot(name):
     if filters.find(name).needs:
         recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference, 2.0)))
     options = OPTIONS.get(name, {})
-    found = sd.fuse(recording, name, imu="tactical", start=start(flight()), **options)
+    found = sd.fuse(recording, name, imu="tactical", start=start(flight()), options=options)
     fixes, notes = found.innovations, " ".join(found.meta["notes"])
     if not filters.find(name).weighs:
         assert "robust and adaptive of GNSS position, GNSS velocity are left out" in notes

@@ -77,7 +77,9 @@ def test_the_option_is_the_noise_that_holds_them(name):
     """And a run says so; without time constants there is nothing that could decay."""
     recording = aided()
     begin = start(recording)
-    run = lambda noise, **options: sd.fuse(recording, name, start=begin, noise=noise, **options)
+    run = lambda noise, **options: sd.fuse(
+        recording, name, start=begin, noise=noise, options=options
+    )
     held = run(NOISE, bias="held")
     assert same(held, run(NOISE._replace(held=1.0)))
     assert not same(held, run(NOISE)) and held.meta["noise"]["held"] == 1
@@ -94,8 +96,10 @@ def test_a_stream_and_a_bridged_gap_hold_them_too():
     gone = replace(
         recording, imu=type(recording.imu)(*(c[(t < 4) | (t > 4.6)] for c in recording.imu))
     )
-    batch = sd.fuse(gone, "mekf", start=begin, noise=NOISE, bias="held")
-    stream = sd.Stream("mekf", begin, noise=NOISE, aidings=gone.aidings, lag=0.2, bias="held")
+    batch = sd.fuse(gone, "mekf", start=begin, noise=NOISE, options={"bias": "held"})
+    stream = sd.Stream(
+        "mekf", start=begin, noise=NOISE, aidings=gone.aidings, lag=0.2, options={"bias": "held"}
+    )
     fixes = [
         Fix(a.t[k], s, a.y[k], a.sd[k]) for s, a in enumerate(gone.aidings) for k in range(len(a.t))
     ]
@@ -106,7 +110,11 @@ def test_a_stream_and_a_bridged_gap_hold_them_too():
     assert np.array_equal(belief.ba, batch.b_a[-1]) and np.array_equal(belief.bg, batch.b_g[-1])
     alone = replace(gone, aidings=())
     kept = sd.fuse(
-        alone, "mekf", start=begin._replace(ba=(0.1, 0.2, 0.3)), noise=NOISE, bias="held"
+        alone,
+        "mekf",
+        start=begin._replace(ba=(0.1, 0.2, 0.3)),
+        noise=NOISE,
+        options={"bias": "held"},
     )
     np.testing.assert_array_equal(kept.b_a, np.broadcast_to([0.1, 0.2, 0.3], kept.b_a.shape))
 
@@ -116,7 +124,7 @@ def test_a_filter_without_the_option_says_why(name):
     with pytest.raises(
         DataError, match=f"'{name}' has no option 'bias', as none of its estimates decays; it has"
     ):
-        sd.fuse(aided(), name, imu="tactical", bias="held")
+        sd.fuse(aided(), name, imu="tactical", options={"bias": "held"})
 
 
 @pytest.mark.parametrize("name", ["mekf", "direct-ahrs", "attitude-mekf"])
@@ -126,7 +134,7 @@ def test_an_unknown_bias_model_is_refused(name):
         match=f"filter '{name}': bias is 'hold'.*did you mean 'held'.*; it must be one of "
         "decaying, held, random-walk",
     ):
-        sd.fuse(aided(), name, imu="tactical", bias="hold")
+        sd.fuse(aided(), name, imu="tactical", options={"bias": "hold"})
 
 
 def test_a_noise_holds_no_more_than_all():

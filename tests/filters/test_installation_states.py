@@ -14,7 +14,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.data import DOUBTFUL
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 
 ABLE = [name for name in filters.names() if filters.find(name).installation]
 WRONG = {
@@ -120,7 +120,7 @@ def test_a_right_fix_is_compared_with_the_truth(tau):
     stamps = np.array([0.5, 1.1, 1.9, 2.603, 3.2])
     made = replace(made, aidings=true_fix(made, stamps, tau))
     noise = NOISE._replace(gyro=0.0, accel=0.0)
-    run = begin(made, "closed-loop", Asked({}, start=start, noise=noise))
+    run = begin(made, "closed-loop", run_options(start=start, noise=noise))
     run.belief.extra_states[0] = tau
     run.belief.P[15, 15] = 1e-12
     run.complete()
@@ -138,7 +138,7 @@ def test_a_clock_that_runs_away_is_said(tau):
     made = replace(
         made, aidings=tuple(replace(a, estimate={"clock": (0.1,)}) for a in made.aidings)
     )
-    run = begin(made, "closed-loop", Asked({}, start=start, noise=NOISE))
+    run = begin(made, "closed-loop", run_options(start=start, noise=NOISE))
     run.belief.extra_states[:] = tau
     run.belief.P[15, 15] = 1e-6
     run.complete()
@@ -192,5 +192,5 @@ def test_who_asks_of_the_imu_gets_what_is_asked_and_of_sources_both():
 @pytest.mark.short
 def test_a_filter_that_leaves_the_axes_out_says_so():
     made, start, _ = flight(2.0, 10.0)
-    solution = sd.fuse(made, "nlo", STATED, start)
+    solution = sd.fuse(made, "nlo", imu=STATED, start=start)
     assert any("nlo leaves out gyro scale" in note for note in solution.meta["notes"])

@@ -235,7 +235,7 @@ def test_a_stream_with_states_of_its_own_is_the_batch_bit_for_bit(flight, name):
     assert solution.covariance.shape[1:] == (17, 17)
     names = ["left bias [m]", "right bias [m]"]
     assert list(solution.columns)[-4:] == [*names, *(f"sd of {each}" for each in names)]
-    stream = Stream(name, start, noise=SPEC.noise(), aidings=recording.aidings)
+    stream = Stream(name, start=start, noise=SPEC.noise(), aidings=recording.aidings)
     events = [
         Sample(t, dt, tuple(a), tuple(b))
         for t, dt, a, b in zip(*(column.tolist() for column in recording.imu))

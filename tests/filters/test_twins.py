@@ -104,7 +104,7 @@ def ten_minutes():
 
 
 def scores(recording, name, **options):
-    solution = sd.fuse(recording, name, **options)
+    solution = sd.fuse(recording, name, options=options)
     return sd.rms(sd.errors(solution, recording.reference), (120.0, recording.span[1]))
 
 

@@ -108,11 +108,18 @@ def test_a_filters_own_seed_comes_from_the_flights():
         assert (
             set(given) == {"components", "seed"} and given == flight.solution.meta["filter_options"]
         )
-        assert same(flight.solution, sd.fuse(flight.recording, "pkf", start=flight.start, **given))
+        assert same(
+            flight.solution, sd.fuse(flight.recording, "pkf", start=flight.start, options=given)
+        )
     one, other = (flight.recording.meta["filter_options"]["seed"] for flight in flights)
     assert one != other and not same(
         flights[0].solution,
-        sd.fuse(flights[0].recording, "pkf", start=flights[0].start, components=3, seed=other),
+        sd.fuse(
+            flights[0].recording,
+            "pkf",
+            start=flights[0].start,
+            options={"components": 3, "seed": other},
+        ),
     )
 
 
@@ -146,7 +153,7 @@ def test_a_filter_gets_what_is_flown():
         flight.recording,
         closed._replace(start=start),
         start=flight.start,
-        **flight.recording.meta["filter_options"],
+        options=flight.recording.meta["filter_options"],
     )
     assert got == [
         (2.0, 50.0, heavy, "flat"),

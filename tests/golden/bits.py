@@ -80,7 +80,12 @@ def begin():
 def digest(name):
     """Of all rows and covariances of a filter."""
     solution = sd.fuse(
-        recording(), name, start=begin(), noise=NOISE, covariance=True, **OPTIONS.get(name, {})
+        recording(),
+        name,
+        start=begin(),
+        noise=NOISE,
+        covariance=True,
+        options=OPTIONS.get(name, {}),
     )
     path = solution.trajectory
     parts = path.t, path.lla, path.v_n, path.q_nb, path.sd, solution.covariance

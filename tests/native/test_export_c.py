@@ -93,7 +93,9 @@ def test_live_with_late_fixes_it_is_what_a_stream_is(made, in_c):
     of = made[0]
     begun(of, in_c)
     none = [replace(a, t=a.t[:0], y=a.y[:0], sd=a.sd[:0]) for a in of.aidings]
-    stream = sd.Stream(of.filter, of.start, imu=of.spec, noise=of.noise, aidings=none, estimate=[])
+    stream = sd.Stream(
+        of.filter, start=of.start, imu=of.spec, noise=of.noise, aidings=none, estimate=[]
+    )
     rng = np.random.default_rng(5)
     events = [(t, 1, sample) for t, sample in zip(of.recording.imu.t, zip(*of.recording.imu))]
     for s, a in enumerate(of.aidings):

@@ -140,10 +140,10 @@ def test_the_moved_imu_navigates_the_moved_point():
         (0.0,) * 3,
         (1e-6,) * 15,
     )
-    run = sd.fuse(sd.Recording(moved), "open-loop", "navigation", start)
+    run = sd.fuse(sd.Recording(moved), "open-loop", imu="navigation", start=start)
     off = displacement(run.trajectory.lla, point.lla[1:])
     assert np.abs(off).max() < 0.02 and np.abs(run.trajectory.v_n - point.v_n[1:])[:-1].max() < 0.01
-    still = sd.fuse(sd.Recording(imu), "open-loop", "navigation", start)
+    still = sd.fuse(sd.Recording(imu), "open-loop", imu="navigation", start=start)
     # what leaving the lever arm out would cost
     assert np.abs(displacement(still.trajectory.lla, point.lla[1:])).max() > 1
 

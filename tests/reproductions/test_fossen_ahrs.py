@@ -80,8 +80,7 @@ def fused(recording, name, **options):
         name,
         start=cases.start(recording, cases.CHAPTER, 1),
         noise=cases.noise(CASE, cases.CHAPTER, "at rest"),
-        bias="held",
-        **options,
+        options={**options, "bias": "held"},
     )
 
 

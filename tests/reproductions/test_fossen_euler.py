@@ -87,7 +87,7 @@ def test_far_from_the_vertical_it_is_the_closed_loop_to_first_order():
     )
     begin = start(recording)
     both = [
-        sd.fuse(bare, filter, start=begin, noise=NOISE, bias="decaying")
+        sd.fuse(bare, filter, start=begin, noise=NOISE, options={"bias": "decaying"})
         for filter in (DIRECT, "closed-loop")
     ]
     ours, theirs = (solution.trajectory for solution in both)
@@ -106,4 +106,4 @@ def test_it_comes_through_the_door_for_filters_from_outside(filter):
         DataError, match="errors is 'wrong'.*; it must be one of corrected, printed"
     ):
         bare = sd.Recording(flight().imu, (), flight().reference, {})
-        sd.fuse(bare, INDIRECT, start=start(flight()), noise=NOISE, errors="wrong")
+        sd.fuse(bare, INDIRECT, start=start(flight()), noise=NOISE, options={"errors": "wrong"})

@@ -42,7 +42,11 @@ def tilt_error(recording, reference, off=(0.3, -0.2, 0.1)):
     turned = Rotation.from_rotvec(off).inv() * Rotation.from_euler("ZYX", begin.rph[::-1])
     begin = begin._replace(rph=tuple(turned.as_euler("ZYX")[::-1]))
     found = sd.fuse(
-        recording, FORCE_OBSERVER, start=begin, noise=QUIET, reference=reference, ki=0.0
+        recording,
+        FORCE_OBSERVER,
+        start=begin,
+        noise=QUIET,
+        options={"reference": reference, "ki": 0.0},
     )
     return np.degrees(np.linalg.norm(sd.errors(found, recording.reference).attitude[-1]))
 
@@ -68,7 +72,7 @@ def test_in_the_study_the_accelerations_are_left_out_of_the_tilt():
 def test_what_it_refuses(turning):
     filters.check(FORCE_OBSERVER)
     run = lambda recording, **options: sd.fuse(
-        recording, FORCE_OBSERVER, start=start(recording), noise=QUIET, **options
+        recording, FORCE_OBSERVER, start=start(recording), noise=QUIET, options=options
     )
     with pytest.raises(DataError, match="GNSS velocity has a lever arm; give the velocity of the"):
         run(flight())

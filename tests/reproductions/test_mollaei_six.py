@@ -25,7 +25,7 @@ UNBOUNDED = Vehicle(speed=np.inf, lowest=-1e300, highest=1e300)
 
 def fused(made, filter, **options):
     recording, start, _ = made
-    return sd.fuse(recording, filter, start=start, noise=NOISE, covariance=True, **options)
+    return sd.fuse(recording, filter, start=start, noise=NOISE, covariance=True, options=options)
 
 
 def state(solution, start):

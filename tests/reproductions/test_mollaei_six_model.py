@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.core.loop.contract import Noise
 from strapdown.engine import batch
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.evaluation.metrics import errors
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
@@ -30,7 +30,7 @@ def through(made, filter, start=None, model=slice(None), **options):
     run = batch.begin(
         made.recording,
         filter,
-        Asked({"model": 0.05, **options}, start=start or made.start, noise=NOISE),
+        run_options(options={"model": 0.05, **options}, start=start or made.start, noise=NOISE),
     )
     flags = np.zeros(len(made.inputs))
     flags[model] = 1
@@ -271,7 +271,7 @@ def test_components_by_sigma_points_are_a_bank_of_unscented_filters():
         )
 
     begun = batch.begin(
-        made.recording, filters.PKF6, Asked(options, start=wide, noise=NOISE)
+        made.recording, filters.PKF6, run_options(options=options, start=wide, noise=NOISE)
     ).belief
     ended = through(made, filters.PKF6, start=wide, **options)[2]
     for mine, own in zip(bank(begun).copy(), bank(ended)):

@@ -82,7 +82,7 @@ def test_a_loop_is_the_printed_one(name, options, twin):
     recording = flight(2.5, 20.0, gnss=Gnss(0.5, velocity_sd=None))
     recording = replace(recording, aidings=(replace(recording.aidings[0], gate=np.inf),))
     begin = start(recording)._replace(ba=(0.05, -0.03, 0.04), bg=(1e-3, -2e-3, 1e-3))
-    solution = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, **options)
+    solution = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, options=options)
     lla, v, C, b, P = (np.array(part) for part in zip(*twin(recording, begin)))
     assert np.abs(displacement(solution.trajectory.lla, lla)).max() < 1e-4
     assert np.abs(solution.trajectory.v_n - v).max() < 5e-5

@@ -10,7 +10,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.data import Correlated
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.tuning.findings import AT_MOST, KEPT, OPEN
@@ -43,7 +43,7 @@ def right():
 @pytest.fixture(scope="module")
 def search(right):
     spec = sd.grade("consumer")
-    found = Search(right, filters.find("closed-loop"), spec, Asked({}, spec), (None, None))
+    found = Search(right, filters.find("closed-loop"), spec, run_options(imu=spec), (None, None))
     found.first()
     return found
 

@@ -17,7 +17,7 @@ def from_a_file() -> sd.Solution:
     """Read, fuse, look, write."""
     recording = sd.read("recording.toml")
     assert_type(recording, sd.Recording)
-    solution = sd.fuse(recording, "closed-loop", every=10, gate=3.0)
+    solution = sd.fuse(recording, "closed-loop", every=10, options={"gate": 3.0})
     assert_type(solution, sd.Solution)
     assert_type(solution.trajectory, sd.Trajectory)
     assert_type(solution.trajectory.lla, NDArray[np.float64])
@@ -36,7 +36,7 @@ def simulated() -> float:
     recording = sd.simulate(demo_flight(), 60.0, "tactical", seed=1)
     start = sd.align(recording, sd.grade("tactical"))
     assert_type(start, sd.Start)
-    stream = sd.Stream("closed-loop", start, "tactical", aidings=recording.aidings)
+    stream = sd.Stream("closed-loop", start=start, imu="tactical", aidings=recording.aidings)
     print(stream)
     campaign = sd.Study(("demo",), ("closed-loop",), runs=2).run("study")
     assert_type(campaign, sd.Campaign)
@@ -45,7 +45,7 @@ def simulated() -> float:
 
 def wrong(recording: sd.Recording, start: sd.Start) -> None:
     """Each of these is an error before anything runs."""
-    sd.fuse(42, filtre=3)  # type: ignore[arg-type]
+    sd.fuse(42, options={"filtre": 3})  # type: ignore[arg-type]
     sd.fuse(recording, every="2")  # type: ignore[arg-type]
     sd.fuse(recording).trajectorie  # type: ignore[attr-defined]
     sd.fuze(recording)  # type: ignore[attr-defined]

@@ -7,10 +7,11 @@ import signal
 import sys
 import threading
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from math import inf, isfinite, radians
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -59,6 +60,10 @@ from .console import (
     wrapped_table,
 )
 from .help import FORMATS, Command, Commands
+
+if TYPE_CHECKING:
+    from ..engine.options import RunOptions
+    from ..reports.shell import Page
 
 app = typer.Typer(
     cls=Commands,
@@ -233,7 +238,7 @@ def demo(
     )
     with results_folder(out.parent), Progress() as progress:
         solutions = {
-            name: sd.fuse(recording, name, imu, say=progress.say, progress=progress.track(name))
+            name: sd.fuse(recording, name, imu=imu, say=progress.say, progress=progress.track(name))
             for name in ("closed-loop", "open-loop")
         }
         print_verdicts({name: solution.verdict for name, solution in solutions.items()})
@@ -306,74 +311,89 @@ def fuse(
 ) -> None:
     """Fuse a recording: writes solution.nc, solution.csv, report.html and, where there is a
     position, track.kml."""
-    from ..files import together
-
     windows, endings = _windows(hide), _endings(also)
     options: dict[str, Any] = option_values(option)
-    asked = estimates(estimate)
+    run: RunOptions = {
+        "vehicle": vehicle,
+        "every": every,
+        "ahrs": ahrs,
+        "ahrs_rate": ahrs_rate,
+        "estimate": estimates(estimate),
+        "robust": robust_sources(robust),
+        "adaptive": memories(adaptive),
+        "options": options,
+    }
     check_draft(write, recording)
     whole, grade = read_given(recording, imu, take, sources)
-    if utc and whole.utc is None:
-        raise sd.DataError(
-            "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
-            "recording.toml (docs/reference/time.md), or leave --utc out"
-        )
+    _check_utc(utc, whole)
     save_draft(write, recording, imu, take)
-    named = grade or grade_of(whole)
+    run["imu"] = named = grade or grade_of(whole)
     part = whole.between(-inf if start is None else start, inf if stop is None else stop)
     seen = part.hidden(windows)
-    withheld = sum(len(a.t) for a in part.aidings) - sum(len(a.t) for a in seen.aidings)
-    run, label, ending = (
-        (sd.smooth, f"{filter}, smoothed", "-smooth") if smooth else (sd.fuse, filter, "")
-    )
     with results_folder(
-        out or Path(f"{part.meta.get('name') or recording[0].stem}-{filter}{ending}")
+        out or Path(f"{part.meta.get('name') or recording[0].stem}-{filter}{'-smooth' * smooth}")
     ) as folder:
-        begin = _start(seen, named, heading, filter)
-        with Progress() as progress:
-            solution = run(
-                seen,
-                filter,
-                imu=named,
-                vehicle=vehicle,
-                start=begin,
-                every=every,
-                say=progress.say,
-                progress=progress.track(label),
-                ahrs=ahrs,
-                ahrs_rate=ahrs_rate,
-                estimate=asked,
-                robust=robust_sources(robust),
-                adaptive=memories(adaptive),
-                **options,
-            )
+        run["start"] = begin = _start(seen, named, heading, filter)
+        solution, label = _run(seen, filter, smooth, run)
         if windows:
             solution.meta["withheld"] = windows
         summarise(solution)
         if windows:
-            print(f"{withheld} fixes withheld")
+            print(f"{_count(part) - _count(seen)} fixes withheld")
         if whole.reference is not None:
             print_errors({label: solution}, whole.reference)
             print_outages(solution, whole.reference, windows)
-        names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
-        names += [f"solution.{ending}" for ending in endings if "csv" in ending]
-        if solution.has_position:
-            names += [f"track.{ending}" for ending in endings if "csv" not in ending]
-        page = sd.report(solution, whole.reference, map=map)
-        with together():
-            for name in names:
-                sd.write_solution(solution, folder / name, utc)
-            save_page(page, folder / "report.html")
-    print(
-        f"wrote {folder}/{', '.join(names)}, "
-        f"report.html{'' if solution.has_position else '; no track, because there is no position'}"
-    )
+        print(
+            _written(solution, folder, endings, utc, sd.report(solution, whole.reference, map=map))
+        )
     if diagnosed:
         try:
             diagnose.show(seen, filter, named, vehicle, begin, options)
         except sd.DataError as error:  # the results are written
             print(f"diagnose: {error}")
     end(strict, [solution.verdict])
+
+
+def _count(recording: "sd.Recording") -> int:
+    """How many fixes a recording has."""
+    return sum(len(a.t) for a in recording.aidings)
+
+
+def _check_utc(utc: bool, recording: "sd.Recording") -> None:
+    """Refuse --utc of a recording without an absolute clock. Raises DataError."""
+    if utc and recording.utc is None:
+        raise sd.DataError(
+            "--utc: the recording has no absolute clock; say its `clock` or `epoch` in the "
+            "recording.toml (docs/reference/time.md), or leave --utc out"
+        )
+
+
+def _run(
+    recording: "sd.Recording", filter: str, smooth: bool, run: "RunOptions"
+) -> tuple["sd.Solution", str]:
+    """(the Solution of a recording, what to call it); with a bar of the progress."""
+    call, label = (sd.smooth, f"{filter}, smoothed") if smooth else (sd.fuse, filter)
+    with Progress() as progress:
+        run["say"] = progress.say
+        return call(recording, filter, progress=progress.track(label), **run), label
+
+
+def _written(
+    solution: "sd.Solution", folder: Path, endings: Sequence[str], utc: bool, page: "Page"
+) -> str:
+    """Write the files of a solution, all or none; the line that says which."""
+    from ..files import together
+
+    names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
+    names += [f"solution.{ending}" for ending in endings if "csv" in ending]
+    if solution.has_position:
+        names += [f"track.{ending}" for ending in endings if "csv" not in ending]
+    with together():
+        for name in names:
+            sd.write_solution(solution, folder / name, utc)
+        save_page(page, folder / "report.html")
+    missing = "" if solution.has_position else "; no track, because there is no position"
+    return f"wrote {folder}/{', '.join(names)}, report.html{missing}"
 
 
 def _start(

@@ -162,7 +162,7 @@ def installation(
             imu_clock=imu_clock,
             say=progress.say,
             progress=progress.track("calibrate installation"),
-            **options,
+            options=options,
         )
         for line in found.lines:
             print(line)

@@ -102,7 +102,7 @@ def compare(
         found = sd.compare(
             part,
             labels(filters),
-            outages,
+            outages=outages,
             imu=grade,
             vehicle=vehicle,
             ahrs=ahrs,

@@ -62,7 +62,7 @@ def show(
             start=start,
             say=progress.say,
             progress=progress.track("diagnose"),
-            **options,
+            options=options,
         )
     for line in found.lines:
         print(line)

@@ -3,7 +3,7 @@
 from contextlib import nullcontext
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -84,16 +84,12 @@ def tune(
             correlated=correlated,
             say=progress.say,
             progress=progress.track("tune"),
-            **_options(option),
+            options=option_values(option),
         )
         for line in found.lines:
             print(line)
         for line in _written(found, recording[0], folder, write):
             print(line)
-
-
-def _options(option: list[str] | None) -> dict[str, Any]:
-    return dict(option_values(option))
 
 
 def _written(found: "Tuning", path: Path, folder: Path | None, write: bool) -> list[str]:

@@ -3,23 +3,23 @@ arms, mounting and odometer scale, each found, consistent with what was given, o
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from .. import filters
 from ..checks import DataError
-from ..core.loop.contract import Filter, Start
+from ..core.loop.contract import Filter
 from ..cross_checks.motion import Subject
 from ..engine.finish import solution
 from ..engine.installation import as_given
-from ..engine.prepare import Asked, GivenImu, Run
+from ..engine.options import RunOptions, SetUpOptions, run_options, takes
+from ..engine.prepare import Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
 from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
-from ..typing import Array, Mask, Progress, Say
-from ..vehicle import GivenVehicle
+from ..typing import Array, Mask, Progress
 from .coarse import check_axes, coarse_clocks
 from .findings import (
     CONSISTENT,
@@ -53,33 +53,42 @@ COARSE_GAIN = 0.8
 """A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
 
 
+@takes(SetUpOptions)
 @with_bar("diagnose")
 def diagnose(
     recording: Recording,
     filter: str | Filter = "closed-loop",
-    imu: GivenImu | None = None,
-    start: Start | None = None,
-    say: Say | None = None,
+    *,
+    options: dict[str, Any] | None = None,
     progress: Progress | bool | None = None,
-    vehicle: GivenVehicle | None = None,
-    **options: Any,
+    **set_up: Unpack[SetUpOptions],
 ) -> Diagnosis:
-    """What of the installation of `recording` is wrong: clock offset of the GNSS, lever arm of its
-    antenna, mounting of the IMU, scale of the odometer.
+    """Find out what of the installation of a recording is wrong: clock offset of the GNSS, lever arm
+    of its antenna, mounting of the IMU, scale of the odometer.
 
     Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
     applied, and the filter is run again until nothing moves: `settling.MOST_RUNS` runs at most.
-    What the recording names to be estimated as states is not, here. filter: the closed loop or one
-    of its relatives; the other arguments are those of `fuse`.
-    Without a source of velocity no more than a clock offset beyond 0.5 s is reported. Raises
-    DataError.
+    What the recording names to be estimated as states is not, here. Without a source of velocity no
+    more than a clock offset beyond 0.5 s is reported.
+
+    Parameters
+    ----------
+    recording : Recording
+        With a source of position.
+    filter : str or Filter
+        The closed loop or one of its relatives.
+    options : dict
+        Options of the filter's own, {name: value}.
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        Without a source of position, and as of `fuse`.
     """
-    return _Runs(
-        recording,
-        filter,
-        Asked(options, imu, start, say=say, vehicle=vehicle, estimate=()),
-        listener(progress),
-    ).diagnosis()
+    asked = run_options(options=options, estimate=(), **set_up)
+    return _Runs(recording, filter, asked, listener(progress)).diagnosis()
 
 
 class _Runs:
@@ -89,7 +98,7 @@ class _Runs:
         self,
         recording: Recording,
         filter: str | Filter,
-        asked: Asked,
+        asked: RunOptions,
         progress: Progress,
     ) -> None:
         check_recording(recording)
@@ -107,7 +116,7 @@ class _Runs:
     def run(self, theta: Array) -> Trial:
         """The filter over the recording with its set-up changed by theta."""
         before, run = self.way.runs - 1, self.begun(theta)
-        model = Model(run, self.constants, self.asked.start is None)
+        model = Model(run, self.constants, self.asked["start"] is None)
         found = sums(
             run,
             model.derivatives,

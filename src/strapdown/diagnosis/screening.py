@@ -11,7 +11,7 @@ from .. import filters
 from ..core.loop.contract import POS, STATES, VEL, Noise, Start
 from ..core.mathematics.rotation import matrix_to_euler
 from ..data import Aiding, Solution
-from ..engine.prepare import Asked
+from ..engine.options import run_options
 from ..engine.sensitivity import begin_sensitive, fit, sums
 from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
@@ -149,7 +149,7 @@ def suspects(solution: Solution) -> list[Suspect]:
     recording, noise = thinned(part), Noise(**solution.meta["noise"])
     known = constants(recording.aidings)
     run = begin_sensitive(
-        recording, filters.find("closed-loop"), Asked({}, start=start, noise=noise, estimate=())
+        recording, filters.find("closed-loop"), run_options(start=start, noise=noise, estimate=())
     )
     model = Model(run, known, True)
     found = sums(run, model.derivatives, model.start)

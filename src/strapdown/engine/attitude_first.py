@@ -16,15 +16,16 @@ import numpy as np
 from .. import filters
 from ..alignment.initial import align
 from ..checks import DataError
-from ..core.loop.contract import ATT, VALID, Filter, Imu, Noise, Start
+from ..core.loop.contract import ATT, VALID, Filter, Imu, Start
 from ..data import Aiding, Trajectory
 from ..preprocessing.stationary import motionless
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
-from ..typing import Array, Say
+from ..typing import Array
 from .finish import solution as solution_of
 from .installation import without_estimates
-from .prepare import AHRS_RATE, Asked, assumed_noise, check_needs, positioned, ready
+from .options import AHRS_RATE, RunOptions, run_options
+from .prepare import assumed_noise, check_needs, positioned, ready
 
 AHRS = "attitude-mekf"
 """The one that runs where a filter needs attitude, the recording has none of it, and something
@@ -44,31 +45,19 @@ REMEDY = (
 )
 
 
-def fed(
-    recording: Recording,
-    filter: Filter,
-    ahrs: str | Filter | None = None,
-    rate: float = AHRS_RATE,
-    imu: ImuSpec | None = None,
-    noise: Noise | None = None,
-    start: Start | None = None,
-    say: Say | None = None,
-) -> tuple[Recording, Aiding | None]:
+def fed(recording: Recording, filter: Filter, asked: RunOptions) -> tuple[Recording, Aiding | None]:
     """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the
     filter needs is among the sources.
 
-    ahrs: name of a filter of attitude alone, which takes the place of recorded attitude; None:
-    `attitude-mekf` where the filter needs attitude, the recording has none, and something in it
-    measures the heading. rate (Hz), imu, noise, start: as of `source`. What measures the heading
-    goes to the AHRS and not to the filter once more. A note says what ran. Raises DataError where
-    there is no attitude and nothing to make it of, where the AHRS that was asked for cannot be
-    used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
+    What measures the heading goes to the AHRS and not to the filter once more. A note says what ran.
+    Raises DataError where there is no attitude and nothing to make it of, where the AHRS that was
+    asked for cannot be used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
     """
     measured = {a.kind for a in recording.aidings if len(a.t)}
-    first = chosen(filter, measured, ahrs, rate)
+    first = chosen(filter, measured, asked["ahrs"], asked["ahrs_rate"])
     if first is None:
         return recording, None
-    made, notes = source(recording, first, rate, imu, noise, start, say)
+    made, notes = source(recording, first, asked)
     taken = taken_by(first, recording.aidings)
     replaced = [a for a in recording.aidings if a.kind == "attitude"]
     notes[0] += whose(taken, replaced)
@@ -145,24 +134,15 @@ def attitudes(ahrs: Filter, path: Trajectory, aided: bool) -> tuple[Array, Array
     return y, sd
 
 
-def source(
-    recording: Recording,
-    ahrs: Filter,
-    rate: float = AHRS_RATE,
-    imu: ImuSpec | None = None,
-    noise: Noise | None = None,
-    start: Start | None = None,
-    say: Say | None = None,
-) -> tuple[Aiding, list[str]]:
-    """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` (Filter) at
-    every n-th IMU sample.
+def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Aiding, list[str]]:
+    """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` at every n-th
+    IMU sample, n the whole number that comes nearest to the rate that is asked for.
 
-    n is the whole number that comes nearest to `rate` (Hz); rows that are not VALID are left out.
-    imu: ImuSpec; noise: a Noise in place of the IMU's; start: Start of the filter that is fed:
-    where it knows the heading better than alignment does, the AHRS begins with that. y: roll,
-    pitch, heading, NaN where the filter does not estimate a heading; sd: claimed by it, else
-    `ASSUMED`. Raises DataError.
+    Rows that are not VALID are left out. Where the start that is asked for knows the heading better
+    than alignment does, the AHRS begins with that. y: roll, pitch, heading, NaN where the filter
+    does not estimate a heading; sd: claimed by it, else `ASSUMED`. Raises DataError.
     """
+    rate, imu, noise = asked["ahrs_rate"], asked["imu"], asked["noise"]
     own = 1 / float(np.median(recording.imu.dt))
     if rate > own * 1.001:
         raise DataError(f"ahrs_rate is {rate:g} Hz; it must be at most the IMU's {own:.4g} Hz")
@@ -171,13 +151,13 @@ def source(
         recording,
         aidings=without_estimates(a for a in recording.aidings if a.kind != "attitude"),
     ).knowing(notes=[], estimate={})
-    begin = _start(seen, imu, noise, start)
     assumed, spec = assumed_noise(
-        seen.meta.get("grade") if imu is None else imu, noise, needed=False
+        seen.meta.get("grade") if imu is None else imu, noise, needed=True
     )
+    assert spec is not None  # it was needed
+    begin = _start(seen, spec, asked["start"])
     check_needs(ahrs, seen.aidings)
-    asked = Asked({}, imu, begin, noise, every, say=say)
-    run = ready(seen, ahrs, begin, assumed, spec, asked)
+    run = ready(seen, ahrs, begin, assumed, spec, run_options(every=every, say=asked["say"]))
     run.complete()
     solution = solution_of(run)
     keep = solution.status == VALID
@@ -267,13 +247,9 @@ def _check(ahrs: Filter, filter: Filter) -> None:
         )
 
 
-def _start(
-    recording: Recording, imu: ImuSpec | None, noise: Noise | None, given: Start | None
-) -> Start:
+def _start(recording: Recording, spec: ImuSpec, given: Start | None) -> Start:
     """The Start of the AHRS: where the record begins, or at the `given` Start of the other
     filter where that knows the heading better."""
-    spec = imu or assumed_noise(recording.meta.get("grade"), noise, needed=True)[1]
-    assert spec is not None  # it was needed
     start = align(recording, spec, position=False)
     if (
         given is None

@@ -7,14 +7,14 @@ import numpy as np
 
 from ..alignment.completed import completed
 from ..checks import DataError
-from ..core.loop.contract import Filter, Imu, Noise, Start
+from ..core.loop.contract import Filter, Imu, Start
 from ..data import Aiding
 from ..preprocessing.plausible import mistakes
 from ..recording import Recording, RecordingMeta
 from ..sensor_models.imu import ImuSpec
-from ..typing import Say
 from .arrivals import Sample, UsableFix
 from .heading_hypotheses import DOUBTFUL, aligned
+from .options import RunOptions
 from .prepare import positioned
 
 ALIGN_EVERY = 10.0
@@ -22,28 +22,26 @@ ALIGN_EVERY = 10.0
 
 
 class Gathering:
-    """Samples and fixes in time order. given: a Start with parts left open, or None; within: s
-    after which any start that is found is taken; most: samples that are kept; meta: of the
-    recording that they make."""
+    """Samples and fixes in time order, until they tell a start. asked: its `start` is None or has
+    parts left open; within: s after which any start that is found is taken; most: samples that are
+    kept; meta: of the recording that they make."""
 
     def __init__(
         self,
         filter: Filter,
         aidings: Sequence[Aiding],
         spec: ImuSpec | None,
-        noise: Noise | None,
-        given: Start | None,
+        asked: RunOptions,
         within: float,
         most: int,
-        say: Say | None,
         meta: RecordingMeta,
     ) -> None:
         self.samples: list[Sample] = []
         self.fixes: list[UsableFix] = []
-        self._filter, self._aidings, self._spec, self._noise = filter, aidings, spec, noise
-        self._given, self._within, self._most, self._say = given, within, most, say
+        self._filter, self._aidings, self._spec = filter, aidings, spec
+        self._given, self._noise, self._say = asked["start"], asked["noise"], asked["say"]
+        self._within, self._most, self._meta = within, most, meta
         self._first = self._due = np.inf
-        self._meta = meta
 
     def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
         """Keep one sample and the fixes up to its end; whether it is time to look for a start."""

@@ -23,7 +23,8 @@ from ..geodesy import wrap
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
-from .prepare import Asked, Run, ready
+from .options import run_options
+from .prepare import Run, ready
 
 DOUBTFUL = np.radians(20.0)  # standard deviation of a course from which on headings are tried
 HEADINGS = 12
@@ -101,7 +102,7 @@ class _Trials(NamedTuple):
                 start,
                 self.noise,
                 self.imu,
-                Asked({}, every=every, say=self.say),
+                run_options(every=every, say=self.say),
             )
             for start in starts_around(self.recording, self.imu, self.begin, founds)
         ]

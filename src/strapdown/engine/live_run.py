@@ -4,7 +4,7 @@ made of it: enough for a Solution of that part."""
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -46,25 +46,34 @@ ROW, STOP, FIX, FIXES, OUT, FAULT, LOGGED = (
 TELL = 10.0  # s from the first of rejected fixes on until their cause is looked for
 
 
+class SetUp(NamedTuple):
+    """A filter, and what it is told of the IMU, the sources and the vehicle."""
+
+    filter: Filter
+    noise: Noise
+    spec: ImuSpec | None
+    options: dict[str, Any]  # the filter's own
+    aidings: tuple[Aiding, ...]  # the sources that it uses
+    vehicle: Vehicle
+    of_imu: OfImu  # what of the IMU is estimated
+
+
 class _Room:
     """Where samples, fixes and results stand, and the same memory without numpy, which takes a
     third of the time to write into."""
 
     def __init__(
         self,
-        filter: Filter,
+        of: SetUp,
         kernels: Kernels,
         belief: Belief,
-        aidings: Sequence[Aiding],
-        noise: Noise,
         cursor: Cursor,
         rows: int,
         covariance: bool = False,
-        of_imu: OfImu | None = None,
     ) -> None:
         most = rows + MOST_WAITING_FIXES
         self.imu = Imu(np.empty(rows), np.empty(rows), np.empty((rows, 3)), np.empty((rows, 3)))
-        self.fixes = merge(aidings, of_imu=of_imu)._replace(
+        self.fixes = merge(of.aidings, of_imu=of.of_imu)._replace(
             t=np.empty(most),
             source=np.zeros(most, np.int64),
             y=np.empty((most, 3)),
@@ -73,8 +82,10 @@ class _Room:
         # of the fixes as they came: they may wait, and the loop raises those below the floor
         self.stamp, self.sd = np.empty(most), np.empty((most, 3))
         self.waits = self.fixes.sources["delay"].tolist()
-        self.out = new_output(filter, belief, rows, covariance, most)
-        self.run = bound(loop.run, kernels, belief, self.imu, self.fixes, noise, cursor, self.out)
+        self.out = new_output(of.filter, belief, rows, covariance, most)
+        self.run = bound(
+            loop.run, kernels, belief, self.imu, self.fixes, of.noise, cursor, self.out
+        )
         columns: list[Any] = [cursor.state.view(np.int64), *self.imu]
         views: list[Any] = [memoryview(column.reshape(-1)) for column in columns]
         self.state, self.t, self.dt, self.dtheta, self.dv = views
@@ -91,28 +102,22 @@ class _Room:
 
 
 class LiveRun:
-    """`filter` from `start` on over what `take` is given, with the last `rows` samples of it.
+    """A filter from `start` on over what `take` is given, with the last `rows` samples of it.
 
-    aidings: the sources that it uses. covariance: keep the covariances of these samples too.
-    of_imu: what of the IMU is estimated.
-    Raises DataError.
+    covariance: keep the covariances of these samples too; events: goes on with these. Raises
+    DataError.
     """
 
     def __init__(
         self,
-        filter: Filter,
+        set_up: SetUp,
         start: Start,
-        noise: Noise,
-        spec: ImuSpec | None,
-        options: dict[str, Any],
-        aidings: Sequence[Aiding],
-        vehicle: Vehicle,
         rows: int,
         covariance: bool = False,
         say: Say | None = None,
         events: Events | None = None,
-        of_imu: OfImu | None = None,
     ) -> None:
+        filter, noise, spec, options, aidings, vehicle, of_imu = set_up
         self.filter, self.start, self.spec, self.options = filter, start, spec, options
         self.aidings = tuple(a._where(np.zeros(len(a.t), bool)) for a in aidings)
         self.belief = new_belief(filter, start, noise, options, self.aidings, of_imu)
@@ -127,9 +132,9 @@ class LiveRun:
         # s, since when fixes of a source have been rejected that nothing was said of; what was told
         self._refusing: dict[int, float] = {}
         self._told: set[tuple[str, float]] = set()
-        parts = (filter, self.kernels, self.belief, self.aidings, noise, self.cursor)
-        self._room = _Room(*parts, rows, covariance, of_imu)
-        self._ahead = _Room(*parts, 1, of_imu=of_imu)
+        used = set_up._replace(noise=noise, aidings=self.aidings)
+        self._room = _Room(used, self.kernels, self.belief, self.cursor, rows, covariance)
+        self._ahead = _Room(used, self.kernels, self.belief, self.cursor, 1)
         self._rows = rows
 
     # ---- going on

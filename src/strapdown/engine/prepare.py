@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,12 +48,13 @@ from ..data import Aiding
 from ..plugins import one_line
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
-from ..typing import Array, ArrayLike, File, Progress, Say
-from ..vehicle import GivenVehicle, find as find_vehicle
+from ..typing import Array, ArrayLike, Progress, Say
+from ..vehicle import find as find_vehicle
 from . import installation
 from .events import Events
-from .installation import Estimate, OfImu
+from .installation import OfImu
 from .limits import floors, limits
+from .options import GivenImu, RunOptions
 from .source_noise import correlated_rows, followed, place_noise, weighable
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500
@@ -70,31 +71,8 @@ LARGEST_OF_START = {
 """What a component of a start can be, generously, and what is probably wrong beyond it."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
-AHRS_RATE = 10.0
-"""Hz of the attitude of an AHRS, where no rate is asked for."""
-
-GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
-"""What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
-
-
 MOST_SLIP = 0.1
 """rad per m/s^2: tyres on ice have less."""
-
-
-class Asked(NamedTuple):
-    """What a run is asked for beside its recording and its filter; see `engine.batch.fuse`."""
-
-    options: dict[str, Any]  # the filter's own
-    imu: GivenImu | None = None
-    start: Start | None = None
-    noise: Noise | None = None
-    every: int = 1
-    covariance: bool = False
-    say: Say | None = None
-    ahrs: str | Filter | None = None
-    ahrs_rate: float = AHRS_RATE  # Hz
-    vehicle: GivenVehicle | None = None
-    estimate: Estimate | None = None
 
 
 def prepare(
@@ -383,7 +361,7 @@ def ready(
     start: Start,
     noise: Noise,
     spec: ImuSpec | None,
-    asked: Asked,
+    asked: RunOptions,
     made: Aiding | None = None,
 ) -> Run:
     """The Run of `filter` before its first sample; `made` is the one of the recording's aidings
@@ -394,7 +372,7 @@ def ready(
             a._where(a.t > start.t + loop.SAME_TIME) if a is made else a for a in recording.aidings
         ),
     )
-    options, said = fitted(filter, asked.options, aidings)
+    options, said = fitted(filter, asked["options"] or {}, aidings)
     notes += said
     of_imu = recording.meta.get("estimate")
     belief = new_belief(filter, start, noise, options, aidings, of_imu)
@@ -416,17 +394,17 @@ def ready(
             f"the longest gap is {MAX_PAUSE:.0f} s"
         )
     fixes = merge(aidings, start.t + loop.SAME_TIME, of_imu)
-    vehicle = find_vehicle(asked.vehicle or recording.meta.get("vehicle"))
+    vehicle = find_vehicle(asked["vehicle"] or recording.meta.get("vehicle"))
     if "undecided_gyro" in recording.meta and not vehicle.by_thrust:
         raise DataError(recording.meta["undecided_gyro"])
     cursor = new_cursor(filter, start.t, aidings, limits(spec, noise, vehicle), of_imu)
-    kernels = prepare(filter, [a.kind for a in aidings], asked.say, stages.needed(fixes, cursor))
-    state, every = cursor.state[0], asked.every
+    kernels = prepare(filter, [a.kind for a in aidings], asked["say"], stages.needed(fixes, cursor))
+    state, every = cursor.state[0], asked["every"]
     state.row, state.fixes, state.every = first, len(fixes.t), every
     state.phase = (rows - 1) % every
     kept = -(-(rows - first) // every)
     used = replace(recording, aidings=aidings).noting(notes)
-    out = new_output(filter, belief, kept, asked.covariance, len(fixes.t))
+    out = new_output(filter, belief, kept, asked["covariance"], len(fixes.t))
     return Run(
         used,
         samples,

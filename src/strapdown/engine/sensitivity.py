@@ -40,7 +40,8 @@ from ..core.mathematics.sensitivity import (
 from ..recording import Recording
 from ..typing import Array, Ints, Progress
 from .batch import begin
-from .prepare import Asked, Run
+from .options import RunOptions
+from .prepare import Run
 
 RECORDED_ROWS = 4096 if COMPILED else 250
 """IMU samples whose record is kept at once."""
@@ -93,13 +94,13 @@ def check_sensitive(filter: Filter) -> None:
         )
 
 
-def begin_sensitive(recording: Recording, filter: Filter, asked: Asked) -> Run:
+def begin_sensitive(recording: Recording, filter: Filter, asked: RunOptions) -> Run:
     """The Run of `fuse` with the kernels that `pieces` needs; no parameter of the installation is a
     state of it. Raises DataError."""
     check_sensitive(filter)
-    run = begin(recording, filter, asked._replace(estimate={}))
+    run = begin(recording, filter, {**asked, "estimate": {}})
     kernels: list[Any] = [loop.run, save_step, run_sensitivity]
-    compile_together(kernels, "the diagnosis", asked.say)
+    compile_together(kernels, "the diagnosis", asked["say"])
     for kernel in kernels:
         compile_kernel(kernel)
     return run

@@ -2,7 +2,7 @@
 and options. What leaves the lanes is told, and must be run alone."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,16 @@ def why_alone(run: Run) -> str:
     return ""
 
 
+class Keeper(NamedTuple):
+    """A kernel that keeps rows, of core.loop.lane_loop.KEEP_LANES, and what it is handed."""
+
+    kernel: Any
+    true: Array  # (rows, ...), what is true of each row
+    biases: Array  # (rows, 6, LANES)
+    scratch: int  # numbers to write in
+    numbers: int  # that it writes of a row
+
+
 class SideBySide:
     """Runs of one filter in lanes. `left` says until when each of them is right."""
 
@@ -59,17 +69,11 @@ class SideBySide:
         first: Run,
         starts: Sequence[Start],
         recordings: Sequence[Recording],
-        keep: Any,
-        true: Array,
-        biases: Array,
-        scratch: int,
-        numbers: int,
+        keep: Keeper,
     ) -> None:
         """first: a Run like those of the LANES `starts` and `recordings`, which `why_alone` finds
-        nothing against. keep: the kernel that keeps rows, of core.loop.lane_loop.KEEP_LANES; it is handed
-        `true` (rows, ...), lanes of `biases` (rows, 6, LANES) and `scratch` numbers to write in, and
-        writes so many `numbers` of a row. Raises ValueError where the fixes of the recordings differ
-        in more than what was measured."""
+        nothing against. Raises ValueError where the fixes of the recordings differ in more than what
+        was measured."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
         own = tuple(each.sd for each in brought(first.recording.aidings))
         beliefs = [
@@ -100,11 +104,11 @@ class SideBySide:
         self.cursor.conditions[:] = self.cursor.left[:] = np.inf
         self.out = LaneOutput(
             aligned(len(fixes.t), lane_loop.FIX_NUMBERS, LANES),
-            aligned(len(true), numbers, LANES),
+            aligned(len(keep.true), keep.numbers, LANES),
         )
         self.out.kept[:] = np.nan
-        self._kernels = _addresses(filter, first, keep)
-        self._given = true, biases, aligned(scratch, LANES)
+        self._kernels = _addresses(filter, first, keep.kernel)
+        self._given = keep.true, keep.biases, aligned(keep.scratch, LANES)
 
     def calls(self, increments: Array) -> Callable[[int, int], None]:
         """What processes the IMU rows from the first to before the second that it is given;

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +26,8 @@ from ..core.loop.contract import (
     STATES,
     VEL,
     Filter,
-    Noise,
     Output,
     Smoother,
-    Start,
     address,
     compile_kernel,
     compile_together,
@@ -41,14 +39,12 @@ from ..data import Separation, Solution
 from ..geodesy import displacement
 from ..progress import listener, with_bar
 from ..recording import Recording
-from ..typing import Array, Ints, Progress, Say
-from ..vehicle import GivenVehicle
+from ..typing import Array, Ints, Progress
 from .batch import begin
 from .events import Events
 from .finish import solution
-from .installation import Estimate
-from .prepare import Asked, GivenImu, Run, new_output
-from .weighed import Adaptive, Robust, with_weights
+from .options import RunOptions, run_options, takes
+from .prepare import Run, new_output
 
 RECORDED_ROWS = 512 if COMPILED else 250
 """IMU samples whose record is kept at once: few enough for the processor's cache, enough to make
@@ -60,51 +56,49 @@ REACH = 20.0
 """s of rows before, which the same contradiction bends by less than shows."""
 
 
+@takes(RunOptions)
 @with_bar("smooth")
 def smooth(
     recording: Recording,
     filter: str | Filter = "closed-loop",
-    imu: GivenImu | None = None,
-    start: Start | None = None,
-    noise: Noise | None = None,
-    every: int = 1,
-    covariance: bool = False,
-    say: Say | None = None,
+    *,
     progress: Progress | bool | None = None,
-    ahrs: str | Filter | None = None,
-    ahrs_rate: float = 10.0,
-    vehicle: GivenVehicle | None = None,
-    estimate: Estimate | None = None,
-    robust: Robust | None = None,
-    adaptive: Adaptive | None = None,
-    **options: Any,
+    **asked: Unpack[RunOptions],
 ) -> Solution:
-    """The smoothed Solution of a recording: arguments and result as of `fuse`, for a filter that
-    can be smoothed (`Filter.smoother`).
+    """Run a filter over a recording, forwards and backwards, and return the smoothed Solution.
 
     Its standard deviations, and covariances where they are kept, are those given all measurements,
     before and after. Innovations, status, events and the filter's own columns are the filter's;
     rows where it and the smoother differ by more than `APART` standard deviations, and `REACH` s
-    before them, are DOUBTFUL beside, with an event. Raises DataError.
+    before them, are DOUBTFUL beside, with an event.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of an IMU and sources.
+    filter : str or Filter
+        One that can be smoothed (`Filter.smoother`).
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        As of `fuse`, and for a filter that cannot be smoothed.
     """
     filter = filters.find(filter)
     if filter.smoother is None:
         able = [name for name in filters.names() if filters.find(name).smoother]
         raise DataError(f"{filter.name} cannot be smoothed; these can: {', '.join(able)}")
-    run = begin(
-        with_weights(recording, robust, adaptive),
-        filter,
-        Asked(
-            options, imu, start, noise, every, covariance, say, ahrs, ahrs_rate, vehicle, estimate
-        ),
-    )
+    given = run_options(**asked)
+    run = begin(recording, filter, given)
     kernels: list[Any] = [
         run_back,
         loop.run,
         filter.smoother.adjoint_step,
         filter.smoother.save_step,
     ]
-    compile_together(kernels, "the smoother", say)
+    compile_together(kernels, "the smoother", given["say"])
     for kernel in kernels:
         compile_kernel(kernel)
     differences = both_ways(run, listener(progress))

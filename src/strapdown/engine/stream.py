@@ -5,22 +5,22 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from heapq import heapify, heappop, heappush
 from math import inf, isfinite, nan
-from typing import Any, NoReturn
+from typing import NoReturn, Unpack
 
 import numpy as np
 
 from .. import filters
 from ..alignment.completed import left_open
-from ..checks import DataError, check_flag, check_number
+from ..checks import DataError, check_number
 from ..constants import MAX_PAUSE
-from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Noise, Start
+from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Start
 from ..core.loop.loop import SAME_TIME
 from ..data import Aiding, Solution
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes
 from ..recording import RecordingMeta
-from ..typing import Array, Say
-from ..vehicle import GivenVehicle, Vehicle, find as find_vehicle
+from ..typing import Array
+from ..vehicle import Vehicle, find as find_vehicle
 from ..verdict import Verdict
 from . import events as words
 from .arrivals import (
@@ -46,10 +46,9 @@ from .installation import (
     parameters,
     without_estimates,
 )
-from .live_run import LiveRun
+from .live_run import LiveRun, SetUp
+from .options import RunOptions, run_options, takes
 from .prepare import (
-    AHRS_RATE,
-    GivenImu,
     assumed_noise,
     brought,
     check_needs,
@@ -63,6 +62,7 @@ from .prepare import (
 )
 from .source_noise import followed
 from .telling import BEYOND, OnEvent, Telling
+from .weighed import weighed
 
 AHEAD = 10.0
 """s by which a fix may be ahead of the newest sample, or the lag where that is longer."""
@@ -74,82 +74,100 @@ LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
 
 
+@takes(RunOptions)
 class Stream:
-    """The same kernels live: samples wait `lag` seconds for late events, then all is used in time
-    order; what comes later still is dropped, counted and said. Before the start nothing is late for
-    a fix.
+    """A filter live: samples and fixes as they come, and after each of them the filter's belief.
 
-    aidings: Aiding values whose kind, parameters and gate describe the sources (their fixes are not
-    used). The result is that of `fuse` on the same events, bit for bit. A fix is used with the
-    sample that reaches its time, a moment later where its clock is estimated; a sample with a NaN
-    is dropped. Fixes of sources that the filter cannot use change nothing. Where a filter takes options from the fixes of a recording, such as
-    their interval, it takes them from these Aidings, or where they hold none from those before the
-    start; `notes` says what it took.
+    Samples wait `lag` seconds for late events, then all is used in time order; what comes later
+    still is dropped, counted and said. Before the start nothing is late for a fix. The result is
+    that of `fuse` on the same events, bit for bit. A fix is used with the sample that reaches its
+    time, a moment later where its clock is estimated; a sample with a NaN is dropped. Fixes of
+    sources that the filter cannot use change nothing. Where a filter takes options from the fixes
+    of a recording, such as their interval, it takes them from these sources, or where they hold
+    none from those before the start; `notes` says what it took. All kernels are compiled or loaded
+    when the constructor returns.
 
-    start: a Start; None, or one with parts left open: found from the first samples and fixes, which
-    are used again from there on. A look is taken every 10 s; a start whose heading is known is taken
-    at once, any other `align_within` s (of samples) after the first sample. Until then the belief is
-    NaN, the status INVALID.
+    Without a whole start it is found from the first samples and fixes, which are used again from
+    there on. A look is taken every 10 s; a start whose heading is known is taken at once, any other
+    `align_within` s (of samples) after the first sample. Until then the belief is NaN, the status
+    INVALID.
 
-    on_event: called with (t, text) of each event when it begins; where it raises, an event says so
-    and it is not called again. history: samples of which `solution` and `verdict` tell; at least
-    the newer half of so many are kept, with covariances where `covariance` asks for them; every:
-    the solution has each n-th row. estimate: as of `fuse` (default: what the Aidings name, and
-    nothing of the IMU). Other arguments as of `fuse`. Raises DataError. All kernels are compiled or
-    loaded when the constructor returns.
+    Parameters
+    ----------
+    filter : str or Filter
+        Name of one of the filters, or one of your own.
+    aidings : sequence of Aiding
+        Their kind, parameters and gate describe the sources; their fixes are not used.
+    lag : float
+        s that samples wait.
+    on_event : callable
+        Called with (t, text) of each event when it begins; where it raises, an event says so and it
+        is not called again.
+    align_within : float
+        s of samples after which any start is taken.
+    history : int
+        Samples of which `solution` and `verdict` tell; at least the newer half of so many are kept.
+
+    Raises
+    ------
+    DataError
+        Where anything given is out of range.
     """
 
     def __init__(
         self,
         filter: str | Filter,
-        start: Start | None = None,
-        imu: GivenImu | None = None,
-        noise: Noise | None = None,
+        *,
         aidings: Sequence[Aiding] = (),
         lag: float = 0.0,
-        say: Say | None = None,
-        vehicle: GivenVehicle | None = None,
         on_event: OnEvent | None = None,
         align_within: float = 60.0,
         history: int = HISTORY,
-        every: int = 1,
-        covariance: bool = False,
-        ahrs: str | Filter | None = None,
-        ahrs_rate: float = AHRS_RATE,
-        estimate: Estimate | None = None,
-        **options: Any,
+        **given: Unpack[RunOptions],
     ) -> None:
-        _check(lag, align_within, covariance, history, every)
-        aidings, of_imu = _asked(checked_aidings(aidings), estimate)
+        self._asked = asked = run_options(**given)
+        _check(lag, align_within, history, asked["covariance"])
+        aidings = weighed(checked_aidings(aidings), asked["robust"], asked["adaptive"])
+        aidings, of_imu = _estimated(aidings, asked["estimate"])
+        start, vehicle = asked["start"], asked["vehicle"]
         whole = isinstance(start, Start) and not left_open(start)
-        self.noise, self._spec = assumed_noise(imu, noise, needed=not whole, without="")
+        self.noise, self._spec = assumed_noise(
+            asked["imu"], asked["noise"], needed=not whole, without=""
+        )
         self._filter = filter = filters.find(filter)
         aidings, widened = followed(filter, aidings)
         self._ahrs: _Ahrs | None = None
-        if first := chosen(filter, {a.kind for a in aidings}, ahrs, ahrs_rate):
-            beside: dict[str, Any] = {"align_within": align_within, "history": history}
-            beside["on_event"] = self._hear
-            own = without_estimates(a for a in aidings if a.kind != "attitude")
+        first = chosen(filter, {a.kind for a in aidings}, asked["ahrs"], asked["ahrs_rate"])
+        if first:
             stream = Stream(
-                first, start if whole else None, imu, noise, own, lag, say, vehicle, **beside
+                first,
+                aidings=without_estimates(a for a in aidings if a.kind != "attitude"),
+                lag=lag,
+                on_event=self._hear,
+                align_within=align_within,
+                history=history,
+                start=start if whole else None,
+                imu=asked["imu"],
+                noise=asked["noise"],
+                vehicle=vehicle,
+                say=asked["say"],
             )
-            aidings = self._follow(stream, aidings, ahrs_rate)
+            aidings = self._follow(stream, aidings, asked["ahrs_rate"])
         self.notes = (self._ahrs.notes if self._ahrs else []) + widened
-        if estimate is None or (estimate and not of_imu):
+        if asked["estimate"] is None or (asked["estimate"] and not of_imu):
             of_imu, said = of_grade(filter, self._spec)
             self.notes += said
-        self._options, self._vehicle, self._say = options, find_vehicle(vehicle), say
-        self._rows, self._every, self._covariance, self.lag = history, every, covariance, lag
+        self._vehicle, self._rows, self.lag = find_vehicle(vehicle), history, lag
         self._serve(aidings, of_imu)
         self._meta = _meta(self._vehicle if vehicle else None, of_imu)
         self._telling = Telling(_events(filter, self._used, self._vehicle, first), on_event)
         self._nothing_yet()
         if start is not None:
             check_start(start, self.noise, left_open(start) if isinstance(start, Start) else ())
-        check_options(filter, options)
+        check_options(filter, asked["options"] or {})
         self._make_ready(aidings, tries=start is None and self._spec is not None)
         self._gathered = Gathering(
-            filter, aidings, self._spec, noise, start, align_within, history, say, self._meta
+            filter, aidings, self._spec, asked, align_within, history, self._meta
         )
         if start is not None and whole:
             self.begin(start)
@@ -196,12 +214,12 @@ class Stream:
         `tries` among them: no sample shall wait for them."""
         kinds = [a.kind for a in self._used]
         needed = stages_of(self._filter, self._used, self._of_imu)
-        prepare(self._filter, kinds, self._say, needed)
+        prepare(self._filter, kinds, self._asked["say"], needed)
         if tries and positioned(self._filter):
             closed_loop = filters.find("closed-loop")
             used, _ = usable(closed_loop, aidings)
             needed = stages_of(closed_loop, used)
-            prepare(closed_loop, [a.kind for a in used], self._say, needed)
+            prepare(closed_loop, [a.kind for a in used], self._asked["say"], needed)
 
     # ---- the start
 
@@ -242,21 +260,23 @@ class Stream:
         aidings = self._used
         if self._gathered.samples and not any(len(a.t) for a in aidings):
             aidings = usable(self._filter, self._gathered.recording().aidings)[0]
-        options, notes = fitted(self._filter, self._options, aidings)
+        options, notes = fitted(self._filter, self._asked["options"] or {}, aidings)
         self.notes += notes
         live = LiveRun(
-            self._filter,
+            SetUp(
+                self._filter,
+                self.noise,
+                self._spec,
+                options,
+                self._used,
+                self._vehicle,
+                self._of_imu,
+            ),
             start,
-            self.noise,
-            self._spec,
-            options,
-            self._used,
-            self._vehicle,
             self._rows,
-            self._covariance,
-            self._say,
+            self._asked["covariance"],
+            self._asked["say"],
             self._telling.events,
-            self._of_imu,
         )
         samples, self._gathered.samples = self._gathered.samples, []
         fixes, self._gathered.fixes = self._gathered.fixes, []
@@ -601,7 +621,7 @@ class Stream:
         sample is used."""
         if self._live is None or not self._live.cursor.state[0].row:
             raise DataError("the stream has used no sample yet; there is no solution")
-        return self._live.solution(self._every, {**self._meta, "notes": self.notes})
+        return self._live.solution(self._asked["every"], {**self._meta, "notes": self.notes})
 
     @property
     def verdict(self) -> Verdict:
@@ -609,7 +629,7 @@ class Stream:
         return self.solution.verdict
 
 
-def _asked(
+def _estimated(
     aidings: tuple[Aiding, ...], estimate: Estimate | None
 ) -> tuple[tuple[Aiding, ...], OfImu]:
     """The sources, and parameters of the IMU, with what is to be estimated. Raises DataError."""
@@ -636,14 +656,12 @@ def _meta(vehicle: Vehicle | None, of_imu: OfImu) -> RecordingMeta:
     return meta
 
 
-def _check(lag: float, align_within: float, covariance: bool, history: int, every: int) -> None:
+def _check(lag: float, align_within: float, history: int, covariance: bool) -> None:
     """Refuse what is out of range. Raises DataError."""
     check_number(lag, "lag", "s", least=0)
     check_number(align_within, "align_within", "s", least=0, infinite=True)
-    check_flag(covariance, "covariance")
     most = MOST_HISTORY // 5 if covariance else MOST_HISTORY
     check_number(history, "history", "samples", least=100, most=most, whole=True)
-    check_number(every, "every", least=1, whole=True)
 
 
 class _Ahrs:

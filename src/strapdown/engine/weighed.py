@@ -1,4 +1,4 @@
-"""Which sources of a recording are robust or adaptive, where a caller says so."""
+"""The sources that are robust or adaptive, where a caller says so."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 from ..checks import DataError, brief, check_number
 from ..data import Aiding
-from ..recording import Recording, check_recording
+from ..recording import Recording
 
 Robust: TypeAlias = bool | str | Iterable[str]
 """True of all sources, False of none, or their names or kinds."""
@@ -17,19 +17,25 @@ Adaptive: TypeAlias = float | Mapping[str, float]
 def with_weights(
     recording: Recording, robust: Robust | None, adaptive: Adaptive | None
 ) -> Recording:
-    """The recording with these of its sources robust or adaptive in place of what it says; as it is
-    for None. Raises DataError."""
+    """Return the recording with its sources as `weighed` makes them. Raises DataError."""
     if robust is None and adaptive is None:
         return recording
-    check_recording(recording)
-    aidings = list(recording.aidings)
+    return replace(recording, aidings=weighed(recording.aidings, robust, adaptive))
+
+
+def weighed(
+    aidings: Iterable[Aiding], robust: Robust | None, adaptive: Adaptive | None
+) -> tuple[Aiding, ...]:
+    """Return the sources with these of them robust or adaptive in place of what they say themselves;
+    as they are for None. Raises DataError."""
+    made = list(aidings)
     if robust is not None:
-        chosen = _robust(aidings, robust)
-        aidings = [replace(a, robust=i in chosen) for i, a in enumerate(aidings)]
+        chosen = _robust(made, robust)
+        made = [replace(a, robust=i in chosen) for i, a in enumerate(made)]
     if adaptive is not None:
-        memory = _adaptive(aidings, adaptive)
-        aidings = [replace(a, adaptive=memory.get(i, 0.0)) for i, a in enumerate(aidings)]
-    return replace(recording, aidings=tuple(aidings))
+        memory = _adaptive(made, adaptive)
+        made = [replace(a, adaptive=memory.get(i, 0.0)) for i, a in enumerate(made)]
+    return tuple(made)
 
 
 def _robust(aidings: list[Aiding], robust: Robust) -> set[int]:

@@ -18,7 +18,8 @@ from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
 from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
-from ..engine.prepare import ROWS_AT_ONCE, Asked, Run, positioned
+from ..engine.options import run_options
+from ..engine.prepare import ROWS_AT_ONCE, Run, positioned
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
 from ..recording import Recording, RecordingMeta
@@ -266,7 +267,9 @@ def fly(
         filter_options=dict(options),
     )
     start = _started(start, start_sd, spec, truth, stream.named("start"))
-    asked = Asked(options, spec, start, noise, 1, covariance, say)
+    asked = run_options(
+        options=options, imu=spec, start=start, noise=noise, covariance=covariance, say=say
+    )
     run = begin_run(blank, filter, asked)
     vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
     underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, journal)

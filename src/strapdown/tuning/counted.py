@@ -9,7 +9,8 @@ import numpy as np
 
 from ..core.loop import loop
 from ..core.loop.contract import Use
-from ..engine.prepare import Asked, Run
+from ..engine.options import RunOptions
+from ..engine.prepare import Run
 from ..evaluation.fix_statistics import MEDIANS
 from ..typing import Array, Mask
 from .likelihood import seen
@@ -28,7 +29,7 @@ class Rough(NamedTuple):
     kept: list[Mask]  # by source: fixes that count
 
 
-def rough(run: Run, asked: Asked, unknowns: Sequence[Unknown]) -> Rough:
+def rough(run: Run, asked: RunOptions, unknowns: Sequence[Unknown]) -> Rough:
     """Factors with which the median square of each group of whitened innovations is that of right
     ones, the first by a run whose gates are open, and which fixes pass their gates then."""
     theta = np.log([each.begin for each in unknowns])
@@ -51,7 +52,7 @@ def rough(run: Run, asked: Asked, unknowns: Sequence[Unknown]) -> Rough:
 
 
 def passed(
-    run: Run, asked: Asked, unknowns: Sequence[Unknown], theta: Array, gated: bool = True
+    run: Run, asked: RunOptions, unknowns: Sequence[Unknown], theta: Array, gated: bool = True
 ) -> Run:
     """A run at a place, with gates as given or open, that has ended."""
     aidings = [

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..engine.prepare import Asked, Run
+from ..engine.options import RunOptions
+from ..engine.prepare import Run
 from ..typing import Array, Ints, Mask
 from .unknowns import Unknown, run_with
 
@@ -84,7 +85,7 @@ class Likelihood:
     def __init__(
         self,
         run: Run,
-        asked: Asked,
+        asked: RunOptions,
         unknowns: Sequence[Unknown],
         counted: Ints,
         kept: Sequence[Mask],

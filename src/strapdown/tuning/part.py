@@ -9,7 +9,8 @@ from ..checks import DataError, check_number
 from ..core.loop.contract import Imu, Start
 from ..data import Solution
 from ..diagnosis.screening import started, window
-from ..engine.prepare import Asked, Run
+from ..engine.options import RunOptions
+from ..engine.prepare import Run
 from ..engine.smoothing import smooth
 from ..preprocessing.unbroken import summed
 from ..recording import Recording
@@ -38,10 +39,17 @@ def part(before: Solution, start_s: float | None, stop_s: float | None) -> tuple
     return replace(recording, imu=thinned(recording.imu)), start
 
 
-def smoothed_start(run: Run, asked: Asked) -> Start:
+def smoothed_start(run: Run, asked: RunOptions) -> Start:
     """The Start of a run, its values from a smoother over its first `LEARNT` s."""
     recording = run.recording.between(stop=run.start.t + LEARNT)
-    solution = smooth(recording, run.filter, run.spec, run.start, run.noise, **asked.options)
+    solution = smooth(
+        recording,
+        run.filter,
+        imu=run.spec,
+        start=run.start,
+        noise=run.noise,
+        options=asked["options"],
+    )
     return started(solution, 0)._replace(sd=run.start.sd)
 
 

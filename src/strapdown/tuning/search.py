@@ -10,7 +10,8 @@ from ..checks import DataError
 from ..core.loop.contract import Filter, Start
 from ..data import Aiding, Solution
 from ..engine.batch import begin, fuse
-from ..engine.prepare import Asked, Run
+from ..engine.options import RunOptions
+from ..engine.prepare import Run
 from ..evaluation.fix_statistics import correlation, counts, lasts
 from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
@@ -49,7 +50,7 @@ class Search:
         recording: Recording,
         filter: Filter,
         spec: ImuSpec,
-        asked: Asked,
+        asked: RunOptions,
         seconds: tuple[float | None, float | None],
     ) -> None:
         self.recording, self.filter, self.spec, self.asked = recording, filter, spec, asked
@@ -74,19 +75,11 @@ class Search:
 
     def fused(self, recording: Recording, spec: ImuSpec) -> Solution:
         """A Solution, as it was asked for."""
-        asked = self.asked
-        return fuse(
-            recording,
-            self.filter,
-            spec,
-            asked.start,
-            say=asked.say,
-            vehicle=asked.vehicle,
-            **asked.options,
-        )
+        asked: RunOptions = {**self.asked, "imu": spec}
+        return fuse(recording, self.filter, **asked)
 
     def _begun(self, recording: Recording, start: Start) -> Run:
-        return begin(recording, self.filter, self.asked._replace(start=start))
+        return begin(recording, self.filter, {**self.asked, "start": start})
 
     def _check(self, fixes: int) -> None:
         """Refuse what is too short, and a filter without a likelihood. Raises DataError."""

@@ -1,18 +1,18 @@
 """`tune`: the noise of the IMU and of each source, told by a recording."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from .. import filters
 from ..aiding import find
 from ..checks import DataError, check_flag
-from ..core.loop.contract import Filter, Start
-from ..engine.prepare import Asked, GivenImu, assumed_noise
+from ..core.loop.contract import Filter
+from ..engine.options import SetUpOptions, run_options, takes
+from ..engine.prepare import assumed_noise
 from ..progress import listener, with_bar
 from ..recording import Recording, check_recording
-from ..typing import Progress, Say
-from ..vehicle import GivenVehicle
+from ..typing import Progress
 from .findings import AT_LEAST, OPEN, Tuning
 from .judged import directions, fits, judge, parameters
 from .search import Search
@@ -21,38 +21,57 @@ MOVES = ("position", "velocity", "speed")
 """Kinds of which one is needed: what the others say of each other tells no noise."""
 
 
+@takes(SetUpOptions)
 @with_bar("tune")
 def tune(
     recording: Recording,
     filter: str | Filter = "closed-loop",
-    imu: GivenImu | None = None,
-    start: Start | None = None,
-    say: Say | None = None,
-    progress: Progress | bool | None = None,
-    vehicle: GivenVehicle | None = None,
+    *,
+    options: dict[str, Any] | None = None,
     start_s: float | None = None,
     stop_s: float | None = None,
     correlated: bool = True,
-    **options: Any,
+    progress: Progress | bool | None = None,
+    **set_up: Unpack[SetUpOptions],
 ) -> Tuning:
-    """The noise of the IMU and of each source of `recording`, by maximum likelihood of the
-    innovations of `filter` (Mehra 1970; Gupta and Mehra 1974), with 95 % profile intervals.
+    """Find the noise of the IMU and of each source of a recording, by maximum likelihood of the
+    innovations of a filter (Mehra 1970; Gupta and Mehra 1974), with 95 % profile intervals.
 
     Sought are white noise and bias walk of gyros and accelerometers; of each recorded source the
     standard deviation, of positions and velocities horizontally and vertically apart, keeping the
     shape of what it states; and, with `correlated`, size and time of errors that last, where the
     likelihood pays for them. Scale, misalignment and turn-on bias of the IMU, and the standard
     deviations of constraints, stay. Fixes that are outliers do not count.
-    start_s, stop_s: part of the recording to use, s (default: all, of a long one the 1000 s with the
-    most motion); the other arguments are those of `fuse`. Raises DataError.
+
+    Parameters
+    ----------
+    recording : Recording
+        With a source of position, velocity or speed.
+    filter : str or Filter
+        One that says the covariance of its innovations.
+    options : dict
+        Options of the filter's own, {name: value}.
+    start_s, stop_s : float
+        Part of the recording to use, s; default: all, of a long one the 1000 s with the most motion.
+    correlated : bool
+        Seek errors that last, too.
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        Where the recording is too short or shows no noise, and as of `fuse`.
     """
     check_recording(recording)
     check_flag(correlated, "correlated")
     _check_sources(recording)
     tell = listener(progress)
-    _, spec = assumed_noise(recording.meta.get("grade") if imu is None else imu, None, True)
+    asked = run_options(options=options, **set_up)
+    imu = recording.meta.get("grade") if asked["imu"] is None else asked["imu"]
+    _, spec = assumed_noise(imu, None, True)
     assert spec is not None  # it was needed
-    asked = Asked(options, spec, start, say=say, vehicle=vehicle)
+    asked["imu"] = spec
     search = Search(recording, filters.find(filter), spec, asked, (start_s, stop_s))
     tell(0.05)
     search.first()

@@ -9,7 +9,8 @@ from .. import quantities
 from ..aiding import find
 from ..core.loop.contract import Noise
 from ..data import Aiding, Correlated
-from ..engine.prepare import Asked, Run, ready
+from ..engine.options import RunOptions
+from ..engine.prepare import Run, ready
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
@@ -133,13 +134,17 @@ def _source_with(a: Aiding, own: Sequence[tuple[Unknown, float]]) -> Aiding:
 
 
 def run_with(
-    run: Run, asked: Asked, aidings: Sequence[Aiding], unknowns: Sequence[Unknown], theta: Array
+    run: Run,
+    asked: RunOptions,
+    aidings: Sequence[Aiding],
+    unknowns: Sequence[Unknown],
+    theta: Array,
 ) -> Run:
     """A Run as another, but with these sources and logarithms, before its first sample. Rows of its
     solution are not looked at."""
     recording = replace(run.recording, aidings=sources_with(aidings, unknowns, theta))
     noise = noise_with(run.noise, unknowns, theta)
-    asked = asked._replace(every=len(run.samples.t), covariance=False)
+    asked = {**asked, "every": len(run.samples.t), "covariance": False}
     return ready(recording, run.filter, run.start, noise, run.spec, asked)
 
 

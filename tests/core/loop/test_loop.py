@@ -417,7 +417,10 @@ def test_a_stream_slips_as_the_batch_does():
     recording = across(flight(), np.arange(2, 400, 2), slip=0.004)
     batch = fused(recording)
     stream = sd.Stream(
-        "closed-loop", start(recording), aidings=recording.aidings, imu=recording.meta["grade"]
+        "closed-loop",
+        start=start(recording),
+        aidings=recording.aidings,
+        imu=recording.meta["grade"],
     )
     events = [
         sd.Fix(t, s, tuple(y), tuple(deviations))

@@ -11,7 +11,7 @@ import pytest
 from strapdown import filters
 from strapdown.core.loop import stages
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.sim.synthesis import simulate
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "explanation" / "design.md"
@@ -35,7 +35,7 @@ def silence(tmp_path, monkeypatch):
 
 def claims(recording, acceleration):
     """Standard deviations of the last position, m, where sources have this parameter, m/s^2."""
-    run = begin(recording, filters.find("closed-loop"), Asked({}))
+    run = begin(recording, filters.find("closed-loop"), run_options())
     run.fixes.sources["parameters"][:, 3] = acceleration
     run.complete()
     return np.sqrt(np.diag(run.belief.P)[:3])
@@ -45,7 +45,7 @@ def test_the_stage_of_the_documentation_widens_what_was_silent(silence):
     recording = simulate("straight", 20.0, seed=1)
     as_given, widened = claims(recording, 0.0), claims(recording, 8.0)
     assert np.all(widened > 1.5 * as_given)
-    sources = begin(recording, filters.find("closed-loop"), Asked({})).fixes.sources
+    sources = begin(recording, filters.find("closed-loop"), run_options()).fixes.sources
     assert not silence.needed(sources, None)
     sources["parameters"][0, 3] = 1.0
     assert silence.needed(sources, None)

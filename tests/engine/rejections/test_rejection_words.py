@@ -122,8 +122,8 @@ def test_a_stream_says_it_while_it_goes_on_and_once():
     streams = [
         Stream(
             "closed-loop",
-            begin,
-            "industrial",
+            start=begin,
+            imu="industrial",
             aidings=recording.aidings,
             history=history,
             on_event=lambda *event: told.append((stream.t, *event)),

@@ -39,7 +39,6 @@ from strapdown.sim.scenario import scenario
 MINE = replace(
     grade("navigation"), name="my IMU", gyro=replace(grade("navigation").gyro, scale_factor=1e-3)
 )
-MOVING = (False, Rules(), 20.0, None, 0, None, None, None, "moving")
 """Further arguments of `advise`, the last one the alignment."""
 GOOD = Interval(1.05, 0.98, 1.12)
 LEVEL = Interval(1.0, 0.99, 1.01)
@@ -425,14 +424,14 @@ def test_after_an_alignment_in_motion_runs_begin_with_its_errors():
 
 def test_the_cost_is_told_before_and_after(tmp_path):
     said = []
-    arguments = ("tactical", "straight", 60, 3, 1, tmp_path / "a", False)
-    advise(*arguments, say=said.append)
+    given = dict(runs=3, seed=1, out=tmp_path / "a", map=False, say=said.append)
+    advise("tactical", "straight", 60, **given)
     before, after = said[-2:]  # before them there may be lines on compiling
     # 3 runs of 3 filters over 60 s at 20 Hz
     assert before.startswith("3 runs of 3 filters: 0.0108 million filter steps, about 0.31 s")
     elapsed = float(re.match(r"it took ([0-9.]+) s, with", after)[1])
     assert 0 < elapsed < 60
-    advise(*arguments, say=said.append)
+    advise("tactical", "straight", 60, **given)
     assert "0 to do of 0.0108 million filter steps" in said[-2]
 
 
@@ -507,16 +506,23 @@ def test_bad_requests_end_in_one_line(tmp_path):
     bad.write_text("name = 3\n")
     (tmp_path / "file").write_text("")
     for arguments, said in (
-        (("tactical", "static", "1min", 0), "runs is 0"),
+        (("tactical", "static", "1min", {"runs": 0}), "runs is 0"),
         (("tacticle", "static", "1min"), "tactical"),
         ((str(bad), "static", "1min"), "imu.toml"),
         (("tactical", "flying", "1min"), "unknown flight"),
         (("tactical", "static", "soon"), "duration"),
-        (("tactical", "static", "10s", 2, 0, None, True, True), "leave out one"),
-        (("tactical", "static", "10s", 2, -1), "seed is -1"),
-        ((*("tactical", "static", "60s", 2, 0, None, False), *MOVING), "finds no heading"),
-        (("tactical", "static", "10s", 2, 0, tmp_path / "file" / "sub"), "cannot be made"),
+        (("tactical", "static", "10s", {"runs": 2, "map": True, "quick": True}), "leave out one"),
+        (("tactical", "static", "10s", {"runs": 2, "seed": -1}), "seed is -1"),
+        (
+            ("tactical", "static", "60s", {"runs": 2, "map": False, "alignment": "moving"}),
+            "finds no heading",
+        ),
+        (
+            ("tactical", "static", "10s", {"runs": 2, "out": tmp_path / "file" / "sub"}),
+            "cannot be made",
+        ),
     ):
         with pytest.raises(DataError, match=said) as caught:
-            advise(*arguments)
+            positional = [each for each in arguments if not isinstance(each, dict)]
+            advise(*positional, **(arguments[3] if len(arguments) > 3 else {}))
         assert "\n" not in str(caught.value)

@@ -93,13 +93,15 @@ def test_an_outage_is_bit_for_bit_a_run_without_its_fixes(solutions, outages):
             "open-loop",
         ],
     )
-    found = sd.compare(recording, labels, outages)
+    found = sd.compare(recording, labels, outages=outages)
     start = sd.Start(**found.settings["start"])
     for label in labels:
         name, options = label.partition(":")[0], found.settings["options"][label]
         for window in found.windows:
             hidden = recording.hidden([window] if found.sweep else found.windows, FIXES)
-            same_rows(solutions[name, window[0]], sd.fuse(hidden, name, start=start, **options))
+            same_rows(
+                solutions[name, window[0]], sd.fuse(hidden, name, start=start, options=options)
+            )
     assert any(
         "GNSS velocity" in names and "barometer" in names
         for names in found.settings["sources"].values()
@@ -113,7 +115,7 @@ def test_a_filter_that_estimates_the_installation_goes_through_the_outages_of_fu
 ):
     # fixes wait for 0.3 s: some that are stamped before a window are used in it
     recording, label = sensed(interval=0.2), "closed-loop:estimate=clock+lever-arm"
-    found = sd.compare(recording, [label], outages, threads=3)
+    found = sd.compare(recording, [label], outages=outages, threads=3)
     start = sd.Start(**found.settings["start"])
     for window in found.windows:
         hidden = recording.hidden([window] if found.sweep else found.windows, FIXES)
@@ -124,10 +126,10 @@ def test_a_filter_that_estimates_the_installation_goes_through_the_outages_of_fu
 
 def test_with_and_without_estimates_stand_side_by_side():
     labels = ["closed-loop", "closed-loop:estimate=none", "closed-loop:estimate=clock"]
-    found = sd.compare(sensed(), labels, "22:30,40.02:49", estimate="clock,lever-arm")
+    found = sd.compare(sensed(), labels, outages="22:30,40.02:49", estimate="clock,lever-arm")
     rmse = found.scores.set_index(["filter", "outage"])["north_rmse_m"].unstack(0)
     assert len(found.paired) == 12 and (rmse.diff(axis=1).iloc[:, 1:].abs() > 0).all().all()
-    alone = sd.compare(sensed(), "closed-loop", "22:30,40.02:49").scores["north_rmse_m"]
+    alone = sd.compare(sensed(), "closed-loop", outages="22:30,40.02:49").scores["north_rmse_m"]
     np.testing.assert_array_equal(rmse["closed-loop:estimate=none"], alone)
 
 
@@ -135,7 +137,7 @@ def test_with_and_without_estimates_stand_side_by_side():
 @pytest.mark.short
 def test_a_few_samples_of_it(solutions, filter):
     recording = flight(20.0)
-    found = sd.compare(recording, [filter], "5@8:18/5", threads=1)
+    found = sd.compare(recording, [filter], outages="5@8:18/5", threads=1)
     for window in found.windows:
         same_rows(
             solutions[filter, window[0]],
@@ -148,7 +150,7 @@ def test_a_few_samples_of_it(solutions, filter):
 def test_an_ahrs_that_uses_what_is_withheld_runs_anew_for_each_outage(solutions):
     """Its output of the whole recording knows the magnetic field of the outage."""
     recording, kinds = sensed(), (*FIXES, "magnetic-field")
-    found = sd.compare(recording, ["direct-ahrs", "closed-loop"], "8@20:50/11", kinds=kinds)
+    found = sd.compare(recording, ["direct-ahrs", "closed-loop"], outages="8@20:50/11", kinds=kinds)
     start = sd.Start(**found.settings["start"])
     for window in found.windows:
         for name in found.filters:
@@ -169,7 +171,7 @@ def test_an_ahrs_that_all_outages_together_leave_nothing_runs_for_each(solutions
             a.between(22.0, 99.0) if a.kind == "magnetic-field" else a for a in recording.aidings
         ),
     )
-    found = sd.compare(late, ["closed-loop", "direct-ahrs"], "19@22:60/19", kinds=kinds)
+    found = sd.compare(late, ["closed-loop", "direct-ahrs"], outages="19@22:60/19", kinds=kinds)
     assert not found.summary["failures"].any() and {name for name, _ in solutions} == {
         "closed-loop",
         "direct-ahrs",
@@ -183,7 +185,7 @@ def test_an_ahrs_that_all_outages_together_leave_nothing_runs_for_each(solutions
 
 def test_the_scores_are_those_of_sd_outages():
     recording = sensed()
-    found = sd.compare(recording, ["closed-loop", "open-loop"], "22:30,40:49")
+    found = sd.compare(recording, ["closed-loop", "open-loop"], outages="22:30,40:49")
     for name in found.filters:
         solution = sd.fuse(
             recording.hidden(found.windows, FIXES), name, start=sd.Start(**found.settings["start"])
@@ -213,13 +215,13 @@ def test_all_filters_have_the_same_start_noise_and_fixes_withheld(monkeypatch):
     def begin(recording, filter, asked, begin=runs.begin):
         run = begin(recording, filter, asked)
         given.append(
-            (asked.start, run.start, run.noise, [tuple(a.t) for a in run.recording.aidings])
+            (asked["start"], run.start, run.noise, [tuple(a.t) for a in run.recording.aidings])
         )
         return run
 
     monkeypatch.setattr(runs, "begin", begin)
     recording = flight(20.0)
-    found = sd.compare(recording, ["closed-loop", "open-loop", "mekf"], "8:12,14:18")
+    found = sd.compare(recording, ["closed-loop", "open-loop", "mekf"], outages="8:12,14:18")
     assert (
         len(given) == 3 and all(each == given[0] for each in given) and given[0][0] == given[0][1]
     )
@@ -239,7 +241,9 @@ def test_the_start_knows_nothing_of_what_is_withheld():
     recording = flight(20.0)
     spoil = lambda a: replace(a, y=np.where(((a.t >= 8) & (a.t < 12))[:, None], np.nan, a.y))
     spoilt = replace(recording, aidings=tuple(map(spoil, recording.aidings)))
-    first, second = (sd.compare(each, ["closed-loop"], "8:12") for each in (recording, spoilt))
+    first, second = (
+        sd.compare(each, ["closed-loop"], outages="8:12") for each in (recording, spoilt)
+    )
     pd.testing.assert_frame_equal(first.scores, second.scores)
 
 
@@ -247,8 +251,8 @@ def test_the_start_knows_nothing_of_what_is_withheld():
 def test_the_order_of_filters_and_the_number_of_threads_change_nothing():
     names = ["closed-loop", "mekf", "open-loop"]
     one, other = (
-        sd.compare(flight(20.0), names, "4@8:18/3", threads=1),
-        sd.compare(flight(20.0), names[::-1], "4@8:18/3", threads=3),
+        sd.compare(flight(20.0), names, outages="4@8:18/3", threads=1),
+        sd.compare(flight(20.0), names[::-1], outages="4@8:18/3", threads=3),
     )
     for name in names:
         a, b = (
@@ -271,7 +275,11 @@ def test_a_given_start_and_noise_are_used():
         sd.align(sensed(), sd.grade("industrial"))._replace(ba=(0.1, 0.0, 0.0)),
     )
     found = sd.compare(
-        sensed(), [("closed-loop", {"error_model": "corrected"})], "22:30", start=start, noise=noise
+        sensed(),
+        [("closed-loop", {"error_model": "corrected"})],
+        outages="22:30",
+        start=start,
+        noise=noise,
     )
     solution = sd.fuse(sensed().hidden([(22.0, 30.0)], FIXES), start=start, noise=noise)
     assert found.scores["north_rmse_m"][0] == pytest.approx(
@@ -287,7 +295,7 @@ def test_default_filters_are_all_that_estimate_a_position_but_the_slow_ones():
         "vru",
         "pkf",
     } & set(found.filters)
-    named = sd.compare(flight(20.0), "pkf:components=2", "8:12")
+    named = sd.compare(flight(20.0), "pkf:components=2", outages="8:12")
     assert (
         set(named.filters) == {"pkf:components=2"}
         and np.isfinite(named.scores["north_rmse_m"]).all()
@@ -298,7 +306,7 @@ def test_default_filters_are_all_that_estimate_a_position_but_the_slow_ones():
 
 
 def test_a_filter_that_cannot_run_stays_with_what_it_said():
-    found = sd.compare(flight(20.0), ["closed-loop", "fixed-gain"], "8:12,14:18")
+    found = sd.compare(flight(20.0), ["closed-loop", "fixed-gain"], outages="8:12,14:18")
     own = found.scores[found.scores["filter"] == "fixed-gain"]
     assert (
         len(own) == 2
@@ -317,7 +325,7 @@ def test_a_filter_that_cannot_run_stays_with_what_it_said():
     with pytest.raises(
         DataError, match="no filter got through any outage; fixed-gain: .*needs attitude"
     ):
-        sd.compare(flight(20.0), ["fixed-gain"], "8:12")
+        sd.compare(flight(20.0), ["fixed-gain"], outages="8:12")
 
 
 @pytest.mark.parametrize(
@@ -334,7 +342,7 @@ def test_a_filter_that_stops_keeps_the_outages_before(outages, scored):
     thrown = replace(recording, imu=recording.imu._replace(dv=dv))
     # a bound that lets it through
     let = Vehicle(acceleration=1e12)
-    found = sd.compare(thrown, ["closed-loop"], outages, vehicle=let)
+    found = sd.compare(thrown, ["closed-loop"], outages=outages, vehicle=let)
     assert (
         list(np.isfinite(found.scores["horizontal_rmse_m"])) == scored
         and [track is not None for track in found.tracks["closed-loop"]] == scored
@@ -426,7 +434,9 @@ def test_bad_input_is_refused_in_a_line(given, said):
 def test_a_reference_that_cannot_score_is_refused(change, said):
     with pytest.raises(DataError, match=said) as error:
         sd.compare(
-            replace(flight(20.0), reference=change(flight(20.0).reference)), ["closed-loop"], "8:12"
+            replace(flight(20.0), reference=change(flight(20.0).reference)),
+            ["closed-loop"],
+            outages="8:12",
         )
     assert "\n" not in str(error.value)
 
@@ -435,9 +445,9 @@ def test_a_reference_that_cannot_score_is_refused(change, said):
 def test_a_recording_without_an_imu_grade_or_positions_is_refused():
     bare = replace(flight(20.0), meta={})
     with pytest.raises(DataError, match="does not name its IMU"):
-        sd.compare(bare, ["closed-loop"], "8:12")
+        sd.compare(bare, ["closed-loop"], outages="8:12")
     with pytest.raises(DataError, match="no position fix to start from"):
-        sd.compare(replace(flight(20.0), aidings=()), ["closed-loop"], "8:12")
+        sd.compare(replace(flight(20.0), aidings=()), ["closed-loop"], outages="8:12")
 
 
 @pytest.mark.parametrize("outages", ["3:", "3:19,19.5:20", "2@3:20/2", "3/4", [(0.0, 20.0)]])
@@ -451,7 +461,7 @@ def test_an_outage_before_the_alignment_of_all_fixes_is_refused(outages):
         DataError,
         match=r"begins before the alignment is done, at 5 s; give later outages \(or, in Python",
     ):
-        sd.compare(late, ["closed-loop"], outages)
+        sd.compare(late, ["closed-loop"], outages=outages)
 
 
 def test_events_are_noted_by_kind_with_the_range_of_their_numbers():
@@ -473,7 +483,7 @@ def test_events_are_noted_by_kind_with_the_range_of_their_numbers():
 
 @pytest.mark.short
 def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
-    found = sd.compare(flight(20.0), ["closed-loop:"], "4@8:18/1", ahrs="mahony")
+    found = sd.compare(flight(20.0), ["closed-loop:"], outages="4@8:18/1", ahrs="mahony")
     assert (
         found.settings["withheld"] == {a.name: 10 for a in flight(20.0).aidings}
         and len(found.windows) == 7
@@ -485,7 +495,7 @@ def test_a_fix_of_several_windows_is_withheld_once_and_an_idle_ahrs_is_noted():
 
 
 def test_a_sweep_without_a_range_begins_a_minute_after_the_start():
-    found = sd.compare(sensed(90.0), ["closed-loop"], "10@/5")
+    found = sd.compare(sensed(90.0), ["closed-loop"], outages="10@/5")
     assert (
         found.windows[0][0] == pytest.approx(found.settings["start"]["t"] + 60.0)
         and found.windows[-1][1] <= 90.0
@@ -495,7 +505,9 @@ def test_a_sweep_without_a_range_begins_a_minute_after_the_start():
 @pytest.mark.short
 def test_progress_comes_to_one_and_files_are_written(tmp_path, monkeypatch):
     seen = []
-    found = sd.compare(flight(20.0), ["closed-loop", "mekf"], "3@8:18/3", progress=seen.append)
+    found = sd.compare(
+        flight(20.0), ["closed-loop", "mekf"], outages="3@8:18/3", progress=seen.append
+    )
     assert seen[-1] == pytest.approx(1.0) and seen == sorted(seen)
     found.write(tmp_path / "out")
     for name in ("scores", "summary", "paired", "growth"):
@@ -518,7 +530,7 @@ def test_an_imu_gap_is_noted():
     found = sd.compare(
         replace(recording, imu=Imu(*(column[keep] for column in recording.imu))),
         ["closed-loop", "mekf"],
-        "8:12",
+        outages="8:12",
     )
     assert any("IMU gap of 0.4 s" in note for note in found.notes)
 
@@ -531,7 +543,7 @@ def test_drive_is_scored_as_fuse_scores_it(data_folder, solutions, monkeypatch):
     windows = moving_windows(
         recording.reference, count=2, length=15.0, every=50.0, after=60.0, speed=4.0
     )
-    found = sd.compare(recording, ["closed-loop"], windows)
+    found = sd.compare(recording, ["closed-loop"], outages=windows)
     whole = sd.fuse(recording.hidden(windows, FIXES), start=sd.Start(**found.settings["start"]))
     for window in windows:
         same_rows(solutions["closed-loop", window[0]], whole)
@@ -550,7 +562,9 @@ def test_what_was_said_before_an_outage_is_not_of_the_outage():
     late = fix.t > 20
     y[late] = displaced(y[late], np.tile([0.0, 50.0, 0.0], (late.sum(), 1)))
     spoilt = replace(recording, aidings=(replace(fix, y=y), *others))
-    found = sd.compare(without_samples(spoilt, (10.0, 10.5)), ["closed-loop"], [(45.0, 50.0)])
+    found = sd.compare(
+        without_samples(spoilt, (10.0, 10.5)), ["closed-loop"], outages=[(45.0, 50.0)]
+    )
     assert not [note for note in found.notes if "IMU gap" in note or "gate lifted" in note]
     (doubtful,) = [note for note in found.notes if note.startswith("doubtful in the run")]
     assert doubtful.startswith("doubtful in the run through all outages: closed-loop ")

@@ -11,7 +11,7 @@ from strapdown.sim.trajectory import demo_flight
 @pytest.fixture(scope="module")
 def comparison():
     recording = sd.simulate(demo_flight(), 100.0, "tactical", seed=1, rate=20.0)
-    return sd.compare(recording, ["closed-loop", "mekf"], [(60, 70), (80, 95)])
+    return sd.compare(recording, ["closed-loop", "mekf"], outages=[(60, 70), (80, 95)])
 
 
 def test_it_shows_answer_summary_and_verdicts(comparison):

@@ -120,7 +120,9 @@ def test_the_direct_filter_is_the_closed_loop_to_first_order():
     it, 0.01 rad at the start."""
     recording = flight()
     euler, closed = (
-        sd.fuse(recording, name, start=start(recording), noise=NOISE, covariance=True, **options)
+        sd.fuse(
+            recording, name, start=start(recording), noise=NOISE, covariance=True, options=options
+        )
         for name, options in (("direct-euler", {"bias": "decaying"}), ("closed-loop", {}))
     )
     deviation = closed.trajectory.sd
@@ -149,7 +151,7 @@ def test_the_angles_stay_within_a_turn(name):
     """The heading goes from 80 through 180 to 240 deg."""
     recording = flight(40.0)
     recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
-    stream = sd.Stream(name, start(recording), imu="tactical", aidings=recording.aidings)
+    stream = sd.Stream(name, start=start(recording), imu="tactical", aidings=recording.aidings)
     heading = []
     for t, dt, dtheta, dv in zip(*recording.imu):
         stream.step(sd.Sample(float(t), float(dt), tuple(dtheta), tuple(dv)))

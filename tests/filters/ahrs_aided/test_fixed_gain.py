@@ -393,4 +393,4 @@ def test_gains_that_do_not_settle_are_refused_with_their_poles(gains, message):
     recording = flight()
     recording = replace(recording, aidings=(*recording.aidings, ahrs(recording.reference)))
     with pytest.raises(DataError, match=f"filter 'fixed-gain'.*{message}"):
-        sd.fuse(recording, "fixed-gain", start=start(recording), **gains)
+        sd.fuse(recording, "fixed-gain", start=start(recording), options=gains)

@@ -55,7 +55,12 @@ def straight():
 
 def fused(recording, name, noise=NOISE, begin=None, **options):
     return sd.fuse(
-        recording, name, start=begin or start(recording), noise=noise, covariance=True, **options
+        recording,
+        name,
+        start=begin or start(recording),
+        noise=noise,
+        covariance=True,
+        options=options,
     )
 
 

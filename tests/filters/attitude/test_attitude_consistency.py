@@ -73,7 +73,13 @@ def run(hand, spec, seed, told=1.0):
     noise = true._replace(gyro=told * true.gyro, accel=told * true.accel)
     recording = Recording(imu, (replace(field, sd=told * field.sd, gate=np.inf),))
     solution = sd.fuse(
-        recording, "attitude-mekf", noise=noise, start=start, every=RATE, covariance=True, **WHITE
+        recording,
+        "attitude-mekf",
+        noise=noise,
+        start=start,
+        every=RATE,
+        covariance=True,
+        options=WHITE,
     )
     rows = np.searchsorted(hand.ideal.t, solution.t - 1e-6)
     error = np.c_[sd.errors(solution, hand.truth).attitude, b_g[rows] - solution.b_g]
@@ -123,7 +129,7 @@ MEMS = ImuSpec(
 def errors_of(hand, name, recording=None, seed=0, **options):
     """(solution, time, AttitudeAngles in deg, attitude errors (n, 3) in rad) of one run."""
     solution = sd.fuse(
-        recording or hand.recording(MEMS, np.random.default_rng(seed)), name, **options
+        recording or hand.recording(MEMS, np.random.default_rng(seed)), name, options=options
     )
     errors = sd.errors(solution, hand.truth)
     return (

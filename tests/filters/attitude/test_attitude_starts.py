@@ -69,7 +69,7 @@ def angles(turning, name, attitude_sd=UNKNOWN, duration=61.0, **options):
             start=far_off(simulator.truth, seed, attitude_sd),
             noise=NOISE,
             every=10,
-            **options,
+            options=options,
         )
         return solution.t, np.degrees(attitude_angles(sd.errors(solution, simulator.truth)).total)
 
@@ -117,7 +117,7 @@ def test_a_pull_is_exponential_in_time_however_often_it_pulls(kind, gain, interv
         "mahony",
         start=begin,
         noise=NOISE,
-        **{"ki": 0.0, "k1": 0.5, gain: k},
+        options={"ki": 0.0, "k1": 0.5, gain: k},
     )
     error = np.unwrap(solution.trajectory.rph[:, 2]) - truth.rph[0, 2]
     first, last = (np.searchsorted(solution.t, t - 1e-6) for t in (1.0, 4.0))
@@ -168,7 +168,11 @@ def test_a_pull_is_exponential_in_time_however_often_it_pulls(kind, gain, interv
 def test_options_that_cannot_be_are_refused_in_one_line(name, options, text):
     with pytest.raises(sd.DataError, match=text) as refused:
         sd.fuse(
-            short_recording(), name, start=far_off(hand(1.0).truth, 0, 0.1), noise=NOISE, **options
+            short_recording(),
+            name,
+            start=far_off(hand(1.0).truth, 0, 0.1),
+            noise=NOISE,
+            options=options,
         )
     assert "\n" not in str(refused.value)
 
@@ -185,10 +189,7 @@ def test_unstable_gains_are_refused_with_their_poles():
             "mahony",
             start=far_off(hand(1.0).truth, 0, 0.1),
             noise=NOISE,
-            k1=0.5,
-            ki=2.0,
-            low_pass=0.0,
-            k2=-0.2,
+            options={"k1": 0.5, "ki": 2.0, "low_pass": 0.0, "k2": -0.2},
         )
     roots = np.roots([1.0, -0.2, -0.4])
     assert all(f"{root:.3g}" in str(refused.value) for root in roots)

@@ -80,7 +80,7 @@ def flown(motion, grade, seed, rate=50.0):
 
 def ratio(name, recording, **options):
     """(n, 3) errors over standard deviations after 60 s."""
-    solution = sd.fuse(recording, name, every=5, **options)
+    solution = sd.fuse(recording, name, every=5, options=options)
     e = sd.errors(solution, recording.reference)
     return np.abs(e.attitude / e.sd[:, 6:9])[e.t > 60]
 

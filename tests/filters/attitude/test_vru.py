@@ -418,8 +418,7 @@ def vertical_nees(seeds, told=1.0):
             start=start,
             every=RATE,
             covariance=True,
-            wave_period=0.0,
-            **FIXED,
+            options={**FIXED, "wave_period": 0.0},
         )
         e, rows = sd.errors(solution, truth), np.searchsorted(imu.t, solution.t - 1e-6)
         error = np.c_[e.position[:, 2], e.velocity[:, 2], b_a[rows] - solution.b_a]
@@ -461,8 +460,7 @@ def test_integration_holds_without_any_height():
         "vru",
         noise=Noise(1e-6, 1e-6, 0, 0, 0, 0),
         start=exact,
-        heave=1e5,
-        **FIXED,
+        options={**FIXED, "heave": 1e5},
     )
     e = sd.errors(solution, truth)
     assert np.abs(e.position[:, 2]).max() < 0.02 and np.abs(e.velocity[:, 2]).max() < 1e-3
@@ -548,7 +546,7 @@ def test_a_stream_is_the_batch_bit_for_bit(swell):
     recording = replace(recording, imu=imu, aidings=(sea(20.0), pressure))
     begin = sd.align(recording, sd.grade("industrial"), position=False)
     solution = sd.fuse(recording, "vru", start=begin, covariance=True)
-    stream = Stream("vru", begin, imu="industrial", aidings=recording.aidings)
+    stream = Stream("vru", start=begin, imu="industrial", aidings=recording.aidings)
     events = [
         Sample(t, dt, tuple(a), tuple(b))
         for t, dt, a, b in zip(*(column.tolist() for column in imu))

@@ -25,7 +25,9 @@ NOISE = Noise(
 
 
 def fused(recording, name, **options):
-    return sd.fuse(recording, name, start=start(recording), noise=NOISE, covariance=True, **options)
+    return sd.fuse(
+        recording, name, start=start(recording), noise=NOISE, covariance=True, options=options
+    )
 
 
 def difference(a, b):

@@ -185,7 +185,7 @@ def both():
         "mekf",
         start=begin,
         noise=NOISE,
-        bias=bias,
+        options={"bias": bias},
         every=100,
         covariance=True,
     )

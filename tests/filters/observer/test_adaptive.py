@@ -147,7 +147,7 @@ def flown(found, seed, wind=0.0, **options):
     made = replace(made, imu=made.imu._replace(dv=dv))
     begin = start(made)
     begin = begin._replace(sd=(*begin.sd[:9], *[0.3] * 3, *begin.sd[12:]))
-    return sd.fuse(made, "nlo", start=begin, **options), made, bias + made.meta["b_a"][-1]
+    return sd.fuse(made, "nlo", start=begin, options=options), made, bias + made.meta["b_a"][-1]
 
 
 TURNS = ((20.0, 2.0), (20.0, -2.6), (15.0, 0.0), (20.0, 1.5)) * 2
@@ -224,7 +224,7 @@ def test_gains_that_the_argument_refuses(options, said):
         sortie((0.82, 0.14, 800.0), 0.5, legs((10.0, 0.0)), speed=45.0), 10.0, "tactical", 908
     )
     with pytest.raises(sd.DataError, match=said):
-        sd.fuse(made, "nlo", start=start(made), **options)
+        sd.fuse(made, "nlo", start=start(made), options=options)
 
 
 @pytest.mark.short

@@ -160,7 +160,7 @@ def distance(rate):
     recording = noiseless(rate=rate)
     # as published: every fix is used
     ungated = replace(recording, aidings=tuple(replace(a, gate=np.inf) for a in recording.aidings))
-    ours = sd.fuse(ungated, "nlo", start=off(recording), noise=NOISE, **CONSTANT)
+    ours = sd.fuse(ungated, "nlo", start=off(recording), noise=NOISE, options=CONSTANT)
     lla, v, C, ba, bg, xi = plain_observer(recording, off(recording), round(400 / rate))
     end, own = (
         ours.trajectory,
@@ -360,7 +360,8 @@ def test_printed_course_turns_a_right_attitude_and_the_tilt_compensated_does_not
     )
     errors = {
         course: sd.errors(
-            sd.fuse(recording, "nlo", start=exact, noise=NOISE, course=course), recording.reference
+            sd.fuse(recording, "nlo", start=exact, noise=NOISE, options={"course": course}),
+            recording.reference,
         ).attitude
         for course in ("tilt-compensated", "printed")
     }

@@ -182,7 +182,11 @@ def test_frozen_course_goes_on_through_an_outage_and_is_wrong_in_a_turn():
     recording, window = flight(60.0), (10.0, 60.0)
     solutions = {
         course: sd.fuse(
-            recording.hidden([window]), "nlo", start=start(recording), noise=NOISE, course=course
+            recording.hidden([window]),
+            "nlo",
+            start=start(recording),
+            noise=NOISE,
+            options={"course": course},
         )
         for course in ("tilt-compensated", "frozen")
     }
@@ -214,7 +218,9 @@ def test_near_standstill_the_course_is_held_and_that_is_said():
     assert 15 <= held[-1] <= 18.1 and held[0] == 0
     heading = solution.trajectory.sd[:, 8]
     assert (np.diff(heading[20:300:40]) > 0).all()
-    eager = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, least_speed=1e-3)
+    eager = sd.fuse(
+        recording, "nlo", start=start(recording), noise=NOISE, options={"least_speed": 1e-3}
+    )
     assert eager.columns["course_held [s]"][-1] == 0
     assert (
         attitude_error(solution, recording)[200:300].max()
@@ -277,7 +283,7 @@ def test_altitudes_and_positions_alone_serve_the_height():
 )
 def test_every_design_follows_the_flight(options):
     recording = flight(40.0)
-    solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, **options)
+    solution = sd.fuse(recording, "nlo", start=start(recording), noise=NOISE, options=options)
     rms = sd.rms(sd.errors(solution, recording.reference), window=(20.0, 40.0))
     assert np.linalg.norm(rms.position) < 4 and np.linalg.norm(rms.velocity) < 1
 
@@ -285,18 +291,22 @@ def test_every_design_follows_the_flight(options):
 @pytest.mark.short
 def test_gains_as_given_are_said_and_act_and_are_refused_where_not_stable():
     gains = dict(kpp=0.3, kvp=0.03, kxp=0.003, kpv=0.05, kvv=0.4, kxv=0.1)
-    solution = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, **gains)
+    solution = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, options=gains)
     note, other = solution.meta["notes"]
     assert (
         "observer gains, given," in note
         and "by 0.3, 0.03, 0.003; a velocity corrects position, velocity and force by 0.05, 0.4, 0.1"
         in note
     )
-    harder = sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, **gains | dict(kpp=0.6))
+    harder = sd.fuse(
+        flight(), "nlo", start=start(flight()), noise=NOISE, options=gains | dict(kpp=0.6)
+    )
     assert np.abs(harder.trajectory.lla - solution.trajectory.lla).max() > 1e-9
     for gain in gains:  # each alone too large, the others as they are
         with pytest.raises(DataError, match="not stable at fixes every 1 s: spectral radius"):
-            sd.fuse(flight(), "nlo", start=start(flight()), noise=NOISE, **gains | {gain: 9.0})
+            sd.fuse(
+                flight(), "nlo", start=start(flight()), noise=NOISE, options=gains | {gain: 9.0}
+            )
 
 
 @pytest.mark.short
@@ -349,7 +359,7 @@ def test_what_it_cannot_run_on_is_refused_in_one_line(name, kinds, options, said
             name,
             start=start(recording)._replace(bg=(1e-4, 0.0, 0.0)),
             noise=NOISE,
-            **options,
+            options=options,
         )
     assert "\n" not in str(refused.value)
 
@@ -363,7 +373,9 @@ def test_positions_are_all_that_the_list_of_filters_says_it_needs(command):
     alone = replace(flight(), aidings=flight().aidings[:1])
     for name in ("nlo", "xkf"):
         assert np.isfinite(
-            sd.fuse(alone, name, start=start(flight()), noise=NOISE, course="none").trajectory.lla
+            sd.fuse(
+                alone, name, start=start(flight()), noise=NOISE, options={"course": "none"}
+            ).trajectory.lla
         ).all()
 
 
@@ -374,7 +386,7 @@ def test_a_bias_that_nothing_excites_is_said_live_as_in_batch(name):
     ((t, text),) = [event for event in solution.events if "not excited" in event[1]]
     assert t == pytest.approx(60.0, abs=0.1) and "calibrate the accelerometer" in text
     assert (solution.status == VALID).all() and solution.columns["excitation"].max() < 1e-3
-    stream = sd.Stream(name, begin, noise=NOISE, aidings=even.aidings)
+    stream = sd.Stream(name, start=begin, noise=NOISE, aidings=even.aidings)
     events = [sd.Sample(*row) for row in zip(*even.imu)]
     for k, a in enumerate(even.aidings):
         events += [sd.Fix(t, k, y, deviations) for t, y, deviations in zip(a.t, a.y, a.sd)]

@@ -58,7 +58,7 @@ def own(belief):
 def test_with_a_sure_heading_it_is_the_closed_loop():
     recording = flight()
     run = lambda name, **options: sd.fuse(
-        recording, name, start=start(recording), noise=NOISE, covariance=True, **options
+        recording, name, start=start(recording), noise=NOISE, covariance=True, options=options
     )
     closed, mine = run("closed-loop"), run("xkf")
     off = displacement(mine.trajectory.lla, closed.trajectory.lla)

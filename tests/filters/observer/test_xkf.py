@@ -225,7 +225,9 @@ def test_to_first_order_the_trajectory_does_not_matter():
 
 def test_it_is_the_closed_loop_to_first_order():
     fused = [
-        sd.fuse(flight(), name, start=start(flight()), noise=NOISE, covariance=True, **options)
+        sd.fuse(
+            flight(), name, start=start(flight()), noise=NOISE, covariance=True, options=options
+        )
         for name, options in (("xkf", {"near": 0.0}), ("closed-loop", {}))
     ]
     own, closed = (solution.trajectory for solution in fused)
@@ -364,22 +366,22 @@ def test_options_are_those_of_the_observer_and_one_more():
     names = lambda filter: list(inspect.signature(filter.start).parameters)
     assert names(XKF) == [*names(nlo.NLO)[:2], "near", "jacobian", *names(nlo.NLO)[3:]]
     with pytest.raises(DataError, match="near is -1.0 rad; it must be a number, 0 or more"):
-        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=-1.0)
+        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, options={"near": -1.0})
     with pytest.raises(DataError, match="jacobian is 'truth'"):
-        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, jacobian="truth")
+        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, options={"jacobian": "truth"})
     with pytest.raises(DataError, match="k1 is -1"):
-        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, k1=-1.0)
+        sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, options={"k1": -1.0})
     with pytest.raises(DataError, match="nothing measures heading or course"):
         sd.fuse(
             replace(flight(), aidings=flight().aidings[:1]),
             "xkf",
             start=start(flight()),
             noise=NOISE,
-            near=0.5,
+            options={"near": 0.5},
         )
     assert any(
         "spectral radius" in note
-        for note in sd.fuse(flight(), "xkf", start=start(flight()), noise=NOISE, near=0.5).meta[
-            "notes"
-        ]
+        for note in sd.fuse(
+            flight(), "xkf", start=start(flight()), noise=NOISE, options={"near": 0.5}
+        ).meta["notes"]
     )

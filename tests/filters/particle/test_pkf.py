@@ -149,7 +149,9 @@ def eventful():
 
 
 def fused(recording, name="pkf", **options):
-    return sd.fuse(recording, name, start=start(recording), noise=NOISE, covariance=True, **options)
+    return sd.fuse(
+        recording, name, start=start(recording), noise=NOISE, covariance=True, options=options
+    )
 
 
 @short

@@ -190,7 +190,7 @@ class Twin:
 )
 def test_it_is_the_textbook_filter_where_errors_are_large(name, options, parameters):
     recording, begin = short()
-    own = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, **options)
+    own = sd.fuse(recording, name, start=begin, noise=NOISE, covariance=True, options=options)
     twin = Twin(begin, *parameters, name == "ukf")
     lla, v, C, b, P = zip(*twin.fly(recording))
     # with the default, 63 % at least: no downdate of the textbook fails on this flight
@@ -352,7 +352,7 @@ def test_a_heading_so_uncertain_that_points_would_turn_round_stays_as_uncertain(
         name,
         start=begin,
         noise=NOISE,
-        **options,
+        options=options,
     ).trajectory.sd
     assert np.allclose(deviations[:, 6:9], begin.sd[6:9], rtol=0.01)
 
@@ -375,7 +375,7 @@ def test_a_heading_measured_where_points_would_turn_round(name, options, kind):
     record = sd.Aiding(kind, recording.imu.t[:1], y, np.array(deviation), gate=np.inf)
     calm = type(recording.imu)(*recording.imu[:2], 0 * recording.imu.dtheta, recording.imu.dv)
     still = replace(recording, aidings=(record,), imu=type(calm)(*(part[:2] for part in calm)))
-    solution = sd.fuse(still, name, start=begin, noise=NOISE, **options)
+    solution = sd.fuse(still, name, start=begin, noise=NOISE, options=options)
     assert solution.trajectory.sd[0, 8] == pytest.approx(
         known, rel=0.01
     ) and solution.trajectory.rph[0, 2] == pytest.approx(2.5, abs=0.01)
@@ -425,9 +425,7 @@ def test_a_set_whose_covariances_are_none_is_repaired_counted_and_flagged():
         start=begin,
         noise=NOISE,
         covariance=True,
-        alpha=1.0,
-        beta=0.0,
-        kappa=-14.5,
+        options={"alpha": 1.0, "beta": 0.0, "kappa": -14.5},
     )
     count = solution.columns["repairs"]
     assert count[-1] > 0 and (np.diff(count) >= 0).all()

@@ -199,7 +199,7 @@ def test_printed_measurement_of_stage_two():
     from recordings import start
 
     full, down = (
-        sd.fuse(recording, "two-stage-ekf", start=start(recording), velocity=kind)
+        sd.fuse(recording, "two-stage-ekf", start=start(recording), options={"velocity": kind})
         for kind in ("full", "down")
     )
     velocity = full.innovations.source == 1

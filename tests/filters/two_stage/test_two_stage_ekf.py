@@ -100,7 +100,7 @@ def test_in_an_outage_stage_1_is_still_levelled():
             "two-stage-ekf",
             start=start(recording),
             noise=NOISE._replace(gyro=2e-3),
-            **options,
+            options=options,
         )
         for options in ({}, {"acceleration": 1e4})
     )
@@ -156,7 +156,7 @@ def test_a_rejected_fix_leaves_the_belief_and_a_heading_corrects_stage_1_alone()
 def test_what_it_cannot_run_on_and_bad_options():
     recording = flight()
     run = lambda recording=recording, **options: sd.fuse(
-        recording, "two-stage-ekf", start=start(recording), **options
+        recording, "two-stage-ekf", start=start(recording), options=options
     )
     for options, said in (
         (dict(velocity="up"), "full, down"),

@@ -17,7 +17,7 @@ from strapdown.core.loop.contract import CORRECT, PREDICT, Kind, Noise, compile_
 from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.core.mathematics.source import new_source
 from strapdown.engine.batch import begin
-from strapdown.engine.prepare import Asked
+from strapdown.engine.options import run_options
 from strapdown.filters.observer.equations import embedded
 from strapdown.filters.two_stage import xkf_two_stage
 from strapdown.filters.two_stage.model import ERROR
@@ -102,7 +102,7 @@ def test_about_a_given_trajectory_it_is_the_linear_kalman_filter(name):
     products; only rounding differs."""
     recording = ungated(flight(8.0, 20.0))
     given, biases = trajectories()[name]
-    run = begin(recording, ALONG, Asked({}, start=start(recording), noise=NOISE, covariance=True))
+    run = begin(recording, ALONG, run_options(start=start(recording), noise=NOISE, covariance=True))
     twin, belief = Twin(start(recording), NOISE), run.belief
     twin.bar = twin.at
     rows = np.searchsorted(given.t, recording.imu.t - 1e-6)
@@ -192,16 +192,18 @@ def test_the_observer_takes_fixes_of_two_sources_alike_and_once_where_a_gate_is_
 def test_options_are_those_of_both():
     recording = flight()
     with pytest.raises(DataError, match="k1"):
-        sd.fuse(recording, "xkf-two-stage", start=start(recording), k1=-1.0)
+        sd.fuse(recording, "xkf-two-stage", start=start(recording), options={"k1": -1.0})
     with pytest.raises(DataError, match="crab"):
-        sd.fuse(recording, "xkf-two-stage", start=start(recording), crab=-1.0)
+        sd.fuse(recording, "xkf-two-stage", start=start(recording), options={"crab": -1.0})
     with pytest.raises(DataError, match="nothing gives a heading"):
         sd.fuse(
             replace(recording, aidings=recording.aidings[:1]),
             "xkf-two-stage",
             start=start(recording),
         )
-    notes = sd.fuse(recording, "xkf-two-stage", start=start(recording), course="none").meta["notes"]
+    notes = sd.fuse(
+        recording, "xkf-two-stage", start=start(recording), options={"course": "none"}
+    ).meta["notes"]
     assert any("drifts" in note for note in notes)
 
 
@@ -273,4 +275,4 @@ def test_an_attitude_of_its_own_is_levelled_by_its_own_bias():
 
 def test_an_attitude_that_is_not_there_is_refused():
     with pytest.raises(DataError, match="attitude is 'mine'; it must be one of observer, stage-1"):
-        sd.fuse(flight(), "xkf-two-stage", start=start(flight()), attitude="mine")
+        sd.fuse(flight(), "xkf-two-stage", start=start(flight()), options={"attitude": "mine"})

@@ -128,7 +128,7 @@ def outcome(case: Case, seed: int, interval: float = FIXES) -> tuple[float, floa
     recording, start = run(seed, case.magnetometer, interval)
     try:
         solution = fuse(
-            recording, case.filter, start=start, every=ROWS, estimate=[], **case.options
+            recording, case.filter, start=start, every=ROWS, estimate=[], options=case.options
         )
     except DataError as error:
         return np.inf, np.inf, np.inf, str(error)

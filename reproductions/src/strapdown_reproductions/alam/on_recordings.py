@@ -61,7 +61,7 @@ def run(
         compared = compare(
             recording,
             [(each.filter, each.options) for each in variants.values()],
-            SWEEP if name == "thor75" else windows_of(recording),
+            outages=SWEEP if name == "thor75" else windows_of(recording),
             threads=threads,
             say=say,
             progress=part,

@@ -204,7 +204,7 @@ def _seed(
                 every=ROWS,
                 say=say,
                 estimate=[],
-                **variant.options,
+                options=variant.options,
             )
         except DataError as error:
             outages = [{**MEASURES, "said": str(error)}] * len(windows())

@@ -103,7 +103,7 @@ def _nominal(seed: int, name: str, motion: str) -> dict[str, Any]:
         _recording(name, motion, seed),
         name,
         every=MOTIONS[motion].every,
-        **OPTIONS.get(name, {}),
+        options=OPTIONS.get(name, {}),
     )
     return _row((NONE, 0.0, name, motion, seed), solution, refused=False, said_after=np.inf)
 

@@ -113,7 +113,7 @@ def outcome(solution: Solution) -> Outcome:
 
 def start_of(subject: Subject, right: Recording) -> Start:
     """Where the run without a fault begins."""
-    solution = fuse(right, subject.filter, every=1000, **OPTIONS.get(subject.filter, {}))
+    solution = fuse(right, subject.filter, every=1000, options=OPTIONS.get(subject.filter, {}))
     return Start(**solution.meta["start"])
 
 
@@ -126,7 +126,7 @@ def _live(name: str, raw: Raw, world: World, right: Recording, start: Start | No
     assert start is not None
     filter = filters.find(name)
     aidings = [_sized(a, raw) for a in right.aidings if a.kind in raw.sources]
-    stream = Stream(name, start, imu=world.imu, aidings=aidings, lag=LAG)
+    stream = Stream(name, start=start, imu=world.imu, aidings=aidings, lag=LAG)
     rows: list[Array] = []
     status: list[int] = []
     places = {a.kind: i for i, a in enumerate(aidings)}

@@ -361,7 +361,7 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
             start=start(recording, tuning, seed),
             noise=noise(case, tuning, excitation),
             every=every,
-            **options,
+            options=options,
         )
     except DataError as error:
         return Run(

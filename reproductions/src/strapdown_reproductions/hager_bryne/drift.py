@@ -73,7 +73,7 @@ def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
         start=start,
         noise=cell.imu.noise(),
         every=max(1, round(study.epoch * cell.scenario.rate)),
-        **options,
+        options=options,
     )
     return solution.t, np.sqrt(sum(np.square(solution.columns[name]) for name in INS))
 

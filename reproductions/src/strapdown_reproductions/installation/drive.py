@@ -36,7 +36,7 @@ def named(parameter: Parameter) -> str:
 
 def horizontal(recording: Recording) -> float:
     """Median over WINDOWS of the largest horizontal error of the closed loop, m."""
-    found = sd.compare(recording, "closed-loop", WINDOWS)
+    found = sd.compare(recording, "closed-loop", outages=WINDOWS)
     return float(found.scores["horizontal_max_m"].median())
 
 

@@ -84,7 +84,7 @@ def together(
     windows that are withheld in one run; m and s."""
     try:
         solution = fuse(
-            recording.hidden(windows, kinds=FIXES), name, say=say, **FEWER.get(name, {})
+            recording.hidden(windows, kinds=FIXES), name, say=say, options=FEWER.get(name, {})
         )
     except DataError as error:
         return [(*window, np.nan, np.nan, np.nan, shortened(error, name)) for window in windows]

@@ -105,7 +105,7 @@ def scores(
 
 def _scores(case: Case, name: str, say: Say | None) -> dict[str, Any]:
     try:
-        solution = fuse(case.recording, name, say=say, **FEWER.get(name, {}))
+        solution = fuse(case.recording, name, say=say, options=FEWER.get(name, {}))
     except DataError as error:
         return {"said": shortened(error, name)}
     lifted = sum("gate lifted" in text for _, text in solution.events)

@@ -3,23 +3,22 @@ settle, confirmed by a second estimate, and ready to be written into recording.t
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from ...aiding import find
 from ...checks import DataError
-from ...core.loop.contract import Filter, Start
+from ...core.loop.contract import Filter
 from ...diagnosis.estimated import EstimatedParameter
 from ...diagnosis.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
 from ...diagnosis.installation import applied
 from ...engine.installation import with_estimates
-from ...engine.prepare import GivenImu
+from ...engine.options import SetUpOptions, takes
 from ...estimable import CLOCK, LEVER_ARM
 from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
-from ...typing import Progress, Say
-from ...vehicle import GivenVehicle
+from ...typing import Progress
 from .confirming import Asking, as_states, check_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
 from .settled import Settled, settle, theta_of
@@ -32,27 +31,42 @@ VARIES = 4.0
 by 2.0 at most in 84 pairs (12 simulated drives of 200 s)."""
 
 
+@takes(SetUpOptions)
 @with_bar("calibrate installation")
 def calibrate_installation(
     recording: Recording,
     filter: str | Filter = "closed-loop",
-    imu: GivenImu | None = None,
-    start: Start | None = None,
-    say: Say | None = None,
-    progress: Progress | bool | None = None,
-    vehicle: GivenVehicle | None = None,
+    *,
+    options: dict[str, Any] | None = None,
     imu_clock: bool = False,
-    **options: Any,
+    progress: Progress | bool | None = None,
+    **set_up: Unpack[SetUpOptions],
 ) -> Installation:
-    """What the installation of `recording` is: clock offset of each GNSS source, lever arm of its
+    """Find the installation of a recording: clock offset of each GNSS source, lever arm of its
     antenna, mounting of the IMU, scale of the odometer.
 
     `diagnose` is run on what it found until that has nothing wrong; the smoother with the same
     numbers as states, around what was found, is the second estimate. A parameter is found where it
     is off what was given by `diagnose`'s limits and both agree; its standard deviation is the larger
     of the two. What the recording asks to be estimated is left out.
-    imu_clock: blame the clock of the IMU, where all sources share an offset; the other arguments
-    are those of `diagnose`. Raises DataError: without a source of velocity, and where nothing shows.
+
+    Parameters
+    ----------
+    recording : Recording
+        With sources of position and velocity.
+    filter : str or Filter
+        As of `diagnose`.
+    options : dict
+        Options of the filter's own, {name: value}.
+    imu_clock : bool
+        Blame the clock of the IMU, where all sources share an offset.
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        Without a source of velocity, and where nothing shows.
     """
     check_recording(recording)
     if not any(a.kind == "velocity" and len(a.t) for a in recording.aidings):
@@ -62,7 +76,7 @@ def calibrate_installation(
         )
     recording = with_estimates(recording, ())
     check_states(recording)
-    asking = Asking(filter, imu, vehicle, start, say, listener(progress), options)
+    asking = Asking(filter, options, set_up, listener(progress))
     settled = settle(recording, asking)
     last = settled.last
     seen = as_states(

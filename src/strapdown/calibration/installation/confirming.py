@@ -4,33 +4,30 @@ found: a second estimate of the same numbers, in one run."""
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from ...core.loop.contract import Filter, Start
+from ...core.loop.contract import Filter
 from ...diagnosis.estimated import EstimatedParameter, installation
 from ...diagnosis.findings import Diagnosed
 from ...diagnosis.installation import constants
 from ...diagnosis.settling import unknowns
 from ...engine.installation import with_estimates
-from ...engine.prepare import GivenImu, brought
+from ...engine.options import SetUpOptions
+from ...engine.prepare import brought
 from ...engine.smoothing import smooth
 from ...estimable import CLOCK, MOUNTING, Estimable
 from ...recording import Recording
-from ...typing import Progress, Say
-from ...vehicle import GivenVehicle
+from ...typing import Progress
 
 ROWS = 1000
 """IMU samples of which one row is kept: constants need only the last."""
 
 
 class Asking(NamedTuple):
-    """How to run the filter: arguments of `smooth`."""
+    """How to run the filter, as `diagnose` takes it."""
 
     filter: str | Filter
-    imu: GivenImu | None
-    vehicle: GivenVehicle | None
-    start: Start | None
-    say: Say | None
+    options: dict[str, Any] | None
+    set_up: SetUpOptions
     progress: Progress
-    options: dict[str, Any]
 
     def within(self, first: float, last: float) -> "Asking":
         """The same, reporting its progress as this part of the whole."""
@@ -49,13 +46,10 @@ def as_states(
         solution = smooth(
             with_estimates(recording, priors),
             asking.filter,
-            imu=asking.imu,
-            start=asking.start,
+            options=asking.options,
             every=ROWS,
-            say=asking.say,
             progress=asking.progress,
-            vehicle=asking.vehicle,
-            **asking.options,
+            **asking.set_up,
         )
         states = installation(solution).parameters
         for each in wanted:

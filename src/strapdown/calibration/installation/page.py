@@ -66,11 +66,9 @@ def _fused(found: "Installation", recording: Recording) -> Solution:
     return fuse(
         recording,
         asking.filter,
-        imu=asking.imu,
-        start=asking.start,
+        options=asking.options,
         every=100,
-        vehicle=asking.vehicle,
-        **asking.options,
+        **asking.set_up,
     )
 
 

@@ -50,12 +50,9 @@ def settle(recording: Recording, asking: Asking) -> Settled:
         found = diagnose(
             applied(recording, known, theta),
             part.filter,
-            part.imu,
-            part.start,
-            part.say,
-            part.progress,
-            part.vehicle,
-            **part.options,
+            options=part.options,
+            progress=part.progress,
+            **part.set_up,
         )
         runs += found.runs
         sought = [each for each in found.parameters if each.sources]

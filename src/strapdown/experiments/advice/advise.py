@@ -12,21 +12,22 @@ import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pandas as pd
 
 from ...checks import DataError, check_choice, check_number
+from ...engine.options import takes
 from ...evaluation.consistency import Interval
 from ...files import replacing, together
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
 from ...spreadsheet import inert_table
-from ...typing import Array, File, Progress, Say
+from ...typing import Array, File, Progress
 from ..monte_carlo.campaign import Campaign, make_folder
-from ..monte_carlo.study import Study
+from ..monte_carlo.study import CAMPAIGN_OPTIONS, CampaignOptions, Study
 from .mission import CIRCUIT, MISSION_RATE, aligned_in_motion, mission, seconds
 from .page import page, sentences, summary_table
 from .verdicts import (
@@ -162,11 +163,13 @@ class Advice:
         return card("Advice", {}, lines(sentences(self)))
 
 
+@takes(CampaignOptions, CAMPAIGN_OPTIONS)
 @with_bar("advise")
 def advise(
     imu: File | ImuSpec,
     flight: File | Scenario,
     duration: str | float,
+    *,
     runs: int | None = None,
     seed: int = 0,
     out: File | None = None,
@@ -174,22 +177,44 @@ def advise(
     quick: bool = False,
     rules: Rules = DEFAULT_RULES,
     rate: float = MISSION_RATE,
-    threads: int | None = None,
-    workers: int = 0,
-    scheduler: str | None = None,
-    say: Say | None = None,
-    progress: Progress | bool | None = None,
     alignment: str = GIVEN,
+    progress: Progress | bool | None = None,
+    **how: Unpack[CampaignOptions],
 ) -> Advice:
-    """Advice on open loop, resets or closed loop for an IMU (grade, file or ImuSpec) on a mission.
-    Raises DataError.
+    """Advise on open loop, resets or closed loop for an IMU on a mission.
 
-    flight, duration: as `mission.mission` and `mission.seconds` take them; runs: of the study
-    (default 40, quick 36); map: also the crossover map of grades, durations and dynamics (default:
-    unless quick); quick: no map and two reset intervals only; alignment: "given", the attitude at
-    the start is known as the scenario says, or "moving", as an alignment in motion knows it. With `out`, the folder that all goes
-    to, a command that was interrupted goes on where it was. threads, workers, scheduler, say,
-    progress: as `Study.run`.
+    Parameters
+    ----------
+    imu : str, path or ImuSpec
+        Grade, file or description of the IMU.
+    flight : str, path or Scenario
+        As `mission.mission` takes it.
+    duration : str or float
+        Of the mission, as `mission.seconds` takes it, s.
+    runs : int
+        Of the study; default 40, quick 36.
+    seed : int
+        Of the random errors.
+    out : path
+        Folder that all goes to; a command that was interrupted goes on there where it was.
+    map : bool
+        Make the crossover map of grades, durations and dynamics, too; default: unless quick.
+    quick : bool
+        No map, and two reset intervals only.
+    rules : Rules
+        Thresholds of the decision.
+    rate : float
+        Hz of the IMU.
+    alignment : str
+        "given", the attitude at the start is known as the scenario says, or "moving", as an
+        alignment in motion knows it.
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        Where anything given is out of range.
     """
     if quick and map:
         raise DataError("quick makes no map (--quick, --map): leave out one of the two")
@@ -205,10 +230,10 @@ def advise(
     parts = {"mission": study} | ({"map": maps} if maps else {})
     steps = sum(part.steps() for part in parts.values())
     folder = Path(out) if out is not None else None
-    check_number(workers, "workers", least=0, whole=True)
+    check_number(how.get("workers", 0), "workers", least=0, whole=True)
     # what is refused is refused before anything is said
     begun = [Campaign.begin(parts[name], folder / "runs" / name) for name in parts if folder]
-    say = say or (lambda text: None)
+    how["say"] = say = how.get("say") or (lambda text: None)
     say(_cost(study, maps, _missing_steps(begun) if folder else steps))
     clocks, tell = (perf_counter(), process_time()), listener(progress)
 
@@ -216,7 +241,7 @@ def advise(
         def report(done: float) -> None:
             tell((first + done * part.steps()) / steps)
 
-        return part.run(folder and folder / "runs" / name, threads, workers, scheduler, say, report)
+        return part.run(folder and folder / "runs" / name, progress=report, **how)
 
     campaign = run(study, "mission", 0)
     map_campaign = run(maps, "map", study.steps()) if maps else None

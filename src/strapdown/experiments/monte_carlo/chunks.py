@@ -184,12 +184,12 @@ class Record:
         solution = fuse(
             installed.recording,
             filter,
-            self.cell.imu,
-            start,
+            imu=self.cell.imu,
+            start=start,
+            options=options,
             every=at.every,
             covariance=True,
             estimate=estimated(self.study.installation, label),
-            **options,
         )
         scored = score(solution, at, self.biases[:, :3], self.biases[:, 3:], self.study.limits)
         if installed.parameters:

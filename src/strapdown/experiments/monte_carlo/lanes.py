@@ -13,8 +13,9 @@ from ...core.loop import lane_loop
 from ...core.loop.contract import Filter, Start, bound
 from ...core.loop.loop import SAME_TIME
 from ...engine.batch import begin
-from ...engine.prepare import Asked, Run
-from ...engine.side_by_side import SideBySide, alongside, kernels, why_alone
+from ...engine.options import run_options
+from ...engine.prepare import Run
+from ...engine.side_by_side import Keeper, SideBySide, alongside, kernels, why_alone
 from ...evaluation.consistency import Limits
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...recording import Recording
@@ -70,11 +71,13 @@ class Lanes:
                 first,
                 starts,
                 recordings,
-                lane_scoring.keep_errors_in_lanes,
-                self._true,
-                simulated.biases,
-                lane_scoring.SCRATCH,
-                lane_scoring.NUMBERS,
+                Keeper(
+                    lane_scoring.keep_errors_in_lanes,
+                    self._true,
+                    simulated.biases,
+                    lane_scoring.SCRATCH,
+                    lane_scoring.NUMBERS,
+                ),
             )
             for first in self._first
         ]
@@ -90,7 +93,11 @@ class Lanes:
         filter, options, estimate = label
         if not filter.lanes or estimate is not None:
             return None
-        first = begin(recording, filter, Asked(options, self.imu, start, every=self.at.every))
+        first = begin(
+            recording,
+            filter,
+            run_options(options=options, imu=self.imu, start=start, every=self.at.every),
+        )
         return None if why_alone(first) else first
 
 

@@ -12,10 +12,12 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from os import cpu_count
+from typing import TypedDict, Unpack
 
 from ...checks import DataError, check_number
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import COMPILED, Filter
+from ...engine.options import OPTIONS, Option, takes
 from ...evaluation.consistency import Limits
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
@@ -32,6 +34,26 @@ __all__ = ["SCALARS", "Cell", "Chunk", "Study", "parsed", "run_chunk", "seeds", 
 
 MANY_STEPS = 400_000
 """Filter steps from which on a study goes through lanes."""
+
+
+class CampaignOptions(TypedDict, total=False):
+    """How the runs of a study are made."""
+
+    threads: int | None
+    workers: int
+    scheduler: str | None
+    say: Say | None
+
+
+CAMPAIGN_OPTIONS = {
+    "threads": Option(None, "int", "At a time in this process; default: one per core."),
+    "workers": Option(0, "int", "Processes of a Dask cluster on this machine instead."),
+    "scheduler": Option(
+        None, "str", "Address of a Dask scheduler whose workers see the same folder."
+    ),
+    "say": OPTIONS["say"],
+}
+"""Defaults and meanings, by name."""
 
 
 @dataclass(frozen=True)
@@ -136,22 +158,32 @@ class Study:
         return (chunk.stop - chunk.first) * length(self.cells[chunk.cell]) * len(self.filters)
 
     @with_bar("study")
+    @takes(CampaignOptions, CAMPAIGN_OPTIONS)
     def run(
         self,
         out: File | None = None,
-        threads: int | None = None,
-        workers: int = 0,
-        scheduler: str | None = None,
-        say: Say | None = None,
+        *,
         progress: Progress | bool | None = None,
+        **how: Unpack[CampaignOptions],
     ) -> Campaign:
-        """Run what is missing of the campaign in folder `out` (default: a temporary one) and return
-        it as a campaign.Campaign.
+        """Run what is missing of the campaign in a folder and return the Campaign.
 
-        threads: in this process (default: one per core); workers: processes of a Dask cluster on
-        this machine instead; scheduler: the address of a Dask scheduler whose workers see the same
-        folder. Ctrl-C or a kill loses the chunks in work only. Raises DataError.
+        Ctrl-C or a kill loses the chunks in work only.
+
+        Parameters
+        ----------
+        out : path
+            The folder; default: a temporary one.
+        progress : bool or callable
+            Called with the fraction done; True shows a bar.
+
+        Raises
+        ------
+        DataError
+            Where the folder is of another study, or an option is out of range.
         """
+        threads, workers = how.get("threads"), how.get("workers", 0)
+        scheduler, say = how.get("scheduler"), how.get("say")
         check_number(threads or 0, "threads", least=0, whole=True)
         check_number(workers, "workers", least=0, whole=True)
         if scheduler is not None and (workers or not scheduler.strip()):

@@ -8,23 +8,23 @@ from collections import Counter
 from collections.abc import Iterable
 from functools import cache
 from os import cpu_count
-from typing import Any
+from typing import Any, NamedTuple, Unpack
 
 import pandas as pd
 
 from ... import aiding, filters
 from ...checks import DataError, check_number
-from ...core.loop.contract import Noise, Start
+from ...core.loop.contract import Filter, Noise, Start
 from ...data import Trajectory
 from ...engine.heading_hypotheses import aligned
-from ...engine.installation import Estimate, with_estimates
-from ...engine.prepare import GivenImu, assumed_noise, positioned, prepare
-from ...engine.weighed import Adaptive, Robust, with_weights
+from ...engine.installation import with_estimates
+from ...engine.options import RunOptions, SourceOptions, run_options, takes
+from ...engine.prepare import assumed_noise, positioned, prepare
+from ...engine.weighed import with_weights
 from ...progress import listener, with_bar
 from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
-from ...typing import Progress, Say
-from ...vehicle import GivenVehicle
+from ...typing import Progress
 from ..filter_label import ESTIMATE, NOTHING, parsed, tried
 from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
@@ -42,69 +42,84 @@ HERE = re.compile(r",? (?:first|from) here\b")
 """What the text of an event refers to its time by."""
 
 
+@takes(SourceOptions)
 @with_bar("compare")
 def compare(
     recording: Recording,
     filters: str | Iterable[str | tuple[str, dict[str, Any]]] | None = None,
+    *,
     outages: str | Iterable[Window] = "30/300",
-    imu: GivenImu | None = None,
-    start: Start | None = None,
-    noise: Noise | None = None,
     kinds: str | Iterable[str] = WITHHELD_KINDS,
-    ahrs: str | None = None,
     threads: int | None = None,
-    say: Say | None = None,
     progress: Progress | bool | None = None,
-    vehicle: GivenVehicle | None = None,
-    estimate: Estimate | None = None,
-    robust: Robust | None = None,
-    adaptive: Adaptive | None = None,
+    **shared: Unpack[SourceOptions],
 ) -> Comparison:
     """Run filters through the same outages of a recording with a reference, and return the
     Comparison of their errors.
 
-    filters: labels "NAME" or "NAME:option=value,...", or (name, options); default: all that
-    estimate a position but those of SLOW_FILTERS. outages: text, see `comparison.outages`, or a
-    list of (start, stop) in s; kinds: of the fixes withheld. imu, noise, vehicle: as of `fuse`, for all
-    filters; estimate: parameters of the installation that become states, as of `fuse`, of every
-    filter whose label does not say so itself, as "NAME:estimate=clock+lever-arm" or
-    "NAME:estimate=none"; robust, adaptive: as of `fuse`; start: a Start for all (default: alignment without the fixes of any outage). ahrs: what
-    feeds those that need an attitude (default: as `fuse` has it). threads: at a time (default: one
-    per core); say: told of slow compilation; progress: as of `fuse`. A filter that
-    cannot run, or stops, stays in the result with what it said. Raises DataError for bad input, and
-    where no filter can run.
+    A filter that cannot run, or stops, stays in the result with what it said.
+
+    Parameters
+    ----------
+    recording : Recording
+        With a reference.
+    filters : str, or list of str or (name, options)
+        Labels "NAME" or "NAME:option=value,..."; default: all that estimate a position but those of
+        SLOW_FILTERS. A label may say what it estimates of the installation, as
+        "NAME:estimate=clock+lever-arm" or "NAME:estimate=none", in place of `estimate`.
+    outages : str, or list of (start, stop) in s
+        Text as `comparison.outages` has it.
+    kinds : str or list of str
+        Of the fixes that are withheld.
+    threads : int
+        At a time; default: one per core.
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        For bad input, and where no filter can run.
     """
+    asked = run_options(**shared)
+    start, noise, say = asked["start"], asked["noise"], asked["say"]
     _check(recording, threads, start, noise)
     entrants, kinds = _entrants(filters), _kinds(kinds)
-    recording = with_weights(with_estimates(recording, estimate), robust, adaptive)
-    _check_ahrs(ahrs)
+    recording = with_weights(
+        with_estimates(recording, asked["estimate"]), asked["robust"], asked["adaptive"]
+    )
+    _check_ahrs(asked["ahrs"])
     reference = known_reference(recording)
-    spec = assumed_noise(
-        recording.meta.get("grade") if imu is None else imu, noise, needed=start is None
-    )[1]
+    imu = recording.meta.get("grade") if asked["imu"] is None else asked["imu"]
+    spec = assumed_noise(imu, noise, needed=start is None)[1]
     end = min(recording.span[1], float(reference.t[-1]))
 
     @cache
     def whole() -> Start:
-        if start is not None:
-            return start
-        assert spec is not None  # it was needed above
-        return aligned(recording, spec, noise=noise, say=say)
+        return start or _aligned_start(recording, spec, asked)
 
     made = protocol(outages, recording.span, end, lambda: whole().t + SETTLING)
     # without the fixes of an early outage an alignment would wait, or begin with less
     before_start(made, whole())
     hidden = recording.hidden(made.windows, kinds)
-    start = start or _aligned(hidden, spec, noise, say)
-    before_start(made, start)
-    scenes, notes = outages_of(made, recording, reference, kinds, start)
-    if ahrs is not None and not any("attitude" in entrant.filter.needs for entrant in entrants):
-        notes = [*notes, f"{ahrs} fed no filter, for none of these needs an attitude"]
-    common = Common(recording, hidden, made.sweep, scenes, kinds, imu, noise, start, ahrs, vehicle)
+    begin = start or _hidden_start(hidden, spec, asked)
+    before_start(made, begin)
+    scenes, notes = outages_of(made, recording, reference, kinds, begin)
+    notes = [*notes, *_idle_ahrs(asked["ahrs"], entrants)]
+    # the recording has its weights, and of each filter what it estimates
+    given: RunOptions = {**asked, "start": begin, "robust": None, "adaptive": None}
+    common = Common(recording, hidden, made.sweep, scenes, kinds, given)
     for entrant in entrants:
         prepare(entrant.filter, [a.kind for a in recording.aidings], say)
-    ways, results = through(common, entrants, threads or cpu_count(), say, listener(progress))
-    return _comparison(common, made, entrants, ways, results, notes, reference, spec)
+    ways, results = through(common, entrants, threads or cpu_count(), listener(progress))
+    return _comparison(common, made, Ran(entrants, ways, results), notes, reference, spec)
+
+
+def _idle_ahrs(ahrs: str | Filter | None, entrants: list[Entrant]) -> list[str]:
+    """A note on an AHRS that feeds no filter."""
+    if ahrs is None or any("attitude" in entrant.filter.needs for entrant in entrants):
+        return []
+    return [f"{ahrs} fed no filter, for none of these needs an attitude"]
 
 
 def _entrants(wanted: str | Iterable[str | tuple[str, dict[str, Any]]] | None) -> list[Entrant]:
@@ -180,34 +195,44 @@ def _check(recording: object, threads: int | None, start: object, noise: object)
         raise DataError(f"noise is {noise!r}; it must be a Noise, such as an ImuSpec gives")
 
 
-def _check_ahrs(name: str | None) -> None:
-    """Raise DataError where this is the name of no filter of attitude alone; None is fine."""
+def _check_ahrs(ahrs: str | Filter | None) -> None:
+    """Raise DataError where this is no filter of attitude alone; None is fine."""
+    name = ahrs.name if isinstance(ahrs, Filter) else ahrs
     known = [each for each in filters.names() if not positioned(filters.find(each))]
     if name is not None and name not in known:
         raise DataError(f"ahrs is {name!r}, which is no AHRS; there are: {', '.join(known)}")
 
 
-def _aligned(
-    recording: Recording, spec: ImuSpec | None, noise: Noise | None, say: Say | None
-) -> Start:
+def _aligned_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> Start:
     assert spec is not None  # it is, where there is no start
+    return aligned(recording, spec, noise=asked["noise"], say=asked["say"])
+
+
+def _hidden_start(recording: Recording, spec: ImuSpec | None, asked: RunOptions) -> Start:
     try:
-        return aligned(recording, spec, noise=noise, say=say)
+        return _aligned_start(recording, spec, asked)
     except DataError as error:
         raise DataError(f"alignment without the fixes of the outages: {error}") from None
+
+
+class Ran(NamedTuple):
+    """The filters of a comparison, and what became of them."""
+
+    entrants: list[Entrant]
+    ways: list[Way]
+    results: list[list[Result]]  # per filter and outage
 
 
 def _comparison(
     common: Common,
     made: Protocol,
-    entrants: list[Entrant],
-    ways: list[Way],
-    results: list[list[Result]],
+    ran: Ran,
     notes: list[str],
     reference: Trajectory,
     spec: ImuSpec | None,
 ) -> Comparison:
     """The Comparison of what the runs gave. Raises DataError where nothing was scored."""
+    entrants, ways, results = ran
     labels = [entrant.label for entrant in entrants]
     rows: list[dict[str, Any]] = [
         {
@@ -262,7 +287,7 @@ def _settings(
 ) -> dict[str, Any]:
     """What all runs had in common, and what each filter had of its own."""
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
-    noise = common.noise or next(run.spec.noise() for _, run in ran if run and run.spec)
+    noise = common.given["noise"] or next(run.spec.noise() for _, run in ran if run and run.spec)
     return {
         "imu": spec.name if spec else "",
         "noise": noise._asdict(),

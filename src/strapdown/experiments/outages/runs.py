@@ -15,15 +15,15 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.loop import loop
-from ...core.loop.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Noise, Start
+from ...core.loop.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Start
 from ...data import Aiding
 from ...engine.batch import begin
 from ...engine.events import Events
 from ...engine.finish import solution
-from ...engine.prepare import AHRS_RATE, Asked, GivenImu, Run, new_output
+from ...engine.options import RunOptions
+from ...engine.prepare import Run, new_output
 from ...recording import Recording
-from ...typing import Progress, Say
-from ...vehicle import GivenVehicle
+from ...typing import Progress
 from ...verdict import Verdict
 from .scores import Outage, Track, scored
 
@@ -44,11 +44,16 @@ class Common(NamedTuple):
     sweep: bool
     outages: list[Outage]
     kinds: tuple[str, ...]
-    imu: GivenImu | None  # as it was given
-    noise: Noise | None  # as it was given
-    start: Start
-    ahrs: str | None  # of filters that need an attitude
-    vehicle: GivenVehicle | None  # as it was given
+    given: (
+        RunOptions  # as it was given, with the start of all; its AHRS is of filters that need one
+    )
+
+    @property
+    def start(self) -> Start:
+        """The Start of all."""
+        start = self.given["start"]
+        assert start is not None  # it was found before the runs
+        return start
 
 
 class Entrant(NamedTuple):
@@ -74,7 +79,7 @@ class Way(NamedTuple):
 
 
 def through(
-    common: Common, entrants: list[Entrant], threads: int | None, say: Say | None, report: Progress
+    common: Common, entrants: list[Entrant], threads: int | None, report: Progress
 ) -> tuple[list[Way], list[list[Result]]]:
     """([Way], per filter and outage (row, Track, events) or text): first every filter's way to
     the outages, then all outages of all filters."""
@@ -83,7 +88,7 @@ def through(
     total, done = len(entrants) * (before + sum(weights)), 0
     pool = ThreadPoolExecutor(threads)
     try:
-        going = {pool.submit(_way, common, entrant, say): i for i, entrant in enumerate(entrants)}
+        going = {pool.submit(_way, common, entrant): i for i, entrant in enumerate(entrants)}
         for future in as_completed(going):
             future.result()
             done += before
@@ -104,32 +109,23 @@ def through(
     return ways, [[results[i, k] for k in range(len(common.outages))] for i in range(len(entrants))]
 
 
-def _begun(common: Common, entrant: Entrant, recording: Recording, say: Say | None = None) -> Run:
+def _begun(common: Common, entrant: Entrant, recording: Recording) -> Run:
     """The Run of a filter on `recording`, which keeps a row per second on the way."""
-    ahrs = common.ahrs if "attitude" in entrant.filter.needs else None
-    return begin(
-        recording,
-        entrant.filter,
-        Asked(
-            entrant.options,
-            common.imu,
-            common.start,
-            common.noise,
-            every=max(1, round(KEPT_INTERVAL / float(np.median(recording.imu.dt)))),
-            say=say,
-            ahrs=ahrs,
-            ahrs_rate=AHRS_RATE,
-            vehicle=common.vehicle,
-            estimate=entrant.estimate,
-        ),
-    )
+    asked: RunOptions = {
+        **common.given,
+        "options": entrant.options,
+        "estimate": entrant.estimate,
+        "every": max(1, round(KEPT_INTERVAL / float(np.median(recording.imu.dt)))),
+        "ahrs": common.given["ahrs"] if "attitude" in entrant.filter.needs else None,
+    }
+    return begin(recording, entrant.filter, asked)
 
 
-def _way(common: Common, entrant: Entrant, say: Say | None) -> Way:
+def _way(common: Common, entrant: Entrant) -> Way:
     """The Way of a filter."""
     base = common.recording if common.sweep else common.hidden
     try:
-        run = _begun(common, entrant, base, say)
+        run = _begun(common, entrant, base)
     except DataError as error:
         return Way(None, {}, False, str(error))
     if common.sweep and not _fed_alike(common, entrant, _fed(run, base)):

@@ -16,9 +16,8 @@ from ...data import Aiding
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import without_estimates
 from ...engine.limits import limits
+from ...engine.options import GivenImu, run_options
 from ...engine.prepare import (
-    Asked,
-    GivenImu,
     Run,
     check_needs,
     fitted,
@@ -89,7 +88,7 @@ class Chosen(NamedTuple):
 
     def replayed(self, say: Say | None = None) -> Run:
         """The run of the filter over the recording, to its end. Raises DataError."""
-        asked = Asked(self.options, say=say, vehicle=self.vehicle)
+        asked = run_options(options=self.options, say=say, vehicle=self.vehicle)
         run = ready(self.recording, self.filter, self.start, self.noise, self.spec, asked)
         run.complete()
         if run.cursor.state[0].fault:

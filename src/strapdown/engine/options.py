@@ -1,0 +1,185 @@
+"""The options of a run, declared once: their types, their defaults and what they mean, for all
+functions that run a filter."""
+
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from functools import wraps
+from inspect import Parameter, getdoc, signature
+from typing import Any, Final, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack, cast
+
+from ..checks import DataError, check_flag, check_number
+from ..core.loop.contract import Filter, Noise, Start
+from ..sensor_models.imu import ImuSpec
+from ..typing import File, Say
+from ..vehicle import GivenVehicle
+from .installation import Estimate
+from .weighed import Adaptive, Robust
+
+GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
+"""What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""
+AHRS_RATE = 10.0
+"""Hz of the attitude of an AHRS, where no rate is asked for."""
+Call = TypeVar("Call", bound=Callable[..., Any])
+
+
+class SetUpOptions(TypedDict, total=False):
+    """The options that every function has that runs a filter over a recording."""
+
+    imu: GivenImu | None
+    start: Start | None
+    vehicle: GivenVehicle | None
+    say: Say | None
+
+
+class SourceOptions(SetUpOptions, total=False):
+    """The options of how the sources and the IMU are modelled, beside `SetUpOptions`."""
+
+    noise: Noise | None
+    estimate: Estimate | None
+    robust: Robust | None
+    adaptive: Adaptive | None
+    ahrs: str | Filter | None
+
+
+class RunOptions(SourceOptions, total=False):
+    """The options of one run of one filter: `SourceOptions`, and what is kept of it."""
+
+    options: dict[str, Any] | None
+    ahrs_rate: float
+    every: int
+    covariance: bool
+
+
+class Option(NamedTuple):
+    """An option of a run."""
+
+    default: Any
+    type: str  # as the documentation has it
+    meaning: str
+
+
+OPTIONS: Final[dict[str, Option]] = {
+    "imu": Option(
+        None,
+        "str, path, dict or ImuSpec",
+        "Grade, file or description of the IMU; default: what the recording names.",
+    ),
+    "start": Option(
+        None,
+        "Start",
+        "Position, velocity, attitude and biases to begin with, with their standard "
+        "deviations; default: by alignment. Parts left open are found as `align` finds them. "
+        "Fixes at its time belong to it and are not used again.",
+    ),
+    "vehicle": Option(
+        None,
+        "str or Vehicle",
+        "Beyond what this vehicle can do nothing is believed; default: what "
+        "the recording names, else any.",
+    ),
+    "say": Option(None, "callable", "Called with a line of text where something takes seconds."),
+    "noise": Option(None, "Noise", "Noise densities in place of those of the IMU."),
+    "estimate": Option(
+        None,
+        "str, list or dict",
+        "Parameters of the installation that become states, such as "
+        "['clock', 'lever-arm'], or {name: prior standard deviation}; default: what the recording "
+        "names, else scale and misalignment of the IMU where its grade states them; [] for none.",
+    ),
+    "robust": Option(
+        None,
+        "bool, str or list",
+        "Sources whose fixes have a heavy-tailed likelihood in place of "
+        "the gate: True for all, or names or kinds; default: what the sources say.",
+    ),
+    "adaptive": Option(
+        None,
+        "float or dict",
+        "Memory in s with which the noise of sources is followed: of all, or "
+        "{name or kind: s}; default: what the sources say.",
+    ),
+    "ahrs": Option(
+        None,
+        "str or Filter",
+        "Filter of attitude alone that runs first and whose output is the "
+        "`attitude` source; default: attitude-mekf where the filter needs an attitude, the "
+        "recording has none and something in it measures the heading.",
+    ),
+    "options": Option(None, "dict", "Options of the filter's own, {name: value}."),
+    "ahrs_rate": Option(AHRS_RATE, "float", "Hz of the output of the AHRS."),
+    "every": Option(1, "int", "Keep each n-th row of the solution, and the last one always."),
+    "covariance": Option(False, "bool", "Keep the whole covariance of these rows too."),
+}
+"""Defaults and meanings, by name, in the order in which signatures have them."""
+
+
+def run_options(**given: Unpack[RunOptions]) -> RunOptions:
+    """Return all options of a run: those `given`, and the defaults of the others. Raises
+    DataError."""
+    asked = cast(RunOptions, {name: option.default for name, option in OPTIONS.items()} | given)
+    check_number(asked["every"], "every", least=1, most=1e9, whole=True)
+    check_flag(asked["covariance"], "covariance")
+    own = asked["options"]
+    if own is not None and not isinstance(own, Mapping):
+        raise DataError(f"options is {own!r}; it must be a table of the filter's own options")
+    asked["options"] = dict(own or {})
+    return asked
+
+
+def takes(record: type, options: Mapping[str, Option] = OPTIONS) -> Callable[[Call], Call]:
+    """Make the signature, the documentation and the refusals of a function, whose last parameter is
+    `**given: Unpack[record]`, those of the options of `record`, a TypedDict. Of a class it is its
+    constructor."""
+    table = {name: options[name] for name in options if name in record.__annotations__}
+
+    def taking(call: Call) -> Call:
+        if isinstance(call, type):
+            call.__init__ = _refusing(call.__init__, call.__name__, table)  # type: ignore[misc]
+            call.__doc__ = _documented(call, table)
+            return call
+        return cast(Call, _refusing(call, call.__name__, table))
+
+    return taking
+
+
+def _refusing(
+    call: Callable[..., Any], name: str, table: Mapping[str, Option]
+) -> Callable[..., Any]:
+    """The function, which refuses options that it does not have."""
+    own = list(signature(call).parameters.values())[:-1]
+    known = {each.name for each in own} | set(table)
+
+    @wraps(call)
+    def checked(*args: Any, **given: Any) -> Any:
+        if not given.keys() <= known:
+            raise DataError(
+                _unknown(name, next(each for each in given if each not in known), known)
+            )
+        return call(*args, **given)
+
+    shared = [
+        Parameter(each, Parameter.KEYWORD_ONLY, default=option.default)
+        for each, option in table.items()
+    ]
+    checked.__signature__ = signature(call).replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
+    if call.__name__ != "__init__":  # a class documents them itself
+        checked.__doc__ = _documented(call, table)
+    return checked
+
+
+def _unknown(name: str, option: str, known: set[str]) -> str:
+    if near := get_close_matches(option, known, 1, cutoff=0.8):
+        return f"{name} has no option {option!r}; did you mean {near[0]!r}?"
+    if "options" in known:
+        remedy = f"one of the filter's own is given as options={{{option!r}: ...}}"
+    else:
+        remedy = f"there are: {', '.join(sorted(known - {'self'}))}"
+    return f"{name} has no option {option!r}; {remedy}"
+
+
+def _documented(what: object, table: Mapping[str, Option]) -> str:
+    """The documentation of a function or class, with that of its options behind it."""
+    lines = [getdoc(what) or "", "", "Other Parameters", "----------------"]
+    for name, option in table.items():
+        lines += [f"{name} : {option.type}, default {option.default!r}", f"    {option.meaning}"]
+    return "\n".join(lines)
