@@ -11,6 +11,7 @@ import pytest
 import strapdown as sd
 from strapdown.cli import fly as cli_fly
 from strapdown.flight import figures, plan
+from strapdown.flight.asked import Loop, Sensors, World
 from strapdown.flight.fly import LOG, fly
 from strapdown.geodesy import displacement
 from strapdown.reports.drawing import together
@@ -22,7 +23,7 @@ SHORT = "--duration", 5, "--outage", "3:4", "--seed", 3
 
 @pytest.fixture(scope="module")
 def flight():
-    return fly("straight", duration=5.0, outage="3:4", seed=3)
+    return fly("straight", duration=5.0, seed=3, sensors=Sensors(outage="3:4"))
 
 
 @pytest.mark.short
@@ -142,7 +143,7 @@ def test_the_route_is_drawn_along_its_lines_and_arcs():
 
 @pytest.mark.short
 def test_the_map_ends_with_the_flight_and_shows_where_the_receiver_was_cut():
-    turning = fly("turning", duration=14.0, outage="3:9")
+    turning = fly("turning", duration=14.0, sensors=Sensors(outage="3:9"))
     figure = figures.route(turning)
     drawn = {trace.name: np.c_[trace.y, trace.x] for trace in figure.data}
     assert list(drawn) == [
@@ -190,11 +191,10 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
     windy = fly(
         "straight",
         duration=4.0,
-        outage="3:9",
-        wind=(3.0, -2.0, 0.0),
-        turbulence="light",
         seed=5,
-        feedback="truth",
+        world=World(wind=(3.0, -2.0, 0.0), turbulence="light"),
+        sensors=Sensors(outage="3:9"),
+        loop=Loop(feedback="truth"),
     )
     head = sd.report(
         windy.solution, windy.recording.reference, facts=figures.facts(windy)

@@ -14,6 +14,7 @@ from strapdown.flight.aircraft.dynamics import step
 from strapdown.flight.aircraft.modes import linearise
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
+from strapdown.flight.asked import Loop, World
 from strapdown.flight.autopilot_gains import gains, steering
 from strapdown.flight.fly import fly
 from strapdown.flight.plan import (
@@ -187,13 +188,13 @@ def settled(flight, column, target, tolerance):
 
 
 def test_height_follows_a_step():
-    flight = fly(straight(higher=10.0, faster=0.0), duration=30.0, feedback="truth")
+    flight = fly(straight(higher=10.0, faster=0.0), duration=30.0, loop=Loop(feedback="truth"))
     assert settled(flight, "above route, m", 0.0, 0.5) < 10.0
     assert flight.log["above route, m"].max() < 1.5 and abs(flight.log["above route, m"][-1]) < 0.1
 
 
 def test_integral_does_not_wind_up_over_a_long_climb():
-    flight = fly(straight(higher=60.0, faster=0.0), duration=45.0, feedback="truth")
+    flight = fly(straight(higher=60.0, faster=0.0), duration=45.0, loop=Loop(feedback="truth"))
     assert flight.log["above route, m"].max() < 2.5
     assert settled(flight, "above route, m", 0.0, 1.0) < 32.0
     climb = np.diff(flight.log["above route, m"][300:1500]).mean() * 100
@@ -203,7 +204,7 @@ def test_integral_does_not_wind_up_over_a_long_climb():
 
 @pytest.mark.parametrize("faster", [2.0, -3.0])
 def test_airspeed_follows_a_step(faster):
-    flight = fly(straight(higher=0.0, faster=faster), duration=20.0, feedback="truth")
+    flight = fly(straight(higher=0.0, faster=faster), duration=20.0, loop=Loop(feedback="truth"))
     assert settled(flight, "airspeed, m/s", 25.0 + faster, 0.05 * abs(faster)) < 8.0
     error = (flight.log["airspeed, m/s"] - 25.0 - faster) / faster
     assert error.max() < 0.1 and abs(error[-1]) < 0.02
@@ -212,7 +213,9 @@ def test_airspeed_follows_a_step(faster):
 
 def test_course_and_line_follow_a_step_aside():
     flight = fly(
-        FlightPlan("aside", ((0.0, 50.0, 0.0), (1e4, 50.0, 0.0))), duration=30.0, feedback="truth"
+        FlightPlan("aside", ((0.0, 50.0, 0.0), (1e4, 50.0, 0.0))),
+        duration=30.0,
+        loop=Loop(feedback="truth"),
     )
     right = flight.log["right of route, m"]
     assert right[0] == pytest.approx(-50.0, abs=0.5) and right.max() < 1.0 and abs(right[-1]) < 2.5
@@ -226,7 +229,7 @@ def test_course_and_line_follow_a_step_aside():
 def test_waypoints_are_passed(wind, track, height):
     """On the truth the aircraft stays within `track` of its route, and so passes each waypoint
     at the arc's distance from the corner."""
-    flight = fly("turning", duration=200.0, feedback="truth", wind=wind)
+    flight = fly("turning", duration=200.0, world=World(wind=wind), loop=Loop(feedback="truth"))
     assert (
         np.abs(flight.log["right of route, m"]).max() < track
         and np.abs(flight.log["above route, m"]).max() < height

@@ -2,7 +2,6 @@
 error moves the aircraft."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,8 +12,8 @@ import numpy as np
 from ..checks import DataError
 from ..core.compile.jit import address, bound
 from ..core.compile.records import Table, copied, rows
-from ..core.loop import loop
 from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
+from ..core.loop.loop import SAME_TIME, run as run_samples
 from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
@@ -23,24 +22,23 @@ from ..engine.prepare import ROWS_AT_ONCE, Run, positioned
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
 from ..recording import Recording, RecordingMeta
-from ..sensor_models.barometer import Barometer
-from ..sensor_models.gnss import Gnss, without_fixes
+from ..sensor_models.gnss import without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.receiver import receiver
 from ..sensor_models.streams import Stream
-from ..sim.scenario_model import START_SD, start_deviations
+from ..sim.scenario_model import start_deviations
 from ..sim.synthesis import draw_start
-from ..typing import Array, File, Progress, Say
+from ..typing import Array, File, Progress
 from . import flight_loop as kernels
 from .aircraft.dynamics import Loads, evaluate, step
 from .aircraft.modes import check_step, linearise
 from .aircraft.parameters import Aircraft, Parameters, aircraft as find_aircraft
 from .aircraft.trim import Trim, trim
 from .aircraft.wind import NORMALS, Turbulence, begin, gust, turbulence as gusts
+from .asked import LOOP, SENSORS, WORLD, Loop, Sensors, World, check_options
 from .autopilot import Gains, Segment, Steering
 from .autopilot_gains import gains, steering
 from .checks import (
-    Request,
     check,
     check_sensors,
     checked_filter,
@@ -54,7 +52,6 @@ from .plan import FlightPlan, flight_plan, route
 from .sensor_errors import (
     FixErrors,
     ImuErrors,
-    Outage,
     Windows,
     barometer_errors,
     fix_errors,
@@ -105,12 +102,6 @@ controls; force and moment of air and propeller in body axes; airspeed and flow 
 over ground and omega_ib in body axes; wind with its gusts; what the autopilot asks for; how far
 the aircraft, not its estimate, is off its route; row of the route; 1 where the aircraft's model
 stands in for the IMU."""
-MODEL_NOISE = Noise(0.04, 0.4, 1e-5, 1e-4, 0.0, 0.0)
-"""What a filter assumes of the increments of the aircraft's model by default: the air that the
-model does not know, as random walks of 2.3 deg/sqrt(s) and 0.4 m/s/sqrt(s), which is what they
-err by over a second of light turbulence (docs/how-to/flight.md has the measurement)."""
-RECEIVER = Gnss(interval=0.2)
-"""The receiver by default: five fixes a second."""
 ENDINGS = {
     kernels.Cause.GROUND: "the aircraft hit the ground",
     kernels.Cause.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
@@ -164,87 +155,57 @@ class Flight:
 def fly(
     plan: FlightPlan | File = "straight",
     filter: Filter | str = "closed-loop",
-    imu: ImuSpec | File = "industrial",
+    *,
     seed: int = 0,
-    outage: Outage = None,
-    feedback: str = "estimate",
-    prediction: str = "imu",
-    aircraft: Aircraft | File = "aerosonde",
-    earth: str = "geodetic",
-    turbulence: str = "none",
-    wind: Sequence[float] | Array = (0.0, 0.0, 0.0),
-    told_wind: Sequence[float] | Array | None = None,
-    gnss: Gnss | File = RECEIVER,
-    gate: float | None = None,
-    rate: float = 100.0,
-    filter_rate: float | None = None,
     duration: float | None = None,
-    start: Start | None = None,
-    start_sd: Sequence[float | None] = START_SD,
-    noise: Noise | None = None,
-    model_noise: Noise = MODEL_NOISE,
-    inputs: int | None = None,
-    barometer: Barometer | None = None,
-    covariance: bool = False,
-    say: Say | None = None,
+    world: World = WORLD,
+    sensors: Sensors = SENSORS,
+    loop: Loop = LOOP,
     progress: Progress | bool | None = None,
     **options: Any,
 ) -> Flight:
-    """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML
-    file or a FlightPlan) on the estimates of `filter`.
+    """Fly an aircraft along a plan on the estimates of a filter, and return its Flight.
 
-    imu: grade, file or ImuSpec; gnss: a Gnss, or the name or file of a receiver, `gate` that of its fixes; rate: steps
-    of aircraft, autopilot and IMU per second; filter_rate: those of the filter, which gets the
-    increments of a whole number of steps as one sample and whose last estimate the autopilot flies
-    by (None: `rate`); outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a
-    list of (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of
-    it (None: all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
-    filters of a flat Earth; start: a Start at 0 s (None: drawn around the truth with `start_sd`, 15
-    numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a
-    Barometer, which no outage touches; options: the filter's own. A filter that has options called
-    `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed drawn from `seed`, the aircraft
-    that is flown, the rate of its samples, the Earth. recording.meta["filter_options"] has all options of
-    the filter, so that fuse(flight.recording, filter, start=flight.start,
-    **flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
+    plan: a name, see PLANS, a TOML file or a FlightPlan; duration: s (None: the plan's); world:
+    aircraft, Earth and air; sensors: IMU, receiver and barometer, and when the receiver is cut;
+    loop: how the filter is run, and by what the autopilot flies; progress: called with the fraction
+    done, or True for a bar; options: the filter's own. Each field of World, Sensors and Loop says
+    what it is.
 
-    feedback: what the autopilot flies by, "estimate" or "truth". prediction: who predicts while the
-    receiver is cut: "imu", or "model": the filter gets the increments of the same aircraft model,
-    flown from its own belief with the commands and the told wind, and assumes `model_noise`;
-    "model-always" does so from the beginning, also between fixes.
-    inputs: of a filter that computes with controls: before each sample workspace[inputs : inputs +
-    9] gets 1 where the model is to predict, the controls (elevator, aileron, rudder, throttle), the
-    told wind and the sample's seconds; its samples stay the IMU's. Sensor errors depend on the seed
-    alone: two filters with one seed have the same. Raises DataError for what cannot be flown; a
-    flight that diverges is no error, see Flight.stopped.
+    A filter that has options called `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed
+    drawn from `seed`, the aircraft that is flown, the rate of its samples, the Earth.
+    recording.meta["filter_options"] has all options of the filter, so that
+    fuse(flight.recording, filter, start=flight.start,
+    options=flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
+    Sensor errors depend on the seed alone: two filters with one seed have the same. Raises
+    DataError for what cannot be flown; a flight that diverges is no error, see Flight.stopped.
     """
-    check(
-        Request(seed, feedback, prediction, earth, turbulence, wind, told_wind, rate, model_noise)
+    check(seed, world, sensors, loop)
+    check_options(options)
+    gnss = receiver(sensors.gnss)
+    check_sensors(gnss, sensors)
+    filter = checked_filter(filter, loop, sensors.barometer)
+    plan, spec, craft = (
+        flight_plan(plan),
+        grade(sensors.imu),
+        find_aircraft(world.aircraft),
     )
-    gnss = receiver(gnss)
-    check_sensors(gnss, gate, barometer, rate)
-    filter = checked_filter(filter, feedback, prediction, barometer, inputs)
-    plan, spec, craft = flight_plan(plan), grade(imu), find_aircraft(aircraft)
-    told = tuple(map(float, wind if told_wind is None else told_wind))
-    known = _known(_Case(plan, craft, earth, tuple(map(float, wind)), told, 1 / rate))
-    steps = steps_of(rate, filter_rate)
+    wind = tuple(map(float, world.wind))
+    known = _known(_Case(plan, craft, world.earth, wind, world.told, 1 / sensors.rate))
+    steps = steps_of(sensors.rate, loop.filter_rate)
     seconds = plan.duration or known.seconds if duration is None else duration
-    t, dt, flown, each = times(seconds, rate / steps, steps)
+    t, dt, flown, each = times(seconds, sensors.rate / steps, steps)
     stream = Stream.of(seed)
-    options |= handed(filter, stream.named("filter"), aircraft, rate / steps, earth)
-    windows = checked_windows(outage, prediction, float(t[-1]))
+    options |= handed(filter, stream.named("filter"), world, sensors.rate / steps)
+    windows = checked_windows(sensors.outage, loop.prediction, float(t[-1]))
     cut = gnss._replace(outages=(*gnss.outages, *windows))
-    errors, made = (
-        imu_errors(spec, flown, each, stream.named("imu")),
-        fix_errors(cut, flown, stream.named("gnss"), gate),
-    )
-    made = (
-        made
-        if barometer is None
-        else made.with_those(
-            barometer_errors(barometer, flown, plan.place[2], stream.named("barometer"))
-        )
-    )
-    journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
+    errors = imu_errors(spec, flown, each, stream.named("imu"))
+    made = fix_errors(cut, flown, stream.named("gnss"), sensors.gate)
+    if sensors.barometer is not None:
+        of_barometer = stream.named("barometer")
+        others = barometer_errors(sensors.barometer, flown, plan.place[2], of_barometer)
+        made = made.with_those(others)
+    journal = _journal(known.trim, t, dt, windows, loop)
     journal.at[0].steps = steps
     truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
     blank = _blank(
@@ -253,27 +214,32 @@ def fly(
         made.aidings,
         truth,
         name=plan.name,
-        grade=str(imu) if isinstance(imu, (str, Path)) else spec,
+        grade=str(sensors.imu) if isinstance(sensors.imu, (str, Path)) else spec,
         seed=seed,
         place=list(plan.place),
         outages=[(first, min(stop, float(t[-1]))) for first, stop in windows],
         aircraft=craft.name,
-        feedback=feedback,
-        prediction=prediction,
-        earth=earth,
-        turbulence=turbulence,
-        wind=list(map(float, wind)),
-        told_wind=list(told),
+        feedback=loop.feedback,
+        prediction=loop.prediction,
+        earth=world.earth,
+        turbulence=world.turbulence,
+        wind=list(wind),
+        told_wind=list(world.told),
         filter_options=dict(options),
     )
-    start = _started(start, start_sd, spec, truth, stream.named("start"))
+    start = _started(loop, spec, truth, stream.named("start"))
     asked = run_options(
-        options=options, imu=spec, start=start, noise=noise, covariance=covariance, say=say
+        options=options,
+        imu=spec,
+        start=start,
+        noise=loop.noise,
+        covariance=loop.covariance,
+        say=loop.say,
     )
     run = begin_run(blank, filter, asked)
-    vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
+    vehicle = _vehicle(known, plan, world, len(flown), stream.named("air"))
     underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, journal)
-    _run(underway, model_noise, listener(progress))
+    _run(underway, loop.model_noise, listener(progress))
     return _flight(underway)
 
 
@@ -372,16 +338,14 @@ def _journal(
     t: Array,
     dt: Array,
     windows: Windows,
-    feedback: str,
-    prediction: str,
-    inputs: int | None,
+    asked: Loop,
 ) -> kernels.Journal:
     cut, at = np.zeros(len(t), np.int64), rows(kernels.Progress, 1)
-    cut[:] = prediction == "model-always"
+    cut[:] = asked.prediction == "model-always"
     for first, stop in windows:
-        cut[(t - dt >= first - loop.SAME_TIME) & (t - dt < stop - loop.SAME_TIME)] = 1
-    at[0].by_truth, at[0].by_model = feedback == "truth", prediction != "imu"
-    at[0].inputs = -1 if inputs is None else inputs
+        cut[(t - dt >= first - SAME_TIME) & (t - dt < stop - SAME_TIME)] = 1
+    at[0].by_truth, at[0].by_model = asked.feedback == "truth", asked.prediction != "imu"
+    at[0].inputs = -1 if asked.inputs is None else asked.inputs
     moments = len(t) + 1
     journal = kernels.Journal(
         np.empty((moments, 3)),
@@ -399,42 +363,34 @@ def _journal(
     return journal
 
 
-def _started(
-    start: Start | None,
-    sd: Sequence[float | None],
-    spec: ImuSpec,
-    truth: Trajectory,
-    of_start: Stream,
-) -> Start:
+def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: Stream) -> Start:
     """The filter's Start: as given, or drawn around the truth."""
-    if start is not None:
-        if isinstance(start, Start) and start.t != 0:
-            raise DataError(f"the start is at {start.t:g} s; a flight begins at 0 s")
-        return start
-    return draw_start(truth, start_deviations(sd, spec), of_start)
+    if asked.start is not None:
+        if isinstance(asked.start, Start) and asked.start.t != 0:
+            raise DataError(f"the start is at {asked.start.t:g} s; a flight begins at 0 s")
+        return asked.start
+    return draw_start(truth, start_deviations(asked.start_sd, spec), of_start)
 
 
 def _vehicle(
     known: _Known,
     plan: FlightPlan,
-    wind: Sequence[float] | Array,
-    told: tuple[float, ...],
-    level: str,
+    world: World,
     steps: int,
     of_air: Stream,
 ) -> kernels.Vehicle:
     craft, work, loads = known.trim.aircraft, kernels.WORK.zeros(), rows(Loads, 1)
-    work[kernels.TOLD][:3] = told
+    work[kernels.TOLD][:3] = world.told
     loads[0].airspeed = known.trim.airspeed
     turbulence, parameters = rows(Turbulence, 1), rows(Parameters, 1)
-    turbulence[0] = blowing = gusts(level, plan.clearance, craft["span"])
+    turbulence[0] = blowing = gusts(world.turbulence, plan.clearance, craft["span"])
     parameters[0] = known.parameters
     state = known.trim.state.copy()
     return kernels.Vehicle(
         parameters,
         state,
         known.trim.commands.copy(),
-        np.r_[np.asarray(wind, float), np.zeros(6)],
+        np.r_[np.asarray(world.wind, float), np.zeros(6)],
         state.copy(),
         loads,
         turbulence,
@@ -469,7 +425,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     steered = known._replace(memory=known.memory.copy())
     go = bound(
         kernels.fly,
-        kernels.Calls(*map(address, (step, evaluate, gust, loop.run))),
+        kernels.Calls(*map(address, (step, evaluate, gust, run_samples))),
         run.kernels,
         run.belief,
         run.samples,
@@ -565,6 +521,4 @@ def _flight(underway: _Underway) -> Flight:
 def _measured(aiding: Aiding, source: int, fixes: Fixes, end: float) -> Aiding:
     """The Aiding with what was measured until `end` (s)."""
     y = fixes.y[fixes.source == source]
-    return replace(aiding, y=y[:, : aiding.y.shape[1]].copy())._where(
-        aiding.t <= end + loop.SAME_TIME
-    )
+    return replace(aiding, y=y[:, : aiding.y.shape[1]].copy())._where(aiding.t <= end + SAME_TIME)
