@@ -22,7 +22,7 @@ from ..engine.prepare import ROWS_AT_ONCE, Run, positioned
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
 from ..recording import Recording, RecordingMeta
-from ..sensor_models.gnss import without_fixes
+from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.receiver import receiver
 from ..sensor_models.streams import Stream
@@ -200,11 +200,7 @@ def fly(
     windows = checked_windows(sensors.outage, loop.prediction, float(t[-1]))
     cut = gnss._replace(outages=(*gnss.outages, *windows))
     errors = imu_errors(spec, flown, each, stream.named("imu"))
-    made = fix_errors(cut, flown, stream.named("gnss"), sensors.gate)
-    if sensors.barometer is not None:
-        of_barometer = stream.named("barometer")
-        others = barometer_errors(sensors.barometer, flown, plan.place[2], of_barometer)
-        made = made.with_those(others)
+    made = _fixes(cut, sensors, flown, plan.place[2], stream)
     journal = _journal(known.trim, t, dt, windows, loop)
     journal.at[0].steps = steps
     truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
@@ -315,6 +311,15 @@ def _known(case: _Case) -> _Known:
         steering(found, begun, parameters, segments, told),
         seconds,
     )
+
+
+def _fixes(gnss: Gnss, sensors: Sensors, flown: Array, height: float, stream: Stream) -> FixErrors:
+    """The FixErrors of a receiver, and of a barometer about a height (m) where there is one."""
+    made = fix_errors(gnss, flown, stream.named("gnss"), sensors.gate)
+    if sensors.barometer is None:
+        return made
+    of_barometer = stream.named("barometer")
+    return made.with_those(barometer_errors(sensors.barometer, flown, height, of_barometer))
 
 
 def _blank(
