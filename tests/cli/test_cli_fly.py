@@ -15,6 +15,7 @@ from strapdown.flight.asked import Loop, Sensors, World
 from strapdown.flight.fly import LOG, fly
 from strapdown.geodesy import displacement
 from strapdown.reports.drawing import together
+from strapdown.reports.page import Added
 from strapdown.reports.shell import Page
 
 FILES = ["log.csv", "recording.nc", "report.html", "solution.nc"]
@@ -113,7 +114,7 @@ def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
 @pytest.mark.short
 def test_the_page_shows_the_flight(flight):
     page = sd.report(
-        flight.solution, flight.recording.reference, more=figures.sections(flight)
+        flight.solution, flight.recording.reference, added=Added(figures.sections(flight))
     ).html
     assert [
         heading for heading in ("Flight", "Controls", "Forces") if f"<h2>{heading}</h2>" in page
@@ -197,7 +198,7 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
         loop=Loop(feedback="truth"),
     )
     head = sd.report(
-        windy.solution, windy.recording.reference, facts=figures.facts(windy)
+        windy.solution, windy.recording.reference, added=Added(facts=figures.facts(windy))
     ).html.split("</header>")[0]
     for said in (
         "aerosonde",

@@ -96,6 +96,7 @@ def fly(
     from ..flight.asked import SENSORS, Loop, World
     from ..flight.figures import facts, sections
     from ..flight.fly import fly as flown
+    from ..reports.page import Added
     from ..sensor_models.barometer import Barometer
 
     sensors = SENSORS._replace(imu=imu, outage=outage)
@@ -125,8 +126,7 @@ def fly(
             {filter: flight.solution},
             flight.recording.reference,
             f"Flight {flight.plan.name} on {filter}",
-            more=sections(flight),
-            facts=facts(flight),
+            added=Added(sections(flight), facts(flight)),
         )
         with together():
             sd.write_recording(flight.recording, folder / "recording.nc")

@@ -31,6 +31,7 @@ from .drawing import (
     MOST_POINTS,
     RED,
     SHADED_BANDS,
+    BandStyle,
     Shown,
     about_mean,
     band,
@@ -273,7 +274,7 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
         marks(figure, t - zero, seen[:, 2] + _first_known(lla)[2], label, marker, unit="m")
     for rank, one in list(enumerate(shown))[::-1]:
         values, sd = one.solution.trajectory.lla[:, 2], claimed_sd(one.solution)[:, 2]
-        _curve(figure, one, rank, one.solution.t - zero, values, "m", sd=sd)
+        _curve(figure, one, rank, _Series(one.solution.t - zero, values, "m", sd))
     spans = [extent(one.solution.trajectory.lla[:, 2]) for one in shown]
     low, high = min(spans, key=lambda span: span[1] - span[0])
     if reference is not None:
@@ -293,20 +294,21 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
     return time_axis(figure, solutions, zero)
 
 
+class _Series(NamedTuple):
+    """Values over time, as a line shows them."""
+
+    t: Array  # (n,) s
+    values: Array  # (n,)
+    unit: str
+    sd: Array | None = None  # (n,)
+
+
 def _curve(
-    figure: go.Figure,
-    one: Shown,
-    rank: int,
-    t: Array,
-    values: Array,
-    unit: str,
-    row: int = 1,
-    label: str = "estimate",
-    sd: Array | None = None,
+    figure: go.Figure, one: Shown, rank: int, of: _Series, row: int = 1, label: str = "estimate"
 ) -> None:
     """The line of a solution."""
-    name = one.label(label)
-    line(figure, t, values, name, one.colour, row, None, rank, unit, sd, dash=one.dash)
+    name, dash = one.label(label), one.dash
+    line(figure, of.t, of.values, name, one.colour, row, None, rank, of.unit, of.sd, dash=dash)
 
 
 def _band(
@@ -316,8 +318,8 @@ def _band(
     if one.alone:
         band(figure, t, centre, half, row)
     else:
-        name, shaded = one.name, of <= SHADED_BANDS
-        band(figure, t, centre, half, row, f"{name} ±3σ", one.colour, name, shaded)
+        style = BandStyle(one.colour, one.name, of <= SHADED_BANDS)
+        band(figure, t, centre, half, row, f"{one.name} ±3σ", style)
 
 
 def _reference(figure: go.Figure, t: Array, values: Array, unit: str, row: int = 1) -> None:
@@ -342,7 +344,7 @@ def horizontal(solutions: Solutions, reference: Reference) -> go.Figure | None:
         if e is None or not metrics.any_known(e.horizontal):
             continue
         zero, claimed = origin(one.solution.t), 3 * np.hypot(*claimed_sd(e)[:, :2].T)
-        _curve(figure, one, rank, e.t - zero, e.horizontal, "m", label="error")
+        _curve(figure, one, rank, _Series(e.t - zero, e.horizontal, "m"), label="error")
         if np.isfinite(claimed).any():
             name = one.label("error")
             label = "3σ claimed" if one.alone else f"{name}, 3σ claimed"
@@ -703,8 +705,9 @@ class _Panel(NamedTuple):
             _band(figure, self.shown[rank], since, centre, half, row, len(self.shown))
         for rank in self.known:
             values, half = self.drawn(rank)
-            since, unit, label = self.curves[rank].t - zero, self.quantity.unit, self.quantity.label
-            _curve(figure, self.shown[rank], rank, since, values, unit, row, label, half / 3)
+            since = self.curves[rank].t - zero
+            series = _Series(since, values, self.quantity.unit, half / 3)
+            _curve(figure, self.shown[rank], rank, series, row, self.quantity.label)
 
     def draw_reference(self, figure: go.Figure, row: int, zero: float, t: Array) -> None:
         """Draw the reference at times t (m,) s, as far as the first solution goes."""
@@ -814,7 +817,8 @@ def sigma(solutions: Solutions) -> go.Figure | None:
         for rank in reversed(range(len(shown))):
             one, claimed = shown[rank], np.where(values[rank] > 0, values[rank], np.nan)
             if metrics.any_known(claimed):
-                _curve(figure, one, rank, one.solution.t - zero, claimed, unit, row, "3σ")
+                series = _Series(one.solution.t - zero, claimed, unit)
+                _curve(figure, one, rank, series, row, "3σ")
         log_frame(figure, np.concatenate(values), row)
     return time_axis(figure, shown, zero)
 

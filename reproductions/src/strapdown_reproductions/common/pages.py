@@ -13,7 +13,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from strapdown.files import replacing, together
-from strapdown.reports.shell import placed, shell
+from strapdown.reports.shell import Document, Page, placed, shell
 from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
@@ -137,7 +137,8 @@ def write_files(
         for name, (_, table) in tables.items():
             with replacing(out / f"{name}.csv") as part:
                 inert_table(table).to_csv(part, index=False, float_format="%.6g")
-        shell(title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
+        document = Document(title, {}, FOOTER, said, STYLE, sections=sections)
+        Page(shell(document)).save(out / "index.html")
 
 
 def _marked(text: str) -> str:
