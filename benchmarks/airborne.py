@@ -56,7 +56,7 @@ def aircraft(times):
     compile_kernel(step)
     trim = sd.trim(sd.aircraft("aerosonde"), 25.0, radius=300.0)
     parameters, wind, increments = (
-        trim.aircraft.array("geodetic", trim.origin),
+        trim.aircraft.parameters("geodetic", trim.origin),
         np.array([3.0, 1, 0, 0.5, 0.5, 0.5, 0.01, 0.01, 0.01]),
         np.empty(6),
     )
@@ -88,15 +88,16 @@ def flown(times):
     Some hit the ground before: their time is scaled to 315 s.
     """
     import strapdown as sd
+    from strapdown.flight.asked import Sensors
 
-    straight = dict(plan="straight", imu="mollaei", outage="15:", duration=315.0)
+    sensors = Sensors(imu="mollaei", outage="15:")
 
     def seconds(filter, count):
-        sd.fly(**straight | {"duration": 16.0}, filter=filter)
+        sd.fly("straight", filter, duration=16.0, sensors=sensors)
         taken = []
         for seed in range(count):
             begin = time.perf_counter()
-            flight = sd.fly(**straight, filter=filter, seed=seed)
+            flight = sd.fly("straight", filter, duration=315.0, seed=seed, sensors=sensors)
             taken.append((time.perf_counter() - begin) * 315.0 / flight.recording.imu.t[-1])
         return float(np.median(taken))
 

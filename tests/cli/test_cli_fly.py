@@ -11,9 +11,11 @@ import pytest
 import strapdown as sd
 from strapdown.cli import fly as cli_fly
 from strapdown.flight import figures, plan
+from strapdown.flight.asked import Loop, Sensors, World
 from strapdown.flight.fly import LOG, fly
 from strapdown.geodesy import displacement
 from strapdown.reports.drawing import together
+from strapdown.reports.page import Added
 from strapdown.reports.shell import Page
 
 FILES = ["log.csv", "recording.nc", "report.html", "solution.nc"]
@@ -22,7 +24,7 @@ SHORT = "--duration", 5, "--outage", "3:4", "--seed", 3
 
 @pytest.fixture(scope="module")
 def flight():
-    return fly("straight", duration=5.0, outage="3:4", seed=3)
+    return fly("straight", duration=5.0, seed=3, sensors=Sensors(outage="3:4"))
 
 
 @pytest.mark.short
@@ -112,7 +114,7 @@ def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
 @pytest.mark.short
 def test_the_page_shows_the_flight(flight):
     page = sd.report(
-        flight.solution, flight.recording.reference, more=figures.sections(flight)
+        flight.solution, flight.recording.reference, added=Added(figures.sections(flight))
     ).html
     assert [
         heading for heading in ("Flight", "Controls", "Forces") if f"<h2>{heading}</h2>" in page
@@ -135,14 +137,14 @@ def test_the_route_is_drawn_along_its_lines_and_arcs():
     points = figures.route_points(turning.route)
     gaps = np.hypot(*np.diff(points, axis=0).T)
     # no jump between the parts, no part missing
-    assert gaps.sum() == pytest.approx(turning.route[:, 6].sum(), rel=2e-3)
+    assert gaps.sum() == pytest.approx(turning.route.length.sum(), rel=2e-3)
     corner = np.array(turning.plan.waypoints[1][:2])
     assert 20 < np.hypot(*(points - corner).T).min() < 100  # an arc cuts it
 
 
 @pytest.mark.short
 def test_the_map_ends_with_the_flight_and_shows_where_the_receiver_was_cut():
-    turning = fly("turning", duration=14.0, outage="3:9")
+    turning = fly("turning", duration=14.0, sensors=Sensors(outage="3:9"))
     figure = figures.route(turning)
     drawn = {trace.name: np.c_[trace.y, trace.x] for trace in figure.data}
     assert list(drawn) == [
@@ -165,7 +167,7 @@ def test_the_map_ends_with_the_flight_and_shows_where_the_receiver_was_cut():
     cut = displacement(turning.recording.reference.lla[[300, 900]], turning.plan.place)[:, :2]
     assert np.allclose(drawn["flown without GNSS"][[0, -1]], cut, atol=0.3)
     last = figures.flown_route(turning, np.array([[-50.0, 0.0], [np.nan, 0.0]]))[-1]
-    assert last[6] == 0.0  # before the begin of the arc
+    assert last.length == 0.0  # before the begin of the arc
 
 
 @pytest.mark.short
@@ -190,14 +192,13 @@ def test_the_page_says_what_was_flown_and_shades_outages(flight):
     windy = fly(
         "straight",
         duration=4.0,
-        outage="3:9",
-        wind=(3.0, -2.0, 0.0),
-        turbulence="light",
         seed=5,
-        feedback="truth",
+        world=World(wind=(3.0, -2.0, 0.0), turbulence="light"),
+        sensors=Sensors(outage="3:9"),
+        loop=Loop(feedback="truth"),
     )
     head = sd.report(
-        windy.solution, windy.recording.reference, facts=figures.facts(windy)
+        windy.solution, windy.recording.reference, added=Added(facts=figures.facts(windy))
     ).html.split("</header>")[0]
     for said in (
         "aerosonde",

@@ -8,12 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
+from strapdown.core.compile.records import rows
 from strapdown.flight import autopilot as p
 from strapdown.flight.aircraft.dynamics import step
 from strapdown.flight.aircraft.modes import linearise
-from strapdown.flight.aircraft.parameters import GRAVITY, aircraft
+from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
-from strapdown.flight.autopilot_gains import gains, pilot_array
+from strapdown.flight.asked import Loop, World
+from strapdown.flight.autopilot_gains import gains, steering
 from strapdown.flight.fly import fly
 from strapdown.flight.plan import (
     DEFAULT_PLACE,
@@ -40,28 +42,23 @@ def parts(airspeed=25.0):
     )
 
 
+def steered(craft, steady, k, gravity=G):
+    """The Steering of an aircraft in trim, without a route, in calm air."""
+    parameters = craft.parameters("flat", DEFAULT_PLACE)
+    parameters.gravity = gravity
+    return steering(k, steady, parameters, rows(p.Segment, 0), CALM)
+
+
 def feedback(craft, steady, k):
     """(4, 8): commands = -K (u v w p q r roll pitch) about a trim, by differences of `hold`
     itself; its turn with the roll is left out."""
-    pilot, commands = pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), G), np.zeros(4)
+    commands = np.zeros(4)
 
     def answer(rates, pitch, roll, u):
-        memory, C = (
-            np.zeros(p.MEMORY_SIZE),
-            Rotation.from_euler("ZYX", [0.0, steady.pitch + pitch, roll]).as_matrix(),
-        )
-        memory[p.HEIGHT], memory[p.AIRSPEED] = 500.0, 25.0
-        p.hold(
-            pilot,
-            memory,
-            500.0,
-            np.array([25.0 + u, 0.0, 0.0]),
-            C,
-            np.array(rates),
-            np.zeros(3),
-            0.0,
-            commands,
-        )
+        own = steered(craft, steady, k)
+        C = Rotation.from_euler("ZYX", [0.0, steady.pitch + pitch, roll]).as_matrix()
+        own.memory[0].height, own.memory[0].airspeed = 500.0, 25.0
+        p.hold(own, 500.0, np.array([25.0 + u, 0.0, 0.0]), C, np.array(rates), 0.0, commands)
         return commands.copy()
 
     steps = [
@@ -108,20 +105,16 @@ def test_turns_are_fed_forward_to_their_trim(roll):
     turned = trim(
         craft, 25.0, radius=25.0**2 / G / math.tan(roll * DEG), origin=DEFAULT_PLACE, earth="flat"
     )
-    pilot, memory, commands = (
-        pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), G),
-        np.zeros(p.MEMORY_SIZE),
-        np.zeros(4),
-    )
-    memory[p.ROLL] = turned.roll
-    p._surfaces(pilot, memory, turned.roll, turned.pitch, turned.state[10:13], 25.0, commands)
+    own, commands = steered(craft, steady, k), np.zeros(4)
+    own.memory[0].roll = turned.roll
+    p._surfaces(own, turned.roll, turned.pitch, turned.state[10:13], 25.0, commands)
     assert (
         abs(turned.commands[0] - steady.commands[0]) > 0.01 and turned.pitch - steady.pitch > 1e-3
     )
     assert commands[0] - steady.commands[0] == pytest.approx(
         turned.commands[0] - steady.commands[0], rel=0.08
     )
-    assert pilot[p.TURN_PITCH] * (1 - math.cos(turned.roll)) == pytest.approx(
+    assert k.turn_pitch * (1 - math.cos(turned.roll)) == pytest.approx(
         turned.pitch - steady.pitch, rel=0.08
     )
     assert commands[2] == pytest.approx(steady.commands[2], abs=5e-3)
@@ -169,24 +162,19 @@ def test_roll_follows_a_step(asked):
     """Surfaces alone, in the compiled aircraft: 90 % within two time constants and the
     actuator's lag, at most 5 % over, steady error below 2 deg (there is no integral here)."""
     craft, steady, _, k = parts()
-    array = craft.array("flat", DEFAULT_PLACE)
-    pilot = pilot_array(k, craft, steady, DEFAULT_PLACE, (1.0, 1.0), array[GRAVITY])
-    memory, state, commands, u = (
-        np.zeros(p.MEMORY_SIZE),
-        steady.state.copy(),
-        steady.commands.copy(),
-        np.zeros(6),
-    )
+    parameters = craft.parameters("flat", DEFAULT_PLACE)
+    own = steered(craft, steady, k, parameters.gravity)
+    state, commands, u = steady.state.copy(), steady.commands.copy(), np.zeros(6)
     advance, surfaces, rolls = step, p._surfaces, []
-    memory[p.ROLL] = asked
+    own.memory[0].roll = asked
     for _ in range(300):
         a, b, c, d = state[6:10]
         roll, pitch = (
             math.atan2(2 * (a * b + c * d), 1 - 2 * (b * b + c * c)),
             math.asin(2 * (a * c - b * d)),
         )
-        surfaces(pilot, memory, roll, pitch, state[10:13], 25.0, commands)
-        advance(array, state, commands, np.zeros(9), 0.01, u)
+        surfaces(own, roll, pitch, state[10:13], 25.0, commands)
+        advance(parameters, state, commands, np.zeros(9), 0.01, u)
         rolls.append(roll / asked)
     rise = 0.01 * np.argmax(np.array(rolls) > 0.9)
     assert 0.3 < rise < 2.3 / (5 * k.course_p) + 0.3
@@ -200,13 +188,13 @@ def settled(flight, column, target, tolerance):
 
 
 def test_height_follows_a_step():
-    flight = fly(straight(higher=10.0, faster=0.0), duration=30.0, feedback="truth")
+    flight = fly(straight(higher=10.0, faster=0.0), duration=30.0, loop=Loop(feedback="truth"))
     assert settled(flight, "above route, m", 0.0, 0.5) < 10.0
     assert flight.log["above route, m"].max() < 1.5 and abs(flight.log["above route, m"][-1]) < 0.1
 
 
 def test_integral_does_not_wind_up_over_a_long_climb():
-    flight = fly(straight(higher=60.0, faster=0.0), duration=45.0, feedback="truth")
+    flight = fly(straight(higher=60.0, faster=0.0), duration=45.0, loop=Loop(feedback="truth"))
     assert flight.log["above route, m"].max() < 2.5
     assert settled(flight, "above route, m", 0.0, 1.0) < 32.0
     climb = np.diff(flight.log["above route, m"][300:1500]).mean() * 100
@@ -216,7 +204,7 @@ def test_integral_does_not_wind_up_over_a_long_climb():
 
 @pytest.mark.parametrize("faster", [2.0, -3.0])
 def test_airspeed_follows_a_step(faster):
-    flight = fly(straight(higher=0.0, faster=faster), duration=20.0, feedback="truth")
+    flight = fly(straight(higher=0.0, faster=faster), duration=20.0, loop=Loop(feedback="truth"))
     assert settled(flight, "airspeed, m/s", 25.0 + faster, 0.05 * abs(faster)) < 8.0
     error = (flight.log["airspeed, m/s"] - 25.0 - faster) / faster
     assert error.max() < 0.1 and abs(error[-1]) < 0.02
@@ -225,7 +213,9 @@ def test_airspeed_follows_a_step(faster):
 
 def test_course_and_line_follow_a_step_aside():
     flight = fly(
-        FlightPlan("aside", ((0.0, 50.0, 0.0), (1e4, 50.0, 0.0))), duration=30.0, feedback="truth"
+        FlightPlan("aside", ((0.0, 50.0, 0.0), (1e4, 50.0, 0.0))),
+        duration=30.0,
+        loop=Loop(feedback="truth"),
     )
     right = flight.log["right of route, m"]
     assert right[0] == pytest.approx(-50.0, abs=0.5) and right.max() < 1.0 and abs(right[-1]) < 2.5
@@ -239,7 +229,7 @@ def test_course_and_line_follow_a_step_aside():
 def test_waypoints_are_passed(wind, track, height):
     """On the truth the aircraft stays within `track` of its route, and so passes each waypoint
     at the arc's distance from the corner."""
-    flight = fly("turning", duration=200.0, feedback="truth", wind=wind)
+    flight = fly("turning", duration=200.0, world=World(wind=wind), loop=Loop(feedback="truth"))
     assert (
         np.abs(flight.log["right of route, m"]).max() < track
         and np.abs(flight.log["above route, m"]).max() < height
@@ -249,10 +239,10 @@ def test_waypoints_are_passed(wind, track, height):
     waypoints, segment = np.array(flight.plan.waypoints)[:, :2], np.r_[0, flight.log["segment"]]
     legs = np.diff(waypoints, axis=0)
     corners = waypoints[1:-1][np.abs(legs[1:] - legs[:-1]).max(axis=1) > 1.0]
-    arcs = np.flatnonzero(flight.route[:, p.KIND] == p.ARC_KIND)
+    arcs = np.flatnonzero(flight.route.is_arc)
     assert len(arcs) == len(corners) and segment.max() > 12
     for row, (n, e) in list(zip(arcs, corners))[:6]:
-        cut = abs(flight.route[row, p.RADIUS]) * (math.sqrt(2) - 1)  # of a right angle
+        cut = abs(flight.route[row].radius) * (math.sqrt(2) - 1)  # of a right angle
         assert abs(np.hypot(north - n, east - e)[segment == row].min() - cut) < track
     stops = 25 * DEG
     for column in ("elevator command, rad", "aileron command, rad", "rudder command, rad"):
@@ -287,34 +277,30 @@ def places(flight):
 def test_routes_are_continuous(plan):
     """Where a segment ends the next one begins: same place, course and height; arcs have the
     radius that bank and ground speed give."""
-    rows, seconds = route(plan, (3.0, 4.0, 0.0), G)
+    table, seconds = route(plan, (3.0, 4.0, 0.0), G)
     deviation, height_along = p.deviation, p.height_along
-    for row, after in zip(rows, rows[1:]):
-        end = row[[p.TO_N, p.TO_E]]
+    for row, after in zip(table, table[1:]):
+        end = row.to_north, row.to_east
         right, along, course = deviation(row, *end)
         begin, start, next_course = deviation(after, *end)
         assert (
             abs(right) < 1e-9
             and abs(begin) < 1e-9
             and abs(start) < 1e-9
-            and along == pytest.approx(row[p.LENGTH])
+            and along == pytest.approx(row.length)
         )
         assert math.remainder(course - next_course, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
         assert height_along(row, along) == pytest.approx(height_along(after, 0.0))
-    arcs = rows[rows[:, p.KIND] == p.ARC_KIND]
-    speeds = (
-        np.maximum(
-            arcs[:, p.SPEED], rows[np.flatnonzero(rows[:, p.KIND] == p.ARC_KIND) - 1, p.SPEED]
-        )
-        + 5.0
-    )
-    assert np.abs(arcs[:, p.RADIUS]) == pytest.approx(speeds**2 / (G * math.tan(30 * DEG)))
-    assert seconds == pytest.approx((rows[:, p.LENGTH] / rows[:, p.SPEED]).sum())
+    arcs, before = table[table.is_arc == 1], table[np.flatnonzero(table.is_arc) - 1]
+    speeds = np.maximum(arcs.airspeed, before.airspeed) + 5.0
+    assert np.abs(arcs.radius) == pytest.approx(speeds**2 / (G * math.tan(30 * DEG)))
+    assert seconds == pytest.approx((table.length / table.airspeed).sum())
+    first, last = table[0], table[-1]
     for (n, e, up), row in zip(
         plan.waypoints[:1] + plan.waypoints[-1:],
         (
-            rows[0, [p.FROM_N, p.FROM_E, p.FROM_H]],
-            [*rows[-1, [p.TO_N, p.TO_E]], height_along(rows[-1], 1e9)],
+            [first.north, first.east, first.height],
+            [last.to_north, last.to_east, height_along(last, 1e9)],
         ),
     ):
         assert np.allclose(row, (n, e, up + DEFAULT_PLACE[2]))
@@ -322,18 +308,11 @@ def test_routes_are_continuous(plan):
 
 @pytest.mark.short
 def test_deviation_has_the_signs_of_right_and_along():
-    line = np.zeros(p.ROUTE_WIDTH)
-    line[[p.ALONG_N, p.LENGTH]] = 1.0, 100.0
+    line, arc = rows(p.Segment, 2)
+    line.along_north, line.length = 1.0, 100.0
     assert p.deviation(line, 30.0, 5.0) == pytest.approx((5.0, 30.0, 0.0))
-    arc = np.zeros(p.ROUTE_WIDTH)
     # clockwise from the origin, northwards
-    arc[[p.KIND, p.FROM_E, p.RADIUS, p.ANGLE, p.LENGTH]] = (
-        p.ARC_KIND,
-        50.0,
-        50.0,
-        -math.pi / 2,
-        100.0,
-    )
+    arc.is_arc, arc.east, arc.radius, arc.angle, arc.length = 1, 50.0, 50.0, -math.pi / 2, 100.0
     assert p.deviation(arc, 0.0, 2.0) == pytest.approx((2.0, 0.0, 0.0))
     right, along, course = p.deviation(arc, 53.0, 50.0)
     assert (right, along, course) == pytest.approx((-3.0, 25 * math.pi, math.pi / 2))

@@ -13,6 +13,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
 from strapdown.filters import find
 from strapdown.flight.aircraft.parameters import aircraft
+from strapdown.flight.asked import DECIDED, Loop, Sensors, World, records
 from strapdown.flight.fly import LOG, fly
 from strapdown.flight.plan import DEFAULT_PLACE, RAD_PER_DEG as DEG, FlightPlan, straight, turning
 from strapdown.flight.sensor_errors import barometer_errors, outage_windows
@@ -26,6 +27,12 @@ from strapdown.sensor_models.streams import Stream
 IDEAL = ImuSpec("ideal", Triad(), Triad())
 EXACT = Gnss(interval=0.2, position_sd=1e-4, velocity_sd=1e-5)
 SURE = (1e-4,) * 3 + (1e-5,) * 3 + (1e-6,) * 3 + (0.0,) * 6
+
+
+def by_name(**given):
+    """`fly` with fields of its records by their names."""
+    fields = {name: value for name, value in given.items() if name in DECIDED}
+    return fly(**{name: given[name] for name in given if name not in DECIDED} | records(**fields))
 
 
 def same(one, other):
@@ -78,12 +85,10 @@ def test_fuse_gives_it_with_everything_at_once(filter):
         "turning",
         filter,
         duration=30.0,
-        outage=[(12, 18.5)],
-        gnss=gnss,
-        wind=(3, -2, 0),
-        turbulence="light",
-        covariance=True,
         seed=4,
+        world=World(wind=(3, -2, 0), turbulence="light"),
+        sensors=Sensors(outage=[(12, 18.5)], gnss=gnss),
+        loop=Loop(covariance=True),
     )
     solution = sd.fuse(flight.recording, filter, start=flight.start, covariance=True)
     assert same(flight.solution, solution) and flight.solution.covariance.shape == (3000, 15, 15)
@@ -95,10 +100,10 @@ def test_a_filters_own_seed_comes_from_the_flights():
     """Each seed draws other components, and what was handed over repeats the flight bit for bit;
     sensors and air do not notice."""
     flights = [
-        fly("straight", "pkf", duration=2.0, components=3, feedback="truth", seed=seed)
+        fly("straight", "pkf", duration=2.0, components=3, seed=seed, loop=Loop(feedback="truth"))
         for seed in (4, 5)
     ]
-    plain = fly("straight", duration=2.0, feedback="truth", seed=4)
+    plain = fly("straight", duration=2.0, seed=4, loop=Loop(feedback="truth"))
     assert (
         np.array_equal(flights[0].recording.imu.dv, plain.recording.imu.dv)
         and flights[0].start == plain.start
@@ -138,16 +143,15 @@ def test_a_filter_gets_what_is_flown():
         "straight",
         closed._replace(start=start),
         duration=1.0,
-        rate=50.0,
-        aircraft=heavy,
-        earth="flat",
         gain=2.0,
+        world=World(aircraft=heavy, earth="flat"),
+        sensors=Sensors(rate=50.0),
     )
     fly(
         "straight",
         closed._replace(start=partial(start, aircraft="aerosonde")),
         duration=1.0,
-        aircraft=heavy,
+        world=World(aircraft=heavy),
     )
     sd.fuse(
         flight.recording,
@@ -177,10 +181,8 @@ def test_a_barometer_is_the_librarys(quantity, size):
     flight = fly(
         plan,
         duration=8.0,
-        barometer=barometer,
-        gnss=Gnss(interval=0.2, latency=0.055),
-        outage="6:",
         seed=3,
+        sensors=Sensors(barometer=barometer, gnss=Gnss(interval=0.2, latency=0.055), outage="6:"),
     )
     own, expected = (
         flight.recording.aidings[2],
@@ -201,9 +203,8 @@ def test_a_barometer_is_the_librarys(quantity, size):
         fly(
             plan,
             duration=2.0,
-            gnss=Gnss(interval=0.2, latency=0.055),
-            feedback="truth",
-            barometer=b,
+            sensors=Sensors(gnss=Gnss(interval=0.2, latency=0.055), barometer=b),
+            loop=Loop(feedback="truth"),
         )
         for b in (None, barometer)
     )
@@ -227,7 +228,10 @@ def test_errors_of_a_barometer_are_as_stated():
 
 @pytest.mark.short
 def test_a_seed_repeats_and_another_one_does_not():
-    flights = [fly("straight", duration=2.0, seed=seed, turbulence="light") for seed in (3, 3, 4)]
+    flights = [
+        fly("straight", duration=2.0, seed=seed, world=World(turbulence="light"))
+        for seed in (3, 3, 4)
+    ]
     logs = [np.stack(list(flight.log.values())) for flight in flights]
     assert np.array_equal(logs[0], logs[1]) and same(flights[0].solution, flights[1].solution)
     assert not np.array_equal(logs[0], logs[2])
@@ -242,7 +246,7 @@ def test_filters_of_one_seed_meet_the_same_errors():
     """On the truth the aircraft flies alike for each filter, so IMU and fixes are equal; and
     their errors do not depend on the flight either."""
     one, other = (
-        fly("straight", filter, duration=3.0, feedback="truth", seed=5)
+        fly("straight", filter, duration=3.0, seed=5, loop=Loop(feedback="truth"))
         for filter in ("closed-loop", "open-loop")
     )
     assert np.array_equal(one.recording.imu.dv, other.recording.imu.dv) and np.array_equal(
@@ -268,7 +272,9 @@ def test_imu_errors_are_those_of_the_spec():
     bad = ImuSpec("bad", gyro, accel)
     plan = FlightPlan("bend", ((0, 0, 0), (120, 0, 20), (120, 300, 20)), 25.0, duration=5.0)
     ideal, flown = (
-        fly(plan, imu=spec, feedback="truth", seed=11, start_sd=SURE).recording
+        fly(
+            plan, seed=11, sensors=Sensors(imu=spec), loop=Loop(feedback="truth", start_sd=SURE)
+        ).recording
         for spec in (IDEAL, bad)
     )
     expected, b_a, b_g = bad.corrupt(ideal.imu, Stream.of(11).named("imu"))
@@ -288,7 +294,9 @@ def test_fixes_are_those_of_the_receiver():
         (Gnss(interval=0.2), 1e-7, 1e-12),
         (Gnss(interval=0.333, lever_arm=(0.5, -0.3, -1.0), latency=0.055), 5e-4, 5e-3),
     ):
-        recording = fly("turning", duration=20.0, gnss=gnss, seed=2, outage="15:17").recording
+        recording = fly(
+            "turning", duration=20.0, seed=2, sensors=Sensors(gnss=gnss, outage="15:17")
+        ).recording
         expected = gnss._replace(outages=((15, 17),)).fixes(
             recording.reference, Stream.of(2).named("gnss")
         )
@@ -305,7 +313,12 @@ def test_fixes_are_those_of_the_receiver():
 def test_ideal_sensors_and_their_ins_agree_with_the_truth():
     """An INS without errors and without fixes stays on the flown truth: the increments belong to
     it."""
-    flight = fly("turning", duration=30.0, imu=IDEAL, start_sd=(0.0,) * 15, outage="0.1:")
+    flight = fly(
+        "turning",
+        duration=30.0,
+        sensors=Sensors(imu=IDEAL, outage="0.1:"),
+        loop=Loop(start_sd=(0.0,) * 15),
+    )
     assert np.abs(off_truth(flight)).max() < 5e-3
     turned = (
         Rotation.from_quat(flight.solution.trajectory.q_nb[:, [1, 2, 3, 0]]).inv()
@@ -317,14 +330,18 @@ def test_ideal_sensors_and_their_ins_agree_with_the_truth():
 def test_estimates_move_the_aircraft():
     """With perfect sensors flights on estimate and truth agree; with real ones they part; and in
     an outage the aircraft's error is its estimate's."""
-    on_truth = fly("turning", duration=20.0, feedback="truth")
-    perfect = fly("turning", duration=20.0, imu=IDEAL, gnss=EXACT, start_sd=SURE)
+    on_truth = fly("turning", duration=20.0, loop=Loop(feedback="truth"))
+    perfect = fly(
+        "turning", duration=20.0, sensors=Sensors(imu=IDEAL, gnss=EXACT), loop=Loop(start_sd=SURE)
+    )
     real = fly("turning", duration=20.0)
     apart = lambda flight: np.abs(
         displacement(flight.recording.reference.lla, on_truth.recording.reference.lla)
     ).max()
     assert apart(perfect) < 0.02 and apart(real) > 0.3
-    lost = fly(straight(higher=0.0, faster=0.0), duration=60.0, outage="15:", seed=1)
+    lost = fly(
+        straight(higher=0.0, faster=0.0), duration=60.0, seed=1, sensors=Sensors(outage="15:")
+    )
     error = off_truth(lost)  # of 16 seeds 35 m rms, and of 11 above 10 m
     assert np.abs(error[-1, 1]) > 10.0  # the course is north
     assert (
@@ -339,10 +356,8 @@ def test_log_is_consistent_with_the_truth():
     flight = fly(
         "turning",
         duration=20.0,
-        feedback="truth",
-        earth="flat",
-        wind=(2.0, 1.0, 0.0),
-        turbulence="light",
+        world=World(earth="flat", wind=(2.0, 1.0, 0.0), turbulence="light"),
+        loop=Loop(feedback="truth"),
     )
     log, truth, craft = flight.log, flight.recording.reference, aircraft("aerosonde")
     column = lambda *names: np.stack([log[name] for name in names], axis=1)
@@ -394,7 +409,7 @@ def test_log_is_consistent_with_the_truth():
     ],
 )
 def test_flights_that_diverge_stop_with_state_and_cause(name, cause, arguments):
-    flight = fly(**arguments)
+    flight = by_name(**arguments)
     assert (
         cause in flight.stopped.cause
         and flight.stopped.state.shape == (17,)
@@ -419,16 +434,18 @@ def test_flights_that_diverge_stop_with_state_and_cause(name, cause, arguments):
 
 @pytest.mark.short
 def test_a_wrong_attitude_loses_the_aircraft():
-    start = fly("straight", duration=0.1, imu="industrial").start
-    flight = fly("straight", duration=5.0, start=start._replace(rph=(2.0, 0.0, 0.0)))
+    start = fly("straight", duration=0.1, sensors=Sensors(imu="industrial")).start
+    flight = fly("straight", duration=5.0, loop=Loop(start=start._replace(rph=(2.0, 0.0, 0.0))))
     assert "upside down" in flight.stopped.cause and flight.start.rph[0] == 2.0
 
 
 def test_the_model_predicts_while_the_receiver_is_cut():
     """Calm air, ideal sensors, exact start: the pseudo-increments are the aircraft's own to the
     error of the belief; the filter is told their noise."""
-    common = dict(plan=turning(), duration=16.0, outage="11:", imu=IDEAL, gnss=EXACT)
-    imu, model = (fly(**common, start_sd=SURE, prediction=by) for by in ("imu", "model"))
+    common = dict(
+        plan=turning(), duration=16.0, sensors=Sensors(outage="11:", imu=IDEAL, gnss=EXACT)
+    )
+    imu, model = (fly(loop=Loop(start_sd=SURE, prediction=by), **common) for by in ("imu", "model"))
     cut = model.log["model predicts"] == 1
     assert (
         cut.sum() == 500
@@ -447,7 +464,10 @@ def test_the_model_predicts_while_the_receiver_is_cut():
         and np.abs(off_truth(model)).max() < 0.5
     )
     sure = fly(
-        **common, start_sd=SURE, prediction="model", model_noise=Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        loop=Loop(
+            start_sd=SURE, prediction="model", model_noise=Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        ),
+        **common,
     )
     assert model.solution.trajectory.sd[-1, 3] > 0.1 > sure.solution.trajectory.sd[-1, 3]
 
@@ -456,17 +476,15 @@ def test_the_model_predicts_while_the_receiver_is_cut():
 def test_the_beliefs_biases_are_in_the_models_increments():
     """A filter that is sure of wrong biases takes them off again: what is left of the
     pseudo-increments is the aircraft's force and rate."""
-    start = fly("straight", duration=0.1, imu=IDEAL, start_sd=(0.0,) * 15).start._replace(
-        ba=(0.3, -0.2, 0.1), bg=(2e-3, -1e-3, 1e-3)
-    )
+    start = fly(
+        "straight", duration=0.1, sensors=Sensors(imu=IDEAL), loop=Loop(start_sd=(0.0,) * 15)
+    ).start._replace(ba=(0.3, -0.2, 0.1), bg=(2e-3, -1e-3, 1e-3))
     flight = fly(
         straight(higher=0.0, faster=0.0),
         duration=3.0,
-        outage="0:",
-        imu=IDEAL,
-        start=start,
-        prediction="model",
-        earth="flat",
+        world=World(earth="flat"),
+        sensors=Sensors(outage="0:", imu=IDEAL),
+        loop=Loop(start=start, prediction="model"),
     )
     cut, log, imu = flight.log["model predicts"] == 1, flight.log, flight.recording.imu
     force = (
@@ -494,12 +512,11 @@ def test_a_filter_can_be_told_the_controls():
         return belief
 
     first = closed.slots.size
-    cut = dict(duration=3.0, outage="2:", wind=(1.0, 2.0, 0.0))
+    cut = dict(duration=3.0, sensors=Sensors(outage="2:"), world=World(wind=(1.0, 2.0, 0.0)))
     flight = fly(
         "straight",
         closed._replace(name="told", start=start),
-        prediction="model",
-        inputs=first,
+        loop=Loop(prediction="model", inputs=first),
         **cut,
     )
     workspace, log = held[0].workspace[first : first + 9], flight.log
@@ -516,7 +533,12 @@ def test_a_filter_can_be_told_the_controls():
 
 @pytest.mark.short
 def test_flights_on_the_flat_earth_and_with_a_start_of_ones_own():
-    flight = fly("straight", duration=2.0, earth="flat", feedback="truth", start_sd=(0.0,) * 15)
+    flight = fly(
+        "straight",
+        duration=2.0,
+        world=World(earth="flat"),
+        loop=Loop(feedback="truth", start_sd=(0.0,) * 15),
+    )
     assert flight.start.lla == pytest.approx(DEFAULT_PLACE) and flight.start.sd == (0.0,) * 15
     rate = (
         np.linalg.norm(
@@ -525,15 +547,22 @@ def test_flights_on_the_flat_earth_and_with_a_start_of_ones_own():
         / 0.01
     )
     assert flight.recording.meta["earth"] == "flat" and rate < 0.2
-    assert fly("straight", duration=2.0, start=flight.start, seed=8).start == flight.start
+    assert (
+        fly("straight", duration=2.0, seed=8, loop=Loop(start=flight.start)).start == flight.start
+    )
 
 
 @pytest.mark.parametrize("rate", [20.0, 10.0])
 def test_a_slower_filter_is_that_filter_fed_the_summed_increments(rate):
     """Steered by the truth the aircraft flies the same at its own step, measured by the same
     sensors; the filter gets the sums of the samples."""
-    common = dict(duration=8.0, outage="6:", feedback="truth", seed=5, turbulence="light")
-    fast, slow = fly("turning", **common), fly("turning", filter_rate=rate, **common)
+    truth = Loop(feedback="truth")
+    common = dict(
+        duration=8.0, seed=5, sensors=Sensors(outage="6:"), world=World(turbulence="light")
+    )
+    fast, slow = (
+        fly("turning", loop=truth._replace(filter_rate=each), **common) for each in (None, rate)
+    )
     n = round(100 / rate)
     truth = fast.recording.reference
     assert np.abs(displacement(slow.recording.reference.lla, truth.lla[::n])).max() < 1e-7
@@ -561,7 +590,9 @@ def test_a_slower_filter_is_that_filter_fed_the_summed_increments(rate):
 
 def test_the_autopilot_flies_by_the_last_estimate_of_a_slow_filter():
     """At its own step: a turning flight on ten estimates a second is nearly that on a hundred."""
-    fast, slow = (fly("turning", duration=60.0, filter_rate=rate, seed=3) for rate in (None, 10.0))
+    fast, slow = (
+        fly("turning", duration=60.0, seed=3, loop=Loop(filter_rate=rate)) for rate in (None, 10.0)
+    )
     assert fast.stopped is slow.stopped is None
     apart = displacement(slow.recording.reference.lla, fast.recording.reference.lla[::10])
     assert np.linalg.norm(apart, axis=1).max() < 1.0
@@ -578,16 +609,18 @@ def test_a_filter_that_has_the_option_rate_gets_that_of_its_samples():
     fly(
         "straight",
         find("closed-loop")._replace(name="told", start=start),
-        filter_rate=20.0,
         duration=0.3,
+        loop=Loop(filter_rate=20.0),
     )
     assert told == {"rate": 20.0}
 
 
 def test_the_model_may_predict_between_fixes():
     """From the beginning, and the fixes are used; its increments stand in the recording."""
-    common = dict(duration=4.0, feedback="truth", seed=6)
-    flight, other = (fly("straight", prediction=by, **common) for by in ("model-always", "imu"))
+    common = dict(duration=4.0, seed=6)
+    flight, other = (
+        fly("straight", loop=Loop("truth", by), **common) for by in ("model-always", "imu")
+    )
     assert (flight.log["model predicts"] == 1).all() and (other.log["model predicts"] == 0).all()
     assert "400 IMU samples are those of the aircraft's model" in str(
         flight.recording.meta["notes"]
@@ -597,7 +630,9 @@ def test_the_model_may_predict_between_fixes():
         "GNSS velocity": (20, 0),
     }
     assert not np.array_equal(flight.recording.imu.dv, other.recording.imu.dv)
-    cut = fly("straight", prediction="model-always", outage="2:", **common)
+    cut = fly(
+        "straight", sensors=Sensors(outage="2:"), loop=Loop("truth", "model-always"), **common
+    )
     assert len(cut.recording.aidings[0].t) < 10 and (cut.log["model predicts"] == 1).all()
 
 
@@ -658,18 +693,26 @@ BAD = {
 @pytest.mark.parametrize("text", BAD)
 def test_what_cannot_be_flown_is_refused_in_one_line(text):
     with pytest.raises(DataError, match=text) as refused:
-        fly(**dict(duration=10.0) | BAD[text])
+        by_name(**dict(duration=10.0) | BAD[text])
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.short
+def test_what_a_flight_decides_is_no_option_of_its_filter():
+    with pytest.raises(DataError, match="no option 'outage' of its own; give sensors=Sensors"):
+        fly(duration=10.0, outage="15:")
+    with pytest.raises(DataError, match="sensors is '15:'; it must be a Sensors"):
+        fly(duration=10.0, sensors="15:")
 
 
 @pytest.mark.short
 def test_a_flight_can_be_written_to_without_harm_to_the_next():
     one = fly("straight", duration=0.5)
-    one.trim.state[2], one.trim.commands[:], one.route[:] = 1e4, 0.0, 0.0
+    one.trim.state[2], one.trim.commands[:], one.route.length[:] = 1e4, 0.0, 0.0
     other = fly("straight", duration=0.5)
     assert (
         other.trim.state[2] == 500.0
-        and other.route.any()
+        and other.route.length.any()
         and np.array_equal(one.recording.reference.lla, other.recording.reference.lla)
     )
 
@@ -685,7 +728,7 @@ def test_outage_windows():
 def test_threads_may_fly_at_once():
     from concurrent.futures import ThreadPoolExecutor
 
-    go = lambda seed: fly("turning", duration=5.0, seed=seed, turbulence="light")
+    go = lambda seed: fly("turning", duration=5.0, seed=seed, world=World(turbulence="light"))
     with ThreadPoolExecutor(3) as pool:
         for seed, flight in enumerate(pool.map(go, range(3))):
             assert same(flight.solution, go(seed).solution)

@@ -6,7 +6,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.flight.aircraft.dynamics import evaluate, step
+from strapdown.core.compile.records import rows
+from strapdown.flight.aircraft.dynamics import Loads, evaluate, step
 from strapdown.flight.aircraft.forces import density
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.jsbsim_craft import INTEGRATORS, _place, fly_jsbsim
@@ -64,7 +65,7 @@ def flown(craft, duration=20.0, dt=DT, wind=(0.0, 0.0)):
     """States of `step` on the geodetic Earth, (n, 17), commands held for DT."""
     go, parameters, state, increments = (
         step,
-        craft.array("geodetic"),
+        craft.parameters("geodetic"),
         state_of(25.0, 0.0, 0.05, 0.5, 0.05),
         np.zeros(6),
     )
@@ -173,11 +174,11 @@ def test_the_integrators_matter_as_their_order_says(ours):
 def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
     """At 40 states, stalled, sideslipping, in a dive: forces to rounding; and the acceleration
     but for gravity, which is that of J2 in JSBSim."""
-    rng, parameters, rates, outputs = (
+    rng, parameters, rates, (loads,) = (
         np.random.default_rng(5),
-        AEROSONDE.array("geodetic"),
+        AEROSONDE.parameters("geodetic"),
         np.zeros(19),
-        np.zeros(12),
+        rows(Loads, 1),
     )
     path, go = jsbsim_definition(AEROSONDE, tmp_path), evaluate
     with session() as (executive, _):
@@ -200,16 +201,16 @@ def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
                 controls,
             )
             _place(executive, state, state[13:], (0.0, 0.0), INTEGRATORS)
-            go(parameters, state, NOTHING, rates, outputs)
+            go(parameters, state, NOTHING, rates, loads)
             assert np.allclose(
                 told(POUND, *(f"forces/fb{axis}-total-lbs" for axis in "xyz")),
-                outputs[:3],
+                loads.force,
                 rtol=1e-9,
                 atol=1e-8,
             )
             assert np.allclose(
                 told(POUND * FOOT, *(f"moments/{axis}-total-lbsft" for axis in "lmn")),
-                outputs[3:6],
+                loads.moment,
                 rtol=1e-9,
                 atol=1e-8,
             )
@@ -220,7 +221,7 @@ def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
                 atol=1e-8,
             )
             assert executive["craft/turns"] * 2 * np.pi == pytest.approx(
-                outputs[9], rel=1e-9, abs=1e-9
+                loads.propeller, rel=1e-9, abs=1e-9
             )
             theirs = told(FOOT, *(f"accelerations/{axis}dot-ft_sec2" for axis in "uvw"))
             assert np.allclose(
@@ -233,15 +234,17 @@ def test_forces_moments_and_accelerations_agree_at_any_state(tmp_path):
 def test_the_standard_atmosphere_is_that_of_the_aircraft(height, tmp_path):
     craft, state = AEROSONDE.replace(density=0.0), state_of(25.0, 0.1, 0.05, 0.5, 0.05)
     state[2] = height
-    path, outputs = jsbsim_definition(craft, tmp_path), np.zeros(12)
+    path, (loads,) = jsbsim_definition(craft, tmp_path), rows(Loads, 1)
     with session() as (executive, _):
         executive.set_aircraft_path(str(tmp_path))
         assert executive.load_model(path.stem)
         _place(executive, state, state[13:], (0.0, 0.0), INTEGRATORS)
-        evaluate(craft.array("geodetic"), state, NOTHING, np.zeros(19), outputs)
-        assert executive["craft/rho"] == pytest.approx(density(craft.array(), height), rel=1e-9)
+        evaluate(craft.parameters("geodetic"), state, NOTHING, np.zeros(19), loads)
+        assert executive["craft/rho"] == pytest.approx(
+            density(craft.parameters(), height), rel=1e-9
+        )
         force = [executive[f"forces/fb{axis}-total-lbs"] * POUND for axis in "xyz"]
-        assert np.allclose(force, outputs[:3], rtol=1e-8, atol=1e-8)
+        assert np.allclose(force, loads.force, rtol=1e-8, atol=1e-8)
 
 
 def in_body(state, rate):

@@ -9,6 +9,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.allan.deviation import allan
+from strapdown.flight.asked import Sensors
 from strapdown.notebook import cards
 
 NAME = "<script>alert(1)</script>"
@@ -33,7 +34,7 @@ def found(drive):
         "estimated": sd.installation(estimated),
         "installation": sd.calibrate_installation(drive),
         "tuning": sd.tune(drive),
-        "flight": sd.fly("turning", imu="industrial", duration=10.0, seed=1),
+        "flight": sd.fly("turning", duration=10.0, seed=1, sensors=Sensors(imu="industrial")),
         "allan": allan(sd.simulate("static", duration=200.0, imu="consumer", seed=1).imu),
     }
 

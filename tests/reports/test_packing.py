@@ -10,7 +10,7 @@ from pages import plotly, unpacked
 
 from strapdown.reports import script
 from strapdown.reports.packing import packed
-from strapdown.reports.shell import placed, shell
+from strapdown.reports.shell import Document, Page, placed, shell
 
 pytestmark = pytest.mark.short
 RNG = np.random.default_rng(1)
@@ -46,7 +46,8 @@ def test_what_cannot_be_packed_stays(values):
 
 
 def page(*traces):
-    return shell("t", "", [("s", placed(1, go.Figure(traces), "Height"))], "")
+    sections = [("s", placed(1, go.Figure(traces), "Height"))]
+    return Page(shell(Document("t", {}, "", sections=sections)))
 
 
 def test_a_page_has_the_part_of_the_script_that_it_uses():
@@ -55,7 +56,7 @@ def test_a_page_has_the_part_of_the_script_that_it_uses():
     assert "maplibre-gl-worker" not in plotly(space)
     assert len(line.html) < 0.6e6 and len(space.html) < 0.8e6
     assert "Copyright 2012-" in plotly(line)  # the licence
-    assert "id=plotly" not in shell("t", "", [("s", "text")], "").html
+    assert "id=plotly" not in shell(Document("t", {}, "", sections=[("s", "text")]))
 
 
 def test_an_unknown_script_stays_whole(monkeypatch):

@@ -15,6 +15,7 @@ from strapdown.engine.options import run_options
 from strapdown.evaluation.metrics import errors
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
+from strapdown.flight.asked import Loop, Sensors, World
 from strapdown.flight.fly import fly
 from strapdown.flight.plan import straight
 from strapdown.sensor_models.errors import Triad
@@ -332,15 +333,16 @@ def test_a_slower_filter_is_told_the_mean_of_the_controls():
         flight = fly(
             straight(higher=10.0, faster=2.0),
             filters.EKF6,
-            imu=ImuSpec("ideal", Triad(), Triad()),
-            earth="flat",
             duration=6.0,
-            outage="0:",
-            prediction="model",
-            inputs=filters.INPUTS,
-            start_sd=(0.0,) * 15,
-            feedback="truth",
-            filter_rate=rate,
+            world=World(earth="flat"),
+            sensors=Sensors(imu=ImuSpec("ideal", Triad(), Triad()), outage="0:"),
+            loop=Loop(
+                prediction="model",
+                inputs=filters.INPUTS,
+                start_sd=(0.0,) * 15,
+                feedback="truth",
+                filter_rate=rate,
+            ),
         )
         off[rate] = np.abs(errors(flight.solution, flight.recording.reference).velocity).max()
     assert off[20.0] < 0.01 and 3.5 < off[10.0] / off[20.0] < 5.5, off

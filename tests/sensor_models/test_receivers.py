@@ -10,6 +10,7 @@ import pytest
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data import Correlated
+from strapdown.flight.asked import Loop, Sensors
 from strapdown.flight.fly import fly
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.receiver import receiver, receiver_grade, receivers
@@ -78,7 +79,13 @@ def test_a_name_or_a_file_serves_where_a_gnss_does(tmp_path):
     for one, other in zip(by_name, by_value, strict=True):
         np.testing.assert_array_equal(one.y, other.y)
         assert one.correlated == other.correlated is not None
-    flight = fly("straight", "closed-loop", gnss="rtk-float", duration=1.0, feedback="truth")
+    flight = fly(
+        "straight",
+        "closed-loop",
+        duration=1.0,
+        sensors=Sensors(gnss="rtk-float"),
+        loop=Loop(feedback="truth"),
+    )
     told = receiver("rtk-float").position_correlated
     assert (
         flight.recording.aidings[0].correlated == told and len(flight.recording.aidings[0].t) == 5

@@ -92,6 +92,11 @@ def test_impossible_durations_are_refused(change):
         simulate(**{"motion": FLIGHT, "duration": 10, "imu": "tactical", "seed": 1, **change})
 
 
+def test_what_is_no_sensor_of_a_simulation_is_refused():
+    with pytest.raises(TypeError, match="unexpected keyword argument 'start_sd'"):
+        simulate(FLIGHT, 10, "tactical", start_sd=(0.0,) * 15)
+
+
 @pytest.mark.parametrize("t", [None, 12.5])
 def test_a_start_is_the_truth_less_the_error_drawn(t):
     made = simulate(FLIGHT, 20, "tactical", seed=3, rate=50.0)

@@ -7,14 +7,15 @@ import numpy as np
 from flat_flight import ORIGIN, flat, geodetic
 
 from strapdown import Start
+from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding
-from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, step
+from strapdown.flight.aircraft.dynamics import Loads, evaluate, step
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.recording import Recording
 
-PARAMETERS = aircraft("aerosonde").array(earth="flat", origin=ORIGIN)
+PARAMETERS = aircraft("aerosonde").parameters(earth="flat", origin=ORIGIN)
 
 
 class Flown(NamedTuple):
@@ -89,12 +90,12 @@ def flown(seconds, dt=0.01, wind=(3.0, -2.0, 0.5), fixes=()):
 def acceleration(quaternion, omega, controls, wind, v):
     """m/s^2, NED, that `evaluate` of the aircraft finds at that velocity, attitude, rates,
     positions of the controls and wind."""
-    rates, outputs = np.empty(19), np.empty(OUTPUTS)
+    rates, (loads,) = np.empty(19), rows(Loads, 1)
     evaluate(
         PARAMETERS,
         np.r_[ORIGIN, v, quaternion, omega, controls],
         np.r_[wind, np.zeros(6)],
         rates,
-        outputs,
+        loads,
     )
     return rates[3:6].copy()

@@ -218,7 +218,7 @@ def plan(paths, also_slow):
     from strapdown.flight.plan import flight_plan, route
 
     table, seconds = route(flight_plan(paths[0]), (0.0, 0.0, 0.0), 9.8)
-    return "" if np.isfinite(table).all() and seconds > 0 else "a route that is not finite"
+    return "" if np.isfinite(table.tolist()).all() and seconds > 0 else "a route that is not finite"
 
 
 def calibration(paths, also_slow):

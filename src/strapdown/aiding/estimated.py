@@ -27,6 +27,12 @@ def cross(a: Three, b: Three) -> Three:
 
 
 @helper
+def dot(a: Three, b: Three) -> float:
+    """a' b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
 def turned_back(C: Array, a: Three) -> Three:
     """C' a."""
     return (
@@ -253,26 +259,16 @@ def velocity(belief: Belief, source: SourceRow, innovation: Array, H: Array) -> 
 @helper
 def along(k: int, belief: Belief, y: Array, source: SourceRow, innovation: Array, H: Array) -> None:
     """One row: y - velocity of a point along axis k of the vehicle, times 1 + scale."""
-    C, M, v = belief.C, source.turn, belief.v
+    C, M, v, r = belief.C, source.turn, belief.v, source.gravity
     later = error(belief, source.clock_state) - source.clock
     age, scale = source.age - later, 1.0 + error(belief, source.scale_state)
-    F, f, r = (
-        source.force,
-        source.force_then,
-        source.gravity,
-    )
     omega, l = (
         rate_then(belief, source),
         (source.parameters[0], source.parameters[1], source.parameters[2]),
     )
     w = v[0] - age * r[0], v[1] - age * r[1], v[2] - age * r[2]
-    b, bias = turned_back(C, w), bias_since(belief, source)
-    b = (
-        b[0] - F[0] + later * f[0] + age * bias[0],
-        b[1] - F[1] + later * f[1] + age * bias[1],
-        b[2] - F[2] + later * f[2] + age * bias[2],
-    )
-    b, swing = turned_back(M, b), cross(omega, l)
+    bias = bias_since(belief, source)
+    b, swing = velocity_then(C, source, w, later, bias), cross(omega, l)
     rolled = cross(omega, b)
     spun = cross((source.spin[0], source.spin[1], source.spin[2]), l)
     b = (
@@ -281,7 +277,7 @@ def along(k: int, belief: Belief, y: Array, source: SourceRow, innovation: Array
         b[2] + swing[2] + later * (spun[2] - rolled[2]),
     )
     u = axis_of_vehicle(k, belief, source)
-    speed = u[0] * b[0] + u[1] * b[1] + u[2] * b[2]
+    speed = dot(u, b)
     innovation[0] = y[0] - scale * speed
     c, by_force = in_n(C, M, u), turned(M, u[0], u[1], u[2])
     by_attitude_row, by_bias = cross(c, w), cross(u, l)
@@ -292,18 +288,41 @@ def along(k: int, belief: Belief, y: Array, source: SourceRow, innovation: Array
         H[0, 12 + i] = scale * by_bias[i]
         if source.mounting_state[i] > 0:
             by = axis_by_mounting(k, i, belief, source)
-            H[0, source.mounting_state[i]] = scale * (b[0] * by[0] + b[1] * by[1] + b[2] * by[2])
+            H[0, source.mounting_state[i]] = scale * dot(b, by)
     if source.scale_state > 0:
         H[0, source.scale_state] = speed
     if source.clock_state > 0:
-        a = turned_back(C, (r[0], r[1], r[2]))
-        a = turned_back(M, (a[0] + f[0] - bias[0], a[1] + f[1] - bias[1], a[2] + f[2] - bias[2]))
+        a = acceleration_then(C, source, bias)
         a = (
             a[0] - rolled[0] + spun[0],
             a[1] - rolled[1] + spun[1],
             a[2] - rolled[2] + spun[2],
         )
-        H[0, source.clock_state] = scale * (u[0] * a[0] + u[1] * a[1] + u[2] * a[2])
+        H[0, source.clock_state] = scale * dot(u, a)
+
+
+@helper
+def velocity_then(C: Array, source: SourceRow, w: Three, later: float, bias: Three) -> Three:
+    """Velocity of the IMU at the instant of the measurement, in axes of the body then, m/s. `w` is
+    that in n, without the specific force since."""
+    F, f, age = source.force, source.force_then, source.age - later
+    b = turned_back(C, w)
+    b = (
+        b[0] - F[0] + later * f[0] + age * bias[0],
+        b[1] - F[1] + later * f[1] + age * bias[1],
+        b[2] - F[2] + later * f[2] + age * bias[2],
+    )
+    return turned_back(source.turn, b)
+
+
+@helper
+def acceleration_then(C: Array, source: SourceRow, bias: Three) -> Three:
+    """Acceleration of the IMU at the instant of the measurement, in axes of the body then, m/s^2."""
+    f, r = source.force_then, source.gravity
+    a = turned_back(C, (r[0], r[1], r[2]))
+    return turned_back(
+        source.turn, (a[0] + f[0] - bias[0], a[1] + f[1] - bias[1], a[2] + f[2] - bias[2])
+    )
 
 
 @helper

@@ -4,7 +4,7 @@ cut on the way."""
 import inspect
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -93,34 +93,31 @@ def fly(
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and
     report.html."""
     from ..files import together
+    from ..flight.asked import SENSORS, Loop, World
     from ..flight.figures import facts, sections
     from ..flight.fly import fly as flown
+    from ..reports.page import Added
     from ..sensor_models.barometer import Barometer
 
-    given: dict[str, Any] = {} if duration is None else {"duration": duration}
+    sensors = SENSORS._replace(imu=imu, outage=outage)
     if gnss is not None:
-        given["gnss"] = gnss
+        sensors = sensors._replace(gnss=gnss)
     if barometer:
-        given["barometer"] = Barometer(rate=10.0)
+        sensors = sensors._replace(barometer=Barometer(rate=10.0))
     with (
         results_folder(out or Path(f"fly-{Path(plan).stem}-{filter}")) as folder,
         Progress() as progress,
     ):
-        given |= _options(option, flown)
         flight = flown(
             plan,
             filter,
-            imu,
-            seed,
-            outage,
-            feedback,
-            prediction,
-            aircraft,
-            turbulence=turbulence,
-            wind=_wind(wind),
-            say=progress.say,
+            seed=seed,
+            duration=duration,
+            world=World(aircraft, wind=_wind(wind), turbulence=turbulence),
+            sensors=sensors,
+            loop=Loop(feedback, prediction, say=progress.say),
             progress=progress.track(filter),
-            **given,
+            **_options(option, flown),
         )
         windows = withheld(flight)
         if windows:
@@ -129,8 +126,7 @@ def fly(
             {filter: flight.solution},
             flight.recording.reference,
             f"Flight {flight.plan.name} on {filter}",
-            more=sections(flight),
-            facts=facts(flight),
+            added=Added(sections(flight), facts(flight)),
         )
         with together():
             sd.write_recording(flight.recording, folder / "recording.nc")
@@ -145,8 +141,11 @@ def fly(
 def _options(items: list[str] | None, flown: Callable[..., object]) -> dict[str, float | str]:
     """{name: value} of the filter's own options, from NAME=VALUE; those that a flight decides
     are refused."""
+    from ..flight.asked import DECIDED
+
     values = option_values(items)
-    if taken := [name for name in values if name in inspect.signature(flown).parameters]:
+    decided = {*inspect.signature(flown).parameters, *DECIDED}
+    if taken := [name for name in values if name in decided]:
         raise sd.DataError(
             f"--option {taken[0]}: the flight decides this one for its filter; leave it out (--seed "
             f"and --aircraft are the flight's)"

@@ -7,253 +7,245 @@ Unmanned Aircraft", chapters 6 (autopilot) and 10 (straight lines and orbits).
 """
 
 import math
+from typing import Annotated, NamedTuple
 
 from ..core.compile.jit import helper, inlined
+from ..core.compile.records import Table, rows_of
+from ..core.compile.signatures import reals, record
 from ..core.mathematics.rotation import wrap
 from ..typing import Array
 
-(
-    ROLL_P,
-    ROLL_D,
-    COURSE_P,
-    COURSE_I,
-    COURSE_ZONE,
-    PITCH_P,
-    PITCH_D,
-    HEIGHT_P,
-    HEIGHT_I,
-    HEIGHT_ZONE,
-    SPEED_P,
-    SPEED_I,
-    YAW_D,
-    TURN_PITCH,
-    TURN_ELEVATOR,
-    ROLL_MOST,
-    PITCH_MOST,
-    LINE,
-    NORTH_SCALE,
-    EAST_SCALE,
-    ORIGIN_LAT,
-    ORIGIN_LON,
-    GRAVITY,
-    TRIM_PITCH,
-    TRIM,
-    LOW,
-    HIGH,
-) = (*range(25), 28, 32)
-"""Numbers of the autopilot: gains and limits (SI, rad), metres per rad north and east of the
-route's origin and its place (rad), gravity, the trim's pitch, then the trim's elevator, aileron,
-rudder and throttle, their least and their largest values, four each."""
-PILOT_SIZE = 36
-(
-    SEGMENT,
-    COURSE_SUM,
-    HEIGHT_SUM,
-    SPEED_SUM,
-    COURSE,
-    ROLL,
-    PITCH,
-    HEIGHT,
-    AIRSPEED,
-    TURN,
-    SLOPE,
-    MEMORY_SIZE,
-) = range(12)
-"""What it remembers: row of the route, three integrals (rad s, m s, m); and what it last asked
-for: course, roll and pitch (rad), height (m), airspeed (m/s), roll of the turn that the route
-itself makes (rad), slope of the route (rise over run)."""
-(
-    KIND,
-    FROM_N,
-    FROM_E,
-    FROM_H,
-    ALONG_N,
-    ALONG_E,
-    LENGTH,
-    RISE,
-    SPEED,
-    RADIUS,
-    TO_N,
-    TO_E,
-    ANGLE,
-    ROUTE_WIDTH,
-) = range(14)
-"""Columns of a route, a row per segment: kind; where it begins (north, east in m of the origin,
-height in m above the ellipsoid); of an arc its centre and the height where it begins; its
-direction (of an arc the one at its end); length, m; rise over run; airspeed, m/s; of an arc:
-radius, m, above zero clockwise, where it ends, and the direction from the centre to its begin,
-rad."""
-LINE_KIND, ARC_KIND = 0.0, 1.0
-LEAST_SPEED = 1.0  # m/s: below it speeds are taken as this where something is divided by them
+MIN_SPEED = 1.0  # m/s: below it speeds are taken as this where something is divided by them
+
+
+class Gains(NamedTuple):
+    """Gains of the loops, SI and radians; signs are those of the controls' effects."""
+
+    roll_p: float  # aileron per rad of roll
+    roll_d: float  # aileron per rad/s
+    course_p: float  # rad/s of course per rad
+    course_i: float  # 1/s^2
+    pitch_p: float  # elevator per rad of pitch
+    pitch_d: float  # elevator per rad/s
+    height_p: float  # rad of climb per m
+    height_i: float  # rad of climb per m s
+    airspeed_p: float  # throttle per m/s
+    airspeed_i: float  # throttle per m
+    yaw_d: float  # rudder per rad/s beside the rate of a coordinated turn
+    line: float  # 1/s: how fast a line is approached
+    turn_pitch: float  # rad of pitch per (1 - cos roll)
+    turn_elevator: float  # rad of elevator per (1/cos roll - 1)
+
+
+class Pilot:
+    """What the autopilot knows of its aircraft and of the place."""
+
+    max_roll: float  # rad
+    max_pitch: float  # rad
+    # errors beyond which the integrals stand still, rad and m
+    course_zone: float
+    height_zone: float
+    # metres per rad north and east of the route's origin, and its place, rad
+    north_scale: float
+    east_scale: float
+    origin_lat: float
+    origin_lon: float
+    gravity: float  # m/s^2
+    trim_pitch: float  # rad
+    # elevator, aileron, rudder and throttle in trim, their least and their largest values
+    trim: Annotated[Array, 4]
+    low: Annotated[Array, 4]
+    high: Annotated[Array, 4]
+
+
+class Memory:
+    """What the autopilot remembers."""
+
+    segment: int  # row of the route
+    # integrals of errors, rad s, m s, m
+    course_sum: float
+    height_sum: float
+    speed_sum: float
+    # what it last asked for, rad, m and m/s
+    course: float
+    roll: float
+    pitch: float
+    height: float
+    airspeed: float
+    turn: float  # roll of the turn that the route itself makes, rad
+    slope: float  # of the route, rise over run
+
+
+class Segment:
+    """A line or an arc of a route."""
+
+    is_arc: int  # 1: an arc, 0: a line
+    # where it begins, m of the origin; of an arc its centre
+    north: float
+    east: float
+    height: float  # m above the ellipsoid, where it begins
+    # its direction; of an arc the one at its end
+    along_north: float
+    along_east: float
+    length: float  # m
+    rise: float  # over run
+    airspeed: float  # m/s
+    radius: float  # of an arc, m, above zero clockwise
+    # where it ends, m of the origin
+    to_north: float
+    to_east: float
+    angle: float  # of an arc: direction from the centre to its begin, rad
+
+
+class Steering(NamedTuple):
+    """The autopilot on its route."""
+
+    gains: Table[Gains]  # one row
+    pilot: Table[Pilot]  # one row
+    memory: Table[Memory]  # one row
+    route: Table[Segment]
+    wind: Array  # (3,) m/s NED: the steady wind it is told
+
+
+STEERING = record(
+    Steering,
+    gains=rows_of(Gains, 1),
+    pilot=rows_of(Pilot, 1),
+    memory=rows_of(Memory, 1),
+    route=rows_of(Segment, "legs"),
+    wind=reals(3),
+)
 
 
 @helper
 def steer(
-    pilot: Array,
-    memory: Array,
-    route: Array,
-    lla: Array,
-    v: Array,
-    C: Array,
-    omega: Array,
-    wind: Array,
-    dt: float,
-    commands: Array,
+    steering: Steering, lla: Array, v: Array, C: Array, omega: Array, dt: float, commands: Array
 ) -> None:
     """commands[0:4] (elevator, aileron, rudder in rad, throttle) for a position (rad, rad, m),
-    velocity (m/s, NED), attitude C_nb and body rates (rad/s), in the steady wind (m/s, NED) that
-    the autopilot is told; `memory` goes on by dt (s)."""
-    north, east = metres(pilot, lla)
-    _track(pilot, memory, route, north, east, v)
-    hold(pilot, memory, lla[2], v, C, omega, wind, dt, commands)
+    velocity (m/s, NED), attitude C_nb and body rates (rad/s), in the steady wind that the
+    autopilot is told; its memory goes on by dt (s)."""
+    _track(steering, lla, v)
+    hold(steering, lla[2], v, C, omega, dt, commands)
 
 
 @inlined
-def metres(pilot: Array, lla: Array) -> tuple[float, float]:
+def metres(pilot: Pilot, lla: Array) -> tuple[float, float]:
     """(north, east) of the route's origin, m: the affine map with the radii there."""
-    return (lla[0] - pilot[ORIGIN_LAT]) * pilot[NORTH_SCALE], wrap(
-        lla[1] - pilot[ORIGIN_LON]
-    ) * pilot[EAST_SCALE]
+    return (lla[0] - pilot.origin_lat) * pilot.north_scale, wrap(
+        lla[1] - pilot.origin_lon
+    ) * pilot.east_scale
 
 
 @helper
-def deviation(segment: Array, north: float, east: float) -> tuple[float, float, float]:
+def deviation(segment: Segment, north: float, east: float) -> tuple[float, float, float]:
     """(metres right of a segment of the route, metres along it, course of the route there in
     rad)."""
-    n, e = north - segment[FROM_N], east - segment[FROM_E]
-    if segment[KIND] == LINE_KIND:
-        north, east = segment[ALONG_N], segment[ALONG_E]
+    n, e = north - segment.north, east - segment.east
+    if segment.is_arc == 0:
+        north, east = segment.along_north, segment.along_east
         return north * e - east * n, north * n + east * e, math.atan2(east, north)
-    radius = segment[RADIUS]
+    radius = segment.radius
     turn = math.copysign(1.0, radius)
     angle = math.atan2(e, n)
     return (
         turn * (abs(radius) - math.sqrt(n * n + e * e)),
-        radius * wrap(angle - segment[ANGLE]),
+        radius * wrap(angle - segment.angle),
         wrap(angle + turn * 0.5 * math.pi),
     )
 
 
 @helper
-def height_along(segment: Array, along: float) -> float:
+def height_along(segment: Segment, along: float) -> float:
     """Height of a segment, m, so many metres along it; level before and beyond."""
-    return segment[FROM_H] + segment[RISE] * min(max(along, 0.0), segment[LENGTH])
+    return segment.height + segment.rise * min(max(along, 0.0), segment.length)
 
 
 @helper
-def _track(pilot: Array, memory: Array, route: Array, north: float, east: float, v: Array) -> None:
+def _track(steering: Steering, lla: Array, v: Array) -> None:
     """Course, height, airspeed and roll of the turn that the route asks for here; goes on to the
     next segment at the end of one."""
-    row = int(memory[SEGMENT])
-    while row < route.shape[0] - 1:
-        segment = route[row]
-        n, e = segment[TO_N] - north, segment[TO_E] - east
-        if segment[ALONG_N] * n + segment[ALONG_E] * e > 0:
+    memory, route, pilot = steering.memory[0], steering.route, steering.pilot[0]
+    north, east = metres(pilot, lla)
+    while memory.segment < len(route) - 1:
+        segment = route[memory.segment]
+        n, e = segment.to_north - north, segment.to_east - east
+        if segment.along_north * n + segment.along_east * e > 0:
             break
-        row += 1
-    memory[SEGMENT] = row
-    segment = route[row]
+        memory.segment += 1
+    segment = route[memory.segment]
     right, along, course = deviation(segment, north, east)
-    speed = max(math.sqrt(v[0] * v[0] + v[1] * v[1]), LEAST_SPEED)
-    memory[TURN] = 0.0
-    memory[COURSE] = course - math.atan(pilot[LINE] / speed * right)
-    if segment[KIND] != LINE_KIND:
-        memory[TURN] = math.atan(speed * speed / (pilot[GRAVITY] * segment[RADIUS]))
-    memory[HEIGHT], memory[AIRSPEED] = height_along(segment, along), segment[SPEED]
-    memory[SLOPE] = segment[RISE] if 0 < along < segment[LENGTH] else 0.0
+    speed = max(math.sqrt(v[0] * v[0] + v[1] * v[1]), MIN_SPEED)
+    memory.turn = 0.0
+    memory.course = course - math.atan(steering.gains[0].line / speed * right)
+    if segment.is_arc == 1:
+        memory.turn = math.atan(speed * speed / (pilot.gravity * segment.radius))
+    memory.height, memory.airspeed = height_along(segment, along), segment.airspeed
+    memory.slope = segment.rise if 0 < along < segment.length else 0.0
 
 
 @helper
 def hold(
-    pilot: Array,
-    memory: Array,
-    height: float,
-    v: Array,
-    C: Array,
-    omega: Array,
-    wind: Array,
-    dt: float,
-    commands: Array,
+    steering: Steering, height: float, v: Array, C: Array, omega: Array, dt: float, commands: Array
 ) -> None:
-    """commands[0:4] that bring course, height and airspeed to memory[COURSE], [HEIGHT] and
-    [AIRSPEED]."""
+    """commands[0:4] that bring course, height and airspeed to those of the memory."""
+    gains, pilot, memory = steering.gains[0], steering.pilot[0], steering.memory[0]
     roll, pitch = math.atan2(C[2, 1], C[2, 2]), math.asin(min(1.0, max(-1.0, -C[2, 0])))
-    n, e, d = v[0] - wind[0], v[1] - wind[1], v[2] - wind[2]
+    n, e, d = v[0] - steering.wind[0], v[1] - steering.wind[1], v[2] - steering.wind[2]
     airspeed, ground = math.sqrt(n * n + e * e + d * d), math.sqrt(v[0] * v[0] + v[1] * v[1])
-    error = wrap(memory[COURSE] - math.atan2(v[1], v[0]))
+    error, most = wrap(memory.course - math.atan2(v[1], v[0])), pilot.max_roll
     # the course turns by g/V rad/s per rad of roll
-    scale = max(ground, LEAST_SPEED) / pilot[GRAVITY]
-    asked = memory[TURN] + scale * (pilot[COURSE_P] * error + pilot[COURSE_I] * memory[COURSE_SUM])
-    memory[ROLL] = _limited(
-        memory,
-        COURSE_SUM,
-        asked,
-        error,
-        abs(error) < pilot[COURSE_ZONE],
-        -pilot[ROLL_MOST],
-        pilot[ROLL_MOST],
-        dt,
-    )
-    wrong = memory[HEIGHT] - height
-    near = min(max(wrong, -pilot[HEIGHT_ZONE]), pilot[HEIGHT_ZONE])
+    scale = max(ground, MIN_SPEED) / pilot.gravity
+    asked = memory.turn + scale * (gains.course_p * error + gains.course_i * memory.course_sum)
+    if abs(error) < pilot.course_zone:
+        memory.course_sum = _integrated(memory.course_sum, error, asked, -most, most, dt)
+    memory.roll = min(max(asked, -most), most)
+    error, most = memory.height - height, pilot.max_pitch
+    near = min(max(error, -pilot.height_zone), pilot.height_zone)
     asked = (
-        math.atan(memory[SLOPE] * ground / max(airspeed, LEAST_SPEED))
-        + pilot[HEIGHT_P] * near
-        + pilot[HEIGHT_I] * memory[HEIGHT_SUM]
+        math.atan(memory.slope * ground / max(airspeed, MIN_SPEED))
+        + gains.height_p * near
+        + gains.height_i * memory.height_sum
     )
-    memory[PITCH] = _limited(
-        memory, HEIGHT_SUM, asked, wrong, near == wrong, -pilot[PITCH_MOST], pilot[PITCH_MOST], dt
-    )
-    _surfaces(pilot, memory, roll, pitch, omega, max(airspeed, LEAST_SPEED), commands)
-    slow = memory[AIRSPEED] - airspeed
-    asked = pilot[TRIM + 3] + pilot[SPEED_P] * slow + pilot[SPEED_I] * memory[SPEED_SUM]
-    commands[3] = _limited(
-        memory, SPEED_SUM, asked, slow, True, pilot[LOW + 3], pilot[HIGH + 3], dt
-    )
+    if near == error:
+        memory.height_sum = _integrated(memory.height_sum, error, asked, -most, most, dt)
+    memory.pitch = min(max(asked, -most), most)
+    _surfaces(steering, roll, pitch, omega, max(airspeed, MIN_SPEED), commands)
+    error, low, high = memory.airspeed - airspeed, pilot.low[3], pilot.high[3]
+    asked = pilot.trim[3] + gains.airspeed_p * error + gains.airspeed_i * memory.speed_sum
+    memory.speed_sum = _integrated(memory.speed_sum, error, asked, low, high, dt)
+    commands[3] = min(max(asked, low), high)
 
 
 @helper
-def _limited(
-    memory: Array,
-    i: int,
-    asked: float,
-    error: float,
-    near: bool,
-    low: float,
-    high: float,
-    dt: float,
+def _integrated(
+    total: float, error: float, asked: float, low: float, high: float, dt: float
 ) -> float:
-    """`asked` within its limits; the integral goes on unless the error is far, or would drive
+    """The integral `total` of an error after dt: it stands still where the error would drive
     `asked` further beyond a limit."""
-    if near and not (asked > high and error > 0 or asked < low and error < 0):
-        memory[i] += error * dt
-    return min(max(asked, low), high)
+    if asked > high and error > 0 or asked < low and error < 0:
+        return total
+    return total + error * dt
 
 
 @helper
 def _surfaces(
-    pilot: Array,
-    memory: Array,
-    roll: float,
-    pitch: float,
-    omega: Array,
-    airspeed: float,
-    commands: Array,
+    steering: Steering, roll: float, pitch: float, omega: Array, airspeed: float, commands: Array
 ) -> None:
-    """Elevator, aileron and rudder for memory[ROLL] and [PITCH]; rates are damped about those of
-    a coordinated turn at this roll."""
-    bank = min(max(roll, -pilot[ROLL_MOST]), pilot[ROLL_MOST])
+    """Elevator, aileron and rudder for roll and pitch of the memory; rates are damped about those
+    of a coordinated turn at this roll."""
+    gains, pilot, memory = steering.gains[0], steering.pilot[0], steering.memory[0]
+    bank = min(max(roll, -pilot.max_roll), pilot.max_roll)
     sine, cosine = math.sin(bank), math.cos(bank)
-    turn = pilot[GRAVITY] * sine / airspeed
+    turn = pilot.gravity * sine / airspeed
     load = 1 / cosine - 1
     commands[0] = (
-        pilot[TRIM]
-        + pilot[PITCH_P]
-        * (pilot[TRIM_PITCH] + memory[PITCH] + pilot[TURN_PITCH] * (1 - cosine) - pitch)
-        - pilot[PITCH_D] * (omega[1] - turn * sine / cosine)
-        + pilot[TURN_ELEVATOR] * load
+        pilot.trim[0]
+        + gains.pitch_p
+        * (pilot.trim_pitch + memory.pitch + gains.turn_pitch * (1 - cosine) - pitch)
+        - gains.pitch_d * (omega[1] - turn * sine / cosine)
+        + gains.turn_elevator * load
     )
-    commands[1] = pilot[TRIM + 1] + pilot[ROLL_P] * (memory[ROLL] - roll) - pilot[ROLL_D] * omega[0]
-    commands[2] = pilot[TRIM + 2] - pilot[YAW_D] * (omega[2] - turn)
+    commands[1] = pilot.trim[1] + gains.roll_p * (memory.roll - roll) - gains.roll_d * omega[0]
+    commands[2] = pilot.trim[2] - gains.yaw_d * (omega[2] - turn)
     for i in range(3):
-        commands[i] = min(max(commands[i], pilot[LOW + i]), pilot[HIGH + i])
+        commands[i] = min(max(commands[i], pilot.low[i]), pilot.high[i])

@@ -8,16 +8,15 @@ number belongs to one aircraft. Source: Beard & McLain (2012), sections 5.4 and 
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from ..checks import DataError
-from ..typing import Array
-from . import autopilot as p
+from ..core.compile.records import Table, rows
 from .aircraft.modes import MODEL_STATES, Modes
-from .aircraft.parameters import Aircraft
-from .aircraft.trim import Trim
+from .aircraft.parameters import Aircraft, Parameters
+from .aircraft.trim import SURFACES, Trim
+from .autopilot import Gains, Memory, Pilot, Segment, Steering
 
 RAD_PER_DEG = math.pi / 180
 ROLL_ERROR, PITCH_ERROR, SPEED_ERROR = 45 * RAD_PER_DEG, 15 * RAD_PER_DEG, 0.2
@@ -38,25 +37,6 @@ ROLL_MOST, PITCH_MOST, CLIMB_MOST, COURSE_ZONE = (
     20 * RAD_PER_DEG,
 )
 LEAST_TRAVEL = 0.1 * RAD_PER_DEG  # of aileron and elevator from their trim
-
-
-class Gains(NamedTuple):
-    """Gains of the loops, SI and radians; signs are those of the controls' effects."""
-
-    roll_p: float  # aileron per rad of roll
-    roll_d: float  # aileron per rad/s
-    course_p: float  # rad/s of course per rad
-    course_i: float  # 1/s^2
-    pitch_p: float  # elevator per rad of pitch
-    pitch_d: float  # elevator per rad/s
-    height_p: float  # rad of climb per m
-    height_i: float  # rad of climb per m s
-    airspeed_p: float  # throttle per m/s
-    airspeed_i: float  # throttle per m
-    yaw_d: float  # rudder per rad/s beside the rate of a coordinated turn
-    line: float  # 1/s: how fast a line is approached
-    turn_pitch: float  # rad of pitch per (1 - cos roll)
-    turn_elevator: float  # rad of elevator per (1/cos roll - 1)
 
 
 def gains(aircraft: Aircraft, trim: Trim, modes: Modes, gravity: float) -> Gains:
@@ -114,45 +94,32 @@ def gains(aircraft: Aircraft, trim: Trim, modes: Modes, gravity: float) -> Gains
     )
 
 
-def pilot_array(
+def steering(
     gains: Gains,
-    aircraft: Aircraft,
     trim: Trim,
-    origin: Sequence[float],
-    scales: tuple[float, float],
-    gravity: float,
-) -> Array:
-    """What autopilot.steer reads, (PILOT_SIZE,): Gains, limits, origin of the route (rad, rad,
-    m), metres per rad north and east, gravity (m/s^2)."""
-    pilot = np.zeros(p.PILOT_SIZE)
-    for name, place in (
-        ("roll_p", p.ROLL_P),
-        ("roll_d", p.ROLL_D),
-        ("course_p", p.COURSE_P),
-        ("course_i", p.COURSE_I),
-        ("pitch_p", p.PITCH_P),
-        ("pitch_d", p.PITCH_D),
-        ("height_p", p.HEIGHT_P),
-        ("height_i", p.HEIGHT_I),
-        ("airspeed_p", p.SPEED_P),
-        ("airspeed_i", p.SPEED_I),
-        ("yaw_d", p.YAW_D),
-        ("line", p.LINE),
-        ("turn_pitch", p.TURN_PITCH),
-        ("turn_elevator", p.TURN_ELEVATOR),
-    ):
-        pilot[place] = getattr(gains, name)
-    pilot[p.COURSE_ZONE], pilot[p.HEIGHT_ZONE] = COURSE_ZONE, CLIMB_MOST / gains.height_p
-    pilot[p.ROLL_MOST], pilot[p.PITCH_MOST] = ROLL_MOST, PITCH_MOST
-    pilot[p.NORTH_SCALE], pilot[p.EAST_SCALE], pilot[p.ORIGIN_LAT], pilot[p.ORIGIN_LON] = (
-        *scales,
-        *origin[:2],
+    parameters: Parameters,
+    route: Table[Segment],
+    wind: Sequence[float],
+) -> Steering:
+    """The Steering of an aircraft from its trim along a route from the trim's origin, with the
+    scales and the gravity of its parameters, in the steady wind (m/s, NED) that it is told."""
+    (pilot,) = pilots = rows(Pilot, 1)
+    pilot.course_zone, pilot.height_zone = COURSE_ZONE, CLIMB_MOST / gains.height_p
+    pilot.max_roll, pilot.max_pitch = ROLL_MOST, PITCH_MOST
+    pilot.north_scale, pilot.east_scale = (
+        1 / parameters.latitude_rate,
+        1 / parameters.longitude_rate,
     )
-    pilot[p.GRAVITY], pilot[p.TRIM_PITCH] = gravity, trim.pitch
-    pilot[p.TRIM : p.TRIM + 4] = trim.commands
-    for i, control in enumerate(("elevator", "aileron", "rudder", "throttle")):
-        pilot[p.LOW + i], pilot[p.HIGH + i] = aircraft[f"{control}_min"], aircraft[f"{control}_max"]
-    return pilot
+    pilot.origin_lat, pilot.origin_lon, _ = trim.origin
+    pilot.gravity, pilot.trim_pitch, pilot.trim[:] = parameters.gravity, trim.pitch, trim.commands
+    for i, control in enumerate(SURFACES):
+        pilot.low[i], pilot.high[i] = (
+            trim.aircraft[f"{control}_min"],
+            trim.aircraft[f"{control}_max"],
+        )
+    chosen = rows(Gains, 1)
+    chosen[0] = gains
+    return Steering(chosen, pilots, rows(Memory, 1), route, np.array(wind))
 
 
 def _inner(

@@ -1,12 +1,11 @@
 """What a flight is checked for before it begins, and what it hands to its filter."""
 
 import inspect
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..checks import DataError, check_array, check_choice, check_number
+from ..checks import DataError, brief, check_array, check_choice, check_number
 from ..core.loop.contract import Filter, Noise
 from ..data import Aiding
 from ..engine.prepare import check_needs, positioned
@@ -15,72 +14,62 @@ from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.sampling import check_rate
 from ..sensor_models.streams import Stream
-from ..typing import Array, File
+from ..typing import Array
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import TURBULENCE_LEVELS
+from .asked import RECORDS, Loop, Sensors, World
 from .sensor_errors import Outage, Windows, outage_windows
 
 MOST_FLIGHT_SAMPLES = 2_000_000
 """Of the IMU, in one flight."""
 
 
-def handed(
-    filter: Filter, stream: Stream, aircraft: Aircraft | File, rate: float, earth: str
-) -> dict[str, Any]:
+def handed(filter: Filter, stream: Stream, world: World, rate: float) -> dict[str, Any]:
     """Those of a flight's own that the filter's start has options for, unless they are bound to
     it already (functools.partial); the seed is a number of the stream."""
     own = {
         "seed": stream.key[0],
-        "aircraft": aircraft if isinstance(aircraft, Aircraft) else str(aircraft),
+        "aircraft": (
+            world.aircraft if isinstance(world.aircraft, Aircraft) else str(world.aircraft)
+        ),
         "rate": float(rate),
-        "earth": earth,
+        "earth": world.earth,
     }
     known, bound = inspect.signature(filter.start).parameters, getattr(filter.start, "keywords", {})
     return {name: value for name, value in own.items() if name in known and name not in bound}
 
 
-class Request(NamedTuple):
-    """What `fly` was asked for, as far as it can be judged without anything else."""
-
-    seed: int
-    feedback: str
-    prediction: str
-    earth: str
-    turbulence: str
-    wind: Sequence[float] | Array  # (3,) m/s NED
-    told_wind: Sequence[float] | Array | None  # the same
-    rate: float  # 1/s
-    model_noise: Noise
-
-
-def check(asked: Request) -> None:
+def check(seed: int, world: World, sensors: Sensors, loop: Loop) -> None:
     """Raise DataError, in one line, for arguments that no flight can have."""
-    check_number(asked.seed, "seed", least=0, whole=True)
-    check_choice(asked.feedback, "feedback", ("estimate", "truth"))
-    check_choice(asked.prediction, "prediction", ("imu", "model", "model-always"))
-    check_choice(asked.earth, "earth", ("geodetic", "flat"))
-    check_choice(asked.turbulence, "turbulence", TURBULENCE_LEVELS)
+    for given, (name, record) in zip((world, sensors, loop), RECORDS.items()):
+        if not isinstance(given, record):
+            raise DataError(f"{name} is {brief(given)}; it must be a {record.__name__}")
+    check_number(seed, "seed", least=0, whole=True)
+    check_choice(loop.feedback, "feedback", ("estimate", "truth"))
+    check_choice(loop.prediction, "prediction", ("imu", "model", "model-always"))
+    check_choice(world.earth, "earth", ("geodetic", "flat"))
+    check_choice(world.turbulence, "turbulence", TURBULENCE_LEVELS)
     axes = "numbers: north, east, down, m/s"
-    check_array(asked.wind, "wind", (3,), what=axes)
-    check_array(
-        (0.0,) * 3 if asked.told_wind is None else asked.told_wind, "told_wind", (3,), what=axes
-    )
-    check_number(asked.rate, "rate", "Hz", above=0)
-    if not isinstance(asked.model_noise, Noise):
-        raise DataError(f"model_noise is {asked.model_noise!r}; it must be a Noise")
-    check_array(asked.model_noise, "model_noise", (len(Noise._fields),), least=0)
+    check_array(world.wind, "wind", (3,), what=axes)
+    told = (0.0,) * 3 if world.told_wind is None else world.told_wind
+    check_array(told, "told_wind", (3,), what=axes)
+    check_number(sensors.rate, "rate", "Hz", above=0)
+    if not isinstance(loop.model_noise, Noise):
+        raise DataError(f"model_noise is {loop.model_noise!r}; it must be a Noise")
+    check_array(loop.model_noise, "model_noise", (len(Noise._fields),), least=0)
 
 
-def check_sensors(gnss: Gnss, gate: float | None, barometer: Barometer | None, rate: float) -> None:
+def check_sensors(gnss: Gnss, sensors: Sensors) -> None:
     """Raise DataError for a receiver, a gate of its fixes or a barometer that cannot be flown
-    with an IMU of `rate` (Hz)."""
-    gnss.check(rate)
-    if gate is not None:
-        check_number(gate, "gate", above=0, infinite=True)
+    with the IMU."""
+    gnss.check(sensors.rate)
+    if sensors.gate is not None:
+        check_number(sensors.gate, "gate", above=0, infinite=True)
+    barometer = sensors.barometer
     if barometer is not None:
         if not isinstance(barometer, Barometer):
             raise DataError(f"barometer is {barometer!r}; it must be a Barometer")
-        check_rate(barometer.rate, rate, "barometer")
+        check_rate(barometer.rate, sensors.rate, "barometer")
 
 
 def checked_windows(outage: Outage, prediction: str, end: float) -> Windows:
@@ -102,16 +91,11 @@ def _check_inputs(inputs: int, filter: Filter) -> None:
         raise DataError(f"{filter.name} does not compute with controls; leave inputs out")
 
 
-def checked_filter(
-    filter: Filter | str,
-    feedback: str,
-    prediction: str,
-    barometer: Barometer | None,
-    inputs: int | None,
-) -> Filter:
+def checked_filter(filter: Filter | str, loop: Loop, barometer: Barometer | None) -> Filter:
     """The Filter of that name; raises DataError where nothing can be flown on it."""
     chosen = find_filter(filter)
-    if not positioned(chosen) and (feedback == "estimate" or prediction != "imu"):
+    by_estimate = loop.feedback == "estimate" or loop.prediction != "imu"
+    if not positioned(chosen) and by_estimate:
         raise DataError(
             f"{chosen.name} estimates no position, and the autopilot flies by one; take "
             f"feedback='truth', prediction='imu'"
@@ -122,8 +106,8 @@ def checked_filter(
         [Aiding(kind, np.empty(0), np.empty((0, 3)), np.empty((0, 3))) for kind in kinds],
         "a flight has a receiver, a barometer where it is given one, and nothing else",
     )
-    if inputs is not None:
-        _check_inputs(inputs, chosen)
+    if loop.inputs is not None:
+        _check_inputs(loop.inputs, chosen)
     return chosen
 
 

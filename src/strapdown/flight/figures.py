@@ -8,6 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
+from ..core.compile.records import Table
 from ..data import Aiding, SolutionMeta, Trajectory
 from ..evaluation.metrics import any_known
 from ..geodesy import displacement
@@ -24,7 +25,7 @@ from ..reports.drawing import (
     time_axis,
 )
 from ..typing import Array
-from .autopilot import ALONG_E, ALONG_N, ANGLE, FROM_E, FROM_N, KIND, LENGTH, LINE_KIND, RADIUS
+from .autopilot import Segment
 from .fly import Flight
 
 Rows: TypeAlias = Sequence[tuple[str, Sequence[tuple[str, str]], float]]
@@ -340,44 +341,38 @@ def _frame(figure: go.Figure, flown: Array, believed: Array | None) -> None:
     )
 
 
-def flown_route(flight: Flight, ends: Array) -> Array:
+def flown_route(flight: Flight, ends: Array) -> Table[Segment]:
     """The segments of the route that were flown, the last one up to the furthest of `ends`, (n,
     2) north and east in m."""
     parts = flight.route[: int(flight.log["segment"][-1]) + 1].copy()
     last = parts[-1]
-    away = ends[np.isfinite(ends).all(axis=1)] - last[FROM_N : FROM_E + 1]
-    if last[KIND] == LINE_KIND:
-        along = away @ last[ALONG_N : ALONG_E + 1]
+    away = ends[np.isfinite(ends).all(axis=1)] - [last.north, last.east]
+    if not last.is_arc:
+        along = away @ [last.along_north, last.along_east]
     else:
         turned = (
-            np.sign(last[RADIUS]) * (np.arctan2(away[:, 1], away[:, 0]) - last[ANGLE]) % (2 * np.pi)
+            np.sign(last.radius) * (np.arctan2(away[:, 1], away[:, 0]) - last.angle) % (2 * np.pi)
         )
         # short of its begin
-        along = abs(last[RADIUS]) * np.where(
-            turned > np.pi + last[LENGTH] / abs(last[RADIUS]) / 2, 0.0, turned
+        along = abs(last.radius) * np.where(
+            turned > np.pi + last.length / abs(last.radius) / 2, 0.0, turned
         )
-    last[LENGTH] = np.clip(along, 0.0, last[LENGTH]).max(initial=0.0)
+    last.length = np.clip(along, 0.0, last.length).max(initial=0.0)
     return parts
 
 
-def route_points(parts: Array) -> Array:
+def route_points(parts: Table[Segment]) -> Array:
     """(n, 2) north and east of segments of a route, m from the plan's place: its lines by their
     ends, its arcs in steps of ARC_STEP."""
     points = [np.zeros((1, 2))]
     for part in parts:
-        begin, along, length, radius = (
-            part[FROM_N : FROM_E + 1],
-            part[ALONG_N : ALONG_E + 1],
-            part[LENGTH],
-            part[RADIUS],
-        )
-        if part[KIND] == LINE_KIND:
-            points.append(np.array([begin, begin + length * along]))
+        begin, along = np.array([[part.north, part.east], [part.along_north, part.along_east]])
+        if not part.is_arc:
+            points.append(np.array([begin, begin + part.length * along]))
         else:
-            angle = part[ANGLE] + np.linspace(
-                0, length / radius, 2 + int(abs(length / radius) / ARC_STEP)
-            )
-            points.append(begin + abs(radius) * np.c_[np.cos(angle), np.sin(angle)])
+            turn = part.length / part.radius
+            angle = part.angle + np.linspace(0, turn, 2 + int(abs(turn) / ARC_STEP))
+            points.append(begin + abs(part.radius) * np.c_[np.cos(angle), np.sin(angle)])
     return np.concatenate(points)
 
 

@@ -7,7 +7,8 @@ every other run, and `fuse` on the flight's recording gives the flight's own sol
 """
 
 import math
-from typing import NamedTuple
+from enum import IntEnum
+from typing import Annotated, NamedTuple
 
 from ..aiding.pressure import (
     EXPONENT,
@@ -20,6 +21,7 @@ from ..aiding.pressure import (
     pressure_altitude,
 )
 from ..core.compile.jit import caller, helper, inlined, kernel, matrix
+from ..core.compile.records import Table, rows_of
 from ..core.compile.signatures import WHOLE, reals, record, signature, wholes
 from ..core.loop import loop
 from ..core.loop.contract import (
@@ -43,30 +45,19 @@ from ..core.mathematics.rotation import matrix_to_quaternion, turned, wrap
 from ..typing import Array, Ints
 from . import inputs
 from .aircraft.dynamics import (
-    AIRSPEED as AIR_SPEED,
-    ALPHA,
     CONTROLS,
     EVALUATE,
+    LLA,
     OMEGA,
-    OUTPUTS,
-    PROPELLER,
     QUATERNION,
     STATE_SIZE,
     STEP,
     VELOCITY,
+    Loads,
 )
-from .aircraft.wind import GUST, SD_U
-from .autopilot import (
-    AIRSPEED,
-    COURSE,
-    PITCH,
-    SEGMENT,
-    TRIM_PITCH,
-    deviation,
-    height_along,
-    metres,
-    steer,
-)
+from .aircraft.parameters import Parameters
+from .aircraft.wind import GUST, Turbulence
+from .autopilot import STEERING, Steering, deviation, height_along, metres, steer
 
 IMU_ERRORS = Slots()
 """What the IMU adds to its increments."""
@@ -77,29 +68,61 @@ STEP_SIZE = IMU_ERRORS.array("STEP_SIZE", 2)  # of counted increments
 FULL_SCALE = IMU_ERRORS.array("FULL_SCALE", 2)
 COUNTER = IMU_ERRORS.array("COUNTER", 6)  # before they are cut to whole steps
 COUNTED = IMU_ERRORS.array("COUNTED", 6)  # and after
-ROW, LAST, CAUSE, FILLED, BY_TRUTH, BY_MODEL, INPUTS, STALLED, STEPS, AT_SIZE = range(10)
-"""Journal.at: next row, where to stop, why the flight ended, fixes measured so far, 1: the
-autopilot flies by the truth, 1: the aircraft's model predicts while the receiver is cut, first
-of the filter's inputs in workspace (-1: it takes none), samples in a row beyond the stall, steps
-of the aircraft in a sample."""
-FLYING, GROUND, STALL, ATTITUDE, NUMBER, FILTER = range(6)
-COMMANDED, ACTUAL, OUTPUT_COLUMNS, BODY_VELOCITY, RATES, WIND, ASKED, OFF, LEG, CUT, LOG_WIDTH = (
-    0,
-    4,
-    8,
-    18,
-    21,
-    24,
-    27,
-    32,
-    34,
-    35,
-    36,
-)
-"""Columns of the log: commands, positions of the controls, what `evaluate` tells up to the
-propeller's speed, velocity over ground and rates in body axes, wind, what the autopilot asks
-for, how far the aircraft is off its route, row of the route, whether the model predicts.
-flight.LOG names them."""
+
+
+class Cause(IntEnum):
+    """Why a flight ended."""
+
+    FLYING = 0  # it goes on
+    GROUND = 1
+    STALL = 2
+    ATTITUDE = 3
+    NUMBER = 4
+    FILTER = 5
+
+
+class Progress:
+    """Where a flight stands, and how it is flown."""
+
+    row: int  # next sample
+    last: int  # where to stop
+    cause: int  # a Cause
+    filled: int  # fixes measured so far
+    by_truth: int  # 1: the autopilot flies by the truth
+    by_model: int  # 1: the aircraft's model predicts while the receiver is cut
+    inputs: int  # first of the filter's inputs in workspace; -1: it takes none
+    stalled: int  # samples in a row beyond the stall
+    steps: int  # of the aircraft in a sample
+
+
+class LogRow:
+    """What the log has of a sample, at its end. flight.LOG names its numbers."""
+
+    commands: Annotated[Array, 4]
+    controls: Annotated[Array, 4]  # positions
+    # what `evaluate` tells
+    force: Annotated[Array, 3]
+    moment: Annotated[Array, 3]
+    airspeed: float
+    alpha: float
+    beta: float
+    propeller: float
+    velocity: Annotated[Array, 3]  # over ground, body
+    rates: Annotated[Array, 3]
+    wind: Annotated[Array, 3]
+    # what the autopilot asks for
+    course: float
+    roll: float
+    pitch: float
+    height: float
+    asked_airspeed: float
+    # how far the aircraft is off its route
+    right: float
+    above: float
+    segment: float  # row of the route
+    cut: float  # 1: the model predicts
+
+
 WORK = Slots()
 """Vehicle.work."""
 INCREMENTS = WORK.array("INCREMENTS", 6)
@@ -110,7 +133,6 @@ CONTROL_SUMS = WORK.array("CONTROL_SUMS", 4)
 TRUE_C = WORK.matrix("TRUE_C", 3, 3)  # C_nb
 RATE_ROWS = WORK.array("RATE_ROWS", 19)  # rates
 TOLD = WORK.array("TOLD", 9)  # the wind that is told
-LOADS = WORK.array("LOADS", OUTPUTS)  # what `evaluate` tells
 # mean rates of change of velocity and body rates over the sample
 SLOPES = WORK.array("SLOPES", 6)
 STALL_PATIENCE = 1.0  # s
@@ -118,28 +140,29 @@ STALL_PATIENCE = 1.0  # s
 SINE_STEEPEST_PITCH = math.sin(math.radians(85.0))
 
 
+class Calls(NamedTuple):
+    """Addresses of the kernels that a flight calls."""
+
+    step: int
+    evaluate: int
+    gust: int
+    run: int
+
+
 class Vehicle(NamedTuple):
     """The aircraft in its air."""
 
-    parameters: Array  # of the aircraft
+    parameters: Table[Parameters]  # of the aircraft, one row
     state: Array  # (17,) see aircraft.dynamics
     commands: Array  # (4,)
     wind: Array  # (9,) steady (NED), gust velocity (body), gust rates
     model: Array  # (17,) the aircraft that predicts while the receiver is cut
-    turbulence: Array  # numbers of the gusts
+    loads: Table[Loads]  # one row
+    turbulence: Table[Turbulence]  # one row
     gusts: Array  # their state
     normals: Array  # (n, k) white normals, of each step
     limits: Array  # height of the ground, m; largest angle of attack, rad
     work: Array  # see WORK
-
-
-class Steering(NamedTuple):
-    """The autopilot, see autopilot.py."""
-
-    pilot: Array
-    memory: Array
-    route: Array
-    wind: Array  # (3,) m/s NED: the steady wind it is told
 
 
 class Errors(NamedTuple):
@@ -162,30 +185,25 @@ class Journal(NamedTuple):
     lla: Array  # (n + 1, 3)
     v: Array  # (n + 1, 3)
     q: Array  # (n + 1, 4)
-    log: Array  # (n, LOG_WIDTH)
+    log: Table[LogRow]  # of the samples
     cut: Ints  # int64 (n,): 1 where the model may predict
-    at: Ints  # int64
+    at: Table[Progress]  # one row
 
 
+CALLS = record(Calls, step=WHOLE, evaluate=WHOLE, gust=WHOLE, run=WHOLE)
 VEHICLE = record(
     Vehicle,
-    parameters=reals("parameters"),
+    parameters=rows_of(Parameters, 1),
     state=reals(STATE_SIZE),
     commands=reals(4),
     wind=reals(9),
     model=reals(STATE_SIZE),
-    turbulence=reals("turbulence"),
+    loads=rows_of(Loads, 1),
+    turbulence=rows_of(Turbulence, 1),
     gusts=reals("gusts"),
     normals=reals("draws", "normals"),
     limits=reals(2),
     work=reals("vehicle_work"),
-)
-STEERING = record(
-    Steering,
-    pilot=reals("pilot"),
-    memory=reals("memory"),
-    route=reals("legs", "leg"),
-    wind=reals(3),
 )
 ERRORS = record(
     Errors,
@@ -201,13 +219,13 @@ JOURNAL = record(
     lla=reals("moments_flown", 3),
     v=reals("moments_flown", 3),
     q=reals("moments_flown", 4),
-    log=reals("flown", LOG_WIDTH),
+    log=rows_of(LogRow, "flown"),
     cut=wholes("flown"),
-    at=wholes(AT_SIZE),
+    at=rows_of(Progress, 1),
 )
 FLY = signature(
     "fly",
-    **dict.fromkeys(("step", "evaluate", "gust", "run"), WHOLE),
+    calls=CALLS,
     kernels=KERNELS,
     belief=BELIEF,
     imu=IMU,
@@ -231,10 +249,7 @@ run_at, step_at, evaluate_at, gust_at = (
 
 @kernel(FLY)
 def fly(
-    step: int,
-    evaluate: int,
-    gust: int,
-    run: int,
+    calls: Calls,
     kernels: Kernels,
     belief: Belief,
     imu: Imu,
@@ -248,73 +263,38 @@ def fly(
     errors: Errors,
     journal: Journal,
 ) -> None:
-    """Fly the samples at[ROW] to at[LAST]; stops early, with at[CAUSE], where the flight ends.
-    Commands must stand for the first sample."""
-    at, state, work = journal.at, vehicle.state, vehicle.work
-    C, loads, measured, steps = (
-        matrix(work, TRUE_C, 3, 3),
-        work[LOADS],
-        work[STEP_INCREMENTS],
-        at[STEPS],
-    )
-    for row in range(at[ROW], at[LAST]):
-        cut, h = journal.cut[row] * at[BY_MODEL], imu.dt[row] / steps
-        imagined = cut == 1 and at[INPUTS] < 0
+    """Fly the samples from `row` up to `last` of the progress; stops early, with its cause, where
+    the flight ends. Commands must stand for the first sample."""
+    at, state, work = journal.at[0], vehicle.state, vehicle.work
+    C, steps = matrix(work, TRUE_C, 3, 3), at.steps
+    for row in range(at.row, at.last):
+        cut, h = journal.cut[row] * at.by_model, imu.dt[row] / steps
+        imagined = cut == 1 and at.inputs < 0
         _begin_sample(vehicle, belief, imu.dtheta[row], imu.dv[row], imagined)
         for k in range(steps):
+            moment = row * steps + k
             if k > 0:  # by the last estimate
-                _steer(steering, vehicle, belief, at[BY_TRUTH], h)
-            if vehicle.turbulence[SD_U] > 0:
-                gust_at(gust)(
-                    vehicle.turbulence,
-                    vehicle.gusts,
-                    vehicle.normals[row * steps + k],
-                    loads[AIR_SPEED],
-                    h,
-                    vehicle.wind,
-                )
-            _move(step, vehicle, h, C)
-            evaluate_at(evaluate)(
-                vehicle.parameters,
-                state,
-                vehicle.wind,
-                work[RATE_ROWS],
-                loads,
-            )
+                _steer(steering, vehicle, belief, at.by_truth, h)
+            _blow(calls.gust, vehicle, moment, h)
+            _move(calls, vehicle, h, C)
             if imagined:
-                _imagine(step, vehicle, belief, h)
+                _imagine(calls.step, vehicle, belief, h)
             else:
-                _measure(
-                    work[INCREMENTS],
-                    errors.numbers,
-                    errors.dtheta[row * steps + k],
-                    errors.dv[row * steps + k],
-                    h,
-                    measured[0:3],
-                    measured[3:6],
-                )
-            for i in range(3):
-                imu.dtheta[row, i] += measured[i]
-                imu.dv[row, i] += measured[3 + i]
+                _measure(work, errors, moment, h)
+            _add(work[STEP_INCREMENTS], imu.dtheta[row], imu.dv[row])
             _fill(errors, fixes, at, state, C, imu.t[row] - (steps - 1 - k) * h, work[SLOPES])
-        if at[INPUTS] >= 0:
-            _tell(belief.workspace, at[INPUTS], cut, work, steering.wind, imu.dt[row], steps)
+        _tell(belief.workspace, at, cut, work, steering.wind, imu.dt[row])
         cursor.state[0].stop = row + 1
-        if imagined:
-            run_at(run)(kernels, belief, imu, fixes, model_noise, cursor, out)
-        else:
-            run_at(run)(kernels, belief, imu, fixes, noise, cursor, out)
+        assumed = model_noise if imagined else noise
+        run_at(calls.run)(kernels, belief, imu, fixes, assumed, cursor, out)
+        if not imagined:
             _learn(vehicle.model, state, belief)
-        if at[BY_TRUTH] == 1 or cursor.state[0].fault == 0:
-            _steer(steering, vehicle, belief, at[BY_TRUTH], h)
+        if at.by_truth == 1 or cursor.state[0].fault == 0:
+            _steer(steering, vehicle, belief, at.by_truth, h)
         _write(journal, row, vehicle, steering, C, cut)
-        at[CAUSE] = (
-            FILTER
-            if cursor.state[0].fault
-            else _cause(state, C, vehicle.limits, loads[ALPHA], at, imu.dt[row])
-        )
-        at[ROW] = row + 1
-        if at[CAUSE] != FLYING:
+        at.cause = Cause.FILTER if cursor.state[0].fault else _cause(vehicle, C, at, imu.dt[row])
+        at.row = row + 1
+        if at.cause != Cause.FLYING:
             return
 
 
@@ -333,11 +313,33 @@ def _begin_sample(
 
 
 @helper
+def _blow(gust: int, vehicle: Vehicle, moment: int, h: float) -> None:
+    """Go on with the gusts, if any blow, in the aircraft's step of that number."""
+    if vehicle.turbulence[0].sd_u > 0:
+        gust_at(gust)(
+            vehicle.turbulence[0],
+            vehicle.gusts,
+            vehicle.normals[moment],
+            vehicle.loads[0].airspeed,
+            h,
+            vehicle.wind,
+        )
+
+
+@helper
+def _add(measured: Array, dtheta: Array, dv: Array) -> None:
+    """Add the increments of a step to those of its sample."""
+    for i in range(3):
+        dtheta[i] += measured[i]
+        dv[i] += measured[3 + i]
+
+
+@helper
 def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
     """What the IMU would measure aboard the model in a step, biases included."""
     imaginary, measured = vehicle.work[MODEL_INCREMENTS], vehicle.work[STEP_INCREMENTS]
     step_at(step)(
-        vehicle.parameters,
+        vehicle.parameters[0],
         vehicle.model,
         vehicle.commands,
         vehicle.work[TOLD],
@@ -352,55 +354,40 @@ def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
 @helper
 def _steer(steering: Steering, vehicle: Vehicle, belief: Belief, by_truth: int, h: float) -> None:
     """Commands for the next step, from the truth or the estimate."""
-    state, work = vehicle.state, vehicle.work
+    state, commands = vehicle.state, vehicle.commands
     if by_truth == 1:
-        steer(
-            steering.pilot,
-            steering.memory,
-            steering.route,
-            state[0:3],
-            state[VELOCITY:QUATERNION],
-            matrix(work, TRUE_C, 3, 3),
-            state[OMEGA:CONTROLS],
-            steering.wind,
-            h,
-            vehicle.commands,
-        )
+        C = matrix(vehicle.work, TRUE_C, 3, 3)
+        steer(steering, state[LLA], state[VELOCITY], C, state[OMEGA], h, commands)
     else:
-        steer(
-            steering.pilot,
-            steering.memory,
-            steering.route,
-            belief.lla,
-            belief.v,
-            belief.C,
-            belief.omega,
-            steering.wind,
-            h,
-            vehicle.commands,
-        )
+        steer(steering, belief.lla, belief.v, belief.C, belief.omega, h, commands)
 
 
 @inlined
-def _move(step: int, vehicle: Vehicle, dt: float, C: Array) -> None:
-    """Move the aircraft by a step; leaves its increments and mean rates of change in `work`, what
-    its controls were among their sums, its attitude in C."""
-    state, work, slopes, controls = (
+def _move(calls: Calls, vehicle: Vehicle, dt: float, C: Array) -> None:
+    """Move the aircraft by a step; leaves its increments, mean rates of change and loads in `work`,
+    what its controls were among their sums, its attitude in C."""
+    state, work, slopes, sums = (
         vehicle.state,
         vehicle.work,
         vehicle.work[SLOPES],
         vehicle.work[CONTROL_SUMS],
     )
+    v, omega, controls = state[VELOCITY], state[OMEGA], state[CONTROLS]
     for i in range(3):
-        slopes[i], slopes[3 + i] = -state[VELOCITY + i] / dt, -state[OMEGA + i] / dt
-    before = (state[CONTROLS], state[CONTROLS + 1], state[CONTROLS + 2], state[CONTROLS + 3])
-    step_at(step)(vehicle.parameters, state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS])
+        slopes[i], slopes[3 + i] = -v[i] / dt, -omega[i] / dt
+    before = (controls[0], controls[1], controls[2], controls[3])
+    step_at(calls.step)(
+        vehicle.parameters[0], state, vehicle.commands, vehicle.wind, dt, work[INCREMENTS]
+    )
     for i in range(3):
-        slopes[i] += state[VELOCITY + i] / dt
-        slopes[3 + i] += state[OMEGA + i] / dt
+        slopes[i] += v[i] / dt
+        slopes[3 + i] += omega[i] / dt
     for i in range(4):
-        controls[i] += 0.5 * (before[i] + state[CONTROLS + i])
-    _attitude(state[QUATERNION:CONTROLS], C)
+        sums[i] += 0.5 * (before[i] + controls[i])
+    _attitude(state[QUATERNION], C)
+    evaluate_at(calls.evaluate)(
+        vehicle.parameters[0], state, vehicle.wind, work[RATE_ROWS], vehicle.loads[0]
+    )
 
 
 @helper
@@ -417,8 +404,8 @@ def _set_model(model: Array, belief: Belief) -> None:
     """Position, velocity and attitude of the model from the belief; its rates and its controls
     go on."""
     for i in range(3):
-        model[i], model[VELOCITY + i] = belief.lla[i], belief.v[i]
-    matrix_to_quaternion(belief.C, model[QUATERNION:OMEGA])
+        model[LLA][i], model[VELOCITY][i] = belief.lla[i], belief.v[i]
+    matrix_to_quaternion(belief.C, model[QUATERNION])
 
 
 @helper
@@ -426,21 +413,21 @@ def _learn(model: Array, state: Array, belief: Belief) -> None:
     """Rates of the model from the belief, as long as gyros are used; controls from the commands,
     which the model follows as the aircraft does."""
     for i in range(3):
-        model[OMEGA + i] = belief.omega[i]
+        model[OMEGA][i] = belief.omega[i]
     for i in range(4):
-        model[CONTROLS + i] = state[CONTROLS + i]
+        model[CONTROLS][i] = state[CONTROLS][i]
 
 
 @helper
-def _measure(
-    true: Array, numbers: Array, add_theta: Array, add_v: Array, dt: float, dtheta: Array, dv: Array
-) -> None:
-    """The increments as the IMU measures them: distortion, bias and noise, counting, full scale."""
+def _measure(work: Array, errors: Errors, moment: int, dt: float) -> None:
+    """The increments of the aircraft's step of that number as the IMU measures them: distortion,
+    bias and noise, counting, full scale."""
+    true, measured, numbers = work[INCREMENTS], work[STEP_INCREMENTS], errors.numbers
     distortion = numbers[DISTORTION]
     for i in range(3):
         g, m, a = 3 * i, 9 + 3 * i, 18 + 3 * i
-        dtheta[i] = (
-            add_theta[i]
+        dtheta = (
+            errors.dtheta[moment, i]
             + distortion[g] * true[0]
             + distortion[g + 1] * true[1]
             + distortion[g + 2] * true[2]
@@ -449,15 +436,15 @@ def _measure(
             + distortion[m + 2] * true[5]
             + true[i]
         )
-        dv[i] = (
-            add_v[i]
+        dv = (
+            errors.dv[moment, i]
             + distortion[a] * true[3]
             + distortion[a + 1] * true[4]
             + distortion[a + 2] * true[5]
             + true[3 + i]
         )
-        dtheta[i] = _read(numbers, 0, i, dtheta[i], dt)
-        dv[i] = _read(numbers, 1, 3 + i, dv[i], dt)
+        measured[i] = _read(numbers, 0, i, dtheta, dt)
+        measured[3 + i] = _read(numbers, 1, 3 + i, dv, dt)
 
 
 @helper
@@ -473,36 +460,36 @@ def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -
 
 
 @helper
-def _tell(
-    workspace: Array, first: int, cut: int, work: Array, wind: Array, dt: float, steps: int
-) -> None:
-    """The filter's inputs, see inputs.py."""
-    own = workspace[first : first + inputs.TOLD_SIZE]
+def _tell(workspace: Array, at: Progress, cut: int, work: Array, wind: Array, dt: float) -> None:
+    """The filter's inputs, where it takes any, see inputs.py."""
+    if at.inputs < 0:
+        return
+    own = workspace[at.inputs : at.inputs + inputs.TOLD_SIZE]
     controls, told = own[inputs.CONTROLS], own[inputs.WIND]
     own[inputs.BY_MODEL], own[inputs.SECONDS] = float(cut), dt
     for i in range(4):
-        controls[i] = work[CONTROL_SUMS][i] / steps
+        controls[i] = work[CONTROL_SUMS][i] / at.steps
     for i in range(3):
         told[i] = wind[i]
 
 
 @helper
 def _fill(
-    errors: Errors, fixes: Fixes, at: Ints, state: Array, C: Array, t: float, slopes: Array
+    errors: Errors, fixes: Fixes, at: Progress, state: Array, C: Array, t: float, slopes: Array
 ) -> None:
     """Measure what is due by t: position and velocity of antennas, pressure, with errors, back
     from t at the sample's mean accelerations."""
     a0, a1, a2 = slopes[0], slopes[1], slopes[2]
+    v, omega = state[VELOCITY], state[OMEGA]
     while (
-        at[FILLED] < fixes.t.size
-        and errors.measured[errors.order[at[FILLED]]] <= t + loop.SAME_TIME
+        at.filled < fixes.t.size and errors.measured[errors.order[at.filled]] <= t + loop.SAME_TIME
     ):
-        k = errors.order[at[FILLED]]
+        k = errors.order[at.filled]
         back, s, y, error = t - errors.measured[k], fixes.source[k], fixes.y[k], errors.fix[k]
         w0, w1, w2 = (
-            state[OMEGA] - back * slopes[3],
-            state[OMEGA + 1] - back * slopes[4],
-            state[OMEGA + 2] - back * slopes[5],
+            omega[0] - back * slopes[3],
+            omega[1] - back * slopes[4],
+            omega[2] - back * slopes[5],
         )
         arm = fixes.sources[s].parameters
         l0, l1, l2 = arm[0], arm[1], arm[2]
@@ -510,9 +497,9 @@ def _fill(
         if fixes.sources[s].kind == Kind.POSITION:
             R_M, R_N = radii(state[0])
             l0, l1, l2 = turned(C, l0, l1, l2)
-            north = l0 + error[0] - back * (state[VELOCITY] + m0 - 0.5 * back * a0)
-            east = l1 + error[1] - back * (state[VELOCITY + 1] + m1 - 0.5 * back * a1)
-            down = l2 + error[2] - back * (state[VELOCITY + 2] + m2 - 0.5 * back * a2)
+            north = l0 + error[0] - back * (v[0] + m0 - 0.5 * back * a0)
+            east = l1 + error[1] - back * (v[1] + m1 - 0.5 * back * a1)
+            down = l2 + error[2] - back * (v[2] + m2 - 0.5 * back * a2)
             y[0] = state[0] + north / (R_M + state[2])
             y[1] = wrap(state[1] + east / ((R_N + state[2]) * math.cos(state[0])))
             y[2] = state[2] - down
@@ -521,15 +508,15 @@ def _fill(
             or fixes.sources[s].kind == Kind.PRESSURE_ALTITUDE
         ):
             _, _, down = turned(C, l0, l1, l2)
-            height = state[2] - down + back * (state[VELOCITY + 2] + m2 - 0.5 * back * a2)
+            height = state[2] - down + back * (v[2] + m2 - 0.5 * back * a2)
             y[0] = _pressure(height - error[1]) + error[0]
             if fixes.sources[s].kind == Kind.PRESSURE_ALTITUDE:
                 y[0] = pressure_altitude(y[0])
         else:
-            y[0] = state[VELOCITY] + m0 - back * a0 + error[0]
-            y[1] = state[VELOCITY + 1] + m1 - back * a1 + error[1]
-            y[2] = state[VELOCITY + 2] + m2 - back * a2 + error[2]
-        at[FILLED] += 1
+            y[0] = v[0] + m0 - back * a0 + error[0]
+            y[1] = v[1] + m1 - back * a1 + error[1]
+            y[2] = v[2] + m2 - back * a2 + error[2]
+        at.filled += 1
 
 
 @helper
@@ -546,47 +533,48 @@ def _write(
     journal: Journal, row: int, vehicle: Vehicle, steering: Steering, C: Array, cut: int
 ) -> None:
     """The truth and the log after a sample."""
-    state, work, memory, log = vehicle.state, vehicle.work, steering.memory, journal.log[row]
-    for i in range(3):
-        journal.lla[row + 1, i], journal.v[row + 1, i] = state[i], state[VELOCITY + i]
-        log[RATES + i] = state[OMEGA + i]
-        log[BODY_VELOCITY + i] = (
-            C[0, i] * state[VELOCITY]
-            + C[1, i] * state[VELOCITY + 1]
-            + C[2, i] * state[VELOCITY + 2]
-        )
-    for i in range(4):
-        journal.q[row + 1, i] = state[QUATERNION + i]
-        log[COMMANDED + i], log[ACTUAL + i] = vehicle.commands[i], state[CONTROLS + i]
-    for i in range(PROPELLER + 1):
-        log[OUTPUT_COLUMNS + i] = work[LOADS][i]
+    state, log, loads = vehicle.state, journal.log[row], vehicle.loads[0]
+    v = state[VELOCITY]
     g0, g1, g2 = turned(C, vehicle.wind[3], vehicle.wind[4], vehicle.wind[5])
-    log[WIND], log[WIND + 1], log[WIND + 2] = (
-        vehicle.wind[0] + g0,
-        vehicle.wind[1] + g1,
-        vehicle.wind[2] + g2,
-    )
-    for i in range(COURSE, AIRSPEED + 1):
-        log[ASKED + i - COURSE] = memory[i]
-    log[ASKED + PITCH - COURSE] += steering.pilot[TRIM_PITCH]
-    segment = steering.route[int(memory[SEGMENT])]
-    north, east = metres(steering.pilot, state[0:3])
+    gust = (g0, g1, g2)
+    for i in range(3):
+        journal.lla[row + 1, i], journal.v[row + 1, i] = state[LLA][i], v[i]
+        log.rates[i] = state[OMEGA][i]
+        log.velocity[i] = C[0, i] * v[0] + C[1, i] * v[1] + C[2, i] * v[2]
+        log.force[i], log.moment[i] = loads.force[i], loads.moment[i]
+        log.wind[i] = vehicle.wind[i] + gust[i]
+    for i in range(4):
+        journal.q[row + 1, i] = state[QUATERNION][i]
+        log.commands[i], log.controls[i] = vehicle.commands[i], state[CONTROLS][i]
+    log.airspeed, log.alpha, log.beta = loads.airspeed, loads.alpha, loads.beta
+    log.propeller, log.cut = loads.propeller, float(cut)
+    _write_asked(log, steering, state[LLA])
+
+
+@helper
+def _write_asked(log: LogRow, steering: Steering, lla: Array) -> None:
+    """What the autopilot asks for, and how far the aircraft is off its route."""
+    memory, pilot = steering.memory[0], steering.pilot[0]
+    log.course, log.roll, log.pitch = memory.course, memory.roll, memory.pitch + pilot.trim_pitch
+    log.height, log.asked_airspeed = memory.height, memory.airspeed
+    segment = steering.route[memory.segment]
+    north, east = metres(pilot, lla)
     right, along, _ = deviation(segment, north, east)
-    log[OFF], log[OFF + 1] = right, state[2] - height_along(segment, along)
-    log[LEG], log[CUT] = memory[SEGMENT], float(cut)
+    log.right, log.above = right, lla[2] - height_along(segment, along)
+    log.segment = float(memory.segment)
 
 
 @inlined
-def _cause(state: Array, C: Array, limits: Array, alpha: float, at: Ints, dt: float) -> int:
+def _cause(vehicle: Vehicle, C: Array, at: Progress, dt: float) -> int:
     """Why the flight cannot go on, or FLYING."""
-    total = 0.0
-    for i in range(CONTROLS):
+    state, limits, alpha, total = vehicle.state, vehicle.limits, vehicle.loads[0].alpha, 0.0
+    for i in range(CONTROLS.start):
         total += state[i]
     if not abs(total) < 1e12 or not abs(alpha) < 1e12:
-        return NUMBER
+        return Cause.NUMBER.value
     if state[2] < limits[0]:
-        return GROUND
+        return Cause.GROUND.value
     if C[2, 2] < 0 or abs(C[2, 0]) > SINE_STEEPEST_PITCH:
-        return ATTITUDE
-    at[STALLED] = at[STALLED] + 1 if abs(alpha) > limits[1] else 0
-    return STALL if at[STALLED] * dt > STALL_PATIENCE else FLYING
+        return Cause.ATTITUDE.value
+    at.stalled = at.stalled + 1 if abs(alpha) > limits[1] else 0
+    return Cause.STALL.value if at.stalled * dt > STALL_PATIENCE else Cause.FLYING.value

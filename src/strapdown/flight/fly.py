@@ -2,7 +2,6 @@
 error moves the aircraft."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,8 +11,9 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.compile.jit import address, bound
-from ..core.loop import loop
+from ..core.compile.records import Table, copied, rows
 from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
+from ..core.loop.loop import SAME_TIME, run as run_samples
 from ..data import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
@@ -22,30 +22,23 @@ from ..engine.prepare import ROWS_AT_ONCE, Run, positioned
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
 from ..recording import Recording, RecordingMeta
-from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.receiver import receiver
 from ..sensor_models.streams import Stream
-from ..sim.scenario_model import START_SD, start_deviations
+from ..sim.scenario_model import start_deviations
 from ..sim.synthesis import draw_start
-from ..typing import Array, File, Progress, Say
+from ..typing import Array, File, Progress
 from . import flight_loop as kernels
-from .aircraft.dynamics import AIRSPEED, evaluate, step
+from .aircraft.dynamics import Loads, evaluate, step
 from .aircraft.modes import check_step, linearise
-from .aircraft.parameters import (
-    GRAVITY,
-    LATITUDE_RATE,
-    LONGITUDE_RATE,
-    Aircraft,
-    aircraft as find_aircraft,
-)
+from .aircraft.parameters import Aircraft, Parameters, aircraft as find_aircraft
 from .aircraft.trim import Trim, trim
-from .aircraft.wind import NORMALS, SD_U, begin, gust, turbulence as gusts
-from .autopilot import KIND, LINE_KIND, MEMORY_SIZE, RISE, SPEED
-from .autopilot_gains import Gains, gains, pilot_array
+from .aircraft.wind import NORMALS, Turbulence, begin, gust, turbulence as gusts
+from .asked import LOOP, SENSORS, WORLD, Loop, Sensors, World, check_options
+from .autopilot import Gains, Segment, Steering
+from .autopilot_gains import gains, steering
 from .checks import (
-    Request,
     check,
     check_sensors,
     checked_filter,
@@ -59,7 +52,6 @@ from .plan import FlightPlan, flight_plan, route
 from .sensor_errors import (
     FixErrors,
     ImuErrors,
-    Outage,
     Windows,
     barometer_errors,
     fix_errors,
@@ -110,18 +102,12 @@ controls; force and moment of air and propeller in body axes; airspeed and flow 
 over ground and omega_ib in body axes; wind with its gusts; what the autopilot asks for; how far
 the aircraft, not its estimate, is off its route; row of the route; 1 where the aircraft's model
 stands in for the IMU."""
-MODEL_NOISE = Noise(0.04, 0.4, 1e-5, 1e-4, 0.0, 0.0)
-"""What a filter assumes of the increments of the aircraft's model by default: the air that the
-model does not know, as random walks of 2.3 deg/sqrt(s) and 0.4 m/s/sqrt(s), which is what they
-err by over a second of light turbulence (docs/how-to/flight.md has the measurement)."""
-RECEIVER = Gnss(interval=0.2)
-"""The receiver by default: five fixes a second."""
 ENDINGS = {
-    kernels.GROUND: "the aircraft hit the ground",
-    kernels.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
-    kernels.ATTITUDE: "the aircraft was upside down or within 5 deg of the vertical",
-    kernels.NUMBER: "the aircraft's state is not finite",
-    kernels.FILTER: "the filter diverged or left the latitudes where results hold",
+    kernels.Cause.GROUND: "the aircraft hit the ground",
+    kernels.Cause.STALL: f"the aircraft was stalled for {kernels.STALL_PATIENCE:g} s",
+    kernels.Cause.ATTITUDE: "the aircraft was upside down or within 5 deg of the vertical",
+    kernels.Cause.NUMBER: "the aircraft's state is not finite",
+    kernels.Cause.FILTER: "the filter diverged or left the latitudes where results hold",
 }
 
 
@@ -149,7 +135,7 @@ class Flight:
     trim: Trim
     gains: Gains
     # segments as the autopilot flies them, see autopilot.py
-    route: Array = field(compare=False)
+    route: Table[Segment] = field(compare=False)
 
     def _repr_html_(self) -> str:
         from ..notebook.cards import card
@@ -169,88 +155,54 @@ class Flight:
 def fly(
     plan: FlightPlan | File = "straight",
     filter: Filter | str = "closed-loop",
-    imu: ImuSpec | File = "industrial",
+    *,
     seed: int = 0,
-    outage: Outage = None,
-    feedback: str = "estimate",
-    prediction: str = "imu",
-    aircraft: Aircraft | File = "aerosonde",
-    earth: str = "geodetic",
-    turbulence: str = "none",
-    wind: Sequence[float] | Array = (0.0, 0.0, 0.0),
-    told_wind: Sequence[float] | Array | None = None,
-    gnss: Gnss | File = RECEIVER,
-    gate: float | None = None,
-    rate: float = 100.0,
-    filter_rate: float | None = None,
     duration: float | None = None,
-    start: Start | None = None,
-    start_sd: Sequence[float | None] = START_SD,
-    noise: Noise | None = None,
-    model_noise: Noise = MODEL_NOISE,
-    inputs: int | None = None,
-    barometer: Barometer | None = None,
-    covariance: bool = False,
-    say: Say | None = None,
+    world: World = WORLD,
+    sensors: Sensors = SENSORS,
+    loop: Loop = LOOP,
     progress: Progress | bool | None = None,
     **options: Any,
 ) -> Flight:
-    """The Flight of `aircraft` (name, file or Aircraft) along `plan` (a name, see PLANS, a TOML
-    file or a FlightPlan) on the estimates of `filter`.
+    """Fly an aircraft along a plan on the estimates of a filter, and return its Flight.
 
-    imu: grade, file or ImuSpec; gnss: a Gnss, or the name or file of a receiver, `gate` that of its fixes; rate: steps
-    of aircraft, autopilot and IMU per second; filter_rate: those of the filter, which gets the
-    increments of a whole number of steps as one sample and whose last estimate the autopilot flies
-    by (None: `rate`); outage: when the receiver is cut, "15:" (s, to the end), "15:40,60:70" or a
-    list of (start, stop); wind: steady, NED, m/s; told_wind: what autopilot and model are told of
-    it (None: all); turbulence: a level of aircraft.wind.TURBULENCE_LEVELS; earth: "geodetic", or "flat" for
-    filters of a flat Earth; start: a Start at 0 s (None: drawn around the truth with `start_sd`, 15
-    numbers, None: the IMU's own biases); noise: a Noise in place of the IMU's; barometer: a
-    Barometer, which no outage touches; options: the filter's own. A filter that has options called
-    `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed drawn from `seed`, the aircraft
-    that is flown, the rate of its samples, the Earth. recording.meta["filter_options"] has all options of
-    the filter, so that fuse(flight.recording, filter, start=flight.start,
-    **flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
+    plan: a name, see PLANS, a TOML file or a FlightPlan; duration: s (None: the plan's); world:
+    aircraft, Earth and air; sensors: IMU, receiver and barometer, and when the receiver is cut;
+    loop: how the filter is run, and by what the autopilot flies; progress: called with the fraction
+    done, or True for a bar; options: the filter's own. Each field of World, Sensors and Loop says
+    what it is.
 
-    feedback: what the autopilot flies by, "estimate" or "truth". prediction: who predicts while the
-    receiver is cut: "imu", or "model": the filter gets the increments of the same aircraft model,
-    flown from its own belief with the commands and the told wind, and assumes `model_noise`;
-    "model-always" does so from the beginning, also between fixes.
-    inputs: of a filter that computes with controls: before each sample workspace[inputs : inputs +
-    9] gets 1 where the model is to predict, the controls (elevator, aileron, rudder, throttle), the
-    told wind and the sample's seconds; its samples stay the IMU's. Sensor errors depend on the seed
-    alone: two filters with one seed have the same. Raises DataError for what cannot be flown; a
-    flight that diverges is no error, see Flight.stopped.
+    A filter that has options called `seed`, `aircraft`, `rate` or `earth` gets the flight's: a seed
+    drawn from `seed`, the aircraft that is flown, the rate of its samples, the Earth.
+    recording.meta["filter_options"] has all options of the filter, so that
+    fuse(flight.recording, filter, start=flight.start,
+    options=flight.recording.meta["filter_options"]) repeats the solution (prediction="imu").
+    Sensor errors depend on the seed alone: two filters with one seed have the same. Raises
+    DataError for what cannot be flown; a flight that diverges is no error, see Flight.stopped.
     """
-    check(
-        Request(seed, feedback, prediction, earth, turbulence, wind, told_wind, rate, model_noise)
+    check(seed, world, sensors, loop)
+    check_options(options)
+    gnss = receiver(sensors.gnss)
+    check_sensors(gnss, sensors)
+    filter = checked_filter(filter, loop, sensors.barometer)
+    plan, spec, craft = (
+        flight_plan(plan),
+        grade(sensors.imu),
+        find_aircraft(world.aircraft),
     )
-    gnss = receiver(gnss)
-    check_sensors(gnss, gate, barometer, rate)
-    filter = checked_filter(filter, feedback, prediction, barometer, inputs)
-    plan, spec, craft = flight_plan(plan), grade(imu), find_aircraft(aircraft)
-    told = tuple(map(float, wind if told_wind is None else told_wind))
-    known = _known(_Case(plan, craft, earth, tuple(map(float, wind)), told, 1 / rate))
-    steps = steps_of(rate, filter_rate)
+    wind = tuple(map(float, world.wind))
+    known = _known(_Case(plan, craft, world.earth, wind, world.told, 1 / sensors.rate))
+    steps = steps_of(sensors.rate, loop.filter_rate)
     seconds = plan.duration or known.seconds if duration is None else duration
-    t, dt, flown, each = times(seconds, rate / steps, steps)
+    t, dt, flown, each = times(seconds, sensors.rate / steps, steps)
     stream = Stream.of(seed)
-    options |= handed(filter, stream.named("filter"), aircraft, rate / steps, earth)
-    windows = checked_windows(outage, prediction, float(t[-1]))
+    options |= handed(filter, stream.named("filter"), world, sensors.rate / steps)
+    windows = checked_windows(sensors.outage, loop.prediction, float(t[-1]))
     cut = gnss._replace(outages=(*gnss.outages, *windows))
-    errors, made = (
-        imu_errors(spec, flown, each, stream.named("imu")),
-        fix_errors(cut, flown, stream.named("gnss"), gate),
-    )
-    made = (
-        made
-        if barometer is None
-        else made.with_those(
-            barometer_errors(barometer, flown, plan.place[2], stream.named("barometer"))
-        )
-    )
-    journal = _journal(known.trim, t, dt, windows, feedback, prediction, inputs)
-    journal.at[kernels.STEPS] = steps
+    errors = imu_errors(spec, flown, each, stream.named("imu"))
+    made = _fixes(cut, sensors, flown, plan.place[2], stream)
+    journal = _journal(known.trim, t, dt, windows, loop)
+    journal.at[0].steps = steps
     truth = Trajectory(np.zeros(1), journal.lla[:1], journal.v[:1], journal.q[:1])
     blank = _blank(
         t,
@@ -258,28 +210,32 @@ def fly(
         made.aidings,
         truth,
         name=plan.name,
-        grade=str(imu) if isinstance(imu, (str, Path)) else spec,
+        grade=str(sensors.imu) if isinstance(sensors.imu, (str, Path)) else spec,
         seed=seed,
         place=list(plan.place),
         outages=[(first, min(stop, float(t[-1]))) for first, stop in windows],
         aircraft=craft.name,
-        feedback=feedback,
-        prediction=prediction,
-        earth=earth,
-        turbulence=turbulence,
-        wind=list(map(float, wind)),
-        told_wind=list(told),
+        feedback=loop.feedback,
+        prediction=loop.prediction,
+        earth=world.earth,
+        turbulence=world.turbulence,
+        wind=list(wind),
+        told_wind=list(world.told),
         filter_options=dict(options),
     )
-    start = _started(start, start_sd, spec, truth, stream.named("start"))
+    start = _started(loop, spec, truth, stream.named("start"))
     asked = run_options(
-        options=options, imu=spec, start=start, noise=noise, covariance=covariance, say=say
+        options=options,
+        imu=spec,
+        start=start,
+        noise=loop.noise,
+        covariance=loop.covariance,
+        say=loop.say,
     )
     run = begin_run(blank, filter, asked)
-    vehicle = _vehicle(known, plan, wind, told, turbulence, len(flown), stream.named("air"))
-    steering = kernels.Steering(known.pilot, np.zeros(MEMORY_SIZE), known.route, np.array(told))
-    underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, steering, journal)
-    _run(underway, model_noise, listener(progress))
+    vehicle = _vehicle(known, plan, world, len(flown), stream.named("air"))
+    underway = _Underway(run, blank, plan, known, spec, errors, made, vehicle, journal)
+    _run(underway, loop.model_noise, listener(progress))
     return _flight(underway)
 
 
@@ -298,11 +254,10 @@ class _Known(NamedTuple):
     """What all flights of one plan, aircraft and wind share; nothing in it is written to, and a
     Flight has copies."""
 
-    array: Array
+    parameters: Parameters
     trim: Trim
     gains: Gains
-    route: Array
-    pilot: Array
+    steering: Steering
     seconds: float
 
 
@@ -317,15 +272,14 @@ class _Underway(NamedTuple):
     errors: ImuErrors
     made: FixErrors
     vehicle: kernels.Vehicle
-    steering: kernels.Steering
     journal: kernels.Journal
 
 
 @lru_cache(maxsize=32)
 def _known(case: _Case) -> _Known:
     plan, craft, earth, wind, told, dt = case
-    array = craft.array(earth, plan.place)
-    gravity, scales = float(array[GRAVITY]), (1 / array[LATITUDE_RATE], 1 / array[LONGITUDE_RATE])
+    parameters = craft.parameters(earth, plan.place)
+    gravity = float(parameters.gravity)
     segments, seconds = route(plan, told, gravity)
     across = wind[1] * math.cos(plan.course) - wind[0] * math.sin(plan.course)
     if math.hypot(*wind) >= 0.9 * plan.begin_airspeed:
@@ -340,7 +294,7 @@ def _known(case: _Case) -> _Known:
     )
     check_step(begun, dt)
     for speed, slope in {
-        (float(row[SPEED]), float(row[RISE])) for row in segments if row[KIND] == LINE_KIND
+        (float(each.airspeed), float(each.rise)) for each in segments if not each.is_arc
     }:
         try:
             trim(craft, speed, climb=math.atan(slope), origin=plan.place)
@@ -351,13 +305,21 @@ def _known(case: _Case) -> _Known:
             ) from None
     found = gains(craft, begun, linearise(craft, begun), gravity)
     return _Known(
-        array,
+        parameters,
         begun,
         found,
-        segments,
-        pilot_array(found, craft, begun, plan.place, scales, gravity),
+        steering(found, begun, parameters, segments, told),
         seconds,
     )
+
+
+def _fixes(gnss: Gnss, sensors: Sensors, flown: Array, height: float, stream: Stream) -> FixErrors:
+    """The FixErrors of a receiver, and of a barometer about a height (m) where there is one."""
+    made = fix_errors(gnss, flown, stream.named("gnss"), sensors.gate)
+    if sensors.barometer is None:
+        return made
+    of_barometer = stream.named("barometer")
+    return made.with_those(barometer_errors(sensors.barometer, flown, height, of_barometer))
 
 
 def _blank(
@@ -381,25 +343,20 @@ def _journal(
     t: Array,
     dt: Array,
     windows: Windows,
-    feedback: str,
-    prediction: str,
-    inputs: int | None,
+    asked: Loop,
 ) -> kernels.Journal:
-    cut, at = np.zeros(len(t), np.int64), np.zeros(kernels.AT_SIZE, np.int64)
-    cut[:] = prediction == "model-always"
+    cut, at = np.zeros(len(t), np.int64), rows(kernels.Progress, 1)
+    cut[:] = asked.prediction == "model-always"
     for first, stop in windows:
-        cut[(t - dt >= first - loop.SAME_TIME) & (t - dt < stop - loop.SAME_TIME)] = 1
-    at[kernels.BY_TRUTH], at[kernels.BY_MODEL], at[kernels.INPUTS] = (
-        feedback == "truth",
-        prediction != "imu",
-        -1 if inputs is None else inputs,
-    )
-    rows = len(t) + 1
+        cut[(t - dt >= first - SAME_TIME) & (t - dt < stop - SAME_TIME)] = 1
+    at[0].by_truth, at[0].by_model = asked.feedback == "truth", asked.prediction != "imu"
+    at[0].inputs = -1 if asked.inputs is None else asked.inputs
+    moments = len(t) + 1
     journal = kernels.Journal(
-        np.empty((rows, 3)),
-        np.empty((rows, 3)),
-        np.empty((rows, 4)),
-        np.empty((len(t), kernels.LOG_WIDTH)),
+        np.empty((moments, 3)),
+        np.empty((moments, 3)),
+        np.empty((moments, 4)),
+        rows(kernels.LogRow, len(t)),
         cut,
         at,
     )
@@ -411,45 +368,39 @@ def _journal(
     return journal
 
 
-def _started(
-    start: Start | None,
-    sd: Sequence[float | None],
-    spec: ImuSpec,
-    truth: Trajectory,
-    of_start: Stream,
-) -> Start:
+def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: Stream) -> Start:
     """The filter's Start: as given, or drawn around the truth."""
-    if start is not None:
-        if isinstance(start, Start) and start.t != 0:
-            raise DataError(f"the start is at {start.t:g} s; a flight begins at 0 s")
-        return start
-    return draw_start(truth, start_deviations(sd, spec), of_start)
+    if asked.start is not None:
+        if isinstance(asked.start, Start) and asked.start.t != 0:
+            raise DataError(f"the start is at {asked.start.t:g} s; a flight begins at 0 s")
+        return asked.start
+    return draw_start(truth, start_deviations(asked.start_sd, spec), of_start)
 
 
 def _vehicle(
     known: _Known,
     plan: FlightPlan,
-    wind: Sequence[float] | Array,
-    told: tuple[float, ...],
-    level: str,
-    rows: int,
+    world: World,
+    steps: int,
     of_air: Stream,
 ) -> kernels.Vehicle:
-    craft, work = known.trim.aircraft, kernels.WORK.zeros()
-    work[kernels.TOLD][:3] = told
-    work[kernels.LOADS][AIRSPEED] = known.trim.airspeed
-    numbers = gusts(level, plan.clearance, craft["span"])
-    blowing = numbers[SD_U] > 0
+    craft, work, loads = known.trim.aircraft, kernels.WORK.zeros(), rows(Loads, 1)
+    work[kernels.TOLD][:3] = world.told
+    loads[0].airspeed = known.trim.airspeed
+    turbulence, parameters = rows(Turbulence, 1), rows(Parameters, 1)
+    turbulence[0] = blowing = gusts(world.turbulence, plan.clearance, craft["span"])
+    parameters[0] = known.parameters
     state = known.trim.state.copy()
     return kernels.Vehicle(
-        known.array,
+        parameters,
         state,
         known.trim.commands.copy(),
-        np.r_[np.asarray(wind, float), np.zeros(6)],
+        np.r_[np.asarray(world.wind, float), np.zeros(6)],
         state.copy(),
-        numbers,
-        begin(numbers, of_air.named("begin").standard_normal(NORMALS)),
-        of_air.standard_normal((rows if blowing else 1, NORMALS)),
+        loads,
+        turbulence,
+        begin(blowing, of_air.named("begin").standard_normal(NORMALS)),
+        of_air.standard_normal((steps if blowing.sd_u > 0 else 1, NORMALS)),
         np.array([plan.place[2] - plan.clearance, craft["stall_alpha"]]),
         work,
     )
@@ -460,7 +411,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
     run, journal = underway.run, underway.journal
     model_noise, first, room = (
         Noise(*map(float, model_noise)),
-        int(journal.at[kernels.INPUTS]),
+        int(journal.at[0].inputs),
         run.belief.workspace.size,
     )
     if first >= 0 and first + TOLD_SIZE > room:
@@ -474,10 +425,12 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
         underway.errors.numbers,
         *in_loop_order(run.fixes, run.recording.aidings, underway.made),
     )
-    at, rows = journal.at, len(run.samples.t)
+    at, count = journal.at[0], len(run.samples.t)
+    known = underway.known.steering
+    steered = known._replace(memory=known.memory.copy())
     go = bound(
         kernels.fly,
-        *(address(each) for each in (step, evaluate, gust, loop.run)),
+        kernels.Calls(*map(address, (step, evaluate, gust, run_samples))),
         run.kernels,
         run.belief,
         run.samples,
@@ -487,43 +440,49 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
         run.cursor,
         run.out,
         underway.vehicle,
-        underway.steering,
+        steered,
         errors,
         journal,
     )
-    while at[kernels.ROW] < rows and at[kernels.CAUSE] == kernels.FLYING:
-        at[kernels.LAST] = min(int(at[kernels.ROW]) + ROWS_AT_ONCE, rows)
+    while at.row < count and at.cause == kernels.Cause.FLYING:
+        at.last = min(int(at.row) + ROWS_AT_ONCE, count)
         go()
         run.events.take(run.cursor)
-        progress(at[kernels.ROW] / rows)
+        progress(at.row / count)
 
 
 def _flight(underway: _Underway) -> Flight:
     """The Flight of what was flown."""
     run, blank, known, journal = underway.run, underway.blank, underway.known, underway.journal
-    rows, cause = int(journal.at[kernels.ROW]), int(journal.at[kernels.CAUSE])
-    samples = Imu(*(column[:rows] for column in run.samples))
+    at = journal.at[0]
+    count, cause = int(at.row), int(at.cause)
+    samples = Imu(*(column[:count] for column in run.samples))
     truth = Trajectory(
-        np.r_[0.0, samples.t], journal.lla[: rows + 1], journal.v[: rows + 1], journal.q[: rows + 1]
+        np.r_[0.0, samples.t],
+        journal.lla[: count + 1],
+        journal.v[: count + 1],
+        journal.q[: count + 1],
     )
     aidings = tuple(
         _measured(a, s, run.fixes, samples.t[-1]) for s, a in enumerate(run.recording.aidings)
     )
     notes = saturated(underway.spec, samples)
-    if journal.at[kernels.BY_MODEL] and journal.at[kernels.INPUTS] < 0:
+    if at.by_model and at.inputs < 0:
         notes.append(
-            f"{int(journal.cut[:rows].sum())} IMU samples are those of the aircraft's model, not "
+            f"{int(journal.cut[:count].sum())} IMU samples are those of the aircraft's model, not "
             f"measured"
         )
     stopped = None
-    if cause != kernels.FLYING:
-        stopped = Stop(float(samples.t[-1]), ENDINGS[cause], underway.vehicle.state.copy())
+    if cause != kernels.Cause.FLYING:
+        stopped = Stop(
+            float(samples.t[-1]), ENDINGS[kernels.Cause(cause)], underway.vehicle.state.copy()
+        )
         notes.append(str(stopped))
-    steps = int(journal.at[kernels.STEPS])
+    steps = int(at.steps)
     made = replace(blank, imu=samples, aidings=aidings, reference=truth).noting(notes)
     recording = made.knowing(
-        b_a=underway.errors.b_a[steps - 1 :: steps][:rows],
-        b_g=underway.errors.b_g[steps - 1 :: steps][:rows],
+        b_a=underway.errors.b_a[steps - 1 :: steps][:count],
+        b_g=underway.errors.b_g[steps - 1 :: steps][:count],
     )
     filters = run.recording.meta["notes"][len(blank.meta["notes"]) :]
     if (
@@ -543,10 +502,13 @@ def _flight(underway: _Underway) -> Flight:
         solution = replace(
             solution, events=tuple(sorted({*solution.events, (stopped.t, str(stopped))}))
         )
-    log = {"t, s": samples.t, **{name: journal.log[:rows, i] for i, name in enumerate(LOG)}}
+    numbers = journal.log[:count].view(float).reshape(count, len(LOG))
+    log = {"t, s": samples.t, **{name: numbers[:, i] for i, name in enumerate(LOG)}}
     trimmed = replace(
         known.trim,
-        **{name: getattr(known.trim, name).copy() for name in ("state", "commands", "outputs")},
+        state=known.trim.state.copy(),
+        commands=known.trim.commands.copy(),
+        loads=copied(known.trim.loads),
     )
     return Flight(
         recording,
@@ -557,13 +519,11 @@ def _flight(underway: _Underway) -> Flight:
         underway.plan,
         trimmed,
         known.gains,
-        known.route.copy(),
+        known.steering.route.copy(),
     )
 
 
 def _measured(aiding: Aiding, source: int, fixes: Fixes, end: float) -> Aiding:
     """The Aiding with what was measured until `end` (s)."""
     y = fixes.y[fixes.source == source]
-    return replace(aiding, y=y[:, : aiding.y.shape[1]].copy())._where(
-        aiding.t <= end + loop.SAME_TIME
-    )
+    return replace(aiding, y=y[:, : aiding.y.shape[1]].copy())._where(aiding.t <= end + SAME_TIME)

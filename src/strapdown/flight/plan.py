@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_array, check_number, did_you_mean, located
+from ..core.compile.records import Table, rows
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..files import read_toml
 from ..geodesy import wrap
 from ..toml_keys import Key, listed, made, number, read_table, scaled, text
 from ..typing import Array, File
-from . import autopilot as p
+from .autopilot import Segment
 
 RAD_PER_DEG = math.pi / 180
 DEFAULT_PLACE = (47.63 * RAD_PER_DEG, 9.35 * RAD_PER_DEG, 500.0)
@@ -193,9 +194,11 @@ def read_plan(path: File) -> FlightPlan:
         return FlightPlan(**{"name": Path(path).stem} | read_table(table, KEYS))
 
 
-def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tuple[Array, float]:
-    """(Segments of the plan as autopilot.steer takes them, (m, 13); seconds from end to end at the
-    legs' airspeeds, wind left out).
+def route(
+    plan: FlightPlan, wind: Sequence[float] | Array, gravity: float
+) -> tuple[Table[Segment], float]:
+    """(Segments of the plan as autopilot.steer takes them; seconds from end to end at the legs'
+    airspeeds, wind left out).
 
     Between legs the aircraft flies an arc that both touch, at the plan's bank at the largest ground
     speed the wind (m/s, NED) allows. Raises DataError where two arcs do not fit on a leg, or where
@@ -219,6 +222,39 @@ def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tu
     cuts = np.array(
         [0.0, *(abs(radius) * math.tan(abs(angle) / 2) for angle, radius in corners), 0.0]
     )
+    _check_cuts(plan, lengths, cuts)
+    rise, heights, found = legs[:, 2] / lengths, points[:, 2] + plan.place[2], []
+    for i in range(len(legs)):
+        begin, end = points[i, :2] + cuts[i] * along[i], points[i + 1, :2] - cuts[i + 1] * along[i]
+        leg = _segment(
+            north=begin[0],
+            east=begin[1],
+            height=heights[i] + rise[i] * cuts[i],
+            along_north=along[i, 0],
+            along_east=along[i, 1],
+            length=lengths[i] - cuts[i] - cuts[i + 1],
+            rise=rise[i],
+            airspeed=speeds[i],
+            to_north=end[0],
+            to_east=end[1],
+        )
+        found.append(leg)
+        if i < len(corners) and cuts[i + 1] > 0:
+            arc = _arc(*corners[i], end, along[i])
+            low = heights[i + 1] - rise[i] * cuts[i + 1]
+            high = heights[i + 1] + rise[i + 1] * cuts[i + 1]
+            arc.height, arc.rise, arc.airspeed = low, (high - low) / arc.length, speeds[i + 1]
+            arc.along_north, arc.along_east = along[i + 1]
+            arc.to_north, arc.to_east = points[i + 1, :2] + cuts[i + 1] * along[i + 1]
+            found.append(arc)
+    table = rows(Segment, len(found))
+    for row, segment in enumerate(found):
+        table[row] = segment
+    return table, float((table.length / table.airspeed).sum())
+
+
+def _check_cuts(plan: FlightPlan, lengths: Array, cuts: Array) -> None:
+    """Raise DataError where turns need more of a leg than it has."""
     short = lengths - cuts[:-1] - cuts[1:]
     if np.any(short < 0):
         i = int(np.argmin(short))
@@ -228,28 +264,6 @@ def route(plan: FlightPlan, wind: Sequence[float] | Array, gravity: float) -> tu
             f"{cuts[i] + cuts[i + 1]:.0f} m; set the waypoints further apart, or give less airspeed "
             f"or more bank"
         )
-    rise, heights, rows = legs[:, 2] / lengths, points[:, 2] + plan.place[2], []
-    for i in range(len(legs)):
-        begin, end = points[i, :2] + cuts[i] * along[i], points[i + 1, :2] - cuts[i + 1] * along[i]
-        low, high = heights[i] + rise[i] * cuts[i], heights[i + 1] - rise[i] * cuts[i + 1]
-        rows.append(
-            (p.LINE_KIND, *begin, low, *along[i], short[i], rise[i], speeds[i], 0.0, *end, 0.0)
-        )
-        if i < len(corners) and cuts[i + 1] > 0:
-            rows.append(
-                _arc(
-                    *corners[i],
-                    end,
-                    along[i],
-                    along[i + 1],
-                    high,
-                    heights[i + 1] + rise[i + 1] * cuts[i + 1],
-                    speeds[i + 1],
-                    points[i + 1, :2] + cuts[i + 1] * along[i + 1],
-                )
-            )
-    table = np.array(rows)
-    return table, float((table[:, p.LENGTH] / table[:, p.SPEED]).sum())
 
 
 def _corner(
@@ -271,31 +285,21 @@ def _corner(
     )
 
 
-def _arc(
-    angle: float,
-    radius: float,
-    begin: Array,
-    before: Array,
-    after: Array,
-    low: float,
-    high: float,
-    speed: float,
-    end: Array,
-) -> tuple[float, ...]:
-    """The row of an arc from `begin`, where the course is along `before`, to `end`, where it is
-    along `after`."""
+def _segment(**fields: float) -> Segment:
+    """A Segment with these fields, the others 0."""
+    made: Segment
+    (made,) = rows(Segment, 1)
+    for name, value in fields.items():
+        setattr(made, name, value)
+    return made
+
+
+def _arc(angle: float, radius: float, begin: Array, before: Array) -> Segment:
+    """The arc from `begin`, where the course is along `before`, but for where it leads and how
+    it climbs."""
     centre = begin + radius * np.array([-before[1], before[0]])
-    length = abs(angle * radius)
     outward = begin - centre
-    return (
-        p.ARC_KIND,
-        *centre,
-        low,
-        *after,
-        length,
-        (high - low) / length,
-        speed,
-        radius,
-        *end,
-        math.atan2(outward[1], outward[0]),
-    )
+    arc = _segment(is_arc=1, length=abs(angle * radius), radius=radius)
+    arc.north, arc.east = centre
+    arc.angle = math.atan2(outward[1], outward[0])
+    return arc

@@ -284,13 +284,12 @@ def line(
     rank: int = 1000,
     unit: str = "",
     sd: Array | None = None,
-    most: int = MOST_POINTS,
     **style: str | float,
 ) -> None:
-    """One thinned line of `most` points; `rank` is its place in the legend, where it is shown if
+    """One thinned line; `rank` is its place in the legend, where it is shown if
     `legend` says so, by default in the first row. The pointer shows its value with the unit, and
     with the standard deviations `sd` where there are any."""
-    keep = thin(y, most)
+    keep = thin(y, MOST_POINTS)
     claimed = sd is not None and bool(np.isfinite(sd).any())
     figure.add_trace(
         go.Scatter(
@@ -359,6 +358,19 @@ def _two_digits(values: Array) -> Array:
     return np.ldexp(np.rint(mantissa * 128) / 128, exponent)
 
 
+class BandStyle(NamedTuple):
+    """How a band is drawn."""
+
+    colour: str = GREY
+    # name of the line whose entry of the legend it belongs to; None: it has its own
+    group: str | None = None
+    shaded: bool = True  # else its two edges are dotted lines
+
+
+PLAIN_BAND = BandStyle()
+"""Of the only solution on a page."""
+
+
 def band(
     figure: go.Figure,
     t: Array,
@@ -366,13 +378,11 @@ def band(
     half: Array,
     row: int = 1,
     name: str = "±3σ",
-    colour: str = GREY,
-    group: str | None = None,
-    shaded: bool = True,
+    style: BandStyle = PLAIN_BAND,
 ) -> None:
     """A band of `half` to both sides of `centre`, a polygon per stretch without NaN, or its two
-    edges as dotted lines; nothing where nothing is claimed. group: name of the line whose entry of
-    the legend it belongs to; without, it has its own."""
+    edges; nothing where nothing is claimed."""
+    colour, group, shaded = style
     half = np.where(np.isfinite(centre), half, np.nan)
     keep = thin(half, BAND_POINTS)
     t, centre, half = t[keep], centre[keep], half[keep]

@@ -31,6 +31,7 @@ from .drawing import (
     MOST_POINTS,
     RED,
     SHADED_BANDS,
+    BandStyle,
     Shown,
     about_mean,
     band,
@@ -273,7 +274,7 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
         marks(figure, t - zero, seen[:, 2] + _first_known(lla)[2], label, marker, unit="m")
     for rank, one in list(enumerate(shown))[::-1]:
         values, sd = one.solution.trajectory.lla[:, 2], claimed_sd(one.solution)[:, 2]
-        _curve(figure, one, rank, one.solution.t - zero, values, "m", sd=sd)
+        _curve(figure, one, rank, _Series(one.solution.t - zero, values, "m", sd))
     spans = [extent(one.solution.trajectory.lla[:, 2]) for one in shown]
     low, high = min(spans, key=lambda span: span[1] - span[0])
     if reference is not None:
@@ -293,20 +294,21 @@ def height(solutions: Solutions, reference: Trajectory | None = None) -> go.Figu
     return time_axis(figure, solutions, zero)
 
 
+class _Series(NamedTuple):
+    """Values over time, as a line shows them."""
+
+    t: Array  # (n,) s
+    values: Array  # (n,)
+    unit: str
+    sd: Array | None = None  # (n,)
+
+
 def _curve(
-    figure: go.Figure,
-    one: Shown,
-    rank: int,
-    t: Array,
-    values: Array,
-    unit: str,
-    row: int = 1,
-    label: str = "estimate",
-    sd: Array | None = None,
+    figure: go.Figure, one: Shown, rank: int, of: _Series, row: int = 1, label: str = "estimate"
 ) -> None:
     """The line of a solution."""
-    name = one.label(label)
-    line(figure, t, values, name, one.colour, row, None, rank, unit, sd, dash=one.dash)
+    name, dash = one.label(label), one.dash
+    line(figure, of.t, of.values, name, one.colour, row, None, rank, of.unit, of.sd, dash=dash)
 
 
 def _band(
@@ -316,8 +318,8 @@ def _band(
     if one.alone:
         band(figure, t, centre, half, row)
     else:
-        name, shaded = one.name, of <= SHADED_BANDS
-        band(figure, t, centre, half, row, f"{name} ±3σ", one.colour, name, shaded)
+        style = BandStyle(one.colour, one.name, of <= SHADED_BANDS)
+        band(figure, t, centre, half, row, f"{one.name} ±3σ", style)
 
 
 def _reference(figure: go.Figure, t: Array, values: Array, unit: str, row: int = 1) -> None:
@@ -342,7 +344,7 @@ def horizontal(solutions: Solutions, reference: Reference) -> go.Figure | None:
         if e is None or not metrics.any_known(e.horizontal):
             continue
         zero, claimed = origin(one.solution.t), 3 * np.hypot(*claimed_sd(e)[:, :2].T)
-        _curve(figure, one, rank, e.t - zero, e.horizontal, "m", label="error")
+        _curve(figure, one, rank, _Series(e.t - zero, e.horizontal, "m"), label="error")
         if np.isfinite(claimed).any():
             name = one.label("error")
             label = "3σ claimed" if one.alone else f"{name}, 3σ claimed"
@@ -612,48 +614,107 @@ def _drawn(
     for row, i in enumerate(kept, start=1):
         for label, style, t, values in fixes:
             marks(figure, t - zero, values[:, i], label, style, row, quantity.unit)
-        columns = [curve.values[:, i] for curve in curves]
-        seen = None if beside is None else beside[1][:, i]
-        turns = quantity.framed is _around_all and quantity.names[i] in ("roll", "heading")
-        if turns and quantity.names[i] == "heading":
-            columns, seen = _side_by_side(columns, seen)
-        frames: dict[str, tuple[float, float]] = {}
-        parts = []  # the first solution comes to lie on top
-        for rank in reversed(range(len(shown))):
-            one, t, values, half = (
-                shown[rank],
-                curves[rank].t,
-                columns[rank],
-                curves[rank].half[:, i],
-            )
-            if not metrics.any_known(values):
-                continue
-            low, high, beyond = quantity.framed(t, values, half, window)
-            if turns and quantity.names[i] == "heading" and np.ptp(extent(values)) > 180:
-                low, high = 0.0, 360.0
-            if turns:
-                values, half = cut(values), np.where(half < 180, half, np.nan)
-            frames[one.name] = low, high
-            notes.beyond(one, quantity, i, beyond)
-            parts.append((rank, one, t - zero, values, half))
-        for _, one, since, values, half in parts:
-            centre = values if quantity.label == "estimate" else np.zeros(len(since))
-            _band(figure, one, since, centre, half, row, len(shown))
-        for rank, one, since, values, half in parts:
-            unit, label = quantity.unit, quantity.label
-            _curve(figure, one, rank, since, values, unit, row, label, half / 3)
-        if beside is not None and seen is not None and metrics.any_known(seen):
-            inside = (beside[0] >= curves[0].t[0]) & (beside[0] <= curves[0].t[-1])
-            true = cut(seen[inside]) if turns else seen[inside]
-            _reference(figure, beside[0][inside] - zero, true, quantity.unit, row)
-        whose = {one.name: column for one, column in zip(shown, columns)}
+        panel = _Panel.of(shown, quantity, i, curves, beside)
+        frames = panel.frames(window, notes)
+        panel.draw(figure, row, zero)
+        if beside is not None:
+            panel.draw_reference(figure, row, zero, beside[0])
+        whose = {one.name: column for one, column in zip(shown, panel.columns)}
         low, high, away = _common(frames, whose)
         figure.update_yaxes(range=[low, high], row=row, col=1)
-        for one, values in zip(shown, columns):
+        for one, values in zip(shown, panel.columns):
             if one.name in away:
                 notes.leaves(one, quantity, i, values)
     notes.tell(figure, "outside the scored window" if window else "while the filter converges")
     return time_axis(figure, shown, zero)
+
+
+class _Panel(NamedTuple):
+    """What one panel of a figure shows of all solutions."""
+
+    shown: Sequence[Shown]
+    quantity: _Quantity
+    i: int  # column of the quantity
+    curves: Sequence[_Curve]
+    columns: Sequence[Array]  # (n,) values of each solution
+    seen: Array | None  # (m,) of a reference
+
+    @classmethod
+    def of(
+        cls,
+        shown: Sequence[Shown],
+        quantity: _Quantity,
+        i: int,
+        curves: Sequence[_Curve],
+        beside: tuple[Array, Array] | None,
+    ) -> _Panel:
+        """The panel of column i; headings are side by side."""
+        columns = [curve.values[:, i] for curve in curves]
+        panel = cls(
+            shown, quantity, i, curves, columns, None if beside is None else beside[1][:, i]
+        )
+        if not panel.is_heading:
+            return panel
+        columns, seen = _side_by_side(columns, panel.seen)
+        return panel._replace(columns=columns, seen=seen)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it shows an angle that wraps."""
+        named = self.quantity.names[self.i] in ("roll", "heading")
+        return self.quantity.framed is _around_all and named
+
+    @property
+    def is_heading(self) -> bool:
+        """Whether it shows headings, which go round."""
+        return self.turns and self.quantity.names[self.i] == "heading"
+
+    @property
+    def known(self) -> list[int]:
+        """Ranks of the solutions that it shows, the first one last, so that it comes to lie on top."""
+        return [
+            rank
+            for rank in reversed(range(len(self.shown)))
+            if metrics.any_known(self.columns[rank])
+        ]
+
+    def frames(self, window: Window, notes: _Notes) -> dict[str, tuple[float, float]]:
+        """{name: ends of the axis that a solution wants}; values beyond them are noted."""
+        found = {}
+        for rank in self.known:
+            one, curve, values = self.shown[rank], self.curves[rank], self.columns[rank]
+            low, high, beyond = self.quantity.framed(curve.t, values, curve.half[:, self.i], window)
+            if self.is_heading and np.ptp(extent(values)) > 180:
+                low, high = 0.0, 360.0
+            found[one.name] = low, high
+            notes.beyond(one, self.quantity, self.i, beyond)
+        return found
+
+    def drawn(self, rank: int) -> tuple[Array, Array]:
+        """(values, half the height of their band) of a solution; where the angle wraps, they end."""
+        values, half = self.columns[rank], self.curves[rank].half[:, self.i]
+        return (cut(values), np.where(half < 180, half, np.nan)) if self.turns else (values, half)
+
+    def draw(self, figure: go.Figure, row: int, zero: float) -> None:
+        """Draw the bands of all solutions, and their values above them."""
+        is_estimate = self.quantity.label == "estimate"
+        for rank in self.known:
+            values, half = self.drawn(rank)
+            since = self.curves[rank].t - zero
+            centre = values if is_estimate else np.zeros(len(since))
+            _band(figure, self.shown[rank], since, centre, half, row, len(self.shown))
+        for rank in self.known:
+            values, half = self.drawn(rank)
+            since = self.curves[rank].t - zero
+            series = _Series(since, values, self.quantity.unit, half / 3)
+            _curve(figure, self.shown[rank], rank, series, row, self.quantity.label)
+
+    def draw_reference(self, figure: go.Figure, row: int, zero: float, t: Array) -> None:
+        """Draw the reference at times t (m,) s, as far as the first solution goes."""
+        if self.seen is not None and metrics.any_known(self.seen):
+            inside = (t >= self.curves[0].t[0]) & (t <= self.curves[0].t[-1])
+            true = cut(self.seen[inside]) if self.turns else self.seen[inside]
+            _reference(figure, t[inside] - zero, true, self.quantity.unit, row)
 
 
 def _side_by_side(columns: list[Array], beside: Array | None) -> tuple[list[Array], Array | None]:
@@ -756,7 +817,8 @@ def sigma(solutions: Solutions) -> go.Figure | None:
         for rank in reversed(range(len(shown))):
             one, claimed = shown[rank], np.where(values[rank] > 0, values[rank], np.nan)
             if metrics.any_known(claimed):
-                _curve(figure, one, rank, one.solution.t - zero, claimed, unit, row, "3σ")
+                series = _Series(one.solution.t - zero, claimed, unit)
+                _curve(figure, one, rank, series, row, "3σ")
         log_frame(figure, np.concatenate(values), row)
     return time_axis(figure, shown, zero)
 

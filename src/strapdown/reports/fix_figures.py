@@ -22,6 +22,7 @@ from .drawing import (
     FAR,
     GREY,
     RED,
+    BandStyle,
     Shown,
     band,
     each,
@@ -138,7 +139,7 @@ def _bounds(figure: go.Figure, row: int, t: Array, sd: Array) -> None:
         colour, group = COLOURS[i] if len(drawn) > 1 else GREY, None if i == drawn[0][1] else "±2σ"
         known = np.isfinite(sd[:, i])
         centre, half = np.zeros(known.sum()), 2 * sd[known, i]
-        band(figure, t[known], centre, half, row, "±2σ", colour, group, shaded=False)
+        band(figure, t[known], centre, half, row, "±2σ", BandStyle(colour, group, False))
 
 
 def _limit(solution: Solution, name: str) -> float:

@@ -15,6 +15,7 @@ from ..diagnosis.findings import NOT_OBSERVABLE
 from ..wording import enumerated, number
 from .drawing import (
     SHADED_BANDS,
+    BandStyle,
     Shown,
     band,
     each,
@@ -75,8 +76,8 @@ def _panel(
     if one.alone:
         band(figure, t, values, half, row, "±2σ")
     else:
-        shaded = of <= SHADED_BANDS
-        band(figure, t, values, half, row, f"{label} ±2σ", one.colour, label, shaded)
+        style = BandStyle(one.colour, label, of <= SHADED_BANDS)
+        band(figure, t, values, half, row, f"{label} ±2σ", style)
     line(figure, t, values, label, one.colour, row, unit=found.unit, sd=sd, dash=one.dash)
     return frame(t, values, np.abs(values) + half)
 

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from itertools import chain
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import plotly.graph_objects as go
@@ -49,21 +49,29 @@ Section: TypeAlias = "tuple[str, Sequence[tuple[go.Figure, str, str]]]"
 """Heading of a section of the page, and its figures, each with its heading and its caption."""
 
 
+class Added(NamedTuple):
+    """What a page has beside what its solutions say."""
+
+    sections: Sequence[Section] = ()  # after the track
+    facts: Mapping[str, str] = {}  # further lines below the title, {name: text}
+
+
+NOTHING_ADDED = Added()
+
+
 def report(
     solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
     reference: Trajectory | None = None,
     title: str | None = None,
     window: tuple[float, float] | None = None,
-    more: Sequence[Section] = (),
-    facts: Mapping[str, str] = {},
+    added: Added = NOTHING_ADDED,
     recording: Recording | None = None,
     map: bool = False,
 ) -> Page:
     """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
 
     reference: Trajectory that errors are taken against. window: (start, stop) in s over which
-    errors are scored and error axes are framed. more: further sections after the track, [(heading,
-    [(figure, its heading, caption), ...])]. facts: further lines below the title, {name: text}.
+    errors are scored and error axes are framed. added: further sections and facts.
     recording: whose sensors are shown; by default that of the first solution, unless it was read
     from a file.
     map: also the track on a street map, for which the page then asks the network; no other page
@@ -77,14 +85,14 @@ def report(
     positioned = any(solution.has_position for solution in solutions.values())
     document = Document(
         title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}",
-        _facts(solutions, window, facts),
+        _facts(solutions, window, added.facts),
         "".join(FOOTER if positioned else FOOTER[::2]),
         wide=len(solutions) > 1,
     )
     recording = recording or first.recording
     draw = _Drawer(document, solutions, reference if scores else None, scores, window, recording)
     above = {"Summary": unscored}
-    for name, text in _sections(draw, more):
+    for name, text in _sections(draw, added.sections):
         document.add(name, above.get(name, ""), text)
     drawn = track_map(solutions, draw.reference) if map else None
     heading, text = document.sections[1]

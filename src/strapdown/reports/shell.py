@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape, unescape
@@ -94,39 +94,16 @@ class Document:
             "software": f"strapdown {__version__}",
             "written": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         }
-        below = listed({**self.facts, **made})
-        return shell(
-            self.title,
-            below,
-            self.sections,
-            self.footer,
-            self.introduction,
-            self.style,
-            self.wide,
-            notes,
-            bar,
-            policy,
-        )
+        return Page(shell(self, listed({**self.facts, **made}), bar, policy), notes)
 
 
-def shell(
-    title: str,
-    facts: str,
-    sections: Sequence[tuple[str, str]],
-    footer: str,
-    introduction: str = "",
-    style: str = "",
-    wide: bool = False,
-    notes: tuple[str, ...] = (),
-    bar: str = "",
-    policy: str = POLICY,
-) -> Page:
-    """The Page around sections [(heading, HTML)]; `facts` and `introduction` are HTML, `footer` is
-    text, `style` further CSS, `notes` are those of the Page, `bar` that of `playback_bar`,
-    `policy` what the page may load.
+def shell(document: Document, facts: str = "", bar: str = "", policy: str = POLICY) -> str:
+    """HTML of a page: `facts` (HTML) below its title, `bar` that of `playback_bar`, `policy` what
+    the page may load.
 
     Figures made by `placed` are drawn by plotly, of whose script the page has what they use.
     """
+    title, sections, style = document.title, document.sections, document.style
     links = "".join(
         f"<a href='#s{i}'>{escape(heading)}</a>" for i, (heading, _) in enumerate(sections)
     )
@@ -141,16 +118,15 @@ def shell(
         scripts = f"<script type='{DEFLATED}' id=plotly>{_plotly(kinds)}</script>{NO_SCRIPT}"
         parts += ["figures.js", "linked.js", *(["playback.js"] if bar else [])]
     scripts += f"<script>{''.join(map(_shipped, parts))}</script>"
-    text = f"""<!DOCTYPE html>
+    return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{policy}"><title>{escape(title)}</title>
-<link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if wide else ""}">
+<link rel="icon" href="data:,"><style>{_shipped("page.css")}{style}</style></head><body class="{"wide" if document.wide else ""}">
 <a class=skip href="#main">To the results</a><header><div><h1>{escape(title)}</h1>{facts}</div></header>
-<nav aria-label=Sections><div>{links}</div></nav><main id=main>{introduction}{body}</main>
-<footer>{escape(footer)}</footer>
+<nav aria-label=Sections><div>{links}</div></nav><main id=main>{document.introduction}{body}</main>
+<footer>{escape(document.footer)}</footer>
 {bar if kinds else ""}{scripts}</body></html>
 """
-    return Page(text, notes)
 
 
 @functools.lru_cache(8)

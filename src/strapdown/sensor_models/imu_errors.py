@@ -163,12 +163,10 @@ def _bias(
             state[s + DRIFTED + c] = now
             bias[i, o + c] += sizes[z + MARKOV] * now
     if sizes[z + FLICKER] > 0:
-        k = triad * KEYS + OF_FLICKER
-        for block in range(FLICKER_BLOCKS):
-            one, other = normal_pair(own.keys[k], own.keys[k + 1], FLICKER_BLOCKS * row + block)
-            _flicker(triad, i, 2 * block, one, shared, own, rates, bias)
-            if 2 * block + 1 < 3 * PROCESSES:
-                _flicker(triad, i, 2 * block + 1, other, shared, own, rates, bias)
+        _flicker(triad, row, own, rates)
+        size = FLICKER_SCALE * sizes[z + FLICKER]
+        for j in range(3 * PROCESSES):
+            bias[i, o + j % 3] += size * state[s + FLICKERED + j]
 
 
 @helper
@@ -187,14 +185,22 @@ def _draw(triad: int, key: int, row: int, own: Own) -> None:
 
 
 @helper
-def _flicker(
-    triad: int, i: int, j: int, new: float, shared: Shared, own: Own, rates: Array, bias: Array
-) -> None:
-    """Go on with one process of one axis."""
-    p, c, at = j // 3, j % 3, triad * STATE + FLICKERED + j
-    now = rates[4 + 2 * p] * own.state[at] + rates[5 + 2 * p] * new
-    own.state[at] = now
-    bias[i, 3 * triad + c] += (FLICKER_SCALE * shared.sizes[triad * SIZES + FLICKER]) * now
+def _flicker(triad: int, row: int, own: Own, rates: Array) -> None:
+    """Go on with the processes of flicker, by rows of the three axes."""
+    k, at = triad * KEYS + OF_FLICKER, triad * STATE + FLICKERED
+    for block in range(FLICKER_BLOCKS):
+        one, other = normal_pair(own.keys[k], own.keys[k + 1], FLICKER_BLOCKS * row + block)
+        j = 2 * block
+        own.state[at + j] = _gone_on(own.state[at + j], one, j, rates)
+        if j + 1 < 3 * PROCESSES:
+            own.state[at + j + 1] = _gone_on(own.state[at + j + 1], other, j + 1, rates)
+
+
+@helper
+def _gone_on(value: float, new: float, j: int, rates: Array) -> float:
+    """Process j of flicker after a step."""
+    p = j // 3
+    return rates[4 + 2 * p] * value + rates[5 + 2 * p] * new
 
 
 @helper
@@ -203,7 +209,7 @@ def _measured(
 ) -> None:
     """The increments of a triad as measured."""
     sizes, constants, state, dt = shared.sizes, own.constants, own.state, shared.dt[row]
-    z, s, o, d = triad * SIZES, triad * STATE, 3 * triad, triad * CONSTANTS
+    z, s, o = triad * SIZES, triad * STATE, 3 * triad
     for c in range(3):
         u[i, o + c] = bias[i, o + c] * dt
     if sizes[z + NOISE] > 0:
@@ -211,19 +217,7 @@ def _measured(
         drive = sizes[z + NOISE] * math.sqrt(dt)
         for c in range(3):
             u[i, o + c] += drive * state[s + DRAWN + c]
-    if sizes[z + FELT] > 0:
-        for c in range(3):
-            at = d + SENSITIVITY + 3 * c
-            for e in range(3):
-                u[i, o + c] += constants[at + e] * shared.dv[row, e]
-    for c in range(3):
-        at = d + DISTORTION + 3 * c
-        for e in range(3):
-            true = shared.dtheta[row, e] if triad == GYRO else shared.dv[row, e]
-            if sizes[z + DISTORTED] > 0:
-                u[i, o + c] += constants[at + e] * true
-            if e == c:
-                u[i, o + c] += true
+    _distort(triad, i, row, shared, constants, u)
     if sizes[z + STEP] > 0:
         for c in range(3):
             count = state[s + LEFT + c] + u[i, o + c] / sizes[z + STEP]
@@ -235,6 +229,25 @@ def _measured(
         for c in range(3):
             x = u[i, o + c]
             u[i, o + c] = where(x > full, full, where(x < -full, -full, x))
+
+
+@helper
+def _distort(triad: int, i: int, row: int, shared: Shared, constants: Array, u: Array) -> None:
+    """Add the true increments of a triad, with g-sensitivity, scale and misalignment."""
+    z, o, d = triad * SIZES, 3 * triad, triad * CONSTANTS
+    if shared.sizes[z + FELT] > 0:
+        for c in range(3):
+            at = d + SENSITIVITY + 3 * c
+            for e in range(3):
+                u[i, o + c] += constants[at + e] * shared.dv[row, e]
+    for c in range(3):
+        at = d + DISTORTION + 3 * c
+        for e in range(3):
+            true = shared.dtheta[row, e] if triad == GYRO else shared.dv[row, e]
+            if shared.sizes[z + DISTORTED] > 0:
+                u[i, o + c] += constants[at + e] * true
+            if e == c:
+                u[i, o + c] += true
 
 
 @helper

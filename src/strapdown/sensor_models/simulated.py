@@ -8,7 +8,7 @@ the kind's observation is in the fixes too, and so does not show: sensors with a
 own in this package (GNSS, magnetometer, barometer, AHRS) have none of this.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -138,25 +138,9 @@ def _beliefs(truth: Trajectory, ideal: Imu, t: Array, states: int) -> list[Belie
 def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]:
     """((n, k) y without innovation, (n, k, k) its derivative by the innovation) by Newton's
     method; NaN where the kind measures nothing. Raises DataError, also where it never does."""
-    kind = sensor.measurement
-    size = len(kind.quantities)
-    source, innovation = new_source(first_state=STATES if kind.states else 0), np.zeros(3)
-    source.parameters[: len(sensor.parameters)] = sensor.parameters
-    H = np.zeros((3, STATES + len(kind.states)))
-    seen, measured = Belief(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
-    observe = bound(compiled(kind.name), seen, measured, source, innovation, H)
-
-    def innovations(y: Array) -> Array:
-        rows = np.empty((len(beliefs), size))
-        for row, belief, given in zip(rows, beliefs, y):
-            for part, value in zip(seen, belief):
-                part[...] = value
-            measured[:size] = given
-            observe()
-            row[:] = innovation[:size]
-        return rows
-
-    steps = np.diag([STEP.get(quantity, 1.0) for quantity in kind.quantities])
+    quantities = sensor.measurement.quantities
+    innovations = _innovations(sensor, beliefs)
+    steps = np.diag([STEP.get(quantity, 1.0) for quantity in quantities])
     # no sensor reads a pressure of 0
     y = np.tile(steps.sum(axis=0), (len(beliefs), 1))
     silent: Mask = np.asarray(np.isnan(innovations(y)).all(axis=1))
@@ -167,7 +151,7 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
         derivative = np.stack(
             [(innovations(y + step) - error) / step.sum() for step in steps], axis=2
         )
-        derivative[silent] = np.eye(size)
+        derivative[silent] = np.eye(len(quantities))
         try:
             gain = np.linalg.inv(derivative)
         except np.linalg.LinAlgError:
@@ -177,5 +161,28 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
             return np.where(silent[:, None], np.nan, y), gain
     raise DataError(
         f"{sensor.name}: no reading of kind {sensor.kind} was found that belongs to the true motion; "
-        f"its observation must tell one reading from another in each of its {size} innovations"
+        f"its observation must tell one reading from another in each of its {len(quantities)} "
+        f"innovations"
     )
+
+
+def _innovations(sensor: Simulated, beliefs: Sequence[Belief]) -> Callable[[Array], Array]:
+    """The function from y (n, k) to the innovations (n, k) that they would be at beliefs (n,)."""
+    kind = sensor.measurement
+    source, innovation = new_source(first_state=STATES if kind.states else 0), np.zeros(3)
+    source.parameters[: len(sensor.parameters)] = sensor.parameters
+    H = np.zeros((3, STATES + len(kind.states)))
+    seen, measured = Belief(*(part.copy() for part in beliefs[0])), np.full(3, np.nan)
+    observe = bound(compiled(kind.name), seen, measured, source, innovation, H)
+
+    def innovations(y: Array) -> Array:
+        rows = np.empty_like(y)
+        for row, belief, given in zip(rows, beliefs, y):
+            for part, value in zip(seen, belief):
+                part[...] = value
+            measured[: len(given)] = given
+            observe()
+            row[:] = innovation[: len(given)]
+        return rows
+
+    return innovations

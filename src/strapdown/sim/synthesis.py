@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -211,6 +211,17 @@ class Simulator:
         return meta if self.scenario.date is None else meta | {"date": self.scenario.date}
 
 
+class OtherSensors(TypedDict, total=False):
+    """What a simulation has beside IMU and GNSS; None is the scenario's own."""
+
+    # which needs a field of its own, or a date
+    magnetometer: Magnetometer | None
+    barometer: Barometer | None
+    date: str | None  # ISO, of the geomagnetic model
+    attitude: Ahrs | None
+    sensors: Sequence[Simulated] | None  # of any kind of aiding
+
+
 def simulate(
     motion: Motion | Scenario | File,
     duration: float | None = None,
@@ -218,11 +229,7 @@ def simulate(
     seed: int = 0,
     rate: float | None = None,
     gnss: Gnss | File | None = None,
-    magnetometer: Magnetometer | None = None,
-    barometer: Barometer | None = None,
-    date: str | None = None,
-    attitude: Ahrs | None = None,
-    sensors: Sequence[Simulated] | None = None,
+    **others: Unpack[OtherSensors],
 ) -> Recording:
     """A simulated Recording: IMU samples with errors, fixes of GNSS, magnetometer, barometer,
     AHRS and other sensors, and the truth as reference.
@@ -230,14 +237,15 @@ def simulate(
     motion: a Motion, then `duration` (s) and `imu` must be given; or a Scenario, its name, or the
     path of its TOML file, whose values hold where no other is given. imu: grade, file or ImuSpec;
     rate: IMU samples per second, else 100; gnss: a Gnss, or the name or file of a
-    receiver, which the scenario carries as its own; magnetometer: a Magnetometer, which needs
-    a field of its own or a `date` (ISO) for the geomagnetic model; barometer: a Barometer;
-    attitude: an Ahrs; sensors: Simulated, sensors of any kind of aiding. meta holds the grade, the seed, the place where it begins ([rad, rad, m]),
-    the date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. Each
+    receiver, which the scenario carries as its own; others: the sensors beside them, see
+    OtherSensors. meta holds the grade, the seed, the place where it begins ([rad, rad, m]), the
+    date, and the true biases "b_a" (m/s^2) and "b_g" (rad/s), (n, 3) at the IMU samples. Each
     sensor has its own random stream: the fixes of a seed are the same for every grade. Raises
     DataError.
     """
     check_number(seed, "seed", least=0, whole=True)
+    if unknown := sorted(others.keys() - OtherSensors.__annotations__.keys()):
+        raise TypeError(f"simulate() got an unexpected keyword argument {unknown[0]!r}")
     known = None if isinstance(motion, Motion) else find(motion)
     carried = Gnss() if known is None else known.gnss
     given: dict[str, Any] = {
@@ -245,11 +253,7 @@ def simulate(
         "imu": imu,
         "rate": rate,
         "gnss": None if gnss is None else receiver(gnss, carried),
-        "magnetometer": magnetometer,
-        "barometer": barometer,
-        "date": date,
-        "attitude": attitude,
-        "sensors": sensors,
+        **others,
     }
     given = {key: value for key, value in given.items() if value is not None}
     if known is None:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ import pytest
 import strapdown
 from strapdown.core.compile import jit
 from strapdown.core.compile.jit import bound, compile_kernel, flatten, kernel, matrix
+from strapdown.core.compile.records import row_of
 from strapdown.core.compile.signatures import REAL, WHOLE, reals, record, signature, wholes
+from strapdown.typing import Array
 
 ONE = signature("one", REAL, x=REAL)
 PACKAGE = Path(strapdown.__file__).parent
@@ -100,6 +102,31 @@ def test_views_equal_their_python_twins():
     np.testing.assert_array_equal(np.delete(flat, 9), np.delete(np.arange(20.0), 9))
     twin = jit._matrix_twin(flat, 3, 2, 4)
     assert np.shares_memory(twin, flat) and twin[1, 2] == 7 and twin.shape == (2, 4)
+
+
+class Place:
+    """Numbers of a place."""
+
+    height: float
+    level: Annotated[Array, 2]
+
+
+place_in = jit.row_in(row_of(Place))
+
+
+@pytest.mark.short
+def test_numbers_of_an_array_are_a_row_by_name():
+    def raised(flat):
+        place = place_in(flat, 3)
+        place.height += 1.0
+        place.level[1] = 10 * place.level[0]
+        return place.height
+
+    flat = np.arange(8.0)
+    assert kernel(signature("raised", REAL, flat=reals("n")))(raised)(flat) == 4.0
+    np.testing.assert_array_equal(flat, [0, 1, 2, 4, 4, 40, 6, 7])
+    seen = place_in(flat, 3)
+    assert seen.height == 4 and np.shares_memory(seen.level, flat)
 
 
 @pytest.mark.short

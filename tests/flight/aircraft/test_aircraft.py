@@ -13,10 +13,11 @@ from textbook_aircraft import actuators, forces, motion
 
 import strapdown as sd
 from strapdown.checks import DataError
+from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Noise, Start
 from strapdown.data import Trajectory
-from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
-from strapdown.flight.aircraft.parameters import GRAVITY, NAMES, SECTIONS, flat_metres
+from strapdown.flight.aircraft.dynamics import Loads, evaluate, respond
+from strapdown.flight.aircraft.parameters import NAMES, PARAMETERS, SECTIONS, flat_metres
 from strapdown.recording import Recording
 from strapdown.sim.trajectory import normal_gravity
 
@@ -27,12 +28,16 @@ CALM = np.zeros(9)
 
 
 def told(aircraft, state, wind=CALM, earth="flat"):
-    """(rates (19,), outputs (OUTPUTS,)) of the compiled model at a state."""
-    rates, outputs = np.zeros(19), np.zeros(OUTPUTS)
+    """(rates (19,), Loads) of the compiled model at a state."""
+    rates, (loads,) = np.zeros(19), rows(Loads, 1)
     evaluate(
-        aircraft.array(earth, ORIGIN), np.array(state, float), np.array(wind, float), rates, outputs
+        aircraft.parameters(earth, ORIGIN),
+        np.array(state, float),
+        np.array(wind, float),
+        rates,
+        loads,
     )
-    return rates, outputs
+    return rates, loads
 
 
 def at(velocity, euler=(0, 0, 0), omega=(0, 0, 0), controls=(0, 0, 0, 0)):
@@ -70,7 +75,7 @@ def test_forces_are_those_of_the_set_s_own_simulator():
     old = AEROSONDE.replace(C_D_p=0.0)
     _, out = told(old, at((25, 0, 0), controls=(-0.2, 0, 0.005, 0.5)))
     weight = old["mass"] * 9.81
-    assert out[[0, 1, 3, 4, 5]] == pytest.approx(
+    assert [*out.force[:2], *out.moment] == pytest.approx(
         [
             -12.109717001006562,
             0.20707328125,
@@ -80,8 +85,10 @@ def test_forces_are_those_of_the_set_s_own_simulator():
         ],
         rel=1e-9,
     )
-    assert out[2] + weight == pytest.approx(63.44373750624077, rel=1e-9)
-    assert out[[10, 11]] == pytest.approx([-12.43072534597213, -0.49879620097737787], rel=1e-9)
+    assert out.force[2] + weight == pytest.approx(63.44373750624077, rel=1e-9)
+    assert [out.thrust, out.torque] == pytest.approx(
+        [-12.43072534597213, -0.49879620097737787], rel=1e-9
+    )
     q = np.array([0.938688796, 0.247421558, 0.0656821468, 0.230936730])
     state = np.r_[
         ORIGIN,
@@ -96,23 +103,27 @@ def test_forces_are_those_of_the_set_s_own_simulator():
         1.0,
     ]
     rates, out = told(old, state, [0, 0, 0, -0.00165177, -0.00475441, -0.01717199, 0, 0, 0])
-    assert out[[6, 7]] == pytest.approx([27.39323489287441, 0.05259649205640062], rel=1e-7)
-    assert out[[10, 11]] == pytest.approx([31.31315544701058, 1.58778287798956], rel=1e-7)
-    more = 0.022801214339060967 - out[8]  # it takes asin(v / sqrt(u^2 + w^2)) for the sideslip
-    assert math.sin(0.022801214339060967) == pytest.approx(math.tan(out[8]), rel=1e-7)
+    assert [out.airspeed, out.alpha] == pytest.approx(
+        [27.39323489287441, 0.05259649205640062], rel=1e-7
+    )
+    assert [out.thrust, out.torque] == pytest.approx(
+        [31.31315544701058, 1.58778287798956], rel=1e-7
+    )
+    more = 0.022801214339060967 - out.beta  # it takes asin(v / sqrt(u^2 + w^2)) for the sideslip
+    assert math.sin(0.022801214339060967) == pytest.approx(math.tan(out.beta), rel=1e-7)
     aside = (
         more
         * 0.5
         * RHO
-        * out[6] ** 2
+        * out.airspeed**2
         * old["area"]
         * np.array([old["C_Y_beta"], old["span"] * old["C_l_beta"], old["span"] * old["C_n_beta"]])
     )
     down = Rotation.from_quat(np.roll(q, -1)).inv().apply([0, 0, weight])
-    assert out[:3] + down + [0, aside[0], 0] == pytest.approx(
+    assert out.force + down + [0, aside[0], 0] == pytest.approx(
         [36.22803069, 48.44092504, -39.39246597], rel=1e-7
     )
-    assert out[3:6] + [aside[1], 0, aside[2]] == pytest.approx(
+    assert out.moment + [aside[1], 0, aside[2]] == pytest.approx(
         [0.10867448074, 0.12496233353, -0.09481002421], rel=1e-6
     )
     assert rates[11] == pytest.approx(0.11393277484, rel=1e-6)
@@ -131,26 +142,27 @@ def test_forces_are_those_of_the_textbook_anywhere():
             np.r_[np.zeros(3), gusts, turning],
         )
         force, moment = forces(AEROSONDE, velocity - gusts, omega - turning, controls, RHO)
-        assert out[:3] == pytest.approx(force, rel=1e-10, abs=1e-9) and out[3:6] == pytest.approx(
-            moment, rel=1e-10, abs=1e-9
-        )
+        assert out.force == pytest.approx(
+            force, rel=1e-10, abs=1e-9
+        ) and out.moment == pytest.approx(moment, rel=1e-10, abs=1e-9)
 
 
 @pytest.mark.short
 def test_air_and_propeller_at_rest_and_in_thin_air():
     _, out = told(AEROSONDE, at((0, 0, 0)))
     # without voltage the propeller stands still
-    np.testing.assert_array_equal(out, np.zeros(OUTPUTS))
+    assert out == rows(Loads, 1)[0]
     _, out = told(AEROSONDE, at((0, 0, 0), controls=(0, 0, 0, 1)))
-    assert out[10] > 30 and out[3] == -out[11] < 0  # static thrust; its reaction rolls to the left
+    # static thrust; its reaction rolls to the left
+    assert out.thrust > 30 and out.moment[0] == -out.torque < 0
     for height, density in ((0.0, 1.225), (1000.0, 1.1117), (10000.0, 0.4135)):  # ISO 2533
         high = at((25, 0, 1))
         high[2] = height
         thin, same = (
-            told(AEROSONDE.replace(density=kept, diameter=0.01), high)[1][[0, 2, 4]]
-            for kept in (0.0, density)
+            told(AEROSONDE.replace(density=kept, diameter=0.01), high)[1] for kept in (0.0, density)
         )
-        assert thin == pytest.approx(same, rel=2e-4)
+        assert thin.force[[0, 2]] == pytest.approx(same.force[[0, 2]], rel=2e-4)
+        assert thin.moment[1] == pytest.approx(same.moment[1], rel=2e-4)
 
 
 def flown(seconds, dt, earth="flat", **wind):
@@ -170,7 +182,7 @@ def reference(seconds, wind):
     command changes."""
     start = sd.trim(AEROSONDE, 25, origin=ORIGIN, course=0.6, earth="flat")
     C = Rotation.from_quat(np.roll(start.state[6:10], -1))
-    g = AEROSONDE.array("flat", ORIGIN)[GRAVITY]
+    g = AEROSONDE.parameters("flat", ORIGIN).gravity
     x = np.r_[
         0,
         0,
@@ -205,7 +217,7 @@ def test_flight_is_that_of_the_textbook_s_equations_and_converges_to_it():
         states, _ = flown(20.0, dt, wind=np.r_[wind, np.zeros(6)])
         end = states[-1]
         C = Rotation.from_quat(np.roll(end[6:10], -1))
-        metres = flat_metres(AEROSONDE.array("flat", ORIGIN), ORIGIN, end[:3])
+        metres = flat_metres(AEROSONDE.parameters("flat", ORIGIN), ORIGIN, end[:3])
         apart = (C.inv() * Rotation.from_euler("ZYX", want[8:5:-1])).magnitude()
         errors.append(
             np.r_[
@@ -236,8 +248,8 @@ def test_without_air_a_tumbling_body_keeps_angular_momentum_and_energy(inertia):
     assert np.abs(h - h[0]).max() < 2e-8 * np.linalg.norm(h[0])
     rotation = np.einsum("ki,ij,kj->k", omega, J, omega)
     assert np.abs(rotation / rotation[0] - 1).max() < 2e-8
-    array = body.array("flat", ORIGIN)
-    energy = 0.5 * (states[:, 3:6] ** 2).sum(1) + array[GRAVITY] * (states[:, 2] - ORIGIN[2])
+    parameters = body.parameters("flat", ORIGIN)
+    energy = 0.5 * (states[:, 3:6] ** 2).sum(1) + parameters.gravity * (states[:, 2] - ORIGIN[2])
     assert np.abs(energy / energy[0] - 1).max() < 1e-10  # a parabola is exact; this is rounding
     assert np.ptp(omega, axis=0).min() > 0.2  # it does tumble
 
@@ -250,12 +262,12 @@ def test_energy_changes_by_the_work_of_the_forces():
     turn = Rotation.from_quat(np.roll(states[:, 6:10], -1, axis=1))
     body, force, moment = (
         turn.inv().apply(states[:, 3:6]),
-        np.array([out[:3] for out in told_all]),
-        np.array([out[3:6] for out in told_all]),
+        np.array([out.force for out in told_all]),
+        np.array([out.moment for out in told_all]),
     )
     omega, a = states[:, 10:13], AEROSONDE
     J = np.array([[a["J_x"], 0, -a["J_xz"]], [0, a["J_y"], 0], [-a["J_xz"], 0, a["J_z"]]])
-    g = a.array("flat", ORIGIN)[GRAVITY]
+    g = a.parameters("flat", ORIGIN).gravity
     energy = (
         0.5 * a["mass"] * (body**2).sum(1)
         + a["mass"] * g * states[:, 2]
@@ -265,7 +277,7 @@ def test_energy_changes_by_the_work_of_the_forces():
     parts = power[:-1:2] + 4 * power[1::2] + power[2::2]
     gained = energy[-1] - energy[0]
     assert gained == pytest.approx(parts.sum() * 0.01 / 3, abs=1e-3 * np.ptp(energy))
-    lift_and_drag = force - np.array([out[10] for out in told_all])[:, None] * [1, 0, 0]
+    lift_and_drag = force - np.array([out.thrust for out in told_all])[:, None] * [1, 0, 0]
     assert np.all((lift_and_drag * body).sum(1) < 0)  # the air takes energy at every instant
 
 
@@ -400,12 +412,20 @@ def test_a_long_step_is_made_of_short_ones():
 
 
 @pytest.mark.short
+def test_kernels_read_every_parameter_by_its_name():
+    fields = [name for name, *_ in PARAMETERS.fields]
+    assert fields[: len(NAMES)] == list(NAMES)
+    row = AEROSONDE.parameters()
+    assert {name: getattr(row, name) for name in NAMES} == dict(AEROSONDE.values)
+
+
+@pytest.mark.short
 def test_the_flat_earth_is_an_affine_image_and_longitude_wraps():
     origin = (0.5, math.pi - 1e-6, 100.0)
-    array = AEROSONDE.array("flat", origin)
-    assert flat_metres(array, origin, origin) == pytest.approx([0, 0, 0])
+    parameters = AEROSONDE.parameters("flat", origin)
+    assert flat_metres(parameters, origin, origin) == pytest.approx([0, 0, 0])
     east = pymap3d.geodetic2ned(0.5 + 1e-5, origin[1] - 1e-5, 90.0, *origin, deg=False)
-    assert flat_metres(array, origin, (0.5 + 1e-5, origin[1] - 1e-5, 90.0)) == pytest.approx(
+    assert flat_metres(parameters, origin, (0.5 + 1e-5, origin[1] - 1e-5, 90.0)) == pytest.approx(
         east, abs=2e-3
     )
     state = at((25, 0, 0), (0, 0, math.pi / 2))
@@ -504,9 +524,12 @@ def test_aircraft_files(tmp_path):
     "call, complaint",
     [
         (lambda: AEROSONDE["span_m"], "unknown key 'span_m'"),
-        (lambda: AEROSONDE.array("round"), "earth is 'round'; it must be one of geodetic, flat"),
-        (lambda: AEROSONDE.array("flat", (1.6, 0, 0)), "latitude goes to 89 deg"),
-        (lambda: AEROSONDE.array("flat", (1, 0)), "3 finite numbers: latitude and longitude"),
+        (
+            lambda: AEROSONDE.parameters("round"),
+            "earth is 'round'; it must be one of geodetic, flat",
+        ),
+        (lambda: AEROSONDE.parameters("flat", (1.6, 0, 0)), "latitude goes to 89 deg"),
+        (lambda: AEROSONDE.parameters("flat", (1, 0)), "3 finite numbers: latitude and longitude"),
         (
             lambda: respond(AEROSONDE, at((25, 0, 0)), np.zeros((5, 3)), 0.01),
             r"commands is array.*; it must be n x 4",

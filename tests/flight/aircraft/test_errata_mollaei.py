@@ -12,8 +12,8 @@ import pytest
 from textbook_aircraft import gammas, matrix, wind_axes
 
 import strapdown as sd
-from strapdown.flight.aircraft.dynamics import MOMENT, OUTPUTS, TORQUE, evaluate
-from strapdown.flight.aircraft.parameters import GRAVITY, LATITUDE_RATE, LONGITUDE_RATE
+from strapdown.core.compile.records import rows
+from strapdown.flight.aircraft.dynamics import Loads, evaluate
 from strapdown.flight.aircraft.trim import quaternion
 
 pytestmark = pytest.mark.short
@@ -43,20 +43,20 @@ class Flown:
             self.r,
             self.controls,
         ]
-        rates, out, array = np.zeros(19), np.zeros(OUTPUTS), A.array("flat", ORIGIN)
-        evaluate(array, state, np.zeros(9), rates, out)
+        rates, (out,), parameters = np.zeros(19), rows(Loads, 1), A.parameters("flat", ORIGIN)
+        evaluate(parameters, state, np.zeros(9), rates, out)
         # without the propeller's reaction
         self.g, self.m, self.rolling = (
-            array[GRAVITY],
+            parameters.gravity,
             A["mass"],
-            out[MOMENT] + out[TORQUE],
+            out.moment[0] + out.torque,
         )
-        self.ground = rates[:3] / [array[LATITUDE_RATE], array[LONGITUDE_RATE], -1]
+        self.ground = rates[:3] / [parameters.latitude_rate, parameters.longitude_rate, -1]
         self.du, self.dv, self.dw = self.C.T @ rates[3:6] - np.cross(
             [self.p, self.q, self.r], velocity
         )
         self.dp, self.dq, self.dr = rates[10:13]
-        self.V, self.alpha, self.beta = out[6:9]
+        self.V, self.alpha, self.beta = out.airspeed, out.alpha, out.beta
         self.lift, self.drag, self.side, self.T, self.L, self.M, self.N = wind_axes(
             A, self.V, self.alpha, self.beta, self.p, self.q, self.r, self.controls, A["density"]
         )

@@ -12,13 +12,14 @@ from textbook_aircraft import CONTROLS, motion
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.flight.aircraft.dynamics import OUTPUTS, evaluate, respond
+from strapdown.core.compile.records import rows
+from strapdown.flight.aircraft.dynamics import Loads, evaluate, respond
 from strapdown.flight.aircraft.modes import MODEL_STATES, Mode, _named, check_step, deviation_point
-from strapdown.flight.aircraft.parameters import GRAVITY, flat_metres
+from strapdown.flight.aircraft.parameters import flat_metres
 
 AEROSONDE = sd.aircraft("aerosonde")
 ORIGIN = (0.7, -1.2, 250.0)
-G = AEROSONDE.array("flat", ORIGIN)[GRAVITY]
+G = AEROSONDE.parameters("flat", ORIGIN).gravity
 STEADY = [
     dict(airspeed=25),
     dict(airspeed=25, climb=0.1),
@@ -69,7 +70,7 @@ def test_on_the_rotating_earth_the_attitude_turns_as_on_the_flat_one(asked):
     for earth in ("flat", "geodetic"):
         rates = np.zeros(19)
         state = sd.trim(AEROSONDE, origin=ORIGIN, course=1.0, earth=earth, **asked).state
-        evaluate(AEROSONDE.array(earth, ORIGIN), state, np.zeros(9), rates, np.zeros(OUTPUTS))
+        evaluate(AEROSONDE.parameters(earth, ORIGIN), state, np.zeros(9), rates, rows(Loads, 1)[0])
         turning.append(rates[6:10])
     np.testing.assert_allclose(*turning, rtol=0, atol=1e-15)
 
@@ -80,7 +81,7 @@ def test_level_flight_carries_its_weight_and_a_turn_banks_for_its_radius():
         sd.trim("aerosonde", 25, origin=ORIGIN),
         sd.trim("aerosonde", 25, radius=150.0, origin=ORIGIN),
     )
-    assert -level.outputs[2] * math.cos(level.pitch) - level.outputs[0] * math.sin(
+    assert -level.loads.force[2] * math.cos(level.pitch) - level.loads.force[0] * math.sin(
         -level.pitch
     ) == pytest.approx(AEROSONDE["mass"] * G, rel=2e-3)
     # coordinated, but for the side force of the surfaces
@@ -125,9 +126,9 @@ def test_flown_from_its_trim_an_aircraft_climbs_and_turns_as_asked(asked, earth,
     )
     assert np.abs(through - want).max() < (0.15 if loose else 1e-6)
     if not loose:
-        metres = flat_metres(AEROSONDE.array("flat", ORIGIN), ORIGIN, states[:, :3]) - np.outer(
-            t, wind
-        )
+        metres = flat_metres(
+            AEROSONDE.parameters("flat", ORIGIN), ORIGIN, states[:, :3]
+        ) - np.outer(t, wind)
         assert -metres[-1, 2] == pytest.approx(asked["airspeed"] * math.sin(climb) * 20, abs=1e-5)
         if math.isfinite(radius):
             centre = radius * np.array([-math.sin(0.5), math.cos(0.5)])

@@ -13,7 +13,7 @@ import pandas as pd
 import plotly.graph_objects as go
 
 from strapdown.files import replacing, together
-from strapdown.reports.shell import placed, shell
+from strapdown.reports.shell import Document, Page as HtmlPage, placed, shell
 from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
@@ -112,7 +112,8 @@ def write_files(out: File, page: Page, said: str, sections: Sequence[tuple[str, 
         for name, (_, table) in page.tables.items():
             with replacing(out / f"{name}.csv") as part:
                 inert_table(table).to_csv(part, index=False, float_format="%.6g")
-        shell(page.title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
+        document = Document(page.title, {}, FOOTER, said, STYLE, sections=sections)
+        HtmlPage(shell(document)).save(out / "index.html")
 
 
 def _marked(text: str) -> str:

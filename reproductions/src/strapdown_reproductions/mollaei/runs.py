@@ -18,7 +18,7 @@ from strapdown.core.loop.contract import Filter
 from strapdown.data import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
-from strapdown.flight.aircraft.parameters import GRAVITY
+from strapdown.flight.asked import records
 from strapdown.flight.fly import Flight, fly
 from strapdown.flight.plan import FlightPlan, straight, turning
 from strapdown.geodesy import displacement
@@ -85,7 +85,7 @@ START_SD = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, *[0.0] * 3, *[None] * 6)
 """Of the start of the six-state filters: m, m/s; their attitude is the true one, since nothing
 would ever correct it."""
 FLAT = {"earth": "flat", "start_sd": START_SD, "gate": np.inf, "inputs": mollaei_six.INPUTS}
-"""What `fly` is given with the six-state filters."""
+"""What a flight is asked for with the six-state filters."""
 PREDICTIONS = {
     (IMU, False): "imu",
     (IMU, True): "imu",
@@ -103,7 +103,7 @@ GIVEN: dict[str, dict[str, Any]] = {
     HZ_20: {"filter_rate": 20.0},
     HZ_10: {"filter_rate": 10.0},
 }
-"""{condition: what `fly` is given}."""
+"""{condition: what a flight is asked for}."""
 SHARES = {(E2, SIX): 4, (WIND, SIX): 10, (E1, FULL): 4, (TURN, FULL): 4, (E2, FULL): 10}
 """{(experiment, form): a seed in so many is flown}, where flights are long; all seeds elsewhere."""
 SELDOM = 8
@@ -166,13 +166,11 @@ def share(case: Case) -> int:
 def flight(
     case: Case, mode: str, seed: int, components: int | None = None, **changes: Any
 ) -> Flight:
-    """The Flight of a mode in a case; components: of the PKF, None for its default; changes: of
-    what `fly` is given."""
+    """The Flight of a mode in a case; components: of the PKF, None for its default; changes: its
+    duration, or fields of what `fly` is given."""
     given = {
         "imu": GRADE,
-        "seed": seed,
         "gnss": RECEIVER,
-        "duration": duration(case.experiment),
         "outage": None if case.experiment == E0 else [(CUT, duration(case.experiment) + 1.0)],
         "prediction": PREDICTIONS[case.prediction, case.experiment == E0],
         "covariance": True,
@@ -180,17 +178,20 @@ def flight(
     if case.experiment == WIND:
         given |= {"wind": BREEZE, "told_wind": (0.0, 0.0, 0.0)}
     chosen: Filter | str
+    options: dict[str, Any] = {}
     if case.form == SIX:
         chosen, options = FILTERS_SIX[mode]
-        given |= FLAT | options
+        given |= FLAT
     else:
         chosen = FILTERS_FULL[mode]
     given |= GIVEN[case.condition]
     if case.tuning == PRINTED and mode != NO_FILTER:
-        given |= mollaei_six.REPRODUCED
+        options = options | mollaei_six.REPRODUCED
     if mode in (PKF, POINTS) and components:
-        given["components"] = components
-    return fly(plan(case.experiment), chosen, **{**given, **changes})
+        options = options | {"components": components}
+    seconds = changes.pop("duration", duration(case.experiment))
+    asked = records(**{**given, **changes})
+    return fly(plan(case.experiment), chosen, seed=seed, duration=seconds, **asked, **options)
 
 
 @lru_cache(maxsize=16)
@@ -220,7 +221,7 @@ def record(flight: Flight) -> Record:
     )
     craft, gravity = (
         flight.trim.aircraft,
-        flight.trim.aircraft.array(flight.trim.earth, flight.trim.origin)[GRAVITY],
+        flight.trim.aircraft.parameters(flight.trim.earth, flight.trim.origin).gravity,
     )
     weight = craft["mass"] * gravity * truth.rotation.inv().apply([0.0, 0.0, 1.0])
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]

@@ -404,6 +404,23 @@ def _function_at(signature: Signature) -> Any:
     return function_at
 
 
+def _row_in(kind: Row) -> Any:
+    """From an array of numbers and a place in it to a row that begins there."""
+    made = numba_type(kind)
+
+    @intrinsic
+    def row_in(typing_context: Any, flat: Any, first: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            source = context.make_array(signature.args[0])(context, builder, arguments[0])
+            place = context.cast(builder, arguments[1], signature.args[1], types.intp)
+            pointer = builder.gep(source.data, [place])
+            return builder.bitcast(pointer, context.get_value_type(made))
+
+        return made(flat, first), codegen
+
+    return row_in
+
+
 @intrinsic
 def _matrix(typing_context: Any, flat: Any, first: Any, rows: Any, columns: Any) -> Any:
     """A C-contiguous view of flat[first : first + rows*columns] without allocation."""
@@ -461,6 +478,7 @@ _INTRINSICS = {"matrix": _matrix, "flatten": _flatten, **lane_types.INTRINSICS}
 
 _MADE: dict[str, Callable[..., Any]] = {
     "function_at": _function_at,
+    "row_in": _row_in,
     "one_or_several": _one_or_several,
 }
 

@@ -13,10 +13,12 @@ from collections.abc import Callable, Iterable
 from functools import cached_property, partial, update_wrapper
 from typing import Any, TypeVar, cast
 
+import numpy as np
+
 from ...typing import Array
 from . import c_calls, library
-from .records import check_names
-from .signatures import LANES, Signature
+from .records import check_names, dtype_of
+from .signatures import LANES, Row, Signature
 
 COMPILED: bool = os.environ.get("NUMBA_DISABLE_JIT", "0").strip() in ("", "0")
 
@@ -258,6 +260,18 @@ def caller(signature: Signature) -> Callable[[int], Any]:
     """Return the intrinsic that turns an address into a function of `signature`, callable in
     compiled code."""
     return cast(Any, Intrinsic(_TWINS.__getitem__, "function_at", signature))
+
+
+def row_in(kind: Row) -> Callable[[Array, int], Any]:
+    """What shows the numbers of an array from a place on as a row, whose fields are all real:
+    (flat, first) -> row, a view without allocation."""
+
+    def twin(flat: Array, first: int) -> Any:
+        dtype = dtype_of(kind)
+        own = flat[first : first + dtype.itemsize // flat.itemsize]
+        return own.view(dtype).view(np.recarray)[0]
+
+    return cast(Any, Intrinsic(twin, "row_in", kind))
 
 
 def _matrix_twin(flat: Array, first: int, rows: int, columns: int) -> Array:

@@ -6,49 +6,50 @@ singularity at rest or at any attitude.
 """
 
 import math
+from typing import Annotated
 
 import numpy as np
 
 from ...checks import DataError, check_number
 from ...core.compile.jit import helper, inlined, kernel
+from ...core.compile.records import row_of
 from ...core.compile.signatures import REAL, reals, signature
-from ...core.loop.contract import Imu
+from ...core.loop.contract import Imu, Slots
 from ...core.mathematics.earth import gravity, gravity_north, place, rotation_rates
 from ...typing import Array, ArrayLike, File
 from .forces import air_data, density, forces, propeller
 from .parameters import (
-    ACTUATORS,
-    EARTH,
-    GRAVITY,
-    INVERSE,
-    J_X,
-    J_XZ,
-    J_Y,
-    J_Z,
-    LATITUDE_RATE,
-    LONGITUDE_RATE,
-    MASS,
+    PARAMETERS,
     Aircraft,
+    Parameters,
     aircraft as find,
     checked_array,
 )
 
-LLA, VELOCITY, QUATERNION, OMEGA, CONTROLS, STATE_SIZE = 0, 3, 6, 10, 13, 17
-"""State: lat, lon (rad), height (m) | v_n (m/s) | q_nb | omega_ib_b (rad/s) | positions of
-elevator, aileron, rudder (rad) and throttle."""
-FORCE, MOMENT, AIRSPEED, ALPHA, BETA, PROPELLER, THRUST, TORQUE, OUTPUTS = (
-    0,
-    3,
-    6,
-    7,
-    8,
-    9,
-    10,
-    11,
-    12,
-)
-"""What `evaluate` tells: force (N), moment (N m), airspeed (m/s), flow angles (rad), propeller
-speed (rad/s), its thrust (N) and torque (N m)."""
+STATE = Slots()
+"""Of an aircraft."""
+LLA = STATE.array("LLA", 3)  # latitude, longitude (rad), height (m)
+VELOCITY = STATE.array("VELOCITY", 3)  # v_n, m/s
+QUATERNION = STATE.array("QUATERNION", 4)  # q_nb
+OMEGA = STATE.array("OMEGA", 3)  # omega_ib_b, rad/s
+CONTROLS = STATE.array("CONTROLS", 4)  # positions of elevator, aileron, rudder (rad) and throttle
+STATE_SIZE = STATE.size
+
+
+class Loads:
+    """What `evaluate` tells of air and propeller."""
+
+    force: Annotated[Array, 3]  # N, body
+    moment: Annotated[Array, 3]  # N m, body
+    airspeed: float  # m/s
+    alpha: float  # angle of attack, rad
+    beta: float  # sideslip, rad
+    propeller: float  # its speed, rad/s
+    thrust: float  # N
+    torque: float  # of the propeller, N m
+
+
+LOADS = row_of(Loads)
 LONGEST_RK4_STEP = 0.01
 """s; a longer step is integrated in pieces."""
 LONGEST_HELD = 1.0
@@ -84,20 +85,20 @@ def _against_air(
 
 
 @helper
-def _earth(parameters: Array, x: tuple[float, ...]) -> tuple[float, ...]:
+def _earth(parameters: Parameters, x: tuple[float, ...]) -> tuple[float, ...]:
     """Rates of lat, lon, height to the m/s; omega_ie_n (north, down); omega_in_n (north, east,
     down), rad/s; gravity (north, down), m/s^2."""
-    if parameters[EARTH] == 0:
+    if parameters.rotates == 0:
         return (
-            parameters[LATITUDE_RATE],
-            parameters[LONGITUDE_RATE],
+            parameters.latitude_rate,
+            parameters.longitude_rate,
             0.0,
             0.0,
             0.0,
             0.0,
             0.0,
             0.0,
-            parameters[GRAVITY],
+            parameters.gravity,
         )
     sine, cosine, M, N = place(x[0], x[2])
     ie_n, ie_d, w0, w1, w2 = rotation_rates(x[3], x[4], sine, cosine, M, N)
@@ -116,7 +117,7 @@ def _earth(parameters: Array, x: tuple[float, ...]) -> tuple[float, ...]:
 
 @helper
 def _derivative(
-    parameters: Array, x: tuple[float, ...], controls: tuple[float, ...], wind: Array
+    parameters: Parameters, x: tuple[float, ...], controls: tuple[float, ...], wind: Array
 ) -> tuple[float, ...]:
     """Rates of the 13 numbers of motion, then omega_ib_b and f_ib_b: the rates of the
     increments."""
@@ -127,7 +128,7 @@ def _derivative(
         parameters, density(parameters, x[2]), velocity, rates, controls
     )
     p, q, r = x[10], x[11], x[12]
-    f0, f1, f2 = F_x / parameters[MASS], F_y / parameters[MASS], F_z / parameters[MASS]
+    f0, f1, f2 = F_x / parameters.mass, F_y / parameters.mass, F_z / parameters.mass
     v0, v1, v2 = x[3], x[4], x[5]
     o0, o1, o2 = w0 + ie_n, w1, w2 + ie_d
     a0 = c00 * f0 + c01 * f1 + c02 * f2 - o1 * v2 + o2 * v1 + north
@@ -140,9 +141,9 @@ def _derivative(
     )
     a, b, c, d = 0.5 * x[6], 0.5 * x[7], 0.5 * x[8], 0.5 * x[9]
     hx, hy, hz = (
-        parameters[J_X] * p - parameters[J_XZ] * r,
-        parameters[J_Y] * q,
-        parameters[J_Z] * r - parameters[J_XZ] * p,
+        parameters.J_x * p - parameters.J_xz * r,
+        parameters.J_y * q,
+        parameters.J_z * r - parameters.J_xz * p,
     )
     t0, t1, t2 = M_x - q * hz + r * hy, M_y - r * hx + p * hz, M_z - p * hy + q * hx
     return (
@@ -156,9 +157,9 @@ def _derivative(
         a * n0 + c * n2 - d * n1,
         a * n1 + d * n0 - b * n2,
         a * n2 + b * n1 - c * n0,
-        parameters[INVERSE + 1] * t0 + parameters[INVERSE + 2] * t2,
-        parameters[INVERSE] * t1,
-        parameters[INVERSE + 2] * t0 + parameters[INVERSE + 3] * t2,
+        parameters.inverse_xx * t0 + parameters.inverse_xz * t2,
+        parameters.inverse_yy * t1,
+        parameters.inverse_xz * t0 + parameters.inverse_zz * t2,
         p,
         q,
         r,
@@ -195,15 +196,11 @@ def _ahead(x: tuple[float, ...], k: tuple[float, ...], h: float) -> tuple[float,
 
 
 @helper
-def _actuated(parameters: Array, first: int, position: float, command: float, h: float) -> float:
+def _actuated(
+    low: float, high: float, rate: float, lag: float, position: float, command: float, h: float
+) -> float:
     """Where an actuator is after h s: first-order lag towards the command within its end stops,
     at no more than its rate; exact."""
-    low, high, rate, lag = (
-        parameters[first],
-        parameters[first + 1],
-        parameters[first + 2],
-        parameters[first + 3],
-    )
     command = min(max(command, low), high)
     error, slow = command - position, rate * lag
     if abs(error) > slow:
@@ -217,21 +214,28 @@ def _actuated(parameters: Array, first: int, position: float, command: float, h:
 
 @helper
 def actuated(
-    parameters: Array, c: tuple[float, ...], commands: Array, h: float
+    parameters: Parameters, c: tuple[float, ...], commands: Array, h: float
 ) -> tuple[float, float, float, float]:
     """Positions of the four controls after h s, from positions `c` (a tuple) towards `commands`
     (4,)."""
+    p = parameters
     return (
-        _actuated(parameters, ACTUATORS, c[0], commands[0], h),
-        _actuated(parameters, ACTUATORS + 4, c[1], commands[1], h),
-        _actuated(parameters, ACTUATORS + 8, c[2], commands[2], h),
-        _actuated(parameters, ACTUATORS + 12, c[3], commands[3], h),
+        _actuated(
+            p.elevator_min, p.elevator_max, p.elevator_rate, p.elevator_lag, c[0], commands[0], h
+        ),
+        _actuated(
+            p.aileron_min, p.aileron_max, p.aileron_rate, p.aileron_lag, c[1], commands[1], h
+        ),
+        _actuated(p.rudder_min, p.rudder_max, p.rudder_rate, p.rudder_lag, c[2], commands[2], h),
+        _actuated(
+            p.throttle_min, p.throttle_max, p.throttle_rate, p.throttle_lag, c[3], commands[3], h
+        ),
     )
 
 
 STEP = signature(
     "step",
-    parameters=reals("parameters"),
+    parameters=PARAMETERS,
     state=reals(STATE_SIZE),
     commands=reals(4),
     wind=reals(9),
@@ -240,17 +244,17 @@ STEP = signature(
 )
 EVALUATE = signature(
     "evaluate",
-    parameters=reals("parameters"),
+    parameters=PARAMETERS,
     state=reals(STATE_SIZE),
     wind=reals(9),
     rates=reals(19),
-    outputs=reals(OUTPUTS),
+    loads=LOADS,
 )
 
 
 @kernel(STEP)
 def step(
-    parameters: Array, state: Array, commands: Array, wind: Array, dt: float, increments: Array
+    parameters: Parameters, state: Array, commands: Array, wind: Array, dt: float, increments: Array
 ) -> None:
     """Advance `state` (STATE_SIZE,) by dt s under held `commands` (4,) and `wind` (9,);
     `increments` (6,) gets the integrals of omega_ib_b and f_ib_b.
@@ -309,9 +313,9 @@ def step(
 
 
 @kernel(EVALUATE)
-def evaluate(parameters: Array, state: Array, wind: Array, rates: Array, outputs: Array) -> None:
+def evaluate(parameters: Parameters, state: Array, wind: Array, rates: Array, loads: Loads) -> None:
     """At one instant: `rates` (19,) of the 13 numbers of motion and of the increments
-    (omega_ib_b, f_ib_b), and `outputs` (OUTPUTS,)."""
+    (omega_ib_b, f_ib_b), and the Loads."""
     x = (
         state[0],
         state[1],
@@ -340,14 +344,12 @@ def evaluate(parameters: Array, state: Array, wind: Array, rates: Array, outputs
     _, _, ie_n, ie_d, _, _, _, _, _ = _earth(parameters, x)
     velocity, turning, _ = _against_air(x, wind, ie_n, ie_d)
     rho = density(parameters, state[2])
-    result = forces(parameters, rho, velocity, turning, controls)
-    for i in range(6):
-        outputs[i] = result[i]
-    outputs[AIRSPEED], outputs[ALPHA], outputs[BETA], _, _ = air_data(
-        velocity[0], velocity[1], velocity[2]
-    )
-    outputs[THRUST], outputs[TORQUE], outputs[PROPELLER] = propeller(
-        parameters, rho, outputs[AIRSPEED], state[16]
+    force = forces(parameters, rho, velocity, turning, controls)
+    for i in range(3):
+        loads.force[i], loads.moment[i] = force[i], force[3 + i]
+    loads.airspeed, loads.alpha, loads.beta, _, _ = air_data(velocity[0], velocity[1], velocity[2])
+    loads.thrust, loads.torque, loads.propeller = propeller(
+        parameters, rho, loads.airspeed, state[16]
     )
 
 
@@ -355,10 +357,10 @@ def checked_state(state: ArrayLike, what: str) -> Array:
     """`state` as a new array (STATE_SIZE,), finite and with a unit quaternion. Raises DataError
     naming `what` is given it."""
     state = checked_array(state, (STATE_SIZE,), f"{what}: state").copy()
-    norm = float(np.linalg.norm(state[QUATERNION:OMEGA]))
+    norm = float(np.linalg.norm(state[QUATERNION]))
     if abs(norm - 1) > 1e-6:
         raise DataError(
-            f"{what}: the quaternion of the state, numbers {QUATERNION} to {OMEGA - 1}, has length "
+            f"{what}: the quaternion of the state, numbers {QUATERNION.start} to {QUATERNION.stop - 1}, has length "
             f"{norm:g}; make it a unit one"
         )
     return state
@@ -394,12 +396,12 @@ def respond(
         checked_state(state, "respond"),
     )
     check_number(dt, "respond: dt", "s", above=0, most=LONGEST_HELD)
-    array, n = aircraft.array(earth, state[:3]), len(commands)
+    parameters, n = aircraft.parameters(earth, state[:3]), len(commands)
     winds = _winds(wind, n)
     states, increments = np.empty((n + 1, STATE_SIZE)), np.empty((n, 6))
     states[0] = state
     for k in range(n):
-        step(array, state, commands[k], winds[k], float(dt), increments[k])
+        step(parameters, state, commands[k], winds[k], float(dt), increments[k])
         if not np.isfinite(state).all():
             raise DataError(
                 f"respond: {aircraft.name!r} does not stay finite after {k * dt:g} s; take shorter "

@@ -13,55 +13,7 @@ from typing import TypeAlias
 
 from ...core.compile.jit import helper
 from ...typing import Array
-from .parameters import (
-    AREA,
-    C_D_ELEVATOR,
-    C_D_P,
-    C_D_Q,
-    C_L_0,
-    C_L_ALPHA,
-    C_L_ELEVATOR,
-    C_L_Q,
-    C_M_0,
-    C_M_ALPHA,
-    C_M_ELEVATOR,
-    C_M_Q,
-    C_N_0,
-    C_N_AILERON,
-    C_N_BETA,
-    C_N_P,
-    C_N_R,
-    C_N_RUDDER,
-    C_Q_0,
-    C_Q_1,
-    C_Q_2,
-    C_ROLL_0,
-    C_ROLL_AILERON,
-    C_ROLL_BETA,
-    C_ROLL_P,
-    C_ROLL_R,
-    C_ROLL_RUDDER,
-    C_T_0,
-    C_T_1,
-    C_T_2,
-    C_Y_0,
-    C_Y_AILERON,
-    C_Y_BETA,
-    C_Y_P,
-    C_Y_R,
-    C_Y_RUDDER,
-    CHORD,
-    DENSITY,
-    DIAMETER,
-    IDLE_CURRENT,
-    MOTOR_CONSTANT,
-    POLAR,
-    RESISTANCE,
-    SPAN,
-    STALL_ALPHA,
-    STALL_BLEND,
-    VOLTAGE,
-)
+from .parameters import Parameters
 
 Numbers: TypeAlias = tuple[float, ...] | Array
 """Three or four of them; kernels take either."""
@@ -69,11 +21,11 @@ RAD_PER_TURN = 2 * math.pi
 
 
 @helper
-def density(parameters: Array, height: float) -> float:
+def density(parameters: Parameters, height: float) -> float:
     """Density of the air, kg/m^3: the aircraft's constant one, or where that is 0 the standard
     atmosphere's at `height` (m, up to 11 km)."""
-    if parameters[DENSITY] > 0:
-        return parameters[DENSITY]
+    if parameters.density > 0:
+        return parameters.density
     height = min(max(height, -5000.0), 11000.0)
     return 1.225 * (1 - 2.25577e-5 * height / (1 + height / 6356766)) ** 4.25588
 
@@ -91,54 +43,54 @@ def air_data(u: float, v: float, w: float) -> tuple[float, float, float, float, 
 
 @helper
 def propeller(
-    parameters: Array, rho: float, V: float, throttle: float
+    parameters: Parameters, rho: float, V: float, throttle: float
 ) -> tuple[float, float, float]:
     """Thrust (N), torque that the air puts on the propeller (N m, its reaction rolls the body to
     the left) and speed (rad/s) in balance with the motor.
 
     Where the voltage is too low to turn it against the idle current, it stands still.
     """
-    D, K, R = parameters[DIAMETER], parameters[MOTOR_CONSTANT], parameters[RESISTANCE]
+    D, K, R = parameters.diameter, parameters.motor_constant, parameters.resistance
     D3 = D * D * D
-    a = parameters[C_Q_0] * rho * D3 * D * D / (RAD_PER_TURN * RAD_PER_TURN)
-    b = parameters[C_Q_1] * rho * D3 * D * V / RAD_PER_TURN + K * K / R
-    c = parameters[C_Q_2] * rho * D3 * V * V - K * (
-        throttle * parameters[VOLTAGE] / R - parameters[IDLE_CURRENT]
+    a = parameters.C_Q_0 * rho * D3 * D * D / (RAD_PER_TURN * RAD_PER_TURN)
+    b = parameters.C_Q_1 * rho * D3 * D * V / RAD_PER_TURN + K * K / R
+    c = parameters.C_Q_2 * rho * D3 * V * V - K * (
+        throttle * parameters.voltage / R - parameters.idle_current
     )
     root = b * b - 4 * a * c
     # the positive root, without loss in thin air
     speed = max(-2 * c / (b + math.sqrt(root)), 0.0) if root > 0 else 0.0
     nD, scale = speed * D / RAD_PER_TURN, rho * D * D
     thrust = scale * (
-        parameters[C_T_0] * nD * nD + parameters[C_T_1] * nD * V + parameters[C_T_2] * V * V
+        parameters.C_T_0 * nD * nD + parameters.C_T_1 * nD * V + parameters.C_T_2 * V * V
     )
     torque = (
         scale
         * D
-        * (parameters[C_Q_0] * nD * nD + parameters[C_Q_1] * nD * V + parameters[C_Q_2] * V * V)
+        * (parameters.C_Q_0 * nD * nD + parameters.C_Q_1 * nD * V + parameters.C_Q_2 * V * V)
     )
     return thrust, torque, speed
 
 
 @helper
 def lift_and_drag(
-    parameters: Array, alpha: float, cosine: float, sine: float
+    parameters: Parameters, alpha: float, cosine: float, sine: float
 ) -> tuple[float, float]:
     """C_L and C_D of the wing at an angle of attack: linear lift blended into 2 sign(alpha)
     sin^2 cos of a flat plate, and the parabolic polar."""
-    linear = parameters[C_L_0] + parameters[C_L_ALPHA] * alpha
-    over = 1 / (1 + math.exp(-parameters[STALL_BLEND] * (alpha - parameters[STALL_ALPHA])))
-    under = 1 / (1 + math.exp(parameters[STALL_BLEND] * (alpha + parameters[STALL_ALPHA])))
+    linear = parameters.C_L_0 + parameters.C_L_alpha * alpha
+    over = 1 / (1 + math.exp(-parameters.stall_blend * (alpha - parameters.stall_alpha)))
+    under = 1 / (1 + math.exp(parameters.stall_blend * (alpha + parameters.stall_alpha)))
     stalled = over + under - over * under
     plate = 2 * math.copysign(sine * sine, alpha) * cosine
-    return (1 - stalled) * linear + stalled * plate, parameters[C_D_P] + parameters[
-        POLAR
-    ] * linear * linear
+    return (
+        1 - stalled
+    ) * linear + stalled * plate, parameters.C_D_p + parameters.polar * linear * linear
 
 
 @helper
 def forces(
-    parameters: Array, rho: float, velocity: Numbers, rates: Numbers, controls: Numbers
+    parameters: Parameters, rho: float, velocity: Numbers, rates: Numbers, controls: Numbers
 ) -> tuple[float, float, float, float, float, float]:
     """(F_x, F_y, F_z) N and (M_x, M_y, M_z) N m as one tuple, body axes, aerodynamic and
     propulsive, without gravity.
@@ -151,39 +103,38 @@ def forces(
     p, q, r = rates[0], rates[1], rates[2]
     elevator, aileron, rudder, throttle = controls[0], controls[1], controls[2], controls[3]
     V, alpha, beta, cosine, sine = air_data(u, v, w)
-    half = 0.5 * rho * V * parameters[AREA]
-    qS, b, c = half * V, parameters[SPAN], parameters[CHORD]
+    half = 0.5 * rho * V * parameters.area
+    qS, b, c = half * V, parameters.span, parameters.chord
     # qS times the rates in c/2V and b/2V: no division by a small V
     longitudinal, lateral = (
         0.5 * half * c * q,
         0.5 * half * b,
     )
     C_L, C_D = lift_and_drag(parameters, alpha, cosine, sine)
-    lift = qS * (C_L + parameters[C_L_ELEVATOR] * elevator) + longitudinal * parameters[C_L_Q]
-    drag = qS * (C_D + parameters[C_D_ELEVATOR] * elevator) + longitudinal * parameters[C_D_Q]
+    lift = qS * (C_L + parameters.C_L_elevator * elevator) + longitudinal * parameters.C_L_q
+    drag = qS * (C_D + parameters.C_D_elevator * elevator) + longitudinal * parameters.C_D_q
     side = qS * (
-        parameters[C_Y_0]
-        + parameters[C_Y_BETA] * beta
-        + parameters[C_Y_AILERON] * aileron
-        + parameters[C_Y_RUDDER] * rudder
-    ) + lateral * (parameters[C_Y_P] * p + parameters[C_Y_R] * r)
+        parameters.C_Y_0
+        + parameters.C_Y_beta * beta
+        + parameters.C_Y_aileron * aileron
+        + parameters.C_Y_rudder * rudder
+    ) + lateral * (parameters.C_Y_p * p + parameters.C_Y_r * r)
     roll = qS * (
-        parameters[C_ROLL_0]
-        + parameters[C_ROLL_BETA] * beta
-        + parameters[C_ROLL_AILERON] * aileron
-        + parameters[C_ROLL_RUDDER] * rudder
-    ) + lateral * (parameters[C_ROLL_P] * p + parameters[C_ROLL_R] * r)
+        parameters.C_l_0
+        + parameters.C_l_beta * beta
+        + parameters.C_l_aileron * aileron
+        + parameters.C_l_rudder * rudder
+    ) + lateral * (parameters.C_l_p * p + parameters.C_l_r * r)
     pitch = (
-        qS
-        * (parameters[C_M_0] + parameters[C_M_ALPHA] * alpha + parameters[C_M_ELEVATOR] * elevator)
-        + longitudinal * parameters[C_M_Q]
+        qS * (parameters.C_m_0 + parameters.C_m_alpha * alpha + parameters.C_m_elevator * elevator)
+        + longitudinal * parameters.C_m_q
     )
     yaw = qS * (
-        parameters[C_N_0]
-        + parameters[C_N_BETA] * beta
-        + parameters[C_N_AILERON] * aileron
-        + parameters[C_N_RUDDER] * rudder
-    ) + lateral * (parameters[C_N_P] * p + parameters[C_N_R] * r)
+        parameters.C_n_0
+        + parameters.C_n_beta * beta
+        + parameters.C_n_aileron * aileron
+        + parameters.C_n_rudder * rudder
+    ) + lateral * (parameters.C_n_p * p + parameters.C_n_r * r)
     thrust, torque, _ = propeller(parameters, rho, V, throttle)
     return (
         lift * sine - drag * cosine + thrust,

@@ -10,10 +10,11 @@ from typing import TypeAlias
 import numpy as np
 
 from ...checks import DataError, check_number
+from ...core.compile.records import rows
 from ...core.mathematics.rotation import euler_terms
 from ...typing import Array, File
-from .dynamics import OUTPUTS, STATE_SIZE, evaluate
-from .parameters import Aircraft, aircraft as find
+from .dynamics import CONTROLS, LLA, OMEGA, QUATERNION, STATE, VELOCITY, Loads, evaluate
+from .parameters import Aircraft, Parameters, aircraft as find
 from .trim import Trim, quaternion
 
 MODEL_STATES = ("u", "v", "w", "p", "q", "r", "roll", "pitch")
@@ -86,11 +87,11 @@ def linearise(aircraft: Aircraft | File, trim: Trim) -> Modes:
     name of the one it is most like. Raises DataError.
     """
     aircraft, trim = find(aircraft), _checked(trim)
-    array = aircraft.array("flat", trim.origin)
+    parameters = aircraft.parameters("flat", trim.origin)
     x0, c0 = deviation_point(trim)
 
     def f(x: Array, c: Array) -> Array:
-        return _rates(array, trim.origin, x, c)
+        return _rates(parameters, trim.origin, x, c)
 
     A = np.stack([(f(x0 + h, c0) - f(x0 - h, c0)) / 2e-4 for h in 1e-4 * np.eye(8)], axis=1)
     B = np.stack([(f(x0, c0 + h) - f(x0, c0 - h)) / 2e-4 for h in 1e-4 * np.eye(4)], axis=1)
@@ -129,14 +130,20 @@ def _checked(trim: Trim) -> Trim:
     return trim
 
 
-def _rates(array: Array, origin: tuple[float, float, float], x: Array, controls: Array) -> Array:
+def _rates(
+    parameters: Parameters, origin: tuple[float, float, float], x: Array, controls: Array
+) -> Array:
     """x' of the eight numbers, from the compiled model, on the flat Earth and heading north."""
     velocity, omega, (roll, pitch) = x[0:3], x[3:6], x[6:8]
-    state, rates = np.zeros(STATE_SIZE), np.zeros(19)
+    state, rates = STATE.zeros(), np.zeros(19)
     C = np.reshape(euler_terms(roll, pitch, 0.0), (3, 3))
-    state[0:3], state[3:6], state[6:10] = origin, C @ velocity, quaternion(roll, pitch, 0.0)
-    state[10:13], state[13:17] = omega, controls
-    evaluate(array, state, np.zeros(9), rates, np.zeros(OUTPUTS))
+    state[LLA], state[VELOCITY], state[QUATERNION] = (
+        origin,
+        C @ velocity,
+        quaternion(roll, pitch, 0.0),
+    )
+    state[OMEGA], state[CONTROLS] = omega, controls
+    evaluate(parameters, state, np.zeros(9), rates, rows(Loads, 1)[0])
     p, q, r = omega
     across = q * math.sin(roll) + r * math.cos(roll)
     return np.r_[

@@ -1,5 +1,5 @@
-"""What an aircraft is: its parameters by name, their place in the flat array that the kernels
-read, and TOML files of them."""
+"""What an aircraft is: its parameters by name, the row of them that the kernels read, and TOML
+files of them."""
 
 import math
 import tomllib
@@ -22,6 +22,7 @@ from ...checks import (
     did_you_mean,
     located,
 )
+from ...core.compile.records import row_of, rows
 from ...core.mathematics.earth import E2, A
 from ...files import read_toml
 from ...geodesy import gravity
@@ -102,73 +103,95 @@ TERMS = {
 _FACTOR = {"deg": math.pi / 180, "deg_s": math.pi / 180}
 
 NAMES = tuple(TERMS)
-"""Parameters in the order of the array."""
-(
-    MASS,
-    J_X,
-    J_Y,
-    J_Z,
-    J_XZ,
-    AREA,
-    SPAN,
-    CHORD,
-    OSWALD,
-    DENSITY,
-    C_L_0,
-    C_L_ALPHA,
-    C_L_Q,
-    C_L_ELEVATOR,
-    STALL_ALPHA,
-    STALL_BLEND,
-    C_D_P,
-    C_D_Q,
-    C_D_ELEVATOR,
-    C_M_0,
-    C_M_ALPHA,
-    C_M_Q,
-    C_M_ELEVATOR,
-    C_Y_0,
-    C_Y_BETA,
-    C_Y_P,
-    C_Y_R,
-    C_Y_AILERON,
-    C_Y_RUDDER,
-    C_ROLL_0,
-    C_ROLL_BETA,
-    C_ROLL_P,
-    C_ROLL_R,
-    C_ROLL_AILERON,
-    C_ROLL_RUDDER,
-    C_N_0,
-    C_N_BETA,
-    C_N_P,
-    C_N_R,
-    C_N_AILERON,
-    C_N_RUDDER,
-    DIAMETER,
-    C_T_0,
-    C_T_1,
-    C_T_2,
-    C_Q_0,
-    C_Q_1,
-    C_Q_2,
-    VOLTAGE,
-    MOTOR_CONSTANT,
-    RESISTANCE,
-    IDLE_CURRENT,
-) = range(52)
-ACTUATORS = 52
-"""First of 4 x (least, largest, rate limit, lag) of elevator, aileron, rudder and throttle; rad,
-rad/s, 1, 1/s, s."""
-EARTH, GRAVITY, LATITUDE_RATE, LONGITUDE_RATE = 68, 69, 70, 71
-"""1 on the rotating WGS-84 Earth, 0 on the flat one; and of the flat one: gravity (m/s^2), rad
-of latitude and of longitude to the metre."""
-INVERSE = 72
-"""First of 1/J_y and of xx, xz, zz of the inverse of [[J_x, -J_xz], [-J_xz, J_z]], 1/(kg m^2)."""
-POLAR = 76
-"""1 / (pi oswald span^2 / area): drag to the square of lift."""
-SIZE = 77
-"""Length of the array."""
+"""Parameters of an aircraft."""
+
+
+class Parameters:
+    """What kernels read of an aircraft on one Earth: its parameters (NAMES) and what follows from them."""
+
+    mass: float
+    J_x: float
+    J_y: float
+    J_z: float
+    J_xz: float
+    area: float
+    span: float
+    chord: float
+    oswald: float
+    density: float
+    C_L_0: float
+    C_L_alpha: float
+    C_L_q: float
+    C_L_elevator: float
+    stall_alpha: float
+    stall_blend: float
+    C_D_p: float
+    C_D_q: float
+    C_D_elevator: float
+    C_m_0: float
+    C_m_alpha: float
+    C_m_q: float
+    C_m_elevator: float
+    C_Y_0: float
+    C_Y_beta: float
+    C_Y_p: float
+    C_Y_r: float
+    C_Y_aileron: float
+    C_Y_rudder: float
+    C_l_0: float
+    C_l_beta: float
+    C_l_p: float
+    C_l_r: float
+    C_l_aileron: float
+    C_l_rudder: float
+    C_n_0: float
+    C_n_beta: float
+    C_n_p: float
+    C_n_r: float
+    C_n_aileron: float
+    C_n_rudder: float
+    diameter: float
+    C_T_0: float
+    C_T_1: float
+    C_T_2: float
+    C_Q_0: float
+    C_Q_1: float
+    C_Q_2: float
+    voltage: float
+    motor_constant: float
+    resistance: float
+    idle_current: float
+    elevator_min: float
+    elevator_max: float
+    elevator_rate: float
+    elevator_lag: float
+    aileron_min: float
+    aileron_max: float
+    aileron_rate: float
+    aileron_lag: float
+    rudder_min: float
+    rudder_max: float
+    rudder_rate: float
+    rudder_lag: float
+    throttle_min: float
+    throttle_max: float
+    throttle_rate: float
+    throttle_lag: float
+
+    rotates: float  # 1 on the rotating WGS-84 Earth, 0 on the flat one
+    # of the flat one: m/s^2, and rad of latitude and of longitude to the metre
+    gravity: float
+    latitude_rate: float
+    longitude_rate: float
+    # 1/J_y and the inverse of [[J_x, -J_xz], [-J_xz, J_z]], 1/(kg m^2)
+    inverse_yy: float
+    inverse_xx: float
+    inverse_xz: float
+    inverse_zz: float
+    polar: float  # 1 / (pi oswald span^2 / area): drag to the square of lift
+
+
+PARAMETERS = row_of(Parameters)
 
 
 @dataclass(frozen=True, repr=False)
@@ -215,8 +238,10 @@ class Aircraft:
         """Another Aircraft with these parameters (SI) changed. Raises DataError."""
         return Aircraft(name or self.name, {**self.values, **changes}, self.source)
 
-    def array(self, earth: str = "geodetic", origin: Iterable[float] = (0.0, 0.0, 0.0)) -> Array:
-        """The flat array (SIZE,) that the kernels read, for one Earth: "geodetic" (rotating WGS-84)
+    def parameters(
+        self, earth: str = "geodetic", origin: Iterable[float] = (0.0, 0.0, 0.0)
+    ) -> Parameters:
+        """The row of Parameters that the kernels read, for one Earth: "geodetic" (rotating WGS-84)
         or "flat". Raises DataError.
 
         The flat one touches WGS-84 at `origin` (rad, rad, m): gravity there, everywhere; latitude
@@ -225,19 +250,17 @@ class Aircraft:
         check_choice(earth, "earth", ("geodetic", "flat"))
         lat, _, height = checked_origin(origin)
         north, east = _scales(lat, height)
-        array = np.zeros(SIZE)
-        array[: len(NAMES)] = [self.values[name] for name in NAMES]
-        array[EARTH], array[GRAVITY] = earth == "geodetic", gravity(lat, height)
-        array[LATITUDE_RATE], array[LONGITUDE_RATE] = 1 / north, 1 / east
-        determinant = self["J_x"] * self["J_z"] - self["J_xz"] ** 2
-        array[INVERSE : INVERSE + 4] = (
-            1 / self["J_y"],
-            self["J_z"] / determinant,
-            self["J_xz"] / determinant,
-            self["J_x"] / determinant,
-        )
-        array[POLAR] = self["area"] / (math.pi * self["oswald"] * self["span"] ** 2)
-        return array
+        row: Parameters
+        (row,) = rows(Parameters, 1)
+        for name in NAMES:
+            setattr(row, name, self.values[name])
+        row.rotates, row.gravity = earth == "geodetic", gravity(lat, height)
+        row.latitude_rate, row.longitude_rate = 1 / north, 1 / east
+        determinant = row.J_x * row.J_z - row.J_xz**2
+        row.inverse_yy, row.inverse_xx = 1 / row.J_y, row.J_z / determinant
+        row.inverse_xz, row.inverse_zz = row.J_xz / determinant, row.J_x / determinant
+        row.polar = row.area / (math.pi * row.oswald * row.span**2)
+        return row
 
     def table(self) -> dict[str, float]:
         """{"mass, kg": 11.0, ...}: every parameter with the unit of the aircraft file."""
@@ -312,11 +335,13 @@ def checked_array(value: ArrayLike, shape: tuple[int | None, ...], what: str) ->
     return np.ascontiguousarray(check_array(value, what, shape))
 
 
-def flat_metres(array: Array, origin: ArrayLike, lla: ArrayLike) -> Array:
-    """North, east, down (m; (3,) or (n, 3)) of `lla` on the flat Earth of `array` about `origin`
+def flat_metres(parameters: Parameters, origin: ArrayLike, lla: ArrayLike) -> Array:
+    """North, east, down (m; (3,) or (n, 3)) of `lla` on the flat Earth of `parameters` about `origin`
     (rad, rad, m): an affine map."""
     north, east, up = np.moveaxis(np.asarray(lla, float) - np.asarray(origin, float), -1, 0)
-    return np.stack([north / array[LATITUDE_RATE], east / array[LONGITUDE_RATE], -up], axis=-1)
+    return np.stack(
+        [north / parameters.latitude_rate, east / parameters.longitude_rate, -up], axis=-1
+    )
 
 
 def _scales(lat: float, height: float) -> tuple[float, float]:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...checks import DataError, check_array, check_number
+from ...core.compile.records import copied, rows
 from ...typing import Array, File
-from .dynamics import OUTPUTS, PROPELLER, STATE_SIZE, THRUST, evaluate
-from .parameters import GRAVITY, Aircraft, aircraft as find, checked_origin
+from .dynamics import CONTROLS, LLA, OMEGA, QUATERNION, STATE, VELOCITY, Loads, evaluate
+from .parameters import Aircraft, Parameters, aircraft as find, checked_origin
 
 SURFACES = ("elevator", "aileron", "rudder", "throttle")
 _ROUNDS, _ENOUGH = 60, 1e-9
@@ -39,7 +40,7 @@ class Trim:
     residual: float
     state: Array = field(compare=False)
     commands: Array = field(compare=False)
-    outputs: Array = field(compare=False)
+    loads: Loads = field(compare=False)
 
     def table(self) -> dict[str, float]:
         """{"airspeed, m/s": ...}: the flight and its controls, angles in deg, propeller speed in
@@ -61,8 +62,8 @@ class Trim:
             "airspeed, m/s": self.airspeed,
             **dict(zip(names, degrees.tolist())),
             "throttle": float(self.commands[3]),
-            "thrust, N": float(self.outputs[THRUST]),
-            "propeller, rpm": float(self.outputs[PROPELLER]) * 30 / math.pi,
+            "thrust, N": float(self.loads.thrust),
+            "propeller, rpm": float(self.loads.propeller) * 30 / math.pi,
         }
 
     def __repr__(self) -> str:
@@ -91,18 +92,20 @@ def trim(
     _check(airspeed, climb, radius, course, wind)
     origin = checked_origin(origin)
     turn_rate = 0.0 if math.isinf(radius) else airspeed * math.cos(climb) / radius
-    balance = _Balance(aircraft.array("flat", origin), origin, airspeed, climb, turn_rate, course)
-    z, residual = _solve(balance, _guess(balance.array, aircraft, airspeed, turn_rate))
+    balance = _Balance(
+        aircraft.parameters("flat", origin), origin, airspeed, climb, turn_rate, course
+    )
+    z, residual = _solve(balance, _guess(balance.parameters.gravity, aircraft, airspeed, turn_rate))
     where = (
         f"aircraft {aircraft.name!r} cannot be trimmed at {airspeed:g} m/s, climb "
         f"{math.degrees(climb):.3g} deg" + ("" if math.isinf(radius) else f", radius {radius:g} m")
     )
     _refuse(balance, aircraft, z, residual, where)
     state, (roll, pitch, _) = balance.state(z)
-    outputs = balance.outputs.copy()
-    state[3:6] += wind
+    loads: Loads = copied(balance.loads)
+    state[VELOCITY] += wind
     if earth != "flat":
-        state[10:13] += _frame_rate(aircraft.array(earth, origin), state)
+        state[OMEGA] += _frame_rate(aircraft.parameters(earth, origin), state)
     return Trim(
         aircraft,
         float(airspeed),
@@ -117,7 +120,7 @@ def trim(
         residual,
         state,
         z[2:].copy(),
-        outputs,
+        loads,
     )
 
 
@@ -139,27 +142,24 @@ class _Balance:
 
     def __init__(
         self,
-        array: Array,
+        parameters: Parameters,
         origin: tuple[float, float, float],
         airspeed: float,
         climb: float,
         turn_rate: float,
         course: float,
     ) -> None:
-        self.array, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = (
-            array,
+        self.parameters, self.origin, self.airspeed, self.climb, self.turn_rate, self.course = (
+            parameters,
             origin,
             airspeed,
             climb,
             turn_rate,
             course,
         )
-        self.rates, self.outputs, self.calm, self.evaluate = (
-            np.zeros(19),
-            np.zeros(OUTPUTS),
-            np.zeros(9),
-            evaluate,
-        )
+        self.rates, self.calm, self.evaluate = np.zeros(19), np.zeros(9), evaluate
+        self.loads: Loads
+        (self.loads,) = rows(Loads, 1)
 
     def state(self, z: Array) -> tuple[Array, tuple[float, float, float]]:
         """State and Euler angles in which the air comes with angle of attack z[0] and no
@@ -175,36 +175,35 @@ class _Balance:
         )
         ahead = along * math.cos(pitch) + below * math.sin(pitch)
         heading = self.course - math.atan2(aside, ahead)
-        state = np.zeros(STATE_SIZE)
-        state[0:3] = self.origin
-        state[3:6] = (
+        state = STATE.zeros()
+        state[LLA] = self.origin
+        state[VELOCITY] = (
             V * math.cos(self.climb) * math.cos(self.course),
             V * math.cos(self.climb) * math.sin(self.course),
             -V * math.sin(self.climb),
         )
-        state[6:10] = quaternion(roll, pitch, heading)
-        state[10:13] = self.turn_rate * np.array(
+        state[QUATERNION] = quaternion(roll, pitch, heading)
+        state[OMEGA] = self.turn_rate * np.array(
             [-math.sin(pitch), math.sin(roll) * math.cos(pitch), math.cos(roll) * math.cos(pitch)]
         )
-        state[13:17] = z[2:]
+        state[CONTROLS] = z[2:]
         return state, (roll, pitch, heading)
 
     def most_thrust(self, z: Array, throttle: float) -> float:
         """Thrust, N, at the most that `throttle` may be."""
         self(np.r_[z[:5], throttle])
-        return float(self.outputs[THRUST])
+        return float(self.loads.thrust)
 
     def __call__(self, z: Array) -> Array:
         state, _ = self.state(z)
-        self.evaluate(self.array, state, self.calm, self.rates, self.outputs)
+        self.evaluate(self.parameters, state, self.calm, self.rates, self.loads)
         turning = self.turn_rate * np.array([-state[4], state[3], 0.0])
         return np.r_[self.rates[3:6] - turning, self.rates[10:13]]
 
 
-def _guess(array: Array, aircraft: Aircraft, airspeed: float, turn_rate: float) -> Array:
+def _guess(gravity: float, aircraft: Aircraft, airspeed: float, turn_rate: float) -> Array:
     """Where to begin: lift that carries the weight in the turn, elevator for no pitching moment,
     half throttle."""
-    gravity = array[GRAVITY]
     roll = math.atan(airspeed * turn_rate / gravity)
     pressure = 0.5 * (aircraft["density"] or 1.0) * airspeed**2 * aircraft["area"]
     alpha = (aircraft["mass"] * gravity / math.cos(roll) / pressure - aircraft["C_L_0"]) / aircraft[
@@ -278,12 +277,12 @@ def _refuse(balance: _Balance, aircraft: Aircraft, z: Array, residual: float, wh
             )
 
 
-def _frame_rate(array: Array, state: Array) -> Array:
+def _frame_rate(parameters: Parameters, state: Array) -> Array:
     """omega_in in body axes (rad/s) at a state, from the attitude's rate without any body rate."""
-    rates, still = np.zeros(19), state.copy()
-    still[10:13] = 0.0
-    evaluate(array, still, np.zeros(9), rates, np.zeros(OUTPUTS))
-    a, b, c, d = state[6:10]
+    rates, still, loads = np.zeros(19), state.copy(), rows(Loads, 1)
+    still[OMEGA] = 0.0
+    evaluate(parameters, still, np.zeros(9), rates, loads[0])
+    a, b, c, d = state[QUATERNION]
     to_body = np.array([[-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
     return -2 * to_body @ rates[6:10]
 

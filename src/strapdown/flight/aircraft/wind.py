@@ -12,22 +12,34 @@ import numpy as np
 
 from ...checks import check_choice, check_number
 from ...core.compile.jit import helper, kernel
+from ...core.compile.records import row_of, rows
 from ...core.compile.signatures import REAL, reals, signature
 from ...typing import Array
 
 TURBULENCE_LEVELS = {"none": 0.0, "light": 15.0, "moderate": 30.0, "severe": 45.0}
 """Wind at 20 ft, kn, that the standard gives each level."""
-SD_U, SD_V, SD_W, L_U, L_V, L_W, WING, TURBULENCE = 0, 1, 2, 3, 4, 5, 6, 7
-"""Array of a turbulence: standard deviations (m/s) and scale lengths (m) along u, v, w, and the
-wing span (m)."""
 GUST_STATES, NORMALS = 8, 6
 """Numbers of a gust filter's state (u | v, two lags and its mean | w, the same | p), and of
 standard normals that it takes at each step."""
 _FOOT, _KNOT = 0.3048, 1852 / 3600
 
 
-def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) -> Array:
-    """The array (TURBULENCE,) of a level (TURBULENCE_LEVELS) at `height` above ground (m) for a
+class Turbulence:
+    """What turbulence is along u, v and w."""
+
+    # standard deviations, m/s
+    sd_u: float
+    sd_v: float
+    sd_w: float
+    # scale lengths, m
+    length_u: float
+    length_v: float
+    length_w: float
+    span: float  # of the wing, m
+
+
+def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) -> Turbulence:
+    """The Turbulence of a level (TURBULENCE_LEVELS) at `height` above ground (m) for a
     wing `span` (m). Raises DataError.
 
     MIL-F-8785C, 3.7.2: from 10 to 1000 ft; below and above, the values at the ends are kept.
@@ -39,9 +51,13 @@ def turbulence(level: str = "light", height: float = 50.0, span: float = 3.0) ->
     shape = 0.177 + 0.000823 * feet
     vertical = 0.1 * TURBULENCE_LEVELS[level] * _KNOT
     along = feet * _FOOT / shape**1.2
-    return np.array(
-        [vertical / shape**0.4, vertical / shape**0.4, vertical, along, along, feet * _FOOT, span]
-    )
+    made: Turbulence
+    (made,) = rows(Turbulence, 1)
+    made.sd_u = made.sd_v = vertical / shape**0.4
+    made.sd_w = vertical
+    made.length_u = made.length_v = along
+    made.length_w, made.span = feet * _FOOT, span
+    return made
 
 
 @helper
@@ -75,17 +91,15 @@ def _slope(state: Array, at: int, before: float, after: float, dt: float, lag: f
 
 
 @helper
-def roll_sd(turbulence: Array) -> float:
+def roll_sd(turbulence: Turbulence) -> float:
     """Standard deviation of the roll gust, rad/s: the closed form of the standard's spectrum."""
-    b, L = turbulence[WING], turbulence[L_W]
-    return (
-        turbulence[SD_W] * math.pi * math.sqrt(0.1 / (b * L)) * (math.pi * L / (4 * b)) ** (1 / 6)
-    )
+    b, L = turbulence.span, turbulence.length_w
+    return turbulence.sd_w * math.pi * math.sqrt(0.1 / (b * L)) * (math.pi * L / (4 * b)) ** (1 / 6)
 
 
 GUST = signature(
     "gust",
-    turbulence=reals("turbulence"),
+    turbulence=row_of(Turbulence),
     state=reals("states"),
     normals=reals("normals"),
     airspeed=REAL,
@@ -96,7 +110,7 @@ GUST = signature(
 
 @kernel(GUST)
 def gust(
-    turbulence: Array, state: Array, normals: Array, airspeed: float, dt: float, wind: Array
+    turbulence: Turbulence, state: Array, normals: Array, airspeed: float, dt: float, wind: Array
 ) -> None:
     """Advance the gust filter `state` (GUST_STATES,) by dt s with standard `normals` (NORMALS,) and
     write wind[3:9].
@@ -104,18 +118,18 @@ def gust(
     Gust velocity (m/s) and rates (rad/s) in body axes; `airspeed` (m/s) is kept at 1 or above.
     """
     V = max(airspeed, 1.0)
-    a = math.exp(-V * dt / turbulence[L_U])
+    a = math.exp(-V * dt / turbulence.length_u)
     state[0] = a * state[0] + math.sqrt(1 - a * a) * normals[0]
     v0, v1 = _second_order(
-        state, 1, V * dt / turbulence[L_V], turbulence[SD_V], normals[1], normals[2]
+        state, 1, V * dt / turbulence.length_v, turbulence.sd_v, normals[1], normals[2]
     )
     w0, w1 = _second_order(
-        state, 4, V * dt / turbulence[L_W], turbulence[SD_W], normals[3], normals[4]
+        state, 4, V * dt / turbulence.length_w, turbulence.sd_w, normals[3], normals[4]
     )
-    lag = 4 * turbulence[WING] / (math.pi * V)
+    lag = 4 * turbulence.span / (math.pi * V)
     a = math.exp(-dt / lag)
     state[7] = a * state[7] + math.sqrt(1 - a * a) * normals[5]
-    wind[3], wind[4], wind[5] = turbulence[SD_U] * state[0], v1, w1
+    wind[3], wind[4], wind[5] = turbulence.sd_u * state[0], v1, w1
     wind[6] = roll_sd(turbulence) * state[7]
     wind[7], wind[8] = (
         -_slope(state, 6, w0, w1, dt, lag) / V,
@@ -123,12 +137,12 @@ def gust(
     )
 
 
-def begin(turbulence: Array, normals: Array) -> Array:
+def begin(turbulence: Turbulence, normals: Array) -> Array:
     """The state (GUST_STATES,) of gusts that have always blown, from 6 standard normals; the
     smoothed gusts of pitch and yaw begin at the gusts."""
     u, v1, v2, w1, w2, p = normals
     state = np.array([u, v1, 0.5 * (v1 + v2), 0.0, w1, 0.5 * (w1 + w2), 0.0, p])
-    for first, sd in ((1, turbulence[SD_V]), (4, turbulence[SD_W])):
+    for first, sd in ((1, turbulence.sd_v), (4, turbulence.sd_w)):
         state[first + 2] = (
             sd
             * math.sqrt(0.5)

@@ -6,7 +6,7 @@ from typing import Any
 
 from strapdown.core.compile.jit import matrix
 from strapdown.core.loop.contract import CORRECT, PREDICT, Belief, Noise, Observe, Start, kernel
-from strapdown.flight.aircraft.parameters import GRAVITY, aircraft as find_aircraft
+from strapdown.flight.aircraft.parameters import aircraft as find_aircraft
 from strapdown.typing import Array
 
 from .model import (
@@ -24,6 +24,7 @@ from .model import (
     begin,
     copy,
     correct_gaussian,
+    craft_in,
     linearised,
     publish,
     seen,
@@ -61,7 +62,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     turn(belief, u, dt)
     workspace = belief.workspace
     if workspace[POINT + READING] != ESTIMATE:
-        attitude, gravity = matrix(workspace, TURNED, 3, 3), workspace[CRAFT][GRAVITY]
+        attitude, gravity = matrix(workspace, TURNED, 3, 3), craft_in(workspace, CRAFT).gravity
         told, own = workspace[INPUTS:], workspace[POINT:]
         sampled(own, told, attitude, belief, gravity, dt, workspace[DV])
     linearised(belief, belief.workspace[X], belief.P, dt, noise)

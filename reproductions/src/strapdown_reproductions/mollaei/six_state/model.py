@@ -16,17 +16,13 @@ from inspect import Parameter, Signature, signature
 from typing import Any, NamedTuple, TypeVar
 
 from strapdown.checks import check_number
-from strapdown.core.compile.jit import helper, inlined, matrix
+from strapdown.core.compile.jit import helper, inlined, matrix, row_in
 from strapdown.core.loop.contract import Belief, Kind, Noise, Slots, Source, Start
 from strapdown.core.mathematics.rotation import Three, orthonormalise, rotate_right, turned, wrap
 from strapdown.flight import inputs
 from strapdown.flight.aircraft.forces import density, forces
 from strapdown.flight.aircraft.parameters import (
-    GRAVITY,
-    LATITUDE_RATE,
-    LONGITUDE_RATE,
-    MASS,
-    SIZE,
+    PARAMETERS,
     Aircraft,
     aircraft as find_aircraft,
 )
@@ -55,9 +51,11 @@ A = SIX.matrix("A", 3, 3)  # d velocity after / d velocity before
 # state and covariance that a fix would leave
 TRIAL = SIX.array("TRIAL", 6)
 TRIAL_P = SIX.matrix("TRIAL_P", 6, 6)
-CRAFT = SIX.array("CRAFT", SIZE)  # the aircraft's parameters
+CRAFT = SIX.array("CRAFT", len(PARAMETERS.fields)).start  # the aircraft's parameters, as a row
 # of the readings of the EKF that linearise the process once
 POINT = SIX.part("POINT", operating_point.POINT).start
+craft_in = row_in(PARAMETERS)
+"""The row of the parameters in a workspace, at CRAFT."""
 STEP = 1e-5
 """m/s: of the differences that make the Jacobian; their errors, of the bend and of rounding, are
 below 1e-6 of it."""
@@ -113,7 +111,10 @@ def begin(start: Start, slots: Slots, options: Options, rest: int = 0) -> Belief
     belief.P[6:], belief.P[:, 6:] = 0.0, 0.0
     workspace[X][3:], workspace[ORIGIN] = start.v, start.lla
     workspace[Q], workspace[R], workspace[UNKNOWN] = q * rate, r, model
-    workspace[CRAFT] = find_aircraft(craft).array(earth="flat", origin=start.lla)
+    flown, kept = find_aircraft(craft), craft_in(workspace, CRAFT)
+    parameters = flown.parameters(earth="flat", origin=start.lla)
+    for name, *_ in PARAMETERS.fields:
+        setattr(kept, name, getattr(parameters, name))
     return belief
 
 
@@ -136,7 +137,7 @@ def turn(belief: Belief, u: Array, dt: float) -> None:
     """Advance the attitude by the measured increments u, and leave in workspace what they say of
     the velocity and the attitude at mid-sample."""
     workspace, C, half = belief.workspace, belief.C, matrix(belief.workspace, TURNED, 3, 3)
-    dv, craft = workspace[DV], workspace[CRAFT]
+    dv, craft = workspace[DV], craft_in(workspace, CRAFT)
     r0, r1, r2 = u[0] - belief.bg[0] * dt, u[1] - belief.bg[1] * dt, u[2] - belief.bg[2] * dt
     a0, a1, a2 = u[3] - belief.ba[0] * dt, u[4] - belief.ba[1] * dt, u[5] - belief.ba[2] * dt
     x0, x1, x2 = r1 * a2 - r2 * a1, r2 * a0 - r0 * a2, r0 * a1 - r1 * a0
@@ -146,7 +147,7 @@ def turn(belief: Belief, u: Array, dt: float) -> None:
         a1 + 0.5 * x1 + (r2 * x0 - r0 * x2) / 6,
         a2 + 0.5 * x2 + (r0 * x1 - r1 * x0) / 6,
     )
-    dv[0], dv[1], dv[2] = d0, d1, d2 + craft[GRAVITY] * dt
+    dv[0], dv[1], dv[2] = d0, d1, d2 + craft.gravity * dt
     for i in range(3):
         for j in range(3):
             half[i, j] = C[i, j]
@@ -179,9 +180,9 @@ def acceleration(
         a, b = matrix(own, operating_point.OWN_A, 3, 3), own[operating_point.OWN_B]
         a0, a1, a2 = turned(a, v0, v1, v2)
         return a0 + b[0], a1 + b[1], a2 + b[2]
-    C, told, craft = matrix(workspace, TURNED, 3, 3), workspace[INPUTS:], workspace[CRAFT]
+    C, told, craft = matrix(workspace, TURNED, 3, 3), workspace[INPUTS:], craft_in(workspace, CRAFT)
     wind = told[inputs.WIND]
-    v0, v1, v2, scale = v0 - wind[0], v1 - wind[1], v2 - wind[2], 1 / craft[MASS]
+    v0, v1, v2, scale = v0 - wind[0], v1 - wind[1], v2 - wind[2], 1 / craft.mass
     against_air = (
         C[0, 0] * v0 + C[1, 0] * v1 + C[2, 0] * v2,
         C[0, 1] * v0 + C[1, 1] * v1 + C[2, 1] * v2,
@@ -191,7 +192,7 @@ def acceleration(
         craft, workspace[DENSITY], against_air, omega, told[inputs.CONTROLS]
     )
     a0, a1, a2 = turned(C, scale * Fx, scale * Fy, scale * Fz)
-    return a0, a1, a2 + craft[GRAVITY]
+    return a0, a1, a2 + craft.gravity
 
 
 @helper
@@ -333,10 +334,10 @@ def copy(x: Array, P: Array, to: Array, To: Array) -> None:
 def seen(workspace: Array, y: Array, kind: int, x: Array, innovation: Array) -> int:
     """Innovation (m or m/s; NaN where not measured) of a fix of position or velocity at the
     state x. Returns the first of the states that it sees."""
-    origin, craft = workspace[ORIGIN], workspace[CRAFT]
+    origin, craft = workspace[ORIGIN], craft_in(workspace, CRAFT)
     if kind == Kind.POSITION:
-        innovation[0] = (y[0] - origin[0]) / craft[LATITUDE_RATE] - x[0]
-        innovation[1] = wrap(y[1] - origin[1]) / craft[LONGITUDE_RATE] - x[1]
+        innovation[0] = (y[0] - origin[0]) / craft.latitude_rate - x[0]
+        innovation[1] = wrap(y[1] - origin[1]) / craft.longitude_rate - x[1]
         innovation[2] = origin[2] - y[2] - x[2]
         return 0
     for i in range(3):
@@ -383,9 +384,9 @@ def publish(belief: Belief) -> None:
     """Write the state into the belief as its affine image: latitude, longitude, height and
     velocity."""
     workspace = belief.workspace
-    x, origin, craft = workspace[X], workspace[ORIGIN], workspace[CRAFT]
-    belief.lla[0] = origin[0] + x[0] * craft[LATITUDE_RATE]
-    belief.lla[1] = wrap(origin[1] + x[1] * craft[LONGITUDE_RATE])
+    x, origin, craft = workspace[X], workspace[ORIGIN], craft_in(workspace, CRAFT)
+    belief.lla[0] = origin[0] + x[0] * craft.latitude_rate
+    belief.lla[1] = wrap(origin[1] + x[1] * craft.longitude_rate)
     belief.lla[2] = origin[2] - x[2]
     for i in range(3):
         belief.v[i] = x[3 + i]

@@ -17,7 +17,7 @@ from strapdown.core.loop.contract import Belief, Start
 from strapdown.core.mathematics.rotation import euler_terms, turned
 from strapdown.flight.aircraft.dynamics import CONTROLS, OMEGA
 from strapdown.flight.aircraft.forces import density, forces
-from strapdown.flight.aircraft.parameters import MASS, Aircraft
+from strapdown.flight.aircraft.parameters import Aircraft
 from strapdown.flight.aircraft.trim import trim
 from strapdown.flight.inputs import CONTROLS as TOLD_CONTROLS, WIND
 from strapdown.typing import Array
@@ -56,13 +56,13 @@ def point_of(craft: Aircraft, start: Start, linearised: str, airspeed: float | N
         )
     check_number(airspeed, "airspeed", "m/s", above=0)
     begun = trim(craft, airspeed, origin=start.lla, course=start.rph[2], earth="flat")
-    parameters = craft.array(earth="flat", origin=start.lla)
+    parameters = craft.parameters(earth="flat", origin=start.lla)
     C = np.reshape(euler_terms(begun.roll, begun.pitch, _heading(begun.state[6:10])), (3, 3))
-    at = np.r_[C.T @ begun.state[3:6], begun.state[OMEGA:CONTROLS], begun.state[CONTROLS:]]
+    at = np.r_[C.T @ begun.state[3:6], begun.state[OMEGA], begun.state[CONTROLS]]
     air = density(parameters, start.lla[2])
 
     def force(x: Array) -> Array:
-        return np.array(forces(parameters, air, x[:3], x[3:6], x[6:])[:3]) / parameters[MASS]
+        return np.array(forces(parameters, air, x[:3], x[3:6], x[6:])[:3]) / parameters.mass
 
     own[READING] = READINGS.index(linearised)
     own[ATTITUDE : ATTITUDE + 9] = C.ravel()
