@@ -50,7 +50,7 @@ def check_arrays(
                 raise DataError(f"{where}: {name} is missing; {DAMAGED}")
             continue
         said = (units or {}).get(name, column.units)
-        if column.units and said not in column.units.split("|"):
+        if column.units and said != column.units:
             raise DataError(
                 f"{where}: {name} is in {said[:40]!r}, it must be in {column.units!r}; {DAMAGED}"
             )
