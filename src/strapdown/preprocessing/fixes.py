@@ -14,6 +14,7 @@ from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
 from ..time_scales import iso, span, utc
 from ..typing import Array
+from ..verdict import Reason
 from ..wording import counted
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
@@ -62,7 +63,7 @@ def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, 
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
-            more = more + overlap_notes(imu, aiding)
+            more = more + [each.line for each in little_overlap(imu, aiding)]
         if aiding.kind == "attitude":
             refuse_unit(aiding.t, aiding.y, imu, aiding.name or aiding.kind)
         done.append(aiding)
@@ -237,8 +238,8 @@ def likely_shift(start: float, stop: float, first: float, last: float) -> str | 
     return f"{shift:+.0f} s added to its time bring it there ({what}); "
 
 
-def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
-    """Notes on an Aiding that has little of its record, or of the IMU's, in common with the
+def little_overlap(imu: Imu, aiding: Aiding) -> list[Reason]:
+    """A Reason where an Aiding has little of its record, or of the IMU's, in common with the
     other."""
     if not len(aiding.t):
         return []
@@ -250,11 +251,12 @@ def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
         or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE
     ):
         return []
-    return [
-        f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU "
-        f"record, {max(common, 0.0):.1f} of its "
-        f"{stop - start:.1f} s: check unit and offset of time"
-    ]
+    seen = (
+        f"only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} "
+        f"of its {stop - start:.1f} s"
+    )
+    remedy = "check unit and offset of time"
+    return [Reason("clock", seen, remedy, aiding.name or aiding.kind)]
 
 
 def clean_reference(
