@@ -9,7 +9,7 @@ shows pitch and heading; scale, by which the odometer's speed is too large.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
 from ..recording import Recording
 from ..typing import Array, Ints
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
@@ -84,13 +87,35 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
                 aidings[i] = replace(a, y=a.y / (1 + value))
     imu = recording.imu
     if turn.any():
+        from scipy.spatial.transform import Rotation
+
         R = rotation(turn)
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
-        of_imu = [find(a.kind).mean_of == "gyro" for a in aidings]
-        aidings = [replace(a, y=a.y @ R.T) if own else a for a, own in zip(aidings, of_imu)]
+        aidings = [with_the_imu(a, Rotation.from_rotvec(turn)) for a in aidings]
     made = replace(recording, imu=imu, aidings=tuple(aidings))
     # it is no longer as its file has it
     return made.forgetting("installed") if np.any(theta) else made
+
+
+def is_of_the_imu(a: Aiding) -> bool:
+    """Whether a source is in the axes of the IMU: a filter compares it with its attitude as that of
+    the IMU, so that a mounting does not change its innovations."""
+    return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
+
+
+def with_the_imu(a: Aiding, turn: "Rotation") -> Aiding:
+    """A source in axes to which `turn` leads, where it is in those of the IMU."""
+    from scipy.spatial.transform import Rotation
+
+    if not is_of_the_imu(a):
+        return a
+    if a.kind != "attitude":
+        return replace(a, y=turn.apply(a.y))
+    # roll, pitch, heading; the first two know no heading
+    angles = np.nan_to_num(a.y)[:, ::-1]
+    turned = (Rotation.from_euler("ZYX", angles) * turn.inv()).as_euler("ZYX")[:, ::-1]
+    turned[:, 2] = np.where(np.isnan(a.y[:, 2]), np.nan, turned[:, 2] % (2 * np.pi))
+    return replace(a, y=turned)
 
 
 def rotation(turn: Array) -> Array:
