@@ -12,7 +12,7 @@ from ..core.loop.contract import Imu, Measurement
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
-from ..time_scales import iso, span, utc
+from ..time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
 from ..typing import Array
 from ..verdict import Reason
 from ..wording import counted
@@ -27,9 +27,6 @@ standard atmosphere of the library ends, and a pressurised or submerged sensor."
 LEAST_SHARE, LONG_RECORD = 0.2, 10.0
 """An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than LEAST_SHARE of
 one of them in common, probably differ in clock."""
-GPS_EPOCH, WEEK = 315964800.0, 604800.0
-"""Seconds from the epoch of Unix time to that of GPS time, less the leap seconds since; of a
-week."""
 PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
     1e-3: "kPa read as Pa",
@@ -225,11 +222,11 @@ def likely_shift(start: float, stop: float, first: float, last: float) -> str | 
     """What brings fixes from `first` to `last` into the record from `start` to `stop` (s): a time
     zone, whole days, another epoch. None where none of these does."""
     shifts = [(1800.0 * k, f"a time zone, {k / 2:+g} h?") for k in range(-28, 29) if k]
-    shifts += [(86400.0 * k, f"whole days, {k:+d}?") for k in range(-7, 8) if k]
+    shifts += [(float(DAY * k), f"whole days, {k:+d}?") for k in range(-7, 8) if k]
     for sign in (1.0, -1.0):
-        shifts.append((sign * GPS_EPOCH, "the epochs of Unix time and GPS time?"))
-        weeks = round((sign * (start - first) - GPS_EPOCH) / WEEK)
-        shifts.append((sign * (GPS_EPOCH + WEEK * weeks), "Unix time against seconds of the week?"))
+        shifts.append((sign * GPS_ZERO, "the epochs of Unix time and GPS time?"))
+        weeks = round((sign * (start - first) - GPS_ZERO) / WEEK)
+        shifts.append((sign * (GPS_ZERO + WEEK * weeks), "Unix time against seconds of the week?"))
     least = 0.5 * min(stop - start, last - first)
     common = [(min(stop, last + s) - max(start, first + s), -abs(s), s, what) for s, what in shifts]
     overlap, _, shift, what = max(common)

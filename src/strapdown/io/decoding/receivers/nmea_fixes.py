@@ -250,9 +250,9 @@ def _velocities(found: Sorting) -> list[Section]:
         good = used & (t >= 0) & np.isfinite(speed)
         if not good.any():
             continue
-        table, telling = name, found
-        if name in found.tables:  # of the positions, which have told of these rows
-            table, telling = f"{name} velocity", found._replace(left=[])
+        beside = name in found.tables  # of the positions, which have told of these rows
+        table = f"{name} velocity" if beside else name
+        telling = found._replace(left=[]) if beside else found
         found.tables[table] = telling.table(table, kind, t, good, columns)
         keys = {
             "kind": "velocity",
