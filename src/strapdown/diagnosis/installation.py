@@ -9,11 +9,10 @@ shows pitch and heading; scale, by which the odometer's speed is too large.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..aiding import find
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import gravity
 from ..core.mathematics.error_dynamics import cross_matrix
@@ -25,11 +24,9 @@ from ..engine.sensitivity import Corrections, acceleration_at
 from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
+from ..preprocessing.turned_imu import with_the_imu
 from ..recording import Recording
 from ..typing import Array, Ints
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 GNSS = ("position", "velocity")
 CONSTRAINED = {"speed": 0, "zero-lateral-velocity": 1, "zero-vertical-velocity": 2}
@@ -95,27 +92,6 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
     made = replace(recording, imu=imu, aidings=tuple(aidings))
     # it is no longer as its file has it
     return made.forgetting("installed") if np.any(theta) else made
-
-
-def is_of_the_imu(a: Aiding) -> bool:
-    """Whether a source is in the axes of the IMU: a filter compares it with its attitude as that of
-    the IMU, so that a mounting does not change its innovations."""
-    return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
-
-
-def with_the_imu(a: Aiding, turn: "Rotation") -> Aiding:
-    """A source in axes to which `turn` leads, where it is in those of the IMU."""
-    from scipy.spatial.transform import Rotation
-
-    if not is_of_the_imu(a):
-        return a
-    if a.kind != "attitude":
-        return replace(a, y=turn.apply(a.y))
-    # roll, pitch, heading; the first two know no heading
-    angles = np.nan_to_num(a.y)[:, ::-1]
-    turned = (Rotation.from_euler("ZYX", angles) * turn.inv()).as_euler("ZYX")[:, ::-1]
-    turned[:, 2] = np.where(np.isnan(a.y[:, 2]), np.nan, turned[:, 2] % (2 * np.pi))
-    return replace(a, y=turned)
 
 
 def rotation(turn: Array) -> Array:

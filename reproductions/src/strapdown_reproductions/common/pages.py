@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from strapdown.files import replacing, together
+from strapdown.files import replacing, together, write_table
 from strapdown.reports.shell import placed, shell
-from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
 from .tables import Tables
@@ -135,8 +134,7 @@ def write_files(
             with replacing(out / name) as part:
                 part.write_text(text, encoding="utf-8")
         for name, (_, table) in tables.items():
-            with replacing(out / f"{name}.csv") as part:
-                inert_table(table).to_csv(part, index=False, float_format="%.6g")
+            write_table(table, out / f"{name}.csv", 6)
         shell(title, "", sections, FOOTER, said, STYLE).save(out / "index.html")
 
 

@@ -12,10 +12,11 @@ from ...checks import DataError
 from ...core.loop.contract import Filter, Start
 from ...diagnosis.estimated import EstimatedParameter
 from ...diagnosis.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
-from ...diagnosis.installation import applied, is_of_the_imu
+from ...diagnosis.installation import applied
 from ...engine.installation import with_estimates
 from ...engine.prepare import GivenImu
 from ...estimable import CLOCK, LEVER_ARM, MOUNTING
+from ...preprocessing.turned_imu import is_of_the_imu
 from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
 from ...typing import Progress, Say

@@ -12,7 +12,6 @@ import numpy as np
 from ...checks import DataError, located
 from ...core.loop.contract import Start
 from ...data import Aiding, Trajectory
-from ...diagnosis.installation import with_the_imu
 from ...engine.installation import Parameter, Prior, parameters, with_estimates
 from ...estimable import (
     ACCEL_MISALIGNMENT,
@@ -26,6 +25,7 @@ from ...estimable import (
     Estimable,
     prior,
 )
+from ...preprocessing.turned_imu import with_the_imu
 from ...recording import Recording
 from ...sensor_models.streams import SeedLike, Stream
 from ...typing import Array
