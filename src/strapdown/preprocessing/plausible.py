@@ -7,6 +7,7 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 
 import numpy as np
 
+from ..checks import DataError
 from ..constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike
@@ -56,6 +57,14 @@ def mistakes(
         feels_tilt = not find(vehicle).by_thrust
         found = _unit_of_gyro(imu, rate, force, feels_tilt) + _gravity_sign(force)
     return found
+
+
+def refuse_mistakes(
+    imu: Imu, where: object, kind: str | None = None, vehicle: GivenVehicle | None = None
+) -> None:
+    """Raise DataError, which begins with `where`, of what `mistakes` finds first."""
+    for _, text in mistakes(imu, kind, vehicle):
+        raise DataError(f"{where}: {text}")
 
 
 def half_seconds(imu: Imu) -> tuple[Array, Array]:
