@@ -61,8 +61,8 @@ class Reason(NamedTuple):
 
     @property
     def line(self) -> str:
-        """What was seen and what to do, for a place that needs no cause: after the source, unless
-        what was seen begins with it."""
+        """The words where no cause is said: source, unless what was seen begins with it, what was
+        seen, what to do."""
         named = not self.source or self.seen.startswith(f"{self.source} ")
         return f"{'' if named else f'{self.source}: '}{self.seen}: {self.remedy}"
 

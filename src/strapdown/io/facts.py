@@ -48,7 +48,7 @@ bias: an even turn and a roll that is even for a second look like rest to the IM
 
 
 def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[Reason]:
-    """What is unusual about the IMU: `doubts`, but for a gyro bias at what the fixes say is no rest,
+    """Reasons of what is unusual about the IMU: `doubts`, but for a gyro bias at what the fixes say is no rest,
     see `LEAST_REST`."""
     imu = recording.imu
     found = doubts(imu, gyro_bias_sd)

@@ -164,7 +164,7 @@ USUAL_GYRO_BIAS = np.radians(2.5)
 
 
 def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[Reason]:
-    """What is unusual and may be a mistake; `gyro_bias_sd` (rad/s) is what the description of the IMU
+    """Reasons of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s) is what the description of the IMU
     allows, 0 where there is none."""
     rate, force = half_seconds(imu)
     found = []

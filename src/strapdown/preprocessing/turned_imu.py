@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
 
 def is_of_the_imu(a: Aiding) -> bool:
-    """Whether a source is in the axes of the IMU: a filter compares it with its attitude as that of
-    the IMU, so that a mounting does not change its innovations."""
+    """True where a source is in the axes of the IMU: a filter compares it with the attitude of the
+    IMU, so that a mounting does not change its innovations."""
     return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
 
 

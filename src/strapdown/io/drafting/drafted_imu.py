@@ -67,7 +67,7 @@ class Force(NamedTuple):
 
     @property
     def factor(self) -> float:
-        """Of the raw values to m/s^2."""
+        """The factor from the raw values to m/s^2."""
         return self.scale * UNITS["acceleration"][self.unit]
 
 

@@ -35,7 +35,7 @@ class Message(IntEnum):
 
     @property
     def title(self) -> str:
-        """As the interface descriptions name it."""
+        """The name in the interface descriptions."""
         return self.name.replace("_", "-")
 
 
