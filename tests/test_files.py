@@ -6,11 +6,12 @@ import subprocess
 import sys
 import threading
 
+import pandas as pd
 import pytest
 
 from strapdown.checks import DataError
 from strapdown.file_locks import PART
-from strapdown.files import replacing, together
+from strapdown.files import replacing, together, write_table
 
 pytestmark = pytest.mark.short
 
@@ -33,6 +34,12 @@ def test_a_set_appears_at_its_end(tmp_path):
             put(tmp_path / "b", "new")
         assert not (tmp_path / "a").exists() and (tmp_path / "b").read_text() == "old"
     assert content(tmp_path) == {"a": "new", "b": "new"}
+
+
+def test_a_table_has_its_digits_and_runs_nothing_in_a_spreadsheet(tmp_path):
+    table = pd.DataFrame({"a [m]": [1 / 3, 2.0], "=b": ["=1+1", "x"]}, index=[7, 8])
+    write_table(table, tmp_path / "a.csv", 4)
+    assert content(tmp_path) == {"a.csv": "a [m],'=b\n0.3333,'=1+1\n2,x\n"}
 
 
 @pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])

@@ -13,18 +13,14 @@ Errors      delta = true - estimate; attitude error in n, q_true = dq (x) q_est;
 States      0-14: position, velocity, attitude, accelerometer bias, gyro bias.
 """
 
-import sys
-
 import lazy_loader
 
-from . import former_names
 from .operations import provide
 
 __version__ = "0.1.0"
 # the names in __init__.pyi: `import strapdown` costs nothing
 __getattr__, _dir, __all__ = lazy_loader.attach_stub(__name__, __file__)
 __all__ = [*__all__, "__version__"]
-sys.meta_path.append(former_names)
 # what values can do through rooms above them
 provide(
     {

@@ -14,14 +14,18 @@ from importlib.resources.abc import Traversable
 from io import BytesIO
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .checks import DataError
 from .checksum import append_checksum
 from .file_locks import Part, part_of, second_name
 from .opening import settings_text, toml_of
 from .plugins import PluginWarning
+from .spreadsheet import inert_table
 from .typing import File
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 IN_MEMORY = 1_000_000_000
 """Bytes of arrays up to which a NetCDF file is made in memory: some 10 million IMU samples."""
@@ -83,6 +87,13 @@ def replacing(path: File) -> Iterator[Path]:
         yield part.path
         os.fsync(part.file.fileno())
         files.ready.append(_Ready(path, target, part))
+
+
+def write_table(table: "pd.DataFrame", path: File, digits: int) -> None:
+    """Write a table as CSV, whole or not at all: its columns without the index, numbers with so many
+    digits, texts as `inert_table` makes them. Raises DataError."""
+    with replacing(path) as part:
+        inert_table(table).to_csv(part, index=False, float_format=f"%.{digits}g")
 
 
 def _rename(files: list[_Ready]) -> None:

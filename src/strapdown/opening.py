@@ -24,7 +24,9 @@ STEP = 1 << 12
 ENDS = b"\n", b"\r"
 WHOLE = 64
 """Bits of a whole number of TOML, by its specification."""
-CELL, ROW, TEXT = 8, 32, 64
+CELL = 8
+ROW = 32
+TEXT = 64
 """Bytes that a number, the rest of its row and a cell of text take in memory at least."""
 SEPARATORS = b",", b";", b"\t", b"|"
 NOT_KEYS = re.compile(

@@ -18,8 +18,9 @@ from .typing import Array, ArrayLike, Mask
 
 GPS_ZERO = 315964800
 """POSIX seconds at 1980-01-06 00:00:00 UTC, from which GPS time counts."""
-DAY, WEEK = 86400, 604800
+DAY = 86400
 """s"""
+WEEK = 7 * DAY
 YEARS = (1970, 2200)
 """Of the times that are believed: others have a wrong unit or clock, and beyond 2262 there is no
 datetime64[ns]."""

@@ -59,11 +59,12 @@ class Reason(NamedTuple):
         words = CAUSES.get(self.cause, self.cause)  # a later version may know more causes
         return f"{words} of {self.source}" if self.source else words
 
-    @classmethod
-    def told(cls, cause: str, text: str, source: str = "") -> Reason:
-        """The Reason of a line that ends in its remedy: `what was seen: what to do`."""
-        seen, _, remedy = text.removeprefix(f"{source}: ").rpartition(": ")
-        return cls(cause, seen, remedy, source)
+    @property
+    def line(self) -> str:
+        """The words where no cause is said: source, unless what was seen begins with it, what was
+        seen, what to do."""
+        named = not self.source or self.seen.startswith(f"{self.source} ")
+        return f"{'' if named else f'{self.source}: '}{self.seen}: {self.remedy}"
 
     def __str__(self) -> str:
         return f"{self.what}: {self.seen}; {self.remedy}"

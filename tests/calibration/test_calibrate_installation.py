@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from described import CONSTRAINTS, SPEED, TOML, described
-from installed import car, wrong
+from installed import car, turned_case, wrong
 
 import strapdown as sd
 from strapdown.calibration.installation import calibrate as module, settled as settling
@@ -47,6 +47,16 @@ def found():
 def of(found, name):
     """The parameter whose name begins so."""
     return next(each for each in found.parameters if each.name.startswith(name))
+
+
+def test_what_turns_with_the_imu_is_told():
+    """`mounting` of [imu] does not turn a magnetometer of the description."""
+    made = sd.calibrate_installation(turned_case(1040, 120.0, 0.05))
+    assert [each.name for each in made.found] == ["mounting heading"]
+    assert any(
+        note.startswith("mag was taken to be in the case of the IMU and turned with it")
+        for note in made.notes
+    )
 
 
 def test_what_is_wrong_is_found_within_its_interval(found):

@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from installed import car
+from installed import car, turned_case
 from recordings import flight
+from scipy.spatial.transform import Rotation
 
+import strapdown as sd
 from strapdown import filters
 from strapdown.data import Aiding
 from strapdown.diagnosis.findings import edits
@@ -141,6 +143,36 @@ def test_rates_that_the_gyro_measured_turn_with_it():
     theta = np.array([np.pi / 2 * (one[::2] == (MOUNTING, 2)) for one in found])
     made = applied(recording, found, theta)
     np.testing.assert_allclose(made.aidings[-1].y, [[-0.02, 0.01, 0.03]], atol=1e-15)
+
+
+@pytest.mark.short
+def test_a_magnetometer_and_an_ahrs_turn_with_their_imu():
+    """They see the same field and the same attitude of the turned axes."""
+    recording = car(1040, 20.0)
+    t, C = recording.reference.t[100:104], recording.reference.rotation[100:104]
+    field, ones = np.array([2e-5, 1e-6, 4e-5]), np.ones((4, 3))
+    rph = C.as_euler("ZYX")[:, ::-1]
+    sources = (
+        Aiding("magnetic-field", t, C.inv().apply(field), ones * 1e-7, tuple(field)),
+        Aiding("attitude", t, rph, ones * 0.01, ()),
+    )
+    recording = replace(recording, aidings=(*recording.aidings, *sources))
+    found = constants(recording.aidings)
+    theta = np.array([0.3 * (one[::2] == (MOUNTING, 2)) for one in found])
+    *others, magnetic, attitude = applied(recording, found, theta).aidings
+    assert all((made.y == given.y).all() for made, given in zip(others, recording.aidings))
+    own = C * Rotation.from_rotvec([0, 0, 0.3]).inv()
+    np.testing.assert_allclose(own.apply(magnetic.y), np.tile(field, (4, 1)), atol=1e-12)
+    same = Rotation.from_euler("ZYX", attitude.y[:, ::-1]) * own.inv()
+    np.testing.assert_allclose(same.magnitude(), 0, atol=1e-9)
+
+
+def test_a_mounting_is_found_beside_a_magnetometer_in_the_same_case():
+    """Turning the IMU without it made the two contradict each other: +7.5 +- 0.6 deg for 2.9."""
+    made = sd.diagnose(turned_case(1040, 120.0, 0.05))
+    (mounting,) = made.found
+    assert mounting.name == "mounting heading"
+    assert mounting.change == pytest.approx(np.degrees(0.05), abs=0.1)
 
 
 def test_each_antenna_has_an_arm_of_its_own():

@@ -2,7 +2,6 @@
 is one line that names the field."""
 
 import json
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -12,10 +11,9 @@ from synthetic import DOUBTFUL, flight, solution
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.checksum import LENGTH, has_checksum
-from strapdown.experiments.monte_carlo.campaign import Campaign
+from strapdown.experiments.monte_carlo.campaign import Campaign, describe
+from strapdown.experiments.monte_carlo.study import Study
 from strapdown.io.solution import read_solution, write_solution
-
-OLD = Path(__file__).resolve().parents[1] / "files_of_0.1"
 
 
 @pytest.fixture(scope="module")
@@ -57,11 +55,32 @@ def test_other_readers_of_netcdf_pass_over_the_checksum(made):
         assert len(found["lat"]) == 50
 
 
-def edited(name, path, edit):
-    """A file of before, which has no checksum, with something changed in it."""
-    path.write_bytes((OLD / name).read_bytes())
+def edited(whole, path, edit):
+    """A file with something changed in it by another tool, which took the checksum out."""
+    path.write_bytes(whole.read_bytes())
     with h5py.File(path, "r+") as file:
+        del file.attrs["checksum"]
         edit(file)
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_file_of_another_version_says_so_and_how_to_make_it_again(made, tmp_path, name):
+    what = name.removesuffix(".nc")
+
+    def other(file):
+        file.attrs["format"] = f"strapdown {what} 2"
+
+    edited(made / name, tmp_path / name, other)
+    with pytest.raises(DataError) as refused:
+        READ[name](tmp_path / name)
+    again = {
+        "recording": "read what it was made of, and write it again with write_recording",
+        "solution": "fuse the recording again, and write its solution with write_solution",
+    }
+    assert str(refused.value) == (
+        f"{tmp_path / name}: is a {what} of another version of strapdown (its format attribute is "
+        f"'strapdown {what} 2', this version reads 'strapdown {what} 1'); {again[what]}"
+    )
 
 
 def put(name, at, value):
@@ -123,8 +142,8 @@ RECORDING = {
 
 
 @pytest.mark.parametrize("words", RECORDING)
-def test_a_recording_that_contradicts_its_format_is_refused(tmp_path, words):
-    edited("recording.nc", tmp_path / "a.nc", RECORDING[words])
+def test_a_recording_that_contradicts_its_format_is_refused(made, tmp_path, words):
+    edited(made / "recording.nc", tmp_path / "a.nc", RECORDING[words])
     with pytest.raises(DataError, match=words) as refused:
         sd.read(tmp_path / "a.nc")
     assert "\n" not in str(refused.value) and "a.nc" in str(refused.value)
@@ -138,7 +157,7 @@ SOLUTION = {
     "quaternion has the norm": put("q_w", 3, 2.0),
     "q_x is missing": remove("q_x"),
     "roll is in 'rad'": say("roll", "units", "rad"),
-    "and a fix of source 5": put("fix_source", 37, 5),
+    "and a fix of source 5": put("fix_source", 17, 5),
     "gates: 0: input should be": text("gates", '["a", 1.0]'),
     "sources: input should be a valid list": text("sources", '{"a": 1}'),
     "events: 0": text("events", "[[1.0]]"),
@@ -148,8 +167,8 @@ SOLUTION = {
 
 
 @pytest.mark.parametrize("words", SOLUTION)
-def test_a_solution_that_contradicts_its_format_is_refused(tmp_path, words):
-    edited("solution.nc", tmp_path / "a.nc", SOLUTION[words])
+def test_a_solution_that_contradicts_its_format_is_refused(made, tmp_path, words):
+    edited(made / "solution.nc", tmp_path / "a.nc", SOLUTION[words])
     with pytest.raises(DataError, match=words) as refused:
         read_solution(tmp_path / "a.nc")
     assert "\n" not in str(refused.value) and "a.nc" in str(refused.value)
@@ -190,7 +209,7 @@ MANIFEST = {
 
 @pytest.mark.parametrize("words", MANIFEST)
 def test_a_manifest_that_contradicts_its_format_is_refused(tmp_path, words):
-    manifest = json.loads((OLD / "campaign" / "manifest.json").read_text())
+    manifest = describe(Study(scenarios="static", filters=("closed-loop",), imus=("tactical",)))
     MANIFEST[words](manifest)
     (tmp_path / "manifest.json").write_text(json.dumps(manifest))
     with pytest.raises(DataError, match=f"manifest.json: {words}"):

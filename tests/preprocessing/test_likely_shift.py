@@ -2,7 +2,8 @@
 
 import pytest
 
-from strapdown.preprocessing.fixes import GPS_EPOCH, WEEK, likely_shift
+from strapdown.preprocessing.fixes import likely_shift
+from strapdown.time_scales import GPS_ZERO, WEEK
 
 pytestmark = pytest.mark.short
 
@@ -13,8 +14,8 @@ pytestmark = pytest.mark.short
         (0.0, 7200.0, -7200, "a time zone, -2 h?"),
         (0.0, -19790.0, 19800, "a time zone, +5.5 h?"),
         (1000.0, 1000.0 + 86400, -86400, "whole days, -1?"),
-        (1.7e9 - GPS_EPOCH, 1.7e9, -GPS_EPOCH, "the epochs of Unix time and GPS time?"),
-        (1e5, 2200 * WEEK + 1e5 + GPS_EPOCH - 18, -GPS_EPOCH - 2200 * WEEK, "seconds of the week?"),
+        (1.7e9 - GPS_ZERO, 1.7e9, -GPS_ZERO, "the epochs of Unix time and GPS time?"),
+        (1e5, 2200 * WEEK + 1e5 + GPS_ZERO - 18, -GPS_ZERO - 2200 * WEEK, "seconds of the week?"),
     ],
 )
 def test_what_brings_fixes_into_the_record(start, first, shift, words):

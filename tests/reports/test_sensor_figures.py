@@ -10,6 +10,7 @@ from strapdown.core.loop.contract import Imu
 from strapdown.data import Aiding, Trajectory
 from strapdown.recording import Recording
 from strapdown.reports import drawing, sensor_figures
+from strapdown.reports.spectra import power_spectrum, segments
 
 pytestmark = pytest.mark.short
 RATE, N = 100.0, 20_000
@@ -45,10 +46,12 @@ def cells(html, sensor):
 @pytest.mark.parametrize("segment", [64, 65])
 def test_spectra_are_those_of_scipy(segment):
     walk = np.random.default_rng(0).normal(size=(1003, 3)).cumsum(axis=0)
-    f, density = sensor_figures._welch(walk, 50.0, segment)
-    expected = welch(walk, 50.0, nperseg=segment, axis=0)
-    np.testing.assert_allclose(f, expected[0])
-    np.testing.assert_allclose(density, expected[1], rtol=1e-9)
+    parts = segments(walk, segment)
+    for detrend, made in ((False, parts), ("constant", parts - parts.mean(axis=2, keepdims=True))):
+        f, density = power_spectrum(made, 50.0)
+        expected = welch(walk, 50.0, nperseg=segment, axis=0, detrend=detrend)
+        np.testing.assert_allclose(f, expected[0])
+        np.testing.assert_allclose(density, expected[1], rtol=1e-9)
 
 
 def test_the_table_has_rates_jitter_and_gaps():

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.data import Aiding
@@ -37,6 +38,18 @@ def car(seed, seconds=200.0, imu="consumer", vehicle=True, gnss=GNSS):
         )
     ]
     return replace(made, aidings=(*made.aidings, *own))
+
+
+def turned_case(seed, seconds, angle):
+    """A car whose IMU, with a magnetometer in its case, must be turned by `angle` about its z axis."""
+    recording, turn = car(seed, seconds), Rotation.from_rotvec([0, 0, angle])
+    t, C = (each[50::10] for each in (recording.reference.t, recording.reference.rotation))
+    field, noise = np.array([2e-5, 0, 4e-5]), np.random.default_rng(1).normal(0, 2e-7, (len(t), 3))
+    y = turn.inv().apply(C.inv().apply(field) + noise)
+    magnetic = Aiding("magnetic-field", t, y, np.full_like(y, 2e-7), tuple(field), name="mag")
+    imu = recording.imu
+    imu = imu._replace(dtheta=turn.inv().apply(imu.dtheta), dv=turn.inv().apply(imu.dv))
+    return replace(recording, imu=imu, aidings=(*recording.aidings, magnetic))
 
 
 @cache

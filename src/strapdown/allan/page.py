@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..files import replacing, together
+from ..files import together, write_table
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
 from ..recording import Recording
 from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, ribbon
@@ -18,7 +18,6 @@ from ..reports.parts import caption, paragraphs, remarks, table
 from ..reports.shell import Document, Page
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
-from ..spreadsheet import inert_table
 from ..typing import Array
 from ..units import SHEET, in_units
 from ..wording import capitalised, short
@@ -105,8 +104,7 @@ class Analysis:
         """Write allan.csv, allan-imu.toml and allan.html into `folder`, all or none. Raises
         DataError where that cannot be done."""
         with together():
-            with replacing(folder / "allan.csv") as part:
-                inert_table(self.result.deviations()).to_csv(part, float_format="%.6g")
+            write_table(self.result.deviations().reset_index(), folder / "allan.csv", 6)
             self.suggestion.spec.to_toml(folder / "allan-imu.toml")
             page(self).save(folder / "allan.html")
 

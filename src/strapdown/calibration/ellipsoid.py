@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..constants import MEDIAN_OF_NORMAL
 from ..typing import Array, Mask
 
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -182,7 +183,7 @@ def levenberg(
 def spread(r: Array) -> float:
     """Standard deviation of r about zero from the median of magnitudes, which outliers do not
     move."""
-    return 1.4826 * float(np.median(np.abs(r))) if len(r) else 0.0
+    return float(np.median(np.abs(r))) / MEDIAN_OF_NORMAL if len(r) else 0.0
 
 
 def weakest_direction(H: Array) -> tuple[float, Array]:

@@ -16,7 +16,8 @@ from .gyro_aided import turning
 
 DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
 """SI unit, factor to the unit of tables, and that unit."""
-BANDS, SECTORS = 6, 8
+BANDS = 6
+SECTORS = 8
 """Cells of the sphere for `coverage`: bands of equal height, so of equal area, in sectors of
 azimuth."""
 NEAR_AXIS = np.radians(30.0)

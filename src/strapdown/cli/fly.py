@@ -157,11 +157,9 @@ def write_log(flight: "sd.Flight", path: Path) -> None:
     """Write the log of a Flight as CSV, atomically; every column's name has its unit."""
     import pandas as pd
 
-    from ..files import replacing
-    from ..spreadsheet import inert_table
+    from ..files import write_table
 
-    with replacing(path) as part:
-        inert_table(pd.DataFrame(flight.log)).to_csv(part, index=False, float_format="%.9g")
+    write_table(pd.DataFrame(flight.log), path, 9)
 
 
 def show(flight: "sd.Flight", name: str, windows: Sequence[tuple[float, float]]) -> None:

@@ -8,6 +8,8 @@ from ..data import Aiding
 from ..typing import Array, Ints
 from ..verdict import Reason
 
+MIN_FIXES = 30
+"""Fewer fixes say nothing of clocks, axes, units and noise."""
 LEAST_BLOCKS = 5
 """A standard deviation that rests on fewer blocks of time is not believed."""
 

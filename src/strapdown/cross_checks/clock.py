@@ -17,7 +17,7 @@ from ..constants import STANDARD_GRAVITY
 from ..data import Aiding
 from ..typing import Array, Ints
 from ..verdict import Reason
-from .checked import Checked, label
+from .checked import MIN_FIXES, Checked, label
 from .motion import Felt, Moved, Subject, course_rate, moved
 
 REACH, COARSE, FINE = 60.0, 0.1, 0.02
@@ -37,7 +37,7 @@ ALONE = 0.1 * HALF
 the size of the specific force, such as a mounting that is off, shifts where it fits best."""
 STRETCH = 30.0
 """Seconds over which the gyros hold axes still."""
-LEAST_FIXES, BLOCKS, LEAST_BLOCKS = 30, 10, 4
+BLOCKS, LEAST_BLOCKS = 10, 4
 SURE, LEAST = 5.0, 0.08
 """A lag is a reason from so many standard deviations and seconds on."""
 LEAPS = {
@@ -147,7 +147,7 @@ def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[flo
     use = np.isfinite(a).all(axis=1) & inside
     t, a = fixes.t[use], a[use]
     _, edges = np.unique(np.floor(t / STRETCH), return_index=True)
-    if len(edges) < LEAST_BLOCKS or len(t) < LEAST_FIXES:
+    if len(edges) < LEAST_BLOCKS or len(t) < MIN_FIXES:
         return near, np.inf
     integral = motion.at_antenna(fixes.arm)
     left = np.stack([left_over(a, motion.mean(integral, t + lag, half), edges) for lag in lags])
@@ -191,7 +191,7 @@ def _series(fixes: Moved, kind: str, motion: Felt) -> Iterator[Series]:
 
 def _lag(series: Series, name: str) -> Lag | None:
     """The Lag by one quantity; None where nothing varies or too few fixes are left."""
-    if len(series.t) < LEAST_FIXES:
+    if len(series.t) < MIN_FIXES:
         return None
     every = max(1, int(SPACING / float(np.median(np.diff(series.t)))))
     lags = np.arange(-REACH, REACH + COARSE, 2 * COARSE)
@@ -213,7 +213,7 @@ def correlations(theirs: Array, ours: Array, weight: Array | None = None) -> Arr
     """(k,) correlation of `theirs` (n,) with each row of `ours` (k, n), where that is known for
     half of the fixes at least; NaN elsewhere."""
     known = np.isfinite(ours)
-    enough = known.sum(axis=1) >= max(LEAST_FIXES, 0.5 * len(theirs))
+    enough = known.sum(axis=1) >= max(MIN_FIXES, 0.5 * len(theirs))
     w = known if weight is None else known * weight
     total = np.maximum(w.sum(axis=1), 1e-9)
     x, y = np.where(known, ours, 0.0), theirs

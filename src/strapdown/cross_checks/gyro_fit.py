@@ -8,6 +8,7 @@ import numpy as np
 from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import Imu
 from ..typing import Array
+from .checked import MIN_FIXES
 from .clock import left_over
 from .motion import Felt, Moved, Subject, felt, moved
 
@@ -19,8 +20,8 @@ LAGS = np.arange(-0.5, 0.51, 0.1)
 """s between the clocks that are tried."""
 CHANGES = 4.0
 """Variance that accelerations must have, over that of their claimed noise."""
-LEAST_FIXES, EVIDENCE = 30, 10.0
-"""Fixes that are needed, and the logarithm of a likelihood ratio that decides: on 80 simulated flights
+EVIDENCE = 10.0
+"""Logarithm of a likelihood ratio that decides: on 80 simulated flights
 and drives it was up to 5 for the wrong unit, with the biases of a consumer IMU."""
 
 
@@ -63,7 +64,7 @@ def _misfit(fixes: Moved, motion: Felt, half: float) -> tuple[float, float]:
     reach = half - LAGS[0]
     inside = (fixes.t - reach > motion.t[0]) & (fixes.t + reach < motion.t[-1])
     use = np.isfinite(a).all(axis=1) & inside
-    if use.sum() < LEAST_FIXES:
+    if use.sum() < MIN_FIXES:
         return 1.0, 0.0
     t, a = fixes.t[use], a[use]
     if a.var(axis=0).sum() < CHANGES * 3 * fixes.acceleration_noise(half):

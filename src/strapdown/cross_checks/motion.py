@@ -17,11 +17,10 @@ from ..preprocessing.stationary import rate_at_rest
 from ..recording import Recording
 from ..rotation_products import running_matrices
 from ..typing import Array
-from .checked import label
+from .checked import MIN_FIXES, label
 
 STEP = 0.05
 """Seconds between the instants at which the IMU's integrals are kept."""
-LEAST_FIXES = 30
 FAST, SURE = 3.0, 5.0
 """m/s from which a course is known at any standard deviation of the velocity, and below which none
 is: a receiver at rest and a lever arm that swings make so much. Between them the speed must be so many
@@ -91,7 +90,7 @@ def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
     y = aiding.y[first]
     use = np.isfinite(t) & np.isfinite(y[:, :2]).all(axis=1)
     t, y = t[use], np.where(np.isfinite(y[use]), y[use], 0.0)
-    if len(t) < LEAST_FIXES:
+    if len(t) < MIN_FIXES:
         return None
     interval, span = float(np.median(np.diff(t))), 0.0
     sd = float(np.median(np.broadcast_to(aiding.sd, aiding.y.shape)[:, :2]))
@@ -103,7 +102,7 @@ def moved(aiding: Aiding, least: float = 2.0) -> Moved | None:
         v = displacement(y[step:], y[:-step]) / seconds[:, None]
         whole = seconds < (step + PAUSE_INTERVALS) * interval + 0.1
         t, y = (0.5 * (t[step:] + t[:-step]))[whole], v[whole]
-        if len(t) < LEAST_FIXES:
+        if len(t) < MIN_FIXES:
             return None
     arm = np.array(aiding.parameters[:3], float) if len(aiding.parameters) >= 3 else np.zeros(3)
     return Moved(label(aiding), t, y, interval, arm, sd, span)

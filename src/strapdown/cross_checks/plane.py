@@ -19,12 +19,13 @@ from ..preprocessing.axes import BODY_AXES, axes_matrix, named_permutation
 from ..typing import Array
 from ..vehicle import find as find_vehicle
 from ..verdict import Reason
-from .checked import Checked, label
+from .checked import MIN_FIXES, Checked, label
 from .motion import Felt, Moved, Subject, moved
 
 HALF, LEVELLED = 0.5, 10.0
 """Half the window of an acceleration, and of the mean that is level, s."""
-LEAST_FIXES, BLOCKS = 30, 10
+BLOCKS = 10
+"""Independent accelerations that are needed."""
 CLEAR, NOISIEST, EVIDENCE = 0.6, 0.8, 10.0
 """Correlation, freed of the claimed noise of the fixes up to a share of it, from which the force is that of the accelerations, and what is asked of the logarithm
 of the likelihood of a left-handed set over that of the axes as they are."""
@@ -89,7 +90,7 @@ def _by_source(subject: Subject, source: Aiding) -> Checked:
     fixes = moved(source)
     fit = in_plane(fixes, subject.felt) if fixes is not None else None
     if fixes is None:
-        return Checked.unknown(MOUNTING, f"fewer than {LEAST_FIXES} fixes of {label(source)}")
+        return Checked.unknown(MOUNTING, f"fewer than {MIN_FIXES} fixes of {label(source)}")
     if fit is None or fit.independent < BLOCKS:
         why = f"too few fixes of {label(source)} above {fixes.fast:.2g} m/s"
         return Checked.unknown(MOUNTING, why)
@@ -134,7 +135,7 @@ def _levelled(fixes: Moved, motion: Felt, half: float) -> list[tuple[Array, Arra
     a = np.where(fast, (last - first)[:, :2].T / (2 * half), np.nan).T
     by_body = motion.mean(motion.body_v, t, half)
     known = fast & np.isfinite(by_body).all(axis=1)
-    if known.sum() < LEAST_FIXES:
+    if known.sum() < MIN_FIXES:
         return []
     down = _unit(-by_body[known].mean(axis=0))
     f = motion.mean(motion.at_antenna(fixes.arm), t, half)
@@ -166,7 +167,7 @@ def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> 
     """The Fit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its sd by leaving out one tenth of the record after the
     other (jackknife)."""
     use = np.isfinite(forces) & np.isfinite(accelerations)
-    if use.sum() < LEAST_FIXES:
+    if use.sum() < MIN_FIXES:
         return None
     h, a = forces[use] - forces[use].mean(), accelerations[use] - accelerations[use].mean()
     block = np.arange(len(h)) * BLOCKS // len(h)

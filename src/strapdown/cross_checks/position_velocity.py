@@ -17,13 +17,13 @@ from ..data import Aiding
 from ..geodesy import displacement
 from ..typing import Array, Ints, Mask
 from ..verdict import Reason
-from .checked import Checked, clustered, label
+from .checked import MIN_FIXES, Checked, clustered, label
 from .motion import Subject
 
 WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
-LEAST_FIXES, LEAST_WINDOWS, LEAST_STEPS = 30, 6, 8
-"""Fixes, displacements that move, and steps from block to block that are needed."""
+LEAST_WINDOWS, LEAST_STEPS = 6, 8
+"""Displacements that move, and steps from block to block that are needed."""
 MOST_FIXES = 1500
 """Positions that are compared: more would say little more."""
 MOVING = 5.0
@@ -219,10 +219,10 @@ def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
     """The Pair; None where there are too few fixes of both at the same time."""
     t, y, sd = _rows(position)
     t_v, v, _ = _rows(velocity)
-    if min(len(t), len(t_v)) < LEAST_FIXES:
+    if min(len(t), len(t_v)) < MIN_FIXES:
         return None
     common = (t >= t_v[0]) & (t <= t_v[-1])
-    if common.sum() < LEAST_FIXES:
+    if common.sum() < MIN_FIXES:
         return None
     some = np.flatnonzero(common)[:: max(1, int(common.sum()) // MOST_FIXES)]
     t, y, sd = t[some], y[some], sd[some]

@@ -11,8 +11,8 @@ from ..data import Aiding
 from ..typing import Array
 from ..vehicle import find as find_vehicle
 from ..verdict import Reason
-from .checked import Checked, label
-from .clock import LEAST_FIXES, correlations
+from .checked import MIN_FIXES, Checked, label
+from .clock import correlations
 from .gyro_fit import EVIDENCE, likelier
 from .motion import Subject, course_rate, moved
 
@@ -59,7 +59,7 @@ def _by_course(subject: Subject) -> Checked:
     half = max(HALF, 2 * fixes.interval)
     theirs = course_rate(fixes, half, fixes.fast)
     use = np.isfinite(theirs)
-    if use.sum() < LEAST_FIXES or not theirs[use].std() > LEAST_TURN:
+    if use.sum() < MIN_FIXES or not theirs[use].std() > LEAST_TURN:
         return Checked.unknown(what, "the course is known too seldom, or hardly turns")
     ours = _gyro_turns(subject, fixes.t[use], half)
     r = correlations(theirs[use], ours)

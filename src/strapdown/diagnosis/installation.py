@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..aiding import find
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import gravity
 from ..core.mathematics.error_dynamics import cross_matrix
@@ -25,6 +24,7 @@ from ..engine.sensitivity import Corrections, acceleration_at
 from ..estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
+from ..preprocessing.turned_imu import with_the_imu
 from ..recording import Recording
 from ..typing import Array, Ints
 
@@ -84,10 +84,11 @@ def applied(recording: Recording, found: Sequence[Constant], theta: Array) -> Re
                 aidings[i] = replace(a, y=a.y / (1 + value))
     imu = recording.imu
     if turn.any():
+        from scipy.spatial.transform import Rotation
+
         R = rotation(turn)
         imu = Imu(imu.t, imu.dt, imu.dtheta @ R.T, imu.dv @ R.T)
-        of_imu = [find(a.kind).mean_of == "gyro" for a in aidings]
-        aidings = [replace(a, y=a.y @ R.T) if own else a for a, own in zip(aidings, of_imu)]
+        aidings = [with_the_imu(a, Rotation.from_rotvec(turn)) for a in aidings]
     made = replace(recording, imu=imu, aidings=tuple(aidings))
     # it is no longer as its file has it
     return made.forgetting("installed") if np.any(theta) else made

@@ -10,7 +10,7 @@ from ..alignment.completed import completed
 from ..checks import DataError
 from ..core.loop.contract import Filter, Imu, Start
 from ..data import Aiding
-from ..preprocessing.plausible import mistakes
+from ..preprocessing.plausible import refuse_mistakes
 from ..recording import Recording, RecordingMeta
 from ..sensor_models.imu import ImuSpec
 from .arrivals import Sample, UsableFix
@@ -91,8 +91,7 @@ class Gathering:
 
     def check(self) -> None:
         """Raise DataError where the samples contradict gravity."""
-        for _, text in mistakes(self.recording().imu, "increment", self._meta.get("vehicle")):
-            raise DataError(f"IMU: {text}")
+        refuse_mistakes(self.recording().imu, "IMU", "increment", self._meta.get("vehicle"))
 
     def start(self) -> Start:
         """The Start that what was gathered tells. Raises DataError where it tells none."""

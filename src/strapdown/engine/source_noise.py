@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import DataError, brief, check_array, check_flag, check_number
+from ..constants import MAX_TIME_CONSTANT
 from ..core.loop.contract import (
     Filter,
     SourceRow,
@@ -39,7 +40,7 @@ def checked_noise(a: Aiding) -> Aiding:
     """A source whose `correlated`, `robust` and `adaptive` can be. Raises DataError."""
     what, many = a.name or a.kind, np.shape(a.sd)[1] if np.ndim(a.sd) == 2 else 1
     check_flag(a.robust, f"{what}: robust")
-    check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=1e6)
+    check_number(a.adaptive, f"{what}: adaptive", "s", least=0, most=MAX_TIME_CONSTANT)
     if a.correlated is not None:
         if not isinstance(a.correlated, Correlated):
             raise DataError(

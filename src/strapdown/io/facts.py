@@ -9,8 +9,8 @@ from ..aiding import find
 from ..core.loop.contract import Imu
 from ..cross_checks.all import check
 from ..data import Aiding
-from ..preprocessing.attitude_checks import facts_and_problems as of_attitude
-from ..preprocessing.fixes import overlap_notes
+from ..preprocessing.attitude_checks import facts_and_reasons as of_attitude
+from ..preprocessing.fixes import little_overlap
 from ..preprocessing.imu_samples import GAP_MEDIANS, MOST_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
@@ -22,7 +22,7 @@ from ..typing import Array, Ints, Mask
 from ..verdict import Reason
 from ..wording import counted
 from .contract import Findings
-from .magnetic_record import facts_and_problems as of_field
+from .magnetic_record import facts_and_reasons as of_field
 
 
 def recording_facts(recording: Recording, *more: str) -> Findings:
@@ -31,12 +31,12 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     imu, reference = recording.imu, recording.reference
     unusual = unusual_imu(recording, gyro_bias_sd(recording.meta))
     found = Findings.of(clock_facts(imu, recording.meta.get("epoch")))
-    found.add(imu_facts(imu), [f"imu: {text}" for _, text in unusual])
+    found.add(imu_facts(imu), [f"imu: {each.line}" for each in unusual])
     found.add(temperature_facts(recording.meta))
     found.add(*aiding_facts(imu, recording.aidings, recording.meta))
     for aiding in recording.aidings:
-        facts, problems = _of_magnetometer(imu, aiding)
-        found.add(facts, [text for _, text in problems])
+        facts, reasons = _of_magnetometer(imu, aiding)
+        found.add(facts, [each.line for each in reasons])
     found.add([*more, *([f"reference: {reference!r}"] if reference is not None else [])])
     found.add(f"note: {note}" for note in recording.meta.get("notes", []))
     return found
@@ -47,16 +47,16 @@ LEAST_REST = 5.0
 bias: an even turn and a roll that is even for a second look like rest to the IMU."""
 
 
-def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[tuple[str, str]]:
-    """[(cause, text)] of what is unusual about the IMU: `doubts`, but for a gyro bias at what the
-    fixes say is no rest, see `LEAST_REST`."""
+def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[Reason]:
+    """Reasons of what is unusual about the IMU: `doubts`, but for a gyro bias at what the fixes say is no rest,
+    see `LEAST_REST`."""
     imu = recording.imu
     found = doubts(imu, gyro_bias_sd)
-    if any(cause == "gyro" for cause, _ in found):
+    if any(each.cause == "gyro" for each in found):
         rest = at_rest(imu)
         denied = rest & moving(recording.aidings, imu.t)
         if denied.any() and imu.dt[rest & ~denied].sum() < LEAST_REST:
-            found = [each for each in found if each[0] != "gyro"]
+            found = [each for each in found if each.cause != "gyro"]
     return found
 
 
@@ -64,11 +64,10 @@ def own_reasons(recording: Recording, gyro_bias_sd: float) -> Iterator[Reason]:
     """A Reason for each problem of a sensor by itself or beside the IMU; those that `cross_checks`
     finds are not among them. `gyro_bias_sd` (rad/s) is what the description of the IMU allows."""
     imu = recording.imu
-    for cause, text in unusual_imu(recording, gyro_bias_sd):
-        yield Reason.told(cause, text)
+    yield from unusual_imu(recording, gyro_bias_sd)
     for aiding in recording.aidings:
-        for cause, text in (*_of_fixes(imu, aiding)[1], *_of_magnetometer(imu, aiding)[1]):
-            yield Reason.told(cause, text, aiding.name or aiding.kind)
+        yield from _of_fixes(imu, aiding)[1]
+        yield from _of_magnetometer(imu, aiding)[1]
 
 
 def gyro_bias_sd(meta: RecordingMeta) -> float:
@@ -176,27 +175,25 @@ def aiding_facts(imu: Imu, aidings: Iterable[Aiding], meta: RecordingMeta) -> Fi
     for aiding in aidings:
         found.add([_span(imu, aiding)])
     for aiding in aidings:
-        facts, problems = _of_fixes(imu, aiding)
-        found.add(facts, [text for _, text in problems])
+        facts, reasons = _of_fixes(imu, aiding)
+        found.add(facts, [each.line for each in reasons])
     found.take(*check(Recording(imu, tuple(aidings), None, meta)))
     return found
 
 
-def _of_fixes(imu: Imu, aiding: Aiding) -> tuple[list[str], list[tuple[str, str]]]:
-    """Facts and [(cause, text)] of fixes beside the samples of the IMU."""
-    facts, problems = of_attitude(aiding, imu) if aiding.kind == "attitude" else ([], [])
+def _of_fixes(imu: Imu, aiding: Aiding) -> tuple[list[str], list[Reason]]:
+    """(lines, Reasons) of fixes beside the samples of the IMU."""
+    facts, reasons = of_attitude(aiding, imu) if aiding.kind == "attitude" else ([], [])
     if find(aiding.kind).recorded:
-        problems = [*(("clock", text) for text in overlap_notes(imu, aiding)), *problems]
+        reasons = [*little_overlap(imu, aiding), *reasons]
     if aiding.kind == "position" and len(aiding.t) and np.nanmax(np.abs(aiding.y[:, :2])) < 0.03:
-        text = (
-            f"{aiding.name}: latitude and longitude within 1.8 deg of zero: are they in rad, or "
-            f"is a scale wrong?"
-        )
-        problems.append(("unit", text))
-    return facts, problems
+        seen = "latitude and longitude within 1.8 deg of zero"
+        remedy = "are they in rad, or is a scale wrong?"
+        reasons.append(Reason("unit", seen, remedy, aiding.name or aiding.kind))
+    return facts, reasons
 
 
-def _of_magnetometer(imu: Imu, aiding: Aiding) -> tuple[list[str], list[tuple[str, str]]]:
+def _of_magnetometer(imu: Imu, aiding: Aiding) -> tuple[list[str], list[Reason]]:
     """The same of a magnetometer that knows the Earth's field."""
     return of_field(aiding, imu) if find(aiding.kind).parameters == "field" else ([], [])
 

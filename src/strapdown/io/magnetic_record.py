@@ -15,6 +15,7 @@ from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import Origin
 from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck, turned as turned_by
 from ..typing import Array, ArrayLike, Mask
+from ..verdict import Reason
 from ..wording import counted
 
 LEAST_LEVELS, PILE, TIMES = 20, 0.01, 5
@@ -134,13 +135,11 @@ def vertical(t: Array, imu: Imu) -> tuple[Array, Mask]:
     return -force / np.maximum(magnitude, 1e-9)[:, None], quiet
 
 
-def _strength(
-    aiding: Aiding, field: ArrayLike | None, is_calibrated: bool
-) -> list[tuple[str, str]]:
-    """[(cause, text)] of a strength (T) that varies, or that is not that of `field` (3,) T; None:
-    unknown."""
+def _strength(aiding: Aiding, field: ArrayLike | None, is_calibrated: bool) -> list[Reason]:
+    """A Reason where the strength (T) varies, or is not that of `field` (3,) T; None: unknown."""
     if len(aiding.t) < 10:
         return []
+    name = aiding.name or aiding.kind
     low, median, high = (
         float(value) for value in np.nanpercentile(np.linalg.norm(aiding.y, axis=1), [5, 50, 95])
     )
@@ -150,44 +149,41 @@ def _strength(
         else "calibrate it (`strapdown calibrate`) and name the result as calibration"
     )
     if not median > 0 or (high - low) / median > VARIATION:
-        text = (
-            f"{aiding.name}: its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where "
-            f"the Earth's field does not: {remedy}"
+        seen = (
+            f"its strength varies from {low * 1e6:.3g} to {high * 1e6:.3g} uT, where the Earth's "
+            f"field does not"
         )
-        return [("calibration", text)]
+        return [Reason("calibration", seen, remedy, name)]
     total = float(np.linalg.norm(field)) if field is not None else median
     if abs(median / total - 1) > VARIATION:
-        text = (
-            f"{aiding.name}: its median strength is {median * 1e6:.3g} uT, that of the Earth's "
-            f"field {total * 1e6:.3g} uT: "
-            f"check the unit, or {remedy}"
+        seen = (
+            f"its median strength is {median * 1e6:.3g} uT, that of the Earth's field "
+            f"{total * 1e6:.3g} uT"
         )
-        return [("calibration", text)]
+        return [Reason("calibration", seen, f"check the unit, or {remedy}", name)]
     return []
 
 
-def facts_and_problems(
+def facts_and_reasons(
     aiding: Aiding,
     imu: Imu,
     matrix: Array = AS_THE_BODY,
     known: bool = True,
     is_calibrated: bool = True,
-) -> tuple[list[str], list[tuple[str, str]]]:
-    """([text], [(cause of verdict.py, text)]) of a magnetometer that was read: its dip over quiet
-    samples, a strength that is wrong, axes that fit clearly better.
+) -> tuple[list[str], list[Reason]]:
+    """(lines, Reasons) of a magnetometer that was read: its dip over quiet samples, a strength that
+    is wrong, axes that fit clearly better.
 
     matrix: from its columns to the body; known: whether the parameters are the Earth's field, not
     that of the record itself.
     """
-    facts, problems = _axes(aiding, imu, matrix, known)
-    return facts, _strength(
-        aiding, aiding.parameters if known else None, is_calibrated
-    ) or problems  # uncalibrated, the dip says little
+    facts, of_axes = _axes(aiding, imu, matrix, known)
+    of_strength = _strength(aiding, aiding.parameters if known else None, is_calibrated)
+    return facts, of_strength or of_axes  # uncalibrated, the dip says little
 
 
-def _axes(
-    aiding: Aiding, imu: Imu, matrix: Array, known: bool
-) -> tuple[list[str], list[tuple[str, str]]]:
+def _axes(aiding: Aiding, imu: Imu, matrix: Array, known: bool) -> tuple[list[str], list[Reason]]:
+    name = aiding.name or aiding.kind
     down, quiet = vertical(aiding.t, imu)
     rows = np.flatnonzero(quiet & np.isfinite(aiding.y).all(axis=1))
     if len(rows) < 50:
@@ -211,7 +207,7 @@ def _axes(
         else f"the Earth's field {np.degrees(earth):.1f} deg, rms difference"
     )
     facts = [
-        f"{aiding.name}: dip {np.degrees(dip):.1f} deg in the mean of "
+        f"{name}: dip {np.degrees(dip):.1f} deg in the mean of "
         f"{counted(len(rows), 'quiet sample')}, "
         f"{compared} {np.degrees(now):.1f} deg"
     ]
@@ -236,8 +232,8 @@ def _axes(
         if np.linalg.det(other) > 0
         else "they are left-handed, so one column has the wrong sign: put it right in the table"
     )
-    text = (
-        f"{aiding.name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
-        f"with {named_permutation(other)!r} by {np.degrees(best):.0f}: {remedy}"
+    seen = (
+        f"{name} axes: the dip of the field is off by {np.degrees(now):.0f} deg rms; "
+        f"with {named_permutation(other)!r} by {np.degrees(best):.0f}"
     )
-    return facts, [("frame", text)]
+    return facts, [Reason("frame", seen, remedy, name)]

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from ..aiding import find
 from ..checks import DataError, check_number, did_you_mean, located
+from ..constants import MAX_TIME_CONSTANT
 from ..data import Aiding, Correlated
 from ..files import read_toml, replacing
 from ..quantities import shown_unit
@@ -17,8 +18,6 @@ from ..typing import File
 FACTOR, CORRELATED = "sd_factor", "correlated"
 """Keys of a section."""
 LARGEST_FACTOR = 1e6
-LONGEST_TIME = 1e6
-"""s"""
 
 
 class SourceNoise(NamedTuple):
@@ -120,7 +119,7 @@ def _deviations(value: Any, where: str) -> tuple[float, ...]:
 
 
 def _time(value: Any, where: str) -> float:
-    return float(check_number(value, where, "s", above=0, most=LONGEST_TIME))
+    return float(check_number(value, where, "s", above=0, most=MAX_TIME_CONSTANT))
 
 
 OF_CORRELATED = {

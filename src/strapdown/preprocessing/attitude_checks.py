@@ -14,6 +14,7 @@ from ..core.loop.contract import Imu
 from ..data import Aiding
 from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
+from ..verdict import Reason
 from ..wording import counted
 from .axes import named_permutation, signed_permutations
 from .stationary import at_rest, without_bias
@@ -162,17 +163,18 @@ def _gyro_path(imu: Imu) -> "Slerp":
     return Slerp(imu.t, running_products(Rotation.from_rotvec(without_bias(imu))))
 
 
-def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[str, str]]]:
-    """([text], [(cause of verdict.py, text)]) on an attitude beside an IMU: how well it turns as the
-    gyro does, what is probably wrong with unit, axes or clock."""
-    facts, problems = _level(aiding, imu)
+def facts_and_reasons(aiding: Aiding, imu: Imu) -> tuple[list[str], list[Reason]]:
+    """(lines, Reasons) on an attitude beside an IMU: how well it turns as the gyro does, what is
+    probably wrong with unit, axes or clock."""
+    facts, reasons = _level(aiding, imu)
+    name = aiding.name or aiding.kind
     fit = turns(aiding.t, aiding.y, imu)
     recorded, gyro = fit()
     if len(gyro) < ENOUGH:
-        return facts, problems
+        return facts, reasons
     now, factor = _likeness(recorded, gyro), ratio(recorded, gyro)
     facts = [
-        f"turns of {aiding.name} against those of the gyro: correlation {now:.3f}, attitude / gyro "
+        f"turns of {name} against those of the gyro: correlation {now:.3f}, attitude / gyro "
         f"{factor:.3g} ({len(gyro)} intervals)",
         *facts,
     ]
@@ -182,22 +184,19 @@ def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[
             if 0.5 < np.degrees(factor) < 2
             else "a wrong unit or scale, or other columns"
         )
-        text = (
-            f"{aiding.name} unit: it turns {factor:.3g} times as much as the gyro: {likely}: "
-            "check its unit and columns"
-        )
-        return facts, [("unit", text), *problems]
+        seen = f"{name} unit: it turns {factor:.3g} times as much as the gyro: {likely}"
+        return facts, [Reason("unit", seen, "check its unit and columns", name), *reasons]
     shifts = (
         np.arange(-LONGEST_SHIFT, LONGEST_SHIFT + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
     )
     others = np.array([_likeness(*fit(shift)) for shift in shifts])
     best = int(np.argmax(others))
     if others[best] > 0.9 and 1 - others[best] < 0.5 * (1 - now) and abs(shifts[best]) > 0.2:
-        text = (
-            f"{aiding.name}: it fits the gyro best with {-shifts[best]:+.2f} s added to its time, "
-            f"or {shifts[best]:+.2f} s to that of the IMU: check `offset`"
+        seen = (
+            f"it fits the gyro best with {-shifts[best]:+.2f} s added to its time, or "
+            f"{shifts[best]:+.2f} s to that of the IMU"
         )
-        problems.append(("clock", text))
+        reasons.append(Reason("clock", seen, "check `offset`", name))
     elif now < 0.7:
         fits = [
             (_likeness(recorded, gyro @ other.T), np.linalg.det(other), other)
@@ -205,13 +204,12 @@ def facts_and_problems(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[
         ]
         likeness, _, other = max(fits, key=lambda each: (round(each[0], 2), each[1]))
         if likeness > 0.9:
-            text = (
-                f"{aiding.name} axes: it turns as a gyro with the axes {named_permutation(other)!r} "
-                f"would: "
-                "check axes, order and signs of its columns against those of the IMU"
+            seen = (
+                f"{name} axes: it turns as a gyro with the axes {named_permutation(other)!r} would"
             )
-            problems.append(("frame", text))
-    return facts, problems
+            remedy = "check axes, order and signs of its columns against those of the IMU"
+            reasons.append(Reason("frame", seen, remedy, name))
+    return facts, reasons
 
 
 def _likeness(recorded: Array, gyro: Array) -> float:
@@ -220,8 +218,8 @@ def _likeness(recorded: Array, gyro: Array) -> float:
     return float((recorded * gyro).sum() / size) if size > 0 else 0.0
 
 
-def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[str, str]]]:
-    """Facts and problems from the vertical at rest: that of the attitude against that of the
+def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[Reason]]:
+    """(lines, Reasons) from the vertical at rest: that of the attitude against that of the
     accelerometer."""
     rest = at_rest(imu)
     row = np.minimum(np.searchsorted(imu.t, aiding.t), len(imu.t) - 1)
@@ -238,9 +236,10 @@ def _level(aiding: Aiding, imu: Imu) -> tuple[list[str], list[tuple[str, str]]]:
     force = imu.dv[row[still]]
     cosine = -(down * force).sum(axis=1) / np.linalg.norm(force, axis=1)
     off = float(np.degrees(np.median(np.arccos(np.clip(cosine, -1, 1)))))
-    fact = f"at rest the vertical of {aiding.name} is {off:.1f} deg from that of the accelerometer"
-    text = (
-        f"{aiding.name}: at rest its vertical is {off:.0f} deg from that of the accelerometer: "
-        "check axes, order and signs of its columns, and mounting"
-    )
-    return [fact], [("frame", text)] if off > 10 else []
+    name = aiding.name or aiding.kind
+    fact = f"at rest the vertical of {name} is {off:.1f} deg from that of the accelerometer"
+    if off <= 10:
+        return [fact], []
+    seen = f"at rest its vertical is {off:.0f} deg from that of the accelerometer"
+    remedy = "check axes, order and signs of its columns, and mounting"
+    return [fact], [Reason("frame", seen, remedy, name)]

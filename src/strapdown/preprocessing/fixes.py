@@ -12,9 +12,10 @@ from ..core.loop.contract import Imu, Measurement
 from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data import Aiding, Trajectory
 from ..quantities import REGISTRY as QUANTITIES, dimension, si
-from ..time_scales import iso, span, utc
+from ..time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
 from ..typing import Array, ArrayLike
 from ..vehicle import GivenVehicle
+from ..verdict import Reason
 from ..wording import counted
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
@@ -27,9 +28,6 @@ standard atmosphere of the library ends, and a pressurised or submerged sensor."
 LEAST_SHARE, LONG_RECORD = 0.2, 10.0
 """An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than LEAST_SHARE of
 one of them in common, probably differ in clock."""
-GPS_EPOCH, WEEK = 315964800.0, 604800.0
-"""Seconds from the epoch of Unix time to that of GPS time, less the leap seconds since; of a
-week."""
 PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
     1e-3: "kPa read as Pa",
@@ -78,7 +76,7 @@ def checked_aidings(imu: Imu, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, 
         aiding, more = clean(aiding, find(aiding.kind))
         if find(aiding.kind).recorded:
             overlap(imu, aiding.t, aiding.name or aiding.kind)
-            more = more + overlap_notes(imu, aiding)
+            more = more + [each.line for each in little_overlap(imu, aiding)]
         if aiding.kind == "attitude":
             refuse_unit(aiding.t, aiding.y, imu, aiding.name or aiding.kind)
         done.append(aiding)
@@ -240,11 +238,11 @@ def likely_shift(start: float, stop: float, first: float, last: float) -> str | 
     """What brings fixes from `first` to `last` into the record from `start` to `stop` (s): a time
     zone, whole days, another epoch. None where none of these does."""
     shifts = [(1800.0 * k, f"a time zone, {k / 2:+g} h?") for k in range(-28, 29) if k]
-    shifts += [(86400.0 * k, f"whole days, {k:+d}?") for k in range(-7, 8) if k]
+    shifts += [(float(DAY * k), f"whole days, {k:+d}?") for k in range(-7, 8) if k]
     for sign in (1.0, -1.0):
-        shifts.append((sign * GPS_EPOCH, "the epochs of Unix time and GPS time?"))
-        weeks = round((sign * (start - first) - GPS_EPOCH) / WEEK)
-        shifts.append((sign * (GPS_EPOCH + WEEK * weeks), "Unix time against seconds of the week?"))
+        shifts.append((sign * GPS_ZERO, "the epochs of Unix time and GPS time?"))
+        weeks = round((sign * (start - first) - GPS_ZERO) / WEEK)
+        shifts.append((sign * (GPS_ZERO + WEEK * weeks), "Unix time against seconds of the week?"))
     least = 0.5 * min(stop - start, last - first)
     common = [(min(stop, last + s) - max(start, first + s), -abs(s), s, what) for s, what in shifts]
     overlap, _, shift, what = max(common)
@@ -253,8 +251,8 @@ def likely_shift(start: float, stop: float, first: float, last: float) -> str | 
     return f"{shift:+.0f} s added to its time bring it there ({what}); "
 
 
-def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
-    """Notes on an Aiding that has little of its record, or of the IMU's, in common with the
+def little_overlap(imu: Imu, aiding: Aiding) -> list[Reason]:
+    """A Reason where an Aiding has little of its record, or of the IMU's, in common with the
     other."""
     if not len(aiding.t):
         return []
@@ -266,11 +264,12 @@ def overlap_notes(imu: Imu, aiding: Aiding) -> list[str]:
         or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE
     ):
         return []
-    return [
-        f"{aiding.name or aiding.kind}: only {inside} of {len(aiding.t)} fixes fall within the IMU "
-        f"record, {max(common, 0.0):.1f} of its "
-        f"{stop - start:.1f} s: check unit and offset of time"
-    ]
+    seen = (
+        f"only {inside} of {len(aiding.t)} fixes fall within the IMU record, {max(common, 0.0):.1f} "
+        f"of its {stop - start:.1f} s"
+    )
+    remedy = "check unit and offset of time"
+    return [Reason("clock", seen, remedy, aiding.name or aiding.kind)]
 
 
 def clean_reference(

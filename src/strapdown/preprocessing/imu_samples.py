@@ -12,7 +12,7 @@ from ..typing import Array, ArrayLike, Ints
 from ..vehicle import GivenVehicle
 from ..wording import counted
 from .origin import Origin, Rows
-from .plausible import mistakes
+from .plausible import refuse_mistakes
 
 GAP_MEDIANS = 1.75
 """An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and
@@ -39,8 +39,7 @@ def imu_from_arrays(
     """(Imu, notes) from t (n,) s, gyro and accel (n, 3) in body FRD axes, SI and radians, cleaned
     by `increments` and checked by `plausible` for what carries the IMU. Raises DataError."""
     imu, notes = increments(t, gyro, accel, kind)
-    for _, text in mistakes(imu, kind, vehicle):
-        raise DataError(f"IMU: {text}")
+    refuse_mistakes(imu, "IMU", kind, vehicle)
     return imu, notes
 
 

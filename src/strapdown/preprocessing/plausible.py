@@ -7,10 +7,12 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 
 import numpy as np
 
+from ..checks import DataError
 from ..constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from ..core.loop.contract import Imu
 from ..typing import Array, ArrayLike
 from ..vehicle import GivenVehicle, find
+from ..verdict import Reason
 from .stationary import rate_at_rest
 
 LEAST_MEDIAN_FORCE, MOST_MEDIAN_FORCE = 3.0, 60.0
@@ -55,6 +57,14 @@ def mistakes(
         feels_tilt = not find(vehicle).by_thrust
         found = _unit_of_gyro(imu, rate, force, feels_tilt) + _gravity_sign(force)
     return found
+
+
+def refuse_mistakes(
+    imu: Imu, where: object, kind: str | None = None, vehicle: GivenVehicle | None = None
+) -> None:
+    """Raise DataError, which begins with `where`, of what `mistakes` finds first."""
+    for _, text in mistakes(imu, kind, vehicle):
+        raise DataError(f"{where}: {text}")
 
 
 def half_seconds(imu: Imu) -> tuple[Array, Array]:
@@ -153,28 +163,25 @@ USUAL_GYRO_BIAS = np.radians(2.5)
 """rad/s that gyros without a description may read at rest."""
 
 
-def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[tuple[str, str]]:
-    """[(cause of verdict.py, text)] of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s)
-    is what the description of the IMU allows, 0 where there is none."""
+def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[Reason]:
+    """Reasons of what is unusual and may be a mistake; `gyro_bias_sd` (rad/s) is what the description of the IMU
+    allows, 0 where there is none."""
     rate, force = half_seconds(imu)
     found = []
     median = np.median(force, axis=0)
     largest = int(np.argmax(np.abs(median)))
     if largest != 2 and abs(median[largest]) > 0.7 * np.linalg.norm(median):
-        text = (
-            f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on "
-            f"z: check axes or mounting"
-        )
-        found.append(("axes", text))
+        seen = f"specific force lies mostly on {'xyz'[largest]} ({median[largest]:+.2f} m/s^2), not on z"
+        found.append(Reason("axes", seen, "check axes or mounting"))
     bias = rate_at_rest(imu)
     most = max(USUAL_GYRO_BIAS, 5 * gyro_bias_sd)
     if bias is not None and np.abs(bias).max() > most:
-        text = (
+        seen = (
             f"the gyro reads [{' '.join(f'{b:.2f}' for b in np.degrees(bias))}] deg/s at rest: a "
-            f"large turn-on bias, or a wrong unit or scale: check `gyro.unit` and `gyro.scale`, or "
-            f"describe an IMU with such a bias"
+            f"large turn-on bias, or a wrong unit or scale"
         )
-        found.append(("gyro", text))
+        remedy = "check `gyro.unit` and `gyro.scale`, or describe an IMU with such a bias"
+        found.append(Reason("gyro", seen, remedy))
     for name, columns in (("gyro", imu.dtheta), ("accel", imu.dv)):
         still = [
             axis
@@ -182,6 +189,6 @@ def doubts(imu: Imu, gyro_bias_sd: float = 0.0) -> list[tuple[str, str]]:
             if np.ptp(column) < 1e-9 * max(1.0, np.abs(column).max())
         ]
         if still and len(imu.t) > 10:
-            text = f"{name} {', '.join(still)} never changes: check its column"
-            found.append(("repeated", text))
+            seen = f"{name} {', '.join(still)} never changes"
+            found.append(Reason("repeated", seen, "check its column"))
     return found

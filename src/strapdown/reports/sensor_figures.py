@@ -37,6 +37,7 @@ from .drawing import (
     time_axis,
 )
 from .parts import caption, table
+from .spectra import power_spectrum, segments
 
 MOST_SAMPLES = 2**20
 """Samples at most of which spectra are taken: those of longer stretches from their middle."""
@@ -230,7 +231,8 @@ def spectra(recording: Recording | None) -> go.Figure | None:
     both = triads(recording)
     figure = panels([f"{each.quantity} [({each.unit})²/Hz]" for each in both], 230, log=True)
     for row, triad in enumerate(both, start=1):
-        f, density = _welch(triad.values[rows], rate, segment)
+        parts = segments(triad.values[rows], segment)
+        f, density = power_spectrum(parts - parts.mean(axis=2, keepdims=True), rate)
         f, density = _binned(f[1:], density[1:])
         unit, white = f"({triad.unit})²/Hz", 2 * triad.noise**2  # one-sided
         for i, axis in enumerate("xyz"):
@@ -264,22 +266,6 @@ def _longest_stretch(imu: Imu) -> tuple[slice, float]:
         last = first + MOST_SAMPLES
     span = float(imu.t[last - 1] - imu.t[first])
     return slice(first, last), (last - first - 1) / span if span else 1 / usual
-
-
-def _welch(values: Array, rate: float, segment: int) -> tuple[Array, Array]:
-    """Frequencies, Hz, and one-sided power spectral densities of the columns (n, k) by Welch's
-    method: Hann windows over so many rows, half overlapping, each less its mean. That of scipy takes
-    longer to load than the page to draw."""
-    parts = np.lib.stride_tricks.sliding_window_view(values, segment, axis=0)
-    parts = parts[:: segment - segment // 2]
-    window = np.hanning(segment + 1)[:-1]
-    lines = np.fft.rfft((parts - parts.mean(axis=2, keepdims=True)) * window, axis=2)
-    density = 2 * np.mean(np.abs(lines) ** 2, axis=0).T / (rate * np.square(window).sum())
-    density[0] /= 2  # these have no negative twin
-    if segment % 2 == 0:
-        density[-1] /= 2
-    last = (len(density) - 1) * rate / segment
-    return np.linspace(0.0, last, len(density)), density
 
 
 def _binned(f: Array, density: Array) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_flag, check_number
+from ..constants import MAX_TIME_CONSTANT
 from ..data import Aiding, Correlated, Trajectory
 from ..geodesy import radii, wrap
 from ..typing import Array, Ints
@@ -386,7 +387,7 @@ def _check_correlated(correlated: Correlated | None, name: str, measured: bool =
         raise DataError(f"{what} are {correlated!r}; write Correlated((north, east, down), time)")
     if not measured:
         raise DataError(f"{what} are given, and no white noise; give both, or neither")
-    check_number(correlated.time, f"{what}, time", "s", above=0, most=1e6)
+    check_number(correlated.time, f"{what}, time", "s", above=0, most=MAX_TIME_CONSTANT)
     check_flag(correlated.states, f"{what}, states")
     sd = check_array(
         spread(correlated.sd),

@@ -24,6 +24,7 @@ from ..reports.drawing import (
     ribbon,
     time_label,
 )
+from ..reports.spectra import power_spectrum, segments
 from ..typing import Array
 
 if TYPE_CHECKING:
@@ -191,13 +192,12 @@ def _expected(drawn: go.Figure, place: dict[str, int], *levels: float) -> None:
 def spectrum(t: Array, rows: Array) -> tuple[Array, Array]:
     """(frequencies, Hz; power spectral density over that of white noise of variance 1) of rows
     (m, k), the mean over k, by Welch's method; fixes count as evenly spaced."""
-    from scipy.signal import welch
-
     rate = 1 / _interval(t)
     length = max(FEWEST // 2, min(256, len(rows) // 8))
     length = min(length, len(rows))
-    f, density = welch(rows, rate, nperseg=length, detrend=False, return_onesided=False, axis=0)
-    return f[f > 0], density[f > 0].mean(axis=1) * rate
+    f, density = power_spectrum(segments(rows, length), rate)
+    below = slice(1, (length + 1) // 2)  # half the rate, at which a density is not one-sided
+    return f[below], density[below].mean(axis=1) * rate / 2
 
 
 def spectra_figure(found: "Tuning", sources: Sequence[int]) -> go.Figure:

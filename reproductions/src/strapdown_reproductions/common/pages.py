@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from strapdown.files import replacing, together
+from strapdown.files import replacing, together, write_table
 from strapdown.reports.shell import Document, Page as HtmlPage, placed, shell
-from strapdown.spreadsheet import inert_table
 from strapdown.typing import File
 
 from .tables import Tables
@@ -110,8 +109,7 @@ def write_files(out: File, page: Page, said: str, sections: Sequence[tuple[str, 
             with replacing(out / name) as part:
                 part.write_text(text, encoding="utf-8")
         for name, (_, table) in page.tables.items():
-            with replacing(out / f"{name}.csv") as part:
-                inert_table(table).to_csv(part, index=False, float_format="%.6g")
+            write_table(table, out / f"{name}.csv", 6)
         document = Document(page.title, {}, FOOTER, said, STYLE, sections=sections)
         HtmlPage(shell(document)).save(out / "index.html")
 

@@ -15,7 +15,8 @@ from ...diagnosis.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERV
 from ...diagnosis.installation import applied
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions, takes
-from ...estimable import CLOCK, LEVER_ARM
+from ...estimable import CLOCK, LEVER_ARM, MOUNTING
+from ...preprocessing.turned_imu import is_of_the_imu
 from ...progress import listener, with_bar
 from ...recording import Recording, check_recording
 from ...typing import Progress
@@ -195,6 +196,13 @@ def _notes(
         for each in parameters
         if each.status in (CONSISTENT, FOUND) and not _constant(each)
     ]
+    if any(each.of is MOUNTING and each.status == FOUND for each in parameters):
+        notes += [
+            f"{a.name or a.kind} was taken to be in the case of the IMU and turned with it; `mounting` "
+            f"of [imu] turns the IMU alone, so turn this source too, by its `axes` or `calibration`"
+            for a in recording.aidings
+            if find(a.kind).recorded and is_of_the_imu(a)
+        ]
     unseen = [each for each in clocks if each.status == NOT_OBSERVABLE]
     if len(unseen) > 1:
         one, other = unseen[:2]

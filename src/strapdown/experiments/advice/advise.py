@@ -20,11 +20,10 @@ import pandas as pd
 from ...checks import DataError, check_choice, check_number
 from ...engine.options import takes
 from ...evaluation.consistency import Interval
-from ...files import replacing, together
+from ...files import replacing, together, write_table
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
-from ...spreadsheet import inert_table
 from ...typing import Array, File, Progress
 from ..monte_carlo.campaign import Campaign, make_folder
 from ..monte_carlo.study import CAMPAIGN_OPTIONS, CampaignOptions, Study
@@ -97,8 +96,7 @@ class Advice:
         )
         with together():
             for name, table in tables.items():
-                with replacing(folder / f"{name}.csv") as part:
-                    inert_table(table).to_csv(part, index=False, float_format="%.6g")
+                write_table(table, folder / f"{name}.csv", 6)
             with replacing(folder / "advice.json") as part:
                 text = json.dumps(self.as_dict(), indent=1, ensure_ascii=False)
                 part.write_text(text + "\n", encoding="utf-8")

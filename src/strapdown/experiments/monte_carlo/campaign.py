@@ -32,11 +32,10 @@ from ...core.compile.kernel_cache import closure_digest, code_digest
 from ...core.compile.library import processor
 from ...file_limits import LimitError, regular
 from ...file_locks import lock
-from ...files import netcdf, replacing, together
+from ...files import netcdf, replacing, together, write_table
 from ...io.own.hdf5_content import content
 from ...opening import json_of, settings_text
 from ...plugins import Plugin
-from ...spreadsheet import inert_table
 from ...typing import File
 from . import processors, sources
 from .chunk_files import LABELS, OF_INSTALLATION, fill, read
@@ -190,8 +189,7 @@ class Campaign:
         self._write_manifest()
         with together():
             for name, table in (("summary", self.summary), ("runs", self.runs)):
-                with replacing(self.folder / f"{name}.csv") as part:
-                    inert_table(table).to_csv(part, index=False, float_format="%.9g")
+                write_table(table, self.folder / f"{name}.csv", 9)
 
     def _files(self, cell: str) -> list[Path]:
         files = sorted((self.folder / "chunks" / cell).glob("*.nc"))

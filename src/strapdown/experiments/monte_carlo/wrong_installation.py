@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ...aiding import find
 from ...checks import DataError, located
 from ...core.loop.contract import Start
 from ...data import Aiding, Trajectory
@@ -26,6 +25,7 @@ from ...estimable import (
     Estimable,
     prior,
 )
+from ...preprocessing.turned_imu import with_the_imu
 from ...recording import Recording
 from ...sensor_models.streams import SeedLike, Stream
 from ...typing import Array
@@ -146,7 +146,7 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
             b_a, b_g = recording.meta["b_a"], recording.meta["b_g"]
             recording = recording.knowing(b_a=back.apply(b_a), b_g=back.apply(b_g))
         reference = _turned(reference, back.inv())
-        aidings = tuple(_of_turned_axes(a, back) for a in aidings)
+        aidings = tuple(with_the_imu(a, back) for a in aidings)
     gyro = _triad(vectors, GYRO_SCALE, GYRO_MISALIGNMENT)
     accel = _triad(vectors, ACCEL_SCALE, ACCEL_MISALIGNMENT)
     return replace(
@@ -155,20 +155,6 @@ def _samples_wrong(recording: Recording, vectors: Mapping[str, Array]) -> Record
         reference=reference,
         aidings=aidings,
     )
-
-
-def _of_turned_axes(a: Aiding, back: Rotation) -> Aiding:
-    """A source with what is of the IMU's axes in those as described, `back` from the true ones."""
-    from scipy.spatial.transform import Rotation
-
-    if a.kind == "attitude":  # roll, pitch, heading; the first two know no heading
-        angles = np.nan_to_num(a.y)[:, ::-1]
-        turned = (Rotation.from_euler("ZYX", angles) * back.inv()).as_euler("ZYX")[:, ::-1]
-        turned[:, 2] = np.where(np.isnan(a.y[:, 2]), np.nan, turned[:, 2] % (2 * np.pi))
-        return replace(a, y=turned)
-    if a.kind == "magnetic-field" or find(a.kind).mean_of == "gyro":
-        return replace(a, y=back.apply(a.y))
-    return a
 
 
 def _turned(reference: Trajectory | None, turn: Rotation) -> Trajectory | None:

@@ -13,8 +13,7 @@ import pandas as pd
 
 from ...data import Trajectory
 from ...evaluation.metrics import NED_AXES
-from ...files import replacing, together
-from ...spreadsheet import inert_table
+from ...files import together, write_table
 from ...typing import File
 from ...verdict import Verdict
 from .protocols import Window
@@ -151,9 +150,8 @@ class Comparison:
         flat = self.table().set_axis(names, axis=1).reset_index()
         with together():
             for name in TABLES:
-                with replacing(folder / f"{name}.csv") as part:
-                    made = flat if name == "table" else getattr(self, name)
-                    inert_table(made).to_csv(part, index=False, float_format="%.9g")
+                made = flat if name == "table" else getattr(self, name)
+                write_table(made, folder / f"{name}.csv", 9)
             page(self).save(folder / "index.html")
 
     def plot(self, what: str = "growth", length: float | None = None, outage: int = 1) -> go.Figure:

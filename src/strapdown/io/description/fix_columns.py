@@ -23,7 +23,7 @@ from ...preprocessing.other_forms import (
 )
 from ...quantities import dimension, innovation_dimension
 from ...sensor_models.geoid import undulation
-from ...typing import Array
+from ...typing import Array, Mask
 from ...units import factor, spread_factor
 from .schema import ReferencePart, Vector, vector_factors
 from .schema_aiding import AidingPart
@@ -40,6 +40,11 @@ class Fixes(NamedTuple):
     sd: Array
     origin: Origin
     notes: list[str]
+
+    def kept(self, keep: Mask, notes: list[str]) -> "Fixes":
+        """Only the rows of a mask (m,), with further notes."""
+        origin = self.origin.kept(keep, len(self.t))
+        return Fixes(self.t[keep], self.y[keep], self.sd[keep], origin, [*self.notes, *notes])
 
 
 class Whereabouts(NamedTuple):

@@ -9,6 +9,7 @@ from ...cross_checks.heights import above_sea_level
 from ...data import Aiding
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
 from ...recording import Recording, RecordingMeta
+from ...verdict import Reason
 from ..contract import Findings
 from ..facts import (
     aiding_facts,
@@ -19,7 +20,7 @@ from ..facts import (
     unusual_imu,
 )
 from ..locate import locate
-from ..magnetic_record import facts_and_problems
+from ..magnetic_record import facts_and_reasons
 from ..unfelt_tilt import fixes_confirm
 from .calibrations import kept_temperatures
 from .complaints import complaints, parse
@@ -81,50 +82,85 @@ def _parts(path: Path, description: Description, found: Findings, files: Files) 
     imu, notes = found.attempt(read_imu, description.imu, files) or (None, [])
     if imu is None:
         return [*files.notes, *notes]
-    wrong = [
-        f"{field}: {text}"
-        for field, text in mistakes(imu, description.imu.kind, description.vehicle)
-    ]
-    no_gravity = any(NO_GRAVITY in line for line in (*found.problems, *wrong))
     meta = found.attempt(read_meta, description, files, float(imu.t[0])) or {}
     meta |= found.attempt(kept_temperatures, description.imu, files) or {}
+    wrong = mistakes(imu, description.imu.kind, description.vehicle)
+    texts = [*found.problems, *(text for _, text in wrong)]
+    without_gravity = any(NO_GRAVITY in text for text in texts)
     unusual = doubts(imu, gyro_bias_sd(meta))
-    if no_gravity:  # without it, its direction says nothing
-        unusual = [each for each in unusual if each[0] != "axes"]
-    if any(NO_GRAVITY in line for line in found.problems):  # which name the columns
-        wrong = [line for line in wrong if NO_GRAVITY not in line]
-    wrong += [text for _, text in unusual]
-    found.add(clock_facts(imu, meta.get("epoch")))
-    found.add(imu_facts(imu), (f"{path}: [imu] {text}" for text in wrong))
-    found.add(temperature_facts(meta))
-    read, more = read_sources(description, imu, files, found.attempt)
-    aidings, parts = list(read.values()), [(description.aiding[n - 1], n) for n in read]
-    notes += more
-    notes += level_notes(aidings, meta)
-    notes += _magnetometers(path, parts, aidings, imu, meta, found)
-    if description.reference is not None:
-        if description.reference.position is not None:
-            column = height_column(description.reference.position)
-            found.take([], above_sea_level("reference", column), [])
-        whereabouts = Whereabouts(aidings, description.lla)
-        reference, more = found.attempt(
-            read_reference, description.reference, imu, files, whereabouts
-        ) or (None, [])
-        found.add([f"reference: {reference!r}"] if reference is not None else [])
-        notes += more
+    if without_gravity:  # its direction says nothing
+        unusual = [each for each in unusual if each.cause != "axes"]
+    _add_imu(path, imu, meta, wrong, unusual, found)
+    aidings, more = _sources(path, description, imu, meta, files, found)
+    notes += more + _reference(description, imu, aidings, files, found)
     recording = Recording(imu, tuple(aidings), None, meta)
-    kept = {text for _, text in unusual_imu(recording, gyro_bias_sd(meta))}
-    denied = [text for _, text in unusual if text not in kept]
-    found.problems[:] = [line for line in found.problems if not line.endswith(tuple(denied))]
+    _hear_fixes(recording, unusual, found)
+    of_fixes = aiding_facts(imu, aidings, meta)
+    # against what is no specific force fixes tell nothing
+    found.add(*(of_fixes[:1] if without_gravity else of_fixes))
+    return [*files.notes, *notes]
+
+
+def _add_imu(
+    path: Path,
+    imu: Imu,
+    meta: RecordingMeta,
+    wrong: Iterable[tuple[str, str]],
+    unusual: Iterable[Reason],
+    found: Findings,
+) -> None:
+    """Add what the samples hold, and what is wrong (by key of [imu]) and unusual of them."""
+    if any(NO_GRAVITY in line for line in found.problems):  # which name the columns
+        wrong = [(key, text) for key, text in wrong if NO_GRAVITY not in text]
+    lines = [*(f"{key}: {text}" for key, text in wrong), *(each.line for each in unusual)]
+    found.add(clock_facts(imu, meta.get("epoch")))
+    found.add(imu_facts(imu), (f"{path}: [imu] {line}" for line in lines))
+    found.add(temperature_facts(meta))
+
+
+def _sources(
+    path: Path,
+    description: Description,
+    imu: Imu,
+    meta: RecordingMeta,
+    files: Files,
+    found: Findings,
+) -> tuple[list[Aiding], list[str]]:
+    """(the aidings that can be read, notes)."""
+    read, notes = read_sources(description, imu, files, found.attempt)
+    aidings, parts = list(read.values()), [(description.aiding[n - 1], n) for n in read]
+    notes = [*notes, *level_notes(aidings, meta)]
+    return aidings, notes + _magnetometers(path, parts, aidings, imu, meta, found)
+
+
+def _reference(
+    description: Description, imu: Imu, aidings: list[Aiding], files: Files, found: Findings
+) -> list[str]:
+    """Notes on the reference, where one is described."""
+    if description.reference is None:
+        return []
+    if description.reference.position is not None:
+        column = height_column(description.reference.position)
+        found.take([], above_sea_level("reference", column), [])
+    whereabouts = Whereabouts(aidings, description.lla)
+    reference, notes = found.attempt(
+        read_reference, description.reference, imu, files, whereabouts
+    ) or (None, [])
+    found.add([f"reference: {reference!r}"] if reference is not None else [])
+    return notes
+
+
+def _hear_fixes(recording: Recording, unusual: Iterable[Reason], found: Findings) -> None:
+    """Take back what was said of the IMU alone and its fixes contradict: some of the `unusual`, and
+    a gyro that tilts unfelt."""
+    kept = unusual_imu(recording, gyro_bias_sd(recording.meta))
+    denied = tuple(each.line for each in unusual if each not in kept)
+    found.problems[:] = [line for line in found.problems if not line.endswith(denied)]
     if any(UNFELT in line for line in found.problems) and fixes_confirm(recording):
         found.problems[:] = [line for line in found.problems if UNFELT not in line]
         found.add(
             [f"tilting {UNFELT}, as on a multicopter: the fixes confirm the unit of the gyro"]
         )
-    of_fixes = aiding_facts(imu, aidings, meta)
-    # against what is no specific force fixes tell nothing
-    found.add(*(of_fixes[:1] if no_gravity else of_fixes))
-    return [*files.notes, *notes]
 
 
 def _magnetometers(
@@ -144,14 +180,14 @@ def _magnetometers(
         ) or (None, [])
         if with_field is not None and part.sensor.parameters == "field":
             aidings[k] = with_field
-            facts, problems = facts_and_problems(
+            facts, reasons = facts_and_reasons(
                 with_field,
                 imu,
                 part.vector_matrix,
                 part.field != "record",
                 part.calibration is not None,
             )
-            wrong = [text for _, text in problems]
+            wrong = [each.line for each in reasons]
             found.add(facts, (f"{path}: [[aiding]] {number} {text}" for text in wrong))
             more = [note for note in more if note not in wrong]
         notes += more

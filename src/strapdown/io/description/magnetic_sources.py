@@ -13,7 +13,7 @@ from ...typing import Array
 from ...units import UNITS
 from ...wording import counted
 from ..calibration_file import read_calibration
-from ..magnetic_record import facts_and_problems, vertical
+from ..magnetic_record import facts_and_reasons, vertical
 from .schema_aiding import AidingPart
 from .source_files import Files
 
@@ -52,10 +52,10 @@ def with_field(
     known = part.field != "record"
     _refuse_strength(part, aiding, float(np.linalg.norm(field)) if known else EARTH_FIELD)
     aiding = replace(aiding, parameters=tuple(map(float, field)))
-    _, wrong = facts_and_problems(
+    _, wrong = facts_and_reasons(
         aiding, imu, part.vector_matrix, known, part.calibration is not None
     )
-    return aiding, notes + [text for _, text in wrong]
+    return aiding, notes + [each.line for each in wrong]
 
 
 def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:

@@ -15,7 +15,7 @@ from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import turned
-from ...preprocessing.fixes import clean, clean_reference, overlap, overlap_notes
+from ...preprocessing.fixes import clean, clean_reference, little_overlap, overlap
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.joined_imu import joined
 from ...preprocessing.origin import Origin
@@ -32,7 +32,7 @@ from ..tables.table_file import Table
 from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures
 from .complaints import load
-from .fix_columns import Whereabouts, read_columns, read_fixes
+from .fix_columns import Fixes, Whereabouts, read_columns, read_fixes
 from .installed import installed
 from .magnetic_sources import calibrated, with_field
 from .schema import Description, ImuPart, ReferencePart, Vector
@@ -247,78 +247,66 @@ def read_aiding(
     """(Aiding, notes) of one section [[aiding]]; the speeds of `others` say when there is no rest,
     their positions, or else the `place` of the recording, where the vehicle is. Raises
     DataError."""
-    sensor = part.sensor
-    arm: Iterable[float] = (
-        np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
-        if sensor.parameters in ("antenna", "reference")
-        else ()
-    )
-
-    def make(t: Array, y: Array, sd: Array) -> Aiding:
-        name, own = part.name or part.kind, tuple(map(float, arm))
-        return Aiding(
-            part.kind,
-            t,
-            y,
-            sd,
-            own,
-            part.gate,
-            name,
-            part.estimated,
-            part.slip,
-            part.correlated_errors,
-            part.robust,
-            part.adaptive,
-        )
-
     where = f"{files.path}: [[aiding]] {number} ({part.kind})"
-    if not sensor.recorded:
-        t, notes = _constraint_times(part, imu, others, where)
-        shape = (len(t), len(sensor.quantities))
-        y = np.full(shape, part.level or 0.0)
-        sd = np.broadcast_to(np.array(part.sd, float), shape).copy()
-        if sensor.mean_of == "gyro":
-            y, sd, scatter = _gyro_means(part, t, sd, imu)
-            notes += scatter
-        return make(t, y, sd), notes
-    whereabouts = Whereabouts(others, place)
-    t, y, sd, origin, notes = read_fixes(part, files, whereabouts, where)
-    more: list[str] = []
-    if sensor.name == "attitude":
-        t, y, sd, origin, more = _attitude(part, t, y, sd, imu, origin, where, whereabouts)
-    if sensor.parameters == "field":
-        keep, more = sound(t, y, imu, part.name or part.kind, origin, part.vector_matrix)
-        origin, t, y, sd = (
-            origin.kept(keep, len(t)),
-            t[keep],
-            calibrated(part, files, y[keep]),
-            sd[keep],
-        )
-    notes += more
-    matrix = part.matrix
-    if matrix is not None:
-        y, sd = turned(y, matrix), turned(sd, np.abs(matrix))
-    aiding, more = clean(make(t, y, sd), sensor, origin)
+    if not part.sensor.recorded:
+        t, y, sd, notes = _constraint(part, imu, others, where)
+        return _made(part, imu_lever_arm, t, y, sd), notes
+    fixes = _of_the_body(part, imu, files, Whereabouts(others, place), where)
+    made = _made(part, imu_lever_arm, fixes.t, fixes.y, fixes.sd)
+    aiding, more = clean(made, part.sensor, fixes.origin)
     overlap(imu, aiding.t, where, files.epoch)
-    notes += more + overlap_notes(imu, aiding)
+    notes = [*fixes.notes, *more, *(each.line for each in little_overlap(imu, aiding))]
     if part.slip_test and part.kind == "speed":
         aiding, slipped = without_slip(aiding, imu)
         notes += slipped
     return aiding, notes
 
 
+def _made(part: AidingPart, imu_lever_arm: list[float], t: Array, y: Array, sd: Array) -> Aiding:
+    """The Aiding of these rows, with what its section says beside them."""
+    arm: Iterable[float] = (
+        np.array(part.lever_arm or [0.0] * 3) - imu_lever_arm
+        if part.sensor.parameters in ("antenna", "reference")
+        else ()
+    )
+    return Aiding(
+        part.kind,
+        t,
+        y,
+        sd,
+        tuple(map(float, arm)),
+        part.gate,
+        part.name or part.kind,
+        part.estimated,
+        part.slip,
+        part.correlated_errors,
+        part.robust,
+        part.adaptive,
+    )
+
+
+def _of_the_body(
+    part: AidingPart, imu: Imu, files: Files, whereabouts: Whereabouts, where: str
+) -> Fixes:
+    """The rows of a recorded source in the axes that its kind is used in, without samples that are
+    stuck or saturated."""
+    fixes = read_fixes(part, files, whereabouts, where)
+    if part.sensor.name == "attitude":
+        fixes = _attitude(part, fixes, imu, whereabouts, where)
+    if part.sensor.parameters == "field":
+        fixes = _field(part, fixes, imu, files)
+    matrix = part.matrix
+    if matrix is None:
+        return fixes
+    return fixes._replace(y=turned(fixes.y, matrix), sd=turned(fixes.sd, np.abs(matrix)))
+
+
 def _attitude(
-    part: AidingPart,
-    t: Array,
-    y: Array,
-    sd: Array,
-    imu: Imu,
-    origin: Origin,
-    where: str,
-    whereabouts: Whereabouts,
-) -> tuple[Array, Array, Array, Origin, list[str]]:
-    """(t, y, sd, origin, notes) of an attitude: roll, pitch and heading of the body, rad, of
-    what the columns hold, without stuck fixes."""
+    part: AidingPart, fixes: Fixes, imu: Imu, whereabouts: Whereabouts, where: str
+) -> Fixes:
+    """Roll, pitch and heading of the body, rad, of an attitude as the columns hold it, without stuck
+    fixes."""
+    t, y, sd, origin, _ = fixes
     if part.ecef:
         q = quaternions(y, part.quaternion, part.axes, origin)
         with located(where):
@@ -328,7 +316,15 @@ def _attitude(
         y = angles(y, part.quaternion, part.axes, origin)
     sd = np.c_[sd, np.full((len(sd), 3 - sd.shape[1]), np.nan)]
     keep, notes = sound_attitude(t, y, imu, part.name or part.kind, where)
-    return t[keep], y[keep], sd[keep], origin.kept(keep, len(t)), notes
+    return fixes._replace(y=y, sd=sd).kept(keep, notes)
+
+
+def _field(part: AidingPart, fixes: Fixes, imu: Imu, files: Files) -> Fixes:
+    """The calibrated samples of a magnetometer, without stuck and saturated ones."""
+    name = part.name or part.kind
+    keep, notes = sound(fixes.t, fixes.y, imu, name, fixes.origin, part.vector_matrix)
+    fixes = fixes.kept(keep, notes)
+    return fixes._replace(y=calibrated(part, files, fixes.y))
 
 
 def read_field(
@@ -357,6 +353,19 @@ def read_field(
 
 def _rotated(vectors: Array, matrix: Array) -> Array:
     return np.require(vectors @ matrix.T, float, ["C", "W"])
+
+
+def _constraint(
+    part: AidingPart, imu: Imu, others: Iterable[Aiding], where: str
+) -> tuple[Array, Array, Array, list[str]]:
+    """(t, y, sd, notes) of a constraint. Raises DataError."""
+    t, notes = _constraint_times(part, imu, others, where)
+    shape = (len(t), len(part.sensor.quantities))
+    sd = np.broadcast_to(np.array(part.sd, float), shape).copy()
+    if part.sensor.mean_of != "gyro":
+        return t, np.full(shape, part.level or 0.0), sd, notes
+    y, sd, scatter = _gyro_means(part, t, sd, imu)
+    return t, y, sd, notes + scatter
 
 
 def _constraint_times(

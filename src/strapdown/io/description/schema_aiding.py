@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from ...aiding import find
 from ...checks import DataError, check_number, is_number
+from ...constants import MAX_TIME_CONSTANT
 from ...core.loop.contract import Measurement
 from ...data import Correlated
 from ...estimable import asked, asked_at
@@ -56,7 +57,7 @@ class CorrelatedPart(Part):
     """correlated: errors that last, beside the white ones of `sd`."""
 
     sd: Annotated[Finite, Field(ge=0)] | list[Annotated[Finite, Field(ge=0)]]
-    time: Annotated[Finite, Field(gt=0, le=1e6)]
+    time: Annotated[Finite, Field(gt=0, le=MAX_TIME_CONSTANT)]
     states: bool = True
 
 
@@ -87,7 +88,7 @@ class AidingPart(Part):
     slip: Annotated[Finite, Field(ge=0, le=0.1)] = 0.0
     correlated: CorrelatedPart | None = None
     robust: bool = False
-    adaptive: Annotated[Finite, Field(ge=0, le=1e6)] = 0.0
+    adaptive: Annotated[Finite, Field(ge=0, le=MAX_TIME_CONSTANT)] = 0.0
     gate: Annotated[float, Field(gt=0)] | None = None
     name: str | None = None
 

@@ -39,29 +39,34 @@ class Fixes(NamedTuple):
     asked: list[str]
 
 
+class Keys(NamedTuple):
+    """Keys of a section, and why some of them have their value, which the table does not say."""
+
+    values: dict[str, Any]
+    assumed: dict[str, str]
+
+    def with_more(self, more: "Keys") -> "Keys":
+        """These, then the others."""
+        return Keys(self.values | more.values, self.assumed | more.assumed)
+
+
 def fix_sections(columns: Names, time: dict[str, Any], t: Array, is_imu: bool = False) -> Fixes:
     """The Fixes of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
     from row to row."""
     found = Fixes([], [], {}, [], [])
     told = conditions(columns, is_imu)
-    shared: dict[str, Any] = {"time": time}
-    assumed = {}
+    shared = Keys({"time": time}, {})
     if told:
-        shared["where"] = told[0][0] if len(told) == 1 else [where for where, _ in told]
-        assumed["where"] = "; ".join(why for _, why in told)
-    track = _position(columns, shared, assumed, found)
-    _velocity(columns, shared, assumed, found, t, track)
+        shared.values["where"] = told[0][0] if len(told) == 1 else [where for where, _ in told]
+        shared.assumed["where"] = "; ".join(why for _, why in told)
+    track = _position(columns, shared, found)
+    _velocity(columns, shared, found, t, track)
     return found
 
 
-def _add(
-    found: Fixes,
-    columns: Names,
-    kind: str,
-    keys: dict[str, Any],
-    assumed: dict[str, str],
-) -> None:
-    section = Section("aiding", "gnss", {"kind": kind, **keys}, assumed=assumed, remarks=ARM)
+def _add(found: Fixes, kind: str, told: Keys) -> None:
+    keys = told.values
+    section = Section("aiding", "gnss", {"kind": kind, **keys}, assumed=told.assumed, remarks=ARM)
     found.sections.append(section)
     names, units = keys["columns"], keys["unit"]
     shown = units if isinstance(units, str) else ", ".join(units)
@@ -70,16 +75,14 @@ def _add(
     found.facts.append(f"{kind}: {', '.join(names)} in {shown}{more}")
 
 
-def _position(
-    columns: Names, shared: dict[str, Any], assumed: dict[str, str], found: Fixes
-) -> Array | None:
+def _position(columns: Names, shared: Keys, found: Fixes) -> Array | None:
     """Add the position; latitude and longitude (n, 2), rad, or None."""
     names = {key: columns.find(pattern) for key, pattern in POSITION.items()}
     lat, lon = names["latitude"], names["longitude"]
     if not lat or not lon:
-        _ecef(columns, shared, assumed, found)
+        _ecef(columns, shared, found)
         return None
-    keys, why = dict(shared), dict(assumed)
+    keys, why = dict(shared.values), dict(shared.assumed)
     angles = angles_of(columns, lat, lon)
     angle, scale, track = angles.unit, angles.scale, angles.track
     if angles.made:
@@ -104,7 +107,7 @@ def _position(
         keys |= _geoid(columns, names, height, why)
     keys["sd"], told = _position_sd(columns, "mm" if size != 1 else "m")
     why |= {"sd": told} if told else {}
-    _add(found, columns, "position", keys, why)
+    _add(found, "position", Keys(keys, why))
     return track
 
 
@@ -159,7 +162,7 @@ def _deviation(columns: Names, name: str, unit: str) -> dict[str, Any]:
     return {"column": name, "unit": columns.unit(name, alike) or unit}
 
 
-def _ecef(columns: Names, shared: dict[str, Any], assumed: dict[str, str], found: Fixes) -> None:
+def _ecef(columns: Names, shared: Keys, found: Fixes) -> None:
     """Add a position and a velocity in ECEF, which the size of the numbers shows."""
     names = [name for pattern in ECEF.values() if (name := columns.find(pattern))]
     if len(names) < 3:
@@ -176,21 +179,21 @@ def _ecef(columns: Names, shared: dict[str, Any], assumed: dict[str, str], found
     )
     if unit is None:
         return
-    keys: dict[str, Any] = {**shared, "columns": names, "axes": "ECEF", "unit": unit}
-    why = dict(assumed)
-    keys["sd"] = _covariance(columns, "", "m^2")
-    if keys["sd"] is None:
-        keys["sd"], why["sd"] = 2.0, NO_SD
-    _add(found, columns, "position", keys, why)
+    told = _ecef_keys(names, unit, _covariance(columns, "", "m^2"), 2.0)
+    _add(found, "position", shared.with_more(told))
     fast = [name for pattern in ECEF_VELOCITY.values() if (name := columns.find(pattern))]
     if len(fast) == 3:
         speed = columns.unit(fast[0], tuple(UNITS["speed"])) or f"{unit}/s"
-        keys = {**shared, "columns": fast, "axes": "ECEF", "unit": speed}
-        keys["sd"] = _covariance(columns, "v", "(m/s)^2")
-        why = {key: text for key, text in why.items() if key != "sd"}
-        if keys["sd"] is None:
-            keys["sd"], why["sd"] = 0.2, NO_SD
-        _add(found, columns, "velocity", keys, why)
+        told = _ecef_keys(fast, speed, _covariance(columns, "v", "(m/s)^2"), 0.2)
+        _add(found, "velocity", shared.with_more(told))
+
+
+def _ecef_keys(names: list[str], unit: str, covariance: Any, usual_sd: float) -> Keys:
+    """Keys of x, y and z; `usual_sd` is taken where there is no covariance."""
+    keys = {"columns": names, "axes": "ECEF", "unit": unit}
+    if covariance is None:
+        return Keys({**keys, "sd": usual_sd}, {"sd": NO_SD})
+    return Keys({**keys, "sd": covariance}, {})
 
 
 def _covariance(columns: Names, of: str, unit: str) -> list[dict[str, Any]] | None:
@@ -205,65 +208,72 @@ def _covariance(columns: Names, of: str, unit: str) -> list[dict[str, Any]] | No
     return found
 
 
-def _velocity(
-    columns: Names,
-    shared: dict[str, Any],
-    assumed: dict[str, str],
-    found: Fixes,
-    t: Array,
-    track: Array | None,
-) -> None:
+def _velocity(columns: Names, shared: Keys, found: Fixes, t: Array, track: Array | None) -> None:
     """Add a velocity: north, east and vertical, or speed and course."""
     if any(section.keys["kind"] == "velocity" for section in found.sections):
         return
     names = {key: columns.find(pattern) for key, pattern in VELOCITY.items()}
-    sd = {key: columns.find(DEVIATIONS[key]) for key in ("vn", "ve", "vd", "speed", "course")}
     vertical = names["down"] or names["up"]
-    north, east, speed, course = (names[key] for key in ("north", "east", "speed", "course"))
-    keys, why = dict(shared), dict(assumed)
-    if north and east and vertical:
-        in_order = [north, east, vertical] if names["down"] else [east, north, vertical]
-        unit, told = unit_of_velocity(columns, north, east, t, track)
-        why |= {"unit": told} if told else {}
-        keys |= {
-            "columns": in_order,
-            "unit": unit,
-            "axes": "NED" if names["down"] else "ENU",
-        }
-        if all(sd[key] for key in ("vn", "ve", "vd")):
-            own = [str(sd[key]) for key in (("vn", "ve") if names["down"] else ("ve", "vn"))]
-            keys["sd"] = [_deviation(columns, each, unit) for each in (*own, str(sd["vd"]))]
-        elif sd["speed"]:
-            keys["sd"] = [_deviation(columns, sd["speed"], unit)] * 3
-        else:
-            keys["sd"], why["sd"] = [_of(each, unit) for each in VELOCITY_SD], NO_SD
-        _add(found, columns, "velocity", keys, why)
-    elif speed and course:
-        units, told = units_of_course(columns, speed, course, t, track)
-        in_order, form = [speed, course], "speed, course"
-        if vertical:
-            in_order.append(vertical)
-            form += ", down" if names["down"] else ", up"
-            units.append(columns.unit(vertical, tuple(UNITS["speed"])) or "m/s")
-        why |= {"unit": told} if told else {}
-        keys |= {"form": form, "columns": in_order, "unit": units}
-        across = (
-            _deviation(columns, sd["speed"], "m/s")
-            if sd["speed"]
-            else _of(VELOCITY_SD[0], units[0])
-        )
-        if sd["course"]:
-            down = [_of(VELOCITY_SD[2], units[2])] if vertical else []
-            keys["sd"] = [across, _deviation(columns, sd["course"], units[1]), *down]
-            why |= {} if sd["speed"] and not vertical else {"sd": NO_SD}
-        else:
-            keys["sd"], why["sd"] = (
-                across,
-                "of the velocity in all directions"
-                if sd["speed"]
-                else f"{NO_SD}, in all directions",
-            )
-        _add(found, columns, "velocity", keys, why)
+    if names["north"] and names["east"] and vertical:
+        told = _by_components(columns, names, t, track)
+    elif names["speed"] and names["course"]:
+        told = _by_course(columns, names, t, track)
+    else:
+        return
+    _add(found, "velocity", shared.with_more(told))
+
+
+def _by_components(
+    columns: Names, names: dict[str, str | None], t: Array, track: Array | None
+) -> Keys:
+    """Keys of a velocity that has columns for north, east and the vertical."""
+    north, east = str(names["north"]), str(names["east"])
+    unit, told = unit_of_velocity(columns, north, east, t, track)
+    down = names["down"]
+    keys: dict[str, Any] = {
+        "columns": [north, east, down] if down else [east, north, names["up"]],
+        "unit": unit,
+        "axes": "NED" if down else "ENU",
+    }
+    why = {"unit": told} if told else {}
+    sd = {key: columns.find(DEVIATIONS[key]) for key in ("vn", "ve", "vd", "speed")}
+    if all(sd[key] for key in ("vn", "ve", "vd")):
+        order = ("vn", "ve", "vd") if down else ("ve", "vn", "vd")
+        keys["sd"] = [_deviation(columns, str(sd[key]), unit) for key in order]
+    elif sd["speed"]:
+        keys["sd"] = [_deviation(columns, sd["speed"], unit)] * 3
+    else:
+        keys["sd"], why["sd"] = [_of(each, unit) for each in VELOCITY_SD], NO_SD
+    return Keys(keys, why)
+
+
+def _by_course(columns: Names, names: dict[str, str | None], t: Array, track: Array | None) -> Keys:
+    """Keys of a velocity that has columns of speed and course, and perhaps of the vertical."""
+    speed, course, vertical = (
+        str(names["speed"]),
+        str(names["course"]),
+        names["down"] or names["up"],
+    )
+    units, told = units_of_course(columns, speed, course, t, track)
+    in_order, form = [speed, course], "speed, course"
+    if vertical:
+        in_order.append(vertical)
+        form += ", down" if names["down"] else ", up"
+        units.append(columns.unit(vertical, tuple(UNITS["speed"])) or "m/s")
+    sd, of_sd = _course_sd(columns, units)
+    why = ({"unit": told} if told else {}) | ({"sd": of_sd} if of_sd else {})
+    return Keys({"form": form, "columns": in_order, "unit": units, "sd": sd}, why)
+
+
+def _course_sd(columns: Names, units: list[str]) -> tuple[Any, str]:
+    """(sd, why it is assumed) of speed, course and, where `units` has three, the vertical."""
+    of_speed, of_course = (columns.find(DEVIATIONS[key]) for key in ("speed", "course"))
+    across = _deviation(columns, of_speed, "m/s") if of_speed else _of(VELOCITY_SD[0], units[0])
+    if not of_course:
+        return across, f"{'of the velocity' if of_speed else f'{NO_SD},'} in all directions"
+    down = [_of(VELOCITY_SD[2], unit) for unit in units[2:]]
+    told = "" if of_speed and not down else NO_SD
+    return [across, _deviation(columns, of_course, units[1]), *down], told
 
 
 def _of(speed: float, unit: str) -> float:

@@ -1,7 +1,8 @@
 """Sections of a table's gyro, accelerometer, magnetometer and attitude, by the names and magnitudes
 of its columns."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,31 @@ MAG_KEYS = (
 )
 
 
+class Part(NamedTuple):
+    """Keys of a section, why some of them have their value, facts and what is asked."""
+
+    keys: dict[str, Any]
+    assumed: dict[str, str] = {}
+    facts: Sequence[str] = ()
+    asked: Sequence[str] = ()
+
+
+class Force(NamedTuple):
+    """The accelerometer of a table."""
+
+    names: list[str]
+    raw: Array  # (n, 3), as in the table
+    unit: str
+    scale: float
+    why: str  # unit and scale are assumed; "": the table says them
+    axes: tuple[str, str]  # (axes, why they are assumed)
+
+    @property
+    def factor(self) -> float:
+        """The factor from the raw values to m/s^2."""
+        return self.scale * UNITS["acceleration"][self.unit]
+
+
 def imu_section(
     columns: Names, time: dict[str, Any], t: Array
 ) -> tuple[Section | None, list[str], list[str]]:
@@ -53,52 +79,79 @@ def imu_section(
     gyro, accel = columns.triple(GYRO), columns.triple(ACCEL)
     if not gyro and not accel:
         return None, [], []
-    raw = {name: _stack(columns, each) for name, each in (("g", gyro), ("a", accel)) if each}
-    keys: dict[str, Any] = {"time": time}
-    assumed: dict[str, str] = {}
-    facts, asked = [], []
-    scale, axes = 1.0, AXES
-    if accel:
-        unit, scale, why = _accel_unit(columns, accel[0], raw["a"])
-        factor = scale * UNITS["acceleration"][unit]
-        whole = raw["a"][np.isfinite(raw["a"]).all(axis=1)]
-        size = _strength(raw["a"]) * factor
-        if size < LEAST_MEDIAN_FORCE:
-            asked.append(
-                f"accel: {', '.join(accel)} have a median magnitude of {size:.2g} m/s^2, where gravity "
-                f"alone gives 9.8: {NO_GRAVITY}"
-            )
-        axes = _axes(np.median(whole, axis=0) * factor) if len(whole) else AXES
-        keys |= {"axes": axes[0] + GUESS, "accel": {"columns": accel, "unit": unit}}
-        keys["accel"] |= {"scale": float(f"{scale:.6g}")} if scale != 1 else {}
-        assumed |= {"axes": axes[1]} | ({"accel": why} if why else {})
-        facts.append(
-            f"accel: {', '.join(accel)} in {unit}{f' times {scale:g}' if scale != 1 else ''}; axes "
-            f"{axes[0]} ({axes[1]})"
-        )
-    if gyro:
-        force_si = raw["a"] * factor if accel else None
-        unit, milli, why = _gyro_unit(columns, gyro[0], t, raw["g"], force_si, axes[0])
-        if why and scale != 1 and np.all(raw["g"][np.isfinite(raw["g"])] % 1 == 0):
-            asked.append(
-                f"gyro: {', '.join(gyro)} are whole numbers beside an accelerometer of counts: write "
-                f"their unit and scale of the data sheet in the draft, as gyro = {{ columns = [...], "
-                f'unit = "deg/s", scale = 0.0076 }}'
-            )
-        keys["gyro"] = {"columns": gyro, "unit": unit} | ({"scale": milli} if milli != 1 else {})
-        assumed |= {"gyro": why} if why else {}
-        facts.append(
-            f"gyro: {', '.join(gyro)} in {unit}{f' times {milli:g}' if milli != 1 else ''}{' (a guess)' if why else ''}"
-        )
-    warmth = columns.find(TEMPERATURE)
-    if warmth is not None:
-        said = columns.unit(warmth, ("degC", "degF"))
-        if said != "degF" and is_temperature(columns.numbers(warmth)):
-            keys["temperature"] = {"column": warmth}
-            assumed |= {} if said else {"temperature": "in degC"}
+    force = _force(columns, accel) if accel else None
+    parts = [Part({"time": time})]
+    parts += [_accel_part(force)] if force else []
+    parts += [_gyro_part(columns, gyro, t, force)] if gyro else []
+    parts.append(_temperature_part(columns))
+    found = {key: value for part in parts for key, value in part.keys.items()}
     order = ("time", "kind", "axes", "gyro", "accel", "temperature")
-    keys = {key: keys[key] for key in order if key in keys}
+    keys = {key: found[key] for key in order if key in found}
+    assumed = {key: why for part in parts for key, why in part.assumed.items()}
+    facts = [fact for part in parts for fact in part.facts]
+    asked = [line for part in parts for line in part.asked]
     return Section("imu", "imu", keys, assumed=assumed, remarks=IMU_KEYS), facts, asked
+
+
+def _force(columns: Names, names: list[str]) -> Force:
+    """The Force of these columns."""
+    raw = _stack(columns, names)
+    found = Force(names, raw, *_accel_unit(columns, names[0], raw), AXES)
+    whole = raw[np.isfinite(raw).all(axis=1)]
+    if not len(whole):
+        return found
+    return found._replace(axes=_axes(np.median(whole, axis=0) * found.factor))
+
+
+def _accel_part(force: Force) -> Part:
+    """The keys accel and axes."""
+    names, (axes, why_axes) = ", ".join(force.names), force.axes
+    accel: dict[str, Any] = {"columns": force.names, "unit": force.unit}
+    times = ""
+    if force.scale != 1:
+        accel["scale"] = float(f"{force.scale:.6g}")
+        times = f" times {force.scale:g}"
+    size = _strength(force.raw) * force.factor
+    asked = [
+        f"accel: {names} have a median magnitude of {size:.2g} m/s^2, where gravity alone gives 9.8: "
+        f"{NO_GRAVITY}"
+    ]
+    return Part(
+        {"axes": axes + GUESS, "accel": accel},
+        {"axes": why_axes} | ({"accel": force.why} if force.why else {}),
+        [f"accel: {names} in {force.unit}{times}; axes {axes} ({why_axes})"],
+        asked if size < LEAST_MEDIAN_FORCE else [],
+    )
+
+
+def _gyro_part(columns: Names, names: list[str], t: Array, force: Force | None) -> Part:
+    """The key gyro."""
+    raw = _stack(columns, names)
+    unit, scale, why = _gyro_unit(columns, names[0], t, raw, force)
+    whole = bool(np.all(raw[np.isfinite(raw)] % 1 == 0))
+    asked = [
+        f"gyro: {', '.join(names)} are whole numbers beside an accelerometer of counts: write their "
+        f"unit and scale of the data sheet in the draft, as gyro = {{ columns = [...], "
+        f'unit = "deg/s", scale = 0.0076 }}'
+    ]
+    times = f" times {scale:g}" if scale != 1 else ""
+    return Part(
+        {"gyro": {"columns": names, "unit": unit} | ({"scale": scale} if scale != 1 else {})},
+        {"gyro": why} if why else {},
+        [f"gyro: {', '.join(names)} in {unit}{times}{' (a guess)' if why else ''}"],
+        asked if why and force is not None and force.scale != 1 and whole else [],
+    )
+
+
+def _temperature_part(columns: Names) -> Part:
+    """The key temperature, where a column holds degC."""
+    name = columns.find(TEMPERATURE)
+    if name is None:
+        return Part({})
+    said = columns.unit(name, ("degC", "degF"))
+    if said == "degF" or not is_temperature(columns.numbers(name)):
+        return Part({})
+    return Part({"temperature": {"column": name}}, {} if said else {"temperature": "in degC"})
 
 
 def _stack(columns: Names, names: list[str]) -> Array:
@@ -112,7 +165,7 @@ def _strength(vectors: Array) -> float:
 
 
 def _gyro_unit(
-    columns: Names, name: str, t: Array, gyro: Array, accel: Array | None, axes: str
+    columns: Names, name: str, t: Array, gyro: Array, force: Force | None
 ) -> tuple[str, float, str]:
     """(unit, scale, why they are assumed)."""
     for named in ("mdps", "mrad/s", "deg/h", "rad/s", "deg/s"):
@@ -122,15 +175,15 @@ def _gyro_unit(
                 (0.001 if named in ("mdps", "mrad/s") else 1.0),
                 "",
             )
-    if accel is None:
+    if force is None:
         largest = float(np.nanpercentile(np.abs(gyro), 99)) if np.isfinite(gyro).any() else 0.0
         unit = "deg/s" if largest > 12 else "rad/s"
         return unit, 1.0, f"the unit is not in the name; 1 % of the values are beyond {largest:.3g}"
     try:
-        imu, _ = increments(t, gyro, accel)
+        imu, _ = increments(t, gyro, force.raw * force.factor)
     except DataError:  # which reading tells
         return "rad/s", 1.0, "the unit is not in the name"
-    turn = axes_matrix(axes, BODY_AXES).T
+    turn = axes_matrix(force.axes[0], BODY_AXES).T
     imu = imu._replace(dtheta=imu.dtheta @ turn, dv=imu.dv @ turn)
     wrong = [text for field, text in mistakes(imu, "rate") if field == "gyro.unit"]
     if wrong:

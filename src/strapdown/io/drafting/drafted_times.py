@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...time_scales import GPS_ZERO, WEEK
+from ...time_scales import DAY, GPS_ZERO, WEEK
 from ...typing import Array
 from ...units import UNITS
 from ..tables.calendar_text import Pattern, moments, patterns
@@ -19,16 +19,14 @@ TIME = (
 )
 OF_WEEK = r"(i_?tow|(gps_?)?(tow|sow|sec(onds?)?|s)(_?(of_?week))?|gms|(gps_?)?time_?of_?week)"
 WEEK_NUMBER = r"((gps_?)?(week|wn|wk|week_?(no|num|number))|gwk)"
-DAY = r"((utc|gps)_?)?(date|day|datum)"
+DATE = r"((utc|gps)_?)?(date|day|datum)"
 CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc|uhrzeit|zeit)"
 GPS_NAME = r".*gps.*"
 GPS_TIME = r"gps_?time"
 AFTER = r"([_ .,\[(].*)?"
 """What may stand behind a name."""
-DAY_LENGTH = 86400.0
-"""s; a smaller `gps_time` may as well count from switch-on."""
 UNIX_UNITS = ("s", "ms", "us", "ns")
-LONGEST = (86400.0, 100.0)
+LONGEST = (float(DAY), 100.0)
 """s between two fixes, and two samples of an IMU: a unit that gives more is another."""
 LEAST_UNIX = 0.95e9
 """POSIX seconds of 2000; no clock of a device counts so far from its own start."""
@@ -60,7 +58,7 @@ class Clock(NamedTuple):
 
 def find_clock(columns: Names, is_imu: bool) -> Clock | None:
     """The Clock of a table, or None where no column is named like a time."""
-    day, clock = columns.find(DAY), columns.find(CLOCK)
+    day, clock = columns.find(DATE), columns.find(CLOCK)
     if day and clock and (form := _format(columns, clock, day)):
         keys = {"column": clock, "date": day, "format": form} | _scale(clock)
         return Clock(keys, f"time: {day!r} and {clock!r}, {_scale_name(keys)}")
@@ -151,7 +149,9 @@ def _unit_of_week(name: str, t: Array, named: str | None, is_imu: bool) -> str |
         return None
     if re.fullmatch(OF_WEEK + AFTER, called):
         return unit
-    late = re.fullmatch(GPS_TIME + AFTER, called) and known.min() * size > DAY_LENGTH
+    late = (
+        re.fullmatch(GPS_TIME + AFTER, called) and known.min() * size > DAY
+    )  # less may as well count from switch-on
     return unit if late else None
 
 

@@ -1,6 +1,6 @@
 """What arrays of our own files must be, declared a variable at a time."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,7 +50,7 @@ def check_arrays(
                 raise DataError(f"{where}: {name} is missing; {DAMAGED}")
             continue
         said = (units or {}).get(name, column.units)
-        if column.units and said not in column.units.split("|"):
+        if column.units and said != column.units:
             raise DataError(
                 f"{where}: {name} is in {said[:40]!r}, it must be in {column.units!r}; {DAMAGED}"
             )
@@ -76,23 +76,31 @@ def _shape(values: "np.ndarray[Any, Any]", column: Column, lengths: dict[str, in
 
 def _values(values: "np.ndarray[Any, Any]", column: Column) -> str:
     """What is wrong with the numbers, or ""."""
-    bad, what = ~np.isfinite(values), "finite"
-    if column.missing:
-        bad, what = bad & ~np.isnan(values), "finite or NaN"
-    if column.infinite:
-        bad, what = np.isnan(values) & (not column.missing), "no NaN"
-    if not bad.any():
-        bad, what = (values < column.least) | (values > column.most), f"{column.least:g} or more"
-        if np.isfinite(column.most):
-            what = f"within {column.least:g} and {column.most:g}"
-    if not bad.any() and column.above > -np.inf:
-        bad, what = values <= column.above, f"above {column.above:g}"
-    if not bad.any() and column.whole:
-        bad, what = values != np.rint(values), "a whole number"
-    if bad.any():
-        at = tuple(map(int, np.argwhere(bad)[0]))
-        return f"is {values[at]:g} at {list(at)}, it must be {what}"
+    for bad, wanted in broken_rules(values, column):
+        if bad.any():
+            at = tuple(map(int, np.argwhere(bad)[0]))
+            return f"is {values[at]:g} at {list(at)}, it must be {wanted}"
     return _together(values, column)
+
+
+def broken_rules(
+    values: "np.ndarray[Any, Any]", column: Column
+) -> Iterator[tuple["np.ndarray[Any, Any]", str]]:
+    """(where the values break a rule, what they must be), for each rule of single numbers."""
+    if column.infinite:
+        yield np.isnan(values) & (not column.missing), "no NaN"
+    elif column.missing:
+        yield np.isinf(values), "finite or NaN"
+    else:
+        yield ~np.isfinite(values), "finite"
+    bounds = f"within {column.least:g} and {column.most:g}"
+    if not np.isfinite(column.most):
+        bounds = f"{column.least:g} or more"
+    yield (values < column.least) | (values > column.most), bounds
+    if column.above > -np.inf:  # else -inf would be none
+        yield values <= column.above, f"above {column.above:g}"
+    if column.whole:
+        yield values != np.rint(values), "a whole number"
 
 
 def _together(values: "np.ndarray[Any, Any]", column: Column) -> str:

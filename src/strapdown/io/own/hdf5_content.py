@@ -24,6 +24,20 @@ SEALED = "checksum"
 """Root attribute of a file that must have the line of `strapdown.checksum`."""
 
 
+class OwnFormat(NamedTuple):
+    """A kind of NetCDF file that strapdown writes."""
+
+    what: str  # as messages call its content
+    version: int
+    others: str  # what to do with a file of another kind
+    again: str  # how to make one of this version
+
+    @property
+    def mark(self) -> str:
+        """The attribute `format` of its files."""
+        return f"strapdown {self.what} {self.version}"
+
+
 class Content(NamedTuple):
     """What a group holds."""
 
@@ -53,16 +67,21 @@ def content(
     return found
 
 
-def content_of(path: File, what: str, format: str, others: str) -> Content:
-    """The content of a file that says to be of a format of our own. Raises DataError, whose remedy is
-    `others`."""
-    found = content(path, f"NetCDF {what}")
+def content_of(path: File, format: OwnFormat) -> Content:
+    """The content of a file that says to be of a format of our own. Raises DataError."""
+    found = content(path, f"NetCDF {format.what}")
     said = found.attributes.get("format")
-    if not isinstance(said, str) or said != format:
+    if isinstance(said, str) and said == format.mark:
+        return found
+    if isinstance(said, str) and said.startswith(f"strapdown {format.what} "):
         raise DataError(
-            f"{path}: is no {what} (its format attribute is {brief(said)}, not {format!r}); {others}"
+            f"{path}: is a {format.what} of another version of strapdown (its format attribute is "
+            f"{brief(said)}, this version reads {format.mark!r}); {format.again}"
         )
-    return found
+    raise DataError(
+        f"{path}: is no {format.what} (its format attribute is {brief(said)}, not {format.mark!r}); "
+        f"{format.others}"
+    )
 
 
 def _group(group: Any, path: Path, names: Collection[str] | None, depth: int = 0) -> Content:

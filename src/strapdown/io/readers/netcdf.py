@@ -23,11 +23,16 @@ from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts
 from ..own.array_rules import Column, Schema, check_arrays
-from ..own.hdf5_content import Content, content_of
+from ..own.hdf5_content import Content, OwnFormat, content_of
 from ..solutions.solution_netcdf import Variables, fill, plain
 from ..unfelt_tilt import accusation, decided
 
-FORMAT = "strapdown recording 1"
+FORMAT = OwnFormat(
+    "recording",
+    1,
+    others="solutions are read with read_solution",
+    again="read what it was made of, and write it again with write_recording",
+)
 SOURCE = re.compile(r"aiding_\d{1,9}", re.ASCII)
 AXES = {"axis": 3, "quaternion": 4}
 IMU_COLUMNS = {
@@ -87,7 +92,7 @@ def write_recording(recording: Recording, path: File) -> None:
         for _, values, _ in variables.values()
     )
     with replacing(path) as part, netcdf(part, size) as file:
-        file.attrs["format"] = FORMAT
+        file.attrs["format"] = FORMAT.mark
         fill(file, meta)
         for name, variables in columns.items():
             group = file.create_group(name)
@@ -177,7 +182,7 @@ def parts(path: File) -> tuple[RecordingFacts, Imu, list[Aiding], Trajectory | N
             f"{path}: cannot be read ({'it is a folder' if os.path.isdir(path) else 'no such file'}); "
             f"check the path"
         )
-    found = content_of(path, "recording", FORMAT, "solutions are read with read_solution")
+    found = content_of(path, FORMAT)
     if "imu" not in found.groups:
         raise DataError(f"{path}: group imu is missing; {DAMAGED}")
     imu = Imu(**_checked(found.groups["imu"], IMU_COLUMNS, f"{path}: group imu"))

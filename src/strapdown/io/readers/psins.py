@@ -21,7 +21,7 @@ from ...checks import DataError
 from ...data import Aiding
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
-from ...preprocessing.plausible import mistakes
+from ...preprocessing.plausible import mistakes, refuse_mistakes
 from ...recording import Recording, RecordingMeta
 from ...typing import Array, File
 from ..contract import Findings, Reader
@@ -57,8 +57,7 @@ def read_psins(path: File) -> Recording:
     Raises DataError of one line.
     """
     recording = unchecked(path)
-    for _, text in mistakes(recording.imu, "increment"):
-        raise DataError(f"{path}: {text}")
+    refuse_mistakes(recording.imu, path, "increment")
     return recording
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...checks import DataError
 from ...geodesy import from_ecef, ned_axes, to_ecef
-from ...time_scales import GPS_ZERO, WEEK
+from ...time_scales import DAY, GPS_ZERO, WEEK
 from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
@@ -159,7 +159,7 @@ def _moments(cells: list[list[str]]) -> Ints:
             if "/" in first:
                 days = int(np.datetime64(first.replace("/", "-"), "D").astype(int))
                 hours, minutes, seconds = second.split(":")
-                t = 86400.0 * days + 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+                t = float(DAY) * days + 3600 * int(hours) + 60 * int(minutes) + float(seconds)
             else:
                 t = GPS_ZERO + WEEK * int(first) + float(second)
             moments[i] = round(1000 * t) if 0 <= t < 4e9 else -1

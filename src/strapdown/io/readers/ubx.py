@@ -18,7 +18,7 @@ from ..decoding.receivers.cyclic_times import Clock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
 from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
-from ..decoding.receivers.ubx_frames import NAMES, NAV_PVAT, Frames, clock, find_frames
+from ..decoding.receivers.ubx_frames import Frames, Message, clock, find_frames
 from ..decoding.receivers.ubx_imu import Epochs, imu_sections
 from ..tables.table_file import Table, head_of, packed, read_bytes
 
@@ -52,7 +52,7 @@ def open_ubx(path: Path) -> Log:
     if not name:
         nmea = nmea_log(path, sentences)
         tables |= nmea.tables
-        fused = frames.count(NAV_PVAT) > 0
+        fused = frames.count(Message.NAV_PVAT) > 0
         sections += [
             each._replace(left=FUSED.format(0)) if fused else each for each in nmea.sections
         ]
@@ -68,8 +68,9 @@ def open_ubx(path: Path) -> Log:
 
 
 def _kinds(frames: Frames) -> str:
+    known = {each.value: each.title for each in Message}
     keys, many = np.unique(frames.key, return_counts=True)
-    shown = [f"{NAMES[key]} {n}" for key, n in zip(keys.tolist(), many) if key in NAMES]
+    shown = [f"{known[key]} {n}" for key, n in zip(keys.tolist(), many) if key in known]
     return f": {', '.join(shown)}" if shown else ""
 
 
@@ -146,7 +147,7 @@ def _pair(
 
 def _vehicle(path: Path, frames: Frames, time: Clock, tables: dict[str, Table]) -> list[Section]:
     """The receiver's own fusion as a reference, left until it is asked for."""
-    if not frames.count(NAV_PVAT):
+    if not frames.count(Message.NAV_PVAT):
         return []
     columns, _, _ = usable(vehicle(frames, time), (2, 3, 4))
     if not len(columns["t"]):

@@ -20,6 +20,7 @@ from ...spreadsheet import as_written, inert
 from ...time_scales import gps_of, iso, iso_text
 from ...typing import Array
 from ...verdict import NOT_JUDGED
+from ..own.array_rules import broken_rules
 from ..tables.table_file import Table, open_text, reading
 from ..tables.table_text import read_table
 from .number_text import lines
@@ -139,11 +140,7 @@ def _check_cells(table: Table, columns: Mapping[str, str]) -> None:
         if name not in SCHEMA and name != "t":
             continue
         values, rule = table.numbers(column), SCHEMA["time" if name == "t" else name]
-        wrong = (values < rule.least) | (values > rule.most)
-        if not rule.missing:
-            wrong |= ~np.isfinite(values)
-        if rule.whole:
-            wrong |= values != np.rint(values)
+        wrong = np.any([broken for broken, _ in broken_rules(values, rule)], axis=0)
         if rule.rising:
             wrong[1:] |= ~(np.diff(values) > 0)
         table.origin.refuse(

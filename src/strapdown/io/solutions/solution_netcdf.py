@@ -27,12 +27,17 @@ from ...files import netcdf
 from ...typing import Array
 from ...verdict import NOT_JUDGED
 from ..own.array_rules import Column, check_arrays
-from ..own.hdf5_content import Content, content_of
+from ..own.hdf5_content import Content, OwnFormat, content_of
 
 QUATERNION = ["q_w", "q_x", "q_y", "q_z"]
 Variables: TypeAlias = dict[str, tuple[Sequence[str], Any, dict[str, Any]]]
 """{name: (dimensions, values, attributes)} of a group of a NetCDF file."""
-FORMAT = "strapdown solution 1"
+FORMAT = OwnFormat(
+    "solution",
+    1,
+    others="recordings are read with read",
+    again="fuse the recording again, and write its solution with write_solution",
+)
 CONVENTIONS = "CF-1.11"
 STANDARD_NAMES = {
     "lat": "latitude",
@@ -75,10 +80,9 @@ LIMITS = {"lat": 90.0, "lon": 360.0, "roll": 180.0, "pitch": 90.0, "heading": 36
 
 
 def _units(name: str) -> str:
-    """The units of a column of the table that files of any version say."""
-    unit = UNITS[name]
-    places = {"lat": "|degrees_north", "lon": "|degrees_east"}
-    return unit + places.get(name, f"|{CF_UNITS[unit]}" if unit in CF_UNITS else "")
+    """The CF units of a column of the table."""
+    unit = {"lat": "degrees_north", "lon": "degrees_east"}.get(name, UNITS[name])
+    return CF_UNITS.get(unit, unit)
 
 
 SCHEMA = {
@@ -119,7 +123,7 @@ def write_netcdf(solution: Solution, part: Path) -> None:
     with netcdf(
         part, sum(np.asarray(values).nbytes for _, values, _ in variables.values())
     ) as file:
-        file.attrs.update(format=FORMAT, Conventions=CONVENTIONS)
+        file.attrs.update(format=FORMAT.mark, Conventions=CONVENTIONS)
         file.attrs["title"] = " ".join(names) or "strapdown solution"
         if solution.verdict.word != NOT_JUDGED:
             file.attrs["verdict"] = solution.verdict.word
@@ -238,8 +242,7 @@ def _clock(solution: Solution) -> dict[str, str]:
 
 def attributes(name: str) -> dict[str, str]:
     """Of a column of the table, by CF."""
-    unit = {"lat": "degrees_north", "lon": "degrees_east"}.get(name, UNITS[name])
-    found = {"units": CF_UNITS.get(unit, unit), "long_name": LONG_NAMES[name]}
+    found = {"units": _units(name), "long_name": LONG_NAMES[name]}
     if name in STANDARD_NAMES:
         found["standard_name"] = STANDARD_NAMES[name]
     if name in CLAIMS:
@@ -255,7 +258,7 @@ def _unit_of(name: str) -> dict[str, str]:
 
 def read_netcdf(path: Path) -> Solution:
     """The Solution in a file of `write_netcdf`, as it was. Raises DataError."""
-    found = content_of(path, "solution", FORMAT, "recordings are read with read")
+    found = content_of(path, FORMAT)
     texts = _texts(found, path)
     columns = found.variables
     units = {name: "s" if SINCE.match(unit) else unit for name, unit in found.units.items()}

@@ -8,8 +8,8 @@ import numpy as np
 from ....time_scales import rolled
 from ....typing import Array, Ints
 
-DAY, WEEK = 86_400_000, 604_800_000
-"""ms"""
+DAY_MS = 86_400_000
+WEEK_MS = 604_800_000
 
 
 class Clock(NamedTuple):

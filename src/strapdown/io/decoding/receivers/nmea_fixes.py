@@ -5,7 +5,7 @@ and heading always.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,16 +39,48 @@ UNTOLD = (
 )
 
 
+class Sorting(NamedTuple):
+    """Sentences of a file that are made into tables."""
+
+    path: Path
+    sentences: Sentences
+    clock: Clock
+    tables: dict[str, Table]  # those that are made
+    left: list[str]  # lines on what is not taken
+
+    @property
+    def kinds(self) -> dict[str, Kind]:
+        """{name: sentences of that name}."""
+        return self.sentences.kinds
+
+    def table(
+        self,
+        name: str,
+        kind: Kind,
+        t: Ints,
+        good: NDArray[np.bool_],
+        columns: dict[str, NDArray[Any]],
+    ) -> Table:
+        """The good rows in the order of time, each time once."""
+        rows = np.flatnonzero(good)
+        moment = self.clock.ms(kind.place[rows], t[rows])
+        order, late, twice = in_order(moment)
+        rows = rows[order]
+        if late:
+            self.left.append(f"{late} {name} out of order, which are sorted")
+        if twice:
+            self.left.append(f"{twice} {name} that repeat a time")
+        values = {self.clock.column: moment[order]}
+        values |= {key: each[rows] for key, each in columns.items()}
+        return Table.of(f"{self.path} [{name}]", values, rows, "sentence")
+
+
 def nmea_log(path: Path, sentences: Sentences) -> Log:
     """The Log of the sentences of a file."""
     clock = clock_of(sentences)
-    tables: dict[str, Table] = {}
     left: list[str] = []
-    sentences = _of_one_source(sentences, left)
-    sections = _positions(path, sentences, clock, tables, left)
-    sections += _velocities(path, sentences, clock, tables, left)
-    sections += _headings(path, sentences, clock, tables, left)
-    kinds = sentences.kinds
+    found = Sorting(path, _of_one_source(sentences, left), clock, {}, left)
+    sections = [*_positions(found), *_velocities(found), *_headings(found)]
     if sections and not clock.absolute:
         left.append(
             "dates: no RMC or ZDA says one, so times are of the day, in s, UTC; they go with files whose "
@@ -58,9 +90,11 @@ def nmea_log(path: Path, sentences: Sentences) -> Log:
         left.append(f"{sentences.rejected} NMEA sentences fail their checksum")
     if sentences.bare:
         left.append(f"{sentences.bare} NMEA sentences without a checksum, or cut short")
-    shown = ", ".join(f"{name} {len(kind.place)}" for name, kind in kinds.items())
+    shown = ", ".join(f"{name} {len(kind.place)}" for name, kind in found.kinds.items())
     facts = [f"{path}: NMEA sentences {shown}"] if shown else []
-    return Log(tables, tuple(sections), (*facts, *([UNTOLD] if sections else [])), tuple(left))
+    return Log(
+        found.tables, tuple(sections), (*facts, *([UNTOLD] if sections else [])), tuple(left)
+    )
 
 
 def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
@@ -77,33 +111,31 @@ def _of_one_source(sentences: Sentences, left: list[str]) -> Sentences:
     return sentences._replace(kinds=kinds)
 
 
-def _positions(
-    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
-) -> list[Section]:
+def _positions(found: Sorting) -> list[Section]:
     """Sections of the positions, of the first of GGA, GNS, RMC and GLL that has a fix."""
     for name in ("GGA", "GNS", "RMC", "GLL"):
-        if name not in sentences.kinds:
+        if name not in found.kinds:
             continue
-        kind = sentences.kinds[name]
+        kind = found.kinds[name]
         quality, t = _quality(name, kind), kind.time_of_day(TIME_FIELD[name])
         columns = _place_columns(name, kind)
         good = np.isin(quality, list(ERRORS)) & (t >= 0) & np.isfinite(columns["lat"])
         good &= np.isfinite(columns["lon"])
         columns |= {"quality": quality}
-        columns["altitude"] = np.where(_flat(sentences, t), np.nan, columns["altitude"])
-        table = _table(path, name, kind, t, good, columns, clock, left)
+        columns["altitude"] = np.where(_flat(found.sentences, t), np.nan, columns["altitude"])
+        table = found.table(name, kind, t, good, columns)
         if (bad := int(np.count_nonzero(~good))) > 0:
-            left.append(
+            found.left.append(
                 f"{bad} {name} without a fix, or with an estimated, manual or simulated one"
             )
         if not len(table.lines):
             continue
-        tables[name], why = _with_deviations(table, sentences, clock)
-        heights, geoid = _heights(tables[name], left)
+        found.tables[name], why = _with_deviations(table, found.sentences, found.clock)
+        heights, geoid = _heights(found.tables[name], found.left)
         keys = {
             "kind": "position",
             "table": name,
-            "time": clock.time,
+            "time": found.clock.time,
             "columns": ["lat", "lon", "altitude"],
             "unit": ["deg", "deg", "m"],
             **geoid,
@@ -170,30 +202,6 @@ def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
     return found | {"altitude": nothing, "separation": nothing, "hdop": nothing}
 
 
-def _table(
-    path: Path,
-    name: str,
-    kind: Kind,
-    t: Ints,
-    good: NDArray[np.bool_],
-    columns: dict[str, NDArray[Any]],
-    clock: Clock,
-    left: list[str],
-) -> Table:
-    """The good rows in the order of time, each time once."""
-    rows = np.flatnonzero(good)
-    moment = clock.ms(kind.place[rows], t[rows])
-    order, late, twice = in_order(moment)
-    rows = rows[order]
-    if late:
-        left.append(f"{late} {name} out of order, which are sorted")
-    if twice:
-        left.append(f"{twice} {name} that repeat a time")
-    values = {clock.column: moment[order]}
-    values |= {key: each[rows] for key, each in columns.items()}
-    return Table.of(f"{path} [{name}]", values, rows, "sentence")
-
-
 def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[Table, str]:
     """(the table with standard deviations of GST, or assumed ones; why)."""
     quality, hdop = table.cells("quality"), table.numbers("hdop")
@@ -225,67 +233,64 @@ def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[
     return table._replace(content=frame), "; ".join(assumptions)
 
 
-def _velocities(
-    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
-) -> list[Section]:
+def _velocities(found: Sorting) -> list[Section]:
     """Section of the velocity over ground, of RMC, else VTG; it has no vertical component."""
     for name in ("RMC", "VTG"):
-        if name not in sentences.kinds:
+        if name not in found.kinds:
             continue
-        kind = sentences.kinds[name]
+        kind = found.kinds[name]
         if name == "RMC":
             speed, course, t = kind.numbers(7), kind.numbers(8), kind.time_of_day(1)
             used = _quality(name, kind) > 0
         else:
-            speed, course, t = kind.numbers(5), kind.numbers(1), sentences.time_beside(kind)
+            speed, course, t = kind.numbers(5), kind.numbers(1), found.sentences.time_beside(kind)
             speed = np.where(np.isfinite(speed), speed, kind.numbers(7) / 1.852)
             used = np.array([each in QUALITY_OF_MODE for each in kind.text(9)], bool)
         columns = {"speed": speed, "course": course}
         good = used & (t >= 0) & np.isfinite(speed)
         if not good.any():
             continue
-        lines = [] if name in tables else left
-        table = f"{name} velocity" if name in tables else name
-        tables[table] = _table(path, table, kind, t, good, columns, clock, lines)
+        beside = name in found.tables  # of the positions, which have told of these rows
+        table = f"{name} velocity" if beside else name
+        telling = found._replace(left=[]) if beside else found
+        found.tables[table] = telling.table(table, kind, t, good, columns)
         keys = {
             "kind": "velocity",
             "table": table,
-            "time": clock.time,
+            "time": found.clock.time,
             "form": "speed, course",
             "columns": ["speed", "course"],
             "unit": ["knot", "deg"],
             "sd": SPEED_SD,
         }
         why = "the sentences state none; receivers claim 0.05 m/s and filter"
-        title = f"{name}, speed and course, {len(tables[table].lines)} fixes"
+        title = f"{name}, speed and course, {len(found.tables[table].lines)} fixes"
         return [Section("aiding", "gnss", keys, 0, title, {"sd": why})]
     return []
 
 
-def _headings(
-    path: Path, sentences: Sentences, clock: Clock, tables: dict[str, Table], left: list[str]
-) -> list[Section]:
+def _headings(found: Sorting) -> list[Section]:
     """Section of the true heading, of THS, else HDT."""
     for name in ("THS", "HDT"):
-        if name not in sentences.kinds:
+        if name not in found.kinds:
             continue
-        kind = sentences.kinds[name]
-        heading, t = kind.numbers(1), sentences.time_beside(kind)
+        kind = found.kinds[name]
+        heading, t = kind.numbers(1), found.sentences.time_beside(kind)
         good = np.isfinite(heading) & (t >= 0)
         if name == "THS":
             good &= np.array([each == b"A" for each in kind.text(2)], bool)
         if not good.any():
-            left.append(f"{len(heading)} {name} without a heading")
+            found.left.append(f"{len(heading)} {name} without a heading")
             continue
-        tables[name] = _table(path, name, kind, t, good, {"heading": heading}, clock, left)
+        found.tables[name] = found.table(name, kind, t, good, {"heading": heading})
         keys = {
             "kind": "heading",
             "table": name,
-            "time": clock.time,
+            "time": found.clock.time,
             "columns": ["heading"],
             "unit": "deg",
             "sd": HEADING_SD,
         }
-        title = f"{name}, {len(tables[name].lines)} headings"
+        title = f"{name}, {len(found.tables[name].lines)} headings"
         return [Section("aiding", "heading", keys, 0, title, {"sd": f"{name} states none"})]
     return []

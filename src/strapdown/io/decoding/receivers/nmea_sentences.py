@@ -13,7 +13,7 @@ import numpy as np
 
 from ....time_scales import days_of
 from ....typing import Array, Ints
-from .cyclic_times import DAY, Clock, clock_of
+from .cyclic_times import DAY_MS, Clock, clock_of
 
 TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")
 """Sentences that are read; all others, such as GSV, are passed over."""
@@ -159,9 +159,9 @@ def clock(sentences: Sentences) -> Clock:
     """The clock of a file."""
     dated = dates(sentences.kinds)
     if len(dated[0]):
-        return clock_of([dated], [], DAY, UNIX, OF_DAY)
+        return clock_of([dated], [], DAY_MS, UNIX, OF_DAY)
     place, _, t = sentences.timed
-    return clock_of([], [(place[t >= 0], t[t >= 0])], DAY, UNIX, OF_DAY)
+    return clock_of([], [(place[t >= 0], t[t >= 0])], DAY_MS, UNIX, OF_DAY)
 
 
 def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
@@ -196,4 +196,4 @@ def dates(kinds: dict[str, Kind]) -> tuple[Ints, Ints]:
 def _moments(kind: Kind, t: Ints, year: Array, month: Array, day: Array) -> tuple[Ints, Ints]:
     days = days_of(year, month, day)
     fits = (t >= 0) & (year >= 1980) & (year < 2100) & np.isfinite(days)
-    return kind.place[fits], days[fits].astype(int) * DAY + t[fits]
+    return kind.place[fits], days[fits].astype(int) * DAY_MS + t[fits]

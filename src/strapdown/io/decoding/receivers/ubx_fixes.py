@@ -8,18 +8,7 @@ from numpy.typing import NDArray
 
 from ....typing import Array, Ints
 from .cyclic_times import Clock, in_order, same_time
-from .ubx_frames import (
-    LAYOUTS,
-    NAMES,
-    NAV_HPPOSLLH,
-    NAV_POSLLH,
-    NAV_PVAT,
-    NAV_PVT,
-    NAV_SOL,
-    NAV_STATUS,
-    NAV_VELNED,
-    Frames,
-)
+from .ubx_frames import LAYOUTS, Frames, Message
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
@@ -32,19 +21,23 @@ def solutions(frames: Frames, clock: Clock) -> tuple[str, Columns]:
     """(name of the message, its columns) of all epochs with a valid time in the order of the file:
     `t` in ms, `fixType`, `ok` (the receiver's own limits are kept), positions, velocities and their
     accuracies. Nothing where there is no position."""
-    for key, read in ((NAV_PVT, _pvt), (NAV_HPPOSLLH, _of_older), (NAV_POSLLH, _of_older)):
+    for key, read in (
+        (Message.NAV_PVT, _pvt),
+        (Message.NAV_HPPOSLLH, _of_older),
+        (Message.NAV_POSLLH, _of_older),
+    ):
         place, records = frames.records(key, LAYOUTS[key])
         if len(records):
             found = read(frames, clock, place, records)
-            if key == NAV_PVT:
+            if key == Message.NAV_PVT:
                 found = _high_precision(frames, clock, found)
-            return NAMES[key], found
+            return key.title, found
     return "", {}
 
 
 def vehicle(frames: Frames, clock: Clock) -> Columns:
     """NAV-PVAT: position, velocity and attitude by the receiver's own fusion."""
-    place, records = frames.records(NAV_PVAT, LAYOUTS[NAV_PVAT])
+    place, records = frames.records(Message.NAV_PVAT, LAYOUTS[Message.NAV_PVAT])
     found = _pvt(frames, clock, place, records)
     valid = records["valid"] & TIME_VALID == TIME_VALID
     flags = records["flags"][valid]
@@ -56,11 +49,11 @@ def vehicle(frames: Frames, clock: Clock) -> Columns:
 def untimed(frames: Frames) -> list[str]:
     """Lines on the messages whose receiver did not yet know date and time; they are not used."""
     lines = []
-    for key in (NAV_PVT, NAV_PVAT):
+    for key in (Message.NAV_PVT, Message.NAV_PVAT):
         _, records = frames.records(key, LAYOUTS[key])
         many = int(np.count_nonzero(records["valid"] & TIME_VALID != TIME_VALID))
         if many:
-            lines.append(f"{many} {NAMES[key]} without a valid date and time")
+            lines.append(f"{many} {key.title} without a valid date and time")
     return lines
 
 
@@ -78,7 +71,7 @@ def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Co
     }
     names = ("height", "hAcc", "vAcc", "velN", "velE", "velD", "sAcc")
     found |= {name: records[name] / 1e3 for name in names}
-    if records.dtype == LAYOUTS[NAV_PVT]:
+    if records.dtype == LAYOUTS[Message.NAV_PVT]:
         found["ok"] &= records["flags3"] & 1 == 0
     return found
 
@@ -87,9 +80,9 @@ def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) 
     """From a message of the position alone, the velocity and the state of the fix at its times."""
     t = clock.ms(place, records["iTOW"])
     found = {"row": np.arange(len(t)), "place": place, "t": t, **_position(records)}
-    velocity = _at(frames, clock, NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
+    velocity = _at(frames, clock, Message.NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
     found |= {name: values / 100 for name, values in velocity.items()}
-    state = NAV_SOL if frames.count(NAV_SOL) else NAV_STATUS
+    state = Message.NAV_SOL if frames.count(Message.NAV_SOL) else Message.NAV_STATUS
     told = _at(frames, clock, state, t, ("fixType", "flags"))
     known = np.isfinite(told["fixType"])
     # a receiver that says no state of its fixes says their accuracy
@@ -101,7 +94,7 @@ def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) 
 
 
 def _position(records: NDArray[Any]) -> Columns:
-    if records.dtype != LAYOUTS[NAV_HPPOSLLH]:
+    if records.dtype != LAYOUTS[Message.NAV_HPPOSLLH]:
         found = {name: records[name] / 1e7 for name in ("lat", "lon")}
         return found | {name: records[name] / 1e3 for name in ("height", "hAcc", "vAcc")}
     found = {
@@ -116,7 +109,7 @@ def _position(records: NDArray[Any]) -> Columns:
 
 def _high_precision(frames: Frames, clock: Clock, found: Columns) -> Columns:
     """The same with the positions of NAV-HPPOSLLH, 0.1 mm, at the epochs that have one."""
-    place, records = frames.records(NAV_HPPOSLLH, LAYOUTS[NAV_HPPOSLLH])
+    place, records = frames.records(Message.NAV_HPPOSLLH, LAYOUTS[Message.NAV_HPPOSLLH])
     if not len(records):
         return found
     t, finer = clock.ms(place, records["iTOW"]), _position(records)
@@ -127,7 +120,7 @@ def _high_precision(frames: Frames, clock: Clock, found: Columns) -> Columns:
 
 
 def _at(
-    frames: Frames, clock: Clock, key: int, t: Ints, names: tuple[str, ...]
+    frames: Frames, clock: Clock, key: Message, t: Ints, names: tuple[str, ...]
 ) -> dict[str, Array]:
     """Fields of the messages of one kind at the epochs t; NaN where there is none."""
     place, records = frames.records(key, LAYOUTS[key])

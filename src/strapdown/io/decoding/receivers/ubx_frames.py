@@ -6,15 +6,37 @@ descriptions, "UBX frame structure"). `LAYOUTS` says where the fields of those m
 recording is made of, `clock` makes GPS time of their times of week by the weeks and dates that some say.
 """
 
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....time_scales import days_of, gps_from_unix
+from ....time_scales import DAY, days_of, gps_from_unix
 from ....typing import Array, Ints
 from ..records import Bytes, structured
-from .cyclic_times import WEEK, Clock, clock_of, moments
+from .cyclic_times import WEEK_MS, Clock, clock_of, moments
+
+
+class Message(IntEnum):
+    """The messages that are read: 256 times class plus identifier."""
+
+    NAV_POSLLH = 0x0102
+    NAV_STATUS = 0x0103
+    NAV_SOL = 0x0106
+    NAV_PVT = 0x0107
+    NAV_VELNED = 0x0112
+    NAV_HPPOSLLH = 0x0114
+    NAV_PVAT = 0x0117
+    NAV_TIMEGPS = 0x0120
+    ESF_MEAS = 0x1002
+    ESF_RAW = 0x1003
+    ESF_ALG = 0x1014
+
+    @property
+    def title(self) -> str:
+        """The name in the interface descriptions."""
+        return self.name.replace("_", "-")
 
 
 class Frames(NamedTuple):
@@ -23,7 +45,7 @@ class Frames(NamedTuple):
     content: Bytes
     start: Ints  # of the payloads
     length: Ints  # of the payloads
-    key: Ints  # 256 times class plus identifier
+    key: Ints  # as `Message` has it
     rejected: int  # places that begin like a frame and fail the checksum
     cut: int  # frames that would go on beyond the end
 
@@ -31,7 +53,7 @@ class Frames(NamedTuple):
         """How many frames are of this kind."""
         return int(np.count_nonzero(self.key == key))
 
-    def records(self, key: int, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:
+    def records(self, key: Message, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:
         """(start (n,), records (n,)) of the frames of one kind that are long enough."""
         start = self.start[(self.key == key) & (self.length >= layout.itemsize)]
         return start, structured(self.content, start, layout)
@@ -106,10 +128,6 @@ def _layout(**fields: tuple[int, str]) -> np.dtype[Any]:
     )
 
 
-NAV_POSLLH, NAV_STATUS, NAV_SOL, NAV_PVT = 0x0102, 0x0103, 0x0106, 0x0107
-NAV_VELNED, NAV_HPPOSLLH, NAV_PVAT, NAV_TIMEGPS = 0x0112, 0x0114, 0x0117, 0x0120
-ESF_MEAS, ESF_RAW, ESF_ALG = 0x1002, 0x1003, 0x1014
-
 DATE = dict(year=(0, "u2"), month=(2, "u1"), day=(3, "u1"), hour=(4, "u1"), minute=(5, "u1"))
 
 
@@ -126,8 +144,8 @@ def _solution(at: int) -> dict[str, tuple[int, str]]:
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
 
 
-LAYOUTS: dict[int, np.dtype[Any]] = {
-    NAV_PVT: _layout(
+LAYOUTS: dict[Message, np.dtype[Any]] = {
+    Message.NAV_PVT: _layout(
         iTOW=(0, "u4"),
         **_date(4),
         valid=(11, "u1"),
@@ -137,7 +155,7 @@ LAYOUTS: dict[int, np.dtype[Any]] = {
         sAcc=(68, "u4"),
         flags3=(78, "u2"),
     ),
-    NAV_PVAT: _layout(
+    Message.NAV_PVAT: _layout(
         iTOW=(0, "u4"),
         valid=(5, "u1"),
         **_date(6),
@@ -149,7 +167,7 @@ LAYOUTS: dict[int, np.dtype[Any]] = {
         vehPitch=(76, "i4"),
         vehHeading=(80, "i4"),
     ),
-    NAV_POSLLH: _layout(
+    Message.NAV_POSLLH: _layout(
         iTOW=(0, "u4"),
         lon=(4, "i4"),
         lat=(8, "i4"),
@@ -157,7 +175,7 @@ LAYOUTS: dict[int, np.dtype[Any]] = {
         hAcc=(20, "u4"),
         vAcc=(24, "u4"),
     ),
-    NAV_HPPOSLLH: _layout(
+    Message.NAV_HPPOSLLH: _layout(
         invalid=(3, "u1"),
         iTOW=(4, "u4"),
         lon=(8, "i4"),
@@ -169,41 +187,32 @@ LAYOUTS: dict[int, np.dtype[Any]] = {
         hAcc=(28, "u4"),
         vAcc=(32, "u4"),
     ),
-    NAV_VELNED: _layout(
+    Message.NAV_VELNED: _layout(
         iTOW=(0, "u4"), velN=(4, "i4"), velE=(8, "i4"), velD=(12, "i4"), sAcc=(28, "u4")
     ),
-    NAV_SOL: _layout(iTOW=(0, "u4"), week=(8, "i2"), fixType=(10, "u1"), flags=(11, "u1")),
-    NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
-    NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
-    ESF_ALG: _layout(
+    Message.NAV_SOL: _layout(iTOW=(0, "u4"), week=(8, "i2"), fixType=(10, "u1"), flags=(11, "u1")),
+    Message.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
+    Message.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    Message.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
     ),
 }
 """By the interface descriptions of u-blox 6, M8 and F9 (UBX-NAV, UBX-ESF). A layout ends with the
 last field that is needed, because newer receivers append fields."""
-NAMES = {
-    NAV_POSLLH: "NAV-POSLLH",
-    NAV_STATUS: "NAV-STATUS",
-    NAV_SOL: "NAV-SOL",
-    NAV_PVT: "NAV-PVT",
-    NAV_VELNED: "NAV-VELNED",
-    NAV_HPPOSLLH: "NAV-HPPOSLLH",
-    NAV_PVAT: "NAV-PVAT",
-    NAV_TIMEGPS: "NAV-TIMEGPS",
-    ESF_RAW: "ESF-RAW",
-    ESF_MEAS: "ESF-MEAS",
-    ESF_ALG: "ESF-ALG",
-}
-"""Of all messages that are read."""
 
 
 # ---- moments
 
-EPOCHS = (NAV_PVT, NAV_SOL, NAV_TIMEGPS, NAV_PVAT)
+EPOCHS = (Message.NAV_PVT, Message.NAV_SOL, Message.NAV_TIMEGPS, Message.NAV_PVAT)
 """Messages that say a date or a week."""
-WEEKLESS = (NAV_POSLLH, NAV_HPPOSLLH)
+WEEKLESS = (Message.NAV_POSLLH, Message.NAV_HPPOSLLH)
 """Messages of positions that say no week."""
-VALID = {NAV_PVT: 0x03, NAV_PVAT: 0x03, NAV_TIMEGPS: 0x03, NAV_SOL: 0x0C}
+VALID = {
+    Message.NAV_PVT: 0x03,
+    Message.NAV_PVAT: 0x03,
+    Message.NAV_TIMEGPS: 0x03,
+    Message.NAV_SOL: 0x0C,
+}
 """Bits that all stand where date (or week) and time are valid."""
 
 
@@ -217,25 +226,25 @@ def clock(frames: Frames) -> Clock:
     dated, timed = [], []
     for key in EPOCHS:
         place, records = frames.records(key, LAYOUTS[key])
-        valid = records["flags" if key == NAV_SOL else "valid"] & VALID[key] == VALID[key]
+        valid = records["flags" if key == Message.NAV_SOL else "valid"] & VALID[key] == VALID[key]
         tow = records["iTOW"].astype(int)
         timed.append((place, tow))
-        if key in (NAV_PVT, NAV_PVAT):
+        if key in (Message.NAV_PVT, Message.NAV_PVAT):
             gps = np.round(1e3 * gps_from_unix(_unix(records)))
             valid &= np.isfinite(gps)
-            moment = moments(place, tow, place, np.nan_to_num(gps).astype(int), WEEK)
+            moment = moments(place, tow, place, np.nan_to_num(gps).astype(int), WEEK_MS)
         else:
-            moment = records["week"].astype(int) * WEEK + tow
+            moment = records["week"].astype(int) * WEEK_MS + tow
         valid &= moment > 0
         dated.append((place[valid], moment[valid]))
     for key in WEEKLESS:
         place, records = frames.records(key, LAYOUTS[key])
         timed.append((place, records["iTOW"].astype(int)))
-    return clock_of(dated, timed, WEEK, GPS, OF_WEEK)
+    return clock_of(dated, timed, WEEK_MS, GPS, OF_WEEK)
 
 
 def _unix(records: NDArray[Any]) -> Array:
     """POSIX seconds of the fields year to second; NaN where they are no date."""
     days = days_of(*(records[name].astype(float) for name in ("year", "month", "day")))
     seconds = records["hour"] * 3600.0 + records["minute"] * 60.0 + records["second"]
-    return days * 86400.0 + seconds
+    return days * DAY + seconds

@@ -10,7 +10,7 @@ from ....time_scales import rate_of
 from ....typing import Array, Ints
 from ...contract import GUESS, Section
 from ...tables.table_file import Table
-from .ubx_frames import ESF_ALG, ESF_MEAS, ESF_RAW, LAYOUTS, NAMES, Frames
+from .ubx_frames import LAYOUTS, Frames, Message
 from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, Sensors, sensors
 
 
@@ -33,13 +33,13 @@ def imu_sections(
     mounting = _mounting(frames)
     read = {
         key: sensors(frames, key, by.place, by.gps)
-        for key in (ESF_RAW, ESF_MEAS)
+        for key in (Message.ESF_RAW, Message.ESF_MEAS)
         if frames.count(key)
     }
     for key, each in read.items():
         if each is None:
             left.append(
-                f"{NAMES[key]}: no gyro with an accelerometer, or no NAV message between its own that "
+                f"{key.title}: no gyro with an accelerometer, or no NAV message between its own that "
                 f"sets its clock"
             )
     every = sorted(filter(None, read.values()), key=lambda each: -rate_of(each.gyro.t, 1e-6))
@@ -115,7 +115,7 @@ def _mounting(frames: Frames) -> tuple[dict[str, Any], str]:
     installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right, down yaw
     and pitch change their signs. Angles of 0 that were never set are none. Empty where there are
     none."""
-    _, records = frames.records(ESF_ALG, LAYOUTS[ESF_ALG])
+    _, records = frames.records(Message.ESF_ALG, LAYOUTS[Message.ESF_ALG])
     status = records["flags"] >> 1 & 7
     turned = (records["yaw"] != 0) | (records["pitch"] != 0) | (records["roll"] != 0)
     ready = ((status >= 3) | (status == 0) & turned) & (records["error"] == 0)

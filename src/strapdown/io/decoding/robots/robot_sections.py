@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ....sensor_models.errors import LARGEST
 from ...contract import Log, Section
 from ...tables.table_file import Table
 from .robot_aiding import barometer, fix, imu, magnetometer, odometry, twist
@@ -18,8 +19,6 @@ from .robot_streams import Stream, streams_of, unread
 from .ros_messages import Columns, Messages
 from .ros_transforms import Frames
 
-MOST = 1e12
-"""Above every number that is measured, in whatever unit."""
 MAKERS: Mapping[str, Callable[[Stream, Robot], Made]] = {
     "sensor_msgs/Imu": imu,
     "sensor_msgs/NavSatFix": fix,
@@ -63,12 +62,14 @@ def _without_nonsense(topic: str, columns: Columns) -> list[str]:
     """Make numbers that nothing measures missing; a line on them."""
     wrong = 0
     for name, values in columns.items():
-        beyond = np.abs(values) > MOST
+        beyond = np.abs(values) > LARGEST
         if beyond.any():
             wrong += int(beyond.sum())
             columns[name] = np.where(beyond, np.nan, values)
     return (
-        [f"{wrong} numbers beyond {MOST:g} of {topic}: damaged, taken as missing"] if wrong else []
+        [f"{wrong} numbers beyond {LARGEST:g} of {topic}: damaged, taken as missing"]
+        if wrong
+        else []
     )
 
 

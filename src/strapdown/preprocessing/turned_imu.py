@@ -1,0 +1,33 @@
+"""Sources in the axes of the IMU, when these are taken to be others."""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..aiding import find
+from ..data import Aiding
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+
+def is_of_the_imu(a: Aiding) -> bool:
+    """True where a source is in the axes of the IMU: a filter compares it with the attitude of the
+    IMU, so that a mounting does not change its innovations."""
+    return a.kind in ("attitude", "magnetic-field") or find(a.kind).mean_of == "gyro"
+
+
+def with_the_imu(a: Aiding, turn: "Rotation") -> Aiding:
+    """A source in axes to which `turn` leads, where it is in those of the IMU."""
+    from scipy.spatial.transform import Rotation
+
+    if not is_of_the_imu(a):
+        return a
+    if a.kind != "attitude":
+        return replace(a, y=turn.apply(a.y))
+    # roll, pitch, heading; the first two know no heading
+    angles = np.nan_to_num(a.y)[:, ::-1]
+    turned = (Rotation.from_euler("ZYX", angles) * turn.inv()).as_euler("ZYX")[:, ::-1]
+    turned[:, 2] = np.where(np.isnan(a.y[:, 2]), np.nan, turned[:, 2] % (2 * np.pi))
+    return replace(a, y=turned)
