@@ -17,8 +17,8 @@ from strapdown.core.compile.signatures import LANES, WHOLE, in_lanes, reals, sig
 from strapdown.core.loop import loop
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
-from strapdown.engine.side_by_side import Keeper, SideBySide
-from strapdown.experiments.monte_carlo import lane_scoring, lanes
+from strapdown.engine.run_batch import Keeper, SideBySide
+from strapdown.experiments.monte_carlo import batch_scoring as lane_scoring, run_batch as lanes
 from strapdown.experiments.monte_carlo.scoring import epochs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade

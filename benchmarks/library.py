@@ -242,7 +242,7 @@ def flight(seconds):
 
 def export(target, folder, seconds=10.0):
     """Sizes of the closed loop with SOURCES for a target, exported into a folder."""
-    from strapdown.native.export import chosen, exported
+    from strapdown.native.export import chosen, folder as exported
 
     of = chosen.chosen("closed-loop", SOURCES, flight(seconds))
     return exported.export(of, exported.find_target(target), folder).sizes

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import strapdown as sd
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sim.trajectory import demo_flight
 
 FILE = Path(__file__).resolve().parents[1] / "docs" / "pictures" / "outage.svg"

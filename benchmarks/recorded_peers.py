@@ -25,7 +25,7 @@ import subject
 from workload import DEG, Workload
 
 import strapdown as sd
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.io.locate import data_folder
 from strapdown_reproductions.common import markdown
 from strapdown_reproductions.common.example_recordings import DESCRIPTIONS, in_motion, windows_of

@@ -100,7 +100,7 @@ WHERE = tuple(f"tests/{name}.py" for name in WHERE)
         ("src/strapdown/io/readers/dataflash.py", (0, 3)),  # found by listing
         ("src/strapdown/filters/particle/pkf.py", (0, 1, 2, 3)),
         ("src/strapdown/tuning/tune.py", (2, 3)),
-        ("src/strapdown/reports/page.py", (3,)),  # by `sd.report` of the command line
+        ("src/strapdown/pages/page.py", (3,)),  # by `sd.report` of the command line
         ("src/strapdown/native/export/templates/main.c", (3,)),
         ("tests/support/mutations.py", (0,)),
         ("reproductions/src/strapdown_reproductions/alam/main.py", ()),

@@ -8,16 +8,16 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from strapdown.alignment.location import GIVEN_SD, place_of
 from strapdown.checks import DataError
-from strapdown.data import Aiding
-from strapdown.files import read_toml
-from strapdown.preprocessing.stationary import stretches
-from strapdown.rotation_products import (
+from strapdown.data.solution.solution import Aiding
+from strapdown.fileio.files import read_toml
+from strapdown.geometry.rotation_products import (
     running_matrices,
     running_products,
     slerp,
     turns_between,
     unit,
 )
+from strapdown.preprocessing.stationary import stretches
 
 pytestmark = pytest.mark.short
 NAN = np.nan

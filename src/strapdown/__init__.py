@@ -15,7 +15,7 @@ States      0-14: position, velocity, attitude, accelerometer bias, gyro bias.
 
 import lazy_loader
 
-from .operations import provide
+from .data.operations import provide
 
 __version__ = "0.1.0"
 # the names in __init__.pyi: `import strapdown` costs nothing

@@ -7,13 +7,10 @@ from .calibration.installation.calibrate import calibrate_installation as calibr
 from .calibration.installation.findings import Installation as Installation
 from .checks import DataError as DataError
 from .core.loop.contract import Belief as Belief, Imu as Imu, Noise as Noise, Start as Start
-from .data import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory
-from .diagnosis.diagnose import diagnose as diagnose
-from .diagnosis.estimated import (
-    EstimatedInstallation as EstimatedInstallation,
-    installation as installation,
-)
-from .diagnosis.findings import Diagnosis as Diagnosis
+from .data.recording import Recording as Recording
+from .data.solution import Aiding as Aiding, Solution as Solution, Trajectory as Trajectory
+from .data.vehicle import Vehicle as Vehicle
+from .data.verdict import Reason as Reason, Verdict as Verdict
 from .engine.batch import fuse as fuse
 from .engine.smoothing import smooth as smooth
 from .engine.stream import Fix as Fix, Sample as Sample, Stream as Stream
@@ -22,18 +19,23 @@ from .experiments.monte_carlo.campaign import Campaign as Campaign
 from .experiments.monte_carlo.study import Study as Study
 from .experiments.outages.compare import compare as compare
 from .experiments.outages.result import Comparison as Comparison
-from .file_limits import reading_limits as reading_limits
+from .fileio.limits import reading_limits as reading_limits
 from .flight.aircraft.modes import linearise as linearise
 from .flight.aircraft.parameters import Aircraft as Aircraft, aircraft as aircraft
 from .flight.aircraft.trim import trim as trim
 from .flight.fly import Flight as Flight, fly as fly
 from .flight.plan import FlightPlan as FlightPlan
+from .installation.diagnose import diagnose as diagnose
+from .installation.findings import Diagnosis as Diagnosis
+from .installation.states import (
+    EstimatedInstallation as EstimatedInstallation,
+    installation as installation,
+)
 from .io import read as read, write_recording as write_recording
 from .io.noise_file import with_noise as with_noise
 from .io.solution import read_solution as read_solution, write_solution as write_solution
-from .recording import Recording as Recording
+from .pages.page import report as report
 from .registration import register as register
-from .reports.page import report as report
 from .sensor_models.geomagnetism import geomagnetic_field as geomagnetic_field
 from .sensor_models.imu import ImuSpec as ImuSpec, grade as grade, grades as grades
 from .sensor_models.receiver import receiver as receiver, receivers as receivers
@@ -41,7 +43,5 @@ from .sim.scenario import Scenario as Scenario, scenario as scenario, scenarios 
 from .sim.synthesis import simulate as simulate
 from .tuning.findings import Tuning as Tuning
 from .tuning.tune import tune as tune
-from .vehicle import Vehicle as Vehicle
-from .verdict import Reason as Reason, Verdict as Verdict
 
 __version__: str

@@ -50,9 +50,10 @@ def brought() -> list[tuple[str, str, str, str]]:
 
 def _homes() -> dict[type, Registry[Any]]:
     """{type: registry of its values}."""
-    from . import aiding, filters, quantities
+    from . import aiding, filters
     from .io import registry
-    from .reports import figure_list
+    from .pages import figure_list
+    from .units import quantities
 
     homes = (quantities, aiding, filters, registry, figure_list)
     return {home.REGISTRY.kind: home.REGISTRY for home in homes}

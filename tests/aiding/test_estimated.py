@@ -14,12 +14,12 @@ from strapdown.core.loop.contract import (
 )
 from strapdown.core.loop.stages.clock import followed_back, keep
 from strapdown.core.mathematics.source import new_source
-from strapdown.data import Aiding
+from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution.vehicle import find
 from strapdown.engine.limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.imu import grade
-from strapdown.vehicle import find
 
 pytestmark = pytest.mark.short
 CLOCK, ARM, MOUNTING, SCALE, STATES = 15, 16, 19, 22, 23

@@ -13,9 +13,9 @@ from strapdown.alignment.initial import UNKNOWN_SD, align, body_to_navigation
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
-from strapdown.data import Aiding
-from strapdown.geodesy import displacement
-from strapdown.recording import Recording
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.trajectory import DEG, Motion, demo_flight, ramp, static

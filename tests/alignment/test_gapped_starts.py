@@ -11,7 +11,7 @@ from strapdown.alignment.course import courses, heading_of
 from strapdown.alignment.fixes import position_and_velocity
 from strapdown.alignment.initial_heading import mean_force
 from strapdown.alignment.rest import rests
-from strapdown.geodesy import wrap
+from strapdown.geometry.geodesy import wrap
 from strapdown.preprocessing.unbroken import felt, is_unbroken, nearest_felt, unbroken
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")

@@ -8,8 +8,8 @@ import pytest
 from multicopter import motion
 
 import strapdown as sd
-from strapdown.cross_checks import plane
-from strapdown.cross_checks.motion import Subject
+from strapdown.inspection import plane
+from strapdown.inspection.motion import Subject
 from strapdown.preprocessing.plausible import mistakes
 
 

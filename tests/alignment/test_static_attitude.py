@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from strapdown import read
 from strapdown.alignment.static_attitude import gyrocompass, level, levelled, static_attitude
 from strapdown.core.mathematics import earth
-from strapdown.geodesy import gravity, gravity_ned
+from strapdown.geometry.geodesy import gravity, gravity_ned
 from strapdown.preprocessing.stationary import motionless
 from strapdown_reproductions.recordings.main import earth_rate
 

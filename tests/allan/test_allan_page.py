@@ -13,8 +13,8 @@ import strapdown as sd
 from strapdown.allan.page import analyse, figure, longest
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.recording import Recording
-from strapdown.reports.shell import Page
+from strapdown.data.solution.recording import Recording
+from strapdown.pages.shell import Page
 from strapdown.sensor_models.imu import grade
 
 

@@ -11,18 +11,18 @@ from described import CONSTRAINTS, SPEED, TOML, described
 from installed import car, turned_case, wrong
 
 import strapdown as sd
-from strapdown.calibration.installation import calibrate as module, settled as settling
+from strapdown.calibration.installation import calibrate as module, iterated as settling
 from strapdown.calibration.installation.findings import (
     IMPLAUSIBLE,
     NOT_CONFIRMED,
     NOT_CONSTANT,
     Parameter,
 )
-from strapdown.calibration.installation.settled import Settled, theta_of
+from strapdown.calibration.installation.iterated import Settled, theta_of
 from strapdown.checks import DataError
-from strapdown.diagnosis.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
-from strapdown.diagnosis.installation import applied, constants
-from strapdown.estimable import CLOCK
+from strapdown.data.solution.calibration_parameters import CLOCK
+from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
+from strapdown.installation.model import applied, constants
 
 DEG = np.pi / 180
 TRUE = {"clock": 0.2, "lever arm forward": 1.0, "mounting pitch": -2.0, "odometer scale": 0.01}

@@ -254,7 +254,7 @@ def judged(monkeypatch, *verdicts):
     def judge(_):
         return given.pop() if len(given) > 1 else given[0]
 
-    monkeypatch.setattr("strapdown.diagnosis.judge.judge", judge)
+    monkeypatch.setattr("strapdown.verdict.judge.judge", judge)
 
 
 def test_the_verdict_is_the_first_line_and_goes_into_the_files(good, flight, monkeypatch):

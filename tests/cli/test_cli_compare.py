@@ -91,7 +91,7 @@ def test_verdicts_come_first_and_decide_the_strict_exit_code(here, command, monk
     """A filter that cannot run has none."""
     known = {"closed-loop": TRUSTED, "open-loop": WRONG, "mekf": TRUSTED}
     monkeypatch.setattr(
-        "strapdown.diagnosis.judge.judge", lambda solution: known[solution.meta["filter"]]
+        "strapdown.verdict.judge.judge", lambda solution: known[solution.meta["filter"]]
     )
     words = "--filters", "closed-loop,open-loop,fixed-gain,mekf", "--outages", "8:11,14:17"
     code, out, err = command("compare", "flight.nc", *words, "--out", "made", "--strict")
@@ -116,7 +116,7 @@ def test_a_verdict_is_on_the_run_to_the_end_with_rows_by_the_second(monkeypatch,
         judged.append(solution)
         return TRUSTED
 
-    monkeypatch.setattr("strapdown.diagnosis.judge.judge", judge)
+    monkeypatch.setattr("strapdown.verdict.judge.judge", judge)
     recording = recordings.flight()
     found = sd.compare(recording, ["closed-loop"], outages=outages)
     ((label, verdict),), (solution,) = found.verdicts.items(), judged

@@ -13,10 +13,10 @@ from strapdown.cli import fly as cli_fly
 from strapdown.flight import figures, plan
 from strapdown.flight.asked import Loop, Sensors, World
 from strapdown.flight.fly import LOG, fly
-from strapdown.geodesy import displacement
-from strapdown.reports.drawing import together
-from strapdown.reports.page import Added
-from strapdown.reports.shell import Page
+from strapdown.geometry.geodesy import displacement
+from strapdown.pages.drawing import together
+from strapdown.pages.page import Added
+from strapdown.pages.shell import Page
 
 FILES = ["log.csv", "recording.nc", "report.html", "solution.nc"]
 SHORT = "--duration", 5, "--outage", "3:4", "--seed", 3
@@ -78,7 +78,7 @@ def test_the_drift_is_what_the_outage_added(flight):
 @pytest.mark.deep
 def test_options_reach_the_flight(flight, command, tmp_path, monkeypatch):
     # a page takes longer than its flight
-    monkeypatch.setattr("strapdown.reports.page.report", lambda *_, **__: Page(""))
+    monkeypatch.setattr("strapdown.pages.page.report", lambda *_, **__: Page(""))
     said = {}
     for name, words in (
         ("model", ("--prediction", "model")),

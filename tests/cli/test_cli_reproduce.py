@@ -67,7 +67,7 @@ def test_what_cannot_be_run_is_one_line(command, monkeypatch, tmp_path, entries,
 
 
 def test_without_the_reproductions_the_library_has_its_own_grades_and_scenarios(monkeypatch):
-    from strapdown import files
+    from strapdown.fileio import files
 
     monkeypatch.setattr(files, "entry_points", lambda group: ())
     files.shipped.cache_clear()
@@ -81,7 +81,7 @@ def test_without_the_reproductions_the_library_has_its_own_grades_and_scenarios(
 
 
 def test_a_package_that_should_bring_grades_and_cannot_be_imported(monkeypatch):
-    from strapdown import files
+    from strapdown.fileio import files
 
     monkeypatch.setattr(
         files, "entry_points", lambda group: [EntryPoint("x", "no_such_package", group)]

@@ -21,9 +21,9 @@ import strapdown as sd
 from strapdown.cli import app
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import Imu
-from strapdown.data import Aiding
-from strapdown.file_locks import PART
-from strapdown.recording import Recording
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
+from strapdown.fileio.locks import PART
 
 pytestmark = [
     pytest.mark.deep,

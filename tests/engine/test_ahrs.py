@@ -12,9 +12,9 @@ from synthetic import flight as circling, solution as made_up
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.engine import attitude_first
-from strapdown.engine.attitude_first import ASSUMED, REMEDY, deviations
+from strapdown.engine import with_ahrs as attitude_first
 from strapdown.engine.options import run_options
+from strapdown.engine.with_ahrs import ASSUMED, REMEDY, deviations
 from strapdown.filters import find, names
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.magnetometer import Magnetometer

@@ -14,11 +14,11 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Use
 from strapdown.core.mathematics import solution_row
-from strapdown.diagnosis.installation import Model, applied, constants
+from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
 from strapdown.engine import sensitivity
 from strapdown.engine.options import run_options
 from strapdown.engine.prepare import Run
-from strapdown.estimable import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.installation.model import Model, applied, constants
 from strapdown.sensor_models.gnss import Gnss
 
 

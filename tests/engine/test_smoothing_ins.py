@@ -15,13 +15,13 @@ from strapdown.aiding.pressure import BAROMETER_BIAS
 from strapdown.core.loop.contract import Imu, Noise
 from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
-from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.engine import prepare as preparation, smoothing
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
 from strapdown.engine.smoothing import Differences
-from strapdown.geodesy import displaced, displacement
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.synthesis import draw_start

@@ -5,12 +5,12 @@ from installed import flown
 
 import strapdown as sd
 from strapdown.core.loop.contract import STATES
-from strapdown.diagnosis.installation import applied, constants
+from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM
 from strapdown.engine.batch import begin
 from strapdown.engine.installation import with_estimates
 from strapdown.engine.options import run_options
-from strapdown.estimable import CLOCK, LEVER_ARM
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
+from strapdown.installation.model import applied, constants
 
 ESTIMATE = {"clock": 0.1, "lever-arm": 0.5}
 

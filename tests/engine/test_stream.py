@@ -21,11 +21,11 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.loop import SAME_TIME
-from strapdown.data import BRIDGED, INVALID, VALID
+from strapdown.data.solution.solution import BRIDGED, INVALID, VALID
 from strapdown.engine import stream as live
 from strapdown.engine.prepare import positioned
 from strapdown.engine.stream import Fix, Sample, Stream
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 
 pytestmark = pytest.mark.short
 

@@ -11,9 +11,9 @@ from test_stream import events_of, play, shuffled
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.engine.attitude_first import source
 from strapdown.engine.options import run_options
 from strapdown.engine.stream import Stream
+from strapdown.engine.with_ahrs import source
 
 pytestmark = pytest.mark.short
 

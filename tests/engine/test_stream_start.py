@@ -7,10 +7,10 @@ from recordings import at_rest, flight, start
 from test_stream import events_of, play, stream_of
 
 import strapdown as sd
-from strapdown.alignment.completed import left_open
+from strapdown.alignment.missing_fields import left_open
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Start
-from strapdown.data import INVALID
+from strapdown.data.solution.solution import INVALID
 from strapdown.engine.stream import Fix, Stream
 
 pytestmark = pytest.mark.short

@@ -11,7 +11,7 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.engine.stream import Stream
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 from strapdown.sim.trajectory import demo_flight
 
 BOTH = dict(robust=True, adaptive=60.0)

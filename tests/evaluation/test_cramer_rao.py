@@ -11,10 +11,10 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise, Start
 from strapdown.core.mathematics.error_dynamics import dynamics
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.evaluation.cramer_rao import cramer_rao
-from strapdown.geodesy import displaced
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion, increments, sample, static
 

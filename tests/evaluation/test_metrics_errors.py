@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from synthetic import flight
 
 from strapdown.checks import DataError
-from strapdown.data import Trajectory
+from strapdown.data.solution.solution import Trajectory
 from strapdown.evaluation import metrics
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data import Trajectory
+from strapdown.data.solution.solution import Trajectory
 from strapdown.evaluation.metrics import moving_windows, outages
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 
 pytestmark = pytest.mark.short
 T = np.arange(0, 100.5, 0.5)

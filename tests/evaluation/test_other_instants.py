@@ -10,9 +10,9 @@ from support.recordings import flight, start
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.data import Trajectory
+from strapdown.data.solution.solution import Trajectory
 from strapdown.evaluation import other_instants
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 ARM = np.array([1.5, -0.7, 2.0])

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 import strapdown as sd
 from strapdown import filters
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 ABLE = [name for name in SWIFT if filters.find(name).installation]
 FREE = [name for name in ABLE if not filters.find(name).needs]

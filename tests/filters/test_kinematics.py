@@ -10,7 +10,7 @@ from strapdown.core.mathematics.error_state import X
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.filters import find
 from strapdown.filters.ins import open_loop
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
 DEG, SECONDS, DT = np.pi / 180, 10.0, 0.05

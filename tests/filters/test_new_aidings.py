@@ -10,10 +10,10 @@ from scipy.stats import chi2
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import STATES, Imu
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
-from strapdown.recording import Recording
 from strapdown.sensor_models.atmosphere import standard_pressure
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss

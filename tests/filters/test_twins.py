@@ -10,7 +10,7 @@ from recordings import flight, start
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import demo_flight
 

@@ -17,7 +17,7 @@ from strapdown.flight.asked import DECIDED, Loop, Sensors, World, records
 from strapdown.flight.fly import LOG, fly
 from strapdown.flight.plan import DEFAULT_PLACE, RAD_PER_DEG as DEG, FlightPlan, straight, turning
 from strapdown.flight.sensor_errors import barometer_errors, outage_windows
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss

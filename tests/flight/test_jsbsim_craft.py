@@ -12,7 +12,7 @@ from strapdown.flight.aircraft.forces import density
 from strapdown.flight.aircraft.parameters import aircraft
 from strapdown.flight.jsbsim_craft import INTEGRATORS, _place, fly_jsbsim
 from strapdown.flight.jsbsim_definition import POUND, jsbsim_definition
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sim.jsbsim import FOOT, session
 from strapdown.sim.trajectory import (
     DEG,

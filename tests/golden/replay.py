@@ -33,7 +33,7 @@ STEP = 5.0
 
 
 def replay(name, filter):
-    """A table of the solution every STEP seconds, units as in `strapdown.data.UNITS`."""
+    """A table of the solution every STEP seconds, units as in `strapdown.data.solution.UNITS`."""
     recording = sd.read(DESCRIPTIONS / f"{name}.toml")
     table = sd.fuse(recording, filter).table()[COLUMNS]
     return table.iloc[:: round(STEP / float(table.index.to_series().diff().median()))].round(9)

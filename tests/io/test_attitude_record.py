@@ -10,10 +10,10 @@ from nine_axis import TOML, attitude, tables
 from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.io import read, write_recording
 from strapdown.io.inspection import draft, inspect
-from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
 T = 0.1 * np.arange(1, 1001)
@@ -504,7 +504,7 @@ def test_inspection_compares_the_vertical_at_rest(build, tmp_path):
 def test_reports_show_its_innovations_in_degrees():
     from types import SimpleNamespace
 
-    from strapdown.reports.fix_figures import unit
+    from strapdown.pages.fix_figures import unit
 
     unit_name, factor, rows = unit(SimpleNamespace(meta={"kinds": {"xsens": "attitude"}}), "xsens")
     assert (unit_name, rows) == ("deg", ("roll", "pitch", "heading")) and factor == pytest.approx(

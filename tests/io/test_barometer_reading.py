@@ -6,9 +6,9 @@ import pytest
 from nine_axis import TOML, build, tables  # noqa: F401 (a fixture)
 
 from strapdown.checks import DataError
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.io import read
-from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
 

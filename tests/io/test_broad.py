@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.io.readers.broad import (
     BROAD_IMU,
     BROAD_PLACE,

@@ -5,8 +5,8 @@ from math import radians
 import pytest
 
 import strapdown as sd
-from strapdown import estimable
 from strapdown.checks import DataError
+from strapdown.data.solution import calibration_parameters as estimable
 from strapdown.io import read
 
 pytestmark = pytest.mark.short

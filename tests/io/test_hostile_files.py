@@ -23,7 +23,7 @@ from scipy.io import savemat
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.file_limits import LimitError
+from strapdown.fileio.limits import LimitError
 from strapdown.io import read
 from strapdown.io.inspection import draft, inspect
 from strapdown.io.registry import readers
@@ -47,7 +47,7 @@ PACKERS = {
 @pytest.fixture(autouse=True)
 def tight(monkeypatch):
     """Less is free than by default, so that small files can be too large."""
-    monkeypatch.setattr("strapdown.file_limits.FREE", MB)
+    monkeypatch.setattr("strapdown.fileio.limits.FREE", MB)
     monkeypatch.setattr("strapdown.io.tables.hdf5_file.FREE", MB)
 
 
@@ -523,7 +523,7 @@ WORDS = b"t,name\n" + b"".join(b"%d,a%x\n" % (k % 10, k) for k in range(100_000)
 @pytest.mark.parametrize("ending", [*PLAIN, *PACKERS])
 @pytest.mark.parametrize("content", [SHORT, WORDS], ids=["numbers", "words"])
 def test_a_table_is_bounded_by_what_it_takes_in_memory(tmp_path, monkeypatch, ending, content):
-    monkeypatch.setattr("strapdown.file_limits.FREE", 1e9)
+    monkeypatch.setattr("strapdown.fileio.limits.FREE", 1e9)
     path = tmp_path / f"short{ending}"
     path.write_bytes((PLAIN | PACKERS)[ending](content))
     with sd.reading_limits(size=3.0 * len(content)):
@@ -551,7 +551,7 @@ def test_a_packed_table_is_in_proportion_as_it_is_in_memory(tmp_path):
     ],
 )
 def test_logs_of_text_are_bounded_so_too(tmp_path, monkeypatch, name, row):
-    monkeypatch.setattr("strapdown.file_limits.FREE", 1e9)
+    monkeypatch.setattr("strapdown.fileio.limits.FREE", 1e9)
     head = {
         "imu": b"0 0 0 0 0 0\n",
         "pos": b"%  GPST  latitude(deg) longitude(deg) height(m) Q ns\n",
@@ -565,7 +565,7 @@ def test_logs_of_text_are_bounded_so_too(tmp_path, monkeypatch, name, row):
 
 def test_the_memory_of_a_table_is_what_the_page_says(tmp_path, monkeypatch):
     """At most four times the limit, measured by what Python and numpy allocate."""
-    monkeypatch.setattr("strapdown.file_limits.FREE", 1e9)
+    monkeypatch.setattr("strapdown.fileio.limits.FREE", 1e9)
     path, limit = tmp_path / "short.csv.gz", 12e6
     path.write_bytes(gzip.compress(SHORT, 1))
     tables_of(path)  # what is imported stays

@@ -25,8 +25,8 @@ from written_ros import FLU, Written, drive, imu, write_bag, write_mcap
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.decoding.robots.mcap_records import read_mcap
+from strapdown.io.decoding.robots.packed_chunks import unpack_frames
 from strapdown.io.decoding.robots.ros_messages import Messages
-from strapdown.io.decoding.robots.unpacking import unpack_frames
 from strapdown.io.tables.table_file import mapped
 
 __all__ = ["driven"]  # a fixture

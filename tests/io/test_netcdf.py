@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from strapdown import files
 from strapdown.checks import DataError
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
+from strapdown.fileio import files
 from strapdown.io import read, write_recording
 from strapdown.io.solution import read_solution
-from strapdown.recording import Recording
 
 pytestmark = pytest.mark.short
 REFERENCE = '[reference]\nfile = "gnss.csv"\ntime = { column = "t", unit = "s" }\nposition = { columns = ["lat", "lon", "alt"], unit = ["deg", "deg", "m"] }\n'

@@ -10,9 +10,9 @@ from synthetic import DOUBTFUL, flight, solution
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.checksum import LENGTH, has_checksum
 from strapdown.experiments.monte_carlo.campaign import Campaign, describe
 from strapdown.experiments.monte_carlo.study import Study
+from strapdown.fileio.checksum import LENGTH, has_checksum
 from strapdown.io.solution import read_solution, write_solution
 
 

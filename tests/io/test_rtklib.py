@@ -11,7 +11,7 @@ from support.written_rtklib import pos
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.geodesy import displacement, ned_axes, to_ecef
+from strapdown.geometry.geodesy import displacement, ned_axes, to_ecef
 from strapdown.io.description.logs import join
 from strapdown.io.readers.rtklib import open_pos
 

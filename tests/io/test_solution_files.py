@@ -17,9 +17,9 @@ from structured_mutators import sealed
 from synthetic import DOUBTFUL, TRUSTED, WRONG, flight, solution
 
 from strapdown.checks import DataError
-from strapdown.data import UNITS, Separation
+from strapdown.data.solution.solution import UNITS, Separation
+from strapdown.data.solution.verdict import NOT_JUDGED
 from strapdown.io.solution import read_solution, write_solution
-from strapdown.verdict import NOT_JUDGED
 
 pytestmark = pytest.mark.short
 DATED = {"epoch": "2012-10-10T12:00:00Z"}

@@ -9,7 +9,7 @@ from support import written_ubx as ubx
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io import registry
-from strapdown.io.readers.unread import FORMATS, known
+from strapdown.io.readers.unsupported_formats import FORMATS, known
 
 pytestmark = pytest.mark.short
 SAMPLES = {

@@ -64,7 +64,7 @@ def test_the_manifest_says_what_the_library_is(small):
     of_position = {files[number] for number in made["kernels"]["strapdown_aiding_position_observe"]}
     assert {
         "aiding/position.py",
-        "aiding/estimated.py",
+        "aiding/augmented.py",
         "core/mathematics/earth.py",
         "core/compile/compiler.py",
         "core/compile/signatures.py",

@@ -14,7 +14,7 @@ from strapdown.core.loop import contract
 from strapdown.core.loop.log import Code
 from strapdown.core.mathematics import solution_row
 from strapdown.native.export.chosen import chosen
-from strapdown.native.export.exported import find_target
+from strapdown.native.export.folder import find_target
 from strapdown.native.export.glue import glue
 from strapdown.native.export.header import header, source_text, type_name
 from strapdown.native.export.image import image, known

@@ -10,7 +10,7 @@ from exports import STRICT, InC, build_example, rough_flight, run
 import strapdown as sd
 from strapdown.core.loop.contract import DOUBTFUL, INVALID, Use
 from strapdown.native.export.chosen import chosen
-from strapdown.native.export.exported import export, find_target
+from strapdown.native.export.folder import export, find_target
 from strapdown.native.export.layout import layout, sizes_of
 
 COMPILER = next(filter(shutil.which, ("cc", "gcc", "clang")), None)

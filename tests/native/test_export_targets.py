@@ -10,7 +10,7 @@ from test_export import REFUSED, SOURCES
 import strapdown as sd
 from strapdown import filters
 from strapdown.native.export.chosen import chosen
-from strapdown.native.export.exported import export, find_target
+from strapdown.native.export.folder import export, find_target
 from strapdown.sensor_models.ahrs import Ahrs
 
 pytestmark = pytest.mark.deep

@@ -8,7 +8,7 @@ import pytest
 
 from strapdown.core.compile import library, machine_code
 from strapdown.native.emit import LIBRARY, emit
-from strapdown.native.placing import AARCH64, PROCESSORS, X86_64, place
+from strapdown.native.relocation import AARCH64, PROCESSORS, X86_64, place
 
 HEAD = 'target datalayout = "e"\ntarget triple = "x86_64-unknown-linux-gnu"\n'
 CODE = """

@@ -10,7 +10,7 @@ from scipy import stats
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import STATES
-from strapdown.data import Solution, Trajectory
+from strapdown.data.solution.solution import Solution, Trajectory
 from strapdown.evaluation.metrics import Errors
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator
@@ -308,7 +308,7 @@ def test_runs_are_scored_by_seed_filter_and_outage(short_flight):
     # one row of the table from first principles
     from strapdown.alignment.initial import align
     from strapdown.engine.batch import fuse
-    from strapdown.geodesy import displacement
+    from strapdown.geometry.geodesy import displacement
     from strapdown.sensor_models.imu import grade
 
     begin = align(recording, grade("dmu10"))

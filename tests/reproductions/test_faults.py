@@ -11,8 +11,8 @@ import pytest
 from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
-from strapdown.data import Trajectory
-from strapdown.geodesy import displaced, displacement
+from strapdown.data.solution.solution import Trajectory
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.faults import cells as of_cells, jumps, summary
 from strapdown_reproductions.faults.catalogue import EVERY, FAULTS

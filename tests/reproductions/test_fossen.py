@@ -10,9 +10,9 @@ from ins_equations import derivatives
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BA, BG, Noise
+from strapdown.data.solution.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
-from strapdown.recording import Recording
 from strapdown_reproductions.common.pages import COLOURS
 from strapdown_reproductions.common.reproduction import Asked
 from strapdown_reproductions.fossen import (

@@ -18,8 +18,8 @@ from strapdown.engine.batch import fuse
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.scoring import ERROR_GROUPS
 from strapdown.experiments.monte_carlo.study import SCALARS, seeds, simulator
-from strapdown.geodesy import displacement
-from strapdown.reports.shell import Page
+from strapdown.geometry.geodesy import displacement
+from strapdown.pages.shell import Page
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.trajectory import demo_flight

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from strapdown import geodesy
 from strapdown.checks import DataError
+from strapdown.geometry import geodesy
 from strapdown.sensor_models.imu import grade
 from strapdown_reproductions.common.pages import COLOURS, TOO_FEW
 from strapdown_reproductions.common.study import choices_table

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from strapdown.engine.batch import fuse
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown_reproductions.common.runner import Evidence
 from strapdown_reproductions.noise import correlated, coverage, main, misstated, outliers, summary
 from strapdown_reproductions.noise.worlds import (

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown.experiments.monte_carlo import study
 from strapdown.experiments.monte_carlo.study import Study
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.scenario import scenario
 from strapdown_reproductions.hager_bryne import main, printed_updates

@@ -9,11 +9,11 @@ import pytest
 
 from strapdown.aiding import names
 from strapdown.core.loop.contract import Imu
-from strapdown.data import Aiding
-from strapdown.geodesy import displacement
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution.verdict import CAUSES, DOUBTFUL, Reason
+from strapdown.geometry.geodesy import displacement
 from strapdown.io.locate import data_folder
-from strapdown.recording import Recording
-from strapdown.verdict import CAUSES, DOUBTFUL, Reason
 from strapdown_reproductions.common.example_recordings import DESCRIPTIONS
 from strapdown_reproductions.wrong_setups import cells, main
 from strapdown_reproductions.wrong_setups.cases import (

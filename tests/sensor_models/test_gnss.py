@@ -5,8 +5,8 @@ import pymap3d
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.data import Trajectory
-from strapdown.geodesy import displaced
+from strapdown.data.solution.solution import Trajectory
+from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss, position_fixes, velocity_fixes
 from strapdown.sim.trajectory import DEG, demo_flight, sample
 

@@ -6,7 +6,7 @@ import pytest
 from pyins import earth, sim
 
 from strapdown.checks import DataError
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sim.motions import G, car, flight, ship, static, straight
 from strapdown.sim.sortie import sortie
 from strapdown.sim.trajectory import DEG, gravity, gravity_north, increments, sample

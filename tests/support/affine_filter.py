@@ -16,7 +16,7 @@ from strapdown.core.mathematics.error_dynamics import (
 )
 from strapdown.core.mathematics.kalman import propagate_error
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.geodesy import radii
+from strapdown.geometry.geodesy import radii
 
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100

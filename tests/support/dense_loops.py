@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100

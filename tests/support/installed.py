@@ -7,9 +7,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import strapdown as sd
-from strapdown.data import Aiding
-from strapdown.diagnosis.installation import applied, constants
-from strapdown.estimable import CLOCK
+from strapdown.data.solution.calibration_parameters import CLOCK
+from strapdown.data.solution.solution import Aiding
+from strapdown.installation.model import applied, constants
 from strapdown.sensor_models.gnss import Gnss
 
 GNSS = Gnss(

@@ -6,8 +6,8 @@ import numpy as np
 from flat_flight import NOISE, flight
 
 import strapdown as sd
-from strapdown.data import Correlated
-from strapdown.geodesy import displaced
+from strapdown.data.solution.solution import Correlated
+from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.noise import gauss_markov
 
 EXACT = NOISE._replace(gyro=1e-8)

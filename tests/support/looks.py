@@ -41,7 +41,7 @@ def broken_seal(paths):
     """What is wrong where NetCDF files were read that are not what was written."""
     import h5py
 
-    from strapdown.checksum import FOUND
+    from strapdown.fileio.checksum import FOUND
 
     for path in paths:
         if path.suffix != ".nc" or not h5py.is_hdf5(path):  # which another reader knows

@@ -10,9 +10,9 @@ import strapdown as sd
 from strapdown import filters
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import Imu, Start
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.engine.stream import Fix, Sample
-from strapdown.recording import Recording
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion

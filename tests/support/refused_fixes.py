@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 import strapdown as sd
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.scenario import scenario

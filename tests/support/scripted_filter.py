@@ -4,7 +4,7 @@ loop's rules meet any series of them."""
 import numpy as np
 
 from strapdown.core.loop.contract import CORRECT, PREDICT, Filter, kernel
-from strapdown.data import Aiding
+from strapdown.data.solution.solution import Aiding
 
 GATE = 16.0
 LEAST_DEVIATION = 1.0  # larger than any floor

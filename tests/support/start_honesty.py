@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 import strapdown as sd
 from strapdown.engine.heading_hypotheses import aligned
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion, ramp, static
 

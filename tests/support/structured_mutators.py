@@ -258,7 +258,7 @@ def other_array(rng, array):
 
 def sealed(content):
     """With a checksum that is right, so that more than the checksum is tried."""
-    from strapdown.checksum import FOUND, LINE
+    from strapdown.fileio.checksum import FOUND, LINE
 
     content = FOUND.sub(b"", content)
     return content + LINE % zlib.crc32(content)

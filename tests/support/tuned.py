@@ -7,7 +7,7 @@ import numpy as np
 from installed import car
 
 import strapdown as sd
-from strapdown.data import Correlated
+from strapdown.data.solution.solution import Correlated
 from strapdown.tuning.findings import (
     AT_LEAST,
     AT_MOST,

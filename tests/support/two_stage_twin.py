@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from strapdown.core.mathematics.earth import RATE, gravity
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.filters.attitude.attitude_error_state import carry
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 
 CROSS = lambda a: np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])
 WRAP = lambda angle: (angle + np.pi) % (2 * np.pi) - np.pi

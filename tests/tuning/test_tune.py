@@ -9,9 +9,9 @@ from scipy.stats import multivariate_normal
 import strapdown as sd
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.data import Correlated
+from strapdown.data.solution.solution import Correlated
 from strapdown.engine.options import run_options
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.tuning.findings import AT_MOST, KEPT, OPEN
 from strapdown.tuning.likelihood import slope

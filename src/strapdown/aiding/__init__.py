@@ -6,9 +6,10 @@ import pkgutil
 from functools import cache
 from threading import Lock
 
-from .. import plugins, quantities
+from .. import plugins
 from ..checks import DataError, check_choice, check_number, located
 from ..core.loop.contract import OBSERVE, Kind, Measurement, Observe, compile_kernel
+from ..units import quantities
 from .trial import tried
 
 PARAMETER_MEANINGS = ("", "antenna", "reference", "field")

@@ -6,7 +6,7 @@ h = C' v + omega x l; with true C = exp(theta) C the derivative by theta is C' S
 
 from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, helper, kernel
 from ..typing import Array
-from . import estimated
+from . import augmented as estimated
 
 
 @helper

@@ -8,7 +8,7 @@ standard deviations.
 
 import math
 
-from ..core.compile.choosing import all_of, where
+from ..core.compile.selection import all_of, where
 from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import turned, wrap

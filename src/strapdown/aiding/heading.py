@@ -5,7 +5,7 @@ from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import wrap
 from ..typing import Array
-from . import estimated
+from . import augmented as estimated
 
 
 @kernel(OBSERVE)

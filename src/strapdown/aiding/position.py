@@ -5,7 +5,7 @@ from ..core.mathematics.earth import radii
 from ..core.mathematics.elementary import cosine
 from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
-from . import estimated
+from . import augmented as estimated
 
 
 @kernel(OBSERVE)

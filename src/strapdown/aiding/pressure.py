@@ -8,9 +8,9 @@ metres, and drift. So each source brings a bias along, in m: what the barometer 
 import math
 from typing import Any
 
-from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import OBSERVE, STATES, Belief, Measurement, SourceRow, helper, kernel
 from ..typing import Array
+from ..units.constants import STANDARD_GRAVITY
 from .altitude import height
 
 P_0, T_0, LAPSE = 101325.0, 288.15, 6.5e-3  # Pa, K, K/m at mean sea level

@@ -3,7 +3,7 @@ lever-arm term (7e-5 rad/s) is left out."""
 
 from ..core.loop.contract import OBSERVE, Belief, Measurement, SourceRow, kernel
 from ..typing import Array
-from . import estimated
+from . import augmented as estimated
 
 
 @kernel(OBSERVE)

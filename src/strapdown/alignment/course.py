@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.loop.contract import Imu
-from ..data import Aiding
-from ..geodesy import displacement
+from ..data.solution import Aiding
+from ..geometry.geodesy import displacement
 from ..preprocessing.stationary import at_rest
 from ..preprocessing.unbroken import is_unbroken, unbroken
 from ..typing import Array

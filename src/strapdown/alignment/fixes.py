@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..data import Aiding
-from ..geodesy import displacement
-from ..recording import Recording
+from ..data.recording import Recording
+from ..data.solution import Aiding
+from ..geometry.geodesy import displacement
 from ..typing import Array
 from .location import known
 

@@ -16,14 +16,14 @@ from ..checks import DataError, brief
 from ..core.loop.contract import Imu, Start
 from ..core.mathematics.earth import GRAVITY_EQUATOR, gravity
 from ..core.mathematics.rotation import matrix_to_euler
-from ..data import Aiding
-from ..geodesy import displaced, displacement
+from ..data.recording import Recording
+from ..data.solution import Aiding
+from ..data.vehicle import find as find_vehicle
+from ..geometry.geodesy import displaced, displacement
+from ..geometry.rotation_products import running_matrices
 from ..preprocessing.lever_arm import swung
 from ..preprocessing.unbroken import felt, is_unbroken, nearest_felt
-from ..recording import Recording
-from ..rotation_products import running_matrices
 from ..typing import Array, Ints
-from ..vehicle import find as find_vehicle
 from .course import SURE, best_instant, courses, heading_of
 from .fixes import UNKNOWN_SPEED, position_and_velocity, source, velocities
 from .initial_heading import (

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..core.loop.contract import Imu, Noise
 from ..core.mathematics.earth import GRAVITY_EQUATOR, RATE
-from ..data import Aiding
-from ..geodesy import wrap
+from ..data.recording import Recording
+from ..data.solution import Aiding
+from ..geometry.geodesy import wrap
+from ..geometry.rotation_products import running_matrices
 from ..preprocessing.stationary import motionless
 from ..preprocessing.unbroken import nearest_felt
-from ..recording import Recording
-from ..rotation_products import running_matrices
 from ..typing import Array, Mask
 from .static_attitude import PARALLEL, gyrocompass, level, levelled
 

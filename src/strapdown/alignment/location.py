@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..data import Aiding
+from ..data.solution import Aiding
 from ..typing import Array, Ints, Mask
 
 GIVEN_SD = 10.0

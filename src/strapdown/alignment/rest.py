@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constants import REST_SPEED
 from ..core.loop.contract import Imu
 from ..core.mathematics.earth import RATE
+from ..data.recording import Recording
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.unbroken import unbroken
-from ..recording import Recording
 from ..typing import Array, Ints, Mask
+from ..units.constants import REST_SPEED
 from .fixes import position_and_velocity, velocities
 from .initial_heading import StatesBiases
 

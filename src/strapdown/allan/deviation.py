@@ -14,7 +14,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..typing import Array, Ints
-from ..units import SHEET, in_units
+from ..units.conversion import SHEET, in_units
 from .fit import COEFFICIENTS, Fit, edf, fit
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Allan:
         return pd.DataFrame(columns, index=pd.Index(self.gyro.triad.tau, name="tau [s]"))
 
     def _repr_html_(self) -> str:
-        from ..notebook.cards import card, frame, lines
+        from ..pages.notebook.cards import card, frame, lines
 
         table = self.table()
         found = table.loc[

@@ -10,17 +10,17 @@ import plotly.graph_objects as go
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..files import together, write_table
+from ..data.recording import Recording
+from ..fileio.files import together, write_table
+from ..pages.drawing import COLOURS, GREY, finish, log_ticks, note, ribbon
+from ..pages.parts import caption, paragraphs, remarks, table
+from ..pages.shell import Document, Page
 from ..preprocessing.stationary import REST_ACCEL, REST_MEAN, REST_RATE, at_rest, stretches
-from ..recording import Recording
-from ..reports.drawing import COLOURS, GREY, finish, log_ticks, note, ribbon
-from ..reports.parts import caption, paragraphs, remarks, table
-from ..reports.shell import Document, Page
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import grade
 from ..typing import Array
-from ..units import SHEET, in_units
-from ..wording import capitalised, short
+from ..units.conversion import SHEET, in_units
+from ..units.wording import capitalised, short
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
 from .fit import COEFFICIENTS, Fit
 from .suggested_grade import MISFIT, Suggestion, expected, suggest

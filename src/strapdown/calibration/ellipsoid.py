@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constants import MEDIAN_OF_NORMAL
 from ..typing import Array, Mask
+from ..units.constants import MEDIAN_OF_NORMAL
 
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 ELLIPSOID_PARAMETERS = (

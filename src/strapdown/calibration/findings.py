@@ -7,7 +7,7 @@ import numpy as np
 
 from ..io.calibration_file import Correction, composed, write_calibration
 from ..typing import Array, File
-from ..wording import counted
+from ..units.wording import counted
 from .methods import DETAIL
 
 
@@ -116,8 +116,8 @@ class Result:
         write_calibration(path, self.sections(), comments + list(self.notes))
 
     def _repr_html_(self) -> str:
-        from ..notebook.cards import card, lines
-        from ..reports.parts import table
+        from ..pages.notebook.cards import card, lines
+        from ..pages.parts import table
 
         said = lines([self.verdict, *self.notes])
         return card(f"Calibration {self.name}", {}, table(self.header, self.rows), said)

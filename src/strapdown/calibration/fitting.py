@@ -9,14 +9,14 @@ import numpy as np
 
 from ..alignment.location import place_of
 from ..checks import DataError
-from ..constants import STANDARD_GRAVITY
-from ..data import Aiding
-from ..files import together
-from ..geodesy import gravity
+from ..data.recording import Recording
+from ..data.solution import Aiding
+from ..fileio.files import together
+from ..geometry.geodesy import gravity
 from ..io.magnetic_record import sound
 from ..preprocessing.origin import Origin
-from ..recording import Recording
 from ..typing import Array
+from ..units.constants import STANDARD_GRAVITY
 from .ellipsoid import Fit
 from .findings import Result
 from .methods import (

@@ -19,8 +19,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..core.loop.contract import Imu
+from ..geometry.rotation_products import running_products
 from ..preprocessing.imu_samples import GAP_MEDIANS
-from ..rotation_products import running_products
 from ..typing import Array, Ints, Mask
 from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction
 

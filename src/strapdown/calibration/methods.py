@@ -10,7 +10,7 @@ from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..preprocessing.stationary import at_rest, stretches
 from ..typing import Array, Ints
-from ..wording import counted
+from ..units.wording import counted
 from .ellipsoid import Fit, ellipsoid
 from .gyro_aided import turning
 

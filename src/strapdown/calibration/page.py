@@ -4,20 +4,10 @@ misfits."""
 import numpy as np
 import plotly.graph_objects as go
 
-from ..reports.drawing import (
-    COLOURS,
-    GREY,
-    even,
-    finish,
-    line,
-    note,
-    origin,
-    panels,
-    time_label,
-)
-from ..reports.parts import paragraphs, remarks, table
-from ..reports.shell import Document, Page
-from ..wording import capitalised
+from ..pages.drawing import COLOURS, GREY, even, finish, line, note, origin, panels, time_label
+from ..pages.parts import paragraphs, remarks, table
+from ..pages.shell import Document, Page
+from ..units.wording import capitalised
 from .findings import Result
 from .methods import BANDS, DETAIL, SECTORS, coverage
 

@@ -63,7 +63,7 @@ from .help import FORMATS, Command, Commands
 
 if TYPE_CHECKING:
     from ..engine.options import RunOptions
-    from ..reports.shell import Page
+    from ..pages.shell import Page
 
 app = typer.Typer(
     cls=Commands,
@@ -204,7 +204,7 @@ def options(
     ] = False,
 ) -> None:
     """Options of the command itself."""
-    from ..file_limits import reading_limits
+    from ..fileio.limits import reading_limits
 
     changes: dict[str, float | bool] = {"pipes": pipes, "outside": not inside}
     if max_size is not None:
@@ -382,7 +382,7 @@ def _written(
     solution: "sd.Solution", folder: Path, endings: Sequence[str], utc: bool, page: "Page"
 ) -> str:
     """Write the files of a solution, all or none; the line that says which."""
-    from ..files import together
+    from ..fileio.files import together
 
     names = ["solution.nc", "solution.csv", *(["track.kml"] if solution.has_position else [])]
     names += [f"solution.{ending}" for ending in endings if "csv" in ending]

@@ -148,7 +148,7 @@ def installation(
 ) -> None:
     """Find clock offsets, lever arms, mounting and odometer scale from a log, and write them into
     its recording.toml."""
-    from ..files import together
+    from ..fileio.files import together
 
     options: dict[str, Any] = option_values(option)
     whole, grade = read_given(recording, imu, take)

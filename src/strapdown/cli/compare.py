@@ -9,7 +9,7 @@ import typer
 
 import strapdown as sd
 
-from ..wording import counted
+from ..units.wording import counted
 from . import complete
 from .console import (
     ADAPTIVE,

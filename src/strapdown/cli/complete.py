@@ -65,7 +65,7 @@ def plans() -> Offered:
 
 def vehicles() -> Offered:
     """Vehicles whose bounds are known."""
-    from ..vehicle import VEHICLES
+    from ..data.vehicle import VEHICLES
 
     return [(name, "") for name in VEHICLES]
 
@@ -73,7 +73,7 @@ def vehicles() -> Offered:
 def targets() -> Offered:
     """Processors that filters are exported for."""
     from ..native.emit import TARGETS
-    from ..native.export.exported import HOST
+    from ..native.export.folder import HOST
 
     return [(name, "") for name in (HOST, *TARGETS)]
 

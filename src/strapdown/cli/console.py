@@ -17,14 +17,14 @@ import typer
 import strapdown as sd
 
 from ..checks import DataError, check_choice, located
-from ..verdict import Verdict, together
-from ..wording import counted, short
+from ..data.verdict import Verdict, together
+from ..units.wording import counted, short
 from . import complete
 from .help import FORMATS
 
 if TYPE_CHECKING:
     from ..engine.installation import Prior
-    from ..reports.shell import Page
+    from ..pages.shell import Page
     from ..typing import Array
 
 FILTER = Annotated[
@@ -261,7 +261,7 @@ def save_draft(
 ) -> None:
     """Write the draft that --write asks for, where it does, with the grade of --imu. Raises
     DataError."""
-    from ..files import replacing
+    from ..fileio.files import replacing
     from ..io.inspection import draft
 
     if write is None:
@@ -280,7 +280,7 @@ def summarise(solution: "sd.Solution") -> None:
     """Print the summary of a solution without its errors: the verdict first, then notes, start,
     fixes, events, uncertainty at the end."""
     from ..core.loop.contract import DOUBTFUL
-    from ..reports.summary import claimed_sd
+    from ..pages.summary import claimed_sd
 
     print_verdicts({"": solution.verdict})
     for note in solution.meta.get("notes", []):
@@ -432,7 +432,7 @@ def print_errors(
     import numpy as np
 
     from ..evaluation.metrics import AttitudeAngles, errors, rms
-    from ..reports.summary import contradictions, heading_held
+    from ..pages.summary import contradictions, heading_held
 
     rows, found = [], {}
     for name, solution in solutions.items():
@@ -604,7 +604,7 @@ def standard_deviations(items: Sequence[str], option: str) -> "dict[str, Prior]"
 
 
 def _standard_deviation(piece: str, option: str) -> "dict[str, Prior]":
-    from .. import estimable
+    from ..data import calibration_parameters as estimable
 
     words, equals, sd = (part.strip() for part in piece.partition("="))
     name = words.split()[-1] if words else ""

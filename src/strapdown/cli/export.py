@@ -61,7 +61,7 @@ def export(
 ) -> None:
     """Write a filter as an object file with a C header, an example and a README, for firmware,
     WebAssembly and other languages."""
-    from ..native.export import chosen, exported
+    from ..native.export import chosen, folder as exported
 
     options = option_values(option)
     made_for = exported.find_target(target)

@@ -92,11 +92,11 @@ def fly(
 ) -> None:
     """Fly an aircraft on a filter's estimates: writes recording.nc, solution.nc, log.csv and
     report.html."""
-    from ..files import together
+    from ..fileio.files import together
     from ..flight.asked import SENSORS, Loop, World
     from ..flight.figures import facts, sections
     from ..flight.fly import fly as flown
-    from ..reports.page import Added
+    from ..pages.page import Added
     from ..sensor_models.barometer import Barometer
 
     sensors = SENSORS._replace(imu=imu, outage=outage)
@@ -157,7 +157,7 @@ def write_log(flight: "sd.Flight", path: Path) -> None:
     """Write the log of a Flight as CSV, atomically; every column's name has its unit."""
     import pandas as pd
 
-    from ..files import write_table
+    from ..fileio.files import write_table
 
     write_table(pd.DataFrame(flight.log), path, 9)
 
@@ -225,7 +225,7 @@ def drift(flight: "sd.Flight", start: float, stop: float) -> str:
     import numpy as np
 
     from ..evaluation.metrics import errors
-    from ..geodesy import displacement
+    from ..geometry.geodesy import displacement
 
     truth, e = _truth(flight), errors(flight.solution, _truth(flight))
     assert e.position is not None  # only of solutions with a position

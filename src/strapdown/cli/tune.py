@@ -94,7 +94,7 @@ def tune(
 
 def _written(found: "Tuning", path: Path, folder: Path | None, write: bool) -> list[str]:
     """Write what was asked for, all or nothing; lines that say what, and how to use it."""
-    from ..files import together
+    from ..fileio.files import together
 
     lines: list[str] = []
     with together():

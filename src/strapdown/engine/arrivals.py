@@ -7,14 +7,15 @@ from typing import NamedTuple, NoReturn
 
 import numpy as np
 
-from .. import aiding, quantities
+from .. import aiding
 from ..checks import DataError, brief, is_number, shown
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..data import Aiding
+from ..data.solution import Aiding
 from ..preprocessing.attitude_record import possible_attitude
 from ..preprocessing.fixes import possible
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.origin import Origin
+from ..units import quantities
 
 MOST_WAITING_FIXES = 1024
 """Fixes that a stream holds while it waits for a sample."""

@@ -3,14 +3,13 @@
 from typing import Unpack
 
 from .. import filters
-from ..alignment.completed import completed, left_open
+from ..alignment.missing_fields import completed, left_open
 from ..core.loop.contract import Filter, Start
-from ..data import Solution
+from ..data.recording import Recording, check_recording
+from ..data.solution import Solution
+from ..data.vehicle import find as find_vehicle
 from ..progress import listener, with_bar
-from ..recording import Recording, check_recording
 from ..typing import Progress
-from ..vehicle import find as find_vehicle
-from .attitude_first import fed
 from .finish import solution
 from .heading_hypotheses import aligned
 from .installation import of_grade, with_estimates
@@ -23,7 +22,8 @@ from .prepare import (
     positioned,
     ready,
 )
-from .weighed import with_weights
+from .source_weights import with_weights
+from .with_ahrs import fed
 
 
 @takes(RunOptions)

@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from .. import aiding, quantities
+from .. import aiding
 from ..core.compile.records import copied, rows
 from ..core.loop.contract import POS, Cursor, Filter
 from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
-from ..data import Aiding, Rejected
+from ..data.solution import Aiding, Rejected
+from ..data.vehicle import Vehicle
 from ..typing import Array
-from ..vehicle import Vehicle
-from ..wording import counted
+from ..units import quantities
+from ..units.wording import counted
 from .rejections import runs
 from .rejections.contradictions import Run
 from .rejections.windows import Fixes

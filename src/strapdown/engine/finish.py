@@ -10,7 +10,7 @@ from ..core.compile.records import Table
 from ..core.loop.contract import BA, BG, POS, STATES, VEL, Filter
 from ..core.loop.tables import FixRow
 from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, SD, Q, T, V
-from ..data import Aiding, Innovations, Solution, SolutionMeta, Trajectory
+from ..data.solution import Aiding, Innovations, Solution, SolutionMeta, Trajectory
 from ..typing import Array
 from .installation import told
 from .prepare import Run, brought

@@ -19,8 +19,8 @@ from ..alignment.initial import align, starts_around
 from ..alignment.initial_heading import UNKNOWN_SD, Found
 from ..alignment.rest import rests
 from ..core.loop.contract import Noise, Start
-from ..geodesy import wrap
-from ..recording import Recording
+from ..data.recording import Recording
+from ..geometry.geodesy import wrap
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
 from .options import run_options

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from .. import aiding, estimable, filters
+from .. import aiding, filters
 from ..checks import DataError, brief, check_choice, located
 from ..core.compile.records import rows
 from ..core.loop.contract import (
@@ -20,11 +20,12 @@ from ..core.loop.contract import (
 )
 from ..core.mathematics.coupling import Coupling
 from ..core.mathematics.error_dynamics import cross_matrix
-from ..data import Aiding, SolutionMeta
-from ..estimable import AXES, CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data import calibration_parameters as estimable
+from ..data.calibration_parameters import AXES, CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.recording import Recording
+from ..data.solution import Aiding, SolutionMeta
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.lever_arm import lever_arm_of
-from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from .. import aiding, quantities
-from ..constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY
+from .. import aiding
 from ..core.compile.records import rows
 from ..core.loop.contract import Noise
 from ..core.loop.cursor import Limits
-from ..data import Aiding
+from ..data.solution import Aiding
+from ..data.vehicle import Vehicle
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
-from ..vehicle import Vehicle
+from ..units import quantities
+from ..units.constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY
 
 BEYOND = 1.05  # of a described full scale: what reads more is broken
 AT_FULL_SCALE = 0.999

@@ -27,11 +27,11 @@ from ..core.loop.cursor import LoopState
 from ..core.loop.log import LOG_FULL, LogRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.rotation import quaternion_to_euler
-from ..data import Aiding, Solution, Trajectory
-from ..recording import Recording, RecordingMeta
+from ..data.recording import Recording, RecordingMeta
+from ..data.solution import Aiding, Solution, Trajectory
+from ..data.vehicle import Vehicle
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
-from ..vehicle import Vehicle
 from .arrivals import MOST_WAITING_FIXES, Sample, UsableFix
 from .events import Events
 from .finish import solution, stopped

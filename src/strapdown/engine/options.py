@@ -9,11 +9,11 @@ from typing import Any, Final, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack
 
 from ..checks import DataError, check_flag, check_number
 from ..core.loop.contract import Filter, Noise, Start
+from ..data.vehicle import GivenVehicle
 from ..sensor_models.imu import ImuSpec
 from ..typing import File, Say
-from ..vehicle import GivenVehicle
 from .installation import Estimate
-from .weighed import Adaptive, Robust
+from .source_weights import Adaptive, Robust
 
 GivenImu: TypeAlias = ImuSpec | dict[str, Any] | File
 """What names an IMU: a grade, a file, a table of either, or the ImuSpec itself."""

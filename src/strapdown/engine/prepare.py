@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import aiding, filters, quantities
-from ..alignment.completed import MOST_HEADING, PARTS
+from .. import aiding, filters
+from ..alignment.missing_fields import MOST_HEADING, PARTS
 from ..checks import DataError, brief, check_number, shown
-from ..constants import MAX_PAUSE
 from ..core.compile import records
 from ..core.compile.records import Table
 from ..core.loop import loop, stages
@@ -44,12 +43,14 @@ from ..core.loop.stages.clock import new_recent
 from ..core.loop.tables import FixRow
 from ..core.mathematics import solution_row
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..data import Aiding
+from ..data.recording import Recording
+from ..data.solution import Aiding
+from ..data.vehicle import find as find_vehicle
 from ..plugins import one_line
-from ..recording import Recording
 from ..sensor_models.imu import ImuSpec, grade, grades
 from ..typing import Array, ArrayLike, Progress, Say
-from ..vehicle import find as find_vehicle
+from ..units import quantities
+from ..units.constants import MAX_PAUSE
 from . import installation
 from .events import Events
 from .installation import OfImu

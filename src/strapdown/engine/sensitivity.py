@@ -26,7 +26,6 @@ from ..core.loop.contract import (
 from ..core.loop.gaps import LONGEST_HOLD, LONGEST_STEP
 from ..core.loop.tables import FixRow
 from ..core.mathematics.adjoint import INNOVATION, SMOOTHER, width
-from ..core.mathematics.correlated import FADED
 from ..core.mathematics.error_state import PREDICTED
 from ..core.mathematics.sensitivity import (
     BEHIND,
@@ -37,7 +36,8 @@ from ..core.mathematics.sensitivity import (
     run_sensitivity,
     save_step,
 )
-from ..recording import Recording
+from ..core.mathematics.time_correlated import FADED
+from ..data.recording import Recording
 from ..typing import Array, Ints, Progress
 from .batch import begin
 from .options import RunOptions

@@ -35,10 +35,10 @@ from ..core.loop.contract import (
 from ..core.loop.log import Code
 from ..core.mathematics import solution_row
 from ..core.mathematics.smoother import run_back, work_size
-from ..data import Separation, Solution
-from ..geodesy import displacement
+from ..data.recording import Recording
+from ..data.solution import Separation, Solution
+from ..geometry.geodesy import displacement
 from ..progress import listener, with_bar
-from ..recording import Recording
 from ..typing import Array, Ints, Progress
 from .batch import begin
 from .events import Events

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import DataError, brief, check_array, check_flag, check_number
-from ..constants import MAX_TIME_CONSTANT
 from ..core.loop.contract import (
     Filter,
     SourceRow,
 )
-from ..data import Aiding, Correlated
+from ..data.solution import Aiding, Correlated
+from ..units.constants import MAX_TIME_CONSTANT
 
 
 def place_noise(source: SourceRow, a: Aiding, first: int) -> int:

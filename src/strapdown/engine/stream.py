@@ -10,19 +10,20 @@ from typing import NoReturn, Unpack
 import numpy as np
 
 from .. import filters
-from ..alignment.completed import left_open
+from ..alignment.missing_fields import left_open
 from ..checks import DataError, check_number
-from ..constants import MAX_PAUSE
 from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Start
 from ..core.loop.loop import SAME_TIME
-from ..data import Aiding, Solution
+from ..data.recording import RecordingMeta
+from ..data.solution import Aiding, Solution
+from ..data.vehicle import Vehicle, find as find_vehicle
+from ..data.verdict import Verdict
 from ..preprocessing.imu_samples import LONGEST_INTERVAL
 from ..preprocessing.plausible import mistakes
-from ..recording import RecordingMeta
 from ..typing import Array
-from ..vehicle import Vehicle, find as find_vehicle
-from ..verdict import Verdict
+from ..units.constants import MAX_PAUSE
 from . import events as words
+from .alignment_buffer import Gathering
 from .arrivals import (
     MOST_WAITING_FIXES,
     Fix as Fix,
@@ -33,9 +34,7 @@ from .arrivals import (
     refuse_event,
     refuse_sample,
 )
-from .attitude_first import SILENT, attitudes, chosen, notes_on, taken_by, whose
 from .events import Events
-from .gathering import Gathering
 from .installation import (
     Estimate,
     OfImu,
@@ -47,6 +46,7 @@ from .installation import (
     without_estimates,
 )
 from .live_run import LiveRun, SetUp
+from .notifier import BEYOND, OnEvent, Telling
 from .options import RunOptions, run_options, takes
 from .prepare import (
     assumed_noise,
@@ -61,8 +61,8 @@ from .prepare import (
     usable,
 )
 from .source_noise import followed
-from .telling import BEYOND, OnEvent, Telling
-from .weighed import weighed
+from .source_weights import weighed
+from .with_ahrs import SILENT, attitudes, chosen, notes_on, taken_by, whose
 
 AHEAD = 10.0
 """s by which a fix may be ahead of the newest sample, or the lag where that is longer."""

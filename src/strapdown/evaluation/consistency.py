@@ -13,9 +13,9 @@ import numpy as np
 
 from ..checks import DataError, check_choice
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL
-from ..data import Solution
+from ..data.recording import Recording
+from ..data.solution import Solution
 from ..engine.prepare import Brought, brought
-from ..recording import Recording
 from ..typing import Array, ArrayLike
 from . import metrics
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise, Start
-from ..data import Solution, Trajectory
+from ..data.recording import Recording
+from ..data.solution import Solution, Trajectory
 from ..engine.batch import fuse
-from ..recording import Recording
 from ..typing import Array
 from .metrics import errors
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..core.loop.stages.adaptive import LASTING as UNEXPLAINED
-from ..data import Innovations
+from ..data.solution import Innovations
 from ..typing import Array, Mask
 
 CLIPPED = 4.0

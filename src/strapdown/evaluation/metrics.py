@@ -15,11 +15,11 @@ import numpy as np
 
 from ..checks import DataError, brief
 from ..core.mathematics.rotation import quaternion_to_euler
-from ..data import Solution, Trajectory
-from ..geodesy import displacement, radii, wrap
-from ..rotation_products import slerp, turns_between, unit
+from ..data.solution import Solution, Trajectory
+from ..data.value import Value
+from ..geometry.geodesy import displacement, radii, wrap
+from ..geometry.rotation_products import slerp, turns_between, unit
 from ..typing import Array, Ints, Mask
-from ..value import Value
 
 NED_AXES, EULER = ("north", "east", "down"), ("roll", "pitch", "heading")
 """Names of the columns of errors."""

@@ -3,8 +3,8 @@ states scaled to their standard deviations."""
 
 import math
 
-from ..core.compile.choosing import where
 from ..core.compile.jit import helper, kernel
+from ..core.compile.selection import where
 from ..core.compile.signatures import reals, signature
 from ..typing import Array
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from ..checks import DataError, check_array
 from ..core.mathematics.error_dynamics import cross_matrix
-from ..data import Solution, Trajectory
-from ..time_scales import seconds_to
+from ..data.solution import Solution, Trajectory
 from ..typing import Array, ArrayLike
+from ..units.time_scales import seconds_to
 from .metrics import interpolated
 
 MOTION = 9

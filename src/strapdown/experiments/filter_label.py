@@ -4,9 +4,10 @@ as studies, comparisons and their tables have them."""
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from .. import estimable, filters
+from .. import filters
 from ..checks import DataError, check_choice
 from ..core.loop.contract import STATES, Filter, Noise, Start
+from ..data import calibration_parameters as estimable
 from ..engine.prepare import check_options, new_belief
 
 ESTIMATE, NOTHING = "estimate", "none"

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..checks import DataError, brief, check_array, check_choice, check_number
 from ..core.loop.contract import Filter, Noise
-from ..data import Aiding
+from ..data.solution import Aiding
 from ..engine.prepare import check_needs, positioned
 from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer

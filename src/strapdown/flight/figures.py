@@ -9,10 +9,10 @@ import numpy as np
 import plotly.graph_objects as go
 
 from ..core.compile.records import Table
-from ..data import Aiding, SolutionMeta, Trajectory
+from ..data.solution import Aiding, SolutionMeta, Trajectory
 from ..evaluation.metrics import any_known
-from ..geodesy import displacement
-from ..reports.drawing import (
+from ..geometry.geodesy import displacement
+from ..pages.drawing import (
     COLOURS,
     GREY,
     even,

@@ -14,14 +14,14 @@ from ..core.compile.jit import address, bound
 from ..core.compile.records import Table, copied, rows
 from ..core.loop.contract import Filter, Fixes, Imu, Noise, Start
 from ..core.loop.loop import SAME_TIME, run as run_samples
-from ..data import Aiding, Solution, Trajectory
+from ..data.recording import Recording, RecordingMeta
+from ..data.solution import Aiding, Solution, Trajectory
 from ..engine.batch import begin as begin_run
 from ..engine.finish import solution as solution_of
 from ..engine.options import run_options
 from ..engine.prepare import ROWS_AT_ONCE, Run, positioned
 from ..filters import names as filter_names
 from ..progress import listener, with_bar
-from ..recording import Recording, RecordingMeta
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.receiver import receiver
@@ -138,7 +138,7 @@ class Flight:
     route: Table[Segment] = field(compare=False)
 
     def _repr_html_(self) -> str:
-        from ..notebook.cards import card
+        from ..pages.notebook.cards import card
 
         return card(repr(self), {}, self.solution._repr_html_())
 

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 from xml.sax.saxutils import escape
 
 from ..checks import DataError
-from ..files import replacing
+from ..fileio.files import replacing
 from ..sim.jsbsim import FOOT
 from ..typing import File
 from .aircraft.parameters import Aircraft, aircraft as find

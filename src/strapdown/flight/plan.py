@@ -12,9 +12,9 @@ import numpy as np
 from ..checks import DataError, check_array, check_number, did_you_mean, located
 from ..core.compile.records import Table, rows
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..files import read_toml
-from ..geodesy import wrap
-from ..toml_keys import Key, listed, made, number, read_table, scaled, text
+from ..fileio.files import read_toml
+from ..fileio.toml_keys import Key, listed, made, number, read_table, scaled, text
+from ..geometry.geodesy import wrap
 from ..typing import Array, File
 from .autopilot import Segment
 

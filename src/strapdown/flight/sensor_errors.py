@@ -14,7 +14,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Fixes, Imu
-from ..data import Aiding, Trajectory
+from ..data.solution import Aiding, Trajectory
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.errors import Triad
 from ..sensor_models.gnss import Gnss, PositionPlan

@@ -1,4 +1,4 @@
-"""Files in and out: everything between a file and a `strapdown.recording.Recording`.
+"""Files in and out: everything between a file and a `strapdown.data.recording.Recording`.
 
 README.md of this folder says what its rooms have.
 """

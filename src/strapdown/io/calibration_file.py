@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, located
-from ..files import read_toml, replacing
+from ..fileio.files import read_toml, replacing
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import temperature_rows
 from ..typing import Array, File, Mask

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from ..checks import DataError
-from ..recording import Recording
-from ..verdict import Reason
+from ..data.recording import Recording
+from ..data.verdict import Reason
 from .tables.table_file import Table
 
 Made = TypeVar("Made")

@@ -7,20 +7,20 @@ import numpy as np
 
 from ..aiding import find
 from ..core.loop.contract import Imu
-from ..cross_checks.all import check
-from ..data import Aiding
+from ..data.recording import Recording, RecordingMeta
+from ..data.solution import Aiding
+from ..data.verdict import Reason
+from ..inspection.all import check
 from ..preprocessing.attitude_checks import facts_and_reasons as of_attitude
 from ..preprocessing.fixes import little_overlap
 from ..preprocessing.imu_samples import GAP_MEDIANS, MOST_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.vehicle_rest import moving
-from ..recording import Recording, RecordingMeta
 from ..sensor_models.imu import grade
-from ..time_scales import span, utc
 from ..typing import Array, Ints, Mask
-from ..verdict import Reason
-from ..wording import counted
+from ..units.time_scales import span, utc
+from ..units.wording import counted
 from .contract import Findings
 from .magnetic_record import facts_and_reasons as of_field
 

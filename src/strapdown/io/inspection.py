@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..checks import DataError, printable
-from ..file_limits import reading_within
+from ..data.verdict import Reason
+from ..fileio.limits import reading_within
 from ..typing import File
-from ..verdict import Reason
 from .facts import recording_facts
 from .recordings import read
 from .registry import ask, looker

@@ -8,15 +8,15 @@ vertical (its dip) in every attitude: that is what the checks rest on.
 import numpy as np
 
 from ..checks import DataError
-from ..constants import STANDARD_GRAVITY
 from ..core.loop.contract import Imu
-from ..data import Aiding
+from ..data.solution import Aiding
+from ..data.verdict import Reason
 from ..preprocessing.axes import named_permutation, signed_permutations
 from ..preprocessing.origin import Origin
 from ..preprocessing.stuck import STUCK_TIME, STUCK_TURN, stuck, turned as turned_by
 from ..typing import Array, ArrayLike, Mask
-from ..verdict import Reason
-from ..wording import counted
+from ..units.constants import STANDARD_GRAVITY
+from ..units.wording import counted
 
 LEAST_LEVELS, PILE, TIMES = 20, 0.01, 5
 """A column is saturated where it has more than LEAST_LEVELS values and its extreme one holds more

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 from ..aiding import find
 from ..checks import DataError, check_number, did_you_mean, located
-from ..constants import MAX_TIME_CONSTANT
-from ..data import Aiding, Correlated
-from ..files import read_toml, replacing
-from ..quantities import shown_unit
-from ..recording import Recording, check_recording
-from ..toml_keys import Key, flag, items, read_table, section
+from ..data.recording import Recording, check_recording
+from ..data.solution import Aiding, Correlated
+from ..fileio.files import read_toml, replacing
+from ..fileio.toml_keys import Key, flag, items, read_table, section
 from ..typing import File
+from ..units.constants import MAX_TIME_CONSTANT
+from ..units.quantities import shown_unit
 
 FACTOR, CORRELATED = "sd_factor", "correlated"
 """Keys of a section."""

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from ..checks import DataError, printable
-from ..file_limits import reading_within
-from ..recording import Recording
+from ..data.recording import Recording
+from ..fileio.limits import reading_within
 from ..typing import File
 from .registry import ask, taker
 

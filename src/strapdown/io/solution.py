@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from ..checks import DataError
-from ..data import Solution
-from ..files import replacing
+from ..data.solution import Solution
+from ..fileio.files import replacing
 from ..typing import File
 from .own.hdf5_content import one_line
 from .solutions.geojson import geojson

@@ -5,11 +5,11 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..cross_checks.gyro_fit import EVIDENCE, likelier
-from ..cross_checks.motion import Subject
+from ..data.recording import Recording
+from ..data.vehicle import GivenVehicle
+from ..inspection.gyro_fit import EVIDENCE, likelier
+from ..inspection.motion import Subject
 from ..preprocessing.plausible import UNFELT, mistakes
-from ..recording import Recording
-from ..vehicle import GivenVehicle
 
 
 def accusation(

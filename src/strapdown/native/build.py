@@ -28,8 +28,8 @@ import strapdown
 from ..checks import DataError, check_choice, did_you_mean
 from ..core.compile import kernel_cache, library, machine_code, signatures
 from ..core.compile.jit import Kernel
-from ..file_locks import part_of
-from . import emit, ir, placing
+from ..fileio.locks import part_of
+from . import emit, ir, relocation as placing
 
 SLOW = ("core.loop", "xkf", "two_stage", "sigma_point", "particle", "nlo", "flight", "ekf")
 """Parts of the names of kernels that take longest: they come first, so that none of them is left over

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..data import Aiding
-from ..rotation_products import running_products
+from ..data.solution import Aiding
+from ..data.verdict import Reason
+from ..geometry.rotation_products import running_products
 from ..typing import Array, Ints, Mask
-from ..verdict import Reason
-from ..wording import counted
+from ..units.wording import counted
 from .axes import named_permutation, signed_permutations
 from .stationary import at_rest, without_bias
 from .stuck import STUCK_TIME, stuck

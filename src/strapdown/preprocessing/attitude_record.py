@@ -6,7 +6,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ..checks import DataError
-from ..data import Trajectory
+from ..data.solution import Trajectory
 from ..typing import Array
 from .axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from .origin import Origin

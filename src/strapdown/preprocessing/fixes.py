@@ -10,13 +10,13 @@ from ..aiding import find
 from ..checks import DataError
 from ..core.loop.contract import Imu, Measurement
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..data import Aiding, Trajectory
-from ..quantities import REGISTRY as QUANTITIES, dimension, si
-from ..time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
+from ..data.solution import Aiding, Trajectory
+from ..data.vehicle import GivenVehicle
+from ..data.verdict import Reason
 from ..typing import Array, ArrayLike
-from ..vehicle import GivenVehicle
-from ..verdict import Reason
-from ..wording import counted
+from ..units.quantities import REGISTRY as QUANTITIES, dimension, si
+from ..units.time_scales import DAY, GPS_ZERO, WEEK, iso, span, utc
+from ..units.wording import counted
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
 from .imu_samples import imu_from_arrays, ordered

@@ -6,11 +6,11 @@ from bisect import bisect_right
 import numpy as np
 
 from ..checks import DataError
-from ..constants import MAX_PAUSE
 from ..core.loop.contract import Imu
+from ..data.vehicle import GivenVehicle
 from ..typing import Array, ArrayLike, Ints
-from ..vehicle import GivenVehicle
-from ..wording import counted
+from ..units.constants import MAX_PAUSE
+from ..units.wording import counted
 from .origin import Origin, Rows
 from .plausible import refuse_mistakes
 

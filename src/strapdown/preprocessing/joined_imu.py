@@ -6,7 +6,7 @@ import numpy as np
 from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..typing import Array
-from ..wording import counted
+from ..units.wording import counted
 from .imu_samples import GAP_MEDIANS
 
 LEAST_COVERED = 0.99

@@ -18,8 +18,8 @@ import numpy as np
 
 from ..checks import DataError, check_array
 from ..core.loop.contract import Imu
-from ..data import Aiding, Trajectory
-from ..geodesy import displaced
+from ..data.solution import Aiding, Trajectory
+from ..geometry.geodesy import displaced
 from ..typing import Array, ArrayLike
 
 if TYPE_CHECKING:

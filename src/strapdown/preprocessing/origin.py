@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..checks import DataError
 from ..typing import Ints, Mask
-from ..wording import counted
+from ..units.wording import counted
 
 
 class Origin(NamedTuple):

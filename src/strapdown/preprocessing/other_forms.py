@@ -3,9 +3,9 @@ positions, velocities and attitudes in ECEF."""
 
 import numpy as np
 
-from .. import geodesy
+from ..geometry import geodesy
 from ..typing import Array
-from ..wording import counted
+from ..units.wording import counted
 from .origin import Origin
 
 STANDSTILL = 0.5

@@ -8,11 +8,11 @@ aircraft and hand-held data pass with a factor of 4 or more to spare.
 import numpy as np
 
 from ..checks import DataError
-from ..constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from ..core.loop.contract import Imu
+from ..data.vehicle import GivenVehicle, find
+from ..data.verdict import Reason
 from ..typing import Array, ArrayLike
-from ..vehicle import GivenVehicle, find
-from ..verdict import Reason
+from ..units.constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from .stationary import rate_at_rest
 
 LEAST_MEDIAN_FORCE, MOST_MEDIAN_FORCE = 3.0, 60.0

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..aiding import find
-from ..data import Aiding
+from ..data.solution import Aiding
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation

@@ -5,10 +5,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..constants import REST_SPEED
 from ..core.loop.contract import Imu
-from ..data import Aiding
+from ..data.solution import Aiding
 from ..typing import Array, Mask
+from ..units.constants import REST_SPEED
 from .stationary import in_all_windows, spread
 
 STEP, WINDOW = 0.1, 1.0

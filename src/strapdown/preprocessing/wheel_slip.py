@@ -9,7 +9,7 @@ of a car that does not slip sideways is yaw rate times speed.
 import numpy as np
 
 from ..core.loop.contract import Imu
-from ..data import Aiding
+from ..data.solution import Aiding
 from ..typing import Array, Mask
 from .lever_arm import lever_arm_of
 from .stationary import rate_at_rest, stretches

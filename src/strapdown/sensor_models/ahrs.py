@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_number
-from ..data import Aiding, Trajectory
+from ..data.solution import Aiding, Trajectory
 from ..typing import Array
 from .magnetometer import rotation_at
 from .sampling import sample_times, spread

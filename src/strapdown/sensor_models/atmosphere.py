@@ -9,8 +9,8 @@ less than the geometric height.
 import numpy as np
 
 from ..checks import DataError
-from ..constants import STANDARD_GRAVITY
 from ..typing import Array, ArrayLike, Mask
+from ..units.constants import STANDARD_GRAVITY
 
 SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15  # Pa, K
 LAPSE, GAS = 6.5e-3, 287.05287  # K/m, J/(kg K) of dry air

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number
-from ..data import Aiding, Trajectory
+from ..data.solution import Aiding, Trajectory
 from ..typing import Array
 from .atmosphere import (
     HIGHEST_AIR,

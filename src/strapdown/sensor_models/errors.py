@@ -13,7 +13,7 @@ import numpy as np
 
 from ..checks import DataError, check_number
 from ..typing import Array
-from ..units import SHEET
+from ..units.conversion import SHEET
 from .noise import FLICKER_FLOOR, FLICKER_TIMES, FLICKER_VARIANCE
 
 LARGEST = 1e12

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_flag, check_number
-from ..constants import MAX_TIME_CONSTANT
-from ..data import Aiding, Correlated, Trajectory
-from ..geodesy import radii, wrap
+from ..data.solution import Aiding, Correlated, Trajectory
+from ..geometry.geodesy import radii, wrap
 from ..typing import Array, Ints
+from ..units.constants import MAX_TIME_CONSTANT
 from .noise import gauss_markov
 from .sampling import (
     arm_in_navigation,

@@ -11,11 +11,16 @@ import numpy as np
 
 from ..checks import DataError, brief, check_number, did_you_mean, located
 from ..core.loop.contract import Imu, Noise
-from ..estimable import ACCEL_MISALIGNMENT, ACCEL_SCALE, GYRO_MISALIGNMENT, GYRO_SCALE
-from ..files import find_shipped, read_toml, replacing, shipped
-from ..toml_keys import Key, Read, made, read_table, section, text
+from ..data.calibration_parameters import (
+    ACCEL_MISALIGNMENT,
+    ACCEL_SCALE,
+    GYRO_MISALIGNMENT,
+    GYRO_SCALE,
+)
+from ..fileio.files import find_shipped, read_toml, replacing, shipped
+from ..fileio.toml_keys import Key, Read, made, read_table, section, text
 from ..typing import Array, File
-from ..units import SHEET, factor, in_units, quantity, toml_quantity
+from ..units.conversion import SHEET, factor, in_units, quantity, toml_quantity
 from .errors import Triad, WarmUp, terms
 from .imu_errors import RATES, Own, Shared, drawn, shared, simulate_errors
 from .streams import SeedLike, Stream

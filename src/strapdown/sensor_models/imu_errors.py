@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.compile.choosing import where
 from ..core.compile.jit import helper, kernel
+from ..core.compile.selection import where
 from ..core.compile.signatures import in_lanes, reals, record, signature, wholes
 from ..core.loop.contract import Imu
 from ..core.mathematics.elementary import floor

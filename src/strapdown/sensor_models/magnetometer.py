@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_choice, check_number, is_number
-from ..data import Aiding, Trajectory
+from ..data.solution import Aiding, Trajectory
 from ..typing import Array, ArrayLike
 from .sampling import sample_times, spread
 from .streams import SeedLike, Stream

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ..checks import DataError, brief, did_you_mean, located
-from ..data import Correlated
-from ..files import find_shipped, read_toml, shipped
-from ..toml_keys import Key, Read, flag, listed, made, number, read_table, text, three
+from ..data.solution import Correlated
+from ..fileio.files import find_shipped, read_toml, shipped
+from ..fileio.toml_keys import Key, Read, flag, listed, made, number, read_table, text, three
 from ..typing import File
 from .gnss import Gnss
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError, check_array, check_number, is_number
-from ..data import Trajectory
-from ..geodesy import wrap
+from ..data.solution import Trajectory
+from ..geometry.geodesy import wrap
 from ..typing import Array
 
 

@@ -24,7 +24,7 @@ from ..core.loop.contract import (
     bound,
 )
 from ..core.mathematics.source import PARAMETERS, new_source
-from ..data import Aiding, Trajectory
+from ..data.solution import Aiding, Trajectory
 from ..typing import Array, Mask
 from .magnetometer import rotation_at
 from .sampling import interpolated, sample_times

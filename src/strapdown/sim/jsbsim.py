@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..checks import DataError, check_array, check_number, did_you_mean, is_number, located
-from ..data import Trajectory
+from ..data.solution import Trajectory
 from ..typing import Array
 from .splined import splined
 from .trajectory import DEG, Motion

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from ..checks import DataError, check_keys, check_number, located
-from ..constants import STANDARD_GRAVITY as G
 from ..typing import Array
+from ..units.constants import STANDARD_GRAVITY as G
 from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 

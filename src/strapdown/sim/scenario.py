@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ..checks import DataError, did_you_mean
-from ..files import find_shipped, shipped
+from ..fileio.files import find_shipped, shipped
 from ..typing import File
 from .scenario_file import read
 from .scenario_model import START_SD, Scenario

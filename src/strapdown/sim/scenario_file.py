@@ -9,13 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..checks import DataError, check_choice, located
-from ..files import read_toml
-from ..sensor_models.ahrs import Ahrs
-from ..sensor_models.barometer import Barometer
-from ..sensor_models.magnetometer import Disturbance, Magnetometer
-from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
-from ..sensor_models.simulated import Simulated
-from ..toml_keys import (
+from ..fileio.files import read_toml
+from ..fileio.toml_keys import (
     Key,
     Read,
     bound,
@@ -32,6 +27,11 @@ from ..toml_keys import (
     three,
     within,
 )
+from ..sensor_models.ahrs import Ahrs
+from ..sensor_models.barometer import Barometer
+from ..sensor_models.magnetometer import Disturbance, Magnetometer
+from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
+from ..sensor_models.simulated import Simulated
 from ..typing import File
 from . import motions
 from .jsbsim import Target, jsbsim_motion

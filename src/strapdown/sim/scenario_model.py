@@ -13,7 +13,7 @@ import numpy as np
 from ..checks import DataError, check_array, check_choice, check_number, located
 from ..core.loop.contract import STATES
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..data import Trajectory
+from ..data.solution import Trajectory
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.geomagnetism import geomagnetic_field

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..checks import DataError
-from ..constants import STANDARD_GRAVITY as G
 from ..typing import Array
+from ..units.constants import STANDARD_GRAVITY as G
 from .analytic import Numbers, Times, arctangent, cosine, lifted, sine, waves
 from .motions import AIRCRAFT_GUSTS, flat_legs, profiles
 from .trajectory import DEG, Motion

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from ..checks import DataError
-from ..data import Trajectory
-from ..geodesy import displacement
+from ..data.solution import Trajectory
+from ..geometry.geodesy import displacement
 from ..typing import Array
 from .analytic import Times
 from .trajectory import Motion, OfTime, sample

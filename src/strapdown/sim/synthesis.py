@@ -11,9 +11,9 @@ import numpy as np
 
 from ..checks import DataError, check_array, check_number
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Imu, Start
-from ..data import Aiding, Trajectory
-from ..geodesy import displaced
-from ..recording import Recording, RecordingMeta
+from ..data.recording import Recording, RecordingMeta
+from ..data.solution import Aiding, Trajectory
+from ..geometry.geodesy import displaced
 from ..sensor_models.ahrs import Ahrs
 from ..sensor_models.barometer import Barometer
 from ..sensor_models.gnss import Gnss, without_fixes

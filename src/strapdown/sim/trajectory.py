@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import DataError
 from ..core.loop.contract import Imu
-from ..data import Trajectory
+from ..data.solution import Trajectory
 from ..typing import Array, ArrayLike, Ints
 from .analytic import Numbers, Times
 

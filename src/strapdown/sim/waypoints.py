@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..checks import DataError
-from ..constants import STANDARD_GRAVITY as G
 from ..core.mathematics.earth import LATITUDE_LIMIT
-from ..geodesy import displacement
+from ..geometry.geodesy import displacement
 from ..typing import Array
+from ..units.constants import STANDARD_GRAVITY as G
 from .analytic import Profile
 from .motions import LONGEST_MOTION, flown
 from .trajectory import DEG, Motion, sample

@@ -10,10 +10,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from ..constants import CHI_SQUARE_95
-from ..data import Solution
+from ..data.solution import Solution
 from ..evaluation.consistency import band, whiteness
-from ..reports.drawing import (
+from ..pages.drawing import (
     COLOURS,
     GREY,
     finish,
@@ -24,8 +23,9 @@ from ..reports.drawing import (
     ribbon,
     time_label,
 )
-from ..reports.spectra import power_spectrum, segments
+from ..pages.spectra import power_spectrum, segments
 from ..typing import Array
+from ..units.constants import CHI_SQUARE_95
 
 if TYPE_CHECKING:
     from .findings import Parameter, Tuning

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import DataError
-from ..files import together
+from ..data.recording import Recording
+from ..fileio.files import together
 from ..io.description.found import Change
 from ..io.description.rewriting import check_writable
 from ..io.description.rewriting_noise import (
@@ -22,7 +23,6 @@ from ..io.description.rewriting_noise import (
     scaled_deviations,
 )
 from ..io.noise_file import SourceNoise, correlated_text, in_tables, write_noise
-from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 from .numbers import IMU, TIME, WHITE

@@ -7,9 +7,9 @@ from math import inf, isclose
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..data import Solution
+from ..data.recording import Recording
+from ..data.solution import Solution
 from ..evaluation.fix_statistics import lasts
-from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, File
 from .files import change, difference, name_of, write
@@ -18,7 +18,7 @@ from .numbers import WHITE, Number
 if TYPE_CHECKING:
     import pandas as pd
 
-    from ..reports.shell import Page
+    from ..pages.shell import Page
 
 TUNED, AT_MOST, AT_LEAST, OPEN, KEPT = "tuned", "at most", "at least", "open", "kept"
 """Status of a Parameter: both ends of its interval are there; only the upper; only the lower; none;
@@ -256,7 +256,7 @@ class Tuning:
         return f"Tuning({self.summary})"
 
     def _repr_html_(self) -> str:
-        from ..notebook.cards import card, frame, lines
+        from ..pages.notebook.cards import card, frame, lines
 
         said = lines([*self.undecided, *self.notes, self.used])
         return card(f"Tuning: {self.summary}", {}, frame(self.table()), said)

@@ -4,9 +4,9 @@ like before and after."""
 from html import escape
 from typing import TYPE_CHECKING
 
-from ..reports.parts import Cell, caption, numbered, paragraphs, table
-from ..reports.shell import Document, Page
-from ..reports.verdict_block import judged
+from ..pages.parts import Cell, caption, numbered, paragraphs, table
+from ..pages.shell import Document, Page
+from ..pages.verdict_block import judged
 from .figures import (
     DRAWN,
     autocorrelation_figure,

@@ -7,13 +7,13 @@ import numpy as np
 
 from ..checks import DataError, check_number
 from ..core.loop.contract import Imu, Start
-from ..data import Solution
-from ..diagnosis.screening import started, window
+from ..data.recording import Recording
+from ..data.solution import Solution
 from ..engine.options import RunOptions
 from ..engine.prepare import Run
 from ..engine.smoothing import smooth
+from ..installation.screening import started, window
 from ..preprocessing.unbroken import summed
-from ..recording import Recording
 
 STEP = 0.01
 """s: shorter samples are summed to this."""

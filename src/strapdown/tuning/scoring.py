@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constants import CHI_SQUARE_95
 from ..typing import Array, Ints, Mask
+from ..units.constants import CHI_SQUARE_95
 from .likelihood import Likelihood, Point, Slope, slope
 
 ENOUGH = 0.02

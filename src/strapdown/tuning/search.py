@@ -8,20 +8,20 @@ import numpy as np
 from ..aiding import find
 from ..checks import DataError
 from ..core.loop.contract import Filter, Start
-from ..data import Aiding, Solution
+from ..data.recording import Recording
+from ..data.solution import Aiding, Solution
 from ..engine.batch import begin, fuse
 from ..engine.options import RunOptions
 from ..engine.prepare import Run
 from ..evaluation.fix_statistics import correlation, counts, lasts
-from ..recording import Recording
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Mask
-from .counted import passed, rough, used
-from .lasting import with_lasting
 from .likelihood import Likelihood
 from .numbers import IMU, TIME, WHITE
+from .outliers import passed, rough, used
 from .part import check_length, part, smoothed_start
 from .scoring import Profile, Top, climb, profile
+from .time_correlation import with_lasting
 from .unknowns import (
     APART,
     Unknown,

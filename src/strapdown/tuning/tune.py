@@ -8,13 +8,13 @@ from .. import filters
 from ..aiding import find
 from ..checks import DataError, check_flag
 from ..core.loop.contract import Filter
+from ..data.recording import Recording, check_recording
 from ..engine.options import SetUpOptions, run_options, takes
 from ..engine.prepare import assumed_noise
 from ..progress import listener, with_bar
-from ..recording import Recording, check_recording
 from ..typing import Progress
+from .conclusions import directions, fits, judge, parameters
 from .findings import AT_LEAST, OPEN, Tuning
-from .judged import directions, fits, judge, parameters
 from .search import Search
 
 MOVES = ("position", "velocity", "speed")

@@ -5,16 +5,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import quantities
 from ..aiding import find
 from ..core.loop.contract import Noise
-from ..data import Aiding, Correlated
+from ..data.solution import Aiding, Correlated
 from ..engine.options import RunOptions
 from ..engine.prepare import Run, ready
 from ..sensor_models.errors import Triad
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array
-from ..units import SHEET, in_units
+from ..units import quantities
+from ..units.conversion import SHEET, in_units
 from .numbers import IMU, LASTING, OF_IMU, TIME, WHITE, Number
 
 WIDE = 100.0

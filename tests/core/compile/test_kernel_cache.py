@@ -20,7 +20,7 @@ from strapdown.core.compile import compiler, jit, kernel_cache
 from strapdown.core.compile.jit import compile_kernel, kernel
 from strapdown.core.compile.signatures import REAL, signature
 from strapdown.core.loop.contract import OBSERVE
-from strapdown.file_locks import PART, lock
+from strapdown.fileio.locks import PART, lock
 
 PACKAGE = Path(strapdown.__file__).parent
 pytestmark = pytest.mark.skipif(not jit.COMPILED, reason="the compiler is off")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from strapdown.core.compile.c_calls import aligned
-from strapdown.core.compile.choosing import all_of, any_of, where
 from strapdown.core.compile.jit import (
     COMPILED,
     bits,
@@ -18,6 +17,7 @@ from strapdown.core.compile.jit import (
     matrix,
     sides,
 )
+from strapdown.core.compile.selection import all_of, any_of, where
 from strapdown.core.compile.signatures import LANES, REAL, in_lanes, reals, signature, wholes
 from strapdown.core.mathematics import elementary
 

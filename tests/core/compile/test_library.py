@@ -19,7 +19,7 @@ from strapdown.core.compile import jit, library, machine_code
 from strapdown.core.compile.signatures import ABI
 from strapdown.core.loop.contract import OBSERVE
 from strapdown.core.mathematics import elementary
-from strapdown.native import emit, placing
+from strapdown.native import emit, relocation as placing
 from strapdown.sim.trajectory import demo_flight
 
 PACKAGE = library.PACKAGE

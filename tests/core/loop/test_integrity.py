@@ -11,19 +11,19 @@ from scipy import stats
 from scripted_filter import SCRIPTED, scripted
 
 import strapdown as sd
-from strapdown import quantities
 from strapdown.core.loop import gaps, integrity, log
 from strapdown.core.loop.log import Code
 from strapdown.core.loop.loop import SAME_TIME
-from strapdown.data import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution.solution import DOUBTFUL, INVALID, VALID, Aiding
+from strapdown.data.solution.vehicle import VEHICLES
 from strapdown.engine.events import MOST_OF_A_KIND, Events, log_row
 from strapdown.engine.limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
-from strapdown.geodesy import displaced
+from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.trajectory import static
-from strapdown.vehicle import VEHICLES
+from strapdown.units.conversion import quantities
 
 pytestmark = pytest.mark.short
 

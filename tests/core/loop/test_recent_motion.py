@@ -10,12 +10,12 @@ from strapdown.core.loop.motion import ROWS
 from strapdown.core.loop.stages.clock import AHEAD, BEHIND, followed_back, keep
 from strapdown.core.mathematics.earth import gravity
 from strapdown.core.mathematics.source import new_source
-from strapdown.data import Aiding
+from strapdown.data.solution.solution import Aiding
+from strapdown.data.solution.vehicle import find
 from strapdown.engine.limits import limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.sensor_models.imu import grade
-from strapdown.vehicle import find
 
 pytestmark = pytest.mark.short
 LLA = np.array([0.7, 0.2, 300.0])

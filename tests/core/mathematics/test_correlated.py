@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strapdown.core.mathematics.correlated import FADED, unfade
+from strapdown.core.mathematics.time_correlated import FADED, unfade
 
 pytestmark = pytest.mark.short
 

@@ -10,7 +10,7 @@ from flat_flight import NOISE, flight
 import strapdown as sd
 from strapdown.core.mathematics.coupling import COUPLED, ROW, uncouple
 from strapdown.engine.installation import coupled, parameters, with_estimates
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
 EXACT = NOISE._replace(gyro=0.0, accel=0.0)

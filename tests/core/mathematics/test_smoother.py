@@ -27,7 +27,7 @@ from strapdown.filters.attitude.attitude_mekf import (
     STEP,
     adjoint_step,
 )
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(0.0, 0.0, 0.3, 0.0, 0.5, 0.0)

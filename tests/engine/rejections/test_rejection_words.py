@@ -8,15 +8,15 @@ from golden.replay import DESCRIPTIONS
 from refused_fixes import changed, simulated, solved
 
 import strapdown as sd
-from strapdown.data import Aiding, Rejected
+from strapdown.data.solution.solution import Aiding, Rejected
 from strapdown.engine.rejections import causes
 from strapdown.engine.rejections.causes import Found
 from strapdown.engine.rejections.contradictions import Run
 from strapdown.engine.rejections.runs import joined
 from strapdown.engine.rejections.words import rejected
 from strapdown.engine.stream import Fix, Sample, Stream
-from strapdown.geodesy import displaced
-from strapdown.reports import fix_figures, summary
+from strapdown.geometry.geodesy import displaced
+from strapdown.pages import fix_figures, summary
 
 EMPTY = np.empty((0, 3))
 POSITION = Aiding("position", EMPTY[:, 0], EMPTY, EMPTY, name="GNSS")

@@ -23,7 +23,7 @@ MATTER = (
     "rotation_products.py",
 )
 DATA = ("sensor_models/egm96.xz", "sensor_models/grades/tactical.toml")
-NOT = ("cli/app.py", "reports/page.py", "io/readers/ubx.py", "experiments/advice/advise.py")
+NOT = ("cli/app.py", "pages/page.py", "io/readers/ubx.py", "experiments/advice/advise.py")
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ from strapdown.experiments.monte_carlo.scoring import (
     score,
 )
 from strapdown.experiments.monte_carlo.study import Study, run_chunk, seeds
-from strapdown.file_locks import PART
+from strapdown.fileio.locks import PART
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer

@@ -14,8 +14,7 @@ from structured_mutators import sealed
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.cli.simulation import print_summary
-from strapdown.data import Aiding
-from strapdown.diagnosis.installation import applied, constants
+from strapdown.data.solution.solution import Aiding
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.experiments.monte_carlo.wrong_installation import (
@@ -24,6 +23,7 @@ from strapdown.experiments.monte_carlo.wrong_installation import (
     parameters_of,
     start_of,
 )
+from strapdown.installation.model import applied, constants
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.synthesis import Simulator

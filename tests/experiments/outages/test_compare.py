@@ -13,14 +13,14 @@ from recordings import flight, rows, turning
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data import Trajectory
+from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution.vehicle import Vehicle
 from strapdown.evaluation.metrics import moving_windows
 from strapdown.experiments.outages import runs
 from strapdown.experiments.outages.compare import _events
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.magnetometer import Magnetometer
-from strapdown.vehicle import Vehicle
 
 SCORES = [
     "north_rmse_m",
@@ -554,7 +554,7 @@ def test_what_was_said_before_an_outage_is_not_of_the_outage():
     """A gap of the samples and a jump of the position long before it."""
     from recordings import without_samples
 
-    from strapdown.geodesy import displaced
+    from strapdown.geometry.geodesy import displaced
 
     recording = flight(seconds=60.0)
     fix, *others = recording.aidings

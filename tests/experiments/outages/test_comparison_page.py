@@ -14,7 +14,7 @@ from pages import own
 from strapdown.experiments.outages import figures
 from strapdown.experiments.outages.page import page
 from strapdown.experiments.outages.words import answers, failures, ranked, ratio, sentences, unlike
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
 EIGHT = {f"filter-{i}": 10.0 * 1.5**i for i in range(8)}

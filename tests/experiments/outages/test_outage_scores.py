@@ -12,13 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
-from strapdown.data import Aiding, Trajectory
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison
 from strapdown.experiments.outages.scores import Track, outages_of, scored
 from strapdown.experiments.outages.summaries import blocks, ratio, widening
-from strapdown.geodesy import displaced
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced
 
 pytestmark = pytest.mark.short
 RATE, ORIGIN = 10, np.array([0.8, 0.1, 200.0])

@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 import strapdown as sd
 from strapdown import filters
 from strapdown.core.loop.contract import Imu, Noise, Start, compile_kernel
+from strapdown.data.solution.recording import Recording
 from strapdown.filters.ahrs_aided import direct_ahrs, known_attitude
 from strapdown.filters.ahrs_aided.known_attitude import ANGLES, STEEP_PITCH
-from strapdown.geodesy import displaced, displacement
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 DEG = np.pi / 180

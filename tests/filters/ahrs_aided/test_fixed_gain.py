@@ -17,7 +17,7 @@ from strapdown.core.loop.contract import Kind, Noise, Start, compile_kernel
 from strapdown.core.mathematics.mechanization import stationary_increments
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ahrs_aided.fixed_gain import fastest_turn, poles
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(1e-3, 1e-2, 1e-5, 1e-4, 0.0, 0.0)

@@ -14,7 +14,7 @@ from strapdown import filters
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.earth import gravity, place, rotation_rates
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.sensor_models.ahrs import Ahrs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import Motion

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import strapdown as sd
+from strapdown.data.solution.recording import Recording
 from strapdown.evaluation.metrics import attitude_angles
 from strapdown.filters.attitude.attitude_error_state import SIX
-from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sensor_models.magnetometer import Disturbance, Magnetometer

@@ -14,7 +14,8 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Belief, Noise, Start, compile_kernel
 from strapdown.core.mathematics.earth import RATE as EARTH_RATE
 from strapdown.core.mathematics.source import new_source
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.engine import prepare as preparation
 from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.filters.attitude.attitude_error_state import GAIN
@@ -26,7 +27,6 @@ from strapdown.filters.attitude.attitude_mekf import (
     SECOND_RECORD,
 )
 from strapdown.filters.attitude.vru import MEASURED, VERTICAL, VRU, wave_density
-from strapdown.recording import Recording
 from strapdown.sensor_models.atmosphere import pressure_altitude
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sim.motions import moored

@@ -15,8 +15,8 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import Noise
 from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.core.mathematics.mechanization import mechanize
-from strapdown.geodesy import displaced, displacement
-from strapdown.vehicle import Vehicle
+from strapdown.data.solution.vehicle import Vehicle
+from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(

@@ -16,14 +16,14 @@ from strapdown.core.mathematics.earth import place, rotation_rates
 from strapdown.core.mathematics.error_dynamics import cross_matrix, dynamics
 from strapdown.core.mathematics.mechanization import mechanize
 from strapdown.core.mathematics.source import new_source
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.ins.ekf import EKF
 from strapdown.filters.ins.mekf import MEKF
 from strapdown.filters.sigma_point.ckf import CKF
 from strapdown.filters.sigma_point.ukf import UKF
-from strapdown.geodesy import displaced, displacement
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.imu import ImuSpec, Triad
 from strapdown.sensor_models.magnetometer import Magnetometer

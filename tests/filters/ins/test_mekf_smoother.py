@@ -13,7 +13,7 @@ from strapdown.core.loop.contract import Noise, compile_kernel
 from strapdown.core.mathematics.smoother import work_size
 from strapdown.core.mathematics.source import new_source
 from strapdown.filters.ins.mekf import MEKF
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 pytestmark = pytest.mark.short
 NOISE = Noise(

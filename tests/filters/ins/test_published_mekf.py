@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 import strapdown as sd
 from strapdown.core.loop.contract import Noise, Start
-from strapdown.data import Aiding
-from strapdown.geodesy import displaced, displacement
-from strapdown.recording import Recording
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
+from strapdown.geometry.geodesy import displaced, displacement
 
 H, SECONDS = 0.001, 20.0
 PLACE = np.array([1.1, 0.2, 0.0])

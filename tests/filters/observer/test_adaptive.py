@@ -16,7 +16,7 @@ from strapdown.filters.observer import adaptive
 from strapdown.filters.observer.adaptive import AIR, COUNT, GYRO, WIND
 from strapdown.filters.observer.covariance import step
 from strapdown.filters.observer.equations import ADAPTIVE, FADE, XI
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.sortie import sortie
 

@@ -19,7 +19,7 @@ from strapdown.filters.observer.equations import (
     SINCE_HEADING,
     XI as VALUE,
 )
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.motions import car
 

@@ -16,7 +16,7 @@ from strapdown.core.loop.contract import Noise, Start, compile_kernel
 from strapdown.filters.observer import covariance, equations
 from strapdown.filters.observer.gains import begin, implant
 from strapdown.filters.observer.translation_gains import SPREAD
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 
 pytestmark = pytest.mark.short

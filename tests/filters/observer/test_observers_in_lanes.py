@@ -11,7 +11,7 @@ from strapdown.core.compile.jit import COMPILED
 from strapdown.core.compile.signatures import LANES
 from strapdown.core.loop.contract import Belief, side_by_side
 from strapdown.core.mathematics.source import new_source
-from strapdown.engine.side_by_side import alongside
+from strapdown.engine.run_batch import alongside
 from strapdown.filters.observer import xkf
 from strapdown.filters.observer.equations import FADE, SINCE_COURSE, SINCE_FIX, SLOW
 from strapdown.filters.observer.nlo import NLO

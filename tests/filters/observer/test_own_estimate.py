@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 from test_xkf import NOISE, begun, fix, put, world
 
 import strapdown as sd
-from strapdown.data import Aiding
+from strapdown.data.solution.solution import Aiding
 from strapdown.evaluation import consistency
 from strapdown.experiments.monte_carlo.study import Study
 from strapdown.filters.observer import xkf
 from strapdown.filters.observer.equations import SINCE_COURSE
 from strapdown.filters.observer.own_estimate import DOUBT, TURN
 from strapdown.filters.observer.xkf import XKF
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sim.trajectory import DEG, Motion
 

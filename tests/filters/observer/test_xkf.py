@@ -16,11 +16,11 @@ from strapdown import aiding
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import CORRECT, PREDICT, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.data import Aiding
+from strapdown.data.solution.solution import Aiding
 from strapdown.filters.observer import nlo, xkf
 from strapdown.filters.observer.equations import embedded
 from strapdown.filters.observer.xkf import XKF
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 STEPS, EVERY = 120, 10  # samples, and samples between fixes

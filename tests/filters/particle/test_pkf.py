@@ -15,11 +15,11 @@ from strapdown.checks import DataError
 from strapdown.core.compile.signatures import LANES
 from strapdown.core.loop.contract import OBSERVE, Noise, Start, compile_kernel, kernel
 from strapdown.core.mathematics.source import new_source
-from strapdown.data import Aiding
+from strapdown.data.solution.solution import Aiding
 from strapdown.engine.prepare import prepare
 from strapdown.filters.particle import ins_mixture as places
 from strapdown.filters.particle.pkf import PKF
-from strapdown.geodesy import displaced, displacement, radii
+from strapdown.geometry.geodesy import displaced, displacement, radii
 
 short = pytest.mark.short
 NOISE = Noise(

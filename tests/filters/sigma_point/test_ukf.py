@@ -18,7 +18,7 @@ from strapdown.core.mathematics.error_dynamics import dynamics
 from strapdown.filters.ins.closed_loop import CLOSED_LOOP
 from strapdown.filters.sigma_point.ckf import CKF
 from strapdown.filters.sigma_point.ukf import UKF
-from strapdown.geodesy import displaced, displacement
+from strapdown.geometry.geodesy import displaced, displacement
 
 pytestmark = pytest.mark.short
 WIDE = np.r_[[30.0] * 3, [2.0] * 3, 0.05, 0.05, 0.28, [0.05] * 3, [2e-3] * 3]

@@ -29,7 +29,7 @@ from strapdown.filters.two_stage.xkf_two_stage import (
     compose,
     correct_around,
 )
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 
 NOISE = Noise(
     gyro=3e-4, accel=3e-3, gyro_bias=2e-5, accel_bias=2e-4, gyro_decay=1 / 200, accel_decay=1 / 100

@@ -15,10 +15,10 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.contract import Noise, Start
-from strapdown.data import Trajectory
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Trajectory
 from strapdown.flight.aircraft.dynamics import Loads, evaluate, respond
 from strapdown.flight.aircraft.parameters import NAMES, PARAMETERS, SECTIONS, flat_metres
-from strapdown.recording import Recording
 from strapdown.sim.trajectory import normal_gravity
 
 AEROSONDE = sd.aircraft("aerosonde")

@@ -16,10 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Start
-from strapdown.data import Trajectory
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import attitude_angles, errors
-from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.magnetometer import Magnetometer

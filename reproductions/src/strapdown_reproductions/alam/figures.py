@@ -8,9 +8,9 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from strapdown.geodesy import displacement
-from strapdown.recording import Recording
-from strapdown.reports.drawing import COLOURS, GREY, WITHHELD, finish, line, log_ticks, note, panels
+from strapdown.data.solution.recording import Recording
+from strapdown.geometry.geodesy import displacement
+from strapdown.pages.drawing import COLOURS, GREY, WITHHELD, finish, line, log_ticks, note, panels
 from strapdown.typing import Array, Ints
 
 from ..common.figures import names_down, quantile_lines, side_by_side

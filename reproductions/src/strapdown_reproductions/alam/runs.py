@@ -14,11 +14,11 @@ import pandas as pd
 
 from strapdown.alignment.initial import align
 from strapdown.checks import DataError
-from strapdown.data import Solution
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import Errors, errors
 from strapdown.experiments.outages.protocols import protocol
-from strapdown.recording import Recording
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import scenario
 from strapdown.sim.synthesis import Simulator

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from strapdown.core.loop.contract import DECAYING, HELD
-from strapdown.data import Solution
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
-from strapdown.recording import Recording
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec

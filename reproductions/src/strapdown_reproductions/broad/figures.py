@@ -6,16 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from strapdown.reports.drawing import (
-    COLOURS,
-    GREY,
-    RED,
-    column,
-    finish,
-    log_range,
-    log_ticks,
-    panels,
-)
+from strapdown.pages.drawing import COLOURS, GREY, RED, column, finish, log_range, log_ticks, panels
 from strapdown.typing import Array
 
 from ..common.figures import side_by_side

@@ -15,14 +15,14 @@ import pandas as pd
 
 from strapdown import filters, io
 from strapdown.checks import DataError
-from strapdown.data import Trajectory
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.engine.smoothing import smooth
 from strapdown.evaluation.metrics import attitude_angles, errors
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import body_to_ned, parse
-from strapdown.recording import Recording
 from strapdown.typing import Array, File, Mask, Say
 
 from ..common import markdown

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from strapdown.data.solution.recording import Recording
 from strapdown.evaluation.metrics import moving_windows
-from strapdown.recording import Recording
 from strapdown.typing import Array, Mask
 
 DESCRIPTIONS = Path(__file__).resolve().parents[4] / "examples" / "recordings"

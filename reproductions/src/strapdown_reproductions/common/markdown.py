@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from strapdown.files import replacing
+from strapdown.fileio.files import replacing
 
 from .pages import counts
 

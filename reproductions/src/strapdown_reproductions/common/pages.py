@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from strapdown.files import replacing, together, write_table
-from strapdown.reports.shell import Document, Page as HtmlPage, placed, shell
+from strapdown.fileio.files import replacing, together, write_table
+from strapdown.pages.shell import Document, Page as HtmlPage, placed, shell
 from strapdown.typing import File
 
 from .tables import Tables

@@ -9,7 +9,7 @@ NAME is that of `strapdown reproduce`, OUT the folder of its results. For the st
 import sys
 from pathlib import Path
 
-from strapdown.files import replacing
+from strapdown.fileio.files import replacing
 
 from . import markdown
 

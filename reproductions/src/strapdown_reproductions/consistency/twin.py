@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.core.loop.contract import ATT, BA, BG, POS, STATES, VEL, Noise
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.evaluation.consistency import band
-from strapdown.geodesy import radii
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import radii
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.scenario import Scenario
 from strapdown.sim.synthesis import Simulator

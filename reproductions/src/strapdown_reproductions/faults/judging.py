@@ -18,10 +18,10 @@ import numpy as np
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, VALID
-from strapdown.data import Trajectory
+from strapdown.data.solution.solution import Trajectory
+from strapdown.data.solution.verdict import NOT_JUDGED, Verdict
 from strapdown.evaluation.metrics import errors, interpolated
 from strapdown.typing import Array, Ints
-from strapdown.verdict import NOT_JUDGED, Verdict
 
 OK, REFUSED, SAID, SILENT, CRASH = "ok", "refused", "said", "silent", "crash"
 ORDER = (OK, REFUSED, SAID, SILENT, CRASH)

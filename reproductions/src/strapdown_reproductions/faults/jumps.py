@@ -9,10 +9,10 @@ import numpy as np
 
 from strapdown import filters
 from strapdown.core.loop.contract import DOUBTFUL
-from strapdown.data import Solution
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Solution
 from strapdown.engine.batch import fuse
-from strapdown.geodesy import displaced
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced
 
 from .judging import news, plain
 from .runs import OPTIONS, kinds

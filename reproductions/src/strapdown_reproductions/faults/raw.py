@@ -10,9 +10,9 @@ from zlib import crc32
 import numpy as np
 
 from strapdown.core.loop.contract import Start
-from strapdown.data import Aiding, Trajectory
-from strapdown.geodesy import displaced
-from strapdown.recording import Recording
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding, Trajectory
+from strapdown.geometry.geodesy import displaced
 from strapdown.typing import Array, Ints, Mask
 
 BEGINS = 90.0

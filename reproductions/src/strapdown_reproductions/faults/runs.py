@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from strapdown import filters
 from strapdown.core.loop.contract import STATES, Filter, Start
-from strapdown.data import Aiding, Solution, Trajectory
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding, Solution, Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.engine.smoothing import smooth
 from strapdown.engine.stream import Fix, Sample, Stream
-from strapdown.recording import Recording
 from strapdown.typing import Array, Ints
 
 from .fault import AHRS, GNSS, HEIGHT, KINDS, LIVE, MAGNETOMETER, START, Fault

@@ -27,11 +27,11 @@ from strapdown.core.loop.contract import (
     Noise,
     Start,
 )
-from strapdown.data import Trajectory
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Trajectory
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors
 from strapdown.filters.ins.open_loop import OPEN_LOOP
-from strapdown.recording import Recording
 from strapdown.sim.synthesis import draw_start
 from strapdown.typing import Array
 

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 
-from strapdown.geodesy import displacement
-from strapdown.reports.drawing import (
+from strapdown.geometry.geodesy import displacement
+from strapdown.pages.drawing import (
     COLOURS,
     GREY,
     RED,

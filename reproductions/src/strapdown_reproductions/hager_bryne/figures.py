@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 from strapdown.core.loop.contract import POS
 from strapdown.experiments.monte_carlo.campaign import Campaign
 from strapdown.experiments.monte_carlo.scoring import RUN_REASONS
-from strapdown.reports.drawing import (
+from strapdown.pages.drawing import (
     COLOURS,
     GREY,
     RED,

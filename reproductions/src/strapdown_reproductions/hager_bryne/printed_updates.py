@@ -9,7 +9,7 @@ printed.
 
 from strapdown import register
 from strapdown.checks import DataError, check_choice
-from strapdown.core.compile.choosing import any_of, where
+from strapdown.core.compile.selection import any_of, where
 from strapdown.core.loop.contract import (
     ATT,
     BA,

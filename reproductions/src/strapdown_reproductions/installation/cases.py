@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from strapdown.core.loop.contract import Start
+from strapdown.data.solution.recording import Recording
 from strapdown.experiments.monte_carlo.wrong_installation import Installation, drawn, start_of
-from strapdown.recording import Recording
 
 from ..common.motions import (
     HEIGHT,

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 import strapdown as sd
+from strapdown.data.solution.recording import Recording
 from strapdown.engine.installation import Parameter
 from strapdown.experiments.monte_carlo.wrong_installation import installed_wrong, parameters_of
-from strapdown.recording import Recording
 
 from .methods import METHODS, Calibrated, set_up
 

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import strapdown as sd
-from strapdown.diagnosis.findings import FOUND
+from strapdown.data.solution.recording import Recording
 from strapdown.engine.installation import Parameter
 from strapdown.experiments.monte_carlo.wrong_installation import installed_wrong, parameters_of
-from strapdown.recording import Recording
+from strapdown.installation.findings import FOUND
 from strapdown.typing import Array
 
 PASSES = 3

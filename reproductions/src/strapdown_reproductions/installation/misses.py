@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 import strapdown as sd
+from strapdown.data.solution.recording import Recording
 from strapdown.evaluation.metrics import errors, outages, rms
 from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
-from strapdown.recording import Recording
 
 from ..common.example_recordings import FLIGHT, windows_of
 from .drive import NOTHING, WANTED

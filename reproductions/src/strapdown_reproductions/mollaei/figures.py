@@ -13,7 +13,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from strapdown.reports.drawing import (
+from strapdown.pages.drawing import (
     COLOURS,
     GREY,
     RED,

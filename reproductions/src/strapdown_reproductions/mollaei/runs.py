@@ -15,13 +15,13 @@ import pandas as pd
 
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Filter
-from strapdown.data import Trajectory
+from strapdown.data.solution.solution import Trajectory
 from strapdown.evaluation.consistency import nees
 from strapdown.evaluation.metrics import errors
 from strapdown.flight.asked import records
 from strapdown.flight.fly import Flight, fly
 from strapdown.flight.plan import FlightPlan, straight, turning
-from strapdown.geodesy import displacement
+from strapdown.geometry.geodesy import displacement
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.typing import Array, Progress
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.data import Correlated
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Correlated
 from strapdown.engine.batch import fuse
-from strapdown.recording import Recording
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.tuning.tune import tune
 

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from strapdown import io
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.engine.batch import fuse
 from strapdown.engine.heading_hypotheses import aligned
-from strapdown.recording import Recording
 from strapdown.sensor_models.imu import ImuSpec, grade
 from strapdown.tuning.tune import tune
 from strapdown.typing import Array

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.engine.batch import fuse
-from strapdown.geodesy import displaced
-from strapdown.recording import Recording
+from strapdown.geometry.geodesy import displaced
 
 from .worlds import recorded, score
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from strapdown.data import Solution
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Solution
 from strapdown.evaluation.metrics import errors
-from strapdown.recording import Recording
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec, grade

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from strapdown.files import replacing
+from strapdown.fileio.files import replacing
 from strapdown.typing import File
 
 from ..alam import main as alam

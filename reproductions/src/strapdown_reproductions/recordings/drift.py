@@ -14,11 +14,11 @@ import pandas as pd
 
 from strapdown import filters
 from strapdown.checks import DataError
-from strapdown.data import Solution
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Solution
 from strapdown.engine.batch import fuse
 from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import outages
-from strapdown.recording import Recording
 from strapdown.typing import Say
 
 from ..common.example_recordings import FLIGHT, windows_of

@@ -19,13 +19,13 @@ from strapdown.alignment.static_attitude import Gyrocompass, gyrocompass
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Imu
 from strapdown.core.mathematics.earth import RATE
+from strapdown.data.solution.recording import Recording
 from strapdown.engine.batch import fuse
 from strapdown.evaluation.metrics import errors, outages, rms
-from strapdown.files import together
+from strapdown.fileio.files import together
 from strapdown.io.locate import data_folder
+from strapdown.pages.page import report
 from strapdown.preprocessing.stationary import motionless
-from strapdown.recording import Recording
-from strapdown.reports.page import report
 from strapdown.typing import Ints, Progress, Say
 
 from ..common import markdown

@@ -14,10 +14,10 @@ import numpy as np
 import pandas as pd
 
 from strapdown import io
-from strapdown.data import Aiding
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
 from strapdown.io.locate import data_folder
 from strapdown.io.readers.broad import with_positions
-from strapdown.recording import Recording
 from strapdown.sensor_models.magnetometer import Magnetometer
 from strapdown.typing import Array
 

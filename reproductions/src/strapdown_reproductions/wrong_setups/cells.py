@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from strapdown.checks import DataError
-from strapdown.data import Solution
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Solution
+from strapdown.data.solution.verdict import TRUSTED, Reason
 from strapdown.engine.batch import fuse
 from strapdown.io.facts import recording_facts
-from strapdown.recording import Recording
-from strapdown.verdict import TRUSTED, Reason
 
 from .cases import Case
 from .harm import Harm, harm, of_right

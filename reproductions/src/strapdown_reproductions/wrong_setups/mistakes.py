@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from strapdown.data import Aiding
-from strapdown.geodesy import displaced
-from strapdown.recording import Recording
+from strapdown.data.solution.recording import Recording
+from strapdown.data.solution.solution import Aiding
+from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.imu import grade
 from strapdown.typing import Array
 
@@ -29,7 +29,7 @@ class Mistake(NamedTuple):
 
     name: str
     group: str
-    # names of causes (strapdown.verdict.CAUSES) that count as the true one; the first is the plain
+    # names of causes (strapdown.data.verdict.CAUSES) that count as the true one; the first is the plain
     # one
     causes: tuple[str, ...]
     make: Callable[[Case], Recording | None]  # None: it cannot be made with this recording

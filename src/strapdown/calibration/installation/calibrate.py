@@ -10,19 +10,19 @@ import numpy as np
 from ...aiding import find
 from ...checks import DataError
 from ...core.loop.contract import Filter
-from ...diagnosis.estimated import EstimatedParameter
-from ...diagnosis.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
-from ...diagnosis.installation import applied
+from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING
+from ...data.recording import Recording, check_recording
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions, takes
-from ...estimable import CLOCK, LEVER_ARM, MOUNTING
+from ...installation.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
+from ...installation.model import applied
+from ...installation.states import EstimatedParameter
 from ...preprocessing.turned_imu import is_of_the_imu
 from ...progress import listener, with_bar
-from ...recording import Recording, check_recording
 from ...typing import Progress
-from .confirming import Asking, as_states, check_states
+from .as_states import Asking, as_states, check_states
 from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
-from .settled import Settled, settle, theta_of
+from .iterated import Settled, settle, theta_of
 
 CONTRADICT = 3.0
 """Combined standard deviations by which the two estimates of a parameter may differ."""

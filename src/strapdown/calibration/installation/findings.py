@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...checks import DataError
-from ...diagnosis.findings import FOUND, Diagnosed, edits, interval, line
-from ...estimable import CLOCK, MOUNTING
+from ...data.calibration_parameters import CLOCK, MOUNTING
+from ...data.recording import Recording
+from ...installation.findings import FOUND, Diagnosed, edits, interval, line
 from ...io.description.edits import Edit
 from ...io.description.found import Change
-from ...recording import Recording
 from ...typing import File
-from .confirming import Asking
+from .as_states import Asking
 
 if TYPE_CHECKING:
-    from ...reports.shell import Page
+    from ...pages.shell import Page
 
 NOT_CONFIRMED, IMPLAUSIBLE = "not confirmed", "not plausible"
 NOT_CONSTANT = "not constant"
@@ -169,7 +169,7 @@ class Installation:
         return f"Installation({_listed(self.found) or 'nothing to change'}; {self.runs} runs)"
 
     def _repr_html_(self) -> str:
-        from ...notebook.cards import card, lines
+        from ...pages.notebook.cards import card, lines
 
         return card("Installation", {}, lines([*self.lines, *self.changes]))
 

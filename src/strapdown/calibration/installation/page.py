@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import plotly.graph_objects as go
 
-from ...data import Solution
-from ...diagnosis.installation import applied, constants
+from ...data.recording import Recording
+from ...data.solution import Solution
 from ...engine.batch import fuse
 from ...engine.sensitivity import LARGEST_NIS
-from ...recording import Recording
-from ...reports.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
-from ...reports.parts import listing, paragraphs, remarks, table
-from ...reports.shell import Document, Page
-from ...wording import counted
-from .settled import theta_of
+from ...installation.model import applied, constants
+from ...pages.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
+from ...pages.parts import listing, paragraphs, remarks, table
+from ...pages.shell import Document, Page
+from ...units.wording import counted
+from .iterated import theta_of
 
 if TYPE_CHECKING:
     from .findings import Installation, Parameter

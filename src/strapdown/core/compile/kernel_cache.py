@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 import llvmlite
 import numba
 
-from ...file_locks import part_of
-from .closed_over import NoWords, Words, digest, functions
+from ...fileio.locks import part_of
+from .closure_values import NoWords, Words, digest, functions
 from .numba_parts import config, cpu_target, rebuilt, serialize
 
 Import = ast.Import | ast.ImportFrom

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from ...checks import DataError
 from . import machine_code
-from .closed_over import NoWords, digest, functions
+from .closure_values import NoWords, digest, functions
 from .signatures import ABI
 
 PACKAGE = Path(__file__).parents[2]

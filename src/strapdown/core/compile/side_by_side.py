@@ -20,9 +20,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...file_locks import part_of
+from ...fileio.locks import part_of
 from . import compiler
-from .closed_over import NoWords, functions
+from .closure_values import NoWords, functions
 from .signatures import Signature
 
 ENOUGH = 5e5

@@ -12,9 +12,9 @@ import math
 from typing import NamedTuple
 
 from ...typing import Array, Ints
-from ..compile.choosing import any_of, where
 from ..compile.jit import caller, helper, inlined, kernel
 from ..compile.records import Table, rows_of
+from ..compile.selection import any_of, where
 from ..compile.signatures import (
     LANES,
     WHOLE,

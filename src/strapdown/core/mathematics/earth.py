@@ -9,8 +9,8 @@ because gravity has no curl.
 import math
 
 from ...typing import Array
-from ..compile.choosing import any_of, where
 from ..compile.jit import helper
+from ..compile.selection import any_of, where
 from .rotation import wrap
 
 A = 6378137.0

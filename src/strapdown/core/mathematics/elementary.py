@@ -15,9 +15,9 @@ import math
 
 import numpy as np
 
-from ..compile.choosing import where
 from ..compile.jit import bits, from_bits, helper
 from ..compile.lane_functions import stands_for
+from ..compile.selection import where
 
 SIGN = -(1 << 63)  # the sign of a float64
 MAGNITUDE = (1 << 63) - 1  # all bits but that

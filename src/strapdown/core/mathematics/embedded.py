@@ -7,8 +7,8 @@ are given, its own or those of the belief that it is inside of.
 import numpy as np
 
 from ...typing import Array
-from ..compile.choosing import where
 from ..compile.jit import inlined, matrix
+from ..compile.selection import where
 from ..compile.workspace import Slots
 from .belief import Belief
 

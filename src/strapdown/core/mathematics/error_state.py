@@ -5,11 +5,10 @@ import math
 
 from ...checks import check_choice
 from ...typing import Array
-from ..compile.choosing import any_of, where
 from ..compile.jit import flatten, helper, inlined, matrix
+from ..compile.selection import any_of, where
 from ..compile.workspace import MOST_STATES, Slots
 from .belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
-from .correlated import see
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
 from .kalman import (
@@ -31,6 +30,7 @@ from .rotation import (
     turned_on,
 )
 from .source import Observe, SourceRow
+from .time_correlated import see
 
 PREDICTED = -1.0  # the last call was a prediction
 ERROR_STATE = Slots(room=16)

@@ -3,8 +3,8 @@ in Joseph's form, which holds for any gain. Source: Bucy & Joseph (1968); Gelb (
 """
 
 from ...typing import Array
-from ..compile.choosing import any_of
 from ..compile.jit import helper, inlined, matrix
+from ..compile.selection import any_of
 from ..compile.workspace import MOST_STATES, Slots
 from .belief import Noise
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from ...typing import Array
-from ..compile.choosing import all_of, any_of, one_or_several, where
 from ..compile.jit import flatten, helper, inlined, matrix
+from ..compile.selection import all_of, any_of, one_or_several, where
 from ..compile.workspace import MOST_STATES
 from .belief import Noise
 from .elementary import exponential

@@ -15,8 +15,8 @@ Savage (1998), "Strapdown inertial navigation integration algorithm design", par
 import math
 
 from ...typing import Array
-from ..compile.choosing import any_of, where
 from ..compile.jit import helper
+from ..compile.selection import any_of, where
 from .earth import displaced, gravity, gravity_north, place, rotation_rates
 from .rotation import Three, rotate_left, rotate_right
 

@@ -10,8 +10,8 @@ from typing import TypeAlias
 import numpy as np
 
 from ...typing import Array
-from ..compile.choosing import any_of, where
 from ..compile.jit import helper
+from ..compile.selection import any_of, where
 from .elementary import arctangent2, cosine as cosine_of, sine as sine_of
 
 Three: TypeAlias = tuple[float, float, float]

@@ -30,10 +30,10 @@ from .adjoint import (
     kept_rows,
 )
 from .belief import Belief
-from .correlated import FADED
 from .error_state import DX, PREDICTED, WORK
 from .kalman import decay, transition, used_rows, whiten_rows
 from .tape import SAVE_STEP
+from .time_correlated import FADED
 
 RUN_SENSITIVITY = signature(
     "run_sensitivity",

@@ -19,12 +19,12 @@ import math
 from ...typing import Array, Ints
 from ..compile.jit import caller, flatten, helper, inlined, kernel
 from ..compile.signatures import WHOLE, reals, signature, wholes
-from .correlated import FADED, unfade
 from .coupling import COUPLED, uncouple
 from .earth import displace
 from .rotation import turn_quaternion
 from .solution_row import BIASES, LLA, SD, Q, V
 from .tape import ADJOINT_STEP
+from .time_correlated import FADED, unfade
 
 RUN_BACK = signature(
     "run_back",

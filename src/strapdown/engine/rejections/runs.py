@@ -9,10 +9,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ...constants import SETTLING
 from ...core.loop.log import FOLD
-from ...data import Aiding
+from ...data.solution import Aiding
 from ...typing import Ints, Mask
+from ...units.constants import SETTLING
 from . import causes
 from .causes import Found
 from .chance import as_many, farther

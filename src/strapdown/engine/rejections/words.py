@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ... import aiding, quantities
-from ...data import Aiding, Rejected
+from ... import aiding
+from ...data.solution import Aiding, Rejected
 from ...typing import Array
+from ...units import quantities
 from .causes import (
     ALWAYS,
     CLOCK,

@@ -20,7 +20,7 @@ import pandas as pd
 from ...checks import DataError, check_choice, check_number
 from ...engine.options import takes
 from ...evaluation.consistency import Interval
-from ...files import replacing, together, write_table
+from ...fileio.files import replacing, together, write_table
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec, grade
 from ...sim.scenario import Scenario
@@ -156,7 +156,7 @@ class Advice:
         return f"Advice({self.answer}: {self.imu.name}, {self.scenario.name})"
 
     def _repr_html_(self) -> str:
-        from ...notebook.cards import card, lines
+        from ...pages.notebook.cards import card, lines
 
         return card("Advice", {}, lines(sentences(self)))
 

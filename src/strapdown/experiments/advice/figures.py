@@ -13,9 +13,9 @@ from plotly.subplots import make_subplots
 
 from ...core.loop.contract import POS, STATES
 from ...evaluation.consistency import band
-from ...reports.drawing import COLOURS, GREY, RED, finish, line, log_range, note, panels, positive
+from ...pages.drawing import COLOURS, GREY, RED, finish, line, log_range, note, panels, positive
 from ...typing import Array
-from ...wording import elapsed
+from ...units.wording import elapsed
 from .verdicts import CLOSED, OPEN, called, interval_of
 
 if TYPE_CHECKING:

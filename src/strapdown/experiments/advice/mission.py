@@ -11,13 +11,13 @@ import numpy as np
 
 from ...alignment.initial import align
 from ...checks import DataError, did_you_mean
-from ...files import find_shipped, read_toml
+from ...fileio.files import find_shipped, read_toml
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario, scenario, scenarios
 from ...sim.scenario_file import from_table
 from ...sim.synthesis import simulate
 from ...typing import File
-from ...wording import elapsed
+from ...units.wording import elapsed
 
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from ...data import Correlated
+from ...data.solution import Correlated
 from ...evaluation.consistency import Interval
-from ...reports.parts import Html, caption, numbered, paragraphs, table
-from ...reports.shell import Document, Page
+from ...pages.parts import Html, caption, numbered, paragraphs, table
+from ...pages.shell import Document, Page
 from ...typing import ArrayLike
-from ...wording import elapsed, enumerated, number
+from ...units.wording import elapsed, enumerated, number
 from .verdicts import (
     CLOSED,
     MOST_RUNS,

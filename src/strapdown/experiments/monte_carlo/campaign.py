@@ -26,15 +26,15 @@ from numpy.typing import NDArray
 
 from ... import __version__
 from ...checks import DataError, brief
-from ...core.compile.closed_over import NoWords
+from ...core.compile.closure_values import NoWords
 from ...core.compile.jit import COMPILED, Kernel
 from ...core.compile.kernel_cache import closure_digest, code_digest
 from ...core.compile.library import processor
-from ...file_limits import LimitError, regular
-from ...file_locks import lock
-from ...files import netcdf, replacing, together, write_table
+from ...fileio.file_access import json_of, settings_text
+from ...fileio.files import netcdf, replacing, together, write_table
+from ...fileio.limits import LimitError, regular
+from ...fileio.locks import lock
 from ...io.own.hdf5_content import content
-from ...opening import json_of, settings_text
 from ...plugins import Plugin
 from ...typing import File
 from . import processors, sources
@@ -307,7 +307,7 @@ class Campaign:
         return Campaign, (self.folder, self.manifest, self.study)
 
     def _repr_html_(self) -> str:
-        from ...notebook.cards import card, frame, lines
+        from ...pages.notebook.cards import card, frame, lines
 
         facts = {"runs": self.manifest["runs"], "seed": self.manifest["seed"], "in": self.folder}
         try:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError
-from ...checksum import DAMAGED
+from ...fileio.checksum import DAMAGED
 from ...io.own.array_rules import Column, check_arrays
 from ...io.own.hdf5_content import content
 from .chunks import SCALARS, Arrays

@@ -19,20 +19,20 @@ from ... import aiding, filters
 from ...checks import DataError
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import STATES, Start, compile_kernel, compile_together
+from ...data.recording import Recording
 from ...engine.batch import fuse
 from ...engine.installation import Parameter
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao
 from ...plugins import Plugin
-from ...quantities import REGISTRY as QUANTITIES
-from ...recording import Recording
 from ...sensor_models.imu import ImuSpec, grade
 from ...sensor_models.streams import Stream
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
+from ...units.quantities import REGISTRY as QUANTITIES
 from ..filter_label import Labelled, parsed
-from .lanes import Lanes, kernels_in_lanes
+from .run_batch import Lanes, kernels_in_lanes
 from .scoring import (
     ERROR_GROUPS,
     PARAMETER_SCALARS,

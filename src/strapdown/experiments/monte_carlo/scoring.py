@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.loop.contract import ATT, BA, BG, POS, STATES, VEL
-from ...data import SD_COLUMNS, Solution, Trajectory
+from ...data.solution import SD_COLUMNS, Solution, Trajectory
 from ...evaluation import consistency
 from ...evaluation.nees import normalised_rows
 from ...filters.ins.open_loop import LEFT_MODEL
-from ...geodesy import displacement, wrap
-from ...rotation_products import turns_between
+from ...geometry.geodesy import displacement, wrap
+from ...geometry.rotation_products import turns_between
 from ...typing import Array, Ints, Mask
 
 ERROR_STATE_NAMES = tuple(name.removeprefix("sd_") for name in SD_COLUMNS)

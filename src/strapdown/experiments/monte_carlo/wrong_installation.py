@@ -11,9 +11,7 @@ import numpy as np
 
 from ...checks import DataError, located
 from ...core.loop.contract import Start
-from ...data import Aiding, Trajectory
-from ...engine.installation import Parameter, Prior, parameters, with_estimates
-from ...estimable import (
+from ...data.calibration_parameters import (
     ACCEL_MISALIGNMENT,
     ACCEL_SCALE,
     CLOCK,
@@ -25,8 +23,10 @@ from ...estimable import (
     Estimable,
     prior,
 )
+from ...data.recording import Recording
+from ...data.solution import Aiding, Trajectory
+from ...engine.installation import Parameter, Prior, parameters, with_estimates
 from ...preprocessing.turned_imu import with_the_imu
-from ...recording import Recording
 from ...sensor_models.streams import SeedLike, Stream
 from ...typing import Array
 from ..filter_label import check_parameter

@@ -15,14 +15,14 @@ import pandas as pd
 from ... import aiding, filters
 from ...checks import DataError, check_number
 from ...core.loop.contract import Filter, Noise, Start
-from ...data import Trajectory
+from ...data.recording import Recording
+from ...data.solution import Trajectory
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import with_estimates
 from ...engine.options import RunOptions, SourceOptions, run_options, takes
 from ...engine.prepare import assumed_noise, positioned, prepare
-from ...engine.weighed import with_weights
+from ...engine.source_weights import with_weights
 from ...progress import listener, with_bar
-from ...recording import Recording
 from ...sensor_models.imu import ImuSpec
 from ...typing import Progress
 from ..filter_label import ESTIMATE, NOTHING, parsed, tried

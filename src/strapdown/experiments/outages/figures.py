@@ -18,8 +18,7 @@ from plotly.subplots import make_subplots
 
 from ...checks import DataError, check_choice, check_number
 from ...evaluation.metrics import NED_AXES
-from ...notebook.plots import titled
-from ...reports.drawing import (
+from ...pages.drawing import (
     COLOURS,
     GREY,
     corners,
@@ -37,8 +36,9 @@ from ...reports.drawing import (
     ribbon,
     seen_from_above,
 )
+from ...pages.notebook.plots import titled
 from ...typing import Array, Ints, Mask
-from ...wording import metres
+from ...units.wording import metres
 from .words import Ratio, ranked, ratio
 
 if TYPE_CHECKING:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...reports.parts import around, caption, listing, paragraphs, remarks
-from ...reports.shell import Document, Page
-from ...reports.verdict_block import verdict_block
-from ...wording import counted
+from ...pages.parts import around, caption, listing, paragraphs, remarks
+from ...pages.shell import Document, Page
+from ...pages.verdict_block import verdict_block
+from ...units.wording import counted
 from . import figures, tables
 from .words import answers, failures, ranked, unlike
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pandas as pd
 
-from ...data import Trajectory
+from ...data.solution import Trajectory
+from ...data.verdict import Verdict
 from ...evaluation.metrics import NED_AXES
-from ...files import together, write_table
+from ...fileio.files import together, write_table
 from ...typing import File
-from ...verdict import Verdict
 from .protocols import Window
 from .scores import Track
 from .summaries import PAIR_COLUMNS, curves, pooled, ratio
@@ -175,7 +175,7 @@ class Comparison:
     def to_xarray(self) -> xr.Dataset:
         """The scores as an xarray Dataset over filter and outage, with units. Raises DataError where
         xarray is missing."""
-        from ...notebook.labelled import need_xarray
+        from ...pages.notebook.labelled import need_xarray
 
         need_xarray()
         frame = self.to_pandas()
@@ -185,7 +185,7 @@ class Comparison:
         return made.reindex(filter=list(self.filters))
 
     def _repr_html_(self) -> str:
-        from ...notebook.cards import card, lines, of_verdicts
+        from ...pages.notebook.cards import card, lines, of_verdicts
         from .tables import summary
         from .words import answers
 

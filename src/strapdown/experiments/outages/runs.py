@@ -16,15 +16,15 @@ import numpy as np
 from ...checks import DataError
 from ...core.loop import loop
 from ...core.loop.contract import DOUBTFUL, Belief, Cursor, Filter, Imu, Start
-from ...data import Aiding
+from ...data.recording import Recording
+from ...data.solution import Aiding
+from ...data.verdict import Verdict
 from ...engine.batch import begin
 from ...engine.events import Events
 from ...engine.finish import solution
 from ...engine.options import RunOptions
 from ...engine.prepare import Run, new_output
-from ...recording import Recording
 from ...typing import Progress
-from ...verdict import Verdict
 from .scores import Outage, Track, scored
 
 KEPT_INTERVAL = 1.0

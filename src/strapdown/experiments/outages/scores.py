@@ -15,11 +15,11 @@ import numpy as np
 from ...checks import DataError
 from ...core.loop.contract import Start
 from ...core.loop.loop import SAME_TIME
-from ...data import Solution, Trajectory
+from ...data.recording import Recording
+from ...data.solution import Solution, Trajectory
 from ...evaluation.consistency import coverage
 from ...evaluation.metrics import EULER, NED_AXES, interpolated
-from ...geodesy import displacement, wrap
-from ...recording import Recording
+from ...geometry.geodesy import displacement, wrap
 from ...typing import Array, Mask
 from .protocols import Protocol, Window, named
 

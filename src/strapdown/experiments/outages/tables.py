@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from ...constants import STANDARD_GRAVITY
 from ...evaluation.metrics import NED_AXES
-from ...reports.parts import Cell, Html, Ruled, around, caption, paragraphs, split, table
+from ...pages.parts import Cell, Html, Ruled, around, caption, paragraphs, split, table
 from ...typing import Array
-from ...wording import number
+from ...units.constants import STANDARD_GRAVITY
+from ...units.wording import number
 from .words import ranked, unlike
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...wording import counted, enumerated, number
+from ...units.wording import counted, enumerated, number
 
 if TYPE_CHECKING:
     from .result import Comparison

@@ -1,7 +1,7 @@
 """Closed loop: errors are injected into the INS at each fix, biases are corrected inside the
 INS. The default filter."""
 
-from ...core.compile.choosing import any_of
+from ...core.compile.selection import any_of
 from ...core.loop.contract import (
     CORRECT,
     DECAYING,

@@ -7,7 +7,7 @@ this is the form to compare with.
 
 import math
 
-from ...core.compile.choosing import all_of, any_of, where
+from ...core.compile.selection import all_of, any_of, where
 from ...core.loop.contract import (
     ATT,
     CORRECT,

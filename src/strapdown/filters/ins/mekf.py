@@ -14,7 +14,7 @@ the errors it turns back by half of the correction, and P_n forward by as much (
 
 import math
 
-from ...core.compile.choosing import any_of
+from ...core.compile.selection import any_of
 from ...core.loop.contract import (
     ATT,
     CORRECT,

@@ -9,7 +9,7 @@ largest and depend on the coordinates of the position error; see `KINEMATICS`.
 import math
 
 from ...checks import check_choice
-from ...core.compile.choosing import any_of, where
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import (
     ATT,
     BA,

@@ -5,7 +5,7 @@ Interval 0 is the closed loop, an infinite one the open loop.
 """
 
 from ...checks import check_number
-from ...core.compile.choosing import any_of, where
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import (
     CORRECT,
     DECAYING,

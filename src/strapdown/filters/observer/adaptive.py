@@ -15,8 +15,8 @@ the law is ba' = -k C' xi. docs/explanation/observer.md has the argument for its
 
 import math
 
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.selection import any_of, where
 from ...core.compile.workspace import Slots
 from ...typing import Array
 

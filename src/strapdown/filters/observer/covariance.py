@@ -13,8 +13,8 @@ Gauss-Markov process that is never estimated, which the heading takes on. The sq
 
 from typing import TypeAlias
 
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import Belief, Kind, Noise, Slots, SourceRow
 from ...core.mathematics.joseph import (
     FORCE,

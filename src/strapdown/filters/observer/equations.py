@@ -16,8 +16,8 @@ the view that `embedded` gives.
 
 import math
 
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined, matrix
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import MOST_STATES, Belief, Kind, Noise, Observe, Slots, SourceRow
 from ...core.mathematics.earth import displace, place
 from ...core.mathematics.elementary import arctangent, arctangent2, tangent

@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from ...checks import check_number
-from ...core.compile.choosing import any_of, where
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import (
     CORRECT,
     PREDICT,

@@ -9,8 +9,8 @@ counted from the estimate, and P is theirs: to first order its tilts lie half of
 the vertical than those about the heading of the model, log(exp(a) exp([0 0 -TURN])).
 """
 
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import Belief, Slots
 from ...core.mathematics.elementary import arctangent2, sine_cosine
 from ...core.mathematics.error_state import turn_half

@@ -3,8 +3,8 @@ gate, and must use it once."""
 
 import math
 
-from ...core.compile.choosing import where
 from ...core.compile.jit import helper
+from ...core.compile.selection import where
 from ...core.compile.workspace import Slots
 from ...typing import Array
 

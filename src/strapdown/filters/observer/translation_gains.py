@@ -6,8 +6,8 @@ at a fix is I - K C. The Riccati design is the difference equation at the fixes 
 limit at a steady interval is the gain that `observer_gains` prints.
 """
 
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper
+from ...core.compile.selection import any_of, where
 from ...core.compile.workspace import Slots
 from ...core.mathematics.elementary import exponential, exponential_less_one, sine_cosine
 from ...typing import Array

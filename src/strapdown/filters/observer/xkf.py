@@ -12,8 +12,8 @@ import math
 from typing import Any
 
 from ...checks import check_choice, check_number
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import helper, inlined
+from ...core.compile.selection import any_of, where
 from ...core.loop.contract import (
     BA,
     BG,

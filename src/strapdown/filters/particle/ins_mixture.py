@@ -8,8 +8,8 @@ filters/particle/mixture.py has what does not depend on the states.
 import math
 from typing import NamedTuple
 
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
+from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import MOST_STATES, STATES, Belief, Kind, Observe, Slots, SourceRow
 from ...core.mathematics.earth import place

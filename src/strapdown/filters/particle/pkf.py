@@ -11,8 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...checks import check_number
-from ...core.compile.choosing import any_of, where
 from ...core.compile.jit import flatten, helper, inlined, lanes_of, sides
+from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import (
     CORRECT,

@@ -19,8 +19,8 @@ Source: Van der Merwe (2004), chapter 3; Julier & Uhlmann (2004); Arasaratnam & 
 
 import math
 
-from ...core.compile.choosing import where
 from ...core.compile.jit import helper, inlined, lanes_of, sides
+from ...core.compile.selection import where
 from ...core.compile.signatures import LANES
 from ...typing import Array
 

@@ -24,9 +24,9 @@ from ...checks import (
 )
 from ...core.compile.records import row_of, rows
 from ...core.mathematics.earth import E2, A
-from ...files import read_toml
-from ...geodesy import gravity
-from ...toml_keys import Key, made, read_table, scaled, section, text
+from ...fileio.files import read_toml
+from ...fileio.toml_keys import Key, made, read_table, scaled, section, text
+from ...geometry.geodesy import gravity
 from ...typing import Array, ArrayLike, File
 
 SECTIONS: dict[str, tuple[tuple[str, str, float, float], ...]] = {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...wording import counted
+from ...units.wording import counted
 from ..tables.table_file import Table
 
 Bytes = NDArray[np.uint8]

@@ -8,10 +8,10 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.loop.contract import Imu
-from ...data import Aiding
-from ...recording import RecordingMeta
+from ...data.recording import RecordingMeta
+from ...data.solution import Aiding
 from ...typing import Array
-from ...wording import counted
+from ...units.wording import counted
 from ..calibration_file import HEATED, NONE, Correction, read_corrections
 from .schema import Description, ImuPart, Temperature
 from .source_files import Files

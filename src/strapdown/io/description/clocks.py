@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...time_scales import DAY, WEEK, gps_of, iso
+from ...units.time_scales import DAY, WEEK, gps_of, iso
 from ..contract import Log, Section
 from ..tables.table_file import Table
 from .schema_base import Time

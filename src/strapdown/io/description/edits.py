@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ...estimable import CLOCK, LEVER_ARM, MOUNTING, Estimable
+from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, Estimable
 
 
 class Edit(NamedTuple):

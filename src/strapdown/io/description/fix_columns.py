@@ -9,7 +9,7 @@ import numpy as np
 
 from ...alignment.location import known
 from ...checks import DataError, located
-from ...data import Aiding
+from ...data.solution import Aiding
 from ...preprocessing.attitude_record import quaternions
 from ...preprocessing.axes import NAVIGATION_AXES, axes_matrix, turned
 from ...preprocessing.origin import Origin
@@ -21,10 +21,10 @@ from ...preprocessing.other_forms import (
     positions,
     vectors,
 )
-from ...quantities import dimension, innovation_dimension
 from ...sensor_models.geoid import undulation
 from ...typing import Array, Mask
-from ...units import factor, spread_factor
+from ...units.conversion import factor, spread_factor
+from ...units.quantities import dimension, innovation_dimension
 from .schema import ReferencePart, Vector, vector_factors
 from .schema_aiding import AidingPart
 from .schema_base import Separation

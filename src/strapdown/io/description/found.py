@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...checks import DataError
-from ...opening import settings_text
-from ...recording import Recording
+from ...data.recording import Recording
+from ...fileio.file_access import settings_text
 from ...typing import File
-from .complaints import load
 from .installed import difference, installed
+from .messages import load
 from .rewriting import Keyed, change_installation, check_sections, rewrite, rewritten
 
 

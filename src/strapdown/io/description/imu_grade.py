@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...constants import STANDARD_GRAVITY as G
 from ...core.loop.contract import Imu
 from ...core.mathematics.earth import RATE
 from ...preprocessing.stationary import at_rest
 from ...sensor_models.imu import grade
 from ...typing import Array
-from ...units import in_units
+from ...units.constants import STANDARD_GRAVITY as G
+from ...units.conversion import in_units
 
 CLASSES = ("navigation", "tactical", "industrial", "consumer")
 """Grades from the best to the worst; the other grade that ships is of one product."""

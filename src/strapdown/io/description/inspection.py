@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from ...core.loop.contract import Imu
-from ...cross_checks.heights import above_sea_level
-from ...data import Aiding
+from ...data.recording import Recording, RecordingMeta
+from ...data.solution import Aiding
+from ...data.verdict import Reason
+from ...inspection.heights import above_sea_level
 from ...preprocessing.plausible import NO_GRAVITY, UNFELT, doubts, mistakes
-from ...recording import Recording, RecordingMeta
-from ...verdict import Reason
 from ..contract import Findings
 from ..facts import (
     aiding_facts,
@@ -23,9 +23,9 @@ from ..locate import locate
 from ..magnetic_record import facts_and_reasons
 from ..unfelt_tilt import fixes_confirm
 from .calibrations import kept_temperatures
-from .complaints import complaints, parse
 from .fix_columns import Whereabouts
 from .logs import Take, join, opened
+from .messages import complaints, parse
 from .read import (
     assumed,
     height_column,

@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 import tomlkit
 
 from ...checks import DataError, check_choice, printable
-from ...recording import Recording
-from ...time_scales import rate_of
+from ...data.recording import Recording
 from ...typing import File
-from ...units import factor
+from ...units.conversion import factor
+from ...units.time_scales import rate_of
 from ..contract import GUESS, ROLES, Log, Section
 from ..registry import ask, looker
 from ..tables.table_file import Table
 from .clocks import OneClock, one_clock
-from .complaints import load
 from .imu_grade import CLASSES, nearest_grade
+from .messages import load
 from .read import read_imu, recording_of
 from .source_files import Files, times_of
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.loop.contract import Imu
-from ...data import Aiding
+from ...data.solution import Aiding
 from ...sensor_models.geomagnetism import geomagnetic_field
 from ...typing import Array
-from ...units import UNITS
-from ...wording import counted
+from ...units.conversion import UNITS
+from ...units.wording import counted
 from ..calibration_file import read_calibration
 from ..magnetic_record import facts_and_reasons, vertical
 from .schema_aiding import AidingPart

@@ -11,7 +11,8 @@ import numpy as np
 from ...alignment.location import place_of
 from ...checks import DataError, located
 from ...core.loop.contract import Imu
-from ...data import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
+from ...data.recording import Recording, RecordingMeta
+from ...data.solution import ATTITUDE_COLUMNS, NAV_COLUMNS, Aiding, Trajectory
 from ...preprocessing.attitude_checks import sound_attitude
 from ...preprocessing.attitude_record import angles, quaternions
 from ...preprocessing.axes import turned
@@ -22,19 +23,18 @@ from ...preprocessing.origin import Origin
 from ...preprocessing.other_forms import attitudes
 from ...preprocessing.vehicle_rest import WINDOW, vehicle_at_rest
 from ...preprocessing.wheel_slip import without_slip
-from ...recording import Recording, RecordingMeta
-from ...time_scales import iso, utc
 from ...typing import Array, File
-from ...units import DEG, factor
+from ...units.conversion import DEG, factor
+from ...units.time_scales import iso, utc
 from ..contract import Made
 from ..magnetic_record import sound
 from ..tables.table_file import Table
 from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures
-from .complaints import load
 from .fix_columns import Fixes, Whereabouts, read_columns, read_fixes
 from .installed import installed
 from .magnetic_sources import calibrated, with_field
+from .messages import load
 from .schema import Description, ImuPart, ReferencePart, Vector
 from .schema_aiding import AidingPart
 from .schema_base import Signal

@@ -13,11 +13,11 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Float, InlineTable, Item, Table, Trivia
 
 from ...checks import DataError
-from ...estimable import CLOCK, LEVER_ARM, MOUNTING
-from ...files import replacing, together
-from ...opening import open_file, toml_of
+from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING
+from ...fileio.file_access import open_file, toml_of
+from ...fileio.files import replacing, together
 from ...typing import File
-from ...units import DEG
+from ...units.conversion import DEG
 from .edits import Edit, deviations, number, rounded
 
 TIME = CLOCK.key

@@ -8,10 +8,10 @@ import tomlkit
 from tomlkit.items import Float, Item, Trivia
 
 from ...checks import DataError, is_number
-from ...quantities import dimension, innovation_dimension
 from ...typing import File
-from ...units import spread_factor
-from .complaints import load
+from ...units.conversion import spread_factor
+from ...units.quantities import dimension, innovation_dimension
+from .messages import load
 from .rewriting import put, say
 from .schema_aiding import AidingPart
 

@@ -10,13 +10,13 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ...checks import DataError, check_keys, check_number
 from ...core.mathematics.earth import LATITUDE_LIMIT
-from ...estimable import ASKED_OF_IMU, asked
+from ...data.calibration_parameters import ASKED_OF_IMU, asked
+from ...data.vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix, rotation_matrix
-from ...time_scales import gps_of
 from ...typing import Array
-from ...units import factor
-from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
+from ...units.conversion import factor
+from ...units.time_scales import gps_of
 from ..contract import GUESS
 from .schema_aiding import (
     ECEF,

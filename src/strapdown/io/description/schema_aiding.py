@@ -8,15 +8,15 @@ from pydantic import Field, model_validator
 
 from ...aiding import find
 from ...checks import DataError, check_number, is_number
-from ...constants import MAX_TIME_CONSTANT
 from ...core.loop.contract import Measurement
-from ...data import Correlated
-from ...estimable import asked, asked_at
+from ...data.calibration_parameters import asked, asked_at
+from ...data.solution import Correlated
 from ...preprocessing.attitude_record import QuaternionOrder, axes_of
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
-from ...quantities import dimension, innovation_dimension, shown_unit
 from ...typing import Array
-from ...units import factor, spread_factor
+from ...units.constants import MAX_TIME_CONSTANT
+from ...units.conversion import factor, spread_factor
+from ...units.quantities import dimension, innovation_dimension, shown_unit
 from .schema_base import (
     Column,
     Declination,

@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from ...checks import check_keys, check_number, is_number
-from ...units import factor, quantity
+from ...units.conversion import factor, quantity
 from ..tables.calendar_text import Pattern, patterns
 
 Found = TypeVar("Found")

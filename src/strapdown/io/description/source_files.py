@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError, did_you_mean, located
-from ...file_limits import check_inside, in_force
+from ...fileio.limits import check_inside, in_force
 from ...preprocessing.origin import Rows
-from ...time_scales import (
+from ...typing import Array, File, Mask
+from ...units.time_scales import (
     DAY,
     WEEK,
     YEARS,
@@ -22,7 +23,6 @@ from ...time_scales import (
     seconds_since,
     year_of,
 )
-from ...typing import Array, File, Mask
 from ..contract import Log
 from ..locate import locate
 from ..registry import ask, looker

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...checksum import DAMAGED
+from ...fileio.checksum import DAMAGED
 
 UNIT_LENGTH = 1e-6
 """How far the norm of a quaternion may be from 1: more than single precision rounds."""

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError, brief, printable
-from ...checksum import DAMAGED, has_checksum
-from ...file_limits import reading_within, regular
+from ...fileio.checksum import DAMAGED, has_checksum
+from ...fileio.limits import reading_within, regular
 from ...typing import File
 from ..tables.hdf5_file import open_hdf5
 from ..tables.table_file import first_line_of
@@ -21,7 +21,7 @@ specification, appendix on dimension scales)."""
 OF_NETCDF = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS"}
 """Attributes by which NetCDF and HDF5 keep their own books, beside those that begin with _N."""
 SEALED = "checksum"
-"""Root attribute of a file that must have the line of `strapdown.checksum`."""
+"""Root attribute of a file that must have the line of `strapdown.fileio.checksum`."""
 
 
 class OwnFormat(NamedTuple):

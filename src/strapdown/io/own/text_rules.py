@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from ...checks import DataError
-from ...checksum import DAMAGED
-from ...time_scales import gps_of
-from ...verdict import SEVERITY
+from ...data.verdict import SEVERITY
+from ...fileio.checksum import DAMAGED
+from ...units.time_scales import gps_of
 
 Model = TypeVar("Model")
 

@@ -20,19 +20,19 @@ import numpy as np
 
 from ...checks import DataError
 from ...core.loop.contract import Imu
-from ...data import Aiding, Trajectory
-from ...geodesy import displaced
-from ...opening import Zip
+from ...data.recording import Recording, RecordingMeta
+from ...data.solution import Aiding, Trajectory
+from ...fileio.file_access import Zip
+from ...geometry.geodesy import displaced
 from ...preprocessing.attitude_record import quaternions
 from ...preprocessing.axes import BODY_AXES, NAVIGATION_AXES, axes_matrix
 from ...preprocessing.fixes import checked_aidings
 from ...preprocessing.origin import Origin
 from ...preprocessing.stationary import at_rest, stretches
-from ...recording import Recording, RecordingMeta
 from ...sensor_models.errors import Triad
 from ...sensor_models.imu import ImuSpec
 from ...typing import Array, ArrayLike, File, Mask
-from ...wording import counted
+from ...units.wording import counted
 from ..contract import Findings, Reader
 from ..facts import recording_facts
 from ..tables.table_file import reading

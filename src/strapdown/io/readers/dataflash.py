@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...time_scales import WEEK
+from ...units.time_scales import WEEK
 from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, trajectories

@@ -12,14 +12,14 @@ import numpy as np
 
 from ...aiding import find
 from ...checks import DataError, located
-from ...checksum import DAMAGED
 from ...core.loop.contract import Imu
-from ...data import Aiding, Correlated, Trajectory
-from ...files import netcdf, replacing
+from ...data.recording import Recording, RecordingMeta as RecordingFacts
+from ...data.solution import Aiding, Correlated, Trajectory
+from ...fileio.checksum import DAMAGED
+from ...fileio.files import netcdf, replacing
 from ...preprocessing.fixes import checked_aidings, overlap
-from ...quantities import dimension, innovation_dimension, si
-from ...recording import Recording, RecordingMeta as RecordingFacts
 from ...typing import Array, File
+from ...units.quantities import dimension, innovation_dimension, si
 from ..contract import Findings, Reader
 from ..facts import recording_facts
 from ..own.array_rules import Column, Schema, check_arrays

@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...data import Aiding
+from ...data.recording import Recording, RecordingMeta
+from ...data.solution import Aiding
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import mistakes, refuse_mistakes
-from ...recording import Recording, RecordingMeta
 from ...typing import Array, File
 from ..contract import Findings, Reader
 from ..facts import recording_facts

@@ -3,7 +3,7 @@ and is loaded where it is needed."""
 
 from pathlib import Path
 
-from ...recording import Recording
+from ...data.recording import Recording
 from ..contract import Findings, Reader
 
 

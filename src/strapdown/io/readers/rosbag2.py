@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...checks import DataError
-from ...file_limits import regular
-from ...opening import files_of
+from ...fileio.file_access import files_of
+from ...fileio.limits import regular
 from ..contract import Log, Reader
 from ..tables.table_file import PACKED, packed, read_bytes
 
@@ -165,7 +165,7 @@ def _batches(rows: Iterable[Row], size: int) -> Iterator[list[Row]]:
 
 def _unpacked(rows: list[Row]) -> Iterator[Row]:
     """The same with each message unpacked, without those that are damaged."""
-    from ..decoding.robots.unpacking import unpack_frames
+    from ..decoding.robots.packed_chunks import unpack_frames
 
     for number, time, packed_message in rows:
         try:

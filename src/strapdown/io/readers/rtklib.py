@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...geodesy import from_ecef, ned_axes, to_ecef
-from ...time_scales import DAY, GPS_ZERO, WEEK
+from ...geometry.geodesy import from_ecef, ned_axes, to_ecef
 from ...typing import Array, Ints
+from ...units.time_scales import DAY, GPS_ZERO, WEEK
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
 from ..decoding.receivers.nmea_sentences import number

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...units import G
+from ...units.conversion import G
 from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import CSV, Export, export, heads
 from ..decoding.phones.phone import (

@@ -9,7 +9,7 @@ from ..tables.table_arrays import SUFFIXES
 
 def open_table(path: Path) -> Log:
     """The Log of a file of tables. Raises DataError."""
-    from ..drafting.draft import open_table  # loads pydantic: 0.2 s
+    from ..columns.draft import open_table  # loads pydantic: 0.2 s
 
     return open_table(path)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ...checks import DataError
-from ...time_scales import gps_from_unix
+from ...units.time_scales import gps_from_unix
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import Clock
 from ..decoding.receivers.nmea_fixes import nmea_log

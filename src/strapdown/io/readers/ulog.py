@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...time_scales import gps_from_unix, iso
+from ...units.time_scales import gps_from_unix, iso
 from ..contract import Log, Reader, Section
 from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.px4 import (

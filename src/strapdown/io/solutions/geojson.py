@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...data import Solution
-from ...verdict import NOT_JUDGED
+from ...data.solution import Solution
+from ...data.verdict import NOT_JUDGED
 from .track import track_of
 
 

@@ -4,7 +4,7 @@ segment behind rows where it is not."""
 from collections.abc import Iterator
 from pathlib import Path
 
-from ...data import Solution
+from ...data.solution import Solution
 from .track import HEIGHTS, Track, track_of, xml
 
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>

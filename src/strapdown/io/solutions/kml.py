@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...data import Solution
+from ...data.solution import Solution
 from ...typing import Ints
 from .track import HEIGHTS, Track, track_of, xml
 

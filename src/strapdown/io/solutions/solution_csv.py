@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError, located
-from ...checksum import DAMAGED
-from ...data import NAV_COLUMNS, UNITS, Innovations, Solution, SolutionMeta
-from ...spreadsheet import as_written, inert
-from ...time_scales import gps_of, iso, iso_text
+from ...data.solution import NAV_COLUMNS, UNITS, Innovations, Solution, SolutionMeta
+from ...data.verdict import NOT_JUDGED
+from ...fileio.checksum import DAMAGED
+from ...fileio.spreadsheet import as_written, inert
 from ...typing import Array
-from ...verdict import NOT_JUDGED
+from ...units.time_scales import gps_of, iso, iso_text
 from ..own.array_rules import broken_rules
 from ..tables.table_file import Table, open_text, reading
 from ..tables.table_text import read_table

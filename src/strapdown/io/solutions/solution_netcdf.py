@@ -10,9 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ...checks import DataError
-from ...checksum import DAMAGED
 from ...core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
-from ...data import (
+from ...data.solution import (
     BIAS_COLUMNS,
     NAV_COLUMNS,
     SD_COLUMNS,
@@ -23,9 +22,10 @@ from ...data import (
     Solution,
     Trajectory,
 )
-from ...files import netcdf
+from ...data.verdict import NOT_JUDGED
+from ...fileio.checksum import DAMAGED
+from ...fileio.files import netcdf
 from ...typing import Array
-from ...verdict import NOT_JUDGED
 from ..own.array_rules import Column, check_arrays
 from ..own.hdf5_content import Content, OwnFormat, content_of
 

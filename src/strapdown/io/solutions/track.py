@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...data import Solution
-from ...time_scales import iso_text, span
+from ...data.solution import Solution
+from ...data.verdict import NOT_JUDGED, TRUSTED
 from ...typing import Array, Ints
-from ...verdict import NOT_JUDGED, TRUSTED
+from ...units.time_scales import iso_text, span
 
 HEIGHTS = "Heights are above the WGS-84 ellipsoid"
 

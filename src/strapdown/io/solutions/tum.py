@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ...checks import DataError
-from ...data import Solution
-from ...geodesy import ned_axes, to_ecef
+from ...data.solution import Solution
+from ...geometry.geodesy import ned_axes, to_ecef
 from .track import track_of
 
 HEAD = """# {name}

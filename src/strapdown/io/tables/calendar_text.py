@@ -9,8 +9,8 @@ import numpy as np
 
 from ...checks import DataError
 from ...preprocessing.origin import Origin
-from ...time_scales import days_of
 from ...typing import Array, Ints, Mask
+from ...units.time_scales import days_of
 
 ISO = "iso"
 ISO_DATE, ISO_TIME = "%Y-%m-%d", "%H:%M:%S%z"

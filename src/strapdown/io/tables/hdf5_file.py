@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...checks import DataError
-from ...file_limits import FREE, LimitError, Meter, check_count, in_force, regular
+from ...fileio.limits import FREE, LimitError, Meter, check_count, in_force, regular
 
 DEFLATE, SHUFFLE, FLETCHER32 = 1, 2, 3
 FILTERS = {DEFLATE, SHUFFLE, FLETCHER32}

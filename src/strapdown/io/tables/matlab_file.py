@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import DataError
-from ...file_limits import PIECE, Meter, check_count
-from ...opening import open_file
+from ...fileio.file_access import open_file
+from ...fileio.limits import PIECE, Meter, check_count
 
 HEADER, MATRIX, COMPRESSED = 128, 14, 15
 STRUCT, DOUBLE, UINT64 = 2, 6, 15

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...checks import DataError
-from ...file_limits import Meter, check_count, regular
-from ...opening import open_file
+from ...fileio.file_access import open_file
+from ...fileio.limits import Meter, check_count, regular
 from .hdf5_file import open_hdf5
 from .matlab_file import variables
 from .table_file import SUFFIXES as TEXT, Table, first_line_of, is_number, reading

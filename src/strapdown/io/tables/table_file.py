@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TextIO
 import numpy as np
 
 from ...checks import DataError, did_you_mean
-from ...file_limits import Meter, regular
-from ...opening import Zip, metered, open_file
+from ...fileio.file_access import Zip, metered, open_file
+from ...fileio.limits import Meter, regular
 from ...preprocessing.origin import Origin
 from ...typing import Array, ArrayLike, File, Ints, Mask
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...checks import DataError
-from ...file_limits import check_count
+from ...fileio.limits import check_count
 from .table_file import open_bytes
 
 HEAD, SAMPLE = 65536, 50

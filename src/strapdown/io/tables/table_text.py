@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from ...checks import DataError
-from ...file_limits import Meter, check_count, check_size, regular
-from ...opening import CELL, ROW, TEXT, check_lines, open_file
+from ...fileio.file_access import CELL, ROW, TEXT, check_lines, open_file
+from ...fileio.limits import Meter, check_count, check_size, regular
 from ...typing import Ints, Mask
-from ...wording import counted
+from ...units.wording import counted
 from .table_file import PACKED, Numbers, Table, is_number, open_bytes, reading, split_error
 from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
 

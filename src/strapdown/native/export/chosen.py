@@ -12,7 +12,9 @@ from ...checks import DataError, check_number
 from ...core.loop.contract import Filter, Noise, Start
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.source import PARAMETERS
-from ...data import Aiding
+from ...data.recording import Recording
+from ...data.solution import Aiding
+from ...data.vehicle import GivenVehicle, Vehicle, find as find_vehicle
 from ...engine.heading_hypotheses import aligned
 from ...engine.installation import without_estimates
 from ...engine.limits import limits
@@ -29,10 +31,8 @@ from ...engine.prepare import (
     ready,
     usable,
 )
-from ...recording import Recording
 from ...sensor_models.imu import ImuSpec, grade
 from ...typing import Say
-from ...vehicle import GivenVehicle, Vehicle, find as find_vehicle
 
 WAITING = 16
 """Fixes that an exported filter has room for until the sample that reaches their time, where nobody

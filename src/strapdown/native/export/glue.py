@@ -4,12 +4,12 @@ to its object."""
 from collections.abc import Iterator, Mapping
 
 from ... import aiding
-from ...constants import MAX_PAUSE
 from ...core.loop.contract import Noise, Start
 from ...core.loop.log import FOLD
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.earth import LATITUDE_LIMIT
 from ...preprocessing.imu_samples import LONGEST_INTERVAL
+from ...units.constants import MAX_PAUSE
 from .chosen import Chosen
 from .header import template
 from .image import Image, Known

@@ -8,12 +8,13 @@ from importlib.resources import files
 from string import Template
 from textwrap import wrap
 
-from ... import aiding, quantities
+from ... import aiding
 from ...core.compile.records import notes
 from ...core.compile.signatures import Row
 from ...core.loop.contract import Measurement
 from ...core.mathematics import solution_row
 from ...engine.prepare import axes_of_rows, brought
+from ...units import quantities
 from .chosen import GIVEN, Chosen
 from .layout import RECORDS, Layout, Place
 from .texts import CLASSES, ENUMS, FIELDS, SIZES, Name, Names

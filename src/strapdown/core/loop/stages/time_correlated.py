@@ -1,5 +1,5 @@
 """Time-correlated errors of a source: what becomes of them up to its next measurement, and how much they
-add to what is not estimated of them (core/mathematics/correlated.py has the equations)."""
+add to what is not estimated of them (core/mathematics/time_correlated.py has the equations)."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 from ....typing import Array
 from ...compile.jit import kernel
 from ...mathematics.belief import Belief
-from ...mathematics.correlated import fade, widen
+from ...mathematics.time_correlated import fade, widen
 from ..cursor import Cursor
 from ..kernels import STAGE, Kernels
 from ..tables import Fixes

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
-from ....time_scales import rate_of
+from ....units.time_scales import rate_of
 from ...contract import Section
 from . import autopilot
 from .dataflash import DataFlash

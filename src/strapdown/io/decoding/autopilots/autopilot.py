@@ -8,8 +8,8 @@ import numpy as np
 
 from ....preprocessing.attitude_record import quaternions
 from ....preprocessing.imu_samples import ARRAYS
-from ....time_scales import iso
 from ....typing import Array
+from ....units.time_scales import iso
 from ...contract import Section
 
 VEHICLES: dict[float, str] = {

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....preprocessing.plausible import is_temperature
-from ....time_scales import rate_of
+from ....units.time_scales import rate_of
 from ...contract import GUESS, Section
 from . import autopilot
 from .ulog import ULog

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....checks import DataError
-from ....wording import counted
+from ....units.wording import counted
 from ..records import Follow, Walked, how_it_begins, structured
 
 MAGIC = b"ULog\x01\x12\x35"

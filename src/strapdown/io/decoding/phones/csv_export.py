@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 import numpy as np
 
 from ....checks import DataError
-from ....file_limits import Meter
-from ....opening import Zip, files_of
+from ....fileio.file_access import Zip, files_of
+from ....fileio.limits import Meter
 from ...tables.table_file import Table, first_line_of, open_bytes, packed, reading, split_error
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....time_scales import rolled
 from ....typing import Array, Ints
+from ....units.time_scales import rolled
 
 DAY_MS = 86_400_000
 WEEK_MS = 604_800_000

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....time_scales import days_of
 from ....typing import Array, Ints
+from ....units.time_scales import days_of
 from .cyclic_times import DAY_MS, Clock, clock_of
 
 TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....time_scales import DAY, days_of, gps_from_unix
 from ....typing import Array, Ints
+from ....units.time_scales import DAY, days_of, gps_from_unix
 from ..records import Bytes, structured
 from .cyclic_times import WEEK_MS, Clock, clock_of, moments
 

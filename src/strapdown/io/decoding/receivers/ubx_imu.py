@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....time_scales import rate_of
 from ....typing import Array, Ints
+from ....units.time_scales import rate_of
 from ...contract import GUESS, Section
 from ...tables.table_file import Table
 from .ubx_frames import LAYOUTS, Frames, Message

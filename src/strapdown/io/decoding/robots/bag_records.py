@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from ....checks import DataError
-from ....file_limits import LimitError, Meter
+from ....fileio.limits import LimitError, Meter
 from ....typing import Ints
 from ..records import how_it_begins
+from .packed_chunks import unpack
 from .ros_messages import Messages, Topic, take
-from .unpacking import unpack
 
 MAGIC = b"#ROSBAG V2.0\n"
 OLDER = b"#ROSBAG V1"

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....checks import DataError
-from ....file_limits import LimitError, Meter
+from ....fileio.limits import LimitError, Meter
 from ....typing import Ints
 from ..records import how_it_begins
+from .packed_chunks import unpack
 from .ros_messages import Messages, Topic, take
-from .unpacking import unpack
 
 MAGIC = b"\x89MCAP0\r\n"
 SCHEMA, CHANNEL, MESSAGE, CHUNK, DATA_END = 3, 4, 5, 6, 15

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ....checks import DataError
-from ....time_scales import rate_of
 from ....typing import Ints
+from ....units.time_scales import rate_of
 from .ros_messages import Columns, Decoded, Messages, Topic
 from .ros_transforms import plain
 

@@ -1,0 +1,77 @@
+"""A Start of which only parts are known: what it leaves open is found as `align` finds it."""
+
+import numpy as np
+
+from ..core.loop.contract import ATT, POS, VEL, Start
+from ..data.recording import Recording
+from .fixes import source
+from .initial import align
+from .initial_heading import StatesBiases
+from .location import GIVEN_SD
+from .rest import rests
+
+PARTS = {"lla": 3, "v": 3, "rph": 3, "ba": 3, "bg": 3, "sd": 15}
+"""Fields of a Start that may be left open, and their length."""
+MOST_HEADING = 4 * np.pi  # rad: more is in degrees
+GIVEN_SPEED_SD = 0.5  # m/s, of a velocity that was given without its standard deviation
+GIVEN_ANGLE_SD = np.radians(2.0)  # the same of roll, pitch and heading
+REST_SPEED_SD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
+
+
+def left_open(start: Start) -> list[str]:
+    """Names of the parts that are not given; `rph` where roll and pitch are NaN."""
+    return [name for name in PARTS if not _given(start, name)]
+
+
+def _given(start: Start, name: str) -> bool:
+    values = getattr(start, name)
+    return np.size(values) > 0 and not _heading_alone(name, values)
+
+
+def _heading_alone(name: str, values: object) -> bool:
+    """True where `rph` has a heading alone: NaN, NaN and a number; other values are refused
+    elsewhere."""
+    try:
+        rph = np.asarray(values, float)
+    except (TypeError, ValueError):
+        return False
+    known = np.isfinite(rph) & (np.abs(rph) <= MOST_HEADING)
+    return (
+        name == "rph" and known.tolist() == [False, False, True] and bool(np.isnan(rph[:2]).all())
+    )
+
+
+def completed(
+    start: Start, recording: Recording, imu: StatesBiases, position: bool = True
+) -> Start:
+    """`start` with what it leaves open, `()` or roll and pitch NaN, found from what `recording`
+    holds around its time; position: False for a filter that estimates attitude alone.
+
+    A part given without standard deviations gets those that such knowledge usually has. Raises
+    DataError where something can neither be found.
+    """
+    missing = left_open(start)
+    if not missing:
+        return start
+    heading, heading_sd = None, float(GIVEN_ANGLE_SD)
+    if np.size(start.rph) == 3:
+        heading = float(start.rph[2])
+        heading_sd = heading_sd if "sd" in missing else float(start.sd[ATT.stop - 1])
+    if "lla" not in missing:
+        recording = recording.knowing(place=start.lla)
+    from_fixes = position and ("lla" in missing or source(recording, "position") is not None)
+    found = align(recording, imu, heading, heading_sd, at=start.t, position=from_fixes)
+    sd, v = np.array(found.sd), found.v
+    if not from_fixes and rests(recording, start.t).until(recording.imu, start.t) > start.t:
+        v, sd[VEL] = (0.0, 0.0, 0.0), REST_SPEED_SD
+    for name, states, usual in (
+        ("lla", POS, GIVEN_SD),
+        ("v", VEL, GIVEN_SPEED_SD),
+        ("rph", ATT, GIVEN_ANGLE_SD),
+    ):
+        if name not in missing:
+            sd[states] = usual
+    parts = found._replace(v=v, sd=tuple(map(float, sd)))
+    given = {name: getattr(start, name) for name in PARTS if name not in missing}
+    note = f"{', '.join(given) or 'time'} given; {found.note}"
+    return parts._replace(t=start.t, note=note, motion=(), **given)

@@ -1,0 +1,1 @@
+"""Values that all rooms share: trajectories, sources, solutions, recordings, verdicts."""

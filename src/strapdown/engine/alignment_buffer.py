@@ -1,0 +1,120 @@
+"""The alignment buffer of a stream: samples and measurements before its start, and the Start that
+they give."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..alignment.missing_fields import completed
+from ..checks import DataError
+from ..core.loop.contract import Filter, Imu, Start
+from ..data.recording import Recording, RecordingMeta
+from ..data.solution import Aiding
+from ..preprocessing.plausible import refuse_mistakes
+from ..sensor_models.imu import ImuSpec
+from .arrivals import Sample, UsableFix
+from .heading_hypotheses import DOUBTFUL, aligned
+from .options import RunOptions
+from .prepare import positioned
+
+ALIGN_EVERY = 10.0
+"""s of samples between two looks for a start."""
+
+
+class Gathering:
+    """Samples and fixes in time order, until they tell a start. asked: its `start` is None or has
+    parts left open; within: s after which any start that is found is taken; most: samples that are
+    kept; meta: of the recording that they make."""
+
+    def __init__(
+        self,
+        filter: Filter,
+        aidings: Sequence[Aiding],
+        spec: ImuSpec | None,
+        asked: RunOptions,
+        within: float,
+        most: int,
+        meta: RecordingMeta,
+    ) -> None:
+        self.samples: list[Sample] = []
+        self.fixes: list[UsableFix] = []
+        self._filter, self._aidings, self._spec = filter, aidings, spec
+        self._given, self._noise, self._say = asked["start"], asked["noise"], asked["say"]
+        self._within, self._most, self._meta = within, most, meta
+        self._first = self._due = np.inf
+
+    def take(self, sample: Sample, fixes: Sequence[UsableFix]) -> bool:
+        """Keep one sample and the fixes up to its end; whether it is time to look for a start."""
+        if not self.samples:
+            self._first = sample.t - sample.dt
+            self._due = max(self._first, self._given.t if self._given else self._first)
+            self._due += ALIGN_EVERY
+        self.samples.append(sample)
+        self.fixes.extend(fixes)
+        if len(self.samples) > self._most:
+            self._forget()
+        if sample.t < self._due - 1e-6:
+            return False
+        while self._due <= sample.t + 1e-6:  # a gap may be longer
+            self._due += ALIGN_EVERY
+        return True
+
+    def _forget(self) -> None:
+        self.samples = self.samples[len(self.samples) // 2 :]
+        begin = self.samples[0].t
+        self.fixes = [fix for fix in self.fixes if fix.t >= begin]
+
+    @property
+    def late(self) -> bool:
+        """True where any start is better than none."""
+        return bool(self.samples) and self.samples[-1].t - self._first >= self._within - 1e-6
+
+    def recording(self) -> Recording:
+        """Return the buffered samples and measurements as a Recording. Raises DataError for fewer
+        than two samples."""
+        if len(self.samples) < 2:
+            raise DataError(
+                f"{len(self.samples)} IMU samples are no start; give the stream some seconds of "
+                f"samples and fixes first"
+            )
+        columns = (np.require(column, float, ["C", "W"]) for column in zip(*self.samples))
+        fixes = sorted(self.fixes, key=lambda fix: fix.t)
+        return Recording(
+            Imu(*columns),
+            tuple(
+                _with_fixes(a, [fix for fix in fixes if fix.source == s])
+                for s, a in enumerate(self._aidings)
+            ),
+            meta=self._meta,
+        )
+
+    def check(self) -> None:
+        """Raise DataError where the samples contradict gravity."""
+        refuse_mistakes(self.recording().imu, "IMU", "increment", self._meta.get("vehicle"))
+
+    def start(self) -> Start:
+        """The Start that what was gathered tells. Raises DataError where it tells none."""
+        if self._spec is None:
+            raise DataError(
+                "to find a start the stream must know its IMU: give imu=, or a whole Start"
+            )
+        recording, position = self.recording(), positioned(self._filter)
+        if self._given is not None:
+            return completed(self._given, recording, self._spec, position)
+        return aligned(recording, self._spec, position, self._noise, self._say)
+
+    def worth(self, start: Start) -> bool:
+        """True where a start need not wait for a better one: its heading is known, or given, or the
+        filter estimates no position."""
+        return (
+            self._given is not None or not positioned(self._filter) or bool(start.sd[8] <= DOUBTFUL)
+        )
+
+
+def _with_fixes(a: Aiding, fixes: Sequence[UsableFix]) -> Aiding:
+    y, sd = (
+        np.array([getattr(fix, part)[: each.shape[1]] for fix in fixes]).reshape(-1, each.shape[1])
+        for part, each in (("y", a.y), ("sd", a.sd))
+    )
+    return replace(a, t=np.array([fix.t for fix in fixes]), y=y, sd=sd)

@@ -1,0 +1,202 @@
+"""Eight runs of one filter at once, on recordings that differ in numbers only: the same times, sources
+and options. Runs that leave the lanes are reported, and must be run alone."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import aiding
+from ..core.compile.c_calls import aligned
+from ..core.compile.records import rows
+from ..core.compile.signatures import LANES
+from ..core.loop import lane_loop
+from ..core.loop.contract import COMPILED, Belief, Filter, Start, address, side_by_side
+from ..core.loop.lane_loop import LaneCursor, LaneOutput, LaneState
+from ..core.loop.loop import SAME_TIME
+from ..data.recording import Recording
+from ..typing import Array
+from .prepare import Run, brought, rows_of, usable, used_in_order
+
+NOT_IN_LANES = {
+    "estimated": "parameters of the installation are estimated",
+    "correlation_time": "errors of a source are correlated",
+    "slip": "the side slip of a constraint is allowed for",
+    "robust": "a source is robust",
+    "memory": "a source is adaptive",
+}
+"""Fields of a source that the lanes do not know."""
+
+
+def why_alone(run: Run) -> str:
+    """Why runs like this one go one by one; "" where they can go side by side."""
+    kinds = [aiding.find(a.kind) for a in run.recording.aidings]
+    alone = [sensor.name for sensor in kinds if not sensor.lanes]
+    if not COMPILED:
+        return "kernels are not compiled"
+    if not run.filter.lanes:
+        return f"{run.filter.name} has no lanes"
+    if alone:
+        return f"{alone[0]} has no lanes"
+    for field, why in NOT_IN_LANES.items():
+        if run.fixes.sources[field].any():
+            return why
+    if run.cursor.coupled.size or run.cursor.recent.size:
+        return NOT_IN_LANES["estimated"]
+    t, dt = run.samples.t[run.first :], run.samples.dt[run.first :]
+    begins = np.r_[run.start.t, t[:-1]]
+    if (np.abs(t - dt - begins) > SAME_TIME).any():
+        return "there are gaps between samples, or the start is inside one"
+    return ""
+
+
+class Keeper(NamedTuple):
+    """A kernel that keeps rows, of core.loop.lane_loop.KEEP_LANES, and what it is handed."""
+
+    kernel: Any
+    true: Array  # (rows, ...), what is true of each row
+    biases: Array  # (rows, 6, LANES)
+    scratch: int  # numbers to write in
+    numbers: int  # that it writes of a row
+
+
+class SideBySide:
+    """Runs of one filter in lanes. `left` says until when each of them is right."""
+
+    def __init__(
+        self,
+        first: Run,
+        starts: Sequence[Start],
+        recordings: Sequence[Recording],
+        keep: Keeper,
+    ) -> None:
+        """first: a Run like those of the LANES `starts` and `recordings`, which `why_alone` finds
+        nothing against. Raises ValueError where the fixes of the recordings differ in more than what
+        was measured."""
+        filter, cursor, fixes = first.filter, first.cursor, first.fixes
+        own = tuple(each.sd for each in brought(first.recording.aidings))
+        beliefs = [
+            filter.begin(start._replace(sd=(*start.sd, *own)), first.noise, **first.options)
+            for start in starts
+        ]
+        self.filter = filter
+        self.belief = Belief(*(alongside(parts) for parts in zip(*beliefs)))
+        y = alongside(_readings(filter, recordings, first))
+        sd = np.maximum(fixes.sd, cursor.books["floor"][fixes.source])
+        self.fixes = fixes._replace(y=y, sd=sd)
+        self.noise, self._samples = first.noise, first.samples
+        (state,) = table = rows(LaneState, 1)
+        before = cursor.state[0]
+        state.row, state.fixes, state.t = first.first, len(fixes.t), first.start.t
+        state.every, state.phase, state.condition = before.every, before.phase, before.condition
+        sources = fixes.sources.size
+        self.cursor = LaneCursor(
+            table,
+            np.full(sources, first.start.t),
+            cursor.limits,
+            aligned(7, LANES),
+            aligned(lane_loop.WORK, LANES),
+            aligned(sources, lane_loop.BOOKS, LANES),
+            aligned(len(filter.conditions), LANES),
+            aligned(2, LANES),
+        )
+        self.cursor.conditions[:] = self.cursor.left[:] = np.inf
+        self.out = LaneOutput(
+            aligned(len(fixes.t), lane_loop.FIX_NUMBERS, LANES),
+            aligned(len(keep.true), keep.numbers, LANES),
+        )
+        self.out.kept[:] = np.nan
+        self._kernels = _addresses(filter, first, keep.kernel)
+        self._given = keep.true, keep.biases, aligned(keep.scratch, LANES)
+
+    def calls(self, increments: Array) -> Callable[[int, int], None]:
+        """Return a function (first, stop) that processes the IMU rows from `first` to before
+        `stop`; `increments` (block, 6, LANES) has those from `first` on, and is filled anew for
+        each call."""
+        predict, correct, observers, keep = self._kernels
+        go = lane_loop.run_lanes.bound(  # type: ignore[attr-defined]
+            predict,
+            correct,
+            observers,
+            keep,
+            self._samples.t,
+            self._samples.dt,
+            self.belief,
+            self.fixes,
+            increments,
+            self.noise,
+            *self._given,
+            self.cursor,
+            self.out,
+        )
+        state = self.cursor.state[0]
+
+        def advance(row: int, stop: int) -> None:
+            state.first_row, state.stop = row, stop
+            if self._park():
+                go()
+
+        return advance
+
+    @property
+    def left(self) -> Array:
+        """(LANES,) time from which a run must go alone, s; inf of those that need not."""
+        left, ended = self.cursor.left
+        return np.where(left <= ended, left, np.inf)
+
+    @property
+    def ended(self) -> Array:
+        """(LANES,) time of the sample at which the belief of a run was none any more, s; inf of
+        those that came to the end."""
+        return self.cursor.left[lane_loop.ENDED]
+
+    def _park(self) -> bool:
+        """Let runs that nobody asks for any more do what a sound one does: numbers that are none
+        would take all runs the long ways. False where none is left."""
+        gone = np.isfinite(self.cursor.left).any(axis=0)
+        if gone.all():
+            return False
+        if gone.any():
+            sound = int(np.argmin(gone))
+            for part in (*self.belief, self.cursor.books):
+                part[..., gone] = part[..., [sound]]
+        return True
+
+
+def kernels(filter: Filter, kinds: Sequence[str], keep: Any) -> list[Any]:
+    """Those that lanes of `filter` on sources of these kinds need, the loop among them."""
+    own = [filter.predict, filter.correct, *(aiding.find(kind).observe for kind in kinds)]
+    return [*map(side_by_side, own), keep, lane_loop.run_lanes]
+
+
+def _addresses(filter: Filter, first: Run, keep: Any) -> tuple[int, int, Any, int]:
+    kinds = [a.kind for a in first.recording.aidings]
+    predict, correct, *observe, keep, _ = map(address, kernels(filter, kinds, keep))
+    observers = np.zeros_like(first.kernels.observers)
+    observers[[aiding.number(kind) for kind in kinds]] = observe
+    return predict, correct, observers, keep
+
+
+def _readings(filter: Filter, recordings: Sequence[Recording], first: Run) -> list[Array]:
+    """y of the fixes of each recording, in the order of the first run. Raises ValueError where one
+    has others."""
+    mine, after = first.recording.aidings, first.start.t + SAME_TIME
+    _, order = used_in_order(mine, after, first.fixes.sources["delay"])
+    found = []
+    for recording in recordings:
+        aidings = usable(filter, recording.aidings)[0]
+        if [a.kind for a in aidings] != [b.kind for b in mine] or not all(
+            np.array_equal(a.t, b.t) and np.array_equal(a.sd, b.sd) for a, b in zip(aidings, mine)
+        ):
+            raise ValueError("runs side by side need fixes of the same times and deviations")
+        found.append(rows_of(aidings, "y")[order])
+    return found
+
+
+def alongside(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of one shape and type as lanes."""
+    made = aligned(*parts[0].shape, len(parts), dtype=parts[0].dtype.type)
+    for lane, part in enumerate(parts):
+        made[..., lane] = part
+    return made

@@ -1,0 +1,270 @@
+"""Attitude from an AHRS: a filter of attitude alone runs first, and its solution is the `attitude`
+aiding of another filter.
+
+Its errors wander over seconds to minutes, while every filter takes those of fixes for independent:
+at a high rate it is believed more than it is worth. `docs/how-to/fuse.md` tells what to expect.
+"""
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from numbers import Real
+
+import numpy as np
+
+from .. import filters
+from ..alignment.initial import align
+from ..checks import DataError
+from ..core.loop.contract import ATT, VALID, Filter, Imu, Start
+from ..data.recording import Recording
+from ..data.solution import Aiding, Trajectory
+from ..preprocessing.stationary import motionless
+from ..sensor_models.imu import ImuSpec
+from ..typing import Array
+from .finish import solution as solution_of
+from .installation import without_estimates
+from .options import AHRS_RATE, RunOptions, run_options
+from .prepare import assumed_noise, check_needs, positioned, ready
+
+AHRS = "attitude-mekf"
+"""The one that runs where a filter needs attitude, the recording has none of it, and something
+in it measures the heading."""
+HEADING_KINDS = ("magnetic-field", "heading")
+ASSUMED = np.radians([1.5, 1.5, 5.0])
+"""rad: standard deviations forward, right and down where a filter claims none: the largest rms
+inclination and heading error of `mahony` in the five BROAD trials (docs/reference/evidence/attitude-broad.md),
+rounded up."""
+SILENT = 5.0
+"""s without an attitude that are said."""
+UNUSABLE = "its samples are missing or cannot be believed there; run it alone to see its events"
+REMEDY = (
+    f"add an attitude record or a magnetometer to the recording, or run an AHRS without one, whose "
+    f"heading drifts: --ahrs {AHRS}, "
+    f'in Python ahrs="{AHRS}"'
+)
+
+
+def fed(recording: Recording, filter: Filter, asked: RunOptions) -> tuple[Recording, Aiding | None]:
+    """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the
+    filter needs is among the sources.
+
+    What measures the heading goes to the AHRS and not to the filter once more. A note says what ran.
+    Raises DataError where there is no attitude and nothing to make it of, where the AHRS that was
+    asked for cannot be used, or where a rate other than `AHRS_RATE` is asked for and no AHRS runs.
+    """
+    measured = {a.kind for a in recording.aidings if len(a.t)}
+    first = chosen(filter, measured, asked["ahrs"], asked["ahrs_rate"])
+    if first is None:
+        return recording, None
+    made, notes = source(recording, first, asked)
+    taken = taken_by(first, recording.aidings)
+    replaced = [a for a in recording.aidings if a.kind == "attitude"]
+    notes[0] += whose(taken, replaced)
+    left = [a for a in recording.aidings if not any(a is each for each in taken + replaced)]
+    return replace(recording, aidings=(*left, made)).noting(notes), made
+
+
+def chosen(
+    filter: Filter, measured: Collection[str], ahrs: str | Filter | None, rate: float
+) -> Filter | None:
+    """The AHRS that runs before `filter` where these kinds are measured, None where there is none
+    to run; arguments and errors as of `fed`."""
+    if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
+        raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
+    if ahrs is None:
+        if "attitude" not in filter.needs or "attitude" in measured:
+            if rate != AHRS_RATE:
+                why = (
+                    "the recording has its attitude"
+                    if "attitude" in filter.needs
+                    else f"{filter.name} runs without one"
+                )
+                raise DataError(
+                    f"ahrs_rate is {rate:g} Hz, but no AHRS runs: {why}; leave it out, or name an "
+                    f"AHRS (--ahrs {AHRS})"
+                )
+            return None
+        if not measured.intersection(HEADING_KINDS):
+            raise DataError(f"{filter.name} needs attitude aiding, and there is none: {REMEDY}")
+        ahrs = AHRS
+    first = _found(ahrs)
+    _check(first, filter)
+    return first
+
+
+def whose(taken: Sequence[Aiding], replaced: Sequence[Aiding]) -> str:
+    """Return the words of a note on the sources that only the AHRS uses, and those that it
+    replaces."""
+    text = f", which alone uses {_names(taken)}" if taken else ""
+    return text + (f", in place of the recorded {_names(replaced)}" if replaced else "")
+
+
+def notes_on(ahrs: Filter, rate: float, aided: bool) -> list[str]:
+    """Notes on attitudes at that rate (Hz); `aided` as of `attitudes`."""
+    notes = [f"attitude from {ahrs.name} at {rate:.4g} Hz"]
+    if not ahrs.states:
+        notes.append(
+            f"{ahrs.name} claims no standard deviations: {_degrees(ASSUMED)} deg of roll, pitch and "
+            f"heading are assumed"
+        )
+    if not aided:
+        notes.append(
+            f"{ahrs.name}: {ahrs.unaided_note}"
+            if ATT.stop - 1 in ahrs.states
+            else f"{ahrs.name} gives roll and pitch and no heading"
+        )
+    return notes
+
+
+def taken_by(ahrs: Filter, aidings: Iterable[Aiding]) -> list[Aiding]:
+    """The sources that the AHRS has for itself: those of the heading that it uses."""
+    return [
+        a for a in aidings if a.kind in HEADING_KINDS and a.kind in (ahrs.uses or HEADING_KINDS)
+    ]
+
+
+def attitudes(ahrs: Filter, path: Trajectory, aided: bool) -> tuple[Array, Array]:
+    """(y, sd) of the attitudes that an AHRS gave; `aided`: whether it measures the heading. One
+    that is not estimated, or drifts without saying so, is NaN."""
+    y = path.rph.copy()
+    sd = deviations(path) if ahrs.states else np.tile(ASSUMED, (len(y), 1))
+    if not aided and ATT.stop - 1 not in ahrs.states:
+        y[:, 2] = sd[:, 2] = np.nan
+    return y, sd
+
+
+def source(recording: Recording, ahrs: Filter, asked: RunOptions) -> tuple[Aiding, list[str]]:
+    """(Aiding of kind `attitude`, notes): the solution of the attitude filter `ahrs` at every n-th
+    IMU sample, n the whole number that comes nearest to the rate that is asked for.
+
+    Rows that are not VALID are left out. Where the start that is asked for knows the heading better
+    than alignment does, the AHRS begins with that. y: roll, pitch, heading, NaN where the filter
+    does not estimate a heading; sd: claimed by it, else `ASSUMED`. Raises DataError.
+    """
+    rate, imu, noise = asked["ahrs_rate"], asked["imu"], asked["noise"]
+    own = 1 / float(np.median(recording.imu.dt))
+    if rate > own * 1.001:
+        raise DataError(f"ahrs_rate is {rate:g} Hz; it must be at most the IMU's {own:.4g} Hz")
+    every = round(own / rate)
+    seen = replace(
+        recording,
+        aidings=without_estimates(a for a in recording.aidings if a.kind != "attitude"),
+    ).knowing(notes=[], estimate={})
+    assumed, spec = assumed_noise(
+        seen.meta.get("grade") if imu is None else imu, noise, needed=True
+    )
+    assert spec is not None  # it was needed
+    begin = _start(seen, spec, asked["start"])
+    check_needs(ahrs, seen.aidings)
+    run = ready(seen, ahrs, begin, assumed, spec, run_options(every=every, say=asked["say"]))
+    run.complete()
+    solution = solution_of(run)
+    keep = solution.status == VALID
+    aided = bool(taken_by(ahrs, [a for a in seen.aidings if len(a.t)]))
+    path = solution.trajectory.taking(keep)
+    y, sd = attitudes(ahrs, path, aided)
+    notes = notes_on(ahrs, own / every, aided)
+    said = [condition.text for condition in ahrs.conditions]
+    notes += [f"{ahrs.name}: {text}" for _, text in solution.events if text in said]
+    if ahrs.diagnose:
+        notes += [
+            f"{ahrs.name}: {text}"
+            for _, text in ahrs.diagnose(solution.t, solution.trajectory.lla, solution.columns)
+        ]
+    notes += _silence(ahrs, path.t, solution.t, own / every)
+    notes += _motion(ahrs, begin, recording.imu)
+    notes += [f"{ahrs.name} {solution.meta['stopped']}"] if "stopped" in solution.meta else []
+    return Aiding("attitude", path.t, y, sd, name=ahrs.name), notes
+
+
+def deviations(path: Trajectory) -> Array:
+    """(n, 3) rad: the claimed standard deviations of the attitude, turned from north, east, down to
+    the horizontal forward and right and to down.
+
+    The correlation of the errors about north and east, which is not published, is left out; where
+    both are alike it is none.
+    """
+    assert path.sd is not None
+    north, east, down = path.sd[:, ATT].T
+    heading = path.rph[:, 2]
+    c, s = np.cos(heading), np.sin(heading)
+    return np.c_[np.hypot(c * north, s * east), np.hypot(s * north, c * east), down]
+
+
+def _silence(ahrs: Filter, given: Array, t: Array, rate: float) -> list[str]:
+    """Notes on an AHRS with rows at `t` that gave attitudes only at the times `given`."""
+    edges = np.r_[t[:1], given, t[-1:]]
+    gaps = np.diff(edges)
+    long = gaps > SILENT + 1 / rate
+    if not long.any():
+        return []
+    k = int(np.argmax(gaps))
+    more = f", and {long.sum() - 1} times more for over {SILENT:g} s" if long.sum() > 1 else ""
+    return [
+        f"{ahrs.name} gave no attitude from {edges[k]:.1f} to {edges[k + 1]:.1f} s{more}: {UNUSABLE}"
+    ]
+
+
+def _motion(ahrs: Filter, start: Start, imu: Imu) -> list[str]:
+    """Notes on an AHRS that began where the vehicle did not stand, by its Start: what moves it,
+    specific force alone takes for tilt."""
+    if "level from specific force alone" not in start.note or motionless(imu, start.t):
+        return []
+    return [
+        f"{ahrs.name} began in motion, at {start.t:.1f} s: its attitude may be off by tens of "
+        f"degrees for minutes, and more than its "
+        "standard deviations say; begin where the vehicle stands"
+    ]
+
+
+def _alone() -> list[str]:
+    return [name for name in filters.names() if not positioned(filters.find(name))]
+
+
+def _found(name: str | Filter) -> Filter:
+    """The Filter of that name; DataError with the AHRSs there are where it is unknown."""
+    try:
+        return filters.find(name)
+    except ValueError:
+        near = get_close_matches(str(name), _alone(), 1)
+        raise DataError(
+            f"no AHRS is called {name!r}; {f'did you mean {near[0]!r}? ' if near else ''}there are: "
+            f"{', '.join(_alone())}"
+        ) from None
+
+
+def _check(ahrs: Filter, filter: Filter) -> None:
+    """Raise DataError where `ahrs` is none, or `filter` has no use for an attitude."""
+    if positioned(ahrs):
+        raise DataError(
+            f"{ahrs.name} is no AHRS, because it needs positions; these are: {', '.join(_alone())}"
+        )
+    if filter.uses is not None and "attitude" not in filter.uses:
+        raise DataError(
+            f"{filter.name} has no use for the attitude of an AHRS: leave out ahrs (--ahrs), or "
+            f"choose another filter"
+        )
+
+
+def _start(recording: Recording, spec: ImuSpec, given: Start | None) -> Start:
+    """The Start of the AHRS: where the record begins, or at the `given` Start of the other
+    filter where that knows the heading better."""
+    start = align(recording, spec, position=False)
+    if (
+        given is None
+        or given.sd[8] >= start.sd[8]
+        or not recording.span[0] <= given.t < recording.span[1]
+    ):
+        return start
+    return align(
+        recording, spec, heading=given.rph[2], heading_sd=given.sd[8], at=given.t, position=False
+    )
+
+
+def _names(aidings: Iterable[Aiding]) -> str:
+    return " and ".join(dict.fromkeys(a.name or a.kind for a in aidings))
+
+
+def _degrees(values: Sequence[float] | Array) -> str:
+    return ", ".join(f"{value:g}" for value in np.degrees(values).round(3))

@@ -1,0 +1,202 @@
+"""Runs of a study side by side: simulated block after block, eight at once, through each filter that
+has lanes, and scored on the way. Nothing of the size of a recording is made."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...aiding import find
+from ...core.compile.c_calls import aligned
+from ...core.compile.signatures import LANES
+from ...core.loop import lane_loop
+from ...core.loop.contract import Filter, Start, bound
+from ...core.loop.loop import SAME_TIME
+from ...data.recording import Recording
+from ...engine.batch import begin
+from ...engine.options import run_options
+from ...engine.prepare import Run
+from ...engine.run_batch import Keeper, SideBySide, alongside, kernels, why_alone
+from ...evaluation.consistency import Limits
+from ...filters.ins.open_loop import LEFT_MODEL
+from ...sensor_models.imu import ImuSpec
+from ...sensor_models.imu_errors import RATES, Own, Shared, simulate_errors_in_lanes
+from ...sensor_models.streams import Stream
+from ...sim.synthesis import OF_IMU, OF_START, Simulator
+from ...typing import Array
+from ..filter_label import Labelled
+from . import batch_scoring as lane_scoring
+from .scoring import Epochs, FixRows, Rows, Scored, scored
+
+SAMPLES = 512
+"""Samples that are simulated at once: with what a filter works on they stay in the second cache of a
+core."""
+
+
+class Lanes:
+    """Runs of a scenario with an IMU, eight at a time, through filters."""
+
+    def __init__(
+        self,
+        wanted: Sequence[Labelled],
+        made: Simulator,
+        imu: ImuSpec,
+        at: Epochs,
+        limits: Limits,
+    ) -> None:
+        self.wanted, self.made, self.imu, self.at, self.limits = wanted, made, imu, at, limits
+        self._shared = imu.shared(made.felt(imu))
+        self._true = lane_scoring.known(at)
+        self._first: list[Run | None] = []  # by filter, without numbers of its own; None: no lanes
+
+    def run(self, streams: Sequence[Stream]) -> tuple[list[list[Scored | None]], Array]:
+        """(Scored by filter and run, None of what must be run alone; true biases (runs, epochs, 6),
+        m/s^2 and rad/s) of at most LANES runs, each from its stream."""
+        runs = len(streams)
+        full = [*streams, *[streams[-1]] * (LANES - runs)]
+        simulated = Simulated(self.made, self.imu, self._shared, full, self.at)
+        recordings = [
+            self.made.sources(self.imu, stream, b_a, b_g)
+            for stream, (b_a, b_g) in zip(full, simulated.first_biases())
+        ]
+        starts = [
+            self.made.start(stream.named(OF_START), self.imu, recording)
+            for stream, recording in zip(full, recordings)
+        ]
+        if not self._first:
+            self._first = [self._begun(label, recordings[0], starts[0]) for label in self.wanted]
+        sides = [
+            first
+            and SideBySide(
+                first,
+                starts,
+                recordings,
+                Keeper(
+                    lane_scoring.keep_errors_in_lanes,
+                    self._true,
+                    simulated.biases,
+                    lane_scoring.SCRATCH,
+                    lane_scoring.NUMBERS,
+                ),
+            )
+            for first in self._first
+        ]
+        advance = [each.calls(simulated.increments) for each in sides if each]
+        for first_row, stop in simulated.blocks():
+            for go in advance:
+                go(first_row, stop)
+        none: list[Scored | None] = [None] * runs
+        scores = [_scored(each, runs, self.at, self.limits) if each else none for each in sides]
+        return scores, np.moveaxis(simulated.biases[..., :runs], 2, 0)
+
+    def _begun(self, label: Labelled, recording: Recording, start: Start) -> Run | None:
+        filter, options, estimate = label
+        if not filter.lanes or estimate is not None:
+            return None
+        first = begin(
+            recording,
+            filter,
+            run_options(options=options, imu=self.imu, start=start, every=self.at.every),
+        )
+        return None if why_alone(first) else first
+
+
+def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
+    """Those that a filter needs on sources of these kinds, as far as they have lanes."""
+    wide = [kind for kind in kinds if find(kind).lanes]
+    return [*kernels(filter, wide, lane_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
+
+
+class Simulated:
+    """The IMU samples of LANES runs, block after block."""
+
+    def __init__(
+        self,
+        made: Simulator,
+        imu: ImuSpec,
+        shared: Shared,
+        streams: Sequence[Stream],
+        at: Epochs,
+    ) -> None:
+        """`shared` by all runs, as `imu` has it of what it feels. Each run has its stream; `at` are
+        the epochs at which the true biases are kept."""
+        self.increments = aligned(SAMPLES, 6, LANES)
+        """Those of the present block: rotations, rad, velocity increments, m/s."""
+        self.biases = aligned(len(at.rows), 6, LANES)
+        """True ones at the epochs: accelerometer, m/s^2, gyro, rad/s."""
+        self._bias = aligned(SAMPLES, 6, LANES)  # at the samples of the block, gyro first
+        self._at, self._rows = at, np.zeros(2, np.int64)
+        self._count = len(shared.dt)
+        self._offset = np.broadcast_to(made.offset(imu), (self._count, 3))
+        drawn = [imu.drawn(stream.named(OF_IMU)) for stream in streams]
+        self._own = Own(*(alongside(parts) for parts in zip(*drawn)))
+        self._next = bound(
+            simulate_errors_in_lanes,
+            self._rows,
+            shared,
+            self._own,
+            np.zeros(RATES),
+            self.increments,
+            self._bias,
+        )
+
+    def first_biases(self) -> Iterator[tuple[Array, Array]]:
+        """True biases (1, 3) of accelerometer and gyro of each run at the first sample."""
+        before, self._rows[:] = self._own.state.copy(), (0, 1)
+        self._next()
+        self._own.state[:] = before
+        for lane in range(LANES):
+            b_g, b_a = self._bias[:1, :3, lane], self._bias[:1, 3:, lane]
+            yield b_a + self._offset[:1], b_g.copy()
+
+    def blocks(self) -> Iterator[tuple[int, int]]:
+        """Simulate blocks one after the other: the first row of each and that behind its last."""
+        for first in range(0, self._count, SAMPLES):
+            stop = min(first + SAMPLES, self._count)
+            self._rows[:] = first, stop
+            self._next()
+            inside = slice(*np.searchsorted(self._at.rows, (first, stop)))
+            rows = self._at.rows[inside]
+            self.biases[inside, :3] = self._bias[rows - first, 3:] + self._offset[rows, :, None]
+            self.biases[inside, 3:] = self._bias[rows - first, :3]
+            yield first, stop
+
+
+def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Scored | None]:
+    """Scored of the first runs of a filter, None of those that left the lanes."""
+    cursor, ended = side.cursor, side.ended[:runs]
+    kept, fix = (
+        np.ascontiguousarray(np.moveaxis(part[..., :runs], -1, 0))
+        for part in (side.out.kept, side.out.fix)
+    )
+    kept[at.truth.t >= ended[:, None]] = np.nan
+    rows = Rows(
+        kept[..., lane_scoring.ERROR],
+        kept[..., lane_scoring.RPH],
+        kept[..., lane_scoring.SD],
+        kept[..., lane_scoring.NEES],
+    )
+    fixes = FixRows(
+        side.fixes.t,
+        side.fixes.source,
+        fix[..., lane_loop.INNOVATION :],
+        fix[..., lane_loop.NIS],
+        fix[..., lane_loop.USED] > 0,
+        np.searchsorted(
+            side.fixes.t, np.minimum(ended, cursor.state[0].t) + SAME_TIME, side="right"
+        ),
+    )
+    held = np.where(cursor.conditions[:, :runs] < ended, cursor.conditions[:, :runs], np.inf)
+    left = [_left_model(side.filter, held[:, lane]) for lane in range(runs)]
+    found = scored(rows, fixes, left, at, limits)
+    return [each if np.isinf(t) else None for each, t in zip(found, side.left)]
+
+
+def _left_model(filter: Filter, first_held: Array) -> float:
+    """When the raw INS of an open loop left its model, s; NaN where it did not, or there is none."""
+    held = [
+        float(t)
+        for condition, t in zip(filter.conditions, first_held)
+        if condition.text.startswith(LEFT_MODEL) and np.isfinite(t)
+    ]
+    return min(held, default=np.nan)

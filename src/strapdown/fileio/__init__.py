@@ -1,0 +1,1 @@
+"""Files as such: whole, bounded, locked."""

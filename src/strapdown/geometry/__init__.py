@@ -1,0 +1,1 @@
+"""Geodesy and rotations of many samples at once."""

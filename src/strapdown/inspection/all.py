@@ -1,0 +1,41 @@
+"""All checks of a recording against itself."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from ..data.recording import Recording
+from ..data.verdict import GRAVE
+from . import clock, fix_noise, heights, plane, position_velocity, repeats, turns
+from .finding import Checked, label
+from .motion import Subject
+
+CHECKS: tuple[Callable[[Subject], Checked], ...] = (
+    turns.check,
+    plane.check,
+    fix_noise.check,
+    clock.check,
+    heights.check,
+    repeats.check,
+)
+"""In the order in which they are told, after that of positions against velocities."""
+SPOILT = ("frame", "unit", "unknown")
+"""Causes for which a velocity is of no use to the other checks."""
+
+
+def check(recording: Recording) -> Checked:
+    """What all checks say of a Recording, the weightiest reason first."""
+    found = position_velocity.check(Subject(recording))
+    useless = {
+        reason.source
+        for reason in found.reasons
+        if reason.cause in SPOILT and reason.weight >= GRAVE
+    }
+    left = tuple(a for a in recording.aidings if a.kind != "velocity" or label(a) not in useless)
+    apart = any(reason.cause == "clock" for reason in found.reasons)
+    subject = Subject(replace(recording, aidings=left), apart)
+    for name in sorted(useless):
+        found.inconclusive.append(f"{name} against the IMU: correct it first")
+    for each in CHECKS:
+        found.add(each(subject))
+    found.reasons.sort(key=lambda reason: -reason.weight)
+    return found

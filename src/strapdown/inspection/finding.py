@@ -1,0 +1,64 @@
+"""What a check of a recording gives."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..data.solution import Aiding
+from ..data.verdict import Reason
+from ..typing import Array, Ints
+
+MIN_FIXES = 30
+"""Fewer fixes say nothing of clocks, axes, units and noise."""
+LEAST_BLOCKS = 5
+"""A standard deviation that rests on fewer blocks of time is not believed."""
+
+
+class Checked(NamedTuple):
+    """What one check, or all, say of a recording."""
+
+    facts: list[str]  # lines: what was found to be as it should
+    reasons: list[Reason]  # what should not be so in a right set-up
+    inconclusive: list[str]  # lines "what could not be checked: why"
+
+    @classmethod
+    def nothing(cls) -> "Checked":
+        """Nothing said yet."""
+        return cls([], [], [])
+
+    @classmethod
+    def unknown(cls, what: str, why: str) -> "Checked":
+        """That `what` cannot be told, and why."""
+        return cls([], [], [f"{what}: {why}"])
+
+    def add(self, other: "Checked") -> None:
+        """Take in what another check says."""
+        self.facts.extend(other.facts)
+        self.reasons.extend(other.reasons)
+        self.inconclusive.extend(other.inconclusive)
+
+
+def label(aiding: Aiding) -> str:
+    """What a source is called."""
+    return aiding.name or aiding.kind
+
+
+def clustered(A: Array, y: Array, block: Ints) -> tuple[Array, Array, Array]:
+    """(x, sd, residuals) of the least squares A x = y.
+
+    A (n, k), y (n,); `block` (n,) numbers stretches of time, within which errors may last: the
+    standard deviations (k,) rest on how the blocks disagree (cluster-robust; Liang & Zeger 1986).
+    NaN where A does not tell.
+    """
+    k, blocks = A.shape[1], int(block.max()) + 1 if len(block) else 0
+    N = A.T @ A
+    scale = np.sqrt(np.diag(N))
+    if blocks < LEAST_BLOCKS or not scale.all() or np.linalg.cond(N / np.outer(scale, scale)) > 1e6:
+        return np.full(k, np.nan), np.full(k, np.nan), y
+    inverse = np.linalg.inv(N)
+    x = inverse @ (A.T @ y)
+    residuals = y - A @ x
+    score = A * residuals[:, None]
+    meat = np.stack([np.bincount(block, column, blocks) for column in score.T], axis=1)
+    V = inverse @ (meat.T @ meat) @ inverse * blocks / max(blocks - k, 1)
+    return x, np.sqrt(np.diag(V)), residuals

@@ -1,0 +1,95 @@
+"""Heights of two sources against each other: a constant difference is that of two zeros, such as
+the geoid (mean sea level) and the ellipsoid."""
+
+import re
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from ..data.solution import Aiding
+from ..data.verdict import Reason
+from ..typing import Array
+from .finding import Checked, label
+from .motion import Subject
+
+KINDS = {"position": 2, "altitude": 0}
+"""Kinds that tell a height above the ellipsoid, and which component it is. Pressures are none: their
+zero is estimated."""
+LEAST_FIXES, SEVERAL = 10, 4.0
+"""Fixes that are needed, and standard deviations of both from which a difference counts."""
+LEAST, GEOID = 5.0, 110.0
+"""A difference counts from LEAST metres on; the geoid is up to GEOID off the ellipsoid."""
+"""Key of the meta of a recording: {column of heights above the ellipsoid: source that takes it}."""
+SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
+"""Part of the name of a column of heights above mean sea level."""
+
+
+def check(subject: Subject) -> Checked:
+    """Each pair of sources that tell a height above the ellipsoid, and the name of its column."""
+    found = Checked.nothing()
+    for column, name in subject.recording.meta.get("height_columns", {}).items():
+        found.reasons.extend(above_sea_level(name, column))
+    sources = [(a, *_heights(a)) for a in subject.sources(*KINDS)]
+    sources = [each for each in sources if len(each[1]) >= LEAST_FIXES]
+    if len(sources) == 1:
+        found.add(
+            Checked.unknown(
+                f"zero of the height of {label(sources[0][0])}",
+                "no other source tells whether it is above the ellipsoid or the geoid",
+            )
+        )
+    for (one, t, h, sd), (other, t_other, h_other, sd_other) in combinations(sources, 2):
+        inside = (t >= t_other[0]) & (t <= t_other[-1])
+        if inside.sum() < LEAST_FIXES:
+            continue
+        off = h[inside] - np.interp(t[inside], t_other, h_other)
+        claimed = float(np.hypot(np.median(sd), np.median(sd_other)))
+        found.add(_compared(label(one), label(other), off, claimed))
+    return found
+
+
+def above_sea_level(name: str, column: str) -> Iterator[Reason]:
+    """A Reason where the column of an ellipsoidal height is named as one above mean sea level."""
+    if SEA_LEVEL.search(column):
+        yield Reason(
+            "height",
+            f"its column {column!r} reads like a height above mean sea level; heights are above the "
+            f"WGS-84 ellipsoid, which is up to 110 m off",
+            'say so with geoid = "EGM96", or with the column of the undulation, geoid = { column, unit }; '
+            "or take the ellipsoidal height",
+            name,
+        )
+
+
+def _heights(aiding: Aiding) -> tuple[Array, Array, Array]:
+    """t (m,) s, heights (m,) m, sd (m,) m."""
+    column = KINDS[aiding.kind]
+    t, h, sd = aiding.t, aiding.y[:, column], aiding.sd[:, column]
+    use = np.isfinite(t) & np.isfinite(h)
+    return t[use], h[use], sd[use]
+
+
+def _compared(one: str, other: str, off: Array, claimed: float) -> Checked:
+    """What differences (m,) in m of two heights say, whose standard deviation is claimed."""
+    what = f"height of {one} less that of {other}"
+    middle = float(np.median(off))
+    scatter = 1.48 * float(np.median(np.abs(off - middle)))
+    fact = f"{what}: median {middle:+.1f} m, scatter {scatter:.1f} m"
+    least = max(LEAST, SEVERAL * claimed, 2 * scatter)
+    if abs(middle) <= least:
+        return Checked([fact], [], [])
+    likely = (
+        "one is above the geoid (mean sea level), the other above the ellipsoid"
+        if abs(middle) <= GEOID
+        else "more than the geoid is off the ellipsoid: a wrong unit, scale or zero"
+    )
+    reason = Reason(
+        "height",
+        f"{what} is {middle:+.1f} m (scatter {scatter:.1f} m, claimed {claimed:.1f}): {likely}",
+        'give both above the WGS-84 ellipsoid: say of heights above mean sea level geoid = "EGM96" in '
+        "recording.toml, or name the column of the undulation",
+        other if "height" not in one else one,
+        abs(middle) / least,
+    )
+    return Checked([], [reason], [])

@@ -1,0 +1,237 @@
+"""The mounting of the IMU in the plane: horizontal specific force against the acceleration that the
+fixes tell, in axes along and across the course.
+
+The specific force is levelled in two ways, of which the better one is taken: by the mean vertical
+of the body, which suits road vehicles, and in axes that the gyros hold still, by the mean over some
+seconds, which suits what banks and rolls. What the second way takes away from slow accelerations is
+taken away from those of the fixes too. The same is tried with the y axis of the IMU reversed: a
+left-handed set then fits, since gyros and accelerometers of one turn against each other.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..data.solution import Aiding
+from ..data.vehicle import find as find_vehicle
+from ..data.verdict import Reason
+from ..geometry.geodesy import wrap
+from ..preprocessing.axes import BODY_AXES, axes_matrix, named_permutation
+from ..typing import Array
+from .finding import MIN_FIXES, Checked, label
+from .motion import Felt, Moved, Subject, moved
+
+HALF, LEVELLED = 0.5, 10.0
+"""Half the window of an acceleration, and of the mean that is level, s."""
+BLOCKS = 10
+"""Independent accelerations that are needed."""
+CLEAR, NOISIEST, EVIDENCE = 0.6, 0.8, 10.0
+"""Correlation, freed of the claimed noise of the fixes up to a share of it, from which the force is that of the accelerations, and what is asked of the logarithm
+of the likelihood of a left-handed set over that of the axes as they are."""
+SURE, LEAST = 5.0, np.radians(20.0)
+"""An angle is a reason from so many standard deviations and rad on: wind and current set a course
+off the heading by up to that."""
+RIGHT_ANGLE = np.radians(20.0)
+"""What is this near to 90, 180 or 270 deg is called so."""
+MOUNTING = "mounting of the IMU about the vertical"
+TURNS = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
+"""Axes of what is turned by so many deg, in terms of the right ones, forward-right-down."""
+
+
+class Fit(NamedTuple):
+    """Forces against accelerations."""
+
+    angle: float  # rad, by which the accelerations must be turned (clockwise) to be the forces
+    sd: float  # rad
+    correlation: float
+    independent: float  # how many accelerations count
+    noise: float = (
+        0.0  # share of the squared accelerations that the claimed noise of the fixes makes
+    )
+
+    @property
+    def agreement(self) -> float:
+        """The correlation that it would have without that noise (Spearman's attenuation)."""
+        return self.correlation / float(np.sqrt(1 - min(self.noise, NOISIEST)))
+
+    def likelier(self, other: "Fit") -> float:
+        """Logarithm of the likelihood over that of another."""
+        ratio = (1 - other.correlation**2) / max(1 - self.correlation**2, 1e-6)
+        return float(self.independent / 2 * np.log(ratio))
+
+
+def check(subject: Subject) -> Checked:
+    """The mounting in the plane, by the first of the velocities and positions that shows it."""
+    meta, unclear = subject.recording.meta, Checked.nothing()
+    ahead = find_vehicle(meta.get("vehicle")).points_ahead
+    for source in subject.sources("velocity", "position") if ahead else ():
+        found = _by_source(subject, source)
+        if found.facts or found.reasons:
+            return found
+        unclear.inconclusive.extend(found.inconclusive)
+    if axes := meta.get("guessed_axes"):
+        unclear.inconclusive.append(
+            f'axes of the IMU: "{axes}" is a guess that the motion does not test; {confirm(axes)}'
+        )
+    return unclear
+
+
+def confirm(axes: str) -> str:
+    """What confirms axes that are a guess."""
+    return (
+        f"look up in the data sheet of the IMU where x, y and z point, then confirm the axes by this "
+        f'line in [imu] of recording.toml: axes = "{axes}"'
+    )
+
+
+def _by_source(subject: Subject, source: Aiding) -> Checked:
+    """The mounting in the plane, by one source of fixes."""
+    fixes = moved(source)
+    fit = in_plane(fixes, subject.felt) if fixes is not None else None
+    if fixes is None:
+        return Checked.unknown(MOUNTING, f"fewer than {MIN_FIXES} fixes of {label(source)}")
+    if fit is None or fit.independent < BLOCKS:
+        why = f"too few fixes of {label(source)} above {fixes.fast:.2g} m/s"
+        return Checked.unknown(MOUNTING, why)
+    mirrored = in_plane(fixes, subject.mirrored)
+    if mirrored and mirrored.correlation > CLEAR and mirrored.likelier(fit) > EVIDENCE:
+        return Checked([], [_left_handed(mirrored, fit, source)], [])
+    if fit.agreement < CLEAR or not SURE * fit.sd < np.radians(45):
+        why = f"forces and accelerations of {label(source)} hardly agree ({fit.correlation:.2f})"
+        return Checked.unknown(MOUNTING, why)
+    degrees, sd = np.degrees(fit.angle), np.degrees(fit.sd)
+    fact = (
+        f"{MOUNTING}: forces point {degrees:+.0f} +- {sd:.0f} deg off the accelerations of "
+        f"{label(source)} (correlation {fit.correlation:.2f})"
+    )
+    weight = abs(fit.angle) / max(SURE * fit.sd, LEAST)
+    if weight <= 1:
+        return Checked([fact], [], [])
+    return Checked([], [_reason(fit, label(source), weight, subject.recording.meta)], [])
+
+
+def in_plane(fixes: Moved, motion: Felt) -> Fit | None:
+    """The Fit of what the IMU felt to a source of velocity; None where there are too few fixes."""
+    half = max(HALF, fixes.interval, fixes.span / 2)
+    noise = 2 * fixes.acceleration_noise(half)
+    fits = [
+        fit
+        for forces, accelerations in _levelled(fixes, motion, half)
+        if (fit := _fit(forces, accelerations, fixes.interval, noise)) is not None
+    ]
+    return max(fits, key=lambda fit: fit.correlation, default=None)
+
+
+def _levelled(fixes: Moved, motion: Felt, half: float) -> list[tuple[Array, Array]]:
+    """[(forces, accelerations)] over +- `half` s, complex (n,), by the mean vertical of the body and by axes that
+    the gyros hold still; NaN where they are not known."""
+    t = fixes.t
+    first, last = fixes.at(t - half), fixes.at(t + half)
+    slow = (fixes.at(t + LEVELLED) - fixes.at(t - LEVELLED)) / (2 * LEVELLED)
+    with np.errstate(invalid="ignore"):
+        fast = np.minimum(*(np.hypot(v[:, 0], v[:, 1]) for v in (first, last))) > fixes.fast
+    along = np.exp(-1j * np.angle(_plane((first + last) / 2)))
+    a = np.where(fast, (last - first)[:, :2].T / (2 * half), np.nan).T
+    by_body = motion.mean(motion.body_v, t, half)
+    known = fast & np.isfinite(by_body).all(axis=1)
+    if known.sum() < MIN_FIXES:
+        return []
+    down = _unit(-by_body[known].mean(axis=0))
+    f = motion.mean(motion.at_antenna(fixes.arm), t, half)
+    up = _unit(motion.mean(motion.v, t, LEVELLED))
+    k = np.clip(np.searchsorted(motion.t, t), 0, len(motion.t) - 1)
+    ahead = motion.attitude[k][..., 0]
+    ahead = _unit(ahead - (ahead * up).sum(axis=1)[:, None] * up)
+    forward = _unit(np.array([1.0, 0.0, 0.0]) - down[0] * down)
+    return [
+        (by_body @ forward + 1j * (by_body @ np.cross(down, forward)), _plane(a) * along),
+        (
+            (f * ahead).sum(axis=1) + 1j * (f * np.cross(-up, ahead)).sum(axis=1),
+            _plane(a - slow[:, :2]) * along,
+        ),
+    ]
+
+
+def _plane(v: Array) -> Array:
+    """North and east, or forward and right, as complex numbers."""
+    return np.asarray(v[:, 0] + 1j * v[:, 1])
+
+
+def _unit(v: Array) -> Array:
+    """Vectors of length 1; zero ones stay."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
+
+
+def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> Fit | None:
+    """The Fit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its sd by leaving out one tenth of the record after the
+    other (jackknife)."""
+    use = np.isfinite(forces) & np.isfinite(accelerations)
+    if use.sum() < MIN_FIXES:
+        return None
+    h, a = forces[use] - forces[use].mean(), accelerations[use] - accelerations[use].mean()
+    block = np.arange(len(h)) * BLOCKS // len(h)
+    products = a.conj() * h
+    parts = np.bincount(block, products.real) + 1j * np.bincount(block, products.imag)
+    size = np.sqrt((np.abs(h) ** 2).sum() * (np.abs(a) ** 2).sum())
+    if not size > 0:
+        return None
+    total = parts.sum()
+    off = wrap(np.angle(total - parts) - np.angle(total))
+    sd = float(np.sqrt((BLOCKS - 1) * np.mean(off**2)))
+    return Fit(
+        float(np.angle(total)),
+        sd,
+        float(abs(total) / size),
+        float(use.sum() * interval / 2),
+        float(noise / np.mean(np.abs(a) ** 2)),
+    )
+
+
+def _reason(fit: Fit, source: str, weight: float, meta: Mapping[str, Any]) -> Reason:
+    """The Reason of an IMU that is turned; in a mounting of its description, the `meta` of the
+    recording, it turns after `axes` act."""
+    turn = float(wrap(-fit.angle))
+    near = np.round(turn / (np.pi / 2)) * np.pi / 2
+    right = bool(near) and abs(turn - near) < RIGHT_ANGLE
+    degrees = float(np.degrees(near if right else turn))
+    seen = (
+        f"forces point {np.degrees(fit.angle):+.0f} +- {np.degrees(fit.sd):.0f} deg off the "
+        f"accelerations of {source} (correlation {fit.correlation:.2f})"
+    )
+    if right:
+        seen += f": the IMU is turned by {-degrees % 360:.0f} deg about the vertical"
+    remedy = f"add {degrees:+.0f} deg to `heading` of `mounting` of [imu]"
+    if right and "imu_mounting" not in meta:
+        remedy = _turned_axes(round(degrees), meta.get("guessed_axes"))
+    return Reason("axes" if right else "mounting", seen, remedy, weight=weight)
+
+
+def _turned_axes(degrees: int, guess: str | None) -> str:
+    """What to write where the axes must turn by so many deg about down: all of it where they were a
+    guess, since those that a user stated are not known here."""
+    if guess is None:
+        return f'turn `axes` of [imu] by {degrees:+d} deg (of FRD that is "{TURNS[degrees]}")'
+    C = axes_matrix(TURNS[degrees], BODY_AXES) @ axes_matrix(guess, BODY_AXES)
+    axes = named_permutation(C)
+    name = next((name for name, signed in BODY_AXES.items() if signed == axes), axes)
+    return f'replace the guess "{guess}" by this line in [imu] of recording.toml: axes = "{name}"'
+
+
+def _left_handed(mirrored: Fit, fit: Fit, source: Aiding) -> Reason:
+    """The Reason of axes that are mirrored."""
+    quarter = round(mirrored.angle / (np.pi / 2)) % 4
+    what = (
+        "y has the wrong sign",
+        "x and y are exchanged and have the wrong sign",
+        "x has the wrong sign",
+        "x and y are exchanged",
+    )[quarter]
+    return Reason(
+        "axes",
+        f"only a left-handed set of axes explains the accelerations of {label(source)} (correlation "
+        f"{mirrored.correlation:.2f}, as they are {fit.correlation:.2f}): {what}",
+        "correct `axes` or the columns of [imu], of gyro and accel alike"
+        + ", or exchange latitude and longitude" * (source.kind == "position"),
+        weight=10.0,
+    )

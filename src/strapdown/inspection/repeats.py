@@ -1,0 +1,132 @@
+"""Values that are held: fixes that repeat the one before, sources and channels that are stuck,
+IMU samples that are written more than once."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..aiding import find
+from ..core.loop.contract import Imu
+from ..core.mathematics.earth import A
+from ..data.recording import Recording
+from ..data.solution import Aiding
+from ..data.verdict import Reason
+from ..preprocessing.stationary import at_rest
+from ..typing import Array, Mask
+from .finding import Checked, label
+from .motion import Subject
+
+AROUND = 5
+"""A fix moves where it and so many before and after it take two values or more."""
+EVEN, MOST_EVEN = 0.25, 0.6
+"""Values are held however long where so many of them last as long as is usual, within a share:
+those of a vehicle that stands last as long as chance has it."""
+LEAST_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
+"""Fixes that must move, and the share of repeated ones from which they are a reason: of positions
+and velocities, and of others, which may be coarse."""
+IMU_SHARE = 0.3
+"""The same of IMU samples, which are often written twice and do little harm."""
+STUCK_TIME, STUCK_FIXES, JUMP = 5.0, 10, 5.0
+"""A source is stuck where a value lasts for so many seconds and fixes and ends in a jump of so many
+usual ones."""
+
+
+def check(subject: Subject) -> Checked:
+    """All recorded sources, and the IMU."""
+    found = Checked.nothing()
+    found.reasons.extend(repeated(subject.recording))
+    for aiding in subject.recording.aidings:
+        if aiding.kind in ("position", "velocity"):
+            found.reasons.extend(_stuck(aiding))
+    found.reasons.extend(_imu(subject.recording.imu))
+    return found
+
+
+def repeated(recording: Recording) -> Iterator[Reason]:
+    """Reasons against recorded sources that repeat their fixes, which makes any filter too sure."""
+    for aiding in recording.aidings:
+        if find(aiding.kind).recorded:
+            yield from _repeated(aiding)
+
+
+def _same(y: Array) -> Mask:
+    """(m,) whether a row (k,) is the one before."""
+    with np.errstate(invalid="ignore"):
+        same = (y[1:] == y[:-1]) | (np.isnan(y[1:]) & np.isnan(y[:-1]))
+    return np.r_[False, same.all(axis=1)]
+
+
+def _repeated(aiding: Aiding) -> Iterator[Reason]:
+    """Fixes that repeat the one before while those around them change."""
+    same = _same(aiding.y)
+    if len(same) < LEAST_FIXES:
+        return
+    # of 2 AROUND fixes, how many are new ones: none while a vehicle stands and its fixes are round
+    total = np.r_[0, np.cumsum(~same)]
+    k = np.arange(len(same))
+    first, last = np.maximum(k - AROUND, 0), np.minimum(k + AROUND, len(same))
+    alive = total[last] - total[first] >= 2
+    count = int(alive.sum())
+    share = float(same[alive].mean()) if count >= LEAST_FIXES else 0.0
+    share = max(share, _held(same))
+    most = SHARE if aiding.kind in ("position", "velocity") else COARSE_SHARE
+    if share > most:
+        yield Reason(
+            "repeated",
+            f"{100 * share:.0f} % of the fixes repeat the one before while it moves: held values counted as "
+            f"new ones make a filter too sure",
+            "keep only the rows where a fix arrived, as with `where = { column = ..., changes = true }`",
+            label(aiding),
+            share / most,
+        )
+
+
+def _held(same: Mask) -> float:
+    """The share of repeated fixes where all are held equally long, else 0."""
+    lasts = np.diff(np.flatnonzero(~same))
+    if len(lasts) < LEAST_FIXES:
+        return 0.0
+    usual = float(np.median(lasts))
+    even = np.abs(lasts - usual) <= EVEN * usual
+    return 1.0 - 1.0 / usual if even.mean() > MOST_EVEN else 0.0
+
+
+def _stuck(aiding: Aiding) -> Iterator[Reason]:
+    """The longest time for which a value is held before a jump that is none of its usual ones."""
+    new = np.flatnonzero(~_same(aiding.y))
+    if len(new) < 3:
+        return
+    last = np.r_[new[1:], len(aiding.t)] - 1
+    seconds, fixes = aiding.t[last] - aiding.t[new], last - new
+    metres = [A, A, 1.0] if aiding.kind == "position" else 1.0
+    # what is not measured does not jump
+    change = np.nan_to_num(np.abs(np.diff(aiding.y[new] * metres, axis=0)))
+    jumps = np.r_[change.max(axis=1), 0.0]
+    stuck = (seconds > STUCK_TIME) & (fixes >= STUCK_FIXES) & (jumps > JUMP * np.median(jumps))
+    if not stuck.any():
+        return
+    k = int(np.argmax(np.where(stuck, seconds, 0)))
+    yield Reason(
+        "repeated",
+        f"one value from {aiding.t[new[k]]:.1f} to {aiding.t[last[k]]:.1f} s, then a jump: stuck "
+        f"(times: {int(stuck.sum())})",
+        "leave those rows out",
+        label(aiding),
+        float(min(seconds[k] / STUCK_TIME, 10.0)),
+    )
+
+
+def _imu(imu: Imu) -> Iterator[Reason]:
+    """IMU samples in motion that read the same as the one before."""
+    moving = ~at_rest(imu)
+    values = np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]
+    same = np.r_[False, (np.abs(np.diff(values, axis=0)) < 1e-9).all(axis=1)] & moving
+    share = same.sum() / max(int(moving.sum()), 1)
+    if moving.sum() > LEAST_FIXES and share > IMU_SHARE:
+        yield Reason(
+            "repeated",
+            f"{100 * share:.0f} % of the IMU samples in motion read the same as the one before: written "
+            f"more often than measured",
+            "keep only the rows where the IMU measured",
+            weight=float(share / IMU_SHARE),
+        )

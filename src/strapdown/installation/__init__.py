@@ -1,0 +1,1 @@
+"""Finds what of an installation is wrong."""

@@ -1,0 +1,56 @@
+"""What must be right, at least roughly, before anything can be estimated: clocks that are seconds
+off, velocities in a wrong unit or frame, axes of the IMU."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..checks import DataError
+from ..data.calibration_parameters import CLOCK
+from ..inspection import plane, position_velocity
+from ..inspection.clock import coarse_lag
+from ..inspection.motion import Subject
+from ..typing import Array
+from .model import Constant
+
+LEAST = 0.5
+"""s: a smaller lag is left to the estimate, which finds it better."""
+APART = 1.0
+"""s: by so much the lags of two sources must differ to be believed to."""
+
+
+def check_axes(subject: Subject) -> None:
+    """Refuse velocities that the positions contradict, and axes of the IMU that the velocities do.
+    Raises DataError."""
+    for reason in (*position_velocity.check(subject).reasons, *plane.check(subject).reasons):
+        if reason.cause in ("unit", "frame", "axes"):
+            raise DataError(f"{reason}; until then the installation cannot be diagnosed")
+
+
+def coarse_clocks(subject: Subject, constants: Sequence[Constant]) -> list[Array]:
+    """Candidates for theta (m,), the likeliest first: clocks of the GNSS sources by the lag between
+    what they and the IMU tell of the motion.
+
+    In the first, sources whose own lag is not believed go with the surest one; in the second each
+    has its own. 0 below `LEAST`, and for all other constants. A run must confirm them.
+    """
+    clocks = [j for j, constant in enumerate(constants) if constant.of is CLOCK]
+    lags = {
+        j: lag
+        for j in clocks
+        if (lag := coarse_lag(subject, subject.recording.aidings[constants[j].sources[0]]))
+    }
+    if not lags:
+        return []
+    surest = max(lags.values(), key=lambda lag: lag.evidence)
+    found: list[Array] = []
+    for believed in (True, False):
+        theta = np.zeros(len(constants))
+        for j in clocks:
+            own = lags.get(j, surest)
+            apart = abs(own.seconds - surest.seconds) > APART and (own.believed or not believed)
+            theta[j] = own.seconds if apart else surest.seconds
+        theta[np.abs(theta) < LEAST] = 0.0
+        if theta.any() and not any(np.array_equal(theta, other) for other in found):
+            found.append(theta)
+    return found

@@ -1,0 +1,295 @@
+"""`diagnose`: what of an installation is wrong, from runs of the filter itself: clock offsets, lever
+arms, mounting and odometer scale, each found, consistent with what was given, or not observable.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Unpack
+
+import numpy as np
+
+from .. import filters
+from ..checks import DataError
+from ..core.loop.contract import Filter
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.recording import Recording, check_recording
+from ..engine.finish import solution
+from ..engine.installation import as_given
+from ..engine.options import RunOptions, SetUpOptions, run_options, takes
+from ..engine.prepare import Run
+from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
+from ..inspection.motion import Subject
+from ..progress import listener, with_bar
+from ..typing import Array, Mask, Progress
+from .coarse_clocks import check_axes, coarse_clocks
+from .findings import (
+    CONSISTENT,
+    FOUND,
+    LEAST_GAIN,
+    LEAST_Z,
+    MISFIT,
+    NOT_OBSERVABLE,
+    Diagnosed,
+    Diagnosis,
+    edits,
+    line,
+    named,
+    reasons,
+)
+from .iteration import MOST_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns, whole
+from .model import SHOWN_BY, Model, applied, constants
+
+LEAST_CLOCK_ALONE = 0.5
+"""s: a smaller offset of a clock is not reported where no source measures velocity."""
+COARSE_GAIN = 0.8
+"""A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
+
+
+@takes(SetUpOptions)
+@with_bar("diagnose")
+def diagnose(
+    recording: Recording,
+    filter: str | Filter = "closed-loop",
+    *,
+    options: dict[str, Any] | None = None,
+    progress: Progress | bool | None = None,
+    **set_up: Unpack[SetUpOptions],
+) -> Diagnosis:
+    """Find out what of the installation of a recording is wrong: clock offset of the GNSS, lever arm
+    of its antenna, mounting of the IMU, scale of the odometer.
+
+    Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
+    applied, and the filter is run again until nothing moves: `settling.MOST_RUNS` runs at most.
+    What the recording names to be estimated as states is not, here. Without a source of velocity no
+    more than a clock offset beyond 0.5 s is reported.
+
+    Parameters
+    ----------
+    recording : Recording
+        With a source of position.
+    filter : str or Filter
+        The closed loop or one of its relatives.
+    options : dict
+        Options of the filter's own, {name: value}.
+    progress : bool or callable
+        Called with the fraction done; True shows a bar.
+
+    Raises
+    ------
+    DataError
+        Without a source of position, and as of `fuse`.
+    """
+    asked = run_options(options=options, estimate=(), **set_up)
+    return _Runs(recording, filter, asked, listener(progress)).diagnosis()
+
+
+class _Runs:
+    """The runs of one `diagnose`."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        filter: str | Filter,
+        asked: RunOptions,
+        progress: Progress,
+    ) -> None:
+        check_recording(recording)
+        self.recording, self.filter, self.asked = recording, filters.find(filter), asked
+        check_sensitive(self.filter)
+        self.kinds = [a.kind for a in recording.aidings if len(a.t)]
+        if "position" not in self.kinds:
+            raise DataError(
+                "nothing of the installation shows without a source of position: add one"
+            )
+        self.constants = constants(recording.aidings)
+        self.progress = progress
+        self.way = Settling(self.run, np.zeros(len(self.constants)))
+
+    def run(self, theta: Array) -> Trial:
+        """The filter over the recording with its set-up changed by theta."""
+        before, run = self.way.runs - 1, self.begun(theta)
+        model = Model(run, self.constants, self.asked["start"] is None)
+        found = sums(
+            run,
+            model.derivatives,
+            model.start,
+            lambda part: self.progress((before + part) / MOST_RUNS),
+        )
+        return Trial(theta, fit(run), found, run)
+
+    def begun(self, theta: Array) -> Run:
+        """A Run with the set-up changed by theta, before its first sample."""
+        recording = applied(self.recording, self.constants, theta)
+        return begin_sensitive(recording, self.filter, self.asked)
+
+    def diagnosis(self) -> Diagnosis:
+        """All runs, and what they say."""
+        first = self.way.tried(np.zeros(len(self.constants)))
+        last = self.roughly(first)
+        if last.made.cursor.state[0].fault:
+            raise DataError(
+                f"{self.filter.name} does not come to the end of the recording: run `fuse` and see why"
+            )
+        of_clocks = [c.of is CLOCK for c in self.constants]
+        split = bool(np.ptp(self.way.centre[of_clocks]) > 0)
+        clocks = [each for each in unknowns(self.constants, split) if each.of is CLOCK]
+        last = self.way.settled(last, clocks)
+        if "velocity" not in self.kinds:
+            return self.told(first, last, clocks)
+        split = split or self.apart(last)
+        last = self.way.settled(last, unknowns(self.constants, split))
+        if not split and self.apart(last):
+            last = self.way.settled(last, unknowns(self.constants, split=True))
+        return self.told(first, last, unknowns(self.constants, self.apart(last)))
+
+    def roughly(self, first: Trial) -> Trial:
+        """The trial to settle from: with the clocks that the motion itself shows, where `first`
+        fits badly and they improve it. Raises DataError where something else is wrong."""
+        subject = Subject(self.recording)
+        check_axes(subject)
+        if first.fit.misfit <= MISFIT:
+            return first
+        for theta in coarse_clocks(subject, self.constants):
+            new = self.way.tried(theta)
+            if new.fit.cost < COARSE_GAIN * first.fit.cost:
+                self.way.centre = theta
+                return new
+        return first
+
+    def apart(self, trial: Trial) -> bool:
+        """Whether the clocks of the GNSS sources differ from each other."""
+        together = unknowns(self.constants)
+        clocks = [each for each in unknowns(self.constants, split=True) if each.of is CLOCK]
+        others = clocks[1:]  # beside what is common to all: by how much they differ from the first
+        found = estimated(trial, [*others, *together], self.way.centre)
+        return any(self.wrong(each, found, i) for i, each in enumerate(others))
+
+    def told(self, first: Trial, last: Trial, sought: Sequence[Unknown]) -> Diagnosis:
+        """What the last trial says of what was sought."""
+        final = estimated(last, sought, self.way.centre)
+        wrong, alone = self.surely(last, sought, final)
+        value, theta, best = final.value.copy(), first.theta, first.made
+        if alone is not None:
+            some = [each for each, one in zip(sought, wrong) if one]
+            value[wrong], theta = alone.value, whole(some, alone.value)
+            final.sd[wrong] = alone.sd
+            best = self.begun(theta)
+            best.complete()
+            self.way.runs += 1
+        gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
+        if gain <= LEAST_GAIN:
+            wrong, value, gain = np.zeros(len(sought), bool), final.value, 0.0
+            theta, best = first.theta, first.made
+        shares = (value / final.model_sd) ** 2 * wrong
+        shares *= gain / max(shares.sum(), 1e-300)
+        estimates = [
+            self.estimate(each, final, i, float(value[i]), bool(wrong[i]), float(shares[i]))
+            for i, each in enumerate(sought)
+        ]
+        found = [
+            (each.of, each.sources, each.axis, float(x), float(sd))
+            for each, x, sd, one in zip(sought, value, final.sd, wrong)
+            if one
+        ]
+        lines: dict[str, list[str]] = {}
+        for edit in edits(self.recording, found):
+            lines.setdefault(edit.of.cause, []).append(line(self.recording.aidings, edit))
+        self.progress(1.0)
+        return Diagnosis(
+            tuple(estimates + self.never(sought)),
+            applied(self.recording, self.constants, theta),
+            solution(best),
+            self.way.runs,
+            gain,
+            fit(best).misfit,
+            reasons(estimates, lines),
+            tuple(text for own in lines.values() for text in own),
+        )
+
+    def wrong(self, unknown: Unknown, final: Estimated, i: int) -> bool:
+        """Whether the i-th estimate is one to report."""
+        least = unknown.of.min_reported
+        if "velocity" not in self.kinds:
+            least = LEAST_CLOCK_ALONE if unknown.of is CLOCK else np.inf
+        return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
+
+    def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> Estimated:
+        """The unknowns `some` with all others as given."""
+        theta = whole(some, value)
+        there = last._replace(theta=theta, sums=last.sums.moved(theta - last.theta))
+        return estimated(there, some, self.way.centre)
+
+    def surely(
+        self, last: Trial, sought: Sequence[Unknown], final: Estimated
+    ) -> tuple[Mask, Estimated | None]:
+        """Which of those sought are wrong (q,), also with all others as given; and these alone."""
+        wrong = np.array([self.wrong(each, final, i) for i, each in enumerate(sought)])
+        while wrong.any():
+            some = [each for each, one in zip(sought, wrong) if one]
+            alone = self.alone(last, some, final.value[wrong])
+            sure = np.array([self.wrong(each, alone, k) for k, each in enumerate(some)])
+            if sure.all():
+                return wrong, alone
+            wrong[np.flatnonzero(wrong)[~sure]] = False
+        return wrong, None
+
+    def estimate(
+        self, unknown: Unknown, final: Estimated, i: int, value: float, wrong: bool, gain: float
+    ) -> Diagnosed:
+        """The i-th estimate in the terms of recording.toml."""
+        of, axis, sd = unknown.of, unknown.axis, float(final.sd[i])
+        aidings = [self.recording.aidings[k] for k in unknown.sources]
+        names = tuple(a.name or a.kind for a in aidings)
+        status = FOUND if wrong else NOT_OBSERVABLE if sd > of.known_sd else CONSISTENT
+        motion = of.motions[axis]
+        if "velocity" not in self.kinds and status == CONSISTENT:
+            status = NOT_OBSERVABLE
+            motion = (
+                f"add a source of velocity: positions show no less than {LEAST_CLOCK_ALONE:g} s"
+            )
+        antennas = sum(each.of is LEVER_ARM for each in self.constants) // 3
+        return Diagnosed(
+            of,
+            axis,
+            named(unknown, names, antennas),
+            names,
+            status,
+            0.0 if of is MOUNTING else as_given(self.recording, of, axis, unknown.sources),
+            value * of.factor,
+            sd * of.factor,
+            motion,
+            gain,
+            tuple((float(x * of.factor), float(s * of.factor)) for x, s in final.halves[i]),
+        )
+
+    def never(self, sought: Sequence[Unknown]) -> list[Diagnosed]:
+        """What no motion would show with these sources, with what is missing."""
+        known = {(each.of, each.axis) for each in sought}
+        never = [
+            each
+            for each in (
+                *((LEVER_ARM, axis) for axis in range(3)),
+                *((MOUNTING, axis) for axis in SHOWN_BY),
+                (SCALE, 0),
+            )
+            if each not in known
+        ]
+        return [
+            Diagnosed(
+                of,
+                axis,
+                named(Unknown(of, (), axis, np.zeros(0)), (), 1),
+                (),
+                NOT_OBSERVABLE,
+                *(np.nan, np.nan, np.nan),
+                self.missing(of, axis),
+            )
+            for of, axis in never
+        ]
+
+    def missing(self, of: Estimable, axis: int) -> str:
+        """The source without which no motion shows a component."""
+        if of is MOUNTING and SHOWN_BY[axis] not in self.kinds:
+            return f"on a road vehicle, add the constraint {SHOWN_BY[axis]}"
+        if of is SCALE and "speed" not in self.kinds:
+            return "add an odometer (kind speed)"
+        return "add a source of velocity"

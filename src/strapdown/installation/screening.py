@@ -1,0 +1,285 @@
+"""A quick look for what of the installation may be wrong, at a small part of the cost of a run: the
+closed loop over a thinned recording, and by how much each constant of the installation would have
+made its innovations smaller (separate bias estimation, as `diagnose`, but one step of it)."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import filters
+from ..core.loop.contract import POS, STATES, VEL, Noise, Start
+from ..core.mathematics.rotation import matrix_to_euler
+from ..data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE, Estimable
+from ..data.recording import Recording
+from ..data.solution import Aiding, Solution
+from ..data.verdict import Reason
+from ..engine.options import run_options
+from ..engine.sensitivity import begin_sensitive, fit, sums
+from ..preprocessing.axes import rotation_matrix
+from ..preprocessing.unbroken import summed
+from ..typing import Array
+from .diagnose import LEAST_CLOCK_ALONE
+from .findings import LEAST_GAIN, LEAST_Z
+from .iteration import Trial, Unknown, estimated, explained, groups
+from .model import CONSTRAINED, GNSS, Model, applied, constants, rotation
+from .states import installation
+
+STEP, PACE = 0.5, 1.0
+"""s: of the thinned samples, and between the fixes of a source that are used."""
+ROWS = 5000  # of a solution, in which motion is looked for
+WINDOW = 1000.0
+"""s that are looked at: of a longer recording those with the most motion."""
+HARMFUL = 3.0
+"""Claimed standard deviations that an error must not exceed."""
+ARM_SHARE = 0.5
+"""Of what a lever arm explains: its three numbers take up most of a clock's error too, but a clock
+takes up less than a fifth of an arm's."""
+PART_OF_EXCESS = 0.3
+"""Of what the innovations are too large by; what explains less is a consequence and no cause."""
+
+
+class Suspect(NamedTuple):
+    """A group of unknowns that would explain innovations, estimated with all else as given."""
+
+    unknowns: tuple[Unknown, ...]  # of one parameter
+    value: Array  # (q,) s, m, rad
+    sd: Array  # (q,) of the value
+    explained: float  # of the sum of squared whitened innovations
+    excess: float  # of that sum over its expectation
+
+    @property
+    def of(self) -> Estimable:
+        """The parameter."""
+        return self.unknowns[0].of
+
+    @property
+    def z(self) -> Array:
+        """(q,) the values in standard deviations."""
+        return np.abs(self.value) / self.sd
+
+    @property
+    def likely(self) -> float:
+        """What it explains, for comparison with others."""
+        return self.explained * (ARM_SHARE if self.of is LEVER_ARM else 1.0)
+
+
+def window(solution: Solution) -> tuple[Recording, Start]:
+    """The part of the recording to look at, and the Start that the solution has there."""
+    assert solution.recording is not None
+    recording, start = solution.recording, Start(**solution.meta["start"])
+    made, seconds = solution.trajectory, recording.span[1] - start.t
+    if seconds <= WINDOW or made.v_n is None or made.sd is None:
+        return recording, start
+    some = made.taking(slice(None, None, max(1, len(made.t) // ROWS)))
+    assert some.v_n is not None
+    change = np.nan_to_num(np.abs(np.diff(some.v_n, axis=0)).sum(axis=1))
+    motion = np.r_[0.0, np.cumsum(change)]
+    last = np.searchsorted(some.t, some.t + WINDOW)
+    best = int(np.argmax(motion[np.minimum(last, len(motion) - 1)] - motion))
+    end = float(some.t[best]) + WINDOW
+    if best == 0:
+        return recording.between(stop=start.t + WINDOW), start
+    there = started(solution, int(np.searchsorted(made.t, some.t[best])))
+    return recording.between(there.t, end), there
+
+
+def started(solution: Solution, row: int) -> Start:
+    """A Start at a row of a solution of all states, from what it says there."""
+    start, made = Start(**solution.meta["start"]), solution.trajectory
+    assert made.v_n is not None and made.sd is not None
+    return start._replace(
+        t=float(made.t[row]),
+        lla=tuple(made.lla[row].tolist()),
+        v=tuple(made.v_n[row].tolist()),
+        rph=tuple(made.rph[row].tolist()),
+        ba=tuple(np.nan_to_num(solution.b_a[row]).tolist()),
+        bg=tuple(np.nan_to_num(solution.b_g[row]).tolist()),
+        sd=tuple(np.where(np.isfinite(made.sd[row]), made.sd[row], start.sd[:STATES]).tolist()),
+    )
+
+
+def as_found(solution: Solution, recording: Recording, start: Start) -> tuple[Recording, Start]:
+    """A recording and a start of it, set up as the filter of the solution estimated; as they are
+    where it estimated nothing of the installation."""
+    known, names = (
+        constants(recording.aidings),
+        [a.name or a.kind for a in recording.aidings],
+    )
+    theta, turn = np.zeros(len(known)), np.zeros(3)
+    for each in installation(solution).parameters:
+        for k, (of, sources, axis) in enumerate(known):
+            if (of, axis) == (each.of, each.axis) and names[sources[0]] in each.sources:
+                theta[k] = each.change / of.factor
+                turn[axis] += theta[k] if of is MOUNTING else 0.0
+    if turn.any():  # the body turns, and what is known of it
+        R = rotation(turn)
+        C = rotation_matrix(*start.rph) @ R.T
+        start = start._replace(
+            rph=tuple(matrix_to_euler(C)),
+            ba=tuple((R @ start.ba).tolist()),
+            bg=tuple((R @ start.bg).tolist()),
+        )
+    return applied(recording, known, theta), start
+
+
+def thinned(recording: Recording) -> Recording:
+    """The recording with a fix of each source every `PACE` s or more, of sources that say something
+    of the installation, and with samples of `STEP` s, but whole ones at these fixes, because a lever
+    arm needs the angular rate of that moment. Nothing is summed across a gap."""
+    imu = recording.imu
+    aidings = tuple(map(_paced, of_installation(recording.aidings)))
+    part = np.floor((imu.t - recording.span[0]) / STEP - 1e-6)
+    begins = np.r_[True, part[1:] != part[:-1]]
+    at = np.concatenate([np.searchsorted(imu.t, a.t) for a in aidings] or [np.empty(0, int)])
+    begins[at[at < len(begins)]] = True
+    begins[at[at + 1 < len(begins)] + 1] = True
+    return Recording(summed(imu, begins), aidings)
+
+
+def _paced(aiding: Aiding) -> Aiding:
+    number = np.floor(aiding.t / PACE + 1e-6)
+    return aiding._where(np.r_[True, number[1:] != number[:-1]])
+
+
+def suspects(solution: Solution) -> list[Suspect]:
+    """What would explain the innovations of a solution, the likeliest first; [] where nothing
+    tells. Raises DataError."""
+    part, start = as_found(solution, *window(solution))
+    recording, noise = thinned(part), Noise(**solution.meta["noise"])
+    known = constants(recording.aidings)
+    run = begin_sensitive(
+        recording, filters.find("closed-loop"), run_options(start=start, noise=noise, estimate=())
+    )
+    model = Model(run, known, True)
+    found = sums(run, model.derivatives, model.start)
+    fixes = run.out.fix[: run.cursor.state[0].fix]
+    measured = np.isfinite(fixes["innovation"]).sum()
+    excess = float(np.nansum(fixes["nis"]) - measured)
+    trial = Trial(np.zeros(len(known)), fit(run), found, run)
+    each = [_suspect(trial, group, excess) for group in groups(known)]
+    return sorted(each, key=lambda suspect: -suspect.likely)
+
+
+def _suspect(trial: Trial, group: Sequence[Unknown], excess: float) -> Suspect:
+    one = estimated(trial, group, np.zeros_like(trial.theta))
+    gain = explained(trial, group, one.step)
+    return Suspect(tuple(group), one.value, one.sd, gain, excess)
+
+
+def look(solution: Solution) -> tuple[list[Reason], list[str]]:
+    """Reasons to doubt the installation of a solution, and what of it its motion does not show.
+    Raises DataError."""
+    found = [each for each in suspects(solution) if not _estimated(solution, each)]
+    alone = not _has(solution, "velocity")
+    likely = [each for each in found if _matters(each, alone)]
+    reasons = [_reason(solution, each) for each in likely[:1]]
+    if alone:
+        return reasons, []
+    unknown = [text for each in found for text in _unknown(solution, each)]
+    # of clocks one line is enough: that of all, which is known best
+    clocks = [text for text in unknown if text.startswith(CLOCK.name)]
+    return reasons, [text for text in unknown if text not in clocks[1:]]
+
+
+def _estimated(solution: Solution, suspect: Suspect) -> bool:
+    """Whether what it concerns were states of the filter, which says of them itself."""
+    assert solution.recording is not None
+    names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
+    own = {
+        name
+        for each in installation(solution).parameters
+        if each.of is suspect.of
+        for name in each.sources
+    }
+    return all(names[i] in own for i in suspect.unknowns[0].sources)
+
+
+def _has(solution: Solution, kind: str) -> bool:
+    assert solution.recording is not None
+    return any(a.kind == kind for a in solution.recording.aidings)
+
+
+def _unknown(solution: Solution, suspect: Suspect) -> Iterator[str]:
+    of, worse = suspect.of, [i for i, sd in enumerate(suspect.sd) if sd > suspect.of.known_sd]
+    if not worse:
+        return
+    axes = [suspect.unknowns[i].axis for i in worse]
+    named = [f"{of.cause} of {_concerned(solution, suspect)}"]
+    named += [of.components[axis] for axis in axes if of.components[axis]]
+    shows = dict.fromkeys(of.motions[axis] for axis in axes)
+    yield (
+        f"{', '.join(named)}: known to +-{of.size(suspect.sd[worse].max())} only; "
+        f"to show it, {' and '.join(shows)}"
+    )
+
+
+def _concerned(solution: Solution, suspect: Suspect) -> str:
+    """Names of the sources that it concerns."""
+    assert solution.recording is not None
+    names = [a.name or a.kind for a in of_installation(solution.recording.aidings)]
+    if suspect.of is MOUNTING:
+        return "the IMU"
+    return " and ".join(names[i] for i in suspect.unknowns[0].sources)
+
+
+def harm(solution: Solution, suspect: Suspect) -> float:
+    """The error that it brings, over the standard deviation that the solution claims: of
+    position, or of velocity where only that is concerned."""
+    assert solution.recording is not None
+    made, of, size = solution.trajectory, suspect.of, np.abs(suspect.value).max()
+    rows = slice(None, None, max(1, len(made.t) // 500))
+    v, sd = made.v_n, made.sd
+    assert v is not None and sd is not None
+    if not np.isfinite(sd[rows, :6]).all(axis=0).any():
+        return HARMFUL  # the filter claims nothing
+    of_position, of_velocity = (np.nanmedian(sd[rows, each].max(axis=1)) for each in (POS, VEL))
+    speed = np.sqrt(np.nanmean((v[rows] ** 2).sum(axis=1)))
+    if of is LEVER_ARM:
+        return float(size / of_position)
+    kinds = [a.kind for a in of_installation(solution.recording.aidings)]
+    if of is CLOCK and "position" in (kinds[i] for i in suspect.unknowns[0].sources):
+        return float(size * speed / of_position)
+    if of is CLOCK:
+        change = np.abs(np.diff(v[rows], axis=0)).sum(axis=1) / np.diff(made.t[rows])
+        speed = np.sqrt(np.nanmean(change**2))
+    return float(size * speed / of_velocity)
+
+
+def of_installation(aidings: Sequence[Aiding]) -> list[Aiding]:
+    """Those that say something of the installation."""
+    return [a for a in aidings if a.kind in (*GNSS, *CONSTRAINED)]
+
+
+def _matters(suspect: Suspect, alone: bool) -> bool:
+    """Whether it is a reason; of positions `alone`, without velocities, only a clock is."""
+    of = suspect.of
+    least = LEAST_CLOCK_ALONE if alone else of.min_doubted
+    clear = (suspect.z > LEAST_Z) & (np.abs(suspect.value) > least) & (not alone or of is CLOCK)
+    explains = suspect.explained > max(LEAST_GAIN, PART_OF_EXCESS * suspect.excess)
+    return bool(clear.any() and explains)
+
+
+def _reason(solution: Solution, suspect: Suspect) -> Reason:
+    of = suspect.of
+    sources = "" if of is MOUNTING else _concerned(solution, suspect)
+    values = ", ".join(
+        f"{value * of.factor:+.2g} {of.unit} {of.components[unknown.axis]}".rstrip()
+        for value, unknown, z in zip(suspect.value, suspect.unknowns, suspect.z)
+        if z > LEAST_Z
+    )
+    what = {
+        CLOCK: f"the innovations ask for {values} on the time stamps",
+        LEVER_ARM: f"the innovations ask for an antenna that is moved by {values}",
+        MOUNTING: f"the constraints ask for an IMU turned by {values}",
+        SCALE: f"the speeds are too large by a factor of {1 + suspect.value[0]:.3f}",
+    }[of]
+    times = harm(solution, suspect)
+    return Reason(
+        of.cause,
+        f"{what}, {suspect.z.max():.0f} standard deviations ({LEAST_Z:.0f} at most); errors of about "
+        f"{times:.0f} claimed standard deviations",
+        "run `strapdown diagnose` for the value and what it changes",
+        sources,
+        max(1.0, times / HARMFUL),
+    )

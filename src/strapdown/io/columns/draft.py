@@ -1,0 +1,160 @@
+"""A bare table as a Log: guesses at what its columns are, by names, units, magnitudes and content,
+with a reason wherever the user must check."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..contract import GUESS, Log, Section
+from ..description.source_files import times_of
+from ..tables.table_arrays import tables_of
+from ..tables.table_file import Table
+from .column_names import ACCEL, GYRO, Names, plain
+from .gnss_columns import fix_sections
+from .imu_columns import attitude_section, imu_section, magnetometer_section
+from .time_columns import find_clock
+
+
+def open_table(path: Path) -> Log:
+    """The Log of a file of bare tables. Raises DataError where it cannot be read."""
+    tables: dict[str, Table] = {}
+    sections: list[Section] = []
+    facts: list[str] = []
+    left: list[str] = []
+    asked: list[str] = []
+    found = tables_of(path)
+    for name, table in found.items():
+        log = _of_table(table, name if len(found) > 1 else None)
+        made = any(section.keys.get("table") == MADE for section in log.sections)
+        tables[MADE if made else name] = next(iter(log.tables.values()))
+        instance = {role: 0 for role in ("imu", "gnss", "magnetometer", "attitude")}
+        for section in sections:
+            instance[section.role] = max(instance[section.role], section.instance + 1)
+        sections += [
+            section._replace(instance=instance[section.role] * (not _is_piece(section)))
+            for section in log.sections
+        ]
+        facts += log.facts
+        left += log.left
+        asked += log.asked
+    if sections and len(found) > 1:  # the other tables are what they are
+        asked = [line for line in asked if "gravity" in line or "height" in line]
+    return Log(tables, tuple(sections), tuple(facts), tuple(left), tuple(asked))
+
+
+def _is_piece(section: Section) -> bool:
+    return section.of == "imu" and not {"gyro", "accel"} <= set(section.keys)
+
+
+def _of_table(table: Table, name: str | None) -> Log:
+    """The Log of one table; `name` is what its sections name it by, where the file has several."""
+    columns = Names.of(table)
+    if all(isinstance(name, int) for name in table.frame.columns):
+        return _without_header(table)
+    label = f"table {name}" if name else "table"
+    facts = [f"{label}: {len(table.lines)} rows, columns {', '.join(columns.names)}", *table.notes]
+    is_imu = bool(columns.triple(GYRO) or columns.triple(ACCEL))
+    clock = find_clock(columns, is_imu)
+    if clock is None:
+        no_time = (
+            f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MOST_NAMES])}: "
+            f"rename it to time, or name it in `time` of a recording.toml"
+        )
+        return Log({"": table}, (), tuple(facts), asked=(no_time,))
+    facts.append(clock.fact + (f" (a guess: {clock.assumed})" if clock.assumed else ""))
+    t = times_of(table, clock.keys)
+    imu, more, asked = imu_section(columns, clock.keys, t)
+    magnetometer, of_field = magnetometer_section(
+        columns, clock.keys, imu.keys.get("axes", "FRD").removesuffix(GUESS) if imu else "FRD"
+    )
+    taken = [name for section in (imu, magnetometer) if section for name in named(section.keys)]
+    fixes = fix_sections(columns.without(taken), clock.keys, t, is_imu)
+    attitude, of_attitude = attitude_section(columns, clock.keys)
+    sections = [
+        _told(section, clock.assumed, name)
+        for section in (imu, *fixes.sections, magnetometer, attitude)
+        if section is not None
+    ]
+    asked += fixes.asked
+    if not sections and not asked:
+        asked.append(
+            f"nothing was recognised among its columns {', '.join(columns.names[:20])}: say in a "
+            f"recording.toml what they are, or rename them, as gyro_x, acc_x, lat, lon, height"
+        )
+    if fixes.made:
+        table = table._replace(content=table.frame.assign(**fixes.made))
+    facts += [*more, *fixes.facts, *of_field, *of_attitude]
+    used = [*named([each.keys for each in sections]), *named(clock.keys), *fixes.sources]
+    left = _not_taken(columns.without(used), label if name else "")
+    return Log({"": table}, tuple(sections), tuple(facts), left, tuple(asked))
+
+
+MOST_NAMES = 40
+"""Columns that a line lists at most."""
+
+
+def _not_taken(columns: Names, label: str) -> tuple[str, ...]:
+    """A line on the columns that nothing is made of, but for empty ones."""
+    names = [name for name in columns.names if columns.table.frame[name].notna().any()]
+    if not names:
+        return ()
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    of = f" of {label}" if label else ""
+    text = f"columns{of} not recognised or not needed: {', '.join(names[:MOST_NAMES])}{more}"
+    if {"vx", "vy", "vz"} <= {plain(name) for name in names}:
+        text += "; nothing tells the axes of vx, vy, vz: rename them vn, ve, vd or ve, vn, vu"
+    return (text,)
+
+
+NO_COLUMN = ("kind", "table", "unit", "axes", "form", "clock", "format", "equals", "field")
+"""Keys whose text is no column."""
+
+
+def named(keys: Any) -> list[str]:
+    """The columns that a section names, or one of its values."""
+    if isinstance(keys, Mapping):
+        return [name for key in keys if key not in NO_COLUMN for name in named(keys[key])]
+    if isinstance(keys, (list, tuple)):
+        return [name for value in keys for name in named(value)]
+    return [keys] if isinstance(keys, str) else []
+
+
+def _told(section: Section, clock_assumed: str, table: str | None) -> Section:
+    """The section with the name of its table and what is assumed of its clock."""
+    assumed = dict(section.assumed) | ({"time": clock_assumed} if clock_assumed else {})
+    keys: dict[str, Any] = {key: section.keys[key] for key in section.keys if key != "table"}
+    if "table" in section.keys:  # has columns that the file has not
+        keys = {**keys, "table": table or MADE}
+    elif table:
+        keys = {**keys, "table": table}
+    first = [key for key in ("kind", "table", "time") if key in keys]
+    keys = {key: keys[key] for key in [*first, *(key for key in keys if key not in first)]}
+    return section._replace(keys=keys, assumed=assumed)
+
+
+MOST_KINDS = 20
+"""Texts in a column at most that are kinds of rows."""
+MADE = "with degrees"
+"""Name of the table of a file of one, with columns that are made of its own."""
+
+
+def _without_header(table: Table) -> Log:
+    columns = Names.of(table)
+    values = [(name, columns.numbers(name)) for name in table.frame.columns]
+    facts = [f"table: {len(table.lines)} rows without a header line"] + [
+        f"column {name}: {np.nanmin(each):.6g} to {np.nanmax(each):.6g}, median "
+        f"{np.nanmedian(each):.6g}"
+        for name, each in values
+        if np.isfinite(each).any()
+    ]
+    asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
+    for name, each in values:
+        texts: list[str] = list(table.frame[name].dropna().unique()) if np.isnan(each).all() else []
+        if 1 < len(texts) <= MOST_KINDS:
+            asked = (
+                f"column {name} holds {', '.join(map(repr, texts))}: each row is of another kind; "
+                f"write a file of each kind, as with grep, and a header line into it"
+            )
+    return Log({"": table}, (), tuple(facts), asked=(asked,))

@@ -1,0 +1,219 @@
+"""Which columns of a table are its time, and on which clock, by names, magnitudes and content."""
+
+import re
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...checks import DataError
+from ...typing import Array
+from ...units.conversion import UNITS
+from ...units.time_scales import DAY, GPS_ZERO, WEEK
+from ..tables.calendar_text import Pattern, moments, patterns
+from .column_names import Names, plain
+
+TIME = (
+    r"(?!.*(acc|offset|bias|drift|zone|valid|uncert))(t|ts|clock|[mun]s|milli(s|seconds?)|micro(s|seconds?)|zeit|zeitstempel|t_?stamp|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
+    r"unix|posix|utc|iso|stamp|date_?time|[a-z]{0,8}_?(time|timestamp|time_?stamp)(_?(of_?week|utc|gps|unix|us|ms|ns|s))?)"
+)
+OF_WEEK = r"(i_?tow|(gps_?)?(tow|sow|sec(onds?)?|s)(_?(of_?week))?|gms|(gps_?)?time_?of_?week)"
+WEEK_NUMBER = r"((gps_?)?(week|wn|wk|week_?(no|num|number))|gwk)"
+DATE = r"((utc|gps)_?)?(date|day|datum)"
+CLOCK = r"((utc|gps|local)_?)?(time|time_?of_?day|tod|clock|utc|uhrzeit|zeit)"
+GPS_NAME = r".*gps.*"
+GPS_TIME = r"gps_?time"
+AFTER = r"([_ .,\[(].*)?"
+"""What may stand behind a name."""
+UNIX_UNITS = ("s", "ms", "us", "ns")
+LONGEST = (float(DAY), 100.0)
+"""s between two fixes, and two samples of an IMU: a unit that gives more is another."""
+LEAST_UNIX = 0.95e9
+"""POSIX seconds of 2000; no clock of a device counts so far from its own start."""
+FORMATS = (
+    "iso",
+    "%d.%m.%Y %H:%M:%S",
+    "%Y/%m/%d %H:%M:%S",
+    "%Y.%m.%d %H:%M:%S",
+    "%d/%m/%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M:%S",
+    "%d-%m-%Y %H:%M:%S",
+    "%d%m%y %H%M%S",
+    "%Y%m%d %H%M%S",
+)
+OF_DAY = "%H:%M:%S"
+"""A time alone, whose day another file may tell."""
+DAYS = 2
+"""Of a format with a date of digits alone: the first of them that are tried in a column alone."""
+
+
+class Clock(NamedTuple):
+    """The time of a table in the keys of a description. A `week` of None is not known: the column
+    is the time of week, whose week another file may tell."""
+
+    keys: dict[str, Any]
+    fact: str
+    assumed: str = ""
+
+
+def find_clock(columns: Names, is_imu: bool) -> Clock | None:
+    """The Clock of a table, or None where no column is named like a time."""
+    day, clock = columns.find(DATE), columns.find(CLOCK)
+    if day and clock and (form := _format(columns, clock, day)):
+        keys = {"column": clock, "date": day, "format": form} | _scale(clock)
+        return Clock(keys, f"time: {day!r} and {clock!r}, {_scale_name(keys)}")
+    name = columns.find(TIME)
+    if name is None and (name := columns.find(OF_WEEK)) is None:
+        return _by_content(columns, is_imu)
+    if columns.table.frame[name].dtype.kind not in "iuf":
+        form = _format(columns, name)
+        if form is None:
+            raise DataError(_of_no_form(columns, name))
+        if form == OF_DAY:
+            return Clock({"column": name, "format": form}, f"time: {name!r}, time of day, UTC")
+        keys = {"column": name, "format": form} | _scale(name)
+        why = "" if "%d/%m" not in form else "days before months"
+        return Clock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
+    return _counted(columns, name, is_imu)
+
+
+def _by_content(columns: Names, is_imu: bool) -> Clock | None:
+    """The Clock of the first column that reads as POSIX time or dates, whatever its name."""
+    for name in columns.names:
+        if columns.table.frame[name].dtype.kind not in "iuf":
+            form = _format(columns, name)
+            if form:
+                keys = {"column": name, "format": form}
+                return Clock(keys, f"time: {name!r}, UTC", "by its content")
+        else:
+            t = columns.numbers(name)
+            steps = np.diff(t[np.isfinite(t)])
+            if len(steps) and steps.min() >= 0 and (unit := _unix_unit(t, UNIX_UNITS, is_imu)):
+                keys = {"column": name, "unit": unit, "clock": "unix"}
+                fact = f"time: {name!r} in {unit}, POSIX time, UTC"
+                return Clock(keys, fact, "by its content")
+    return None
+
+
+def _unix_unit(t: Array, units: Iterable[str], is_imu: bool) -> str | None:
+    """The unit in which a column (n,) counts from 1970, or GPS time from 1980, and whose intervals
+    can be those of the table; None where there is none."""
+    known = t[np.isfinite(t)]
+    steps = np.diff(known)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    for unit in units:
+        size = UNITS["time"][unit]
+        longest = LONGEST[is_imu]
+        if len(known) and LEAST_UNIX <= known[0] * size < 3e9 and step * size < longest:
+            return unit
+    return None
+
+
+def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
+    """The Clock of a column of numbers."""
+    week = columns.find(WEEK_NUMBER)
+    of_week = columns.find(OF_WEEK) if week else None
+    if week and of_week:
+        name = of_week
+    t = columns.numbers(name)
+    named = columns.unit(name, ("ns", "us", "ms", "s"))
+    known = t[np.isfinite(t)]
+    first = float(known[0]) if len(known) else 0.0
+    if unit := _unit_of_week(name, t, named, is_imu):
+        keys = {"column": name, "unit": unit, "clock": "gps", "week": week}
+        return Clock(keys, f"time: {name!r} in {unit} of the GPS week" + f" {week!r}" * bool(week))
+    absolute = _unix_unit(t, [named] if named else UNIX_UNITS, is_imu)
+    if absolute:
+        seconds = first * UNITS["time"][absolute]
+        is_gps = bool(re.fullmatch(GPS_NAME, plain(name)))
+        keys = {"column": name, "unit": absolute, "clock": "gps" if is_gps else "unix"}
+        which = "GPS time since 1980" if is_gps else "POSIX time, UTC"
+        sure = "" if is_gps or seconds > LEAST_UNIX + GPS_ZERO else "or GPS time since 1980"
+        return Clock(keys, f"time: {name!r} in {absolute}, {which}", sure)
+    unit = named or _unit_by_interval(t, is_imu)
+    why = "" if named or unit == "s" else "by the interval of its rows"
+    return Clock({"column": name, "unit": unit}, f"time: {name!r} in {unit}", why)
+
+
+def _unit_of_week(name: str, t: Array, named: str | None, is_imu: bool) -> str | None:
+    """The unit of a column (n,) of times of week; None where it is none, by name and magnitude."""
+    known = t[np.isfinite(t)]
+    called = plain(name)
+    if not len(known) or known.min() < 0:
+        return None
+    unit = named or ("ms" if known.max() > WEEK * 1.01 else "s")
+    if named is None and re.match("i_?tow", called) and _unit_by_interval(t, is_imu) == "ms":
+        unit = "ms"
+    size = UNITS["time"][unit]
+    if known.max() * size > WEEK * 1.01:
+        return None
+    if re.fullmatch(OF_WEEK + AFTER, called):
+        return unit
+    late = (
+        re.fullmatch(GPS_TIME + AFTER, called) and known.min() * size > DAY
+    )  # less may as well count from switch-on
+    return unit if late else None
+
+
+def _unit_by_interval(t: Array, is_imu: bool) -> str:
+    interval = float(np.median(np.diff(t[np.isfinite(t)]))) if np.isfinite(t).sum() > 1 else 0.01
+    for unit, least in (
+        ("ns", 1e6 if is_imu else 3e7),  # fixes of 1 Hz in us are not those of 1 kHz in ns
+        ("us", 1e3 if is_imu else 1e4),
+        ("ms", 1.0 if is_imu else 20.0),
+    ):
+        if interval >= least:
+            return unit
+    return "s"
+
+
+def _format(columns: Names, name: str, day: str | None = None) -> str | None:
+    """The first of the formats that all of the first and last rows are written in."""
+    frame = columns.table.frame[[name, day] if day else [name]].dropna()
+    frame = (
+        frame.iloc[np.unique(np.linspace(0, len(frame) - 1, 400).astype(int))]
+        if len(frame)
+        else frame
+    )
+    if not len(frame):
+        return None
+    for form in FORMATS if day else (*FORMATS[:-DAYS], OF_DAY):
+        try:
+            of_days, of_times = patterns(form, "column" if day else "")
+        except ValueError:
+            continue
+        read = [(name, of_times), *([(day, of_days)] if day and of_days else [])]
+        if all(_is_written(frame[each].to_numpy(), pattern) for each, pattern in read):
+            return form
+    return None
+
+
+def _of_no_form(columns: Names, name: str) -> str:
+    """What is said of a column of text that is no time: which cell is no number, where most are."""
+    table = columns.table
+    numbers, known = columns.numbers(name), table.frame[name].notna().to_numpy()
+    odd = np.flatnonzero(known & ~np.isfinite(numbers))
+    if 0 < len(odd) < np.isfinite(numbers).sum():
+        return (
+            f"{table.origin.row(int(odd[0]))}, column {name!r}: {table.cells(name)[odd[0]]!r} is not a "
+            f"number; correct the cell or leave it empty"
+        )
+    return (
+        f"{table.name}: {name!r} is written {table.frame[name].iloc[0]!r}, which is no form of a time "
+        f"that is known; say its `format` in a recording.toml"
+    )
+
+
+def _is_written(cells: Any, pattern: Pattern) -> bool:
+    """Whether all cells are times of a pattern; no logger is from before 1970, but the digits of
+    010524 could be of the year 1."""
+    found, wrong = moments(cells, pattern)
+    return not wrong.any() and bool(np.all(found.minute >= 0))
+
+
+def _scale(name: str) -> dict[str, str]:
+    return {"clock": "gps"} if re.fullmatch(GPS_NAME, plain(name)) else {}
+
+
+def _scale_name(keys: dict[str, Any]) -> str:
+    return "GPS time" if keys.get("clock") == "gps" else "UTC"

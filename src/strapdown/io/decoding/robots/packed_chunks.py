@@ -1,0 +1,60 @@
+"""Chunks of a log that are packed."""
+
+import bz2
+import io
+from typing import IO, cast
+
+from ....checks import DataError
+from ....fileio.limits import Meter
+from ...tables.table_file import zstd
+
+PIECE = 1 << 20
+"""Bytes that are unpacked at a time, so that a wrong size costs no memory."""
+
+
+def _opened(packed: bytes, way: str) -> IO[bytes]:
+    if way == "bz2":
+        return bz2.open(io.BytesIO(packed))
+    if way == "lz4":
+        import lz4.frame
+
+        return cast(IO[bytes], lz4.frame.open(io.BytesIO(packed)))
+    return cast(IO[bytes], zstd().open(io.BytesIO(packed)))
+
+
+def unpack(packed: bytes | memoryview, way: str, size: int, meter: Meter) -> bytes:
+    """What is packed by `way`, "lz4" (frames), "zstd", "bz2" or "" and "none", and `size` bytes
+    long, which `meter` counts. Raises DataError where it is damaged or of another size."""
+    if way in ("", "none"):
+        unpacked = bytes(packed)
+    elif way not in ("lz4", "zstd", "bz2"):
+        raise DataError(f"is packed by {way!r:.20}, which is not read; lz4, zstd, bz2 and none are")
+    else:
+        pieces, left = [], size + 1
+        try:
+            with _opened(bytes(packed), way) as file:
+                while left > 0 and (piece := file.read(min(PIECE, left))):
+                    meter.add(len(piece))
+                    pieces.append(piece)
+                    left -= len(piece)
+        except DataError:
+            raise
+        except Exception as error:  # each package has errors of its own
+            raise DataError(f"is damaged ({type(error).__name__})") from error
+        unpacked = b"".join(pieces)
+    if len(unpacked) != size:
+        raise DataError("unpacks to another size than it states")
+    return unpacked
+
+
+def unpack_frames(packed: bytes, most: int) -> bytes:
+    """zstd frames, one after the other, at most `most` bytes long when they are unpacked. Raises
+    DataError."""
+    try:
+        with _opened(packed, "zstd") as file:
+            unpacked = file.read(most + 1)
+    except (EOFError, zstd().ZstdError) as error:
+        raise DataError(f"is damaged ({str(error):.60})") from error
+    if len(unpacked) > most:
+        raise DataError(f"unpacks to more than {most} bytes")
+    return unpacked

@@ -1,0 +1,121 @@
+"""One glance: what was recorded and how good what was made of it is, in a few cards."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from html import escape
+
+import numpy as np
+
+from ..core.loop.contract import BRIDGED, INVALID, VALID
+from ..data.solution import Solution
+from ..evaluation import metrics
+from ..evaluation.metrics import Errors
+from ..geometry.geodesy import displacement
+from ..typing import Array
+from ..units.time_scales import utc
+from ..units.wording import counted, elapsed, metres, number
+from .drawing import outages
+from .parts import paragraphs
+from .summary import claimed_sd
+from .verdict_block import worded
+
+
+def cards(
+    solutions: Mapping[str, Solution],
+    scores: Mapping[str, Errors],
+    window: tuple[float, float] | None = None,
+    contradicted: Collection[str] = (),
+) -> str:
+    """HTML: one card on what was recorded, and one on each of {name: Solution}; `scores` are its
+    metrics.Errors where there is a reference, RMS over `window` in s; `contradicted` are the names of
+    those whose claims it contradicts."""
+    shown = [_card("Recorded", *_recorded(next(iter(solutions.values()))))] + [
+        _card(name, *_made(solution, scores.get(name), window, name in contradicted))
+        for name, solution in solutions.items()
+    ]
+    return f"<div class=cards>{''.join(shown)}</div>"
+
+
+def _card(heading: str, large: str, lines: list[str]) -> str:
+    said = paragraphs([large], "large") + paragraphs(filter(None, lines))
+    return f"<div><h3>{escape(heading)}</h3>{said}</div>"
+
+
+def _recorded(solution: Solution) -> tuple[str, list[str]]:
+    """How long and how far; when, with which sensors."""
+    if not len(solution.t):
+        return "nothing", ["The solution has no rows."]
+    large = elapsed(float(solution.t[-1] - solution.t[0]))
+    if solution.has_position:
+        large += f", {metres(_length(solution.trajectory.lla))}"
+    day = ""
+    if epoch := solution.meta.get("epoch"):
+        begin = utc(epoch, solution.t[:1])[0]
+        day = f"{str(begin)[:19].replace('T', ' ')} UTC"
+    rate = ""
+    if solution.recording is not None:
+        rate = f"IMU at {1 / float(np.median(solution.recording.imu.dt)):.4g} Hz"
+    sources = [
+        f"{name}: {sum(solution.counts()[name])} fixes" for name in solution.innovations.names
+    ]
+    return large, [day or str(solution.meta.get("date") or ""), rate, "; ".join(sources)]
+
+
+def _made(
+    solution: Solution,
+    e: Errors | None,
+    window: tuple[float, float] | None,
+    contradicted: bool,
+) -> tuple[str, list[str]]:
+    """The verdict; errors and what the filter claims; fixes taken, time without them."""
+    if not len(solution.t):
+        return solution.verdict.word.capitalize(), []
+    sd = claimed_sd(solution)
+    parts = []
+    for label, unit, claimed, true in (
+        ("horizontal", "m", np.hypot(sd[:, 0], sd[:, 1]), None if e is None else e.horizontal),
+        (
+            "heading",
+            "deg",
+            np.degrees(sd[:, 8]),
+            None if e is None or e.rph is None else np.degrees(e.rph[:, 2]),
+        ),
+    ):
+        of = [f"claimed {_rms(claimed)} {unit}"] if np.isfinite(claimed).any() else []
+        if true is not None and e is not None and metrics.any_known(true):
+            inside = e.inside(window)
+            of = [f"{_rms(true[inside])} {unit} RMS error"]
+            if np.isfinite(claimed[e.rows][inside]).any():
+                of.append(f"claimed {_rms(claimed[e.rows][inside])} {unit}")
+        parts += [f"{label}: {', '.join(of)}"] if of else []
+    taken = sum(good for good, _ in solution.counts().values())
+    all_fixes = sum(map(sum, solution.counts().values()))
+    if all_fixes:
+        parts.append(f"{100 * taken / all_fixes:.3g} % of {all_fixes} fixes accepted")
+    parts.append(_lacks(solution))
+    return worded(solution.verdict, contradicted), parts
+
+
+def _lacks(solution: Solution) -> str:
+    """Time without position fixes, over gaps and not valid; "no gap, no outage" of a whole one."""
+    said = []
+    if spans := outages(solution):
+        longest = max(stop - start for start, stop in spans)
+        said.append(f"{counted(len(spans), 'outage')}, the longest {elapsed(longest)}")
+    for status, word in ((BRIDGED, "over gaps"), (INVALID, "not valid")):
+        if (solution.status == status).any():
+            said.append(f"{elapsed(solution.seconds(status))} {word}")
+    return ", ".join(said) or ("no gap, no outage" if (solution.status == VALID).all() else "")
+
+
+def _length(lla: Array) -> float:
+    """m along the known positions (n, 3), by steps of a 2000th of them, so that noise adds little."""
+    known = lla[np.isfinite(lla).all(axis=1)]
+    steps = known[:: max(len(known) // 2000, 1)]
+    moved = displacement(steps[1:], steps[:-1])
+    return float(np.linalg.norm(moved, axis=1).sum())
+
+
+def _rms(values: Array) -> str:
+    return number(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else "–"

@@ -1,0 +1,347 @@
+"""One self-contained HTML page of solutions: works offline, asks the network for nothing, and is
+written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from itertools import chain
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import plotly.graph_objects as go
+
+from ..checks import DataError
+from ..core.loop.contract import BRIDGED, DOUBTFUL, INVALID
+from ..data.recording import Recording
+from ..data.solution import Solution, Trajectory
+from ..evaluation import metrics
+from ..evaluation.metrics import Errors
+from ..installation.states import installation
+from ..io.solutions.solution_netcdf import plain
+from ..units.time_scales import span
+from . import summary
+from .cards import cards
+from .drawing import COLOURS, MARKED, OUTAGE, SHADES, WITHHELD, outages
+from .figure_list import INSTALLATION, REGISTRY, SENSORS, Figure, figures_of_page
+from .installation_figures import installation_table
+from .map_figure import CAPTION, track_map
+from .occasions import occasions
+from .parts import around, listing, remarks
+from .playback import playback_bar
+from .sensor_figures import sensor_table
+from .shell import MAP_POLICY, POLICY, Document, Page
+from .verdict_block import verdict_block
+
+FOOTER = (
+    "Errors are true − estimate.",
+    " Position, velocity and their errors are in metres and m/s along north, east, down; heights "
+    "are above the "
+    "WGS-84 ellipsoid.",
+    " Lines of more than 2000 points keep the extremes of each stretch.",
+)
+ZOOM_HINT = (
+    "Drag to zoom, double-click to go back (again: to see all), click the legend to hide a line."
+)
+
+Section: TypeAlias = "tuple[str, Sequence[tuple[go.Figure, str, str]]]"
+"""Heading of a section of the page, and its figures, each with its heading and its caption."""
+
+
+class Added(NamedTuple):
+    """What a page has beside what its solutions say."""
+
+    sections: Sequence[Section] = ()  # after the track
+    facts: Mapping[str, str] = {}  # further lines below the title, {name: text}
+
+
+NOTHING_ADDED = Added()
+
+
+def report(
+    solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
+    reference: Trajectory | None = None,
+    title: str | None = None,
+    window: tuple[float, float] | None = None,
+    added: Added = NOTHING_ADDED,
+    recording: Recording | None = None,
+    map: bool = False,
+) -> Page:
+    """A Page about one Solution, or several of them (a list, or {name: Solution}) side by side.
+
+    reference: Trajectory that errors are taken against. window: (start, stop) in s over which
+    errors are scored and error axes are framed. added: further sections and facts.
+    recording: whose sensors are shown; by default that of the first solution, unless it was read
+    from a file.
+    map: also the track on a street map, for which the page then asks the network; no other page
+    does. Raises DataError without a solution.
+    """
+    solutions = _named(solutions)
+    if not solutions:
+        raise DataError("a report needs a solution; none is given")
+    scores, unscored = _scores(solutions, reference)
+    first = next(iter(solutions.values()))
+    positioned = any(solution.has_position for solution in solutions.values())
+    document = Document(
+        title or f"{first.meta.get('recording', 'Solution')}: {', '.join(solutions)}",
+        _facts(solutions, window, added.facts),
+        "".join(FOOTER if positioned else FOOTER[::2]),
+        wide=len(solutions) > 1,
+    )
+    recording = recording or first.recording
+    draw = _Drawer(document, solutions, reference if scores else None, scores, window, recording)
+    above = {"Summary": unscored}
+    for name, text in _sections(draw, added.sections):
+        document.add(name, above.get(name, ""), text)
+    drawn = track_map(solutions, draw.reference) if map else None
+    heading, text = document.sections[1]
+    on_map = document.place(drawn, "On a map", CAPTION)
+    document.sections[1] = heading, on_map + _key(solutions) + text
+    of_reference = {name: installation(s).of_reference for name, s in solutions.items()}
+    contradicted = summary.contradictions(scores, window, of_reference)
+    verdicts = {name: solution.verdict for name, solution in solutions.items()}
+    shown = cards(solutions, scores, window, contradicted)
+    document.introduction = verdict_block(verdicts, contradicted) + shown
+    policy = POLICY if drawn is None else MAP_POLICY
+    return document.page(tuple(draw.notes), playback_bar(solutions), policy)
+
+
+def _key(solutions: Mapping[str, Solution]) -> str:
+    """HTML of what the shades and dotted lines of the figures mean; where not all events are
+    marked, how many are."""
+    many = {
+        name: len(solution.events)
+        for name, solution in solutions.items()
+        if len(solution.events) > MARKED
+    }
+    counts = ", ".join(
+        f"{count} events{f' of {name}' if len(solutions) > 1 else ''}"
+        for name, count in many.items()
+    )
+    every = solutions.values()
+    there = set(np.concatenate([solution.status for solution in every]).tolist())
+    rows = [
+        (f"background:{SHADES[status]}", text)
+        for status, text in (
+            (BRIDGED, "gap bridged"),
+            (DOUBTFUL, "doubtful"),
+            (INVALID, "not valid"),
+        )
+        if status in there
+    ]
+    if any(map(outages, every)):
+        rows.append((f"background:{OUTAGE}", "no position fix"))
+    if any(solution.meta.get("withheld") for solution in every):
+        rows.append((f"background:{WITHHELD}", "fixes withheld"))
+    if any(solution.events for solution in every):
+        first = f"; the first {MARKED} of {counts} are marked" if many else ""
+        style = "border-left:1px dotted; width:4px; margin-left:6px"
+        rows.append((style, f"event, numbered as in the list{first}"))
+    return f"<p class='caption key'>{''.join(f'<span><b style={style!r}></b>{escape(text)}</span>' for style, text in rows)}<span class=hint>{ZOOM_HINT}</span></p>"
+
+
+def _named(
+    solutions: Solution | list[Solution] | tuple[Solution, ...] | dict[str, Solution],
+) -> dict[str, Solution]:
+    """{name: Solution} by filter, and whether it was smoothed; names that occur twice are
+    numbered."""
+    if isinstance(solutions, dict):
+        return solutions
+    named = {}
+    for solution in solutions if isinstance(solutions, (list, tuple)) else [solutions]:
+        base = f"{solution.meta.get('filter', 'solution')}{', smoothed' if solution.meta.get('smoothed') else ''}"
+        name, count = base, 1
+        while name in named:
+            count += 1
+            name = f"{base} {count}"
+        named[name] = solution
+    return named
+
+
+def _scores(
+    solutions: Mapping[str, Solution], reference: Trajectory | None
+) -> tuple[dict[str, Errors], str]:
+    """{name: Errors} and "", or {} and a remark where the reference does not cover all solutions
+    or knows nothing of what they estimate."""
+    if reference is None:
+        return {}, ""
+    try:
+        found = {name: metrics.errors(solution, reference) for name, solution in solutions.items()}
+        if all(
+            part is None for e in found.values() for part in (e.position, e.velocity, e.attitude)
+        ):
+            raise DataError("the reference knows nothing of what was estimated")
+        return found, ""
+    except DataError as error:
+        return {}, remarks([f"Not scored: {error}"])
+
+
+def _facts(
+    solutions: Mapping[str, Solution], window: tuple[float, float] | None, more: Mapping[str, str]
+) -> dict[str, str]:
+    """What stands below the title: {name: text}."""
+    metas = [solution.meta for solution in solutions.values()]
+    first = next(iter(solutions.values()))
+    return {
+        "recording": _said(metas, "recording"),
+        "date": _said(metas, "date"),
+        "time": f"{first.t[0]:.1f} to {first.t[-1]:.1f} s" if len(first.t) else "",
+        "clock": "" if first.utc is None or not len(first.t) else span(first.utc),
+        "filter": ", ".join(solutions),
+        "IMU": _imu(metas),
+        "scored": f"{window[0]:.12g} to {window[1]:.12g} s" if window else "",
+        **more,
+    }
+
+
+def _said(metas: Sequence[Mapping[str, Any]], key: str) -> str:
+    return ", ".join(
+        dict.fromkeys(str(meta[key]) for meta in metas if meta.get(key) not in (None, ""))
+    )
+
+
+def _imu(metas: Sequence[Mapping[str, Any]]) -> str:
+    names = (meta.get("imu") for meta in metas)
+    named = (
+        imu.get("name", "") if isinstance(imu, dict) else getattr(imu, "name", imu)
+        for imu in names
+        if imu
+    )
+    return ", ".join(dict.fromkeys(map(str, named)))
+
+
+def _sections(draw: _Drawer, more: Sequence[Section]) -> Iterator[tuple[str, str]]:
+    """(heading, HTML) of every section in reading order."""
+    solutions, scores = draw.solutions, draw.scores
+    yield "Summary", _summary(solutions, scores, draw.window)
+    figures = figures_of_page()
+    for section in dict.fromkeys(figure.section for figure in figures):
+        shown = [text for figure in figures if figure.section == section and (text := draw(figure))]
+        if section == "Track" and shown:
+            pair = f"{shown[0]}<div>{''.join(shown[1:3])}</div>"
+            shown = [f"<div class='grid pair'>{pair}</div>", *shown[3:]]
+        if section == INSTALLATION and shown:
+            shown.insert(0, installation_table(solutions))
+        if section == SENSORS and shown:
+            shown.insert(0, sensor_table(draw.recording))
+        yield "Estimates" if section == "Motion" and not scores else section, "".join(shown)
+        for heading, given in more if section == "Track" else ():
+            yield heading, around("grid", *(draw.document.place(*each) for each in given))
+    yield (
+        "Details",
+        "".join(
+            f"<details><summary>{escape(name)}: how it was "
+            f"made</summary><pre>{escape(_details(solution))}</pre></details>"
+            for name, solution in solutions.items()
+        ),
+    )
+
+
+def _details(solution: Solution) -> str:
+    return json.dumps(
+        plain({key: value for key, value in solution.meta.items() if key not in ("notes", "read")}),
+        indent=2,
+        ensure_ascii=False,
+    )
+
+
+def _summary(
+    solutions: Mapping[str, Solution],
+    scores: dict[str, Errors],
+    window: tuple[float, float] | None,
+) -> str:
+    free = {name for name, solution in solutions.items() if not summary.heading_held(solution)}
+    tables = [summary.error_table(scores, window, free)] if scores else []
+    parts = [
+        "<div class=tables>",
+        *tables,
+        "<div>",
+        summary.run_table(solutions),
+        summary.fix_table(solutions),
+        "</div></div>",
+    ]
+    parts += [summary.withheld_table(solutions, scores), summary.rejection_table(solutions)]
+    metas = [solution.meta for solution in solutions.values()]
+    told = {
+        "Notes": [meta.get("notes", []) for meta in metas],
+        "Read from the files": [meta.get("read", []) for meta in metas],
+    }
+    for heading, every in told.items():
+        texts = list(dict.fromkeys(map(str, chain.from_iterable(every))))
+        parts += [f"<h3>{heading}</h3>", listing(texts)] if texts else []
+    return "".join([*parts, occasions(solutions)])
+
+
+class _Drawer:
+    """Places figures on the page and numbers them."""
+
+    def __init__(
+        self,
+        document: Document,
+        solutions: dict[str, Solution],
+        reference: Trajectory | None,
+        scores: dict[str, Errors],
+        window: tuple[float, float] | None,
+        recording: Recording | None,
+    ) -> None:
+        self.document = document
+        self.solutions, self.reference, self.recording = solutions, reference, recording
+        self.scores, self.window = scores, window
+        self.notes: list[str] = []  # on figures that could not be drawn
+
+    def __call__(self, figure: Figure) -> str:
+        """HTML of a Figure: one of all solutions, or one for each, side by side; the colour of a
+        solution is the same everywhere."""
+        if figure.together:
+            return self._drawn(figure, self.solutions, list(self.solutions.values()))
+        shown = []
+        for i, (name, solution) in enumerate(self.solutions.items()):
+            if not len(solution.t):
+                continue
+            colour = COLOURS[i % len(COLOURS)]
+            mark = f"<span class=tag><i style='background:{colour}'></i>{escape(name)}</span>"
+            tag = mark if len(self.solutions) > 1 else ""
+            given = {"errors": self.scores.get(name), "colour": colour}
+            shown.append(self._drawn(figure, solution, [solution], given, tag))
+        return around("grid", *shown)
+
+    def _drawn(
+        self,
+        figure: Figure,
+        subject: Solution | dict[str, Solution],
+        shown: list[Solution],
+        given: Mapping[str, Any] = {},
+        tag: str = "",
+    ) -> str:
+        """HTML of what a Figure draws of `subject`; where it raises, a line that says so."""
+        known = {
+            **given,
+            "scores": self.scores,
+            "window": self.window,
+            "recording": self.recording,
+            "solutions": self.solutions,
+        }
+        try:
+            taken = {name: known[name] for name in figure.takes}
+            made = figure.draw(subject, self.reference, **taken)
+            if made is None:
+                return ""
+            if not isinstance(made, go.Figure):
+                raise TypeError(f"it drew {made!r}, which is no plotly Figure")
+            title, caption = (
+                text if isinstance(text, str) else text(about)
+                for text, about in (
+                    (figure.title, list(self.solutions.values())),
+                    (figure.caption, shown),
+                )
+            )
+            return self.document.place(made, title, caption, tag)
+        # whatever a user's own figure does, the page is not lost
+        except (Exception, SystemExit) as error:
+            why, plugin = " ".join(str(error).split()), REGISTRY.brought_by(figure.name)
+            whose = f"plugin {plugin.name}: " if plugin else ""
+            self.notes.append(
+                f"{whose}figure {figure.name!r} is left out: {type(error).__name__}: {why}"
+            )
+            return remarks(self.notes[-1:])

@@ -1,0 +1,116 @@
+"""The first block of a page: whether to trust what it shows, why, and what to do."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from ..data.verdict import (
+    DOUBTFUL,
+    NOT_JUDGED,
+    NOT_TO_BE_TRUSTED,
+    SEVERITY,
+    TRUSTED,
+    Reason,
+    Verdict,
+    together,
+)
+from ..units.wording import capitalised
+from .parts import Html, numbered, paragraphs, remarks
+
+LOOKS = {
+    TRUSTED: ("right", "✓", "Nothing that could be tested speaks against it."),
+    DOUBTFUL: (
+        "doubt",
+        "!",
+        "Something does not look like a right set-up. Check it before you rely on this.",
+    ),
+    NOT_TO_BE_TRUSTED: (
+        "wrong",
+        "✕",
+        "Something in the set-up is wrong. Correct it and run again.",
+    ),
+    NOT_JUDGED: ("unknown", "?", "Nothing tells whether to trust it."),
+}
+"""{word: its class in page.css, its mark, what it means}."""
+OF_A_PART = (
+    "Nothing that could be tested speaks against it as a whole. One part of the run has a problem:"
+)
+"""What "trusted" means where there are reasons."""
+
+
+CONTRADICTED = (
+    "Nothing that the recording itself tells speaks against it, but the reference contradicts what it "
+    "claims: one of the two is wrong. The verdict never sees the reference."
+)
+"""What "trusted" means where a reference says otherwise."""
+
+
+def verdict_block(
+    verdicts: Mapping[str, Verdict], contradicted: Mapping[str, Sequence[str]] = {}
+) -> str:
+    """HTML of the verdict on each of {name: result}, the gravest first; results that agree share
+    theirs. Names are shown where there are several. contradicted: {name: sentences on how a
+    reference contradicts what it claims}."""
+    apart = [
+        {name: each for name, each in verdicts.items() if (name in contradicted) == known}
+        for known in (True, False)
+    ]
+    groups = sorted(
+        (group for part in apart for group in together(part)),
+        key=lambda group: SEVERITY.index(group[1].word),
+    )
+    return "".join(
+        _block(
+            verdict,
+            ", ".join(names) if len(verdicts) > 1 else "",
+            {name: contradicted[name] for name in names if name in contradicted},
+        )
+        for names, verdict in groups
+    )
+
+
+def worded(verdict: Verdict, contradicted: bool) -> str:
+    """The word of a verdict, with what a reference says of it."""
+    said = ", but contradicted by the reference" if contradicted and verdict.trusted else ""
+    return capitalised(verdict.word) + said
+
+
+def _block(verdict: Verdict, names: str, contradicted: Mapping[str, Sequence[str]]) -> str:
+    look, mark, meaning = LOOKS[verdict.word]
+    if verdict.trusted and contradicted:
+        look, mark, meaning = *LOOKS[DOUBTFUL][:2], CONTRADICTED
+    elif verdict.trusted and verdict.reasons:
+        meaning = OF_A_PART
+    whose = f"<span class=whose>{escape(names)}</span>" if names else ""
+    untested = [f"Not tested: {'; '.join(verdict.untested)}."] if verdict.untested else []
+    return judged(
+        look,
+        mark,
+        f"<strong>{escape(worded(verdict, bool(contradicted)))}</strong>{whose}",
+        paragraphs([meaning]),
+        remarks(f"{name}: {text}" for name, texts in contradicted.items() for text in texts),
+        numbered([_reason(reason) for reason in verdict.reasons]),
+        paragraphs(map(_text, untested), "untested"),
+    )
+
+
+def judged(look: str, mark: str, word: str, *parts: str) -> str:
+    """HTML of a judgement: its class in page.css, its mark, its word and parts below, HTML."""
+    head = f"<p class=word><i aria-hidden=true>{mark}</i>{word}</p>"
+    return f"<div class='verdict {look}' role=note>{head}{''.join(parts)}</div>"
+
+
+def _reason(reason: Reason) -> Html:
+    lines = (("Seen", reason.seen), ("To do", reason.remedy))
+    said = "".join(
+        f"<p><span>{name}</span><span>{_text(capitalised(text))}.</span></p>"
+        for name, text in lines
+    )
+    return Html(f"<h3>Probable cause: {escape(reason.what)}</h3>{said}")
+
+
+def _text(text: str) -> Html:
+    """Escaped, with what stands between backticks as code."""
+    return Html(re.sub("`([^`]*)`", r"<code>\1</code>", escape(text)))

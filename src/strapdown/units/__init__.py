@@ -1,0 +1,1 @@
+"""Units, quantities, time scales, shared numbers and numbers as text."""

@@ -1,0 +1,1 @@
+"""Judges whether a solution can be trusted."""

@@ -1,0 +1,446 @@
+"""What the run of a filter says of itself: its biases, its innovations, its course and its claims,
+each against what a right set-up shows.
+
+The bounds are beyond what recordings with a right set-up reached, recorded ones and simulated ones
+with other random numbers than those of any published figure (docs/how-to/verdict.md).
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.loop.contract import ATT, BA, BG, DOUBTFUL, VEL
+from ..core.loop.gaps import BRIDGE
+from ..core.mathematics.rotation import quaternion_to_euler
+from ..data.solution import Aiding, Innovations, Rejected, Solution
+from ..data.vehicle import VEHICLES
+from ..data.verdict import GRAVE, Reason
+from ..evaluation.fix_statistics import MEDIANS, correlation, lasts
+from ..typing import Array, Ints, Mask
+from ..units.constants import SETTLING
+
+ENOUGH = 1000  # times at which course and heading are compared
+GATED = 20  # fixes of a source from which its statistics say something
+BIAS = 6.0  # estimated bias over what the description of the IMU allows
+SURE = 3.0  # and over its own standard deviation
+NIS_HIGH, NIS_LOW = 2.0, 0.06  # median NIS of a source over its expectation
+NIS_PART, PARTS, SHARE_OF_PARTS = 4.0, 20, 0.1  # the same in parts of a run, and in how many
+FEWEST_PARTS = 5
+EXCESS = {"position": 1.4, "velocity": 3.1}
+"""Variance of the innovations that lasts from fix to fix, over what the filter claims of its
+prediction: recorded receivers that state whole errors come to 0.85, the velocity of one to 2.8; those
+whose sd was divided until it is the scatter from fix to fix to 2.3 and 3.4 and more."""
+SURELY = 4.0  # standard deviations of a correlation that counts
+REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
+MOST_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
+LIFTED = 0.03  # share of the fixes for which the gate was lifted
+UNBELIEVED = 10.0  # s in which every fix of a source is rejected
+MOVING = 3.0  # m/s above which a course is compared with the heading
+SLOWEST, KNOWN_COURSE = 0.5, 5.0  # the same of a velocity known well: m/s, and claimed sd of it
+SIDEWAYS = 1.0  # m/s of wind, current or side slip, which sets a course off the heading
+STEADY, OFF_COURSE = 25.0, 20.0  # deg: spread and mean of course less heading
+LONG_GAP = 10.0  # s without samples that make a result as doubtful as a weight of 1
+DOUBTED = 0.2  # share of the time after that in which rows are doubtful
+SMOOTHER = 3.0  # mean squared difference between filter and smoother over its expectation
+
+
+DIAGNOSE = "run `strapdown inspect` and `strapdown diagnose`; if they name nothing,"
+"""What to do first where a source does not fit."""
+
+
+class Fixes(NamedTuple):
+    """The measured fixes of one source."""
+
+    name: str
+    kind: str
+    t: Array  # (m,) s
+    innovation: Array  # (m, 3)
+    correlation: float  # of its whitened innovations one fix apart
+    predicted: float  # share of their variance that is the prediction's; NaN where it is not known
+    ratio: Array  # (m,) NIS over its expected median; NaN where the filter does not gate
+    accepted: Mask  # (m,)
+    lifted: Mask  # (m,) used although their NIS was above the gate
+
+
+def by_source(solution: Solution) -> list[Fixes]:
+    """The Fixes of each source that measured something, in the order of the sources."""
+    every = solution.innovations
+    rows = np.isfinite(every.innovation).sum(axis=1)
+    expected = np.array([np.nan, *MEDIANS.values()])[rows]
+    found = []
+    assert solution.recording is not None
+    sources = zip(every.names, every.gates, solution.recording.aidings)
+    for s, (name, gate, aiding) in enumerate(sources):
+        own = np.flatnonzero((every.source == s) & (rows > 0))
+        if len(own):
+            found.append(
+                Fixes(
+                    name,
+                    aiding.kind,
+                    every.t[own],
+                    every.innovation[own],
+                    0.0 if every.whitened is None else correlation(every.whitened[own]),
+                    _predicted(every, own, aiding),
+                    every.nis[own] / expected[own],
+                    every.accepted[own],
+                    every.accepted[own] & (every.nis[own] > gate),
+                )
+            )
+    return found
+
+
+def _predicted(every: Innovations, own: Ints, aiding: Aiding) -> float:
+    """Median share of the variance of the innovations in rows `own` that the prediction brings, by
+    the filter; NaN where it does not say, or the kind has no EXCESS."""
+    if every.root is None or aiding.kind not in EXCESS:
+        return np.nan
+    root, used = every.root[own], 1.0 if every.followed is None else every.followed[own]
+    variance = np.c_[
+        root[:, 0] ** 2, (root[:, 1:3] ** 2).sum(axis=1), (root[:, 3:] ** 2).sum(axis=1)
+    ]
+    row = np.minimum(np.searchsorted(aiding.t, every.t[own]), len(aiding.t) - 1)
+    share = 1 - (aiding.sd[row] * used) ** 2 / variance
+    known = [column[np.isfinite(column)] for column in share.T]
+    return float(np.mean([np.median(column) for column in known if len(column)] or [np.nan]))
+
+
+def stopped(solution: Solution) -> Iterator[Reason]:
+    """The filter diverged."""
+    if "stopped" in solution.meta:
+        yield Reason(
+            "unknown",
+            f"the filter {solution.meta['stopped']}",
+            "run `strapdown inspect` on the recording and mend what it names",
+            weight=10 * GRAVE,
+        )
+
+
+def first_gap(solution: Solution) -> tuple[float, float]:
+    """(when it begins, how long it is) in s of the first gap of the samples that is longer than the
+    loop bridges; (inf, 0) without any."""
+    assert solution.recording is not None
+    imu = solution.recording.imu
+    missing = imu.t[1:] - imu.dt[1:] - imu.t[:-1]
+    long = np.flatnonzero((missing > BRIDGE) & (imu.t[:-1] > solution.meta["start"]["t"]))
+    return (float(imu.t[long[0]]), float(missing[long].max())) if len(long) else (np.inf, 0.0)
+
+
+def gaps(solution: Solution) -> Iterator[Reason]:
+    """Samples that are missing for longer than the loop bridges."""
+    when, longest = first_gap(solution)
+    if longest:
+        yield Reason(
+            "samples",
+            f"up to {longest:.3g} s of samples are missing, first at {when:.0f} s ({BRIDGE:g} s are "
+            f"bridged); what came after rests on the fixes alone, its heading above all",
+            "use the parts before and after on their own (`--from`, `--to`)",
+            weight=max(1.0, min(longest / LONG_GAP, GRAVE)),
+        )
+
+
+def heights(solution: Solution) -> Iterator[Reason]:
+    """Sources whose height was left out, because it and that of another contradict each other."""
+    for each in solution.meta.get("heights_apart", ()):
+        off = each["difference"]
+        seen = (
+            f"from {each['start']:.0f} to {each['stop']:.0f} s its height is up to {off:+.3g} m off "
+            f"that of {each['other']}, and is left out"
+        )
+        if not each["decided"]:
+            seen += (
+                f"; no data tell which of them is wrong, so the height may be {abs(off):.3g} m off; "
+                f"horizontal position, velocity and attitude do not depend on it"
+            )
+        yield Reason(
+            "height",
+            seen,
+            'say of heights above mean sea level geoid = "EGM96" in recording.toml, or leave out the '
+            "source that is wrong",
+            each["source"],
+        )
+
+
+def biases(solution: Solution) -> Iterator[Reason]:
+    """Biases at the end beyond what the description of the IMU allows."""
+    described, claimed = solution.meta.get("bias_sd"), solution.trajectory.sd
+    if described is None or claimed is None:
+        return
+    found = []
+    for sensor, bias, allowed, sd, scale, unit in (
+        ("accelerometer", solution.b_a[-1], described[0], claimed[-1, BA], 1.0, "m/s^2"),
+        ("gyro", solution.b_g[-1], described[1], claimed[-1, BG], np.degrees(1), "deg/s"),
+    ):
+        times = np.where(
+            np.abs(bias) > SURE * np.nan_to_num(sd), np.abs(bias) / max(allowed, 1e-12), 0.0
+        )
+        axis = int(np.argmax(times))
+        if times[axis] > BIAS:
+            seen = (
+                f"the bias of {sensor} {'xyz'[axis]} comes out at {bias[axis] * scale:.3g} {unit}, "
+                f"{times[axis]:.3g} times the {allowed * scale:.2g} {unit} of its description"
+            )
+            found.append((sensor, seen, float(times[axis] / BIAS)))
+    if found:
+        yield Reason(
+            found[0][0] if len(found) == 1 else "imu noise",
+            f"{' and '.join(seen for _, seen, _ in found)} ({BIAS:.0f} times at most)",
+            "check unit, axes and time of the IMU; if they are right, describe a coarser IMU than "
+            + (solution.meta.get("imu") or "this"),
+            weight=max(weight for *_, weight in found),
+        )
+
+
+def noise(source: Fixes) -> Iterator[Reason]:
+    """Innovations of another size than their standard deviations say, over the run or in part
+    of it."""
+    if len(source.t) < GATED or not np.isfinite(source.ratio).all():
+        return
+    ratio = float(np.median(source.ratio))
+    times = np.sqrt(ratio)
+    if ratio > NIS_HIGH:
+        yield Reason(
+            "lasting errors" if lasts(source.correlation) else "fix noise",
+            f"the fixes differ from the prediction {times:.2g} times as much as the standard "
+            f"deviations say ({np.sqrt(NIS_HIGH):.2g} times at most)",
+            DIAGNOSE + " give it a larger sd",
+            source.name,
+            ratio / NIS_HIGH,
+        )
+    elif bad := _bad_parts(source):
+        start, stop, worst = bad
+        yield Reason(
+            "outliers",
+            f"between {start:.0f} and {stop:.0f} s the fixes differ from the prediction up to "
+            f"{np.sqrt(worst):.2g} times as much as the standard deviations say "
+            f"({np.sqrt(NIS_PART):.2g} times at most)",
+            DIAGNOSE + " give it a larger sd, or leave the fixes out there",
+            source.name,
+            worst / NIS_PART,
+        )
+    if ratio < NIS_LOW and source.kind in ("position", "velocity"):
+        yield _too_small(source, times)
+    elif ratio <= NIS_HIGH:
+        yield from _lasting(source, ratio)
+
+
+def _too_small(source: Fixes, times: float) -> Reason:
+    """The Reason of innovations that are `times` as large as their standard deviations say."""
+    seen = (
+        f"the fixes agree with the prediction {1 / times:.0f} times better than the standard "
+        f"deviations say"
+    )
+    if lasts(source.correlation):
+        return Reason(
+            "lasting errors",
+            f"{seen}, and their differences from it last ({source.correlation:.2f} correlated from fix "
+            f"to fix): the receiver smooths its fixes, or their errors last",
+            "keep its sd, a smaller one would claim what these fixes cannot; describe the errors that "
+            "last with `correlated`",
+            source.name,
+        )
+    return Reason(
+        "fix noise",
+        seen,
+        f"divide its sd by about {1 / times:.0f}; the result claims too little, and could be better",
+        source.name,
+    )
+
+
+def _lasting(source: Fixes, ratio: float) -> Iterator[Reason]:
+    """Innovations that last and are larger than what the filter claims of its prediction: it takes
+    errors that last for noise that averages out."""
+    least = SURELY / np.sqrt(len(source.t))
+    if not lasts(source.correlation) or source.correlation < least or source.kind not in EXCESS:
+        return
+    excess = ratio * source.correlation / max(source.predicted, 1e-6)
+    most = EXCESS[source.kind]
+    if excess > most:
+        yield Reason(
+            "lasting errors",
+            f"its differences from the prediction last ({source.correlation:.2f} correlated from fix to "
+            f"fix) and are {np.sqrt(excess):.2g} times what the filter claims of its prediction "
+            f"({np.sqrt(most):.2g} times at most): it takes errors that last for noise",
+            "give it the sd of whole errors, as its receiver states it, or describe those that last "
+            "with `correlated`",
+            source.name,
+            excess / most,
+        )
+
+
+def _bad_parts(source: Fixes) -> tuple[float, float, float] | None:
+    """(first and last time in s, largest ratio) of the parts of a run with too large
+    innovations; None where there are too few."""
+    size = max(GATED, -(-len(source.t) // PARTS))
+    count = len(source.t) // size
+    if count < FEWEST_PARTS:
+        return None
+    ratios = np.median(source.ratio[: count * size].reshape(count, size), axis=1)
+    bad = np.flatnonzero(ratios > NIS_PART)
+    if len(bad) <= SHARE_OF_PARTS * count:
+        return None
+    first, last = source.t[bad[0] * size], source.t[(bad[-1] + 1) * size - 1]
+    return float(first), float(last), float(ratios[bad].max())
+
+
+def explained(reason: Reason, runs: Iterable[Rejected]) -> Reason:
+    """A Reason of rejections with what the cause says of most of them, where there is one."""
+    own = [run for run in runs if run.source == reason.source]
+    largest = max(own, key=lambda run: run.number, default=None)
+    if largest is None or largest.number < MOST_OF_THEM * sum(run.number for run in own):
+        return reason
+    if largest.cause == "not known":
+        return reason
+    return reason._replace(seen=f"{reason.seen}: {largest.seen}", remedy=largest.remedy)
+
+
+def rejections(source: Fixes) -> Iterator[Reason]:
+    """Too many fixes that the filter did not believe, or none accepted for long."""
+    if len(source.t) < GATED:
+        return
+    share = float(1 - source.accepted.mean())
+    if share > REJECTED:
+        yield Reason(
+            "outliers",
+            f"{100 * share:.0f} % of the fixes were rejected (0.1 % expected, {100 * REJECTED:.0f} "
+            f"% at most)",
+            DIAGNOSE + " give it a larger sd, or leave out what is wrong",
+            source.name,
+            share / REJECTED,
+        )
+        return
+    lifted = float(source.lifted.mean())
+    if lifted > LIFTED:
+        yield Reason(
+            "outliers",
+            f"{100 * lifted:.0f} % of the fixes were used only because so many before them had been "
+            f"rejected ({100 * LIFTED:.0f} % at most)",
+            DIAGNOSE + " give it a larger sd, or leave out what is wrong",
+            source.name,
+            lifted / LIFTED,
+        )
+    times = np.r_[source.t[0], source.t[source.accepted], source.t[-1]]
+    longest = int(np.argmax(np.diff(times)))
+    inside = (source.t > times[longest]) & (source.t < times[longest + 1])
+    seconds = float(np.diff(times)[longest])
+    if seconds > UNBELIEVED and inside.sum() >= 5:
+        yield Reason(
+            "outliers",
+            f"none of the {inside.sum()} fixes from {times[longest]:.0f} s on was accepted for "
+            f"{seconds:.0f} s ({UNBELIEVED:.0f} s at most)",
+            DIAGNOSE + " look at these times in the page",
+            source.name,
+            min(seconds / UNBELIEVED, GRAVE),
+        )
+
+
+def jumps(source: Fixes) -> Iterator[Reason]:
+    """A gate of positions or velocities that had to be lifted once the start was over: what comes
+    after rests on these fixes being right."""
+    settled = source.t[0] + min(SETTLING, 0.2 * (source.t[-1] - source.t[0]))
+    lifted = np.flatnonzero(source.lifted & (source.t > settled))
+    if source.kind in ("position", "velocity") and len(lifted):
+        size = float(np.sqrt(np.nansum(source.innovation[lifted[0]] ** 2)))
+        unit = "m" if source.kind == "position" else "m/s"
+        yield Reason(
+            "outliers",
+            f"at {source.t[lifted[0]]:.0f} s its fixes were {size:.3g} {unit} off the prediction for so "
+            f"long that they were followed; what comes after rests on them",
+            DIAGNOSE + " see whether they or what was before is right",
+            source.name,
+        )
+
+
+def course(solution: Solution, t: Array) -> Iterator[Reason]:
+    """The course over ground, at the times `t` (s) of fixes, against the heading, where one
+    follows the other."""
+    made = solution.trajectory
+    vehicle = VEHICLES.get(solution.meta.get("vehicle", ""), VEHICLES["any"])
+    if made.v_n is None or made.q_nb is None or not vehicle.points_ahead:
+        return
+    later = t[(t > made.t[0] + 0.2 * (made.t[-1] - made.t[0])) & (t < first_gap(solution)[0])]
+    later = later[:: max(1, len(later) // ENOUGH)]
+    rows = np.minimum(np.searchsorted(made.t, later), len(made.t) - 1)
+    v = made.v_n[rows]
+    sd = np.zeros((len(rows), ATT.stop)) if made.sd is None else np.nan_to_num(made.sd[rows])
+    speed, speed_sd = np.hypot(v[:, 0], v[:, 1]), sd[:, VEL].max(axis=1)
+    # a filter that claims nothing has no course below MOVING
+    known = np.where(speed_sd > 0, np.clip(KNOWN_COURSE * speed_sd, SLOWEST, MOVING), MOVING)
+    fast = speed > known
+    if fast.sum() < GATED:
+        return
+    heading = quaternion_to_euler(made.q_nb[rows[fast]])[:, 2]
+    angle = np.arctan2(v[fast, 1], v[fast, 0]) - heading
+    mean = np.nanmean(np.exp(1j * angle))
+    off = float(np.degrees(np.angle(mean)))
+    spread = float(np.degrees(np.sqrt(-2 * np.log(np.clip(abs(mean), 1e-9, 1.0)))))
+    aside = np.arctan2(SIDEWAYS, np.median(speed[fast]))
+    unsure = np.degrees(max(aside, SURE * np.median(sd[fast, ATT.stop - 1])))
+    if spread > STEADY or abs(off) < max(OFF_COURSE, 1.5 * spread, unsure):
+        return
+    quarter = abs(abs(off) - 90) < 20 or abs(off) > 160
+    yield Reason(
+        "axes" if quarter else "mounting",
+        f"the course is {abs(off):.0f} deg to the {'right' if off > 0 else 'left'} of the heading "
+        f"while moving, steadily ({OFF_COURSE:.0f} deg at most)",
+        f"turn the axes of the IMU by {-off:+.0f} deg about down (add that to `heading` of [imu] "
+        f"mounting, or change `axes`)",
+        weight=abs(off) / OFF_COURSE,
+    )
+
+
+def smoother(solution: Solution) -> Iterator[Reason]:
+    """The filter against the smoother, which knows what came later."""
+    for what, ratio in solution.meta.get("filter_against_smoother", {}).items():
+        if ratio > SMOOTHER:
+            yield Reason(
+                "unknown",
+                f"{what} of the filter and of the smoother differ {np.sqrt(ratio):.2g} times as "
+                f"much as their standard deviations allow ({np.sqrt(SMOOTHER):.2g} times at most)",
+                "run `strapdown diagnose` on the recording",
+                weight=ratio / SMOOTHER,
+            )
+
+
+def doubts(solution: Solution) -> Iterator[Reason]:
+    """Rows that the run itself says are doubtful, after its start and a doubt that began there and
+    ended in the first half, with what it said first."""
+    t, span = solution.t, np.diff(solution.t, prepend=solution.t[:1])
+    settled = t > t[0] + min(SETTLING, 0.2 * (t[-1] - t[0]))
+    believed = np.flatnonzero(settled & (solution.status != DOUBTFUL))
+    if len(believed) and t[believed[0]] - t[0] < 0.5 * (t[-1] - t[0]):
+        settled &= t >= t[believed[0]]
+    doubtful = settled & (solution.status == DOUBTFUL)
+    if not doubtful.any():
+        return
+    share = span[doubtful].sum() / span[settled].sum()
+    first = t[np.argmax(doubtful)]
+    others = {str(run) for run in solution.rejected}  # which need not make rows doubtful
+    said = [
+        text
+        for at, text in solution.events
+        if at <= first and not text.startswith("IMU gap") and text not in others
+    ]
+    text = said[-1] if said else "contradictions"
+    sources = [
+        name for name in solution.innovations.names if text.startswith((f"{name}:", f"{name} "))
+    ]
+    sensors = [sensor for sensor in ("accelerometer", "gyro") if text.startswith(sensor)]
+    yield Reason(
+        "outliers" if sources else sensors[0] if sensors else "unknown",
+        f"{solution.seconds(DOUBTFUL):.0f} s of the result are doubtful, and "
+        f"{'less than 1' if share < 0.01 else f'{100 * share:.0f}'} % of it after its start "
+        f"({100 * DOUBTED:.0f} % at most), first at {first:.0f} s: {text}",
+        "mend its cause, or leave out the rows that `status` marks",
+        max(sources, key=len, default=""),
+        min(share / DOUBTED, GRAVE),
+    )
+
+
+def heading_never_seen(solution: Solution) -> bool:
+    """Whether the heading is no better known at the end than at the start, and badly."""
+    sd = solution.trajectory.sd
+    if sd is None or not np.isfinite(sd[-1, ATT.stop - 1]):
+        return False
+    first, last = solution.meta["start"]["sd"][ATT.stop - 1], sd[-1, ATT.stop - 1]
+    return bool(last > 0.7 * first and last > np.radians(5.0))

@@ -1,0 +1,26 @@
+"""The table of parameters of an installation: whole, and with limits that fit together."""
+
+import numpy as np
+import pytest
+
+from strapdown.data.solution import calibration_parameters as estimable
+from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING, SCALE
+from strapdown.data.solution.verdict import CAUSES
+
+pytestmark = pytest.mark.short
+PARAMETERS = {**estimable.OF_SOURCE, **estimable.OF_IMU}.values()
+
+
+@pytest.mark.parametrize("of", PARAMETERS, ids=lambda of: of.name)
+def test_each_component_has_a_prior_and_a_motion_and_the_limits_are_in_order(of):
+    assert len(of.components) == len(of.sd) == len(of.motions) and all(of.motions)
+    assert of.cause in CAUSES
+    assert of.min_reported < of.known_sd < max(of.sd) < of.most
+    if of in (CLOCK, LEVER_ARM, MOUNTING, SCALE):
+        assert 0 < of.min_reported <= of.min_doubted and of.key and of.digits
+        assert of.known_sd < of.left_sd <= of.given_sd
+
+
+def test_a_component_and_a_size_in_words():
+    assert LEVER_ARM.component(2) == "lever arm down" and CLOCK.component(0) == "clock"
+    assert MOUNTING.size(np.radians(2.0)) == "2 deg" and SCALE.size(0.01) == "0.01"
