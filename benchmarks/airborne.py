@@ -112,10 +112,10 @@ def study():
     """[(s, note)] for `STUDY`: E1 with no filter, EKF, UKF and PKF in the six-state form, driven
     by the model, the slower of the two readings."""
     from strapdown_reproductions.mollaei import runs
-    from strapdown_reproductions.mollaei.cells import E1, IMU, MODEL, Case
+    from strapdown_reproductions.mollaei.cells import E1, IMU, MODEL, FlightCase
 
     def seconds(prediction):
-        cases = [Case(E1, prediction=prediction)]
+        cases = [FlightCase(E1, prediction=prediction)]
         runs.run_all(range(1), cases=cases)
         begin = time.perf_counter()
         runs.run_all(range(200), cases=cases)

@@ -17,12 +17,12 @@ from strapdown.core.compile.signatures import LANES, WHOLE, in_lanes, reals, sig
 from strapdown.core.loop import loop
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
-from strapdown.engine.run_batch import Keeper, SideBySide
+from strapdown.engine.run_batch import Keeper, RunBatch
 from strapdown.experiments.monte_carlo import batch_scoring as lane_scoring, run_batch as lanes
 from strapdown.experiments.monte_carlo.scoring import epochs
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import Simulator
 
 SECONDS, RATE, KEPT = 60.0, 100.0, 20
@@ -42,7 +42,7 @@ class Flight:
         self.spec, self.filter = grade(self.made.scenario.imu), filter
         self.at = epochs(self.made.truth, KEPT)
         self.shared = self.spec.shared(self.made.felt(self.spec))
-        self.streams = [Stream.of(1).numbered(run) for run in range(LANES)]
+        self.streams = [RandomStream.of(1).numbered(run) for run in range(LANES)]
         self.records = [self.made.run(self.spec, stream) for stream in self.streams]
         self.steps = len(self.made.ideal.t) * LANES
 
@@ -55,9 +55,9 @@ class Flight:
 
     def side(self):
         """(simulation, filter) of the runs in lanes, before their first sample."""
-        simulated = lanes.Simulated(self.made, self.spec, self.shared, self.streams, self.at)
+        simulated = lanes.SimulatedSamples(self.made, self.spec, self.shared, self.streams, self.at)
         recordings = [recording for recording, _ in self.records]
-        side = SideBySide(
+        side = RunBatch(
             begin(*self.asked_for()),
             [start for _, start in self.records],
             recordings,

@@ -9,7 +9,7 @@ from multicopter import motion
 
 import strapdown as sd
 from strapdown.inspection import plane
-from strapdown.inspection.motion import Subject
+from strapdown.inspection.motion import InspectedRecording
 from strapdown.preprocessing.plausible import mistakes
 
 
@@ -36,7 +36,7 @@ def test_it_is_fused_all_the_same(sideways):
 
 
 def test_its_forces_say_nothing_of_the_mounting(sideways):
-    check = plane.check(Subject(sideways["multicopter"]))
+    check = plane.check(InspectedRecording(sideways["multicopter"]))
     assert check.facts == check.reasons == check.inconclusive == []
 
 

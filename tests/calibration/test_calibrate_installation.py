@@ -16,7 +16,7 @@ from strapdown.calibration.installation.findings import (
     IMPLAUSIBLE,
     NOT_CONFIRMED,
     NOT_CONSTANT,
-    Parameter,
+    CalibratedParameter,
 )
 from strapdown.calibration.installation.iterated import Settled, theta_of
 from strapdown.checks import DataError
@@ -227,7 +227,7 @@ def test_two_clocks_that_trade_off_are_said():
     diagnosis = sd.diagnose(recording)
     (clock,) = [each for each in diagnosis.parameters if each.cause == "clock"]
     clocks = tuple(
-        Parameter(
+        CalibratedParameter(
             **vars(clock)
             | {"name": f"clock of {name}", "sources": (name,), "change": change}
             | {"status": NOT_OBSERVABLE}

@@ -18,14 +18,14 @@ from strapdown.data.solution.calibration_parameters import CLOCK, LEVER_ARM, MOU
 from strapdown.engine import sensitivity
 from strapdown.engine.options import run_options
 from strapdown.engine.prepare import Run
-from strapdown.installation.model import Model, applied, constants
+from strapdown.installation.model import InstallationModel, applied, constants
 from strapdown.sensor_models.gnss import Gnss
 
 
 def sensitive(recording, filter="closed-loop", **asked):
     """(Run at its end, Corrections of it joined, J)."""
     run = sensitivity.begin_sensitive(recording, filters.find(filter), run_options(**asked))
-    model = Model(run, constants(run.recording.aidings), "start" not in asked)
+    model = InstallationModel(run, constants(run.recording.aidings), "start" not in asked)
     found = list(sensitivity.pieces(run, model.derivatives, model.start))
     joined = [np.concatenate(parts) for parts in zip(*(corrections for corrections, _ in found))]
     return run, sensitivity.Corrections(*joined), np.concatenate([J for _, J in found])
@@ -164,7 +164,7 @@ def test_the_run_is_that_of_fuse(troubled):
 def test_sums_add_up_over_blocks(troubled):
     run, corrections, J = sensitive(troubled)
     again = sensitivity.begin_sensitive(troubled, filters.find("closed-loop"), run_options())
-    model = Model(again, constants(troubled.aidings), True)
+    model = InstallationModel(again, constants(troubled.aidings), True)
     found = sensitivity.sums(again, model.derivatives, model.start)
     np.testing.assert_allclose(
         found.information.sum(axis=0), np.einsum("kim,kin->mn", J, J), rtol=1e-9

@@ -16,7 +16,7 @@ from strapdown.core.loop.lane_loop import KEEP, KEEP_LANES
 from strapdown.core.mathematics import solution_row
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
-from strapdown.engine.run_batch import Keeper, SideBySide, why_alone
+from strapdown.engine.run_batch import Keeper, RunBatch, why_alone
 from strapdown.sim.scenario import scenarios
 from strapdown.sim.synthesis import Simulator
 
@@ -72,7 +72,7 @@ class Both:
         if self.why:
             return
         rows = len(self.runs[0].out.nav)
-        self.lanes = SideBySide(
+        self.lanes = RunBatch(
             first,
             self.starts,
             self.recordings,

@@ -16,7 +16,7 @@ from strapdown.evaluation.consistency import (
     POSITION_LOST,
     REASONS,
     SURVIVED,
-    Limits,
+    LossLimits,
 )
 from strapdown.sim.synthesis import draw_start
 from strapdown.sim.trajectory import DEG, Motion
@@ -129,13 +129,15 @@ def test_a_run_is_inconsistent_once_its_nees_was_beyond_for_more_than_ten_second
     nees[10:] = value  # from 5 s: 15 s is exactly ten seconds on, 15.5 s is more
     assert consistency.survival(np.zeros(100), nees, T) == (31, INCONSISTENT)
     # 3.0000000000000004 - 1.0
-    assert consistency.survival(np.zeros(100), nees, 0.1 * np.arange(100), Limits(seconds=2.0)) == (
+    assert consistency.survival(
+        np.zeros(100), nees, 0.1 * np.arange(100), LossLimits(seconds=2.0)
+    ) == (
         31,
         INCONSISTENT,
     )
     nees[20] = 15.0
     assert consistency.survival(np.zeros(100), nees, T) == (42, INCONSISTENT)
-    assert consistency.survival(np.zeros(100), nees, T, Limits(seconds=60.0)) == (100, SURVIVED)
+    assert consistency.survival(np.zeros(100), nees, T, LossLimits(seconds=60.0)) == (100, SURVIVED)
     assert REASONS[INCONSISTENT] == "inconsistent"
 
 
@@ -153,7 +155,7 @@ def test_the_nees_bound_is_that_of_the_alarm():
     assert consistency.survival(np.zeros(100), FINE * 0 + 0.999 * limit, T)[1] == SURVIVED
     assert consistency.survival(np.zeros(100), FINE * 0 + 1.001 * limit, T)[1] == INCONSISTENT
     assert (
-        consistency.survival(np.zeros(100), FINE * 0 + 1.001 * limit, T, Limits(alarm=1e-9))[1]
+        consistency.survival(np.zeros(100), FINE * 0 + 1.001 * limit, T, LossLimits(alarm=1e-9))[1]
         == SURVIVED
     )
 

@@ -5,18 +5,18 @@ import os
 import pytest
 
 import strapdown as sd
-from strapdown.fileio.limits import FREE, Limits, check_size, in_force, regular
+from strapdown.fileio.limits import FREE, ReadingLimits, check_size, in_force, regular
 
 pytestmark = pytest.mark.short
 
 
 def test_limits_hold_in_their_block_alone_and_inner_ones_add_to_outer_ones():
     with sd.reading_limits(size=10.0) as outer:
-        assert outer == in_force() == Limits(size=10.0)
+        assert outer == in_force() == ReadingLimits(size=10.0)
         with sd.reading_limits(pipes=True):
-            assert in_force() == Limits(size=10.0, pipes=True)
+            assert in_force() == ReadingLimits(size=10.0, pipes=True)
         assert in_force() == outer
-    assert in_force() == Limits()
+    assert in_force() == ReadingLimits()
 
 
 @pytest.mark.parametrize("wrong", [{"sise": 1}, {"size": -1}, {"pipes": 2}, {"depth": "x"}])

@@ -22,7 +22,7 @@ from strapdown.sensor_models.barometer import Barometer
 from strapdown.sensor_models.errors import Triad
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import ImuSpec
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 
 IDEAL = ImuSpec("ideal", Triad(), Triad())
 EXACT = Gnss(interval=0.2, position_sd=1e-4, velocity_sd=1e-5)
@@ -277,7 +277,7 @@ def test_imu_errors_are_those_of_the_spec():
         ).recording
         for spec in (IDEAL, bad)
     )
-    expected, b_a, b_g = bad.corrupt(ideal.imu, Stream.of(11).named("imu"))
+    expected, b_a, b_g = bad.corrupt(ideal.imu, RandomStream.of(11).named("imu"))
     at_stop = np.isclose(np.abs(expected.dv), 10.5 * 0.01).sum()
     assert at_stop > 5 and "saturated" in " ".join(flown.meta["notes"])
     assert (
@@ -298,7 +298,7 @@ def test_fixes_are_those_of_the_receiver():
             "turning", duration=20.0, seed=2, sensors=Sensors(gnss=gnss, outage="15:17")
         ).recording
         expected = gnss._replace(outages=((15, 17),)).fixes(
-            recording.reference, Stream.of(2).named("gnss")
+            recording.reference, RandomStream.of(2).named("gnss")
         )
         for mine, theirs in zip(recording.aidings, expected):
             assert (

@@ -8,9 +8,9 @@ import numpy as np
 
 from strapdown.data.solution.solution import SD_COLUMNS, SD_SCALE
 from strapdown_reproductions.faults.catalogue import FAULTS
-from strapdown_reproductions.faults.cells import Task, right
+from strapdown_reproductions.faults.cells import CellTask, right
 from strapdown_reproductions.faults.raw import raw
-from strapdown_reproductions.faults.runs import Subject, kinds_with, run
+from strapdown_reproductions.faults.runs import FaultSubject, kinds_with, run
 from strapdown_reproductions.faults.worlds import MOTIONS, ROWS
 
 FOLDER = Path(__file__).resolve().parent
@@ -19,16 +19,16 @@ SEED, STEP = 1, 10.0
 """Of the simulation; seconds between the rows that are kept."""
 SD = ("sd_north", "sd_down", "sd_rotation_down")
 FAULTED = {
-    "jump": ("position jumps by 20 m for good", "gentle", Subject("closed-loop")),
-    "drift": ("position drifts by 0.1 m/s", "gentle", Subject("closed-loop")),
-    "frozen": ("IMU frozen for 10 s", "hard", Subject("closed-loop")),
-    "spike": ("accelerometer: one sample of 1e+06 m/s^2", "gentle", Subject("mekf")),
-    "no-fix": ("all positions 0, 0, 0 from 90 s", "gentle", Subject("open-loop")),
-    "gap": ("IMU missing for 5 s", "gentle", Subject("closed-loop", "smoothed")),
-    "late": ("fixes late by 0.5 s", "gentle", Subject("closed-loop", "live")),
-    "outage": ("no GNSS for 60 s", "gentle", Subject("mekf", "live")),
-    "magnet": ("magnet of 50 uT beside it for 30 s", "in a hand", Subject("attitude-mekf")),
-    "sign": ("gyro z sign flips at 90 s", "gentle", Subject("nlo")),
+    "jump": ("position jumps by 20 m for good", "gentle", FaultSubject("closed-loop")),
+    "drift": ("position drifts by 0.1 m/s", "gentle", FaultSubject("closed-loop")),
+    "frozen": ("IMU frozen for 10 s", "hard", FaultSubject("closed-loop")),
+    "spike": ("accelerometer: one sample of 1e+06 m/s^2", "gentle", FaultSubject("mekf")),
+    "no-fix": ("all positions 0, 0, 0 from 90 s", "gentle", FaultSubject("open-loop")),
+    "gap": ("IMU missing for 5 s", "gentle", FaultSubject("closed-loop", "smoothed")),
+    "late": ("fixes late by 0.5 s", "gentle", FaultSubject("closed-loop", "live")),
+    "outage": ("no GNSS for 60 s", "gentle", FaultSubject("mekf", "live")),
+    "magnet": ("magnet of 50 uT beside it for 30 s", "in a hand", FaultSubject("attitude-mekf")),
+    "sign": ("gyro z sign flips at 90 s", "gentle", FaultSubject("nlo")),
 }
 """{name of the files: (fault, motion, what runs)}."""
 
@@ -38,7 +38,7 @@ def replay(name):
     of a run with its fault."""
     fault, motion, subject = FAULTED[name]
     kinds = kinds_with(FAULTS[fault], subject)
-    without = right(Task(motion, subject, SEED), kinds)
+    without = right(CellTask(motion, subject, SEED), kinds)
     data = raw(without.recording, kinds, SEED, fault)
     FAULTS[fault].change(data)
     done = run(subject, data, MOTIONS[motion], without.recording, without.start)

@@ -8,12 +8,12 @@ import pytest
 
 import strapdown as sd
 from strapdown.inspection.clock import check, coarse_lag
-from strapdown.inspection.motion import Subject
+from strapdown.inspection.motion import InspectedRecording
 
 
 @pytest.mark.parametrize("seconds", [-40.3, -1.0, -0.25, 0.0, 0.1, 2.0, 18.0])
 def test_an_offset_is_measured(drive, seconds):
-    subject = Subject(bent.later(drive, seconds))
+    subject = InspectedRecording(bent.later(drive, seconds))
     (source,) = subject.sources("velocity")
     lag = coarse_lag(subject, source)
     assert lag.believed and lag.sd < 0.05
@@ -21,7 +21,7 @@ def test_an_offset_is_measured(drive, seconds):
 
 
 def test_of_an_aircraft_by_its_accelerations(flight):
-    subject = Subject(bent.later(flight, 7.0))
+    subject = InspectedRecording(bent.later(flight, 7.0))
     lag = coarse_lag(subject, subject.sources("velocity")[0])
     assert lag.believed and abs(lag.seconds + 7.0) < max(3 * lag.sd, 0.1)
 
@@ -35,22 +35,22 @@ def test_of_an_aircraft_by_its_accelerations(flight):
     ],
 )
 def test_leap_seconds_are_named(drive, seconds, words):
-    (reason,) = check(Subject(bent.later(drive, seconds))).reasons
+    (reason,) = check(InspectedRecording(bent.later(drive, seconds))).reasons
     assert reason.cause == "clock" and reason.source == "" and words in reason.seen
     assert f"add {-seconds:+.4g} s to `offset`" in reason.remedy
 
 
 def test_one_source_alone(drive):
     late = bent.later(drive, 0.5, "velocity")
-    (reason,) = check(Subject(late, apart=True)).reasons
+    (reason,) = check(InspectedRecording(late, apart=True)).reasons
     assert reason.source == "GNSS velocity" and "-0.5" in reason.seen
     # positions that hardly tell are taken to be as late, unless they are known not to be
-    (reason,) = check(Subject(late)).reasons
+    (reason,) = check(InspectedRecording(late)).reasons
     assert reason.source == "" and "every source" in reason.remedy
 
 
 def test_a_right_clock_is_a_fact(drive):
-    found = check(Subject(drive))
+    found = check(InspectedRecording(drive))
     assert found.reasons == [] and any("clock of GNSS velocity" in fact for fact in found.facts)
 
 
@@ -62,18 +62,18 @@ def test_gaps_in_fixes_move_no_clock(seed, imu):
     whole = sd.simulate("demo", 300, imu=imu, seed=seed)
     windows = [(t, t + 20.0) for t in range(100, 300, 60)]
     gaps = replace(whole, aidings=tuple(a.without(windows) for a in whole.aidings))
-    assert check(Subject(gaps)).reasons == []
+    assert check(InspectedRecording(gaps)).reasons == []
 
 
 def test_an_antenna_far_from_the_imu():
     """A mast that swings: without the lever arm the accelerations are others."""
     ship = sd.simulate("ship", duration=600.0, seed=1003)
-    lag = coarse_lag(Subject(ship), ship.aidings[1])
+    lag = coarse_lag(InspectedRecording(ship), ship.aidings[1])
     assert lag.believed and abs(lag.seconds) < max(3 * lag.sd, 0.05)
 
 
 def test_an_even_motion_is_inconclusive(drive):
     still = bent.velocity(drive, lambda v: np.tile([10.0, 0.0, 0.0], (len(v), 1)))
-    found = check(Subject(still))
+    found = check(InspectedRecording(still))
     assert any("clock of GNSS velocity" in text for text in found.inconclusive)
     assert not any(reason.source == "GNSS velocity" for reason in found.reasons)

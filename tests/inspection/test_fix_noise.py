@@ -7,7 +7,7 @@ import pytest
 
 import strapdown as sd
 from strapdown.inspection import fix_noise
-from strapdown.inspection.motion import Subject
+from strapdown.inspection.motion import InspectedRecording
 from strapdown.sensor_models.gnss import Gnss
 
 
@@ -24,14 +24,14 @@ def claimed(recording, factor, kind):
 
 @pytest.mark.parametrize("interval", [0.1, 0.2, 1.0])
 def test_right_claims_pass(interval):
-    assert not fix_noise.check(Subject(drive(interval))).reasons
+    assert not fix_noise.check(InspectedRecording(drive(interval))).reasons
 
 
 @pytest.mark.parametrize(
     ("interval", "kind"), [(0.2, "position"), (0.2, "velocity"), (1.0, "position")]
 )
 def test_claims_five_times_too_small_are_named_with_the_factor(interval, kind):
-    (found,) = fix_noise.check(Subject(claimed(drive(interval), 0.2, kind))).reasons
+    (found,) = fix_noise.check(InspectedRecording(claimed(drive(interval), 0.2, kind))).reasons
     assert found.cause == "fix noise" and kind in found.source
     # the median of 100 and more differences, which overlap, scatters by a tenth
     ratio = float(found.seen.split("scatters ")[1].split()[0])
@@ -40,8 +40,10 @@ def test_claims_five_times_too_small_are_named_with_the_factor(interval, kind):
 
 def test_nothing_is_said_of_few_fixes_and_of_missing_ones():
     recording = drive(1.0)
-    assert not fix_noise.check(Subject(recording.between(stop=20.0))).reasons
+    assert not fix_noise.check(InspectedRecording(recording.between(stop=20.0))).reasons
     empty = replace(recording, aidings=tuple(a.between(500, 600) for a in recording.aidings))
-    assert not fix_noise.check(Subject(empty)).reasons
+    assert not fix_noise.check(InspectedRecording(empty)).reasons
     nothing = (replace(a, y=a.y * np.nan) for a in recording.aidings)
-    assert not fix_noise.check(Subject(replace(recording, aidings=tuple(nothing)))).reasons
+    assert not fix_noise.check(
+        InspectedRecording(replace(recording, aidings=tuple(nothing)))
+    ).reasons

@@ -7,7 +7,7 @@ import pytest
 
 from strapdown.data.solution.solution import Aiding
 from strapdown.inspection.heights import check
-from strapdown.inspection.motion import Subject
+from strapdown.inspection.motion import InspectedRecording
 
 
 def with_altitude(recording, off, scatter=1.0, sd=2.0):
@@ -16,7 +16,7 @@ def with_altitude(recording, off, scatter=1.0, sd=2.0):
     noise = np.random.default_rng(1000).normal(0, scatter, (len(position.t), 1))
     y = position.y[:, 2:] + off + noise
     altitude = Aiding("altitude", position.t, y, np.full(y.shape, sd), name="altitude")
-    return Subject(replace(recording, aidings=(*recording.aidings, altitude)))
+    return InspectedRecording(replace(recording, aidings=(*recording.aidings, altitude)))
 
 
 @pytest.mark.parametrize(
@@ -34,5 +34,5 @@ def test_what_is_small_is_a_fact(drive, off, scatter, sd):
 
 
 def test_one_source_alone_does_not_tell(drive):
-    (text,) = check(Subject(drive)).inconclusive
+    (text,) = check(InspectedRecording(drive)).inconclusive
     assert "no other source" in text

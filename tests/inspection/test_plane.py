@@ -9,19 +9,19 @@ import pytest
 from walking import RTK, robot
 
 import strapdown as sd
-from strapdown.inspection.motion import Subject
+from strapdown.inspection.motion import InspectedRecording
 from strapdown.inspection.plane import check
 from strapdown.preprocessing.axes import BODY_AXES, axes_matrix
 
 
 def reason_of(recording):
-    (reason,) = check(Subject(recording)).reasons
+    (reason,) = check(InspectedRecording(recording)).reasons
     return reason
 
 
 @pytest.mark.parametrize("name", ["drive", "flight"])
 def test_right_axes_are_a_fact(request, name):
-    found = check(Subject(request.getfixturevalue(name)))
+    found = check(InspectedRecording(request.getfixturevalue(name)))
     assert found.reasons == [] and "mounting of the IMU" in found.facts[0]
 
 
@@ -33,7 +33,7 @@ def test_right_angles_are_named_and_the_remedy_cures(request, name, degrees):
     assert reason.cause == "axes" and f"turned by {degrees} deg" in reason.seen
     axes = re.search(r'"(.*)"', reason.remedy)[1]
     cured = bent.imu(wrong, axes_matrix(axes, BODY_AXES))
-    assert check(Subject(cured)).reasons == []
+    assert check(InspectedRecording(cured)).reasons == []
 
 
 @pytest.mark.parametrize("degrees", [-50, 35, 130])
@@ -43,7 +43,7 @@ def test_any_other_angle(drive, degrees):
     assert reason.cause == "mounting" and "`heading` of `mounting`" in reason.remedy
     heading = float(re.search(r"add ([+-]\d+) deg", reason.remedy)[1])
     assert abs(heading + degrees) < 6
-    assert check(Subject(bent.imu(wrong, bent.turned(heading)))).reasons == []
+    assert check(InspectedRecording(bent.imu(wrong, bent.turned(heading)))).reasons == []
 
 
 @pytest.mark.parametrize("name", ["drive", "flight"])
@@ -62,7 +62,7 @@ def test_mirrored_axes_are_named(request, name, matrix, words):
 
 
 def test_without_motion_it_is_inconclusive(drive):
-    found = check(Subject(drive.between(0.0, 19.0)))
+    found = check(InspectedRecording(drive.between(0.0, 19.0)))
     assert found.reasons == [] and "too few fixes" in found.inconclusive[0]
 
 
@@ -79,7 +79,7 @@ def test_walking_speed_tells_the_axes(seed, name):
     """A robot that is never faster than 1.5 m/s."""
     right = robot(seed, WALKING[name], 1.5)
     assert np.hypot(*right.reference.v_n[:, :2].T).max() < 1.6
-    found = check(Subject(right))
+    found = check(InspectedRecording(right))
     assert found.reasons == [] and found.facts
     for degrees in (90, 180, 270):
         reason = reason_of(bent.imu(right, bent.turned(degrees)))
@@ -91,7 +91,7 @@ def test_walking_speed_tells_the_axes(seed, name):
 def test_a_hand_at_walking_speed_has_no_axes(seed):
     """What is carried turns as it likes; a person may also hold it askew."""
     held = sd.simulate("hand-held", 60.0, seed=seed, gnss=RTK)
-    assert check(Subject(held)).reasons == []
+    assert check(InspectedRecording(held)).reasons == []
     walk = bent.imu(robot(seed), bent.turned(90))
     walk = replace(walk, meta={**walk.meta, "vehicle": "pedestrian"})
-    assert check(Subject(walk)).reasons == []
+    assert check(InspectedRecording(walk)).reasons == []

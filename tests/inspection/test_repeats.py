@@ -6,7 +6,7 @@ import bent
 import numpy as np
 import pytest
 
-from strapdown.inspection.motion import Subject
+from strapdown.inspection.motion import InspectedRecording
 from strapdown.inspection.repeats import check
 
 
@@ -24,19 +24,19 @@ def repeated(aiding, times):
 @pytest.mark.parametrize("times, words", [(2, "50 %"), (5, "80 %"), (10, "90 %"), (40, "98 %")])
 def test_repeated_fixes(drive, times, words):
     held = bent.with_sources(drive, lambda a: repeated(a, times))
-    reasons = check(Subject(held)).reasons
+    reasons = check(InspectedRecording(held)).reasons
     assert {reason.source for reason in reasons} == {"GNSS position", "GNSS velocity"}
     assert all(words in reason.seen and reason.cause == "repeated" for reason in reasons)
 
 
 def test_a_right_recording_and_a_standing_one_are_not_accused(drive):
-    assert check(Subject(drive)).reasons == []
+    assert check(InspectedRecording(drive)).reasons == []
 
     def rounded(a):
         return replace(a, y=np.round(a.y, 7 if a.kind == "position" else 1))
 
     standing = bent.with_sources(drive.between(0, 20.0), rounded)
-    assert check(Subject(standing)).reasons == []
+    assert check(InspectedRecording(standing)).reasons == []
 
 
 def test_a_stuck_source(drive):
@@ -45,7 +45,7 @@ def test_a_stuck_source(drive):
         y[(a.t > 35) & (a.t < 47)] = y[np.searchsorted(a.t, 35)]
         return replace(a, y=y)
 
-    (reason,) = check(Subject(bent.with_sources(drive, stuck, ("position",)))).reasons
+    (reason,) = check(InspectedRecording(bent.with_sources(drive, stuck, ("position",)))).reasons
     assert "stuck" in reason.seen and "to 46." in reason.seen and reason.source == "GNSS position"
 
 
@@ -53,5 +53,5 @@ def test_an_imu_written_twice(drive):
     imu = drive.imu
     twice = [np.repeat(column[::2], 2, axis=0) for column in (imu.dtheta, imu.dv)]
     held = replace(drive, imu=imu._replace(dtheta=twice[0], dv=twice[1]))
-    (reason,) = check(Subject(held)).reasons
+    (reason,) = check(InspectedRecording(held)).reasons
     assert "50 % of the IMU samples" in reason.seen and reason.source == ""

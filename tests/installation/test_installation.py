@@ -17,7 +17,7 @@ from strapdown.engine.options import run_options
 from strapdown.engine.sensitivity import Corrections, begin_sensitive
 from strapdown.geometry.geodesy import displacement
 from strapdown.installation.findings import edits
-from strapdown.installation.model import Model, applied, constants, rotation
+from strapdown.installation.model import InstallationModel, applied, constants, rotation
 from strapdown.preprocessing.axes import rotation_matrix
 
 STEP = 1e-6
@@ -29,7 +29,7 @@ def model():
     heading = Aiding("heading", *map(np.array, ([5.0], [[0.0]], [[0.1]])))
     recording = replace(recording, aidings=(*recording.aidings, heading))
     run = begin_sensitive(recording, filters.find("closed-loop"), run_options())
-    return Model(run, constants(run.recording.aidings), True)
+    return InstallationModel(run, constants(run.recording.aidings), True)
 
 
 @pytest.fixture(scope="module")
@@ -98,8 +98,8 @@ def test_a_start_made_of_fixes_errs_with_them():
         applied(recording, found, theta), filters.find("closed-loop"), run_options()
     )
     run = begun(np.zeros(len(found)))
-    V = Model(run, found, True).start
-    assert not Model(run, found, False).start.any()
+    V = InstallationModel(run, found, True).start
+    assert not InstallationModel(run, found, False).start.any()
     for j, one in enumerate(found):
         if one.of is not LEVER_ARM:
             continue

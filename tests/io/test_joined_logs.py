@@ -12,7 +12,7 @@ from strapdown.checks import DataError
 from strapdown.io import registry
 from strapdown.io.contract import Log, Reader, Section
 from strapdown.io.inspection import draft, inspect
-from strapdown.io.tables.table_file import Table
+from strapdown.io.tables.table_file import FileTable
 
 pytestmark = pytest.mark.short
 START = 1_714_521_600_000_000_000  # 2024-05-01, POSIX ns
@@ -29,7 +29,7 @@ def imu_table(name, offset=0, rate=100.0, n=2000):
     noise = rng.normal(0.0, 1e-3, (n, 6))
     columns = {"stamp": t, "gx": 0.02 * np.sin(seconds) + noise[:, 0], "gy": noise[:, 1]}
     columns |= {"gz": noise[:, 2], "ax": noise[:, 3], "ay": noise[:, 4]}
-    return Table.of(name, columns | {"az": -9.81 + noise[:, 5] + 0.01 * np.sin(seconds)})
+    return FileTable.of(name, columns | {"az": -9.81 + noise[:, 5] + 0.01 * np.sin(seconds)})
 
 
 def imu_section(number, title=""):
@@ -47,7 +47,9 @@ def position_section(instance=0, left=""):
 
 def gnss_table(name):
     t = 259218.0 + np.arange(20)
-    return Table.of(name, {"tow": t, "lat": 47 + 1e-9 * t, "lon": 8 + 1e-9 * t, "h": 500 + 0 * t})
+    return FileTable.of(
+        name, {"tow": t, "lat": 47 + 1e-9 * t, "lon": 8 + 1e-9 * t, "h": 500 + 0 * t}
+    )
 
 
 def two_imus(path):
@@ -137,7 +139,7 @@ def add_own_clock(name, epoch, first=100.0):
     def open_it(path):
         table = gnss_table("gnss")
         columns = {each: table.cells(each) for each in ("lat", "lon", "h")}
-        table = Table.of("gnss", {"s": first + np.arange(20.0), **columns})
+        table = FileTable.of("gnss", {"s": first + np.arange(20.0), **columns})
         head = {} if epoch is None else {"epoch": epoch}
         return Log({"gnss": table}, (Section("aiding", "gnss", keys),), head=head)
 
@@ -155,7 +157,7 @@ def add_own_imu(name, epoch):
         keys = {**section.keys, "time": OWN}
         head = {} if epoch is None else {"epoch": epoch}
         found = section._replace(keys=keys, assumed={})
-        return Log({"imu 0": Table.of("imu 0", columns)}, (found,), head=head)
+        return Log({"imu 0": FileTable.of("imu 0", columns)}, (found,), head=head)
 
     registry.REGISTRY.add(Reader(name, (f".{name}",), f"log {name}", open=open_it), __name__)
     Path(f"a.{name}").write_text(name)
@@ -167,7 +169,7 @@ def test_a_magnetometer_without_a_place_may_be_left_out():
 
     def open_it(path):
         t = np.arange(20.0)
-        table = Table.of("mag", {"s": t, "mx": 20 + 0 * t, "my": 0 * t, "mz": 45 + 0 * t})
+        table = FileTable.of("mag", {"s": t, "mx": 20 + 0 * t, "my": 0 * t, "mz": 45 + 0 * t})
         sections = (Section("aiding", "magnetometer", keys),)
         return Log({"mag": table}, sections, head={"epoch": "2024-05-01T12:00:00Z"})
 

@@ -31,8 +31,8 @@ from written_ros import (
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.io.decoding.robots.bag_records import read_bag
-from strapdown.io.decoding.robots.ros_messages import Topic
-from strapdown.io.decoding.robots.ros_transforms import Frames
+from strapdown.io.decoding.robots.ros_messages import RosTopic
+from strapdown.io.decoding.robots.ros_transforms import RosFrames
 from strapdown.io.description.logs import join, opened
 from strapdown.io.inspection import draft
 from strapdown.io.readers.rosbag2 import messages_of
@@ -553,7 +553,7 @@ def test_frames_that_meet_in_a_third_one():
     rotations = Rotation.random(3, rng=np.random.default_rng(2))
     places = np.array([[0.1, 0.2, 0.3], [1.0, -2.0, 0.5], [0.0, 0.4, -0.7]])
     names = [("chassis", "base_link"), ("chassis", "mast"), ("mast", "gps")]
-    topic, whole = Topic("/tf_static", "tf2_msgs/TFMessage", "cdr"), []
+    topic, whole = RosTopic("/tf_static", "tf2_msgs/TFMessage", "cdr"), []
     for rotation, place in zip(rotations, places):
         whole.append(np.eye(4))
         whole[-1][:3, :3], whole[-1][:3, 3] = rotation.as_matrix(), place
@@ -561,7 +561,7 @@ def test_frames_that_meet_in_a_third_one():
         (topic, transform("cdr", *name, place, rotation.as_quat()))
         for name, place, rotation in zip(names, places, rotations)
     ]
-    pose = Frames(messages).pose("gps", "base_link")
+    pose = RosFrames(messages).pose("gps", "base_link")
     expected = np.linalg.inv(whole[0]) @ whole[1] @ whole[2]
     np.testing.assert_allclose(np.c_[pose.C, pose.t], expected[:3], atol=1e-12)
-    assert Frames(messages).pose("gps", "elsewhere") is None
+    assert RosFrames(messages).pose("gps", "elsewhere") is None

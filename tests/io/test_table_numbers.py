@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from strapdown.io.tables import table_text
-from strapdown.io.tables.table_file import Numbers
+from strapdown.io.tables.table_file import NumberColumns
 
 STAMP = 1_700_000_000_123_456_789
 """ns; a float is too short for it."""
@@ -50,7 +50,9 @@ def same(found, expected):
 def test_numbers_are_those_of_pandas(tmp_path, monkeypatch, text, header):
     (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
     found, expected = both(tmp_path / "a.csv", monkeypatch, header)
-    assert isinstance(found.content, Numbers) and not isinstance(expected.content, Numbers)
+    assert isinstance(found.content, NumberColumns) and not isinstance(
+        expected.content, NumberColumns
+    )
     same(found, expected)
     rows = np.arange(len(found.lines)) % 2 == 1
     same(found.taking(rows), expected.taking(rows))
@@ -79,13 +81,13 @@ def test_numbers_are_those_of_pandas(tmp_path, monkeypatch, text, header):
 def test_anything_else_is_left_to_pandas(tmp_path, monkeypatch, text):
     (tmp_path / "a.csv").write_text(text, newline="")
     found, expected = both(tmp_path / "a.csv", monkeypatch, True)
-    assert not isinstance(found.content, Numbers)
+    assert not isinstance(found.content, NumberColumns)
     assert found.frame.equals(expected.frame) and found.notes == expected.notes
 
 
 def test_a_long_text_is_left_to_pandas(tmp_path, monkeypatch):
     (tmp_path / "a.csv").write_text("t,x\n1,2\n3,4\n")
     monkeypatch.setattr(table_text, "SHORT", 11)
-    assert not isinstance(table_text.read_table(tmp_path / "a.csv").content, Numbers)
+    assert not isinstance(table_text.read_table(tmp_path / "a.csv").content, NumberColumns)
     monkeypatch.setattr(table_text, "SHORT", 12)
-    assert isinstance(table_text.read_table(tmp_path / "a.csv").content, Numbers)
+    assert isinstance(table_text.read_table(tmp_path / "a.csv").content, NumberColumns)

@@ -4,9 +4,9 @@ import plotly.graph_objects as go
 import pytest
 
 from strapdown.pages.parts import (
-    Cell,
     Html,
     Ruled,
+    TableCell,
     around,
     caption,
     listing,
@@ -28,9 +28,9 @@ def test_texts_of_a_table_are_escaped_and_html_is_not():
 
 
 def test_a_table_has_cells_with_a_look_and_rows_above_and_below():
-    above = [Cell("", rows=2), Cell("both", "split", columns=2)]
+    above = [TableCell("", rows=2), TableCell("both", "split", columns=2)]
     made = table(
-        split("ab", 2), [Ruled(["r", *split([Cell(1, "best"), 2], 2)])], "tall", above, [["f"]]
+        split("ab", 2), [Ruled(["r", *split([TableCell(1, "best"), 2], 2)])], "tall", above, [["f"]]
     )
     assert made == (
         "<div class='scroll tall'><table><thead>"

@@ -21,7 +21,7 @@ from strapdown_reproductions.alam import (
     runs as alam_runs,
     table1,
 )
-from strapdown_reproductions.alam.convergence import Case
+from strapdown_reproductions.alam.convergence import ConvergenceCase
 from strapdown_reproductions.alam.runs import ASTRAY, CLOSED, EKF, MEASURES, NLO, XKF, Variant
 from strapdown_reproductions.common import paired_ratios
 from strapdown_reproductions.common.pages import COLOURS
@@ -213,10 +213,16 @@ def test_a_run_that_stops_has_not_converged(monkeypatch):
     monkeypatch.setattr(convergence, "run", lambda *_: (recording, start))
     monkeypatch.setattr(convergence, "fuse", lambda *_, **__: solution(""))
     assert (
-        convergence.outcome(Case("nlo"), 0)[3] == "" and convergence.outcome(Case("nlo"), 0)[0] == 0
+        convergence.outcome(ConvergenceCase("nlo"), 0)[3] == ""
+        and convergence.outcome(ConvergenceCase("nlo"), 0)[0] == 0
     )
     monkeypatch.setattr(convergence, "fuse", lambda *_, **__: solution("stopped at 30 s"))
-    assert convergence.outcome(Case("nlo"), 0) == (np.inf, np.inf, np.inf, "stopped at 30 s")
+    assert convergence.outcome(ConvergenceCase("nlo"), 0) == (
+        np.inf,
+        np.inf,
+        np.inf,
+        "stopped at 30 s",
+    )
 
 
 def test_one_start_that_cannot_run_leaves_the_others(monkeypatch):
@@ -232,7 +238,7 @@ def test_one_start_that_cannot_run_leaves_the_others(monkeypatch):
         return fused(recording, *rest, **options)
 
     monkeypatch.setattr(convergence, "fuse", fuse)
-    table = convergence.study({"closed": Case("closed-loop")}, range(3), 1)
+    table = convergence.study({"closed": ConvergenceCase("closed-loop")}, range(3), 1)
     assert (
         list(table["said"]) == ["", "no start", ""]
         and np.isinf(table["since_s"][1])
@@ -241,7 +247,7 @@ def test_one_start_that_cannot_run_leaves_the_others(monkeypatch):
 
 
 def test_shares_count_the_starts_that_converged(monkeypatch):
-    cases = {"closed": Case("closed-loop"), "unknown": Case("no-such-filter")}
+    cases = {"closed": ConvergenceCase("closed-loop"), "unknown": ConvergenceCase("no-such-filter")}
     table = convergence.study(cases, range(3))
     assert (
         list(table["case"]) == ["closed"] * 3 + ["unknown"] * 3
@@ -332,7 +338,10 @@ def test_a_small_study_writes_its_page(short_flight, monkeypatch, tmp_path, goes
     monkeypatch.setattr(
         convergence,
         "CASES",
-        {"NLO, tilt-compensated course": Case("closed-loop"), "two-stage EKF": Case("closed-loop")},
+        {
+            "NLO, tilt-compensated course": ConvergenceCase("closed-loop"),
+            "two-stage EKF": ConvergenceCase("closed-loop"),
+        },
     )
     monkeypatch.setattr(alam, "QUICK_STARTS", 2)
     noted = on_recordings.NONE._replace(

@@ -7,7 +7,7 @@ import pytest
 
 from strapdown.evaluation.consistency import proportion
 from strapdown_reproductions.alam import claims, main
-from strapdown_reproductions.alam.claims import Evidence
+from strapdown_reproductions.alam.claims import AlamEvidence
 from strapdown_reproductions.alam.convergence import CASES
 from strapdown_reproductions.alam.runs import (
     ABLATIONS,
@@ -107,15 +107,17 @@ def converged(counts, starts=100):
 MIXED = {case: {EKF: 5.0, EKF_NO_COURSE: 30.0} for case in ("outage 1", "outage 2")}
 """The EKF better in the north of two outages, thanks to its course."""
 SCORES = scores(RIGHT, north=MIXED)
-GOOD = Evidence(wide(SCORES), biases((0.1, 0.05), (1e-3, 1e-4)), converged({"two-stage EKF": 20}))
+GOOD = AlamEvidence(
+    wide(SCORES), biases((0.1, 0.05), (1e-3, 1e-4)), converged({"two-stage EKF": 20})
+)
 MANY = 120
 """Seeds after which what never happened is known to be seldom."""
-BAD = Evidence(
+BAD = AlamEvidence(
     wide(scores(WRONG, seeds=MANY)),
     biases((1e-3, 1e-4), (0.1, 0.05)),
     converged({label: 10 for label in CASES if label.startswith("XKF")}),
 )
-LOUD = Evidence(
+LOUD = AlamEvidence(
     wide(scores({name: 10.0 for name in FILTERS}, spread=3.0)),
     biases((0.01, 0.001), (0.005, 0.0005), spread=8.0),
     converged({}, starts=3),
@@ -162,7 +164,7 @@ def test_findings_are_complete_and_in_order():
 
 
 def test_without_runs_nothing_is_said():
-    nothing = Evidence({}, biases((1.0, 1.0), (1.0, 1.0))[:0], converged({})[:0])
+    nothing = AlamEvidence({}, biases((1.0, 1.0), (1.0, 1.0))[:0], converged({})[:0])
     found = claims.claims(nothing)
     assert {f["verdict"] for f in found} <= {UNDECIDED}, [
         (f["claim"], f["verdict"]) for f in found if f["verdict"] != UNDECIDED

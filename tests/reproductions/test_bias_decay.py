@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from strapdown_reproductions.bias_decay import law, main
-from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.common.write_docs import DOCS, mark
 
 
@@ -56,7 +56,7 @@ def test_figures_of_worlds_that_obey_and_that_do_not(right, agree, wrong):
             rows.append(
                 found | {"decaying_m": 2.0 if held else 1.0, "held_m": 1.0 if held else 2.0}
             )
-    found = main.figures(Evidence(runs=pd.DataFrame(rows)))
+    found = main.figures(StudyTables(runs=pd.DataFrame(rows)))
     assert found == {"agree": agree, "right": wrong}
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from strapdown.checks import DataError
 from strapdown_reproductions.common import kinds, markdown, runner, study, targets, write_docs
-from strapdown_reproductions.common.claims import Claim, Judged, findings, judge, over
+from strapdown_reproductions.common.claims import Claim, JudgedClaim, findings, judge, over
 from strapdown_reproductions.common.kinds import ALWAYS
 from strapdown_reproductions.common.pages import (
     DEPENDS,
@@ -75,7 +75,7 @@ def test_a_claim_that_the_evidence_cannot_decide_says_what_is_missing():
 
 
 def test_a_verdict_that_is_no_share_of_cells():
-    judged = CLAIM._replace(parts={"x": lambda e: Judged(decided(True, False), "by eye")})
+    judged = CLAIM._replace(parts={"x": lambda e: JudgedClaim(decided(True, False), "by eye")})
     found = judge(judged._replace(measured="{x}"), {"a": [0]})
     assert (found["verdict"], found["measured"]) == (REPRODUCED, "by eye")
 

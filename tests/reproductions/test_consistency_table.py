@@ -17,7 +17,7 @@ from strapdown.evaluation.cramer_rao import cramer_rao
 from strapdown.sensor_models.imu import grade
 from strapdown.sim.synthesis import Simulator
 from strapdown_reproductions.common import write_docs
-from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.consistency import figure, main, runs, summary, twin, verdicts
 from strapdown_reproductions.consistency.refused import MOST, REFUSED
 from strapdown_reproductions.consistency.verdicts import Shares
@@ -26,7 +26,7 @@ from strapdown_reproductions.consistency.worlds import (
     FILTERS,
     GRADES,
     SCENARIOS,
-    Cell,
+    WorldCell,
     check_filter,
     world,
 )
@@ -186,7 +186,7 @@ def test_a_filter_that_does_not_state_all_is_refused_by_name():
 def made_up(**changes):
     """A row of the table."""
     row = dict(
-        **Cell("ekf", "car", "tactical")._asdict(), runs=60, verdict="consistent", refused=""
+        **WorldCell("ekf", "car", "tactical")._asdict(), runs=60, verdict="consistent", refused=""
     )
     row |= {"inside_%": 95.0, "above_%": 3.0, "below_%": 2.0, "survived_%": 100.0, "p": 0.4}
     row |= {"right_median_%": 97.0, "right_1_in_100_%": 80.0, "anees": 1.0, "anees_error": 0.02}
@@ -202,11 +202,11 @@ def test_refused_cells_count_for_no_target():
             made_up(grade="consumer", verdict="diverging", refused="heading unknown: 40 deg"),
         ]
     )
-    found = summary.figures(Evidence(cells=rows))
+    found = summary.figures(StudyTables(cells=rows))
     assert found == {"inside": 88, "survived": 100, "refused": 1, "missed": 1, "wrong": 0}
     rows.loc[2, "refused"] = ""
-    assert summary.figures(Evidence(cells=rows))["wrong"] == 1
-    assert [c["holds"] for c in summary.STUDY.claims(Evidence(cells=rows))] == [
+    assert summary.figures(StudyTables(cells=rows))["wrong"] == 1
+    assert [c["holds"] for c in summary.STUDY.claims(StudyTables(cells=rows))] == [
         False,
         True,
         True,

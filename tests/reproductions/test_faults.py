@@ -13,10 +13,10 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import BRIDGED, DOUBTFUL, INVALID, VALID
 from strapdown.data.solution.solution import Trajectory
 from strapdown.geometry.geodesy import displaced, displacement
-from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.faults import cells as of_cells, jumps, summary
 from strapdown_reproductions.faults.catalogue import EVERY, FAULTS
-from strapdown_reproductions.faults.cells import Task, cells
+from strapdown_reproductions.faults.cells import CellTask, cells
 from strapdown_reproductions.faults.fault import (
     AHRS,
     GNSS,
@@ -44,7 +44,7 @@ from strapdown_reproductions.faults.raw import BEGINS, raw
 from strapdown_reproductions.faults.runs import (
     SMOOTHED,
     STREAM,
-    Subject,
+    FaultSubject,
     family,
     kinds,
     kinds_with,
@@ -214,7 +214,7 @@ def test_what_faults_do_by_hand(recording):
 @pytest.mark.short
 def test_whom_a_fault_concerns():
     of = lambda sensor: next(f for f in FAULTS.values() if f.of == sensor)
-    with_fault = lambda sensor, *subject: kinds_with(of(sensor), Subject(*subject))
+    with_fault = lambda sensor, *subject: kinds_with(of(sensor), FaultSubject(*subject))
     assert with_fault(IMU, "closed-loop") == ("position", "velocity")
     assert with_fault(MAGNETOMETER, "closed-loop") == ("position", "velocity", "magnetic-field")
     assert with_fault(HEIGHT, "nlo") == ("position", "velocity", "altitude")
@@ -244,8 +244,8 @@ def test_what_cannot_be_shown_names_what_there_is():
 
 REDUCED = Path(__file__).with_name("faults_reduced.csv")
 TASKS = (
-    Task(GENTLE, Subject("closed-loop"), 1),
-    Task("in a hand", Subject("attitude-mekf"), 1),
+    CellTask(GENTLE, FaultSubject("closed-loop"), 1),
+    CellTask("in a hand", FaultSubject("attitude-mekf"), 1),
 )
 
 
@@ -274,7 +274,7 @@ def test_a_stream_says_what_the_batch_says():
     """Where all arrives in time, what is silent live is silent in batch."""
     names = tuple(name for name, fault in FAULTS.items() if fault.of in (GNSS, IMU))
     batch, live = (
-        {r["fault"]: r for r in cells(Task(GENTLE, Subject("closed-loop", way), 1), names)}
+        {r["fault"]: r for r in cells(CellTask(GENTLE, FaultSubject("closed-loop", way), 1), names)}
         for way in ("batch", STREAM)
     )
     alone = [n for n, r in live.items() if r["verdict"] == SILENT and batch[n]["verdict"] == SAID]
@@ -286,11 +286,11 @@ def test_a_run_writes_its_files(tmp_path, monkeypatch):
     few = {name: FAULTS[name] for name in ("velocity in knots", "height above the geoid")}
     monkeypatch.setattr(of_cells, "FAULTS", few)
     monkeypatch.setattr(of_cells, "WORLDS", {})
-    task = Task(GENTLE, Subject("closed-loop"), 1001)
+    task = CellTask(GENTLE, FaultSubject("closed-loop"), 1001)
     rows = pd.DataFrame(cells(task))
     assert rows["fault"].tolist() == ["nominal", *few]
     assert rows["showable"].tolist() == [True, True, False]
-    found = Evidence(cells=rows, trials=pd.DataFrame(jumps.trial(1001)))
+    found = StudyTables(cells=rows, trials=pd.DataFrame(jumps.trial(1001)))
     claims = summary.STUDY.write(tmp_path, found)
     assert json.loads((tmp_path / "claims.json").read_text()) == claims
     assert claims[0]["claim"] in (tmp_path / "table.md").read_text()

@@ -30,8 +30,8 @@ from strapdown_reproductions.fossen.cases import (
     FAST,
     MEKF,
     RIGHT,
-    Case,
-    Run,
+    CaseRun,
+    FilterCase,
 )
 
 BY_NAME = {case.name: case for case in CASES}
@@ -263,7 +263,7 @@ def grown(weights, step, rate):
     code adds them, and as the library does from densities."""
     code = np.array(weights.Q)[[0, 2, 1, 3]] * step**2 * round(1 / step)
     truth, imu = signals.ideal("at rest", rate, 2.0)
-    case = Case("", "closed-loop", (), weights)
+    case = FilterCase("", "closed-loop", (), weights)
     begin = fossen_cases.start(Recording(imu, (), truth), CHAPTER, 0)._replace(sd=(0.0,) * 15)
     solution = fuse(
         Recording(imu, (), truth),
@@ -340,7 +340,7 @@ def test_a_run_in_numbers():
     error[:, BA], error[t < 80, 9] = 0.001, 1.0
     error[:, BG], error[t < 4, 12] = 0.001, 1.0
     sd = np.linspace(1.0, 0.1, 3000)[:, None] * np.ones(15)
-    run = Run(t, error, sd, np.zeros((3000, 6)), "", np.nan, np.full(3000, 7.0))
+    run = CaseRun(t, error, sd, np.zeros((3000, 6)), "", np.nan, np.full(3000, 7.0))
     found = fossen_cases.numbers(run, 300.0)
     assert (
         found["accel_s"],
@@ -357,7 +357,7 @@ def test_a_run_in_numbers():
     broken = fossen_cases.numbers(run._replace(stopped="at 5 s"), 300.0)
     assert broken["stopped"] and broken["accel_s"] == np.inf and np.isnan(broken["position_m"])
     assert fossen_cases.numbers(
-        Run(t[:0], error[:0], sd[:0], error[:0, :6], "no start", np.nan, t[:0]), 300.0
+        CaseRun(t[:0], error[:0], sd[:0], error[:0, :6], "no start", np.nan, t[:0]), 300.0
     )["stopped"]
 
 

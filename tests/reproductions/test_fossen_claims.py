@@ -93,7 +93,7 @@ def world(right, doubtful=False):
             range(SEEDS), ("constant", "decaying"), (0, 1), ("feedforward", "feedback", "direct")
         )
     ]
-    return claims.Evidence(pd.DataFrame(rows), pd.DataFrame(dropped), pd.DataFrame(short))
+    return claims.FossenEvidence(pd.DataFrame(rows), pd.DataFrame(dropped), pd.DataFrame(short))
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from strapdown_reproductions.fossen import intro
 
 pytestmark = pytest.mark.short
-MODEL = intro.Model()
+MODEL = intro.IntroModel()
 QUIET = MODEL._replace(accel=1e-12, rate=1e-12, position_sd=1e-9, angle_sd=1e-9)
 
 

@@ -35,7 +35,7 @@ from strapdown_reproductions.hager_bryne import (
 )
 from strapdown_reproductions.hager_bryne.cells import (
     RESOLVED,
-    Rows,
+    CellRows,
     censored,
     compared,
     onsets,
@@ -277,7 +277,7 @@ def made_up(scale):
         "nees": np.full((2, 10), 15.0),
     }
     everywhere = np.ones(distance.shape, bool)
-    return numbers, Rows(
+    return numbers, CellRows(
         T,
         error,
         np.ones_like(error),

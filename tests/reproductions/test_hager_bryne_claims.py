@@ -120,7 +120,7 @@ def world(right, wide=False, read=None):
             ) = 1e-9, 1e9
         correlation, small = np.array([0.0, 1.0]), np.array([0.1, 10.0])
     names = () if read is None else claims.BY_ALL
-    return rules.Evidence(
+    return rules.HagerBryneEvidence(
         *cells,
         pd.DataFrame({"grade": "tactical", "correlation": correlation, "small_ratio": small}),
         resets=resets,

@@ -10,7 +10,7 @@ import pytest
 import strapdown as sd
 from strapdown.experiments.monte_carlo.wrong_installation import parameters_of
 from strapdown_reproductions.common import motions
-from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.installation import (
     cases,
     drive,
@@ -103,7 +103,7 @@ def evidence(**tables):
         "epochs": pd.DataFrame(columns=["motion", "filter", "start", "seed", "t", "nees", "dof"]),
         "scales": pd.DataFrame(columns=["motion", "filter", "start", "t", "error", "sd"]),
     }
-    return Evidence(**{**empty, **tables})
+    return StudyTables(**{**empty, **tables})
 
 
 @pytest.mark.short

@@ -39,26 +39,26 @@ from strapdown_reproductions.mollaei.cells import (
     TURN,
     UKF,
     WIND,
-    Case,
+    FlightCase,
     left_out,
     middle,
     redrawn,
     wide,
 )
 from strapdown_reproductions.mollaei.choices import CHOICES
-from strapdown_reproductions.mollaei.metrics import FINAL, MEASURES, Record
+from strapdown_reproductions.mollaei.metrics import FINAL, MEASURES, FlightRecord
 
 DT = 0.01
 CUT = 15.0
 
 
 def flown(duration=25.0, deviating=0.0, error=(0.0, 0.0, 0.0), stopped=""):
-    """A Record whose signals settle as exp(-t): forces (-10, 0, -100) N, weight, u from 25 to 27
+    """A FlightRecord whose signals settle as exp(-t): forces (-10, 0, -100) N, weight, u from 25 to 27
     m/s; `error` grows linearly from the cut on, m/s."""
     t = np.arange(1, round(duration / DT) + 1) * DT
     step, rows = np.exp(-t), np.ones((len(t), 3))
     after = np.maximum(t - CUT, 0.0)[:, None]
-    return Record(
+    return FlightRecord(
         t,
         np.array([-10.0, 0, -100]) + (1 + deviating) * step[:, None] * [1.0, 0, 5.0],
         0.1 * step[:, None] * rows,
@@ -267,14 +267,14 @@ def test_tables_for_people():
         and shown["NEES at the end"].str.startswith("6 (").all()
         and set(shown["lost"]) == {0}
     )
-    assert [str(Case(E1, FULL, MODEL)), str(Case(E0))] == [
+    assert [str(FlightCase(E1, FULL, MODEL)), str(FlightCase(E0))] == [
         "E1, 15 states, model-driven",
         "E0, IMU-driven",
     ]
-    assert str(Case(E1, SIX, IMU, PRINTED)) == "E1, IMU-driven, printed Q, R"
-    gusty = Case(E1, prediction=MODEL, condition=GUSTS)
+    assert str(FlightCase(E1, SIX, IMU, PRINTED)) == "E1, IMU-driven, printed Q, R"
+    gusty = FlightCase(E1, prediction=MODEL, condition=GUSTS)
     assert str(gusty) == "E1, model-driven, light turbulence"
-    assert Case(E0).linear and not Case(E0, FULL).linear and not gusty.linear
+    assert FlightCase(E0).linear and not FlightCase(E0, FULL).linear and not gusty.linear
 
 
 @pytest.mark.short
@@ -287,7 +287,7 @@ def test_the_choices_fill_their_braces():
 def test_all_modes_of_a_seed_have_the_same_sensor_errors():
     """Steered by the truth they fly the same way, and then measure the same."""
     one, other = (
-        runs.flight(Case(E1), mode, 7, duration=2.0, feedback="truth", outage=None).recording
+        runs.flight(FlightCase(E1), mode, 7, duration=2.0, feedback="truth", outage=None).recording
         for mode in (EKF, NO_FILTER)
     )
     assert np.array_equal(one.imu.dv, other.imu.dv) and np.array_equal(
@@ -297,12 +297,14 @@ def test_all_modes_of_a_seed_have_the_same_sensor_errors():
         all(np.array_equal(a.y, b.y) for a, b in zip(one.aidings, other.aidings))
         and len(one.aidings) == 2
     )
-    again = runs.flight(Case(E1), EKF, 8, duration=2.0, feedback="truth", outage=None).recording
+    again = runs.flight(
+        FlightCase(E1), EKF, 8, duration=2.0, feedback="truth", outage=None
+    ).recording
     assert not np.array_equal(one.imu.dv, again.imu.dv)
 
 
 def test_a_record_is_the_flight_it_was_made_of():
-    flight = runs.flight(Case(E1), EKF, 3, duration=20.0)
+    flight = runs.flight(FlightCase(E1), EKF, 3, duration=20.0)
     made, truth = runs.record(flight), flight.recording.reference
     assert len(made.t) == 2000 == len(truth.t) - 1 and made.stopped == ""
     fixes = flight.recording.aidings[0].t
@@ -335,7 +337,7 @@ def test_a_record_is_the_flight_it_was_made_of():
         20 * 26.5, rel=0.02
     )
     assert np.isnan(
-        runs.record(runs.flight(Case(E1), NO_FILTER, 3, duration=2.0, outage=None)).nees
+        runs.record(runs.flight(FlightCase(E1), NO_FILTER, 3, duration=2.0, outage=None)).nees
     ).all()
 
 
@@ -343,7 +345,7 @@ def test_ekf_and_ukf_are_one_filter_where_the_imu_drives_and_not_where_the_model
     apart = {}
     for driven in (IMU, MODEL):
         ekf, ukf = (
-            runs.scored(Case(E1, prediction=driven, tuning=PRINTED), mode, 11, None)[1]
+            runs.scored(FlightCase(E1, prediction=driven, tuning=PRINTED), mode, 11, None)[1]
             for mode in (EKF, UKF)
         )
         apart[driven] = runs.apart(ukf, ekf)
@@ -354,31 +356,31 @@ def test_ekf_and_ukf_are_one_filter_where_the_imu_drives_and_not_where_the_model
 def test_in_e0_the_model_predicts_between_fixes_and_there_only():
     """Whoever predicts is in the log; with the model the fixes go on."""
     for driven, share in ((IMU, 0.0), (MODEL, 1.0)):
-        flight = runs.flight(Case(E0, prediction=driven), EKF, 5, duration=4.0)
+        flight = runs.flight(FlightCase(E0, prediction=driven), EKF, 5, duration=4.0)
         assert flight.log["model predicts"].mean() == share
         assert flight.recording.aidings[0].t[-1] == pytest.approx(4.0)
-    cut = runs.flight(Case(E1, prediction=MODEL), EKF, 5, duration=20.0)
+    cut = runs.flight(FlightCase(E1, prediction=MODEL), EKF, 5, duration=20.0)
     assert np.flatnonzero(cut.log["model predicts"])[0] == 1500
 
 
 def test_an_ekf_at_the_trim_is_the_ekf_where_the_imu_drives_and_no_other_is():
     """What `modes` leaves out is an identity; what it flies is none."""
-    own = runs.scored(Case(E1), EKF, 12, None)[1]
+    own = runs.scored(FlightCase(E1), EKF, 12, None)[1]
     off = {
-        mode: runs.apart(runs.scored(Case(E1), mode, 12, None)[1], own)
+        mode: runs.apart(runs.scored(FlightCase(E1), mode, 12, None)[1], own)
         for mode in (AT_TRIM, ONCE, HELD)
     }
     assert off[AT_TRIM] == 0 and min(off[ONCE], off[HELD]) > 0.1
-    assert {AT_TRIM, POINTS}.isdisjoint(runs.modes(Case(E1), 0))
-    assert {AT_TRIM, POINTS} <= set(runs.modes(Case(E1, prediction=MODEL), 0))
-    assert POINTS not in runs.modes(Case(E1, prediction=MODEL), 1)
-    assert NO_FILTER not in runs.modes(Case(E1, prediction=MODEL, condition=GUSTS), 0)
+    assert {AT_TRIM, POINTS}.isdisjoint(runs.modes(FlightCase(E1), 0))
+    assert {AT_TRIM, POINTS} <= set(runs.modes(FlightCase(E1, prediction=MODEL), 0))
+    assert POINTS not in runs.modes(FlightCase(E1, prediction=MODEL), 1)
+    assert NO_FILTER not in runs.modes(FlightCase(E1, prediction=MODEL, condition=GUSTS), 0)
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_a_condition_is_flown(condition):
     """And is scored beside a reference flight at its own samples."""
-    case = Case(E1, prediction=MODEL, condition=condition)
+    case = FlightCase(E1, prediction=MODEL, condition=condition)
     usual, other = (
         runs.flight(each, EKF, 5, duration=4.0, outage="3:")
         for each in (case._replace(condition=""), case)
@@ -415,7 +417,7 @@ def test_a_flight_that_cannot_begin_is_lost(monkeypatch):
         raise DataError("no such filter")
 
     monkeypatch.setattr(runs, "fly", refuse)
-    row, made = runs.scored(Case(E1), EKF, 1, None)
+    row, made = runs.scored(FlightCase(E1), EKF, 1, None)
     assert (
         row["said"] == "no such filter"
         and row["fx_n"] == MEASURES["fx_n"]
@@ -425,15 +427,15 @@ def test_a_flight_that_cannot_begin_is_lost(monkeypatch):
 
 
 SMALL = (
-    Case(E0),
-    Case(E0, prediction=MODEL),
-    Case(E1),
-    Case(E1, prediction=MODEL),
-    Case(E2),
-    Case(TURN),
-    Case(WIND, prediction=MODEL),
-    Case(E1, FULL),
-    Case(E1, prediction=MODEL, condition=HZ_10),
+    FlightCase(E0),
+    FlightCase(E0, prediction=MODEL),
+    FlightCase(E1),
+    FlightCase(E1, prediction=MODEL),
+    FlightCase(E2),
+    FlightCase(TURN),
+    FlightCase(WIND, prediction=MODEL),
+    FlightCase(E1, FULL),
+    FlightCase(E1, prediction=MODEL, condition=HZ_10),
 )
 
 

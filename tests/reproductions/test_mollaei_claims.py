@@ -38,7 +38,7 @@ from strapdown_reproductions.mollaei.cells import (
     wide,
 )
 from strapdown_reproductions.mollaei.metrics import MEASURES
-from strapdown_reproductions.mollaei.rules import DEVIATIONS, Evidence, enough
+from strapdown_reproductions.mollaei.rules import DEVIATIONS, MollaeiEvidence, enough
 
 pytestmark = pytest.mark.short
 SEEDS = 40
@@ -97,14 +97,14 @@ def right(**special):
 
 
 def world(table):
-    return Evidence(wide(table), apart(1e-9))
+    return MollaeiEvidence(wide(table), apart(1e-9))
 
 
 GOOD = world(right())
-BAD = Evidence(
+BAD = MollaeiEvidence(
     wide(scores(WRONG, **far(50.0, 3000.0, 40.0), fixed_horizontal_rmse_m=0.1)), apart(0.5)
 )
-LOUD = Evidence(
+LOUD = MollaeiEvidence(
     wide(scores(MIXED_UP, spread=4.0, seeds=3, worst_m=500.0, off_max_m=500.0)), apart(1e-9)[:0]
 )
 
@@ -141,7 +141,7 @@ def test_a_world_in_which_nothing_can_be_told():
     sure = {text[:11] for text, each in found.items() if each != UNDECIDED}
     # a flight is or is not symmetric, and Wilson's interval of none of three near goes up to 56 %
     assert sure <= {"Fy and Gy d", "In five min", "Nonlinear f"}
-    assert set(verdicts(Evidence({}, apart(1.0)[:0])).values()) == {UNDECIDED}
+    assert set(verdicts(MollaeiEvidence({}, apart(1.0)[:0])).values()) == {UNDECIDED}
 
 
 def test_findings_are_complete():

@@ -9,7 +9,7 @@ import pytest
 
 from strapdown.engine.batch import fuse
 from strapdown.geometry.geodesy import displacement
-from strapdown_reproductions.common.runner import Evidence
+from strapdown_reproductions.common.runner import StudyTables
 from strapdown_reproductions.noise import correlated, coverage, main, misstated, outliers, summary
 from strapdown_reproductions.noise.worlds import (
     CAR,
@@ -65,7 +65,7 @@ def test_fixes_stated_too_good_show_in_error_and_nis(short_car):
 
 def test_hidden_fixes_are_predicted_as_without_them(short_car):
     """The prediction at a hidden fix against a run that does not have it."""
-    way = coverage.Way("", short_car, None, (30.0, 80.0))
+    way = coverage.CoverageWay("", short_car, None, (30.0, 80.0))
     windows = [(40.0, 50.0), (60.0, 70.0)]
     rows = pd.DataFrame(coverage.hidden(way, windows))
     assert len(rows) == 2 * 2 * 50 and (rows["since"] < 10).all()
@@ -127,7 +127,7 @@ def test_figures_are_those_of_the_worst_cell():
             "sd": 1.0,
         }
     )
-    evidence = Evidence(correlated=white, misstated=stated, outliers=gross, coverage=hidden)
+    evidence = StudyTables(correlated=white, misstated=stated, outliers=gross, coverage=hidden)
     found = summary.figures(evidence)
     assert found["correlated low, states"] == pytest.approx(0.9)
     assert found["correlated high, tuned"] == pytest.approx(1.1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from strapdown_reproductions.common.claims import Kind
+from strapdown_reproductions.common.claims import ClaimKind
 from strapdown_reproductions.common.kinds import ALWAYS
 from strapdown_reproductions.common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED, Finding
 from strapdown_reproductions.common.write_docs import DOCS, PAGES
@@ -37,7 +37,7 @@ def test_all_claims_stand_in_one_table(tmp_path):
 
 
 def test_every_kind_is_explained_once():
-    assert all(isinstance(kind, Kind) and kind.rule for kind in papers.KINDS)
+    assert all(isinstance(kind, ClaimKind) and kind.rule for kind in papers.KINDS)
     assert len({kind.name for kind in papers.KINDS}) == len(papers.KINDS) >= 7
 
 

@@ -23,14 +23,14 @@ from strapdown_reproductions.recordings import (
     main,
     table as recordings_table,
 )
-from strapdown_reproductions.recordings.cases import Case
+from strapdown_reproductions.recordings.cases import RecordingCase
 from strapdown_reproductions.recordings.table import COUNTS, FIGURES
 
 WINDOW = (8.0, 18.0)
 
 
 def case(recording=None, windows=(WINDOW,), **more):
-    return Case("sim", "flight", recording or flight(), windows, **more)
+    return RecordingCase("sim", "flight", recording or flight(), windows, **more)
 
 
 def row(**more):

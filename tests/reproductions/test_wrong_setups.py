@@ -18,13 +18,13 @@ from strapdown_reproductions.common.example_recordings import DESCRIPTIONS
 from strapdown_reproductions.wrong_setups import cells, main
 from strapdown_reproductions.wrong_setups.cases import (
     MOTIONS,
-    Case,
+    SetUpCase,
     heading_to,
     recorded,
     simulated,
 )
 from strapdown_reproductions.wrong_setups.cells import Heard
-from strapdown_reproductions.wrong_setups.harm import Harm, Score, compared
+from strapdown_reproductions.wrong_setups.harm import Harm, HarmScore, compared
 from strapdown_reproductions.wrong_setups.mistakes import MISTAKES
 from strapdown_reproductions.wrong_setups.not_showable import NOT_SHOWABLE, hidden
 
@@ -47,7 +47,7 @@ def case(**more):
         Aiding("speed", fixes, one((5.0,)), one((0.1,)), (0.0, 0.0, 0.0)),
     )
     recording = Recording(imu, sources, None, {"name": "made up", "grade": GRADE})
-    return Case("car", recording, ((1.0, 4.0),), False, "navigation")._replace(**more)
+    return SetUpCase("car", recording, ((1.0, 4.0),), False, "navigation")._replace(**more)
 
 
 def made(name, of=None):
@@ -185,15 +185,15 @@ def test_swisslog_as_logged_has_its_course_in_degrees_and_its_own_stamps():
 
 @pytest.mark.short
 def test_a_mistake_is_harmful_where_an_error_doubles_or_leaves_what_is_claimed():
-    right = {"height": Score(1.0, 0.0), "velocity": Score(0.1, 0.2)}
+    right = {"height": HarmScore(1.0, 0.0), "velocity": HarmScore(0.1, 0.2)}
     judged = lambda **wrong: compared(right, {**right, **wrong})
     assert judged() == Harm((), 1.0, 0.2)
-    assert judged(height=Score(1.99, 0.05)).harmful == ()
-    assert judged(height=Score(2.0, 0.0)).harmful == ("height",)
-    assert judged(height=Score(1.0, 0.051)).harmful == ("height",)
-    assert judged(velocity=Score(0.15, 0.9)).harmful == ()  # the right one is beyond too
-    assert compared({}, {"height": Score(9.0, 0.04)}).harmful == ()
-    assert compared({}, {"height": Score(9.0, 0.06)}).harmful == ("height",)
+    assert judged(height=HarmScore(1.99, 0.05)).harmful == ()
+    assert judged(height=HarmScore(2.0, 0.0)).harmful == ("height",)
+    assert judged(height=HarmScore(1.0, 0.051)).harmful == ("height",)
+    assert judged(velocity=HarmScore(0.15, 0.9)).harmful == ()  # the right one is beyond too
+    assert compared({}, {"height": HarmScore(9.0, 0.04)}).harmful == ()
+    assert compared({}, {"height": HarmScore(9.0, 0.06)}).harmful == ("height",)
     assert compared(right, {}).harmful == ("no solution",)
 
 

@@ -8,7 +8,7 @@ from strapdown.checks import DataError
 from strapdown.data.solution.solution import Correlated, Trajectory
 from strapdown.flight.sensor_errors import fix_errors
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.scenario import scenario
 from strapdown.sim.scenario_file import read
 from strapdown.sim.synthesis import Simulator
@@ -120,7 +120,7 @@ def test_fixes_state_their_errors_unless_told_not_to():
 
 def test_a_flight_has_the_same_errors():
     receiver = ALONE._replace(interval=1.0, stated=False)
-    made = fix_errors(receiver, np.arange(1.0, 201.0), Stream.of(4))
+    made = fix_errors(receiver, np.arange(1.0, 201.0), RandomStream.of(4))
     expected = receiver.plan(still()).fixes(4)
     np.testing.assert_allclose(made.errors[1], expected[1].y, atol=1e-12)
     for source, other in zip(made.aidings, expected, strict=True):

@@ -12,7 +12,7 @@ from strapdown.core.loop.contract import Imu
 from strapdown.sensor_models.errors import WarmUp
 from strapdown.sensor_models.imu import ImuSpec, Triad, grade, grades, saturated
 from strapdown.sensor_models.noise import FLICKER_FLOOR, gauss_markov_variance
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import simulate
 from strapdown.units.conversion.conversion import UNITS
 
@@ -516,7 +516,7 @@ def test_new_terms_leave_the_draws_of_the_old_ones_alone():
     run = lambda triad: ImuSpec("test", Triad(), triad).corrupt(still(T[:100]), 5)
     (plain, bias, _), (flickering, both, _) = run(old), run(new)
     # the streams of two terms, by hand
-    of = Stream.of(5).named("accel").named
+    of = RandomStream.of(5).named("accel").named
     expected = of("turn_on_bias").standard_normal(3) + of("gauss_markov").standard_normal(3)
     np.testing.assert_allclose(bias[0], expected, rtol=1e-14)
     np.testing.assert_allclose(

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 
 COUNT = 200_000
 
 
 def test_a_number_depends_on_its_place_alone():
-    stream = Stream.of(3).named("gyro")
+    stream = RandomStream.of(3).named("gyro")
     long = stream.standard_normal((101, 3))
     for count in (1, 2, 50):
         assert np.array_equal(stream.standard_normal((count, 3)), long[:count])
@@ -24,28 +24,38 @@ def test_a_number_depends_on_its_place_alone():
 
 
 def test_threads_draw_the_same():
-    alone = [Stream.of(seed).standard_normal(1000) for seed in range(40)]
+    alone = [RandomStream.of(seed).standard_normal(1000) for seed in range(40)]
     with ThreadPoolExecutor(8) as pool:
-        beside = list(pool.map(lambda seed: Stream.of(seed).standard_normal(1000), range(40)))
+        beside = list(pool.map(lambda seed: RandomStream.of(seed).standard_normal(1000), range(40)))
     assert np.array_equal(alone, beside)
 
 
 def test_what_a_stream_can_be_made_of():
-    stream = Stream.of(5)
-    assert Stream.of(stream) is stream
-    assert stream == Stream.of(np.random.SeedSequence(5)) == Stream.of([5])
+    stream = RandomStream.of(5)
+    assert RandomStream.of(stream) is stream
+    assert stream == RandomStream.of(np.random.SeedSequence(5)) == RandomStream.of([5])
     used = np.random.SeedSequence(5)
     used.spawn(3)
-    assert Stream.of(used) == stream  # however often it was used
-    assert Stream.of(2**200 + 1) != Stream.of(1) != Stream.of([1, 2]) != Stream.of([2, 1])
+    assert RandomStream.of(used) == stream  # however often it was used
+    assert (
+        RandomStream.of(2**200 + 1)
+        != RandomStream.of(1)
+        != RandomStream.of([1, 2])
+        != RandomStream.of([2, 1])
+    )
     rng = np.random.default_rng(5)
-    first, second = Stream.of(rng), Stream.of(rng)
-    assert first != second and first == Stream.of(np.random.default_rng(5))
+    first, second = RandomStream.of(rng), RandomStream.of(rng)
+    assert first != second and first == RandomStream.of(np.random.default_rng(5))
 
 
 def test_names_and_numbers_make_streams_of_their_own():
-    stream = Stream.of(0)
-    some = [stream, Stream.of(1), *stream.spawn(100), *map(stream.named, ("a", "b", "1", "", "é"))]
+    stream = RandomStream.of(0)
+    some = [
+        stream,
+        RandomStream.of(1),
+        *stream.spawn(100),
+        *map(stream.named, ("a", "b", "1", "", "é")),
+    ]
     some += [stream.named("a").named("b"), stream.named("b").named("a"), stream.named("a b")]
     assert len({each.key for each in some}) == len(some)
     assert stream.spawn(2)[1] == stream.numbered(1) and stream.named("a") == stream.named("a")
@@ -54,7 +64,7 @@ def test_names_and_numbers_make_streams_of_their_own():
 
 def test_numbers_have_their_laws():
     """Kolmogorov-Smirnov, 1 in 1e4 each, and the first four moments within 4 sigma."""
-    stream = Stream.of(11)
+    stream = RandomStream.of(11)
     z, u = stream.standard_normal(COUNT), stream.random(COUNT)
     assert kstest(z, "norm").pvalue > 1e-4 and kstest(u, "uniform").pvalue > 1e-4
     for power, mean, variance in ((1, 0, 1), (2, 1, 2), (3, 0, 15), (4, 3, 96)):
@@ -65,8 +75,14 @@ def test_numbers_have_their_laws():
 def test_streams_and_places_are_independent():
     """Correlations of streams that follow from each other, of numbers next to each other and of their
     squares: 57 within 5 sigma, 3 in 1e5 to be wrong."""
-    stream = Stream.of(2)
-    some = [stream, Stream.of(3), *stream.spawn(2), stream.named("a"), stream.named("a").named("b")]
+    stream = RandomStream.of(2)
+    some = [
+        stream,
+        RandomStream.of(3),
+        *stream.spawn(2),
+        stream.named("a"),
+        stream.named("a").named("b"),
+    ]
     drawn = np.array([each.standard_normal(COUNT) for each in some])
     pairs = [(drawn[i], drawn[j]) for i, j in combinations(range(len(some)), 2)]
     pairs += [(row[:-lag], row[lag:]) for row in drawn for lag in (1, 2)]

@@ -4,10 +4,10 @@ functions."""
 import numpy as np
 import pytest
 
-from strapdown.sim.analytic import Profile, arctangent, cosine, sine, waves
+from strapdown.sim.analytic import MotionProfile, arctangent, cosine, sine, waves
 from strapdown.sim.trajectory import ramp, ramp_rate
 
-PROFILE = Profile.of(3.0, [4.0, 10.0, 5.0, np.inf], [0.0, 2.0, -1.0, 0.5], 0.5)
+PROFILE = MotionProfile.of(3.0, [4.0, 10.0, 5.0, np.inf], [0.0, 2.0, -1.0, 0.5], 0.5)
 T = np.linspace(0, 30, 601)
 
 
@@ -31,7 +31,7 @@ def test_slopes_of_complex_times_are_exact():
 
 def test_any_shape_and_order_of_times_gives_the_same():
     mixed = np.random.default_rng(1).permutation(T)[:600].reshape(20, 30)
-    flat = Profile.of(1.0, [5.0], [2.0], 1.0)
+    flat = MotionProfile.of(1.0, [5.0], [2.0], 1.0)
     assert (
         PROFILE(4.2) == pytest.approx(float(PROFILE(np.array([4.2]))[0]), abs=0)
         and flat(2.0) == 5.0
@@ -42,7 +42,7 @@ def test_any_shape_and_order_of_times_gives_the_same():
 
 
 def test_corners_of_short_lines_are_rounded_less():
-    profile = Profile.of(0.0, [1.0, 10.0, 10.0, np.inf], [0.0, 1.0, 2.0, 2.0], 2.0)
+    profile = MotionProfile.of(0.0, [1.0, 10.0, 10.0, np.inf], [0.0, 1.0, 2.0, 2.0], 2.0)
     np.testing.assert_allclose(profile.widths, [0.2, 2.0])  # a line that goes on has no kink
     assert profile.at.tolist() == [1.0, 11.0]
 

@@ -11,7 +11,7 @@ import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.sim.jsbsim import (
     FOOT,
-    Target,
+    JsbsimTarget,
     _fly,
     _load,
     _trim,
@@ -23,7 +23,7 @@ from strapdown.sim.splined import residual, splined
 from strapdown.sim.trajectory import DEG, normal_gravity, rates
 
 START, EAST = (47.6 * DEG, 9.3 * DEG, 1200.0), 90 * DEG
-TARGETS = (Target(5.0, heading=150 * DEG, height=1230.0),)
+TARGETS = (JsbsimTarget(5.0, heading=150 * DEG, height=1230.0),)
 SCENARIO = """
 name = "cessna"
 duration_s = 20
@@ -181,8 +181,8 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch, tmp_path, command):
         ({"speed": 12.0}, "cannot trim c172x .* 12 m/s"),
         ({"speed": -1.0}, "above 0"),
         ({"start": (0.8, 0.1, np.nan)}, "start is"),
-        ({"targets": (Target(99.0, heading=1.0),)}, "its time is 99.0 s; .* at most 20"),
-        ({"targets": (Target(1.0, throttle=1.5),)}, "throttle is 1.5; .* at most 1"),
+        ({"targets": (JsbsimTarget(99.0, heading=1.0),)}, "its time is 99.0 s; .* at most 20"),
+        ({"targets": (JsbsimTarget(1.0, throttle=1.5),)}, "throttle is 1.5; .* at most 1"),
         ({"targets": ((1.0, 2.0),)}, "a list of .*Target"),
         ({"properties": {"atmosphere/wind-fps": 1.0}}, "no property"),
         ({"rate": -5.0}, "rate is -5.0 steps per second"),
@@ -195,9 +195,9 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch, tmp_path, command):
         ({"start": (47.6, 9.3, 1200)}, "within 89 deg"),
         ({"speed": "a"}, "speed is 'a' m/s"),
         ({"heading": None}, "heading is None rad"),
-        ({"targets": (Target(1.0, heading="a"),)}, "it must be a finite number"),
-        ({"targets": (Target(None),)}, "it must be a finite number"),
-        ({"targets": Target(1.0, heading=1.0)}, "a list of"),
+        ({"targets": (JsbsimTarget(1.0, heading="a"),)}, "it must be a finite number"),
+        ({"targets": (JsbsimTarget(None),)}, "it must be a finite number"),
+        ({"targets": JsbsimTarget(1.0, heading=1.0)}, "a list of"),
         ({"aircraft": 172}, "no aircraft 172"),
         (
             {"properties": {"atmosphere/wind-north-fps": "a"}},
@@ -209,7 +209,10 @@ def test_without_jsbsim_the_extra_is_named(monkeypatch, tmp_path, command):
         ),
         ({"properties": 3}, "properties are 3"),
         (
-            {"start": (0.8, 0.1, 30.0), "targets": (Target(0.0, height=-500.0, throttle=0.0),)},
+            {
+                "start": (0.8, 0.1, 30.0),
+                "targets": (JsbsimTarget(0.0, height=-500.0, throttle=0.0),),
+            },
             "met the ground",
         ),
     ],

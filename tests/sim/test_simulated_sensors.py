@@ -18,7 +18,7 @@ from strapdown.sensor_models.geomagnetism import geomagnetic_field
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
 from strapdown.sensor_models.magnetometer import Magnetometer
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.motions import hand_held, moored
 from strapdown.sim.scenario import Scenario, scenario
 from strapdown.sim.synthesis import Simulator, draw_start, simulate
@@ -108,7 +108,7 @@ def test_imu_and_receiver_have_the_streams_of_their_names():
     """Whatever other sensors there are."""
     made = simulate("demo", duration=10.0, seed=5, magnetometer=MAGNETOMETER, barometer=BAROMETER)
     simulator = Simulator(scenario("demo").replace(duration=10.0))
-    of_imu, of_gnss = map(Stream.of(5).named, ("imu", "gnss"))
+    of_imu, of_gnss = map(RandomStream.of(5).named, ("imu", "gnss"))
     np.testing.assert_array_equal(
         grade("tactical").corrupt(simulator.ideal, of_imu)[0].dv, made.imu.dv
     )

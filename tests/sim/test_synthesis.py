@@ -9,7 +9,7 @@ from strapdown.checks import DataError
 from strapdown.core.loop.contract import ATT, BA, BG, POS, VEL
 from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.imu import grade
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.synthesis import draw_start, simulate
 from strapdown.sim.trajectory import demo_flight, increments
 
@@ -103,7 +103,7 @@ def test_a_start_is_the_truth_less_the_error_drawn(t):
     row = 0 if t is None else 625
     biases = made.meta["b_a"][row - 1], made.meta["b_g"][row - 1]
     start = draw_start(made.reference, SD, 8, t, biases)
-    error = SD * Stream.of(8).standard_normal(15)
+    error = SD * RandomStream.of(8).standard_normal(15)
     truth = made.reference
     assert start.t == truth.t[row] and start.sd == tuple(SD)
     np.testing.assert_allclose(

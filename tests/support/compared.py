@@ -6,7 +6,7 @@ import pandas as pd
 from synthetic import flight
 
 from strapdown.experiments.outages.result import Comparison
-from strapdown.experiments.outages.scores import Track
+from strapdown.experiments.outages.scores import ErrorTrack
 
 TRUTH = flight(900, rate=5.0)
 LIST = ((200.0, 230.0), (400.0, 430.0), (600.0, 630.0), (800.0, 830.0))
@@ -120,4 +120,4 @@ def _outage(size, length, silent):
     row |= {f"coverage_{k}": share(k, [0, 1]) for k in (1, 2, 3)} | {
         f"down_coverage_{k}": share(k, [2]) for k in (1, 2, 3)
     }
-    return Track(since, error, sd), row
+    return ErrorTrack(since, error, sd), row

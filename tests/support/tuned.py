@@ -15,8 +15,8 @@ from strapdown.tuning.findings import (
     OPEN,
     TUNED,
     Direction,
-    Fit,
-    Parameter,
+    NoiseParameter,
+    SourceFit,
     Tuning,
 )
 from strapdown.tuning.numbers import IMU, LASTING, OF_IMU, TIME, WHITE
@@ -36,7 +36,7 @@ def parameter(source, name, unit, factor, given, value, status, low=0.0, high=np
     curve = scan(value, lower=low > 0, upper=np.isfinite(high))
     what = next(k for k in (*OF_IMU, WHITE, LASTING, TIME) if name.startswith(k.name))
     part = name.removeprefix(what.name).strip()
-    return Parameter(source, what, part, unit, factor, given, value, low, high, status, curve)
+    return NoiseParameter(source, what, part, unit, factor, given, value, low, high, status, curve)
 
 
 def gnss(name="position"):
@@ -107,8 +107,8 @@ def of(wrong, factors):
             ),
         ),
         (
-            Fit("GNSS position", (3.9, 1.02), (0.1, 0.05), (0.12, 0.004)),
-            Fit("GNSS velocity", (4.1, 0.9), (0.6, 0.54), (0.2, 0.01)),
+            SourceFit("GNSS position", (3.9, 1.02), (0.1, 0.05), (0.12, 0.004)),
+            SourceFit("GNSS velocity", (4.1, 0.9), (0.6, 0.54), (0.2, 0.01)),
         ),
         wrong,
         tuned,

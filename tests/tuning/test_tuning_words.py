@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tuned import gnss, tuning
 
-from strapdown.tuning.findings import Fit
+from strapdown.tuning.findings import SourceFit
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_what_is_not_decided_is_said_in_words(found):
         "innovations of GNSS velocity stay correlated (0.54 one fix apart) for reasons that the model "
         "lacks: noise factors mean nothing there, and none was made smaller",
     ]
-    white = Fit("GNSS velocity", (1.0, 1.0), (0.02, 0.3), (0.0, 0.0))
+    white = SourceFit("GNSS velocity", (1.0, 1.0), (0.02, 0.3), (0.0, 0.0))
     assert replace(found, fits=(white,), directions=()).undecided == []
 
 

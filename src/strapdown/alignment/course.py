@@ -17,7 +17,7 @@ from ..preprocessing.stationary import at_rest
 from ..preprocessing.unbroken import is_unbroken, unbroken
 from ..typing import Array
 from .fixes import velocities
-from .initial_heading import UNKNOWN_SD, Found
+from .initial_heading import UNKNOWN_SD, HeadingFound
 
 COURSE_SD = np.radians(15.0)  # sideslip, and the crab of what is fast against the wind
 DRIFT = 0.5  # m/s across the forward axis: wind, current, a step aside
@@ -111,8 +111,8 @@ def _turns(imu: Imu, t: Array) -> Array:
     return np.vstack([np.zeros(3), sums[:-1]])
 
 
-def heading_of(courses: Courses, imu: Imu, t: float) -> Found | None:
-    """The Found heading at t, by the courses before and after; None where neither is sure."""
+def heading_of(courses: Courses, imu: Imu, t: float) -> HeadingFound | None:
+    """The HeadingFound heading at t, by the courses before and after; None where neither is sure."""
     after = int(np.searchsorted(courses.t, t))
     near = [
         k
@@ -131,7 +131,7 @@ def heading_of(courses: Courses, imu: Imu, t: float) -> Found | None:
     away = np.linalg.norm(_turns(imu, np.sort([courses.t[k], t]))[1])
     speed = np.hypot(*v)
     sd = np.linalg.norm([COURSE_SD, DRIFT / speed, courses.noise[k], away])
-    return Found(
+    return HeadingFound(
         float(np.arctan2(v[1], v[0])),
         float(min(sd, UNKNOWN_SD)),
         f"heading from the course at {speed:.1f} m/s",

@@ -30,7 +30,7 @@ from .initial_heading import (
     LEVEL_SD_MOVING,
     LEVEL_SD_REST,
     UNKNOWN_SD,
-    Found,
+    HeadingFound,
     MeanForce,
     StatesBiases,
     earth_rate_heading,
@@ -83,7 +83,11 @@ def align(
             f"cannot start at {at:g} s, in a gap of the IMU record; the nearest time with samples is "
             f"{nearest_felt(recording.imu, at)[1]:.3f} s"
         )
-    given = None if heading is None else Found(float(heading), float(heading_sd), "heading given")
+    given = (
+        None
+        if heading is None
+        else HeadingFound(float(heading), float(heading_sd), "heading given")
+    )
     if not position:
         return _attitude_start(recording, imu, given, recording.span[0] if at is None else at)
     fixes, velocity = position_and_velocity(recording)
@@ -102,7 +106,7 @@ def align(
 
 
 def starts_around(
-    recording: Recording, imu: StatesBiases, t: float, headings: Iterable[Found]
+    recording: Recording, imu: StatesBiases, t: float, headings: Iterable[HeadingFound]
 ) -> list[Start]:
     """Starts at t (s), one for each of these headings."""
     fixes, velocity = position_and_velocity(recording)
@@ -166,7 +170,7 @@ def _moment(
     return moment._replace(felt=_felt(recording, moment))
 
 
-def _start_heading(recording: Recording, moment: _Moment, heading: Found) -> Start:
+def _start_heading(recording: Recording, moment: _Moment, heading: HeadingFound) -> Start:
     """The Start at that moment and heading."""
     t, fixes, k = moment.t, moment.fixes, moment.nearest
     psi = heading.heading
@@ -236,7 +240,7 @@ def _start(
 
 
 def _attitude_start(
-    recording: Recording, imu: StatesBiases, given: Found | None, t: float
+    recording: Recording, imu: StatesBiases, given: HeadingFound | None, t: float
 ) -> Start:
     """A Start for a filter of attitude alone: level from rest or else the mean specific force;
     place and velocity as far as they are known."""
@@ -315,7 +319,7 @@ def _levels_in_motion(
     return found
 
 
-class Record(NamedTuple):
+class AlignmentRecord(NamedTuple):
     """Roll, pitch, heading (rad, NaN where it has none), standard deviations forward, right and
     down (rad), and the source's name."""
 
@@ -324,8 +328,8 @@ class Record(NamedTuple):
     name: str
 
 
-def _recorded(recording: Recording, t: float, bg: Array) -> Record | None:
-    """The Record of the attitude nearest to t, carried there by the gyros less their bias bg
+def _recorded(recording: Recording, t: float, bg: Array) -> AlignmentRecord | None:
+    """The AlignmentRecord of the attitude nearest to t, carried there by the gyros less their bias bg
     (rad/s); None without one within `RECORD_AGE`."""
     imu = recording.imu
     for a in recording.aidings:
@@ -339,7 +343,7 @@ def _recorded(recording: Recording, t: float, bg: Array) -> Record | None:
             between = slice(*np.searchsorted(imu.t, sorted((a.t[k], t)), side="right"))
             turns = imu.dtheta[between] - bg * imu.dt[between, None]
             rph = _turned(a.y[k], turns, t < a.t[k])
-            return Record(
+            return AlignmentRecord(
                 rph,
                 np.hypot(a.sd[k], GYRO_SCALE * np.linalg.norm(turns, axis=1).sum()),
                 a.name or a.kind,
@@ -358,8 +362,8 @@ def _turned(
     return roll, pitch, heading if np.isfinite(rph[2]) else np.nan
 
 
-def _level_recorded(record: Record, psi: float) -> tuple[float, float, Array, str]:
-    """Roll, pitch, their sd about north and east, and a note: from a Record, at the heading psi
+def _level_recorded(record: AlignmentRecord, psi: float) -> tuple[float, float, Array, str]:
+    """Roll, pitch, their sd about north and east, and a note: from a AlignmentRecord, at the heading psi
     (rad)."""
     c, s, (forward, right, _) = np.cos(psi), np.sin(psi), record.sd
     return (
@@ -445,22 +449,22 @@ def _heading(
     recording: Recording,
     imu: StatesBiases,
     t: float,
-    given: Found | None,
+    given: HeadingFound | None,
     bg: Array,
     place: Sequence[float] | Array | None,
-) -> Found:
-    """The Found heading at t without asking the course: given, recorded with the attitude,
+) -> HeadingFound:
+    """The HeadingFound heading at t without asking the course: given, recorded with the attitude,
     measured, else the surer one of field and Earth's rate."""
     if given is not None:
         return given
     record = _recorded(recording, t, bg)
     if record and record.sd[2] < UNKNOWN_SD and np.isfinite(record.rph[2]):
-        return Found(record.rph[2], float(record.sd[2]), f"heading from {record.name}")
+        return HeadingFound(record.rph[2], float(record.sd[2]), f"heading from {record.name}")
     compass = source(recording, "heading")
     if compass is not None:
         k = int(np.argmin(np.abs(compass.t - t)))
         away = np.linalg.norm(_rates(recording, t, bg)[0]) * (t - compass.t[k])
-        return Found(
+        return HeadingFound(
             float(compass.y[k, 0]), float(np.hypot(compass.sd[k, 0], away)), "heading measured"
         )
     field, b_a_sd = source(recording, "magnetic-field"), imu.bias_sd()[0]
@@ -473,29 +477,35 @@ def _heading(
     return min(
         (each for each in found if each),
         key=lambda each: each.sd,
-        default=Found(0.0, UNKNOWN_SD, ""),
+        default=HeadingFound(0.0, UNKNOWN_SD, ""),
     )
 
 
 def _or_course(
-    found: Found, recording: Recording, position: Aiding | None, velocity: Aiding | None, t: float
-) -> Found:
-    """The Found heading, else the course, else an unknown one; they say what kept the other from
+    found: HeadingFound,
+    recording: Recording,
+    position: Aiding | None,
+    velocity: Aiding | None,
+    t: float,
+) -> HeadingFound:
+    """The HeadingFound heading, else the course, else an unknown one; they say what kept the other from
     being found."""
     if found.known:
         return found
     why = found.note and f" ({found.note})"
     if _by_thrust(recording):
-        return Found(0.0, UNKNOWN_SD, f"heading unknown{why or ' (a multicopter has no course)'}")
+        return HeadingFound(
+            0.0, UNKNOWN_SD, f"heading unknown{why or ' (a multicopter has no course)'}"
+        )
     if position is not None:
         course = heading_of(courses(recording.imu, position, velocity), recording.imu, t)
         if course is not None:
             return course._replace(note=course.note + why)
         why = why or f" (no speed beyond {SURE:g} standard deviations there)"
-    return Found(0.0, UNKNOWN_SD, f"heading unknown{why}")
+    return HeadingFound(0.0, UNKNOWN_SD, f"heading unknown{why}")
 
 
-def _level(recording: Recording, moment: _Moment, heading: Found) -> Level:
+def _level(recording: Recording, moment: _Moment, heading: HeadingFound) -> Level:
     """Roll, pitch, their sd and a note: from the last rest, carried to t by the gyros; else from
     specific force less the acceleration."""
     v, psi, felt = moment.v, heading.heading, moment.felt

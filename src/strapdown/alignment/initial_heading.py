@@ -38,7 +38,7 @@ class StatesBiases(Protocol):
         """Standard deviations of the turn-on biases: accelerometer m/s^2, gyro rad/s."""
 
 
-class Found(NamedTuple):
+class HeadingFound(NamedTuple):
     """A heading (rad), its standard deviation (rad), and how it was found, or why not."""
 
     heading: float
@@ -54,8 +54,8 @@ class Found(NamedTuple):
 
 def magnetic_heading(
     recording: Recording, source: Aiding | None, t: float, bg: Array, level_sd: float
-) -> Found | None:
-    """The Found heading at t by the field of the Aiding `source`, levelled by the mean specific
+) -> HeadingFound | None:
+    """The HeadingFound heading at t by the field of the Aiding `source`, levelled by the mean specific
     force; None without a source.
 
     bg: gyro bias, rad/s; level_sd: rad, of that level. The deviation holds the noise, the level's
@@ -67,10 +67,10 @@ def magnetic_heading(
         return None
     force = mean_force(recording, t, bg)
     if force is None:
-        return Found(0.0, UNKNOWN_SD, "no IMU sample there")
+        return HeadingFound(0.0, UNKNOWN_SD, "no IMU sample there")
     near = np.flatnonzero((source.t >= force.begin) & (source.t <= force.end))
     if not len(near):
-        return Found(0.0, UNKNOWN_SD, "no sample of the magnetic field there")
+        return HeadingFound(0.0, UNKNOWN_SD, "no sample of the magnetic field there")
     m = np.einsum("nij,nj->i", force.turns(source.t[near]), source.y[near]) / len(near)
     seen, reference = (
         levelled(m, *level(force.f)),
@@ -78,7 +78,7 @@ def magnetic_heading(
     )
     horizontal, size = np.hypot(seen[0], seen[1]), np.linalg.norm(m)
     if not horizontal > PARALLEL * size:
-        return Found(
+        return HeadingFound(
             0.0, UNKNOWN_SD, "the magnetic field is vertical" if size else "the magnetic field is 0"
         )
     strange = (
@@ -97,9 +97,11 @@ def magnetic_heading(
     )
     words = f"dip {np.degrees(np.arctan2(seen[2], horizontal)):.0f} deg, {size * 1e6:.3g} uT"
     if sd > MAGNETIC_SD_LIMIT:
-        return Found(0.0, UNKNOWN_SD, f"the magnetic field ({words}) leaves it open")
+        return HeadingFound(0.0, UNKNOWN_SD, f"the magnetic field ({words}) leaves it open")
     heading = np.arctan2(-seen[1], seen[0]) + np.arctan2(reference[1], reference[0])
-    return Found(float(wrap(heading)), float(sd), f"heading from the magnetic field ({words})")
+    return HeadingFound(
+        float(wrap(heading)), float(sd), f"heading from the magnetic field ({words})"
+    )
 
 
 class MeanForce(NamedTuple):
@@ -179,8 +181,8 @@ def earth_rate_heading(
     t: float,
     place: Sequence[float] | Array | None,
     moves: Callable[[Array], Mask],
-) -> Found | None:
-    """The Found heading by the Earth's rate over the long rest that holds t; None where there is
+) -> HeadingFound | None:
+    """The HeadingFound heading by the Earth's rate over the long rest that holds t; None where there is
     none or its deviation exceeds `GYROCOMPASS_SD`.
 
     imu: ImuSpec; place: (latitude rad, longitude, height), or None where it is not known; moves:
@@ -210,4 +212,4 @@ def earth_rate_heading(
         f"heading from the Earth's rate over {still.stop - still.start:.0f} s of rest "
         f"(latitude {np.degrees(found.latitude):.2f} deg by its vertical part)"
     )
-    return Found(float(wrap(found.rph[2])), found.heading_sd, note, True)
+    return HeadingFound(float(wrap(found.rph[2])), found.heading_sd, note, True)

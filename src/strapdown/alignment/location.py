@@ -12,7 +12,7 @@ GIVEN_SD = 10.0
 """m: standard deviation of a place that was given; it is one for all of the recording."""
 
 
-class Place(NamedTuple):
+class KnownPlace(NamedTuple):
     """A position on the Earth."""
 
     lla: Array  # (3,) latitude, longitude (rad), ellipsoidal height (m)
@@ -22,11 +22,11 @@ class Place(NamedTuple):
 
 def place_of(
     meta: Mapping[str, Any], aidings: Iterable[Aiding], t: float = -np.inf
-) -> Place | None:
-    """The Place of a recording at t (s): `place` of its meta, else the nearest complete position
+) -> KnownPlace | None:
+    """The KnownPlace of a recording at t (s): `place` of its meta, else the nearest complete position
     fix (the first by default); None without either."""
     if meta.get("place") is not None:
-        return Place(np.array(meta["place"], float), np.full(3, GIVEN_SD), "place given")
+        return KnownPlace(np.array(meta["place"], float), np.full(3, GIVEN_SD), "place given")
     for aiding in aidings:
         whole: Ints = (
             np.flatnonzero(np.isfinite(aiding.y).all(axis=1) & known(aiding))
@@ -35,7 +35,7 @@ def place_of(
         )
         if len(whole):
             k = whole[np.argmin(np.abs(aiding.t[whole] - t))]
-            return Place(aiding.y[k], aiding.sd[k], "place of the nearest fix")
+            return KnownPlace(aiding.y[k], aiding.sd[k], "place of the nearest fix")
     return None
 
 

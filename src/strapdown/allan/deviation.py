@@ -15,7 +15,7 @@ from ..checks import DataError
 from ..core.loop.contract import Imu
 from ..typing import Array, Ints
 from ..units.conversion import SHEET, in_units
-from .fit import COEFFICIENTS, Fit, edf, fit
+from .fit import COEFFICIENTS, AllanFit, edf, fit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +70,7 @@ class Curve(NamedTuple):
     low: Array  # (k,) bounds that hold the true value with probability CONFIDENCE
     high: Array  # (k,)
     edf: Array  # (k,) equivalent degrees of freedom
-    fit: Fit
+    fit: AllanFit
 
 
 class Sensor(NamedTuple):

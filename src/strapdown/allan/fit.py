@@ -105,7 +105,7 @@ def edf(kinds: NDArray[np.str_], n: int, sizes: Ints) -> Array:
     )
 
 
-class Fit(NamedTuple):
+class AllanFit(NamedTuple):
     """Coefficients of one curve in SI by name; NaN where absent, then `limit` is the value above
     which it would have been seen."""
 
@@ -156,8 +156,8 @@ def fit(
     dt: float,
     axes: int = 1,
     gauss_markov: bool = False,
-) -> Fit:
-    """The Fit of Allan variances (k,) at cluster times `tau` (k,) s of n samples of `dt` s;
+) -> AllanFit:
+    """The AllanFit of Allan variances (k,) at cluster times `tau` (k,) s of n samples of `dt` s;
     `axes` independent records were averaged into it."""
     problem = _Problem(tau, variance, n, sizes, dt, axes)
     always = {name: COEFFICIENTS[name] for name in ALWAYS}
@@ -191,8 +191,8 @@ def markov_shape(time: float) -> Coefficient:
     )
 
 
-def _ordered(found: Fit) -> Fit:
-    """The Fit with its coefficients in the order of COEFFICIENTS."""
+def _ordered(found: AllanFit) -> AllanFit:
+    """The AllanFit with its coefficients in the order of COEFFICIENTS."""
 
     def sort(table: dict[str, float]) -> dict[str, float]:
         return {name: table[name] for name in COEFFICIENTS if name in table}
@@ -200,7 +200,7 @@ def _ordered(found: Fit) -> Fit:
     return found._replace(value=sort(found.value), sd=sort(found.sd), limit=sort(found.limit))
 
 
-def _with_time(problem: "_Problem", found: Fit, time: float) -> Fit:
+def _with_time(problem: "_Problem", found: AllanFit, time: float) -> AllanFit:
     """Add the time constant of the Gauss-Markov term, its standard error from the slope of the
     curve."""
     value, sd = np.nan, np.nan
@@ -296,8 +296,8 @@ class _Problem:
         total = np.column_stack([shape.basis(self.tau) for shape in terms]) @ squares
         return float(np.sum((self.variance / total - 1) ** 2 / self.cautious))
 
-    def solve(self, shapes: Shapes) -> Fit:
-        """The Fit of those `shapes` that are there: the weakest that could be chance is left
+    def solve(self, shapes: Shapes) -> AllanFit:
+        """The AllanFit of those `shapes` that are there: the weakest that could be chance is left
         out, until none could."""
         active = dict(shapes)
         while True:
@@ -322,8 +322,8 @@ class _Problem:
         row = _estimator(np.column_stack([shapes[name].basis(self.tau), *beside]), weights)[0]
         return float(np.sqrt(row @ covariance @ row))
 
-    def result(self, shapes: Shapes, active: Shapes, squares: dict[str, float]) -> Fit:
-        """The Fit with standard errors of what is there, and limits of what is not."""
+    def result(self, shapes: Shapes, active: Shapes, squares: dict[str, float]) -> AllanFit:
+        """The AllanFit with standard errors of what is there, and limits of what is not."""
         names = list(active)
         covariance, weights = self.model(list(active.values()), [squares[name] for name in names])
         estimator = _estimator(
@@ -336,7 +336,7 @@ class _Problem:
             sd[name] = float(error / (2 * value[name]))
         for name in set(shapes) - set(names):
             limit[name] = float(np.sqrt(THRESHOLD * self.chance(shapes, active, name)))
-        found = Fit(value, sd, limit, 0.0, shapes)
+        found = AllanFit(value, sd, limit, 0.0, shapes)
         sure = self.tau <= max(0.1 * self.tau[-1], self.tau[min(2, len(self.tau) - 1)])
         return found._replace(
             misfit=float(

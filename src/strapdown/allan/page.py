@@ -22,7 +22,7 @@ from ..typing import Array
 from ..units.conversion import SHEET, in_units
 from ..units.wording import capitalised, short
 from .deviation import AXIS_NAMES, Allan, Sensor, allan, first_gap
-from .fit import COEFFICIENTS, Fit
+from .fit import COEFFICIENTS, AllanFit
 from .suggested_grade import MISFIT, Suggestion, expected, suggest
 
 AXIS_LABELS = ("x (forward)", "y (right)", "z (down)")
@@ -235,7 +235,7 @@ def _misfit(sensor: Sensor) -> list[str]:
     ]
 
 
-def _shown(fit: Fit, name: str, si: str) -> str:
+def _shown(fit: AllanFit, name: str, si: str) -> str:
     if np.isfinite(fit.value[name]):
         return short(in_units(fit.value[name], si))
     return f"< {short(in_units(fit.limit[name], si))}" if np.isfinite(fit.limit[name]) else "-"

@@ -37,7 +37,7 @@ OUTLIER = 5.0
 STEPS, DONE = 200, 1e-13
 
 
-class Fit(NamedTuple):
+class EllipsoidFit(NamedTuple):
     """What was found: calibrated = matrix @ (y - bias)."""
 
     bias: Array  # (3,) unit of y
@@ -52,8 +52,8 @@ class Fit(NamedTuple):
     ] = ()  # names of parameters that were not determined and could not be held
 
 
-def ellipsoid(y: Array, strength: float, sd: float = 0.0) -> Fit:
-    """The Fit of y (n, 3) to one strength; rows with NaN are left out.
+def ellipsoid(y: Array, strength: float, sd: float = 0.0) -> EllipsoidFit:
+    """The EllipsoidFit of y (n, 3) to one strength; rows with NaN are left out.
 
     sd: standard deviation of the strength of a row, where it is known beforehand; the covariance
     assumes no less.
@@ -206,7 +206,7 @@ def inflation(r: Array, block: int = 50) -> float:
 
 def _fit(
     z: Array, used: Mask, p: Array, free: Mask, weakest: float, scale: float, sd: float
-) -> Fit:
+) -> EllipsoidFit:
     M, b = unpacked(p)
     r, J = _misfit(p, z[used])
     J = J[:, free]
@@ -222,7 +222,7 @@ def _fit(
     radial = m * (1 - 1 / np.maximum(np.linalg.norm(m, axis=1), 1e-9))[:, None] * scale
     held = tuple(name for name, is_free in zip(ELLIPSOID_PARAMETERS, free) if not is_free)
     missing = ELLIPSOID_PARAMETERS[6:] if weakest < WEAKEST else ()
-    return Fit(
+    return EllipsoidFit(
         b * scale,
         M,
         to_full @ covariance @ to_full.T,

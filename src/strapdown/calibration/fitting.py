@@ -17,7 +17,7 @@ from ..io.magnetic_record import sound
 from ..preprocessing.origin import Origin
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
-from .ellipsoid import Fit
+from .ellipsoid import EllipsoidFit
 from .findings import Result
 from .methods import (
     coverage,
@@ -160,7 +160,9 @@ def _reference(source: Aiding, columns: dict[str, Any]) -> tuple[float, float] |
     )
 
 
-def _form_notes(form: str, fit: Fit, gyro: Array | None, t: Array, size: float) -> list[str]:
+def _form_notes(
+    form: str, fit: EllipsoidFit, gyro: Array | None, t: Array, size: float
+) -> list[str]:
     if form == "turning" and gyro is not None:
         notes = [
             "form: turning, the field turned by the gyros; gyro bias "
@@ -187,7 +189,7 @@ class _Fitted(NamedTuple):
 
     sensor: str
     form: str
-    fit: Fit
+    fit: EllipsoidFit
     strength: float
     t: Array  # (n,) s
     measured: Array  # (n, 3)

@@ -22,7 +22,7 @@ from ..core.loop.contract import Imu
 from ..geometry.rotation_products import running_products
 from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..typing import Array, Ints, Mask
-from .ellipsoid import OUTLIER, STEPS, WEAKEST, Fit, inflation, spread, weakest_direction
+from .ellipsoid import OUTLIER, STEPS, WEAKEST, EllipsoidFit, inflation, spread, weakest_direction
 
 WINDOW_TIME = 30.0  # s: long against turns, short against the wander of a gyro of 0.1 deg/s
 EPOCH = 0.1  # s between the samples that are used, at least
@@ -131,7 +131,7 @@ def _attitude(t: Array, imu: Imu) -> tuple[Array, Array, Array]:
 
 def turning(
     t: Array, y: Array, imu: Imu, strength: float, dip: float | None = None
-) -> tuple[Fit, Array] | None:
+) -> tuple[EllipsoidFit, Array] | None:
     """(Fit, gyro bias (3,) rad/s) of a magnetometer y (n, 3) at times t against the gyros of `imu`,
     or None where there are too few samples.
 
@@ -335,7 +335,7 @@ def _marginal(H: Array, free: Mask) -> Array:
 
 def _fit(
     w: Windows, state: State, free: Mask, weight: Array, weakest: float, y: Array, strength: float
-) -> Fit:
+) -> EllipsoidFit:
     used, (H, _, r) = weight > 0, _normal(w, state, weight)
     variance = float(np.sum(r[used] ** 2)) / max(
         1, 3 * int(used.sum()) - int(free.sum()) - 3 - 2 * len(state.u)
@@ -353,7 +353,7 @@ def _fit(
     residuals[w.rows[used]], mask[w.rows[used]] = (r[used] @ M.T) * strength, True
     held = tuple(name for name, is_free in zip(TURNING_PARAMETERS, free) if not is_free)
     missing = TURNING_PARAMETERS[9:] if weakest < WEAKEST else ()
-    return Fit(
+    return EllipsoidFit(
         state.b * strength,
         M,
         to_full @ covariance @ to_full.T,

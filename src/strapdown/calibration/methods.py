@@ -11,7 +11,7 @@ from ..core.loop.contract import Imu
 from ..preprocessing.stationary import at_rest, stretches
 from ..typing import Array, Ints
 from ..units.wording import counted
-from .ellipsoid import Fit, ellipsoid
+from .ellipsoid import EllipsoidFit, ellipsoid
 from .gyro_aided import turning
 
 DETAIL = {"accelerometer": ("m/s^2", 1.0, "m/s^2"), "magnetometer": ("T", 1e6, "uT")}
@@ -31,7 +31,7 @@ field has 22 to 67 uT."""
 HALF_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
-class Rests(NamedTuple):
+class RestPeriods(NamedTuple):
     """Mean specific force of each rest."""
 
     t: Array  # (n,) s, the middle
@@ -39,8 +39,8 @@ class Rests(NamedTuple):
     sd: float  # m/s^2, of a mean, from the scatter of the blocks
 
 
-def rests(imu: Imu) -> Rests:
-    """The Rests of an Imu: where it stands still, block by block, split where it was turned."""
+def rests(imu: Imu) -> RestPeriods:
+    """The RestPeriods of an Imu: where it stands still, block by block, split where it was turned."""
     width = max(2, round(BLOCK_TIME / float(np.median(imu.dt))))
     found, scatter = [], []
     for first, last in stretches(at_rest(imu)):
@@ -58,7 +58,9 @@ def rests(imu: Imu) -> Rests:
                 found.append((t[group].mean(), *force[group].mean(axis=0)))
                 scatter.append(force[group].var(axis=0, ddof=1).mean() / len(group))
     table = np.array(found).reshape(-1, 4)
-    return Rests(table[:, 0], table[:, 1:], float(np.sqrt(np.mean(scatter))) if scatter else 0.0)
+    return RestPeriods(
+        table[:, 0], table[:, 1:], float(np.sqrt(np.mean(scatter))) if scatter else 0.0
+    )
 
 
 def _groups(force: Array) -> list[list[int]]:
@@ -91,8 +93,8 @@ def coverage(vectors: Array) -> tuple[float, Ints, tuple[str, ...]]:
     )
 
 
-def six_positions(found: Rests, gravity: float) -> Fit:
-    """The Fit of an accelerometer to gravity (m/s^2) in its Rests. Raises DataError with the
+def six_positions(found: RestPeriods, gravity: float) -> EllipsoidFit:
+    """The EllipsoidFit of an accelerometer to gravity (m/s^2) in its RestPeriods. Raises DataError with the
     directions that lack."""
     if len(found.t) < 3:
         raise DataError(
@@ -112,7 +114,7 @@ def six_positions(found: Rests, gravity: float) -> Fit:
 
 def hard_and_soft_iron(
     t: Array, y: Array, imu: Imu, strength: float | None, dip: float | None = None
-) -> tuple[Fit, str, Array | None]:
+) -> tuple[EllipsoidFit, str, Array | None]:
     """(Fit, form, gyro bias or None) of a magnetometer y (n, 3) T at t (n,) s; form is "ellipsoid"
     or "turning".
 
@@ -181,15 +183,15 @@ def typical(y: Array) -> float:
     return float((high - low).max() / 2)
 
 
-def uncertainty(fit: Fit, strength: float) -> float:
+def uncertainty(fit: EllipsoidFit, strength: float) -> float:
     """Standard deviation of the calibrated field, T, of a field of that strength, over all
     directions and axes."""
     variance = np.diag(fit.covariance)
     return float(np.sqrt((variance[:3].sum() + strength**2 * variance[3:].sum() / 3) / 3))
 
 
-def _own_scale(fit: Fit) -> Fit:
-    """The Fit whose matrix keeps volumes, and so the typical strength."""
+def _own_scale(fit: EllipsoidFit) -> EllipsoidFit:
+    """The EllipsoidFit whose matrix keeps volumes, and so the typical strength."""
     factor = np.linalg.det(fit.matrix) ** (-1 / 3)
     resize = np.r_[np.ones(3), np.full(9, factor)]
     return fit._replace(

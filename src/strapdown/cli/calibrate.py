@@ -38,7 +38,7 @@ SENSORS, INSTALLATION = "sensors", "installation"
 """Commands of the group: the first stands without its name, and where it is not the second."""
 
 
-class Group(TyperGroup):
+class CommandGroup(TyperGroup):
     """`calibrate RECORDING`, and `calibrate installation RECORDING`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -72,7 +72,7 @@ class Unnamed(Command):
 
 
 group = typer.Typer(
-    cls=Group,
+    cls=CommandGroup,
     name="calibrate",
     help="Calibrate accelerometer or magnetometer from a record, or the installation from a log.",
 )

@@ -19,8 +19,8 @@ from ..typing import Array
 from ..units import quantities
 from ..units.wording import counted
 from .rejections import runs
-from .rejections.contradictions import Run
-from .rejections.windows import Fixes
+from .rejections.contradictions import RejectedRun
+from .rejections.windows import WindowFixes
 from .rejections.words import rejected
 
 MOST_OF_A_KIND = 20
@@ -65,7 +65,7 @@ class Events:
         self.of_ahrs: tuple[str, ...] = ()  # what an AHRS beside the filter may say of itself
         self._counts: dict[tuple[float, float], list[LogRow]] = {}
         self.rejected: list[Rejected] = []  # as `look_at` found them
-        self._runs: list[Run] = []  # of fixes that are no longer kept
+        self._runs: list[RejectedRun] = []  # of fixes that are no longer kept
         self._known = np.full(len(aidings), -np.inf)  # s, until when, by source
         self._begin = np.full(len(aidings), np.inf)  # s, the first fix that was tested, by source
 
@@ -87,7 +87,7 @@ class Events:
         standard deviations (m, 3); those that begin before that time (s) are kept for good."""
         tested = fixes[np.isfinite(fixes["nis"])]
         np.minimum.at(self._begin, tested["source"].astype(int), tested["t"])
-        found = runs.find(Fixes(fixes, sd, self._known, self._begin), self._aidings)
+        found = runs.find(WindowFixes(fixes, sd, self._known, self._begin), self._aidings)
         self.rejected = rejected(runs.joined(self._runs, found), self._aidings)
         kept = [run for run in found if run.start < before]
         self._runs = runs.joined(self._runs, kept)

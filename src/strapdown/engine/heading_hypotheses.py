@@ -16,7 +16,7 @@ from .. import filters
 from ..alignment.course import MOVING
 from ..alignment.fixes import source
 from ..alignment.initial import align, starts_around
-from ..alignment.initial_heading import UNKNOWN_SD, Found
+from ..alignment.initial_heading import UNKNOWN_SD, HeadingFound
 from ..alignment.rest import rests
 from ..core.loop.contract import Noise, Start
 from ..data.recording import Recording
@@ -92,7 +92,7 @@ class _Trials(NamedTuple):
     def runs(self, headings: NDArray[np.floating[Any]]) -> list[Run]:
         """Runs from these headings (rad), held as known: from a doubtful one a linear filter draws
         knowledge that is not in its fixes."""
-        founds = [Found(float(wrap(heading)), FIXED_SD, "") for heading in headings]
+        founds = [HeadingFound(float(wrap(heading)), FIXED_SD, "") for heading in headings]
         every = len(self.recording.imu.t)
         closed_loop = filters.find("closed-loop")
         return [
@@ -124,7 +124,7 @@ class _Peak(NamedTuple):
     sd: float
 
 
-def _found(trials: _Trials, start: Start) -> Found:
+def _found(trials: _Trials, start: Start) -> HeadingFound:
     """The heading that the innovations decide for; else their mean over all headings, of which that
     of `start` is as likely before as all others together."""
     headings = SPACING * np.arange(HEADINGS)
@@ -142,12 +142,14 @@ def _found(trials: _Trials, start: Start) -> Found:
         peak = _refined(trials, mean, row) if spread < TOGETHER else None
         if peak and peak.sd < DECIDED:
             note = f"found by trying {HEADINGS} headings over {seconds:.0f} s"
-            return Found(peak.heading, peak.sd, f"heading {_degrees(peak.heading)} deg {note}")
+            return HeadingFound(
+                peak.heading, peak.sd, f"heading {_degrees(peak.heading)} deg {note}"
+            )
         if row == end:
             break
     tried = f"of {HEADINGS} headings tried over {min(seconds, trials.seconds):.0f} s"
     if not alive.any():
-        return Found(0.0, UNKNOWN_SD, f"heading unknown, {tried} none could be followed")
+        return HeadingFound(0.0, UNKNOWN_SD, f"heading unknown, {tried} none could be followed")
     from_start: Array = np.exp(-0.5 * (wrap(headings - start.rph[2]) / start.sd[8]) ** 2)
     mean, spread = _mean(headings, weights * (from_start / from_start.sum() + 1 / HEADINGS))
     sd = min(np.hypot(spread, SPACING / np.sqrt(12)), UNKNOWN_SD)
@@ -160,7 +162,7 @@ def _found(trials: _Trials, start: Start) -> Found:
             else "heading unknown, none stands out"
         )
     )
-    return Found(mean, sd, f"{words} {tried}")
+    return HeadingFound(mean, sd, f"{words} {tried}")
 
 
 def _mean(headings: NDArray[np.floating[Any]], weights: Array) -> tuple[float, float]:

@@ -45,7 +45,7 @@ OfImu: TypeAlias = Mapping[str, tuple[float, ...]]
 under "estimate"."""
 
 
-class Parameter(NamedTuple):
+class StateParameter(NamedTuple):
     """A component of a parameter that is a state."""
 
     of: Estimable
@@ -153,10 +153,10 @@ def _prior(what: Estimable, sd: Prior) -> tuple[float, ...]:
 
 def parameters(
     aidings: Sequence[Aiding], of_imu: Mapping[str, tuple[float, ...]]
-) -> list[Parameter]:
+) -> list[StateParameter]:
     """The parameters that are states, in their order. Sources of position and velocity with the
     same lever arm are one antenna: what both ask for is one state."""
-    found: list[Parameter] = []
+    found: list[StateParameter] = []
     for name, what in estimable.OF_SOURCE.items():
         done: set[int] = set()
         for i, a in enumerate(aidings):
@@ -180,8 +180,10 @@ def parameters(
 
 def _components(
     what: Estimable, sd: Sequence[float], sources: tuple[int, ...], owner: str
-) -> list[Parameter]:
-    return [Parameter(what, k, sources, value, owner) for k, value in enumerate(sd) if value > 0]
+) -> list[StateParameter]:
+    return [
+        StateParameter(what, k, sources, value, owner) for k, value in enumerate(sd) if value > 0
+    ]
 
 
 def _same_antenna(a: Aiding, b: Aiding) -> bool:
@@ -221,7 +223,7 @@ def told(recording: Recording, P: Array) -> SolutionMeta:
     }
 
 
-def _of_right_clock(aidings: Sequence[Aiding], parameter: Parameter) -> list[int]:
+def _of_right_clock(aidings: Sequence[Aiding], parameter: StateParameter) -> list[int]:
     """The sources of the antenna of a clock that is estimated whose own clock is none."""
     if parameter.of is not CLOCK:
         return []
@@ -242,7 +244,7 @@ def as_given(recording: Recording, of: Estimable, component: int, sources: Seque
     return 1.0 if of is SCALE else 0.0
 
 
-def check_estimates(filter: Filter, found: Sequence[Parameter]) -> None:
+def check_estimates(filter: Filter, found: Sequence[StateParameter]) -> None:
     """Refuse a filter that cannot estimate an installation. Raises DataError."""
     if found and not filter.installation:
         able = [name for name in filters.names() if filters.find(name).installation]
@@ -259,7 +261,7 @@ def delays(aidings: Sequence[Aiding], of_imu: OfImu) -> list[float]:
     return list(sources["delay"].tolist())
 
 
-def coupled(found: Sequence[Parameter], first: int) -> Any:
+def coupled(found: Sequence[StateParameter], first: int) -> Any:
     """The rows of `Cursor.coupled`: those of the states that are scales and misalignments of the
     IMU; the states begin with `first`."""
     listed = [
@@ -288,7 +290,9 @@ def errors_of_start(v: Array, C: Array, omega: Array, acceleration: Array) -> tu
     return np.r_[-v, -acceleration], -np.vstack([C, C @ cross_matrix(omega)])
 
 
-def correlate(P: Array, start: Start, found: Sequence[Parameter], kinds: Sequence[str]) -> None:
+def correlate(
+    P: Array, start: Start, found: Sequence[StateParameter], kinds: Sequence[str]
+) -> None:
     """Add to P at the start what the first fixes err by with the parameters `found`, whose states
     are the last; `kinds` of all sources."""
     if not start.motion:
@@ -314,7 +318,7 @@ def correlate(P: Array, start: Start, found: Sequence[Parameter], kinds: Sequenc
     P += together @ V.T
 
 
-def place(sources: Any, found: Sequence[Parameter], first: int) -> None:
+def place(sources: Any, found: Sequence[StateParameter], first: int) -> None:
     """Write into the sources, a table of SourceRow, where their states are, which begin with the
     state `first`."""
     for k, parameter in enumerate(found):

@@ -61,7 +61,7 @@ class Keeper(NamedTuple):
     numbers: int  # that it writes of a row
 
 
-class SideBySide:
+class RunBatch:
     """Runs of one filter in lanes. `left` says until when each of them is right."""
 
     def __init__(

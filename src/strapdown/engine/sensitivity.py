@@ -206,7 +206,7 @@ class _Forces:
         )
 
 
-class Fit(NamedTuple):
+class SensitivityFit(NamedTuple):
     """How well a Run fits its fixes."""
 
     cost: float  # mean of their NIS, `LARGEST_NIS` at most each; that of a run that broke off
@@ -220,16 +220,16 @@ class Fit(NamedTuple):
         return self.cost / self.expected
 
 
-def fit(run: Run) -> Fit:
+def fit(run: Run) -> SensitivityFit:
     """The Fit of a Run that has ended or broken off."""
     fix = run.out.fix[: run.cursor.state[0].fix]
     fix = fix[np.isfinite(fix["nis"])]
     if not len(fix):
-        return Fit(0.0, 0, 1.0)
+        return SensitivityFit(0.0, 0, 1.0)
     rows = np.isfinite(fix["innovation"]).sum(axis=1)
     whole = not run.cursor.state[0].fault
     cost = np.minimum(fix["nis"], LARGEST_NIS).mean() if whole else LARGEST_NIS
-    return Fit(float(cost), len(fix), float(rows.mean()))
+    return SensitivityFit(float(cost), len(fix), float(rows.mean()))
 
 
 def acceleration_at(run: Run, t: float) -> Array:

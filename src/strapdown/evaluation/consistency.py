@@ -26,7 +26,7 @@ SAME_TIME = 1e-6
 """s: durations are compared with this much room for rounding."""
 
 
-class Limits(NamedTuple):
+class LossLimits(NamedTuple):
     """When a run is given up: lost beyond `distance`, or NEES beyond the chi-square bound of
     `alarm` at every epoch for more than `seconds`."""
 
@@ -35,7 +35,7 @@ class Limits(NamedTuple):
     seconds: float = 10.0  # s
 
 
-DEFAULT_LIMITS = Limits()
+DEFAULT_LIMITS = LossLimits()
 
 
 class Interval(NamedTuple):
@@ -129,7 +129,7 @@ def bound(dof: int, alarm: float) -> float:
 
 
 def survival(
-    distance: ArrayLike, nees: ArrayLike, t: ArrayLike, limits: Limits = DEFAULT_LIMITS
+    distance: ArrayLike, nees: ArrayLike, t: ArrayLike, limits: LossLimits = DEFAULT_LIMITS
 ) -> tuple[int, int]:
     """(rows, reason) of one run: how many of its scored epochs come before it is given up, and the
     code of the reason (REASONS).

@@ -21,7 +21,7 @@ from ..plugins import PluginWarning
 from ..typing import File
 from .checksum import append_checksum
 from .file_access import settings_text, toml_of
-from .locks import Part, part_of, second_name
+from .locks import LockPart, part_of, second_name
 from .spreadsheet import inert_table
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class _Ready(NamedTuple):
 
     path: File  # as the caller named it
     target: Path
-    part: Part
+    part: LockPart
 
 
 class _Set(NamedTuple):

@@ -18,7 +18,7 @@ from ..checks import DataError, check_flag, check_number
 from ..typing import File
 
 
-class Limits(NamedTuple):
+class ReadingLimits(NamedTuple):
     """Limits of a file. A week at 200 Hz as CSV has 15 GB."""
 
     # bytes of a file's content, once unpacked; of text of what it takes in memory, if that is more
@@ -41,8 +41,8 @@ FREE = 100e6
 """Bytes that any packed file may unpack to."""
 PIECE = 1 << 20
 """Bytes that are copied at a time."""
-DEFAULT = Limits()
-_IN_FORCE: ContextVar[Limits] = ContextVar("limits", default=DEFAULT)
+DEFAULT = ReadingLimits()
+_IN_FORCE: ContextVar[ReadingLimits] = ContextVar("limits", default=DEFAULT)
 _COPIES: ContextVar["_Copies | None"] = ContextVar("copies", default=None)
 
 
@@ -82,14 +82,16 @@ class _Copies:
 
 
 @contextmanager
-def reading_limits(**changes: float | bool) -> Iterator[Limits]:
-    """Other limits for the files that the block reads: fields of `Limits`. Raises DataError.
+def reading_limits(**changes: float | bool) -> Iterator[ReadingLimits]:
+    """Other limits for the files that the block reads: fields of `ReadingLimits`. Raises DataError.
 
     A pipe that the block reads is copied once, to a temporary file that goes when the block ends.
     """
     for name, value in changes.items():
-        if name not in Limits._fields:
-            raise DataError(f"limit {name!r} is unknown; there are {', '.join(Limits._fields)}")
+        if name not in ReadingLimits._fields:
+            raise DataError(
+                f"limit {name!r} is unknown; there are {', '.join(ReadingLimits._fields)}"
+            )
         if name in ("pipes", "outside"):
             check_flag(value, f"limit {name!r}")
         else:
@@ -106,7 +108,7 @@ def reading_limits(**changes: float | bool) -> Iterator[Limits]:
         _IN_FORCE.reset(token)
 
 
-def in_force() -> Limits:
+def in_force() -> ReadingLimits:
     """The limits that hold now."""
     return _IN_FORCE.get()
 

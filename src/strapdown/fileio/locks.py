@@ -31,7 +31,7 @@ else:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-class Part(NamedTuple):
+class LockPart(NamedTuple):
     """A temporary file, and what holds its lock."""
 
     path: Path
@@ -45,7 +45,7 @@ class Part(NamedTuple):
 
 
 @contextmanager
-def part_of(target: Path) -> Iterator[Part]:
+def part_of(target: Path) -> Iterator[LockPart]:
     """A new, empty Part beside `target`, removed at the end unless it was renamed. What dead
     processes left in the folder is swept. Raises OSError."""
     sweep(target.parent)
@@ -97,7 +97,7 @@ def _name_beside(target: Path) -> Path:
     return target.with_name(f".{target.name[:40]}.{secrets.token_hex(6)}{PART}")
 
 
-def _new(target: Path) -> Part | None:
+def _new(target: Path) -> LockPart | None:
     """An empty Part with the permissions of any new file; None where a sweep was quicker than
     its lock."""
     path = _name_beside(target)
@@ -108,10 +108,10 @@ def _new(target: Path) -> Part | None:
     except BlockingIOError:
         pass
     except OSError:  # a file system without locks, where nothing is swept either
-        return Part(path, file)
+        return LockPart(path, file)
     else:
         if path.exists():
-            return Part(path, file)
+            return LockPart(path, file)
     file.close()
     return None
 

@@ -13,7 +13,7 @@ from ..filters import find as find_filter, names as find_names
 from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.gnss import Gnss
 from ..sensor_models.sampling import check_rate
-from ..sensor_models.streams import Stream
+from ..sensor_models.streams import RandomStream
 from ..typing import Array
 from .aircraft.parameters import Aircraft
 from .aircraft.wind import TURBULENCE_LEVELS
@@ -24,7 +24,7 @@ MOST_FLIGHT_SAMPLES = 2_000_000
 """Of the IMU, in one flight."""
 
 
-def handed(filter: Filter, stream: Stream, world: World, rate: float) -> dict[str, Any]:
+def handed(filter: Filter, stream: RandomStream, world: World, rate: float) -> dict[str, Any]:
     """Those of a flight's own that the filter's start has options for, unless they are bound to
     it already (functools.partial); the seed is a number of the stream."""
     own = {

@@ -149,7 +149,7 @@ class Calls(NamedTuple):
     run: int
 
 
-class Vehicle(NamedTuple):
+class FlightVehicle(NamedTuple):
     """The aircraft in its air."""
 
     parameters: Table[Parameters]  # of the aircraft, one row
@@ -165,7 +165,7 @@ class Vehicle(NamedTuple):
     work: Array  # see WORK
 
 
-class Errors(NamedTuple):
+class FlightErrors(NamedTuple):
     """What the sensors add."""
 
     dtheta: Array  # (n, 3) rad, of each step of the aircraft
@@ -192,7 +192,7 @@ class Journal(NamedTuple):
 
 CALLS = record(Calls, step=WHOLE, evaluate=WHOLE, gust=WHOLE, run=WHOLE)
 VEHICLE = record(
-    Vehicle,
+    FlightVehicle,
     parameters=rows_of(Parameters, 1),
     state=reals(STATE_SIZE),
     commands=reals(4),
@@ -206,7 +206,7 @@ VEHICLE = record(
     work=reals("vehicle_work"),
 )
 ERRORS = record(
-    Errors,
+    FlightErrors,
     dtheta=reals("steps", 3),
     dv=reals("steps", 3),
     numbers=reals("imu_errors"),
@@ -258,9 +258,9 @@ def fly(
     model_noise: Noise,
     cursor: Cursor,
     out: Output,
-    vehicle: Vehicle,
+    vehicle: FlightVehicle,
     steering: Steering,
-    errors: Errors,
+    errors: FlightErrors,
     journal: Journal,
 ) -> None:
     """Fly the samples from `row` up to `last` of the progress; stops early, with its cause, where
@@ -300,7 +300,7 @@ def fly(
 
 @helper
 def _begin_sample(
-    vehicle: Vehicle, belief: Belief, dtheta: Array, dv: Array, imagined: bool
+    vehicle: FlightVehicle, belief: Belief, dtheta: Array, dv: Array, imagined: bool
 ) -> None:
     """Nothing is measured of a sample before its first step; the model, where it predicts, begins
     at the belief."""
@@ -313,7 +313,7 @@ def _begin_sample(
 
 
 @helper
-def _blow(gust: int, vehicle: Vehicle, moment: int, h: float) -> None:
+def _blow(gust: int, vehicle: FlightVehicle, moment: int, h: float) -> None:
     """Go on with the gusts, if any blow, in the aircraft's step of that number."""
     if vehicle.turbulence[0].sd_u > 0:
         gust_at(gust)(
@@ -335,7 +335,7 @@ def _add(measured: Array, dtheta: Array, dv: Array) -> None:
 
 
 @helper
-def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
+def _imagine(step: int, vehicle: FlightVehicle, belief: Belief, h: float) -> None:
     """What the IMU would measure aboard the model in a step, biases included."""
     imaginary, measured = vehicle.work[MODEL_INCREMENTS], vehicle.work[STEP_INCREMENTS]
     step_at(step)(
@@ -352,7 +352,9 @@ def _imagine(step: int, vehicle: Vehicle, belief: Belief, h: float) -> None:
 
 
 @helper
-def _steer(steering: Steering, vehicle: Vehicle, belief: Belief, by_truth: int, h: float) -> None:
+def _steer(
+    steering: Steering, vehicle: FlightVehicle, belief: Belief, by_truth: int, h: float
+) -> None:
     """Commands for the next step, from the truth or the estimate."""
     state, commands = vehicle.state, vehicle.commands
     if by_truth == 1:
@@ -363,7 +365,7 @@ def _steer(steering: Steering, vehicle: Vehicle, belief: Belief, by_truth: int, 
 
 
 @inlined
-def _move(calls: Calls, vehicle: Vehicle, dt: float, C: Array) -> None:
+def _move(calls: Calls, vehicle: FlightVehicle, dt: float, C: Array) -> None:
     """Move the aircraft by a step; leaves its increments, mean rates of change and loads in `work`,
     what its controls were among their sums, its attitude in C."""
     state, work, slopes, sums = (
@@ -419,7 +421,7 @@ def _learn(model: Array, state: Array, belief: Belief) -> None:
 
 
 @helper
-def _measure(work: Array, errors: Errors, moment: int, dt: float) -> None:
+def _measure(work: Array, errors: FlightErrors, moment: int, dt: float) -> None:
     """The increments of the aircraft's step of that number as the IMU measures them: distortion,
     bias and noise, counting, full scale."""
     true, measured, numbers = work[INCREMENTS], work[STEP_INCREMENTS], errors.numbers
@@ -475,7 +477,13 @@ def _tell(workspace: Array, at: Progress, cut: int, work: Array, wind: Array, dt
 
 @helper
 def _fill(
-    errors: Errors, fixes: Fixes, at: Progress, state: Array, C: Array, t: float, slopes: Array
+    errors: FlightErrors,
+    fixes: Fixes,
+    at: Progress,
+    state: Array,
+    C: Array,
+    t: float,
+    slopes: Array,
 ) -> None:
     """Measure what is due by t: position and velocity of antennas, pressure, with errors, back
     from t at the sample's mean accelerations."""
@@ -530,7 +538,7 @@ def _pressure(height: float) -> float:
 
 @helper
 def _write(
-    journal: Journal, row: int, vehicle: Vehicle, steering: Steering, C: Array, cut: int
+    journal: Journal, row: int, vehicle: FlightVehicle, steering: Steering, C: Array, cut: int
 ) -> None:
     """The truth and the log after a sample."""
     state, log, loads = vehicle.state, journal.log[row], vehicle.loads[0]
@@ -565,7 +573,7 @@ def _write_asked(log: LogRow, steering: Steering, lla: Array) -> None:
 
 
 @inlined
-def _cause(vehicle: Vehicle, C: Array, at: Progress, dt: float) -> int:
+def _cause(vehicle: FlightVehicle, C: Array, at: Progress, dt: float) -> int:
     """Why the flight cannot go on, or FLYING."""
     state, limits, alpha, total = vehicle.state, vehicle.limits, vehicle.loads[0].alpha, 0.0
     for i in range(CONTROLS.start):

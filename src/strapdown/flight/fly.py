@@ -25,7 +25,7 @@ from ..progress import listener, with_bar
 from ..sensor_models.gnss import Gnss, without_fixes
 from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.receiver import receiver
-from ..sensor_models.streams import Stream
+from ..sensor_models.streams import RandomStream
 from ..sim.scenario_model import start_deviations
 from ..sim.synthesis import draw_start
 from ..typing import Array, File, Progress
@@ -195,7 +195,7 @@ def fly(
     steps = steps_of(sensors.rate, loop.filter_rate)
     seconds = plan.duration or known.seconds if duration is None else duration
     t, dt, flown, each = times(seconds, sensors.rate / steps, steps)
-    stream = Stream.of(seed)
+    stream = RandomStream.of(seed)
     options |= handed(filter, stream.named("filter"), world, sensors.rate / steps)
     windows = checked_windows(sensors.outage, loop.prediction, float(t[-1]))
     cut = gnss._replace(outages=(*gnss.outages, *windows))
@@ -271,7 +271,7 @@ class _Underway(NamedTuple):
     spec: ImuSpec
     errors: ImuErrors
     made: FixErrors
-    vehicle: kernels.Vehicle
+    vehicle: kernels.FlightVehicle
     journal: kernels.Journal
 
 
@@ -313,7 +313,9 @@ def _known(case: _Case) -> _Known:
     )
 
 
-def _fixes(gnss: Gnss, sensors: Sensors, flown: Array, height: float, stream: Stream) -> FixErrors:
+def _fixes(
+    gnss: Gnss, sensors: Sensors, flown: Array, height: float, stream: RandomStream
+) -> FixErrors:
     """The FixErrors of a receiver, and of a barometer about a height (m) where there is one."""
     made = fix_errors(gnss, flown, stream.named("gnss"), sensors.gate)
     if sensors.barometer is None:
@@ -368,7 +370,7 @@ def _journal(
     return journal
 
 
-def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: Stream) -> Start:
+def _started(asked: Loop, spec: ImuSpec, truth: Trajectory, of_start: RandomStream) -> Start:
     """The filter's Start: as given, or drawn around the truth."""
     if asked.start is not None:
         if isinstance(asked.start, Start) and asked.start.t != 0:
@@ -382,8 +384,8 @@ def _vehicle(
     plan: FlightPlan,
     world: World,
     steps: int,
-    of_air: Stream,
-) -> kernels.Vehicle:
+    of_air: RandomStream,
+) -> kernels.FlightVehicle:
     craft, work, loads = known.trim.aircraft, kernels.WORK.zeros(), rows(Loads, 1)
     work[kernels.TOLD][:3] = world.told
     loads[0].airspeed = known.trim.airspeed
@@ -391,7 +393,7 @@ def _vehicle(
     turbulence[0] = blowing = gusts(world.turbulence, plan.clearance, craft["span"])
     parameters[0] = known.parameters
     state = known.trim.state.copy()
-    return kernels.Vehicle(
+    return kernels.FlightVehicle(
         parameters,
         state,
         known.trim.commands.copy(),
@@ -419,7 +421,7 @@ def _run(underway: _Underway, model_noise: Noise, progress: Progress) -> None:
             f"inputs {first} to {first + TOLD_SIZE - 1} do not fit into the {room} numbers of workspace of "
             f"{run.filter.name}"
         )
-    errors = kernels.Errors(
+    errors = kernels.FlightErrors(
         underway.errors.dtheta,
         underway.errors.dv,
         underway.errors.numbers,

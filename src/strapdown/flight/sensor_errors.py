@@ -19,7 +19,7 @@ from ..sensor_models.barometer import KIND_OF_QUANTITY, Barometer
 from ..sensor_models.errors import Triad
 from ..sensor_models.gnss import Gnss, PositionPlan
 from ..sensor_models.imu import ImuSpec
-from ..sensor_models.streams import Stream
+from ..sensor_models.streams import RandomStream
 from ..typing import Array, Ints
 from .flight_loop import COUNTER, DISTORTION, FULL_SCALE, IMU_ERRORS, STEP_SIZE
 
@@ -39,7 +39,7 @@ class ImuErrors(NamedTuple):
     b_g: Array  # (n, 3) rad/s
 
 
-def imu_errors(spec: ImuSpec, t: Array, dt: Array, stream: Stream) -> ImuErrors:
+def imu_errors(spec: ImuSpec, t: Array, dt: Array, stream: RandomStream) -> ImuErrors:
     """The ImuErrors of `spec` (ImuSpec) at samples t, dt (n,): those that `spec.corrupt` makes of the
     same stream."""
     zeros = np.zeros((len(t), 3))
@@ -73,7 +73,7 @@ class FixErrors(NamedTuple):
         )
 
 
-def fix_errors(gnss: Gnss, t: Array, stream: Stream, gate: float | None = None) -> FixErrors:
+def fix_errors(gnss: Gnss, t: Array, stream: RandomStream, gate: float | None = None) -> FixErrors:
     """The FixErrors of a receiver (Gnss) over samples at t (n,), with its outages. Raises
     DataError."""
     t = np.r_[0.0, t]
@@ -95,7 +95,9 @@ def fix_errors(gnss: Gnss, t: Array, stream: Stream, gate: float | None = None) 
     return FixErrors(aidings, tuple(errors), (gnss.latency,) * len(errors))
 
 
-def barometer_errors(barometer: Barometer, t: Array, height: float, stream: Stream) -> FixErrors:
+def barometer_errors(
+    barometer: Barometer, t: Array, height: float, stream: RandomStream
+) -> FixErrors:
     """The FixErrors of a Barometer over samples at t (n,); the noise it states in m is that at
     `height` (m). Raises DataError."""
     t = np.r_[0.0, t]

@@ -7,9 +7,9 @@ from ..data.recording import Recording
 from ..data.verdict import GRAVE
 from . import clock, fix_noise, heights, plane, position_velocity, repeats, turns
 from .finding import Checked, label
-from .motion import Subject
+from .motion import InspectedRecording
 
-CHECKS: tuple[Callable[[Subject], Checked], ...] = (
+CHECKS: tuple[Callable[[InspectedRecording], Checked], ...] = (
     turns.check,
     plane.check,
     fix_noise.check,
@@ -24,7 +24,7 @@ SPOILT = ("frame", "unit", "unknown")
 
 def check(recording: Recording) -> Checked:
     """What all checks say of a Recording, the weightiest reason first."""
-    found = position_velocity.check(Subject(recording))
+    found = position_velocity.check(InspectedRecording(recording))
     useless = {
         reason.source
         for reason in found.reasons
@@ -32,7 +32,7 @@ def check(recording: Recording) -> Checked:
     }
     left = tuple(a for a in recording.aidings if a.kind != "velocity" or label(a) not in useless)
     apart = any(reason.cause == "clock" for reason in found.reasons)
-    subject = Subject(replace(recording, aidings=left), apart)
+    subject = InspectedRecording(replace(recording, aidings=left), apart)
     for name in sorted(useless):
         found.inconclusive.append(f"{name} against the IMU: correct it first")
     for each in CHECKS:

@@ -18,7 +18,7 @@ from ..data.verdict import Reason
 from ..typing import Array, Ints
 from ..units.constants import STANDARD_GRAVITY
 from .finding import MIN_FIXES, Checked, label
-from .motion import Felt, Moved, Subject, course_rate, moved
+from .motion import Felt, InspectedRecording, Moved, course_rate, moved
 
 REACH, COARSE, FINE = 60.0, 0.1, 0.02
 """Lags that are looked at, and their steps in the first and the second search, s."""
@@ -87,7 +87,7 @@ class Series(NamedTuple):
         return np.asarray(found)
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """The clock of each source of velocity and position against the IMU's."""
     found, lags = Checked.nothing(), []
     sources = subject.sources("position", "velocity")
@@ -106,7 +106,7 @@ def check(subject: Subject) -> Checked:
     return found
 
 
-def coarse_lag(subject: Subject, source: Aiding) -> Lag | None:
+def coarse_lag(subject: InspectedRecording, source: Aiding) -> Lag | None:
     """The Lag of one source of velocities or positions, within REACH; None where there are too few
     fixes."""
     fixes = moved(source)

@@ -15,7 +15,7 @@ from ..geometry.geodesy import displacement
 from ..typing import Array
 from ..units.constants import MEDIAN_OF_NORMAL
 from .finding import Checked, label
-from .motion import Subject
+from .motion import InspectedRecording
 from .position_velocity import pairs
 
 QUICK, SLOW = 0.25, 1.5
@@ -26,7 +26,7 @@ TOO_LARGE = 2.0
 """Times that the noise may exceed what is claimed."""
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """Reasons against standard deviations that are smaller than the noise of their fixes."""
     sources = subject.sources("position", "velocity")
     noise = {id(a): _of_third_differences(a) for a in sources}

@@ -10,7 +10,7 @@ from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY
 from .clock import left_over
 from .finding import MIN_FIXES
-from .motion import Felt, Moved, Subject, felt, moved
+from .motion import Felt, InspectedRecording, Moved, felt, moved
 
 STRETCH = 3.0
 """Seconds over which axes are held: short, because biases turn them."""
@@ -25,7 +25,7 @@ EVIDENCE = 10.0
 and drives it was up to 5 for the wrong unit, with the biases of a consumer IMU."""
 
 
-def likelier(subject: Subject, gyro: Array | float) -> float:
+def likelier(subject: InspectedRecording, gyro: Array | float) -> float:
     """The logarithm of the likelihood of increments of the gyro multiplied by `gyro` (a number, or one
     for each axis) over that of those as read, by the source and window that tell most; 0 where none
     tells."""

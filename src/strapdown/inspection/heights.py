@@ -11,7 +11,7 @@ from ..data.solution import Aiding
 from ..data.verdict import Reason
 from ..typing import Array
 from .finding import Checked, label
-from .motion import Subject
+from .motion import InspectedRecording
 
 KINDS = {"position": 2, "altitude": 0}
 """Kinds that tell a height above the ellipsoid, and which component it is. Pressures are none: their
@@ -25,7 +25,7 @@ SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
 """Part of the name of a column of heights above mean sea level."""
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """Each pair of sources that tell a height above the ellipsoid, and the name of its column."""
     found = Checked.nothing()
     for column, name in subject.recording.meta.get("height_columns", {}).items():

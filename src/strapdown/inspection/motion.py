@@ -30,7 +30,7 @@ PAUSE_INTERVALS = 3
 
 
 @dataclass(frozen=True)
-class Subject:
+class InspectedRecording:
     """A recording under check, with what several checks need of it."""
 
     recording: Recording

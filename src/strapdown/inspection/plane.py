@@ -20,7 +20,7 @@ from ..geometry.geodesy import wrap
 from ..preprocessing.axes import BODY_AXES, axes_matrix, named_permutation
 from ..typing import Array
 from .finding import MIN_FIXES, Checked, label
-from .motion import Felt, Moved, Subject, moved
+from .motion import Felt, InspectedRecording, Moved, moved
 
 HALF, LEVELLED = 0.5, 10.0
 """Half the window of an acceleration, and of the mean that is level, s."""
@@ -39,7 +39,7 @@ TURNS = {90: "-y +x +z", 180: "-x -y +z", -90: "+y -x +z", -180: "-x -y +z"}
 """Axes of what is turned by so many deg, in terms of the right ones, forward-right-down."""
 
 
-class Fit(NamedTuple):
+class PlaneFit(NamedTuple):
     """Forces against accelerations."""
 
     angle: float  # rad, by which the accelerations must be turned (clockwise) to be the forces
@@ -55,13 +55,13 @@ class Fit(NamedTuple):
         """The correlation that it would have without that noise (Spearman's attenuation)."""
         return self.correlation / float(np.sqrt(1 - min(self.noise, NOISIEST)))
 
-    def likelier(self, other: "Fit") -> float:
+    def likelier(self, other: "PlaneFit") -> float:
         """Logarithm of the likelihood over that of another."""
         ratio = (1 - other.correlation**2) / max(1 - self.correlation**2, 1e-6)
         return float(self.independent / 2 * np.log(ratio))
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """The mounting in the plane, by the first of the velocities and positions that shows it."""
     meta, unclear = subject.recording.meta, Checked.nothing()
     ahead = find_vehicle(meta.get("vehicle")).points_ahead
@@ -85,7 +85,7 @@ def confirm(axes: str) -> str:
     )
 
 
-def _by_source(subject: Subject, source: Aiding) -> Checked:
+def _by_source(subject: InspectedRecording, source: Aiding) -> Checked:
     """The mounting in the plane, by one source of fixes."""
     fixes = moved(source)
     fit = in_plane(fixes, subject.felt) if fixes is not None else None
@@ -111,8 +111,8 @@ def _by_source(subject: Subject, source: Aiding) -> Checked:
     return Checked([], [_reason(fit, label(source), weight, subject.recording.meta)], [])
 
 
-def in_plane(fixes: Moved, motion: Felt) -> Fit | None:
-    """The Fit of what the IMU felt to a source of velocity; None where there are too few fixes."""
+def in_plane(fixes: Moved, motion: Felt) -> PlaneFit | None:
+    """The PlaneFit of what the IMU felt to a source of velocity; None where there are too few fixes."""
     half = max(HALF, fixes.interval, fixes.span / 2)
     noise = 2 * fixes.acceleration_noise(half)
     fits = [
@@ -163,8 +163,8 @@ def _unit(v: Array) -> Array:
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9))
 
 
-def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> Fit | None:
-    """The Fit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its sd by leaving out one tenth of the record after the
+def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> PlaneFit | None:
+    """The PlaneFit of complex (n,) forces to accelerations with so much noise (m^2/s^4); its sd by leaving out one tenth of the record after the
     other (jackknife)."""
     use = np.isfinite(forces) & np.isfinite(accelerations)
     if use.sum() < MIN_FIXES:
@@ -179,7 +179,7 @@ def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> 
     total = parts.sum()
     off = wrap(np.angle(total - parts) - np.angle(total))
     sd = float(np.sqrt((BLOCKS - 1) * np.mean(off**2)))
-    return Fit(
+    return PlaneFit(
         float(np.angle(total)),
         sd,
         float(abs(total) / size),
@@ -188,7 +188,7 @@ def _fit(forces: Array, accelerations: Array, interval: float, noise: float) -> 
     )
 
 
-def _reason(fit: Fit, source: str, weight: float, meta: Mapping[str, Any]) -> Reason:
+def _reason(fit: PlaneFit, source: str, weight: float, meta: Mapping[str, Any]) -> Reason:
     """The Reason of an IMU that is turned; in a mounting of its description, the `meta` of the
     recording, it turns after `axes` act."""
     turn = float(wrap(-fit.angle))
@@ -218,7 +218,7 @@ def _turned_axes(degrees: int, guess: str | None) -> str:
     return f'replace the guess "{guess}" by this line in [imu] of recording.toml: axes = "{name}"'
 
 
-def _left_handed(mirrored: Fit, fit: Fit, source: Aiding) -> Reason:
+def _left_handed(mirrored: PlaneFit, fit: PlaneFit, source: Aiding) -> Reason:
     """The Reason of axes that are mirrored."""
     quarter = round(mirrored.angle / (np.pi / 2)) % 4
     what = (

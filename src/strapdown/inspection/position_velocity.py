@@ -18,7 +18,7 @@ from ..data.verdict import Reason
 from ..geometry.geodesy import displacement
 from ..typing import Array, Ints, Mask
 from .finding import MIN_FIXES, Checked, clustered, label
-from .motion import Subject
+from .motion import InspectedRecording
 
 WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
@@ -165,7 +165,7 @@ class Pair(NamedTuple):
         return count
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """Each velocity against the positions of its receiver."""
     found = Checked.nothing()
     for position, velocity in pairs(subject.recording.aidings):

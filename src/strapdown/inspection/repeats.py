@@ -14,7 +14,7 @@ from ..data.verdict import Reason
 from ..preprocessing.stationary import at_rest
 from ..typing import Array, Mask
 from .finding import Checked, label
-from .motion import Subject
+from .motion import InspectedRecording
 
 AROUND = 5
 """A fix moves where it and so many before and after it take two values or more."""
@@ -31,7 +31,7 @@ STUCK_TIME, STUCK_FIXES, JUMP = 5.0, 10, 5.0
 usual ones."""
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """All recorded sources, and the IMU."""
     found = Checked.nothing()
     found.reasons.extend(repeated(subject.recording))

@@ -14,7 +14,7 @@ from ..typing import Array
 from .clock import correlations
 from .finding import MIN_FIXES, Checked, label
 from .gyro_fit import EVIDENCE, likelier
-from .motion import Subject, course_rate, moved
+from .motion import InspectedRecording, course_rate, moved
 
 HALF, REACH, STEP = 1.0, 3.0, 0.1
 """Half the window of a turn, and lags between the clocks that are looked at, s."""
@@ -38,7 +38,7 @@ FACTORS = {
 }
 
 
-def check(subject: Subject) -> Checked:
+def check(subject: InspectedRecording) -> Checked:
     """The gyro against the course of the first velocity, or else position; where that tells nothing,
     or the course is no heading, against the accelerations of the fixes."""
     if find_vehicle(subject.recording.meta.get("vehicle")).points_ahead:
@@ -48,7 +48,7 @@ def check(subject: Subject) -> Checked:
     return found if found.facts or found.reasons else _by_accelerations(subject, found)
 
 
-def _by_course(subject: Subject) -> Checked:
+def _by_course(subject: InspectedRecording) -> Checked:
     """The gyro against the course. What the accelerations contradict is not said: of a multicopter
     that nobody named the course is no heading."""
     sources = subject.sources("velocity", "position")
@@ -78,7 +78,7 @@ def _by_course(subject: Subject) -> Checked:
     return Checked([fact], reasons, [])
 
 
-def _gyro_turns(subject: Subject, t: Array, half: float) -> Array:
+def _gyro_turns(subject: InspectedRecording, t: Array, half: float) -> Array:
     """(lags, m) the turn of the gyro about the vertical around each time, rad/s, for lags from -REACH to
     REACH s; NaN where there are no samples."""
     motion = subject.felt
@@ -112,7 +112,7 @@ def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:
     return found
 
 
-def _by_accelerations(subject: Subject, found: Checked) -> Checked:
+def _by_accelerations(subject: InspectedRecording, found: Checked) -> Checked:
     """What was found, and a unit of the gyro that fits the accelerations of the fixes better."""
     imu = subject.recording.imu
     rms = float(np.sqrt((imu.dtheta**2).sum() / (imu.dt**2).sum()))

@@ -9,7 +9,7 @@ from ..checks import DataError
 from ..data.calibration_parameters import CLOCK
 from ..inspection import plane, position_velocity
 from ..inspection.clock import coarse_lag
-from ..inspection.motion import Subject
+from ..inspection.motion import InspectedRecording
 from ..typing import Array
 from .model import Constant
 
@@ -19,7 +19,7 @@ APART = 1.0
 """s: by so much the lags of two sources must differ to be believed to."""
 
 
-def check_axes(subject: Subject) -> None:
+def check_axes(subject: InspectedRecording) -> None:
     """Refuse velocities that the positions contradict, and axes of the IMU that the velocities do.
     Raises DataError."""
     for reason in (*position_velocity.check(subject).reasons, *plane.check(subject).reasons):
@@ -27,7 +27,7 @@ def check_axes(subject: Subject) -> None:
             raise DataError(f"{reason}; until then the installation cannot be diagnosed")
 
 
-def coarse_clocks(subject: Subject, constants: Sequence[Constant]) -> list[Array]:
+def coarse_clocks(subject: InspectedRecording, constants: Sequence[Constant]) -> list[Array]:
     """Candidates for theta (m,), the likeliest first: clocks of the GNSS sources by the lag between
     what they and the IMU tell of the motion.
 

@@ -17,7 +17,7 @@ from ..engine.installation import as_given
 from ..engine.options import RunOptions, SetUpOptions, run_options, takes
 from ..engine.prepare import Run
 from ..engine.sensitivity import begin_sensitive, check_sensitive, fit, sums
-from ..inspection.motion import Subject
+from ..inspection.motion import InspectedRecording
 from ..progress import listener, with_bar
 from ..typing import Array, Mask, Progress
 from .coarse_clocks import check_axes, coarse_clocks
@@ -36,7 +36,7 @@ from .findings import (
     reasons,
 )
 from .iteration import MOST_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns, whole
-from .model import SHOWN_BY, Model, applied, constants
+from .model import SHOWN_BY, InstallationModel, applied, constants
 
 LEAST_CLOCK_ALONE = 0.5
 """s: a smaller offset of a clock is not reported where no source measures velocity."""
@@ -107,7 +107,7 @@ class _Runs:
     def run(self, theta: Array) -> Trial:
         """The filter over the recording with its set-up changed by theta."""
         before, run = self.way.runs - 1, self.begun(theta)
-        model = Model(run, self.constants, self.asked["start"] is None)
+        model = InstallationModel(run, self.constants, self.asked["start"] is None)
         found = sums(
             run,
             model.derivatives,
@@ -144,7 +144,7 @@ class _Runs:
     def roughly(self, first: Trial) -> Trial:
         """The trial to settle from: with the clocks that the motion itself shows, where `first`
         fits badly and they improve it. Raises DataError where something else is wrong."""
-        subject = Subject(self.recording)
+        subject = InspectedRecording(self.recording)
         check_axes(subject)
         if first.fit.misfit <= MISFIT:
             return first

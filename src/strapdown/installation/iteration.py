@@ -8,7 +8,7 @@ import numpy as np
 
 from ..data.calibration_parameters import CLOCK, Estimable
 from ..engine.prepare import Run
-from ..engine.sensitivity import Fit, Sums
+from ..engine.sensitivity import SensitivityFit, Sums
 from ..typing import Array
 from .model import Constant
 
@@ -67,7 +67,7 @@ class Trial(NamedTuple):
     """A run with a set-up that is changed by theta, and what it says of further change."""
 
     theta: Array  # (m,)
-    fit: Fit
+    fit: SensitivityFit
     sums: Sums
     made: Run
 

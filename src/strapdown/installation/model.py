@@ -100,7 +100,7 @@ def rotation(turn: Array) -> Array:
     return matrix
 
 
-class Model:
+class InstallationModel:
     """What the constants do to the measurements of a Run: `derivatives` at its fixes, and `start`
     (n, m), the derivative of its error at the start."""
 

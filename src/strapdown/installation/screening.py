@@ -22,7 +22,7 @@ from ..typing import Array
 from .diagnose import LEAST_CLOCK_ALONE
 from .findings import LEAST_GAIN, LEAST_Z
 from .iteration import Trial, Unknown, estimated, explained, groups
-from .model import CONSTRAINED, GNSS, Model, applied, constants, rotation
+from .model import CONSTRAINED, GNSS, InstallationModel, applied, constants, rotation
 from .states import installation
 
 STEP, PACE = 0.5, 1.0
@@ -151,7 +151,7 @@ def suspects(solution: Solution) -> list[Suspect]:
     run = begin_sensitive(
         recording, filters.find("closed-loop"), run_options(start=start, noise=noise, estimate=())
     )
-    model = Model(run, known, True)
+    model = InstallationModel(run, known, True)
     found = sums(run, model.derivatives, model.start)
     fixes = run.out.fix[: run.cursor.state[0].fix]
     measured = np.isfinite(fixes["innovation"]).sum()

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 from ..checks import DataError
 from ..data.recording import Recording
 from ..data.verdict import Reason
-from .tables.table_file import Table
+from .tables.table_file import FileTable
 
 Made = TypeVar("Made")
 
@@ -99,7 +99,7 @@ class Log(NamedTuple):
     A complaint names a row of a table by the name of that table.
     """
 
-    tables: Mapping[str, Table]  # by the names that `table` has in the sections
+    tables: Mapping[str, FileTable]  # by the names that `table` has in the sections
     sections: tuple[Section, ...]
     facts: tuple[str, ...] = ()  # lines on what the file holds
     left: tuple[str, ...] = ()  # lines on what is not taken, and why

@@ -8,7 +8,7 @@ from ..core.loop.contract import Imu
 from ..data.recording import Recording
 from ..data.vehicle import GivenVehicle
 from ..inspection.gyro_fit import EVIDENCE, likelier
-from ..inspection.motion import Subject
+from ..inspection.motion import InspectedRecording
 from ..preprocessing.plausible import UNFELT, mistakes
 
 
@@ -28,7 +28,7 @@ def accusation(
 
 def in_degrees(recording: Recording) -> float:
     """The logarithm of the likelihood that the fixes give a gyro in deg/s over one in rad/s."""
-    return likelier(Subject(recording), np.radians(1))
+    return likelier(InspectedRecording(recording), np.radians(1))
 
 
 def fixes_confirm(recording: Recording) -> bool:

@@ -9,7 +9,7 @@ WASM_IMPORTS = 2
 WASM_FUNCTION = 0
 
 
-class Kind(IntEnum):
+class RelocationKind(IntEnum):
     """Types of sections of an ELF file (gABI, sh_type)."""
 
     SYMBOLS = 2
@@ -24,7 +24,7 @@ class Flag(IntEnum):
     LOADED = 2
 
 
-class Section(NamedTuple):
+class ObjectSection(NamedTuple):
     """A section of an ELF file."""
 
     kind: int
@@ -72,7 +72,7 @@ def loaded(content: bytes) -> int:
     return sum(len(one.content) for one in sections(content) if one.flags & Flag.LOADED)
 
 
-def sections(content: bytes) -> list[Section]:
+def sections(content: bytes) -> list[ObjectSection]:
     """All sections of an ELF file. Raises ValueError."""
     wide = _wide(content)
     (at,) = struct.unpack_from("<Q" if wide else "<I", content, 40 if wide else 32)
@@ -81,14 +81,16 @@ def sections(content: bytes) -> list[Section]:
     for index in range(count):
         head = struct.unpack_from("<IIQQQQIIQ" if wide else "<9I", content, at + index * size)
         _, kind, flags, _, offset, length, link, info, align = head
-        made.append(Section(kind, flags, link, info, align, content[offset : offset + length]))
+        made.append(
+            ObjectSection(kind, flags, link, info, align, content[offset : offset + length])
+        )
     return made
 
 
-def symbols(content: bytes, listed: list[Section]) -> list[Symbol]:
+def symbols(content: bytes, listed: list[ObjectSection]) -> list[Symbol]:
     """The symbols of an ELF object, in their order."""
     for table in listed:
-        if table.kind == Kind.SYMBOLS:
+        if table.kind == RelocationKind.SYMBOLS:
             names = listed[table.link].content
             if _wide(content):
                 rows = [
@@ -105,11 +107,11 @@ def symbols(content: bytes, listed: list[Section]) -> list[Symbol]:
     return []
 
 
-def relocations(content: bytes, listed: list[Section]) -> Iterator[Relocation]:
+def relocations(content: bytes, listed: list[ObjectSection]) -> Iterator[Relocation]:
     """The relocations of an ELF object of 64 bits."""
     named = symbols(content, listed)
     for one in listed:
-        if one.kind == Kind.RELOCATIONS:
+        if one.kind == RelocationKind.RELOCATIONS:
             for offset, info, addend in struct.iter_unpack("<QQq", one.content):
                 symbol = named[info >> 32]
                 yield Relocation(one.info, offset, info & 0xFFFFFFFF, symbol, addend)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from ..core.compile.machine_code import TABLE, Index
 from . import object_files
-from .object_files import Flag, Kind, Relocation, Section
+from .object_files import Flag, ObjectSection, Relocation, RelocationKind
 
 JUMP = 16
 """Bytes for a jump through the table."""
@@ -63,13 +63,13 @@ def _processor(content: bytes) -> int:
     return int(struct.unpack_from("<H", content, 18)[0])
 
 
-def _append(code: bytearray, listed: list[Section]) -> dict[int, int]:
+def _append(code: bytearray, listed: list[ObjectSection]) -> dict[int, int]:
     """Add what an object has in memory; where each section begins."""
     first = {}
     code += bytes(-len(code) % ALIGN)
     for number, one in enumerate(listed):
         if one.flags & Flag.LOADED and one.content:
-            if one.flags & Flag.WRITABLE or one.kind == Kind.NO_CONTENT:
+            if one.flags & Flag.WRITABLE or one.kind == RelocationKind.NO_CONTENT:
                 raise RuntimeError("a kernel has variables, which several threads would share")
             code += bytes(-len(code) % one.align)
             first[number] = len(code)

@@ -242,7 +242,7 @@ def column(values: ArrayLike) -> Array | NDArray[np.float32]:
     return values if peak(values) > 1e5 else values.astype(np.float32)
 
 
-class Shown(NamedTuple):
+class ShownSolution(NamedTuple):
     """A solution in a figure."""
 
     name: str
@@ -256,13 +256,13 @@ class Shown(NamedTuple):
         return alone if self.alone else self.name
 
 
-def each(solutions: Solution | Mapping[str, Solution]) -> list[Shown]:
+def each(solutions: Solution | Mapping[str, Solution]) -> list[ShownSolution]:
     """Those with rows of a Solution or of {name: Solution}, in the colours that they have in every
     figure."""
     named = {"": solutions} if isinstance(solutions, Solution) else solutions
     styles = [(colour, dash) for dash in DASHES for colour in COLOURS]
     return [
-        Shown(name, solution, *styles[i % len(styles)], len(named) == 1)
+        ShownSolution(name, solution, *styles[i % len(styles)], len(named) == 1)
         for i, (name, solution) in enumerate(named.items())
         if len(solution.t)
     ]
@@ -509,7 +509,7 @@ def seen_from_above(figure: go.Figure, box: Array, share: float) -> go.Figure:
 
 def time_axis(
     figure: go.Figure,
-    solutions: Solution | Mapping[str, Solution] | Sequence[Shown] | Recording,
+    solutions: Solution | Mapping[str, Solution] | Sequence[ShownSolution] | Recording,
     zero: float = 0.0,
 ) -> go.Figure:
     """Label the time axis, shade gaps, outages and windows of withheld fixes, and mark the events
@@ -548,7 +548,7 @@ def _timed(
     return figure.update_xaxes(range=[begin - zero, end - zero], unifiedhovertitle=title)
 
 
-def _marked(figure: go.Figure, shown: Sequence[Shown], zero: float) -> go.Figure:
+def _marked(figure: go.Figure, shown: Sequence[ShownSolution], zero: float) -> go.Figure:
     """Shades and events of these solutions."""
     panel = {"xref": "x", "yref": "paper"}
 

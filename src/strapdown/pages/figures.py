@@ -32,7 +32,7 @@ from .drawing import (
     RED,
     SHADED_BANDS,
     BandStyle,
-    Shown,
+    ShownSolution,
     about_mean,
     band,
     column,
@@ -169,7 +169,7 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
 class _Places(NamedTuple):
     """Where solutions and a reference were, (n, 3) m east, north, up of the first place known."""
 
-    shown: list[Shown]
+    shown: list[ShownSolution]
     paths: list[Array]
     reference: tuple[Array, Array] | None  # times s, and places
 
@@ -191,7 +191,7 @@ class _Places(NamedTuple):
             shown, paths, None if known is None else (known.t, east_north_up(known.lla, start))
         )
 
-    def last_first(self) -> list[tuple[int, Shown, Array]]:
+    def last_first(self) -> list[tuple[int, ShownSolution, Array]]:
         """(legend rank, solution, places) in the order of drawing: the first comes to lie on
         top."""
         return list(zip(range(1, 1 + len(self.shown)), self.shown, self.paths))[::-1]
@@ -304,7 +304,12 @@ class _Series(NamedTuple):
 
 
 def _curve(
-    figure: go.Figure, one: Shown, rank: int, of: _Series, row: int = 1, label: str = "estimate"
+    figure: go.Figure,
+    one: ShownSolution,
+    rank: int,
+    of: _Series,
+    row: int = 1,
+    label: str = "estimate",
 ) -> None:
     """The line of a solution."""
     name, dash = one.label(label), one.dash
@@ -312,7 +317,7 @@ def _curve(
 
 
 def _band(
-    figure: go.Figure, one: Shown, t: Array, centre: Array, half: Array, row: int, of: int
+    figure: go.Figure, one: ShownSolution, t: Array, centre: Array, half: Array, row: int, of: int
 ) -> None:
     """The band of a solution, one of so many; the entry of its line in the legend hides it too."""
     if one.alone:
@@ -326,7 +331,7 @@ def _reference(figure: go.Figure, t: Array, values: Array, unit: str, row: int =
     line(figure, t, values, "reference", GREY, row, unit=unit, dash="dot")
 
 
-def _errors(one: Shown, reference: Reference) -> Errors | None:
+def _errors(one: ShownSolution, reference: Reference) -> Errors | None:
     """The Errors of a solution, None without a reference."""
     if reference is None or isinstance(reference, Errors):
         return reference
@@ -556,12 +561,12 @@ def _half(solution: Solution, quantity: _Quantity) -> Array:
     return 3 * claimed_sd(solution)[:, quantity.states] * quantity.scale
 
 
-def _estimates(one: Shown, quantity: _Quantity) -> _Curve:
+def _estimates(one: ShownSolution, quantity: _Quantity) -> _Curve:
     return _Curve(one.solution.t, quantity.of(one.solution), _half(one.solution, quantity))
 
 
 def _errors_or_estimates(
-    shown: list[Shown],
+    shown: list[ShownSolution],
     quantity: _Quantity,
     reference: Reference,
     part: str,
@@ -589,7 +594,7 @@ def _part(e: Errors, part: str) -> Array | None:
 
 
 def _drawn(
-    shown: Sequence[Shown],
+    shown: Sequence[ShownSolution],
     quantity: _Quantity,
     curves: Sequence[_Curve],
     window: Window = None,
@@ -632,7 +637,7 @@ def _drawn(
 class _Panel(NamedTuple):
     """What one panel of a figure shows of all solutions."""
 
-    shown: Sequence[Shown]
+    shown: Sequence[ShownSolution]
     quantity: _Quantity
     i: int  # column of the quantity
     curves: Sequence[_Curve]
@@ -642,7 +647,7 @@ class _Panel(NamedTuple):
     @classmethod
     def of(
         cls,
-        shown: Sequence[Shown],
+        shown: Sequence[ShownSolution],
         quantity: _Quantity,
         i: int,
         curves: Sequence[_Curve],
@@ -754,19 +759,19 @@ def _common(
 class _Notes:
     """What is said of values that leave the frame, by solution."""
 
-    def __init__(self, shown: Sequence[Shown]) -> None:
+    def __init__(self, shown: Sequence[ShownSolution]) -> None:
         self.shown = shown
         self.early: dict[str, list[str]] = {one.name: [] for one in shown}
         self.far: dict[str, list[str]] = {one.name: [] for one in shown}
 
-    def beyond(self, one: Shown, quantity: _Quantity, i: int, largest: float) -> None:
+    def beyond(self, one: ShownSolution, quantity: _Quantity, i: int, largest: float) -> None:
         """Values of a panel go up to `largest` beyond its own frame, where that is not 0."""
         if largest and quantity.framed is _around_settled:
             self.early[one.name].append(quantity.names[i])
         elif largest:
             self.early[one.name].append(f"{quantity.names[i]} up to {largest:.3g} {quantity.unit}")
 
-    def leaves(self, one: Shown, quantity: _Quantity, i: int, values: Array) -> None:
+    def leaves(self, one: ShownSolution, quantity: _Quantity, i: int, values: Array) -> None:
         """A solution leaves the frame that others set."""
         low, high = extent(values)
         span = (

@@ -23,7 +23,7 @@ from .drawing import (
     GREY,
     RED,
     BandStyle,
-    Shown,
+    ShownSolution,
     band,
     each,
     even,
@@ -255,7 +255,7 @@ def _by_source(
 
 
 def _line_of(
-    figure: go.Figure, row: int, one: Shown, x: Array, y: Array, label: str, rank: int
+    figure: go.Figure, row: int, one: ShownSolution, x: Array, y: Array, label: str, rank: int
 ) -> None:
     """The line of a solution, in the legend once."""
     new, name = row == 1, one.label(label)

@@ -16,7 +16,7 @@ from ..units.wording import enumerated, number
 from .drawing import (
     SHADED_BANDS,
     BandStyle,
-    Shown,
+    ShownSolution,
     band,
     each,
     frame,
@@ -38,7 +38,7 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
     Solution or {name: Solution}, with their bands and those of their priors, a panel for each
     parameter; None where none was estimated."""
     shown = each(solutions)
-    found: dict[str, list[tuple[Shown, EstimatedParameter]]] = {}
+    found: dict[str, list[tuple[ShownSolution, EstimatedParameter]]] = {}
     for one in shown:
         for parameter in installation(one.solution).parameters:
             if parameter.parameter == name:
@@ -67,7 +67,7 @@ def estimates(solutions: Solution | Mapping[str, Solution], name: str) -> go.Fig
 
 
 def _panel(
-    figure: go.Figure, row: int, one: Shown, found: EstimatedParameter, zero: float, of: int
+    figure: go.Figure, row: int, one: ShownSolution, found: EstimatedParameter, zero: float, of: int
 ) -> tuple[float, float]:
     """Draw a parameter of one solution of so many; half the height of its axis, and its largest."""
     columns, t = one.solution.columns, one.solution.t - zero

@@ -18,7 +18,7 @@ class Ruled(list[object]):
     """A row with a rule above it."""
 
 
-class Cell(NamedTuple):
+class TableCell(NamedTuple):
     """A cell of a table with a look of its own."""
 
     text: object
@@ -34,7 +34,7 @@ def table(
     above: Iterable[object] = (),
     foot: Iterable[Iterable[object]] = (),
 ) -> str:
-    """An HTML table of texts, of Html and of `Cell`; texts are escaped. kind: further classes of the
+    """An HTML table of texts, of Html and of `TableCell`; texts are escaped. kind: further classes of the
     block around it; above: a row over the head; foot: rows below, which stay in view."""
     heads = "".join(_row("th", row) for row in (list(above), head) if row)
     body, below = ("".join(_row("td", row) for row in part) for part in (rows, foot))
@@ -52,7 +52,7 @@ def _row(tag: str, cells: Iterable[object]) -> str:
 
 
 def _cell(tag: str, cell: object) -> str:
-    text, kind, columns, rows = cell if isinstance(cell, Cell) else Cell(cell)
+    text, kind, columns, rows = cell if isinstance(cell, TableCell) else TableCell(cell)
     look = classes(kind)
     look += f" colspan={columns}" if columns > 1 else ""
     look += f" rowspan={rows}" if rows > 1 else ""
@@ -70,9 +70,9 @@ def classes(kind: str) -> str:
     return f" class={quote}{kind}{quote}" if kind else ""
 
 
-def split(cells: Iterable[object], every: int) -> list[Cell]:
+def split(cells: Iterable[object], every: int) -> list[TableCell]:
     """Cells with a rule left of the first of every so many."""
-    made = [cell if isinstance(cell, Cell) else Cell(cell) for cell in cells]
+    made = [cell if isinstance(cell, TableCell) else TableCell(cell) for cell in cells]
     return [
         cell if i % every else cell._replace(kind=f"split {cell.kind}".strip())
         for i, cell in enumerate(made)

@@ -49,7 +49,7 @@ MOST_SOURCES = 6
 """Sources at most whose intervals are drawn; the table has all."""
 
 
-class Triad(NamedTuple):
+class TriadFigure(NamedTuple):
     """What a triad of the IMU read."""
 
     name: str
@@ -60,7 +60,7 @@ class Triad(NamedTuple):
     noise: float  # white noise, `unit`/sqrt(Hz), 0 where it is not described
 
 
-def triads(recording: Recording) -> list[Triad]:
+def triads(recording: Recording) -> list[TriadFigure]:
     """The gyro in deg/s and the accelerometer in m/s^2, over each sample."""
     imu, spec = recording.imu, _described(recording)
     found = []
@@ -70,7 +70,7 @@ def triads(recording: Recording) -> list[Triad]:
     ):
         full, noise = (described.saturation, described.noise) if described else (0.0, 0.0)
         values = scale * increments / imu.dt[:, None]
-        found.append(Triad(name, quantity, unit, values, scale * full, scale * noise))
+        found.append(TriadFigure(name, quantity, unit, values, scale * full, scale * noise))
     return found
 
 
@@ -83,7 +83,7 @@ def _described(recording: Recording) -> ImuSpec | None:
         return None
 
 
-def at_limit(triad: Triad) -> float:
+def at_limit(triad: TriadFigure) -> float:
     """Share of the samples that have an axis at its full scale; where that is not described, at its
     largest or smallest value, if far more samples stand there than at the next one."""
     if triad.full_scale:

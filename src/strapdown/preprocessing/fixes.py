@@ -20,7 +20,7 @@ from ..units.wording import counted
 from .attitude_checks import refuse_unit
 from .attitude_record import possible_attitude, together
 from .imu_samples import imu_from_arrays, ordered
-from .origin import Origin, Rows
+from .origin import Origin, RowsOfFile
 
 PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
@@ -99,7 +99,7 @@ def clean(
     y = np.where(np.isfinite(y), y, np.nan)
     y = together(y) if sensor.name == "attitude" else y
     keep = np.isfinite(t) & np.isfinite(y).any(axis=1) & (np.isnan(y) | np.isfinite(sd)).all(axis=1)
-    rows = Rows(origin, (t, y, sd), []).without(
+    rows = RowsOfFile(origin, (t, y, sd), []).without(
         ~keep, "row", "without time, value or standard deviation dropped"
     )
     if len(keep) and not keep.any():
@@ -283,7 +283,7 @@ def clean_reference(
     if not placed.any():
         others = [np.isfinite(each).any(axis=1) for each in (v_n, q_nb) if each is not None]
         placed, needed = np.any([placed, *others], axis=0), "position, velocity or attitude"
-    rows = Rows(origin, (t, np.arange(len(t))), []).without(
+    rows = RowsOfFile(origin, (t, np.arange(len(t))), []).without(
         ~(np.isfinite(t) & placed), "row", f"of the reference without time or {needed} dropped"
     )
     keep = np.isfinite(t) & placed

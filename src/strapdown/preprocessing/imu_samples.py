@@ -11,7 +11,7 @@ from ..data.vehicle import GivenVehicle
 from ..typing import Array, ArrayLike, Ints
 from ..units.constants import MAX_PAUSE
 from ..units.wording import counted
-from .origin import Origin, Rows
+from .origin import Origin, RowsOfFile
 from .plausible import refuse_mistakes
 
 GAP_MEDIANS = 1.75
@@ -60,7 +60,7 @@ def increments(
     """
     if kind not in ("rate", "increment"):
         raise DataError(f'{origin.name}: kind {kind!r} is unknown; it is "rate" or "increment"')
-    rows = Rows(origin, _columns(t, gyro, accel, origin), [])
+    rows = RowsOfFile(origin, _columns(t, gyro, accel, origin), [])
     for rule in (_finite, ordered, _distinct):
         rows = rule(rows)
         if len(rows.columns[0]) < 2:
@@ -88,7 +88,7 @@ def _columns(
     return t, gyro, accel
 
 
-def _finite(rows: Rows) -> Rows:
+def _finite(rows: RowsOfFile) -> RowsOfFile:
     if all(np.isfinite(column).all() for column in rows.columns):
         return rows
     t, gyro, accel = rows.columns
@@ -96,7 +96,7 @@ def _finite(rows: Rows) -> Rows:
     return rows.without(~keep, "sample", "with NaN or infinite values dropped")
 
 
-def ordered(rows: Rows) -> Rows:
+def ordered(rows: RowsOfFile) -> RowsOfFile:
     """The rows in order of time: late ones sorted, stray ones left out, both counted in the notes.
 
     Raises DataError for a clock that is set back.
@@ -140,7 +140,7 @@ def _longest_rising(t: Array) -> Ints:
     return np.array(chain[::-1])
 
 
-def _distinct(rows: Rows) -> Rows:
+def _distinct(rows: RowsOfFile) -> RowsOfFile:
     t, gyro, accel = rows.columns
     same = np.r_[False, np.diff(t) == 0]
     if not same.any():

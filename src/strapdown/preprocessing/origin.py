@@ -39,7 +39,7 @@ class Origin(NamedTuple):
             raise DataError(f"{self.row(row)}: {text(row)}")
 
 
-class Rows(NamedTuple):
+class RowsOfFile(NamedTuple):
     """Columns of one source, the first of them the time, where their rows came from, and notes on
     what became of the others."""
 

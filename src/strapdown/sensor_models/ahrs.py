@@ -20,7 +20,7 @@ from ..data.solution import Aiding, Trajectory
 from ..typing import Array
 from .magnetometer import rotation_at
 from .sampling import sample_times, spread
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -80,7 +80,7 @@ class AhrsPlan(NamedTuple):
         """The aiding of one run."""
         from scipy.spatial.transform import Rotation
 
-        error = Stream.of(seed).standard_normal((len(self.aiding.t), 3))
+        error = RandomStream.of(seed).standard_normal((len(self.aiding.t), 3))
         error *= self.aiding.sd
         if not len(error):
             return self.exact()

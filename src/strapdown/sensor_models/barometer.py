@@ -27,7 +27,7 @@ from .atmosphere import (
 )
 from .noise import gauss_markov
 from .sampling import arm_in_navigation, interpolated, sample_times
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
@@ -114,7 +114,7 @@ class BarometerPlan(NamedTuple):
     def measured(self, seed: SeedLike) -> tuple[Aiding, Array]:
         """(aiding of one run, (n,) m by which its barometric heights exceed the ellipsoidal ones
         but for noise); noise and weather a stream each."""
-        noise, weather = map(Stream.of(seed).named, ("noise", "weather"))
+        noise, weather = map(RandomStream.of(seed).named, ("noise", "weather"))
         wander = gauss_markov(np.diff(self.aiding.t) / self.barometer.drift_time, weather)[
             : len(self.height), 0
         ]

@@ -28,7 +28,7 @@ from .sampling import (
     interpolated,
     spread,
 )
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 
 class Kept(NamedTuple):
@@ -147,7 +147,7 @@ class Plan(NamedTuple):
 
     def fixes(self, seed: SeedLike) -> tuple[Aiding, ...]:
         """The aidings of one run: position and velocity each from a random stream of its own."""
-        stream = Stream.of(seed)
+        stream = RandomStream.of(seed)
         return tuple(
             part.fixes(stream.named(name))
             for name, part in self._asdict().items()
@@ -166,7 +166,7 @@ class Lasting(NamedTuple):
     correlated: Correlated
     step: Array  # (n - 1,) correlation times from fix to fix
 
-    def drawn(self, stream: Stream) -> Array:
+    def drawn(self, stream: RandomStream) -> Array:
         """Those of one run, (n, 3)."""
         return gauss_markov(self.step, stream) * self.correlated.sd
 
@@ -211,7 +211,9 @@ class PositionPlan(NamedTuple):
 
     def fixes(self, seed: SeedLike | None) -> Aiding:
         """Aiding of the antenna's position, errors added; without `seed` the exact one."""
-        offset = self.antenna if seed is None else _errors(self, Stream.of(seed)) + self.antenna
+        offset = (
+            self.antenna if seed is None else _errors(self, RandomStream.of(seed)) + self.antenna
+        )
         y = offset / self.metres
         y += self.lla
         y[:, 1] = wrap(y[:, 1])
@@ -257,7 +259,7 @@ class VelocityPlan(NamedTuple):
 
     def fixes(self, seed: SeedLike | None) -> Aiding:
         """Aiding of the antenna's velocity, errors added; without `seed` the exact one."""
-        y = self.v_n.copy() if seed is None else _errors(self, Stream.of(seed)) + self.v_n
+        y = self.v_n.copy() if seed is None else _errors(self, RandomStream.of(seed)) + self.v_n
         return _with_values(self, y, seed is None)
 
 
@@ -325,7 +327,7 @@ def _with_values(plan: PositionPlan | VelocityPlan, y: Array, exact: bool) -> Ai
     return replace(aiding, y=y if keep is None else y[keep])
 
 
-def _errors(plan: PositionPlan | VelocityPlan, stream: Stream) -> Array:
+def _errors(plan: PositionPlan | VelocityPlan, stream: RandomStream) -> Array:
     """Errors of the fixes of a plan, (n, 3) m or m/s NED. The correlated ones have a stream of
     their own, so that the white ones do not depend on them."""
     errors = stream.standard_normal(

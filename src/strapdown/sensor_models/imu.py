@@ -23,7 +23,7 @@ from ..typing import Array, File
 from ..units.conversion import SHEET, factor, in_units, quantity, toml_quantity
 from .errors import Triad, WarmUp, terms
 from .imu_errors import RATES, Own, Shared, drawn, shared, simulate_errors
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 WARM_UP = {"start": "degC", "end": "degC", "time_constant": "s"}
 """Keys of the section [warm_up] and their SI units."""
@@ -103,13 +103,13 @@ class ImuSpec:
 
     def corrupt(self, imu: Imu, seed: SeedLike) -> tuple[Imu, Array, Array]:
         """(Imu with errors, b_a (n, 3) m/s^2, b_g (n, 3) rad/s) of an error-free `imu`; `seed`, the
-        source of all chance, is a number, several, a numpy Generator or SeedSequence, or a Stream.
+        source of all chance, is a number, several, a numpy Generator or SeedSequence, or a RandomStream.
 
         The biases are all that adds to specific force and rate but noise: turn-on, walk,
         Gauss-Markov, flicker and temperature.
         """
         u, bias = np.empty((len(imu.t), 6)), np.empty((len(imu.t), 6))
-        own = self.drawn(Stream.of(seed))
+        own = self.drawn(RandomStream.of(seed))
         rows = np.array([0, len(imu.t)])
         simulate_errors(rows, self.shared(imu), own, np.zeros(RATES), u, bias)
         dtheta, dv, b_g, b_a = (
@@ -121,7 +121,7 @@ class ImuSpec:
         """What the errors of all runs over an error-free `imu` share, for `simulate_errors`."""
         return shared(self.gyro, self.accel, self.warm_up, imu)
 
-    def drawn(self, stream: Stream) -> Own:
+    def drawn(self, stream: RandomStream) -> Own:
         """What chance decides of a run before its first sample."""
         return drawn(self.gyro, self.accel, stream)
 

@@ -24,7 +24,7 @@ from ..core.mathematics.threefry import normal_pair
 from ..typing import Array, Ints
 from .errors import Triad, WarmUp
 from .noise import FLICKER_TIMES, FLICKER_VARIANCE, even, kept
-from .streams import Stream
+from .streams import RandomStream
 
 GYRO, ACCEL = 0, 1
 """Of the two triads, and the order in which they stand in all arrays."""
@@ -298,7 +298,7 @@ def shared(gyro: Triad, accel: Triad, warm_up: WarmUp | None, imu: Imu) -> Share
     return Shared(dtheta, dv, dt, step, told, sizes_of(gyro, accel))
 
 
-def drawn(gyro: Triad, accel: Triad, stream: Stream) -> Own:
+def drawn(gyro: Triad, accel: Triad, stream: RandomStream) -> Own:
     """What a run draws before its first sample. Each term has a stream of its own name, so that two
     grades with one seed differ by size alone."""
     keys, constants = np.zeros((2, KEYS), np.int64), np.zeros((2, CONSTANTS))

@@ -19,7 +19,7 @@ from ..checks import DataError, check_array, check_choice, check_number, is_numb
 from ..data.solution import Aiding, Trajectory
 from ..typing import Array, ArrayLike
 from .sampling import sample_times, spread
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
@@ -144,7 +144,7 @@ class MagnetometerPlan(NamedTuple):
 
     def fixes(self, seed: SeedLike) -> Aiding:
         """The aiding of one run."""
-        y = Stream.of(seed).standard_normal(self.distorted.shape)
+        y = RandomStream.of(seed).standard_normal(self.distorted.shape)
         y *= self.sd
         y += self.distorted
         return self._with(np.clip(y, -self.saturation, self.saturation) if self.saturation else y)

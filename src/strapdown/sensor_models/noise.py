@@ -9,7 +9,7 @@ from ..core.compile.jit import helper, kernel
 from ..core.compile.signatures import reals, signature
 from ..core.mathematics.elementary import exponential
 from ..typing import Array, ArrayLike
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 FLICKER_TIMES = 10.0 ** np.arange(-1, 6)
 """Time constants of the Gauss-Markov processes that make up flicker, s: a decade apart, so that
@@ -46,7 +46,7 @@ def even(step: Array) -> Array:
 def gauss_markov(step: Array, seed: SeedLike) -> Array:
     """Stationary first-order Gauss-Markov sequence of unit variance, (len(step) + 1, 3); `step`
     is in time constants."""
-    x = Stream.of(seed).standard_normal((len(step) + 1, 3))
+    x = RandomStream.of(seed).standard_normal((len(step) + 1, 3))
     _gauss_markov(np.ascontiguousarray(even(step), float), x)
     return x
 

@@ -28,7 +28,7 @@ from ..data.solution import Aiding, Trajectory
 from ..typing import Array, Mask
 from .magnetometer import rotation_at
 from .sampling import interpolated, sample_times
-from .streams import SeedLike, Stream
+from .streams import RandomStream, SeedLike
 
 STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
 """By which y is changed to see what it does to the innovation; 1 of any other quantity."""
@@ -103,7 +103,7 @@ class SimulatedPlan(NamedTuple):
 
     def fixes(self, seed: SeedLike) -> Aiding:
         """The aiding of one run."""
-        noise = Stream.of(seed).standard_normal(self.aiding.sd.shape) * self.aiding.sd
+        noise = RandomStream.of(seed).standard_normal(self.aiding.sd.shape) * self.aiding.sd
         return replace(self.aiding, y=self.aiding.y + np.einsum("nij,nj->ni", self.gain, noise))
 
     def exact(self) -> Aiding:

@@ -17,23 +17,23 @@ from ..core.mathematics.threefry import fill_normals, fill_uniforms
 from ..typing import Array
 
 SeedLike: TypeAlias = Union[
-    int, Sequence[int], np.random.SeedSequence, np.random.Generator, "Stream"
+    int, Sequence[int], np.random.SeedSequence, np.random.Generator, "RandomStream"
 ]
-"""What a Stream can be made of. A Generator gives its next numbers for the key, so that it makes
+"""What a RandomStream can be made of. A Generator gives its next numbers for the key, so that it makes
 another Stream each time; all others make the same one always."""
 
 
 @dataclass(frozen=True)
-class Stream:
+class RandomStream:
     """Random numbers of one key. It has no state: what is drawn twice is the same twice, so each
     use takes a stream of its own name or number."""
 
     key: tuple[int, int]  # two words below 2^32
 
     @classmethod
-    def of(cls, seed: SeedLike) -> "Stream":
+    def of(cls, seed: SeedLike) -> "RandomStream":
         """The stream of a seed."""
-        if isinstance(seed, Stream):
+        if isinstance(seed, RandomStream):
             return seed
         if isinstance(seed, np.random.Generator):
             low, high = seed.integers(0, 1 << 32, 2).tolist()
@@ -43,15 +43,15 @@ class Stream:
         low, high = seed.generate_state(2).tolist()
         return cls((low, high))
 
-    def named(self, name: str) -> "Stream":
+    def named(self, name: str) -> "RandomStream":
         """The stream of that name below this one, the same whatever others there are."""
         return self._below(b"name " + name.encode())
 
-    def numbered(self, number: int) -> "Stream":
+    def numbered(self, number: int) -> "RandomStream":
         """The stream of that number below this one, such as that of a run."""
         return self._below(b"number %d" % number)
 
-    def spawn(self, count: int) -> "list[Stream]":
+    def spawn(self, count: int) -> "list[RandomStream]":
         """Those of the first numbers."""
         return [self.numbered(number) for number in range(count)]
 
@@ -68,6 +68,8 @@ class Stream:
         fill_uniforms(*self.key, out.reshape(-1))
         return out
 
-    def _below(self, path: bytes) -> "Stream":
+    def _below(self, path: bytes) -> "RandomStream":
         digest = hashlib.sha256(b"%d %d " % self.key + path).digest()
-        return Stream((int.from_bytes(digest[:4], "little"), int.from_bytes(digest[4:8], "little")))
+        return RandomStream(
+            (int.from_bytes(digest[:4], "little"), int.from_bytes(digest[4:8], "little"))
+        )

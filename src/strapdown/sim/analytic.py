@@ -46,7 +46,7 @@ def waves(t: Numbers, terms: Iterable[tuple[float, float, float]]) -> Numbers:
     )
 
 
-class Profile(NamedTuple):
+class MotionProfile(NamedTuple):
     """A function of time of straight lines whose kinks are rounded: the integral of a sum of
     `trajectory.ramp`s.
 
@@ -62,7 +62,7 @@ class Profile(NamedTuple):
     @classmethod
     def of(
         cls, value: float, durations: ArrayLike, slopes: ArrayLike, smoothing: float
-    ) -> "Profile":
+    ) -> "MotionProfile":
         """Lines of these durations (s) and slopes one after the other, the last one for ever;
         widths at most `smoothing` and a fifth of a line."""
         durations, slopes = np.asarray(durations, float), np.asarray(slopes, float)

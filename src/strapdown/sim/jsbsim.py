@@ -29,7 +29,7 @@ HOLDS = {
     "heading": ("ap/heading_hold", "ap/heading_setpoint", 1 / DEG),
     "height": ("ap/altitude_hold", "ap/altitude_setpoint", 1 / FOOT),
 }
-"""Of a Target: JSBSim's switch, its set point, and the set point's unit."""
+"""Of a JsbsimTarget: JSBSim's switch, its set point, and the set point's unit."""
 TRIM_FULL = 1
 STATE_PROPERTIES = (
     "position/lat-geod-rad",
@@ -46,7 +46,7 @@ _ONE = RLock()
 STATE_UNITS = np.array([1.0, 1.0, FOOT, FOOT, FOOT, FOOT, 1.0, 1.0, 1.0])
 
 
-class Target(NamedTuple):
+class JsbsimTarget(NamedTuple):
     """What the autopilot holds from a time on; what is None stays as it was."""
 
     at: float = 0.0  # s
@@ -61,7 +61,7 @@ def jsbsim_motion(
     speed: float,
     duration: float,
     aircraft: str = "c172x",
-    targets: Iterable[Target] = (),
+    targets: Iterable[JsbsimTarget] = (),
     properties: Mapping[str, float] | None = None,
     name: str | None = None,
 ) -> Motion:
@@ -77,7 +77,7 @@ def flown_by_jsbsim(
     speed: float,
     duration: float,
     aircraft: str = "c172x",
-    targets: Iterable[Target] = (),
+    targets: Iterable[JsbsimTarget] = (),
     properties: Mapping[str, float] | None = None,
     rate: float = STEP_RATE,
     row: float = ROW_SPACING,
@@ -114,7 +114,7 @@ def flown_by_jsbsim(
         return _fly(
             executive,
             aircraft,
-            [Target(0.0, heading, start[2]), *targets],
+            [JsbsimTarget(0.0, heading, start[2]), *targets],
             int(np.ceil(duration * rate / every - 1e-9)),
             every,
         )
@@ -191,7 +191,7 @@ def _checked_start(start: object) -> tuple[float, ...]:
 
 def _checked(
     heading: object, speed: float, duration: float, rate: float, row: float, targets: object
-) -> list[Target]:
+) -> list[JsbsimTarget]:
     """The targets in order of time. Raises DataError for a number that no flight can have, or
     what is no target."""
     with located("a flight of JSBSim"):
@@ -208,10 +208,12 @@ def _checked(
         )
     targets = (
         list(targets)
-        if isinstance(targets, Iterable) and not isinstance(targets, Target)
+        if isinstance(targets, Iterable) and not isinstance(targets, JsbsimTarget)
         else targets
     )
-    if not isinstance(targets, list) or not all(isinstance(target, Target) for target in targets):
+    if not isinstance(targets, list) or not all(
+        isinstance(target, JsbsimTarget) for target in targets
+    ):
         raise DataError(f"targets are a list of strapdown.sim.jsbsim.Target, not {targets!r}")
     for target in targets:
         with located(target):
@@ -277,7 +279,7 @@ def _trim(
 ) -> None:
     """Level flight in balance. Raises DataError where JSBSim finds none."""
     # known before they are held, else the autopilot begins with a kick
-    _order(executive, Target(0.0, heading, start[2]), hold=False)
+    _order(executive, JsbsimTarget(0.0, heading, start[2]), hold=False)
     begin(executive, start, {"vt-fps": speed / FOOT, "psi-true-rad": heading, "gamma-rad": 0.0})
     for key in ("fcs/mixture-cmd-norm", "propulsion/magneto_cmd"):
         if _has(executive, key):
@@ -295,7 +297,7 @@ def _trim(
 def _fly(
     executive: Any,
     aircraft: str,
-    targets: Iterable[Target],
+    targets: Iterable[JsbsimTarget],
     rows: int,
     every: int,
     watch: Callable[[], object] | None = None,
@@ -333,7 +335,7 @@ def quaternions(angles: Array) -> Array:
     return q * np.where(q[:, :1] < 0, -1.0, 1.0)
 
 
-def _order(executive: Any, target: Target, hold: bool = True) -> None:
+def _order(executive: Any, target: JsbsimTarget, hold: bool = True) -> None:
     """Set the set points of a target and, but for those of the trim, switch their holds on."""
     for name, (switch, point, unit) in HOLDS.items():
         value = getattr(target, name)

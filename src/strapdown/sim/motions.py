@@ -18,7 +18,7 @@ from numpy.polynomial import Chebyshev
 from ..checks import DataError, check_keys, check_number, located
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
-from .analytic import Numbers, Profile, Times, arctangent, cosine, lifted, sine, waves
+from .analytic import MotionProfile, Numbers, Times, arctangent, cosine, lifted, sine, waves
 from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
@@ -302,9 +302,9 @@ def _check_flight(legs: list[dict[str, Any]], speed: float) -> None:
 
 def flown(
     start: Sequence[float],
-    path: Profile,
-    pace: Profile,
-    climb: Profile,
+    path: MotionProfile,
+    pace: MotionProfile,
+    climb: MotionProfile,
     end: float,
     roughness: float,
     name: str,
@@ -449,7 +449,7 @@ def _bounded(count: int) -> None:
 
 def profiles(
     legs: list[dict[str, Any]], course: float, speed: float, smoothing: float
-) -> tuple[Profile, Profile, Profile, float]:
+) -> tuple[MotionProfile, MotionProfile, MotionProfile, float]:
     """(course, speed, height or rise, end s): Profiles along `flat_legs`; course rad and speed
     m/s at first, smoothing s. Raises DataError."""
     if not legs or not smoothing > 0 or not 0 <= speed < np.inf:
@@ -490,7 +490,7 @@ def profiles(
             f"simulated"
         )
     path, pace, climb = (
-        Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
+        MotionProfile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
         for value, slopes in ((course, turning), (speed, changing), (0.0, climbing))
     )
     return path, pace, climb, float(sum(durations))

@@ -34,7 +34,7 @@ from ..sensor_models.receiver import GNSS_KEYS, NOTHING, receiver
 from ..sensor_models.simulated import Simulated
 from ..typing import File
 from . import motions
-from .jsbsim import Target, jsbsim_motion
+from .jsbsim import JsbsimTarget, jsbsim_motion
 from .scenario_model import START_SD, Scenario
 from .sortie import sortie
 from .trajectory import DEG, Motion, demo_flight
@@ -312,7 +312,7 @@ READ_OF_PARAMETER: dict[str, Read] = {
     "start": _place,
     "waypoints": listed(_place),
     "aircraft": text,
-    "targets": listed(made(Target, TARGET_KEYS)),
+    "targets": listed(made(JsbsimTarget, TARGET_KEYS)),
     "properties": _properties,
 }
 """How the parameters of motions are read that are no numbers."""

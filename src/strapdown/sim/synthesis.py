@@ -21,7 +21,7 @@ from ..sensor_models.imu import ImuSpec, grade, saturated
 from ..sensor_models.magnetometer import Magnetometer
 from ..sensor_models.receiver import receiver
 from ..sensor_models.simulated import Simulated
-from ..sensor_models.streams import SeedLike, Stream
+from ..sensor_models.streams import RandomStream, SeedLike
 from ..typing import Array, ArrayLike, File
 from .scenario import scenario as find
 from .scenario_model import Scenario
@@ -95,7 +95,7 @@ class Simulator:
         "temperature" (m, 2), s and degC.
         """
         spec = grade(imu)
-        stream = Stream.of(seed)
+        stream = RandomStream.of(seed)
         samples, b_a, b_g = spec.corrupt(self.felt(spec), stream.named(OF_IMU))
         sources = self.sources(imu, stream, b_a + self.offset(spec), b_g)
         notes = saturated(spec, samples) + sources.meta["notes"]
@@ -118,7 +118,7 @@ class Simulator:
     ) -> Recording:
         """`recording` with these biases and an IMU without errors, in whose place another one can
         be."""
-        stream = Stream.of(seed)
+        stream = RandomStream.of(seed)
         aidings: list[Aiding] = [*self.plan.fixes(stream.named("gnss"))]
         notes = without_fixes(aidings)
         meta = self._meta(imu, grade(imu), b_a, b_g)
@@ -162,7 +162,7 @@ class Simulator:
 
     def run(self, imu: ImuSpec | dict[str, Any] | File, seed: SeedLike) -> tuple[Recording, Start]:
         """(Recording, Start) of one seed."""
-        stream = Stream.of(seed)
+        stream = RandomStream.of(seed)
         recording = self.recording(imu, stream)
         return recording, self.start(stream.named(OF_START), imu, recording)
 
@@ -293,7 +293,7 @@ def draw_start(
         truth,
         row,
         sd,
-        sd * Stream.of(seed).standard_normal(STATES),
+        sd * RandomStream.of(seed).standard_normal(STATES),
         biases,
         "truth less an error drawn from sd",
     )

@@ -10,7 +10,7 @@ from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..geometry.geodesy import displacement
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
-from .analytic import Profile
+from .analytic import MotionProfile
 from .motions import LONGEST_MOTION, flown
 from .trajectory import DEG, Motion, sample
 
@@ -87,7 +87,7 @@ def waypoints(
             climbs + climb,
         )
     assert first is not None  # there are two places or more
-    pace = Profile(float(speed), np.zeros(1), np.empty(0), np.empty(0))
+    pace = MotionProfile(float(speed), np.zeros(1), np.empty(0), np.empty(0))
     end = float(sum(duration for duration, _ in turns))
     return flown(
         places[0],
@@ -127,15 +127,15 @@ def _check(places: Sequence[tuple[float, ...]], speed: float) -> None:
         )
 
 
-def _profile(value: float, lines: list[tuple[float, float]], smoothing: float) -> Profile:
+def _profile(value: float, lines: list[tuple[float, float]], smoothing: float) -> MotionProfile:
     durations, slopes = zip(*lines)
-    return Profile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
+    return MotionProfile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)
 
 
 def _reached(
     here: tuple[float, ...],
-    path: Profile,
-    climb: Profile,
+    path: MotionProfile,
+    climb: MotionProfile,
     speed: float,
     seconds: float,
     number: int,

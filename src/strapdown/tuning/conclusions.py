@@ -10,10 +10,10 @@ from ..data.solution import Solution
 from ..evaluation.fix_statistics import counts
 from ..typing import Array
 from ..units.constants import CHI_SQUARE_95
-from .findings import AT_LEAST, AT_MOST, KEPT, OPEN, TUNED, Direction, Fit, Parameter
-from .scoring import Profile, Top, climb
+from .findings import AT_LEAST, AT_MOST, KEPT, OPEN, TUNED, Direction, NoiseParameter, SourceFit
+from .scoring import LikelihoodProfile, Top, climb
 from .search import Search
-from .unknowns import Unknown
+from .unknowns import NoiseUnknown
 
 SPREAD = 3.0
 """Factor of a 95 % spread from which a direction is named."""
@@ -21,7 +21,7 @@ TOGETHER = 0.3
 """Weight from which an unknown belongs to a direction."""
 
 
-class Judged(NamedTuple):
+class Conclusions(NamedTuple):
     """Values and statuses, and log L with them."""
 
     theta: Array  # (p,) logarithms; of what was given as none and stays so, -inf
@@ -29,7 +29,7 @@ class Judged(NamedTuple):
     log_likelihood: float
 
 
-def judge(search: Search, profiles: Sequence[Profile]) -> Judged:
+def judge(search: Search, profiles: Sequence[LikelihoodProfile]) -> Conclusions:
     """A value for each unknown. What has no lower end is the given value where that lies within
     the interval, else the upper end, and the others follow it."""
     bounds = [(np.isfinite(each.low), np.isfinite(each.high)) for each in profiles]
@@ -40,10 +40,10 @@ def judge(search: Search, profiles: Sequence[Profile]) -> Judged:
     theta = _stated(search, profiles, status)
     for j in search.held(theta):
         status[j] = KEPT
-    return Judged(theta, status, search.likelihood.at(theta).log_likelihood)
+    return Conclusions(theta, status, search.likelihood.at(theta).log_likelihood)
 
 
-def _stated(search: Search, profiles: Sequence[Profile], status: Sequence[str]) -> Array:
+def _stated(search: Search, profiles: Sequence[LikelihoodProfile], status: Sequence[str]) -> Array:
     """The maximum, with those that have no lower end where `judge` wants them, one after the other,
     as long as log L does not fall by more than the intervals allow."""
     top, likelihood = search.top, search.likelihood
@@ -62,16 +62,16 @@ def _stated(search: Search, profiles: Sequence[Profile], status: Sequence[str]) 
     return theta.copy()
 
 
-def _given(unknown: Unknown, otherwise: float) -> float:
+def _given(unknown: NoiseUnknown, otherwise: float) -> float:
     return float(np.log(unknown.given)) if unknown.given else otherwise
 
 
 def parameters(
-    search: Search, profiles: Sequence[Profile], judged: Judged
-) -> tuple[Parameter, ...]:
+    search: Search, profiles: Sequence[LikelihoodProfile], judged: Conclusions
+) -> tuple[NoiseParameter, ...]:
     """Return the Parameter of each unknown."""
     return tuple(
-        Parameter(
+        NoiseParameter(
             each.source,
             each.what,
             each.part,
@@ -90,7 +90,7 @@ def parameters(
     )
 
 
-def directions(top: Top, unknowns: Sequence[Unknown]) -> tuple[Direction, ...]:
+def directions(top: Top, unknowns: Sequence[NoiseUnknown]) -> tuple[Direction, ...]:
     """Ways in which several unknowns can change together by more than SPREAD, though each would be
     told if the others were known."""
     F = top.slope.information
@@ -112,7 +112,7 @@ def directions(top: Top, unknowns: Sequence[Unknown]) -> tuple[Direction, ...]:
     return tuple(found)
 
 
-def _text(chosen: Sequence[Unknown], same: bool, spread: float) -> str:
+def _text(chosen: Sequence[NoiseUnknown], same: bool, spread: float) -> str:
     first, *others = (each.label for each in chosen)
     what, how = ("ratio", "with") if same else ("sum", "against")
     size = "any factor" if spread > 1e3 else f"a factor of {spread:.2g}"
@@ -125,7 +125,7 @@ def _text(chosen: Sequence[Unknown], same: bool, spread: float) -> str:
     )
 
 
-def fits(search: Search, after: Solution) -> tuple[Fit, ...]:
+def fits(search: Search, after: Solution) -> tuple[SourceFit, ...]:
     """How well the innovations of the counted sources fit, in the part that was used."""
     first, last = search.seconds
     found = []
@@ -134,5 +134,5 @@ def fits(search: Search, after: Solution) -> tuple[Fit, ...]:
         name = a.name or a.kind
         both = [counts(each.innovations, name, first, last) for each in (search.before, after)]
         (nis0, r0, out0), (nis1, r1, out1) = both
-        found.append(Fit(name, (nis0, nis1), (r0, r1), (out0, out1)))
+        found.append(SourceFit(name, (nis0, nis1), (r0, r1), (out0, out1)))
     return tuple(found)

@@ -28,7 +28,7 @@ from ..typing import Array
 from ..units.constants import CHI_SQUARE_95
 
 if TYPE_CHECKING:
-    from .findings import Parameter, Tuning
+    from .findings import NoiseParameter, Tuning
 
 BEFORE, AFTER = "before", "after"
 DRAWN = {BEFORE: GREY, AFTER: COLOURS[0]}
@@ -46,7 +46,7 @@ STRETCHES = 60
 """Over which the NIS is averaged, at most."""
 
 
-def profiles_figure(parameters: "Sequence[Parameter]") -> go.Figure:
+def profiles_figure(parameters: "Sequence[NoiseParameter]") -> go.Figure:
     """Twice the loss of log-likelihood over each parameter, all others at their best, with the
     interval, what was given and what is used."""
     scanned = [each for each in parameters if len(each.scan[0]) > 1]
@@ -63,7 +63,7 @@ def profiles_figure(parameters: "Sequence[Parameter]") -> go.Figure:
     return drawn
 
 
-def _profile(drawn: go.Figure, each: "Parameter", row: int, column: int) -> None:
+def _profile(drawn: go.Figure, each: "NoiseParameter", row: int, column: int) -> None:
     where = {"row": row, "col": column}
     values, loss = (np.asarray(part, float) for part in each.scan)
     values = values * each.factor

@@ -28,7 +28,7 @@ from ..typing import Array
 from .numbers import IMU, TIME, WHITE
 
 if TYPE_CHECKING:
-    from .findings import Parameter, Tuning
+    from .findings import NoiseParameter, Tuning
 
 COMMAND = "tune"
 
@@ -138,7 +138,7 @@ def _said(found: "Tuning", source: str) -> str:
     return f"95 % {', '.join(told) or 'not decided'}"
 
 
-def _times(noise: "Parameter") -> str:
+def _times(noise: "NoiseParameter") -> str:
     """The interval of a factor."""
     low = f"{noise.low / noise.given:.3g}" if noise.low > 0 else "0"
     high = f"{noise.high / noise.given:.3g} times" if noise.high < inf else "any factor"

@@ -13,7 +13,7 @@ from ..evaluation.fix_statistics import lasts
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, File
 from .files import change, difference, name_of, write
-from .numbers import WHITE, Number
+from .numbers import WHITE, NoiseNumber
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from ..pages.shell import Page
 
 TUNED, AT_MOST, AT_LEAST, OPEN, KEPT = "tuned", "at most", "at least", "open", "kept"
-"""Status of a Parameter: both ends of its interval are there; only the upper; only the lower; none;
+"""Status of a NoiseParameter: both ends of its interval are there; only the upper; only the lower; none;
 or its innovations are correlated for reasons that the model lacks, so that a smaller value would
 mean nothing, and the given one stays."""
 
 
 @dataclass(frozen=True)
-class Parameter(Number):
+class NoiseParameter(NoiseNumber):
     """A number with what the data say of it, SI."""
 
     value: float  # what the tuned recording and IMU have
@@ -105,7 +105,7 @@ class Direction(NamedTuple):
     text: str
 
 
-class Fit(NamedTuple):
+class SourceFit(NamedTuple):
     """How well the innovations of a source fit, before and after."""
 
     source: str
@@ -131,9 +131,9 @@ class Fit(NamedTuple):
 class Tuning:
     """The noise that a recording tells."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[NoiseParameter, ...]
     directions: tuple[Direction, ...]
-    fits: tuple[Fit, ...]
+    fits: tuple[SourceFit, ...]
     recording: Recording  # as given
     tuned: Recording  # its sources with the values found
     imu: ImuSpec  # with the noise found
@@ -169,7 +169,7 @@ class Tuning:
             *(self._unexplained(fit) for fit in self.fits if fit.unexplained),
         ]
 
-    def _unexplained(self, fit: Fit) -> str:
+    def _unexplained(self, fit: SourceFit) -> str:
         """That the noise of a source cannot be told."""
         own = (p for p in self.parameters if p.source == fit.source and p.what is WHITE)
         smaller = any(p.value < p.given and not p.stays for p in own)

@@ -17,7 +17,7 @@ import numpy as np
 from ..engine.options import RunOptions
 from ..engine.prepare import Run
 from ..typing import Array, Ints, Mask
-from .unknowns import Unknown, run_with
+from .unknowns import NoiseUnknown, run_with
 
 THREADS = min(2, os.cpu_count() or 1)
 SETTLING, SETTLING_SHARE = 60.0, 0.2
@@ -86,7 +86,7 @@ class Likelihood:
         self,
         run: Run,
         asked: RunOptions,
-        unknowns: Sequence[Unknown],
+        unknowns: Sequence[NoiseUnknown],
         counted: Ints,
         kept: Sequence[Mask],
     ) -> None:
@@ -105,7 +105,7 @@ class Likelihood:
         self.high = np.log([each.most for each in unknowns])
         self.runs = 0
 
-    def with_more(self, more: Sequence[Unknown]) -> "Likelihood":
+    def with_more(self, more: Sequence[NoiseUnknown]) -> "Likelihood":
         """The same with more unknowns, of the same fixes."""
         wider = Likelihood(self.run, self.asked, [*self.unknowns, *more], self.counted, self.kept)
         wider.reference = self.reference

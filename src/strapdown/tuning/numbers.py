@@ -6,7 +6,7 @@ from typing import NamedTuple
 from ..engine.installation import IMU as IMU
 
 
-class Kind(NamedTuple):
+class NoiseKind(NamedTuple):
     """A kind of number of the noise model."""
 
     name: str
@@ -16,27 +16,27 @@ class Kind(NamedTuple):
 
 
 OF_IMU = (
-    Kind("gyro noise", "white noise of the turn rate", "gyro", "rad/sqrt(s)"),
-    Kind("accel noise", "white noise of the specific force", "accel", "m/s/sqrt(s)"),
-    Kind("gyro bias walk", "how fast the gyro bias wanders", "gyro_bias", "rad/s/sqrt(s)"),
-    Kind(
+    NoiseKind("gyro noise", "white noise of the turn rate", "gyro", "rad/sqrt(s)"),
+    NoiseKind("accel noise", "white noise of the specific force", "accel", "m/s/sqrt(s)"),
+    NoiseKind("gyro bias walk", "how fast the gyro bias wanders", "gyro_bias", "rad/s/sqrt(s)"),
+    NoiseKind(
         "accel bias walk",
         "how fast the accelerometer bias wanders",
         "accel_bias",
         "m/s^2/sqrt(s)",
     ),
 )
-WHITE = Kind("noise", "sd of errors that are new with each fix")
-LASTING = Kind("correlated error", "sd of errors that last over many fixes")
-TIME = Kind("correlation time", "how long those errors last")
+WHITE = NoiseKind("noise", "sd of errors that are new with each fix")
+LASTING = NoiseKind("correlated error", "sd of errors that last over many fixes")
+TIME = NoiseKind("correlation time", "how long those errors last")
 
 
 @dataclass(frozen=True)
-class Number:
+class NoiseNumber:
     """A number of the noise model. Values are in SI."""
 
     source: str  # name of the source, or IMU
-    what: Kind
+    what: NoiseKind
     part: str  # "horizontal" or "vertical" where these have numbers of their own
     unit: str  # as shown
     factor: float  # from SI to it

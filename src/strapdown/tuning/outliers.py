@@ -15,7 +15,7 @@ from ..evaluation.fix_statistics import MEDIANS
 from ..typing import Array, Mask
 from .likelihood import seen
 from .numbers import WHITE
-from .unknowns import Unknown, run_with
+from .unknowns import NoiseUnknown, run_with
 
 ROUNDS, SETTLED = 6, 0.1
 LARGEST = np.log(30.0)
@@ -29,7 +29,7 @@ class Rough(NamedTuple):
     kept: list[Mask]  # by source: fixes that count
 
 
-def rough(run: Run, asked: RunOptions, unknowns: Sequence[Unknown]) -> Rough:
+def rough(run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown]) -> Rough:
     """Factors with which the median square of each group of whitened innovations is that of right
     ones, the first by a run whose gates are open, and which fixes pass their gates then."""
     theta = np.log([each.begin for each in unknowns])
@@ -52,7 +52,7 @@ def rough(run: Run, asked: RunOptions, unknowns: Sequence[Unknown]) -> Rough:
 
 
 def passed(
-    run: Run, asked: RunOptions, unknowns: Sequence[Unknown], theta: Array, gated: bool = True
+    run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown], theta: Array, gated: bool = True
 ) -> Run:
     """A run at a place, with gates as given or open, that has ended."""
     aidings = [

@@ -4,7 +4,7 @@ like before and after."""
 from html import escape
 from typing import TYPE_CHECKING
 
-from ..pages.parts import Cell, caption, numbered, paragraphs, table
+from ..pages.parts import TableCell, caption, numbered, paragraphs, table
 from ..pages.shell import Document, Page
 from ..pages.verdict_block import judged
 from .figures import (
@@ -81,11 +81,19 @@ def _verdict(found: "Tuning") -> str:
 
 def _parameters(found: "Tuning") -> str:
     """HTML of the table of parameters."""
-    header = ("", Cell("what it is", "text"), "given", "used", "unit", "95 % interval", "the data")
+    header = (
+        "",
+        TableCell("what it is", "text"),
+        "given",
+        "used",
+        "unit",
+        "95 % interval",
+        "the data",
+    )
     rows = [
         (
             each.label,
-            Cell(each.meaning, "text"),
+            TableCell(each.meaning, "text"),
             each.shown(each.given) if each.given else "none",
             each.shown(each.value),
             each.unit,

@@ -85,7 +85,7 @@ def _step(likelihood: Likelihood, point: Point, here: Slope, damping: float) -> 
     return step
 
 
-class Profile(NamedTuple):
+class LikelihoodProfile(NamedTuple):
     """How twice the loss of log L grows as one unknown is held elsewhere and the others follow."""
 
     values: Array  # (k,) rising logarithms
@@ -95,8 +95,8 @@ class Profile(NamedTuple):
     better: Point | None  # a place above the maximum, where one was met
 
 
-def profile(likelihood: Likelihood, top: Top, j: int) -> Profile:
-    """The Profile of unknown `j`, which is one of the free ones of a maximum."""
+def profile(likelihood: Likelihood, top: Top, j: int) -> LikelihoodProfile:
+    """The LikelihoodProfile of unknown `j`, which is one of the free ones of a maximum."""
     at = top.point.theta[j]
     loss_at: Callable[[Point], float] = lambda point: (
         2 * (top.point.log_likelihood - point.log_likelihood)
@@ -112,7 +112,7 @@ def profile(likelihood: Likelihood, top: Top, j: int) -> Profile:
         if best and loss_at(best) < -2 * ENOUGH:
             better = best
     (x0, y0), (x1, y1) = sides
-    return Profile(np.r_[x0[:0:-1], x1], np.r_[y0[:0:-1], y1], ends[0], ends[1], better)
+    return LikelihoodProfile(np.r_[x0[:0:-1], x1], np.r_[y0[:0:-1], y1], ends[0], ends[1], better)
 
 
 def _side(likelihood: Likelihood, top: Top, j: int, side: float) -> list[Point]:

@@ -20,11 +20,11 @@ from .likelihood import Likelihood
 from .numbers import IMU, TIME, WHITE
 from .outliers import passed, rough, used
 from .part import check_length, part, smoothed_start
-from .scoring import Profile, Top, climb, profile
+from .scoring import LikelihoodProfile, Top, climb, profile
 from .time_correlation import with_lasting
 from .unknowns import (
     APART,
-    Unknown,
+    NoiseUnknown,
     imu_with,
     noise_with,
     of_imu,
@@ -149,7 +149,7 @@ class Search:
         )
         self._climb(np.maximum(theta, self._least), self.likelihood.kept)
 
-    def _of_lasting(self, each: Unknown) -> bool:
+    def _of_lasting(self, each: NoiseUnknown) -> bool:
         return each.source == IMU or (each.place in self.lasting and each.what is not TIME)
 
     def _unexplained(self) -> set[int]:
@@ -212,8 +212,8 @@ class Search:
     def _of(self, s: int) -> Mask:
         return self.top.point.seen.source == s
 
-    def profiles(self, tell: Callable[[float], None]) -> list[Profile]:
-        """The Profile of each unknown; where one meets a better place, from there again."""
+    def profiles(self, tell: Callable[[float], None]) -> list[LikelihoodProfile]:
+        """The LikelihoodProfile of each unknown; where one meets a better place, from there again."""
         free = np.arange(len(self.unknowns))
         for climbs in range(MOST_CLIMBS):
             found = []

@@ -10,7 +10,7 @@ from ..typing import Array
 from .likelihood import Likelihood
 from .numbers import IMU, WHITE
 from .scoring import Top, climb
-from .unknowns import Unknown, groups, lasting
+from .unknowns import NoiseUnknown, groups, lasting
 
 TIMES = (3.0, 10.0, 30.0, 100.0)
 """s: the likelihood can have two maxima, so the search begins at several times and sizes."""
@@ -21,7 +21,7 @@ BEST, FIRST_ROUNDS = 2, 4
 """The BEST beginnings are followed for FIRST_ROUNDS steps, the best of them to its end."""
 
 
-class Found(NamedTuple):
+class CorrelationFound(NamedTuple):
     """The likelihood with more unknowns, its maximum, and whether the gain pays for them."""
 
     likelihood: Likelihood
@@ -29,7 +29,7 @@ class Found(NamedTuple):
     pays: bool
 
 
-def with_lasting(likelihood: Likelihood, top: Top, index: int) -> Found:
+def with_lasting(likelihood: Likelihood, top: Top, index: int) -> CorrelationFound:
     """Maximise the likelihood with time-correlated errors of source `index`. They pay where the
     gain in log L exceeds that of the Bayesian information criterion (Schwarz 1978) for their
     numbers."""
@@ -48,11 +48,11 @@ def with_lasting(likelihood: Likelihood, top: Top, index: int) -> Found:
     best = max(tops, key=lambda each: each.point.log_likelihood)
     best = climb(wider, best.point.theta, free, point=best.point)
     gain = best.point.log_likelihood - top.point.log_likelihood
-    return Found(wider, best, 2 * gain > len(more) * np.log(len(top.point.seen.log)))
+    return CorrelationFound(wider, best, 2 * gain > len(more) * np.log(len(top.point.seen.log)))
 
 
 def _begins(
-    unknowns: Sequence[Unknown], theta: Array, white: list[int], more: Sequence[Unknown]
+    unknowns: Sequence[NoiseUnknown], theta: Array, white: list[int], more: Sequence[NoiseUnknown]
 ) -> list[Array]:
     """Where the search begins: times, sizes, and the noise of the IMU as found and as given, since
     without the correlated errors it may have been blamed for them."""

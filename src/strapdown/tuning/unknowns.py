@@ -15,7 +15,7 @@ from ..sensor_models.imu import ImuSpec
 from ..typing import Array
 from ..units import quantities
 from ..units.conversion import SHEET, in_units
-from .numbers import IMU, LASTING, OF_IMU, TIME, WHITE, Number
+from .numbers import IMU, LASTING, OF_IMU, TIME, WHITE, NoiseNumber
 
 WIDE = 100.0
 """Factor, up and down, within which a number is sought."""
@@ -26,7 +26,7 @@ APART = ("position", "velocity")
 
 
 @dataclass(frozen=True)
-class Unknown(Number):
+class NoiseUnknown(NoiseNumber):
     """A number that is sought; its logarithm is what varies."""
 
     begin: float  # SI, where the search begins
@@ -36,14 +36,14 @@ class Unknown(Number):
     rows: tuple[int, ...] = ()  # of its innovation
 
 
-def of_imu(noise: Noise) -> list[Unknown]:
+def of_imu(noise: Noise) -> list[NoiseUnknown]:
     """Those of the IMU."""
     found = []
     for what in OF_IMU:
         given = getattr(noise, what.field)
         begin = given or WITHOUT_WALK * getattr(noise, what.field.removesuffix("_bias"))
         of = (IMU, what, "", SHEET[what.si], in_units(1.0, what.si))
-        found.append(Unknown(*of, given, begin, begin / WIDE, begin * WIDE))
+        found.append(NoiseUnknown(*of, given, begin, begin / WIDE, begin * WIDE))
     return found
 
 
@@ -53,20 +53,20 @@ def groups(a: Aiding) -> dict[str, tuple[int, ...]]:
     return {"horizontal": rows[:2], "vertical": rows[2:]} if a.kind in APART else {"": rows}
 
 
-def of_source(a: Aiding, index: int) -> list[Unknown]:
+def of_source(a: Aiding, index: int) -> list[NoiseUnknown]:
     """Those of a source's white errors, and of its correlated ones where it has some."""
     found = []
     for part, rows in groups(a).items():
         unit, factor = quantities.shown_unit(find(a.kind).quantities[rows[0]])
         given = typical_sd(a, rows)
         of = (_name(a), WHITE, part, unit, factor)
-        found.append(Unknown(*of, given, given, given / WIDE, given * WIDE, index, rows))
+        found.append(NoiseUnknown(*of, given, given, given / WIDE, given * WIDE, index, rows))
     return found + (lasting(a, index, a.correlated, a.correlated) if a.correlated else [])
 
 
 def lasting(
     a: Aiding, index: int, begin: Correlated, given: Correlated | None = None
-) -> list[Unknown]:
+) -> list[NoiseUnknown]:
     """Those of a source's correlated errors."""
     found = []
     seconds = float(np.ptp(a.t))
@@ -76,11 +76,11 @@ def lasting(
         before = _rms(given.sd, rows) if given else 0.0
         of = (_name(a), LASTING, part, unit, factor)
         bounds = (min(size, white) / WIDE, max(size, white) * WIDE)
-        found.append(Unknown(*of, before, size or white / WIDE, *bounds, index, rows))
+        found.append(NoiseUnknown(*of, before, size or white / WIDE, *bounds, index, rows))
     before = given.time if given else 0.0
     least = min(float(np.median(np.diff(a.t))), begin.time)
     of = (_name(a), TIME, "", "s", 1.0)
-    found.append(Unknown(*of, before, begin.time, least, max(seconds, begin.time), index))
+    found.append(NoiseUnknown(*of, before, begin.time, least, max(seconds, begin.time), index))
     return found
 
 
@@ -98,7 +98,7 @@ def _name(a: Aiding) -> str:
     return a.name or a.kind
 
 
-def noise_with(noise: Noise, unknowns: Iterable[Unknown], theta: Array) -> Noise:
+def noise_with(noise: Noise, unknowns: Iterable[NoiseUnknown], theta: Array) -> Noise:
     """The Noise with these logarithms in it."""
     values = {
         each.what.field: float(np.exp(x)) for each, x in zip(unknowns, theta) if each.source == IMU
@@ -107,7 +107,7 @@ def noise_with(noise: Noise, unknowns: Iterable[Unknown], theta: Array) -> Noise
 
 
 def sources_with(
-    aidings: Sequence[Aiding], unknowns: Sequence[Unknown], theta: Array
+    aidings: Sequence[Aiding], unknowns: Sequence[NoiseUnknown], theta: Array
 ) -> tuple[Aiding, ...]:
     """The sources with these logarithms in them: stated standard deviations keep their shape."""
     changed = list(aidings)
@@ -118,7 +118,7 @@ def sources_with(
     return tuple(changed)
 
 
-def _source_with(a: Aiding, own: Sequence[tuple[Unknown, float]]) -> Aiding:
+def _source_with(a: Aiding, own: Sequence[tuple[NoiseUnknown, float]]) -> Aiding:
     sd = np.array(a.sd, float).reshape(len(a.t), -1)
     lasts, time = np.zeros(sd.shape[1]), 0.0
     for each, value in own:
@@ -137,7 +137,7 @@ def run_with(
     run: Run,
     asked: RunOptions,
     aidings: Sequence[Aiding],
-    unknowns: Sequence[Unknown],
+    unknowns: Sequence[NoiseUnknown],
     theta: Array,
 ) -> Run:
     """A Run as another, but with these sources and logarithms, before its first sample. Rows of its

@@ -49,7 +49,7 @@ DIAGNOSE = "run `strapdown inspect` and `strapdown diagnose`; if they name nothi
 """What to do first where a source does not fit."""
 
 
-class Fixes(NamedTuple):
+class JudgedFixes(NamedTuple):
     """The measured fixes of one source."""
 
     name: str
@@ -63,8 +63,8 @@ class Fixes(NamedTuple):
     lifted: Mask  # (m,) used although their NIS was above the gate
 
 
-def by_source(solution: Solution) -> list[Fixes]:
-    """The Fixes of each source that measured something, in the order of the sources."""
+def by_source(solution: Solution) -> list[JudgedFixes]:
+    """The JudgedFixes of each source that measured something, in the order of the sources."""
     every = solution.innovations
     rows = np.isfinite(every.innovation).sum(axis=1)
     expected = np.array([np.nan, *MEDIANS.values()])[rows]
@@ -75,7 +75,7 @@ def by_source(solution: Solution) -> list[Fixes]:
         own = np.flatnonzero((every.source == s) & (rows > 0))
         if len(own):
             found.append(
-                Fixes(
+                JudgedFixes(
                     name,
                     aiding.kind,
                     every.t[own],
@@ -191,7 +191,7 @@ def biases(solution: Solution) -> Iterator[Reason]:
         )
 
 
-def noise(source: Fixes) -> Iterator[Reason]:
+def noise(source: JudgedFixes) -> Iterator[Reason]:
     """Innovations of another size than their standard deviations say, over the run or in part
     of it."""
     if len(source.t) < GATED or not np.isfinite(source.ratio).all():
@@ -224,7 +224,7 @@ def noise(source: Fixes) -> Iterator[Reason]:
         yield from _lasting(source, ratio)
 
 
-def _too_small(source: Fixes, times: float) -> Reason:
+def _too_small(source: JudgedFixes, times: float) -> Reason:
     """The Reason of innovations that are `times` as large as their standard deviations say."""
     seen = (
         f"the fixes agree with the prediction {1 / times:.0f} times better than the standard "
@@ -247,7 +247,7 @@ def _too_small(source: Fixes, times: float) -> Reason:
     )
 
 
-def _lasting(source: Fixes, ratio: float) -> Iterator[Reason]:
+def _lasting(source: JudgedFixes, ratio: float) -> Iterator[Reason]:
     """Innovations that last and are larger than what the filter claims of its prediction: it takes
     errors that last for noise that averages out."""
     least = SURELY / np.sqrt(len(source.t))
@@ -268,7 +268,7 @@ def _lasting(source: Fixes, ratio: float) -> Iterator[Reason]:
         )
 
 
-def _bad_parts(source: Fixes) -> tuple[float, float, float] | None:
+def _bad_parts(source: JudgedFixes) -> tuple[float, float, float] | None:
     """(first and last time in s, largest ratio) of the parts of a run with too large
     innovations; None where there are too few."""
     size = max(GATED, -(-len(source.t) // PARTS))
@@ -294,7 +294,7 @@ def explained(reason: Reason, runs: Iterable[Rejected]) -> Reason:
     return reason._replace(seen=f"{reason.seen}: {largest.seen}", remedy=largest.remedy)
 
 
-def rejections(source: Fixes) -> Iterator[Reason]:
+def rejections(source: JudgedFixes) -> Iterator[Reason]:
     """Too many fixes that the filter did not believe, or none accepted for long."""
     if len(source.t) < GATED:
         return
@@ -334,7 +334,7 @@ def rejections(source: Fixes) -> Iterator[Reason]:
         )
 
 
-def jumps(source: Fixes) -> Iterator[Reason]:
+def jumps(source: JudgedFixes) -> Iterator[Reason]:
     """A gate of positions or velocities that had to be lifted once the start was over: what comes
     after rests on these fixes being right."""
     settled = source.t[0] + min(SETTLING, 0.2 * (source.t[-1] - source.t[0]))

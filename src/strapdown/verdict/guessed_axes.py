@@ -4,7 +4,7 @@ confirms them."""
 from ..data.recording import Recording
 from ..data.verdict import Reason
 from ..inspection import plane
-from ..inspection.motion import Subject
+from ..inspection.motion import InspectedRecording
 
 
 def of_guessed_axes(recording: Recording) -> list[Reason]:
@@ -12,7 +12,7 @@ def of_guessed_axes(recording: Recording) -> list[Reason]:
     not test them; none where it confirms them, or where the user stated them."""
     if "guessed_axes" not in recording.meta:
         return []
-    axes, tested = recording.meta["guessed_axes"], plane.check(Subject(recording))
+    axes, tested = recording.meta["guessed_axes"], plane.check(InspectedRecording(recording))
     if tested.facts or tested.reasons:
         return tested.reasons
     why = "".join(f" ({line.partition(': ')[2]})" for line in tested.inconclusive[:-1][:1])

@@ -16,7 +16,7 @@ from ..installation.states import in_motion, installation
 from ..io.facts import own_reasons
 from ..plugins import one_line
 from . import evidence
-from .evidence import GATED, Fixes
+from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
 
 Found = TypeVar("Found")
@@ -77,7 +77,7 @@ def _once(of_recording: list[Reason], of_run: list[Reason]) -> list[Reason]:
     return list({(reason.cause, reason.source): reason for reason in ranked}.values())
 
 
-def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
+def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason]:
     """What the run shows that a right set-up does not."""
     if "stopped" in solution.meta:  # what it did before is of no interest
         yield from evidence.stopped(solution)
@@ -102,7 +102,7 @@ def _symptoms(solution: Solution, sources: list[Fixes]) -> Iterator[Reason]:
             break
 
 
-def _untested(solution: Solution, sources: list[Fixes], seconds: float) -> Iterator[str]:
+def _untested(solution: Solution, sources: list[JudgedFixes], seconds: float) -> Iterator[str]:
     """What could not be tested, and why."""
     if seconds < SHORTEST:
         yield f"anything that takes time: the run lasts {seconds:.0f} s, of {SHORTEST:.0f} s needed"

@@ -3,19 +3,19 @@
 import numpy as np
 
 from strapdown.engine.rejections import causes
-from strapdown.engine.rejections.causes import Found
-from strapdown.engine.rejections.contradictions import Run, blamed
+from strapdown.engine.rejections.causes import CauseFound
+from strapdown.engine.rejections.contradictions import RejectedRun, blamed
 
 
 def run(source, shape, number, gain=0.0):
-    return Run(
+    return RejectedRun(
         source,
         100.0,
         150.0,
         number,
         2 * number,
         6.0,
-        Found(shape, np.zeros(3), 100.0, np.inf, 2.0, gain),
+        CauseFound(shape, np.zeros(3), 100.0, np.inf, 2.0, gain),
     )
 
 

@@ -10,8 +10,8 @@ from refused_fixes import changed, simulated, solved
 import strapdown as sd
 from strapdown.data.solution.solution import Aiding, Rejected
 from strapdown.engine.rejections import causes
-from strapdown.engine.rejections.causes import Found
-from strapdown.engine.rejections.contradictions import Run
+from strapdown.engine.rejections.causes import CauseFound
+from strapdown.engine.rejections.contradictions import RejectedRun
 from strapdown.engine.rejections.runs import joined
 from strapdown.engine.rejections.words import rejected
 from strapdown.engine.stream import Fix, Sample, Stream
@@ -24,8 +24,8 @@ SPEED = Aiding("speed", EMPTY[:, 0], EMPTY[:, :1], EMPTY[:, :1])
 
 
 def run(shape, size=(), since=118.0, until=np.inf, source=0, start=120.0, **more):
-    found = Found(shape, np.array(size), since, until, 3.1, 50.0)
-    return Run(source, start, start + 7.0, 34, 36, 8.25, found, **more)
+    found = CauseFound(shape, np.array(size), since, until, 3.1, 50.0)
+    return RejectedRun(source, start, start + 7.0, 34, 36, 8.25, found, **more)
 
 
 @pytest.mark.parametrize(

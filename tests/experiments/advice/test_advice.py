@@ -20,7 +20,7 @@ from strapdown.experiments.advice.verdicts import (
     OPEN,
     RESET,
     UNDECIDED,
-    Evidence,
+    FilterEvidence,
     Rules,
     Runs,
     decide,
@@ -174,7 +174,7 @@ def test_impossible_missions_are_refused_in_one_line(tmp_path):
 
 
 def seen(label, lived=40, count=40, nees=GOOD, ratio=LEVEL):
-    return Evidence(
+    return FilterEvidence(
         label,
         count,
         lived,

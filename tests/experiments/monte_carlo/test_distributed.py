@@ -9,7 +9,7 @@ from test_study import FLIGHT, study, tables
 import strapdown as sd
 from strapdown.core.compile.jit import COMPILED
 from strapdown.sensor_models.imu import ImuSpec, grade
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 
 pytestmark = pytest.mark.skipif(
     not COMPILED, reason="worker processes without the compiler are too slow"
@@ -20,7 +20,7 @@ class Deadly(ImuSpec):
     """An IMU that kills its process in run 3."""
 
     def corrupt(self, imu, seed):
-        if seed == Stream.of(0).named(FLIGHT.name).numbered(3).named("imu"):
+        if seed == RandomStream.of(0).named(FLIGHT.name).numbered(3).named("imu"):
             os.kill(os.getpid(), signal.SIGKILL)
         return ImuSpec.corrupt(self, imu, seed)
 

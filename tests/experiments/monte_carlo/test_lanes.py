@@ -104,9 +104,11 @@ def test_what_leaves_the_lanes_is_run_alone(least, monkeypatch):
     least(WHOLE)
     started = FLIGHT.replace(gate=1.0)
     made = study(scenarios=started, filters=("open-loop",), runs=8, chunk_steps=10**9)
-    alone, scored = [], chunks.Record.scored
+    alone, scored = [], chunks.RunRecord.scored
     monkeypatch.setattr(
-        chunks.Record, "scored", lambda self, label: alone.append(self.run) or scored(self, label)
+        chunks.RunRecord,
+        "scored",
+        lambda self, label: alone.append(self.run) or scored(self, label),
     )
     side_by_side = arrays_of(made)
     assert alone

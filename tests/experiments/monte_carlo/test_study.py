@@ -15,7 +15,7 @@ import strapdown as sd
 from strapdown.core.compile.jit import COMPILED
 from strapdown.core.loop.contract import compile_kernel
 from strapdown.evaluation import consistency
-from strapdown.evaluation.consistency import Limits
+from strapdown.evaluation.consistency import LossLimits
 from strapdown.evaluation.nees import normalised_rows
 from strapdown.experiments.monte_carlo import summaries
 from strapdown.experiments.monte_carlo.campaign import Campaign
@@ -100,7 +100,7 @@ def test_a_run_is_scored_as_the_metrics_score_it():
     solution = sd.fuse(recording, "closed-loop", start=start, every=20, covariance=True)
     at = epochs(made.truth, 20)
     b_a, b_g = recording.meta["b_a"][at.rows], recording.meta["b_g"][at.rows]
-    found = score(solution, at, b_a, b_g, Limits())
+    found = score(solution, at, b_a, b_g, LossLimits())
     np.testing.assert_array_equal(at.truth.t, solution.t)
     e = sd.errors(solution, recording.reference)
     np.testing.assert_allclose(
@@ -286,7 +286,7 @@ def test_thirty_kills_lose_chunks_in_work_only_and_the_rest_goes_on_to_the_same_
             {"scenarios": (FLIGHT, FLIGHT.replace(name="two"))},
             "cell 'two--paper1-tactical' differs",
         ),
-        ({"limits": Limits(100.0)}, "limits is"),
+        ({"limits": LossLimits(100.0)}, "limits is"),
     ],
 )
 def test_another_study_is_refused_in_a_folder(finished, change, words):

@@ -16,7 +16,7 @@ from strapdown.data.solution.recording import Recording
 from strapdown.data.solution.solution import Aiding, Trajectory
 from strapdown.experiments.outages.protocols import protocol
 from strapdown.experiments.outages.result import Comparison
-from strapdown.experiments.outages.scores import Track, outages_of, scored
+from strapdown.experiments.outages.scores import ErrorTrack, outages_of, scored
 from strapdown.experiments.outages.summaries import blocks, ratio, widening
 from strapdown.geometry.geodesy import displaced
 
@@ -357,7 +357,7 @@ def comparison(
             since = np.linspace(0, stop - start, 21)
             error = np.outer((k + 1) * factor * since, [0.6, -0.8, 0.5])
             gone, rows_of = (name, k) in missing, known(since) if k == 0 else slice(None)
-            tracks[name].append(None if gone else Track(since[rows_of], error[rows_of], None))
+            tracks[name].append(None if gone else ErrorTrack(since[rows_of], error[rows_of], None))
             values = {
                 f"{axis}_rmse_m": (k + 1.0) * factor
                 for axis in ("north", "east", "down", "horizontal")

@@ -17,7 +17,7 @@ from strapdown.evaluation.consistency import Interval, Paired, paired, proportio
 from strapdown.experiments.outages.summaries import over_blocks
 
 from ..common import kinds
-from ..common.claims import Claim, Judged, findings, over
+from ..common.claims import Claim, JudgedClaim, findings, over
 from ..common.kinds import Share, clustered
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from ..common.paired_ratios import better, difference, ratio, stronger
@@ -65,7 +65,7 @@ Tables: TypeAlias = dict[str, pd.DataFrame]
 """{case: table} of table1.wide: the simulated outages and the recordings."""
 
 
-class Evidence(NamedTuple):
+class AlamEvidence(NamedTuple):
     """All that the claims rest on."""
 
     tables: Tables
@@ -73,14 +73,14 @@ class Evidence(NamedTuple):
     converged: pd.DataFrame  # of convergence.study
 
 
-TABLES, BIASES, CONVERGED = map(attrgetter, Evidence._fields)
+TABLES, BIASES, CONVERGED = map(attrgetter, AlamEvidence._fields)
 
 
-def over_all(tables: Tables, judge: Callable[..., Judged], *args: object) -> Judged:
+def over_all(tables: Tables, judge: Callable[..., JudgedClaim], *args: object) -> JudgedClaim:
     """`judge(tables, nlo, xkf, *args)` of every reading, and their verdict together."""
     found = {name: judge(tables, *pair, *args) for name, pair in READINGS.items()}
     text = "; ".join(f"{name}: {each} ({each.verdict})" for name, each in found.items())
-    return Judged(over_readings(*(each.verdict for each in found.values())), text)
+    return JudgedClaim(over_readings(*(each.verdict for each in found.values())), text)
 
 
 def simulated(tables: Tables) -> Tables:
@@ -102,19 +102,19 @@ def won(tables: Tables, measure: str, first: str, *others: str) -> Share:
     return clustered((sum(each), len(each)) for each in by_seed.values())
 
 
-def in_some(tables: Tables, nlo: str, xkf: str) -> Judged:
+def in_some(tables: Tables, nlo: str, xkf: str) -> JudgedClaim:
     """In some outages the XKF is better than EKF and NLO."""
     return kinds.sometimes(won(tables, "horizontal_rmse_m", xkf, EKF, nlo))
 
 
-def no_benefit(tables: Tables, nlo: str, xkf: str) -> Judged:
+def no_benefit(tables: Tables, nlo: str, xkf: str) -> JudgedClaim:
     """Not mostly better than both."""
     mostly = kinds.mostly(better(tables, ("horizontal_rmse_m", "down_rmse_m"), xkf, EKF, nlo))
     opposite = {REPRODUCED: NOT_REPRODUCED, NOT_REPRODUCED: REPRODUCED}
     return mostly._replace(verdict=opposite.get(mostly.verdict, mostly.verdict))
 
 
-def farther(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
+def farther(tables: Tables, nlo: str, xkf: str, measure: str) -> JudgedClaim:
     """At the end of a simulated outage the EKF is more than TWICE as far off as the XKF."""
     by_case = [
         np.log(table[measure][EKF] / table[measure][xkf]).groupby("block").mean()
@@ -122,36 +122,36 @@ def farther(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
         if {(measure, EKF), (measure, xkf)} <= set(table.columns)
     ]
     if not by_case:
-        return Judged(UNDECIDED, "no outage")
+        return JudgedClaim(UNDECIDED, "no outage")
     by_seed = pd.concat(by_case, axis=1).mean(axis=1)
     found = over_blocks(by_seed.to_numpy(), by_seed.index.to_numpy())
     value, low, high = np.exp(found[:3])
     return kinds.more_than(low, high, TWICE, f"{value:.3g} ({low:.3g} to {high:.3g})")
 
 
-def always_better(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
+def always_better(tables: Tables, nlo: str, xkf: str, measure: str) -> JudgedClaim:
     """The XKF is better than the EKF in every cell."""
     return kinds.always(better(tables, [measure], xkf, EKF))
 
 
-def each_sometimes(tables: Tables, nlo: str, xkf: str, measure: str) -> Judged:
+def each_sometimes(tables: Tables, nlo: str, xkf: str, measure: str) -> JudgedClaim:
     """Sometimes the XKF and sometimes the EKF is better."""
     return kinds.one_or_the_other(won(tables, measure, xkf, EKF))
 
 
-def overall(tables: Tables, nlo: str, xkf: str) -> Judged:
+def overall(tables: Tables, nlo: str, xkf: str) -> JudgedClaim:
     """Over all cells the XKF is better than the EKF, and than the NLO."""
     found = [kinds.mostly(better(tables, RMSE, xkf, other)) for other in (EKF, nlo)]
     text = f"against the EKF {found[0]}, against the NLO {found[1]}"
-    return Judged(both(*(each.verdict for each in found)), text)
+    return JudgedClaim(both(*(each.verdict for each in found)), text)
 
 
-def least(tables: Tables, nlo: str, xkf: str) -> Judged:
+def least(tables: Tables, nlo: str, xkf: str) -> JudgedClaim:
     """In most east and down cells the XKF is better than both."""
     return kinds.mostly(better(tables, ("east_rmse_m", "down_rmse_m"), xkf, EKF, nlo))
 
 
-def like_the_observer(tables: Tables, nlo: str, xkf: str) -> Judged:
+def like_the_observer(tables: Tables, nlo: str, xkf: str) -> JudgedClaim:
     """In most cells the XKF is within NEAR of the NLO."""
     found = from_the_observer(tables, xkf, nlo)
     votes = [
@@ -161,7 +161,7 @@ def like_the_observer(tables: Tables, nlo: str, xkf: str) -> Judged:
     return kinds.mostly(lambda confidence: votes)
 
 
-def explained_by_course(tables: Tables) -> Judged:
+def explained_by_course(tables: Tables) -> JudgedClaim:
     """Where the EKF is better in the north its course explains that."""
     wins = {
         case: table
@@ -169,7 +169,7 @@ def explained_by_course(tables: Tables) -> Judged:
         if ratio(table, "north_rmse_m", EKF, XKF).side == 1
     }
     judged = kinds.mostly(lambda confidence: [_explained(table) for table in wins.values()])
-    return Judged(
+    return JudgedClaim(
         judged.verdict if len(wins) >= ENOUGH else UNDECIDED,
         f"EKF better in the north in {len(wins)} of {len(tables)} cases "
         f"({', '.join(wins) or 'none'}); its course explains that: {judged}",
@@ -197,14 +197,16 @@ def median_difference(tables: Tables, name: str, observer: str) -> float:
     return float(np.median(found or [np.nan]))
 
 
-def of_readings(biases: pd.DataFrame, judge: Callable[..., Judged], column: str) -> Judged:
+def of_readings(
+    biases: pd.DataFrame, judge: Callable[..., JudgedClaim], column: str
+) -> JudgedClaim:
     """`judge(biases, xkf, column)` of the XKF of every reading, and their verdict together."""
     found = [judge(biases, xkf, column) for _, xkf in READINGS.values()]
     text = "; ".join(f"{name}: {each}" for name, each in zip(READINGS, found))
-    return Judged(over_readings(*(each.verdict for each in found)), text)
+    return JudgedClaim(over_readings(*(each.verdict for each in found)), text)
 
 
-def wanders_twice_as_much(biases: pd.DataFrame, xkf: str, column: str) -> Judged:
+def wanders_twice_as_much(biases: pd.DataFrame, xkf: str, column: str) -> JudgedClaim:
     """A column of the biases is on average more than TWICE as large with the EKF as with an
     XKF."""
     table = biases.pivot_table(index="seed", columns="filter", values=column, sort=False)
@@ -214,12 +216,12 @@ def wanders_twice_as_much(biases: pd.DataFrame, xkf: str, column: str) -> Judged
     return kinds.more_than(low, high, TWICE, f"{value:.3g} ({low:.3g} to {high:.3g})")
 
 
-def unsteady(biases: pd.DataFrame, name: str, sensor: str) -> Judged:
+def unsteady(biases: pd.DataFrame, name: str, sensor: str) -> JudgedClaim:
     """The bias estimates of a filter wander more than STEADY at last in most seeds."""
     return kinds.mostly_of(_unsteady(biases, name, sensor))
 
 
-def steady(biases: pd.DataFrame, name: str, sensor: str) -> Judged:
+def steady(biases: pd.DataFrame, name: str, sensor: str) -> JudgedClaim:
     """The contrary of `unsteady`."""
     return kinds.mostly_of(_unsteady(biases, name, sensor).opposite)
 
@@ -255,7 +257,7 @@ def starts(converged: pd.DataFrame, label: str) -> tuple[Interval, str]:
     return proportion(good, len(own)), f"{label} {good} of {len(own)}"
 
 
-def as_stable_as(converged: pd.DataFrame, observer: str) -> Judged:
+def as_stable_as(converged: pd.DataFrame, observer: str) -> JudgedClaim:
     """Both forms of the XKF converge from nearly all starts, as the observer does."""
     bound, text = starts(converged, observer)
     forms = [label for label in dict.fromkeys(converged["case"]) if label.startswith("XKF")]
@@ -263,10 +265,10 @@ def as_stable_as(converged: pd.DataFrame, observer: str) -> Judged:
     verdicts = (
         decided(min(own.value, bound.value) >= SURE, own.high < bound.low) for own in shares
     )
-    return Judged(both(*verdicts), "; ".join((text, *texts)))
+    return JudgedClaim(both(*verdicts), "; ".join((text, *texts)))
 
 
-def fails(converged: pd.DataFrame, label: str) -> Judged:
+def fails(converged: pd.DataFrame, label: str) -> JudgedClaim:
     """From some starts a filter does not converge."""
     own = converged[converged["case"] == label]
     return kinds.sometimes(clustered((int(~np.isfinite(since)), 1) for since in own["since_s"]))
@@ -300,7 +302,7 @@ ON_AXIS = (
 )
 
 
-def on_axis(measure: str) -> dict[str, Callable[[Evidence], object]]:
+def on_axis(measure: str) -> dict[str, Callable[[AlamEvidence], object]]:
     """What ON_AXIS shows beside the readings of XKF against EKF."""
     return {
         "ratios": over(TABLES, listed, measure, XKF, EKF),
@@ -539,6 +541,6 @@ CLAIMS = {
 """In the order of the paper."""
 
 
-def claims(evidence: Evidence) -> list[dict[str, str]]:
+def claims(evidence: AlamEvidence) -> list[dict[str, str]]:
     """All findings, in the order of the paper."""
     return findings(CLAIMS.values(), evidence)

@@ -53,7 +53,7 @@ _FIELD = (20.0e-6, 1.5e-6, 44.8e-6)  # T NED, near there
 _STREAM = 170  # of the starts' directions, apart from the sensors'
 
 
-class Case(NamedTuple):
+class ConvergenceCase(NamedTuple):
     """A filter with its options, and whether the recording has a magnetometer."""
 
     filter: str
@@ -62,15 +62,15 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "NLO, tilt-compensated course": Case("nlo"),
-    "NLO, magnetometer": Case("nlo", {}, True),
-    "NLO, the printed vector": Case("nlo", {"course": "printed"}),
-    "two-stage EKF": Case("two-stage-ekf"),
-    "NLO, the paper's law of the bias": Case("nlo", {"bias_law": "norm"}),
-    "XKF, two stages": Case("xkf-two-stage"),
-    "XKF, two stages, own attitude": Case("xkf-two-stage", {"attitude": "stage-1"}),
-    "XKF, 15 states": Case("xkf", {"near": 0.0}),
-    "closed loop": Case("closed-loop"),
+    "NLO, tilt-compensated course": ConvergenceCase("nlo"),
+    "NLO, magnetometer": ConvergenceCase("nlo", {}, True),
+    "NLO, the printed vector": ConvergenceCase("nlo", {"course": "printed"}),
+    "two-stage EKF": ConvergenceCase("two-stage-ekf"),
+    "NLO, the paper's law of the bias": ConvergenceCase("nlo", {"bias_law": "norm"}),
+    "XKF, two stages": ConvergenceCase("xkf-two-stage"),
+    "XKF, two stages, own attitude": ConvergenceCase("xkf-two-stage", {"attitude": "stage-1"}),
+    "XKF, 15 states": ConvergenceCase("xkf", {"near": 0.0}),
+    "closed loop": ConvergenceCase("closed-loop"),
 }
 """What is compared, by its label."""
 
@@ -118,7 +118,9 @@ def run(seed: int, magnetometer: bool = False, interval: float = FIXES) -> tuple
     )
 
 
-def outcome(case: Case, seed: int, interval: float = FIXES) -> tuple[float, float, float, str]:
+def outcome(
+    case: ConvergenceCase, seed: int, interval: float = FIXES
+) -> tuple[float, float, float, str]:
     """(s from which the attitude error stayed below the bound, inf where it did not; s at which it
     was first below; its last value in deg; said).
 
@@ -154,14 +156,16 @@ def settled(t: Array, total: Array) -> float:
 
 
 def study(
-    cases: Mapping[str, Case | tuple[Any, ...]] | None = None,
+    cases: Mapping[str, ConvergenceCase | tuple[Any, ...]] | None = None,
     seeds: Sequence[int] = SEEDS,
     threads: int | None = None,
     interval: float = FIXES,
 ) -> pd.DataFrame:
     """DataFrame with a row per case and seed: case, seed, since_s, first_s, last_deg, and what
     was `said` of a run that has none."""
-    known = {label: Case(*case) for label, case in (CASES if cases is None else cases).items()}
+    known = {
+        label: ConvergenceCase(*case) for label, case in (CASES if cases is None else cases).items()
+    }
     rows: list[tuple[str, int, float, float, float, str]] = []
     for label, case in known.items():
         of_seed = lambda seed, case=case: outcome(case, seed, interval)
@@ -172,7 +176,7 @@ def study(
 
 
 def shares(
-    cases: Mapping[str, Case | tuple[Any, ...]] | None = None,
+    cases: Mapping[str, ConvergenceCase | tuple[Any, ...]] | None = None,
     seeds: Sequence[int] = SEEDS,
     threads: int | None = None,
     interval: float = FIXES,

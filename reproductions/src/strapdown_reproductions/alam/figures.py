@@ -15,7 +15,7 @@ from strapdown.typing import Array, Ints
 
 from ..common.figures import names_down, quantile_lines, side_by_side
 from ..common.paired_ratios import ratio
-from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, Results, Run, windows
+from .runs import AXES, CLOSED, EKF, FULL, NLO, SINCE, XKF, AlamResults, AlamRun, windows
 
 COLOUR = dict(zip((EKF, NLO, XKF, FULL, CLOSED), COLOURS))
 DEG = float(np.degrees(1.0))
@@ -28,7 +28,7 @@ them is named below."""
 
 
 def all_figures(
-    results: Results, growth: dict[str, pd.DataFrame], tables: dict[str, pd.DataFrame]
+    results: AlamResults, growth: dict[str, pd.DataFrame], tables: dict[str, pd.DataFrame]
 ) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; growth: {recording: DataFrame}, tables:
     table1.wide of simulation and recordings."""
@@ -101,7 +101,7 @@ def flight(recording: Recording) -> tuple[go.Figure, go.Figure]:
     return path.update_layout(hovermode="closest"), _outages(height, t)
 
 
-def figure4(results: Results) -> list[tuple[str, go.Figure]]:
+def figure4(results: AlamResults) -> list[tuple[str, go.Figure]]:
     """[(title, figure)] of the paper's Figure 4: attitude, gyro bias, position, velocity in body
     axes, accelerometer bias; as errors, or with truth."""
     rec, truth = results.recording, results.recording.reference
@@ -128,13 +128,13 @@ def _rows(t: Array, wanted: Array) -> Ints:
 
 
 def _lines(
-    sample: dict[str, Run],
+    sample: dict[str, AlamRun],
     names: tuple[str, ...],
     unit: str,
-    of: Callable[[Run], Array],
+    of: Callable[[AlamRun], Array],
     true: tuple[Array, Array] | None,
 ) -> go.Figure:
-    """A panel per component of what `of` takes from each Run; true: (t, values) or None for an
+    """A panel per component of what `of` takes from each AlamRun; true: (t, values) or None for an
     error."""
     drawn, outside = panels([f"{name}<br>[{unit}]" for name in names], height=150), []
     for i, name in enumerate(names):

@@ -23,7 +23,7 @@ from . import claims as alam_claims, convergence, on_recordings, runs as alam_ru
 from .choices import CHOICES
 from .figures import all_figures
 from .on_recordings import Recorded
-from .runs import ABLATIONS, AXES, EKF_NO_COURSE, FILTERS, XKF_NO_COURSE, Results
+from .runs import ABLATIONS, AXES, EKF_NO_COURSE, FILTERS, XKF_NO_COURSE, AlamResults
 
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
@@ -81,13 +81,13 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
 
 
 def write(
-    out: File, results: Results, recorded: Recorded, converged: pd.DataFrame, seed: int
+    out: File, results: AlamResults, recorded: Recorded, converged: pd.DataFrame, seed: int
 ) -> list[dict[str, Any]]:
     """Write the page of finished Results, Recorded and convergence study into the folder `out`;
     return the claims."""
     scores = pd.concat([results.scores, recorded.scores], ignore_index=True)
     wide = table1.wide(scores)
-    claims = alam_claims.claims(alam_claims.Evidence(wide, results.biases, converged))
+    claims = alam_claims.claims(alam_claims.AlamEvidence(wide, results.biases, converged))
     count = results.scores["block"].nunique()
     size = (
         f"This page: {count} seeds of the simulated flight with {len(alam_runs.windows())} outages "

@@ -105,10 +105,10 @@ ABLATIONS = {
 beside the same filter of FILTERS."""
 AXES = ("north", "east", "down")
 Row: TypeAlias = dict[str, float | str]
-"""{column: value} of a row of a table of Results, or the part of it that one function finds."""
+"""{column: value} of a row of a table of AlamResults, or the part of it that one function finds."""
 
 
-class Run(NamedTuple):
+class AlamRun(NamedTuple):
     """One run at 10 Hz: errors true - estimate, estimates and truth, for the figures."""
 
     t: Array  # (n,) s
@@ -120,7 +120,7 @@ class Run(NamedTuple):
     velocity: Array  # (n, 3) m/s NED, error
 
 
-class Results(NamedTuple):
+class AlamResults(NamedTuple):
     """What all runs gave."""
 
     # a row per seed, filter and outage: case, block (the seed), filter, outage, start_s, stop_s,
@@ -131,7 +131,7 @@ class Results(NamedTuple):
     biases: pd.DataFrame
     # {filter: (2, runs, len(SINCE)) m}, horizontal and vertical, of all outages of all seeds
     growth: dict[str, Array]
-    sample: dict[str, Run]  # {filter: Run of the first seed}
+    sample: dict[str, AlamRun]  # {filter: Run of the first seed}
     recording: Recording  # of the first seed, with what was withheld
 
 
@@ -154,14 +154,14 @@ def run_all(
     progress: Progress | None = None,
     threads: int | None = None,
     say: Say | None = None,
-) -> Results:
+) -> AlamResults:
     """Results of `variants` (default: FILTERS and ABLATIONS) over `seeds`. progress: called with
     the fraction done; say: of slow compilation."""
     seeds, variants = list(seeds), FILTERS | ABLATIONS if variants is None else variants
     scores: list[Row] = []
     biases: list[Row] = []
     growth: dict[str, list[Array]] = {label: [] for label in variants}
-    sample: dict[str, Run] = {}
+    sample: dict[str, AlamRun] = {}
     simulator()  # before the threads, which would each compute it
     of_seed = lambda seed: _seed(seed, variants, seed == seeds[0], say)
     for found in on_threads(of_seed, seeds, threads, progress):
@@ -174,7 +174,9 @@ def run_all(
         label: np.array(own).reshape(-1, 2, len(SINCE)).swapaxes(0, 1)
         for label, own in growth.items()
     }
-    return Results(pd.DataFrame(scores), pd.DataFrame(biases), grown, sample, recording(seeds[0]))
+    return AlamResults(
+        pd.DataFrame(scores), pd.DataFrame(biases), grown, sample, recording(seeds[0])
+    )
 
 
 def recording(seed: int) -> Recording:
@@ -188,7 +190,7 @@ def recording(seed: int) -> Recording:
 
 def _seed(
     seed: int, variants: dict[str, Variant], kept: bool, say: Say | None
-) -> tuple[list[Row], list[Row], dict[str, list[Array]], dict[str, Run]]:
+) -> tuple[list[Row], list[Row], dict[str, list[Array]], dict[str, AlamRun]]:
     """(rows of scores, rows of biases, {label: curves}, {label: Run}) of one seed; the Runs
     where they are `kept`."""
     hidden = recording(seed)
@@ -234,11 +236,11 @@ def _seed(
     return scores, biases, growth, sample
 
 
-def _sample(solution: Solution, e: Errors) -> Run:
+def _sample(solution: Solution, e: Errors) -> AlamRun:
     own = solution.trajectory
     v_b = own.rotation.inv().apply(own.v_n)
     columns = (own.t, own.rph, v_b, solution.b_a, solution.b_g)
-    return Run(*(column[e.rows] for column in columns), e.position, e.velocity)
+    return AlamRun(*(column[e.rows] for column in columns), e.position, e.velocity)
 
 
 def scored(e: Errors, window: tuple[float, float], stopped: str) -> Row:

@@ -21,8 +21,8 @@ from strapdown.sim.synthesis import draw_start, simulate
 from strapdown.typing import Array
 
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import Evidence, Task, collected
-from ..common.study import Study, held_against
+from ..common.runner import StudyTables, Task, collected
+from ..common.study import ReproducedStudy, held_against
 from ..common.tables import Tables, grouped
 from ..common.targets import Target, in_docs
 from .law import boundary, held_is_better
@@ -188,7 +188,7 @@ def boundaries() -> pd.DataFrame:
     )
 
 
-def figures(found: Evidence) -> dict[str, float]:
+def figures(found: StudyTables) -> dict[str, float]:
     """The figures of TARGETS; NaN where no cell has an interval."""
     cells = table(found[RUNS])
     if cells["ratio_low"].isna().all():
@@ -201,7 +201,7 @@ def figures(found: Evidence) -> dict[str, float]:
     }
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)}."""
     cells = table(found[RUNS])
     return {
@@ -211,7 +211,7 @@ def tables(found: Evidence) -> Tables:
     }
 
 
-STUDY = Study(
+STUDY = ReproducedStudy(
     "When the estimate of a bias should decay",
     INTRODUCTION,
     held_against(TARGETS, figures),

@@ -11,7 +11,7 @@ from strapdown.typing import Array
 
 from ..common.figures import side_by_side
 from .peers import PEERS
-from .trials import Run, Trial
+from .trials import BroadTrial, TrialRun
 
 DASHES = ("solid", "dash", "dot", "dashdot")
 SLOW = "#a08060"
@@ -21,7 +21,9 @@ SECOND = 1.0
 """s: a point of a curve is the rms over so much time."""
 
 
-def figures(trials: Sequence[Trial], runs: Sequence[Run]) -> list[tuple[str, go.Figure, str]]:
+def figures(
+    trials: Sequence[BroadTrial], runs: Sequence[TrialRun]
+) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page."""
     drawn = [
         (
@@ -59,7 +61,7 @@ def style(name: str, names: Sequence[str]) -> tuple[str, str]:
     ]
 
 
-def summary(trials: Sequence[Trial], runs: Sequence[Run]) -> go.Figure:
+def summary(trials: Sequence[BroadTrial], runs: Sequence[TrialRun]) -> go.Figure:
     """Rms errors: a panel per measure, for each estimator the mean over the trials and a circle
     per trial."""
     names = list(dict.fromkeys(run.estimator for run in runs))
@@ -133,7 +135,7 @@ def per_second(t: Array, angle: Array) -> tuple[Array, Array]:
     )
 
 
-def over_time(trial: Trial, runs: Sequence[Run]) -> go.Figure:
+def over_time(trial: BroadTrial, runs: Sequence[TrialRun]) -> go.Figure:
     """Orientation error of each estimator over time, rms of each second, with shades where there
     is no movement; slow peers only in the legend."""
     names, t = [run.estimator for run in runs], trial.recording.imu.t

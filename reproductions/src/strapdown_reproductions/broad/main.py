@@ -28,11 +28,11 @@ from strapdown.typing import Array, File, Mask, Say
 from ..common import markdown
 from ..common.example_recordings import inside
 from ..common.reproduction import Asked, reproduction
-from ..common.study import Study
+from ..common.study import ReproducedStudy
 from ..common.targets import claim
 from . import figures as broad_figures
 from .peers import PEERS, Peer, installed
-from .trials import Run, Trial
+from .trials import BroadTrial, TrialRun
 
 Result = TypeVar("Result")
 
@@ -71,7 +71,7 @@ INTRODUCTION = (
 )
 
 
-def load(path: File) -> Trial:
+def load(path: File) -> BroadTrial:
     """The Trial in an .npz file. Raises DataError."""
     recording = io.read(path)
     fs, arrays = parse(path)
@@ -82,7 +82,7 @@ def load(path: File) -> Trial:
         raise DataError(
             f"{path}: no sample has both movement and a known reference, so nothing can be scored"
         )
-    return Trial(Path(path).stem, recording, arrays, fs, scored)
+    return BroadTrial(Path(path).stem, recording, arrays, fs, scored)
 
 
 def moving(recording: Recording) -> Mask:
@@ -103,8 +103,8 @@ def angles(trajectory: Trajectory, recording: Recording) -> Array:
     return found
 
 
-def rms(run: Run, trial: Trial) -> Array:
-    """(3,) root mean square of a Run's angles over the scored samples, rad; NaN where an
+def rms(run: TrialRun, trial: BroadTrial) -> Array:
+    """(3,) root mean square of a TrialRun's angles over the scored samples, rad; NaN where an
     estimate is missing at one of them."""
     return np.sqrt(np.mean(run.angles[trial.scored].astype(float) ** 2, axis=0))
 
@@ -128,8 +128,8 @@ def _timed(function: Callable[[], Result], repeats: int) -> tuple[Result, float]
     return result, float(np.median(took))
 
 
-def _run(name: str, trial: Trial, trajectory: Trajectory, seconds: float) -> Run:
-    return Run(
+def _run(name: str, trial: BroadTrial, trajectory: Trajectory, seconds: float) -> TrialRun:
+    return TrialRun(
         name,
         trial.name,
         angles(trajectory, trial.recording).astype(np.float32),
@@ -137,7 +137,7 @@ def _run(name: str, trial: Trial, trajectory: Trajectory, seconds: float) -> Run
     )
 
 
-def over_sd(trajectory: Trajectory, trial: Trial) -> tuple[float, ...]:
+def over_sd(trajectory: Trajectory, trial: BroadTrial) -> tuple[float, ...]:
     """(3,) rms of the attitude error (north, east, down) over the standard deviation that the
     Trajectory claims, over the scored samples; NaN without one."""
     e = errors(trajectory, trial.recording.reference)
@@ -145,7 +145,7 @@ def over_sd(trajectory: Trajectory, trial: Trial) -> tuple[float, ...]:
     return tuple(np.sqrt(np.mean((e.attitude[scored] / e.sd[scored, 6:9]) ** 2, axis=0)))
 
 
-def own_runs(trial: Trial, names: Sequence[str], say: Say | None = None) -> Iterator[Run]:
+def own_runs(trial: BroadTrial, names: Sequence[str], say: Say | None = None) -> Iterator[TrialRun]:
     """Runs of the filters `names` on a trial, and smoothed of those that can be.
 
     Timed is what `fuse` takes with alignment and all rows of its solution, compilation apart.
@@ -165,7 +165,7 @@ def own_runs(trial: Trial, names: Sequence[str], say: Say | None = None) -> Iter
             yield run
 
 
-def peer_runs(trial: Trial, quick: bool) -> Iterator[Run]:
+def peer_runs(trial: BroadTrial, quick: bool) -> Iterator[TrialRun]:
     """Runs of the peers that are installed; with `quick` without the slow ones."""
     samples = [np.ascontiguousarray(trial.arrays[name]) for name in ("gyr", "acc", "mag")]
     t = np.arange(len(samples[0])) / trial.fs
@@ -183,8 +183,8 @@ def peer_runs(trial: Trial, quick: bool) -> Iterator[Run]:
 class Compared(NamedTuple):
     """Estimators beside each other on the same trials."""
 
-    trials: Sequence[Trial]
-    runs: Sequence[Run]
+    trials: Sequence[BroadTrial]
+    runs: Sequence[TrialRun]
     tables: dict[str, tuple[str, pd.DataFrame]]  # see `tables`
 
 
@@ -215,7 +215,9 @@ def in_docs(made: Mapping[str, tuple[str, pd.DataFrame]]) -> str:
     return markdown.tables((caption(text), table) for text, table in made.values())
 
 
-def tables(trials: Sequence[Trial], runs: Sequence[Run]) -> dict[str, tuple[str, pd.DataFrame]]:
+def tables(
+    trials: Sequence[BroadTrial], runs: Sequence[TrialRun]
+) -> dict[str, tuple[str, pd.DataFrame]]:
     """{name: (caption, DataFrame)}: a table per measure with a row per estimator, in deg; that
     of orientation also with the time per sample."""
     names = list(dict.fromkeys(run.estimator for run in runs))
@@ -251,12 +253,12 @@ def tables(trials: Sequence[Trial], runs: Sequence[Run]) -> dict[str, tuple[str,
     return made
 
 
-def column(trial: Trial) -> str:
+def column(trial: BroadTrial) -> str:
     """Heading of a trial's column: its number, a star where the defaults were chosen on it."""
     return f"{trial.number}{'*' if trial.number in CHOSEN_ON else ''}, deg"
 
 
-def judged(table: pd.DataFrame, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+def judged(table: pd.DataFrame, trials: Sequence[BroadTrial]) -> list[dict[str, Any]]:
     """The claims that the trials and estimators at hand can decide, from the table of
     orientation errors."""
     of = table.set_index("estimator")
@@ -318,7 +320,7 @@ def _measured(peer: Peer, table: pd.DataFrame) -> list[float]:
     return row if len(peer.known) > 1 else [np.mean(row)]
 
 
-STUDY = Study(
+STUDY = ReproducedStudy(
     "strapdown on the BROAD trials",
     INTRODUCTION,
     lambda found: judged(found.tables["orientation"][1], found.trials),

@@ -9,7 +9,7 @@ from strapdown.data.solution.recording import Recording
 from strapdown.typing import Mask
 
 
-class Trial(NamedTuple):
+class BroadTrial(NamedTuple):
     """One trial as everybody gets it."""
 
     name: str  # of the file
@@ -24,7 +24,7 @@ class Trial(NamedTuple):
         return self.name.partition("_")[0]
 
 
-class Run(NamedTuple):
+class TrialRun(NamedTuple):
     """An estimator on a trial."""
 
     estimator: str

@@ -14,7 +14,7 @@ from .verdicts import both
 Found = TypeVar("Found")
 
 
-class Judged(NamedTuple):
+class JudgedClaim(NamedTuple):
     """What became of a part of a claim: its verdict, and the numbers behind it."""
 
     verdict: str
@@ -24,7 +24,7 @@ class Judged(NamedTuple):
         return self.text
 
 
-class Kind(NamedTuple):
+class ClaimKind(NamedTuple):
     """A kind of claim, and the rule that decides it, in words; the kinds are in kinds.py."""
 
     name: str
@@ -38,7 +38,7 @@ class Claim(NamedTuple):
     source: str  # where
     rule: str  # in words, which decides
     # {name: what becomes of the evidence}: all must hold
-    parts: Mapping[str, Callable[[Any], Judged]]
+    parts: Mapping[str, Callable[[Any], JudgedClaim]]
     # format string of what was measured: `parts` and `shown` by their names in braces
     measured: str
     decided_by: str  # the figure or table that shows it
@@ -47,7 +47,7 @@ class Claim(NamedTuple):
     # text: what the evidence lacks, so that the claim cannot be judged; else ""
     lacks: Callable[[Any], str] | None = None
     # which kind of claim it is, whose rule decides; `rule` says of what
-    kind: Kind | None = None
+    kind: ClaimKind | None = None
     # format string like `measured`: one plain sentence, with the number that decides
     answer: str = ""
     # text where the verdict follows by algebra, whatever is measured; else ""

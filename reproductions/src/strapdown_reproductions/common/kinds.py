@@ -14,7 +14,7 @@ import numpy as np
 
 from strapdown.evaluation.consistency import proportion
 
-from .claims import Judged, Kind
+from .claims import ClaimKind, JudgedClaim
 from .pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from .verdicts import counted, decided
 
@@ -25,42 +25,42 @@ Votes: TypeAlias = Callable[[float], Sequence[int]]
 """Of the cells at a level of confidence: +1 supports, -1 contradicts, 0 is open."""
 
 
-ALWAYS = Kind(
+ALWAYS = ClaimKind(
     "always",
     "reproduced where every cell supports it, not reproduced where one contradicts it at "
     "Bonferroni's level of all cells, else not decidable",
 )
-NEVER = Kind(
+NEVER = ClaimKind(
     "never",
     "reproduced where every cell speaks against its happening, not reproduced where it happens in "
     "one at Bonferroni's level of all cells, else not decidable",
 )
-SOMETIMES = Kind(
+SOMETIMES = ClaimKind(
     "sometimes",
     f"reproduced where it is so in more than {SELDOM:.0%} of the single trials, not reproduced "
     "where in fewer (95 % interval, clustered by seed), else not decidable",
 )
-ONE_OR_THE_OTHER = Kind(
+ONE_OR_THE_OTHER = ClaimKind(
     "sometimes one, sometimes the other",
     f"reproduced where each is so in more than {SELDOM:.0%} of the single trials, not reproduced "
     "where one is in fewer (95 % interval, clustered by seed), else not decidable",
 )
-MOSTLY = Kind(
+MOSTLY = ClaimKind(
     "mostly",
     "reproduced where more than half of the cells (or of the single trials, 95 % interval) support "
     "it, not reproduced once one half is out of reach, else not decidable",
 )
-OVERALL = Kind(
+OVERALL = ClaimKind(
     "overall",
     "over the cells of all measures: reproduced where more than half of them support it, not "
     "reproduced once one half is out of reach, else not decidable",
 )
-MORE_THAN = Kind(
+MORE_THAN = ClaimKind(
     "more than",
     "reproduced where the 95 % interval lies above the bound, not reproduced where it lies below, "
     "else not decidable",
 )
-EXPLANATION = Kind(
+EXPLANATION = ClaimKind(
     "explanation",
     "reproduced where the effect goes with what is to cause it, and without it does not come; not "
     "reproduced where it comes without; else not decidable",
@@ -124,32 +124,32 @@ def of_all(*parts: Votes) -> Votes:
     return lambda confidence: [each for votes in parts for each in votes(confidence)]
 
 
-def always(votes: Votes) -> Judged:
+def always(votes: Votes) -> JudgedClaim:
     """ALWAYS."""
     count = counted(votes(CONFIDENCE))
     certain = counted(votes(1 - (1 - CONFIDENCE) / max(count.total, 1)))
     every = 0 < count.total == count.supports
-    return Judged(decided(every, certain.contradicts > 0), str(count))
+    return JudgedClaim(decided(every, certain.contradicts > 0), str(count))
 
 
-def never(happens: Votes) -> Judged:
+def never(happens: Votes) -> JudgedClaim:
     """NEVER: `happens` votes for its happening."""
     return always(lambda confidence: [-vote for vote in happens(confidence)])
 
 
-def sometimes(share: Share) -> Judged:
+def sometimes(share: Share) -> JudgedClaim:
     """SOMETIMES."""
-    return Judged(decided(share.low > SELDOM, share.high < SELDOM), str(share))
+    return JudgedClaim(decided(share.low > SELDOM, share.high < SELDOM), str(share))
 
 
-def one_or_the_other(share: Share) -> Judged:
+def one_or_the_other(share: Share) -> JudgedClaim:
     """ONE_OR_THE_OTHER: `share` is that of the one."""
     both = SELDOM < share.low and share.high < 1 - SELDOM
     one = share.high < SELDOM or share.low > 1 - SELDOM
-    return Judged(decided(both, one), str(share))
+    return JudgedClaim(decided(both, one), str(share))
 
 
-def mostly(votes: Votes) -> Judged:
+def mostly(votes: Votes) -> JudgedClaim:
     """MOSTLY and OVERALL, of cells."""
     count = counted(votes(CONFIDENCE))
     verdict = UNDECIDED
@@ -157,14 +157,14 @@ def mostly(votes: Votes) -> Judged:
         verdict = REPRODUCED
     elif count.total and 2 * count.contradicts >= count.total:
         verdict = NOT_REPRODUCED
-    return Judged(verdict, str(count))
+    return JudgedClaim(verdict, str(count))
 
 
-def mostly_of(share: Share) -> Judged:
+def mostly_of(share: Share) -> JudgedClaim:
     """MOSTLY, of single trials."""
-    return Judged(decided(share.low > 0.5, share.high < 0.5), str(share))
+    return JudgedClaim(decided(share.low > 0.5, share.high < 0.5), str(share))
 
 
-def more_than(low: float, high: float, bound: float, text: str) -> Judged:
+def more_than(low: float, high: float, bound: float, text: str) -> JudgedClaim:
     """MORE_THAN, of an interval; text: what was measured."""
-    return Judged(decided(low > bound, high < bound), text)
+    return JudgedClaim(decided(low > bound, high < bound), text)

@@ -26,7 +26,7 @@ CONSTRAINTS, CONSTRAINT_SD, CONSTRAINT_RATE = (
 )
 
 
-class Motion(NamedTuple):
+class StudyMotion(NamedTuple):
     """What is simulated: a scenario to `stop` with an IMU and other sensors."""
 
     scenario: str
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
 
 
 @cache
-def simulator(motion: Motion) -> Simulator:
+def simulator(motion: StudyMotion) -> Simulator:
     """The Simulator of a motion; without a magnetometer of its own it has the scenario's."""
     given = {"imu": motion.imu, "gnss": motion.gnss, "sensors": motion.sensors}
     if motion.magnetometer is not None:

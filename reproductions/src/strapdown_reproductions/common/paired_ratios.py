@@ -22,7 +22,7 @@ LEAST = 1e-6
 """m and m/s: smaller errors count as this, so that they have a logarithm."""
 
 
-class Ratio(NamedTuple):
+class PairedRatio(NamedTuple):
     """Geometric mean of the ratio of a measure of two filters with its 95 % interval, in how
     many of `count` outages the first one's is smaller."""
 
@@ -83,11 +83,11 @@ def both_of(
 
 def ratio(
     table: pd.DataFrame, measure: str, first: str, second: str, probability: float = 0.95
-) -> Ratio:
+) -> PairedRatio:
     """Ratio of `measure` of filter `first` to that of `second` in the table of a case."""
     block, a, b = both_of(table, measure, first, second)
     found = over_blocks(np.log(a / b), block, table.attrs["widening"], probability)
-    return Ratio(*map(float, np.exp(found[:3])), int((a < b).sum()), len(a))
+    return PairedRatio(*map(float, np.exp(found[:3])), int((a < b).sum()), len(a))
 
 
 def better(

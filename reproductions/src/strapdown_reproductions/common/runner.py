@@ -20,7 +20,7 @@ ENOUGH = 10
 """Runs of each cell; with fewer a study shows how it works, and decides nothing."""
 
 
-class Evidence(dict[str, pd.DataFrame]):
+class StudyTables(dict[str, pd.DataFrame]):
     """{name: table} of finished runs; a table that no run has filled is empty."""
 
     def __missing__(self, name: str) -> pd.DataFrame:
@@ -56,14 +56,14 @@ def on_threads(
 
 def collected(
     tasks: Sequence[Task], workers: int = 0, progress: Progress | None = None
-) -> Evidence:
+) -> StudyTables:
     """The tables that the tasks fill, rows in their order; workers: processes, 0 for the
     processors; progress: called with the fraction done."""
     parts: dict[str, list[pd.DataFrame]] = {}
     for made in _told(_on_processes(tasks, workers), len(tasks), progress):
         for name, rows in made.items():
             parts.setdefault(name, []).append(rows)
-    return Evidence({name: pd.concat(own, ignore_index=True) for name, own in parts.items()})
+    return StudyTables({name: pd.concat(own, ignore_index=True) for name, own in parts.items()})
 
 
 def campaigns(

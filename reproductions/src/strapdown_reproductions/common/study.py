@@ -10,27 +10,27 @@ from strapdown.typing import File
 
 from . import markdown
 from .pages import TOO_FEW, Claims, Figure, Page, write_page
-from .runner import ENOUGH, Evidence
+from .runner import ENOUGH, StudyTables
 from .tables import Tables
 from .targets import Target, in_docs, judged
 
 
-def in_one_file(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
+def in_one_file(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of the one file for docs/: figures and all tables, numbers with three digits."""
     return {"table.md": in_docs(claims, tables)}
 
 
 def held_against(
     targets: Mapping[str, Target],
-    figures: Callable[[Evidence], Mapping[str, float]],
+    figures: Callable[[StudyTables], Mapping[str, float]],
     digits: int = 3,
-) -> Callable[[Evidence], list[dict[str, Any]]]:
-    """A function of the Evidence: its figures {name of a target: figure} as claims, with so many
+) -> Callable[[StudyTables], list[dict[str, Any]]]:
+    """A function of the StudyTables: its figures {name of a target: figure} as claims, with so many
     digits; NaN decides nothing."""
     return lambda found: judged(figures(found), targets, digits)
 
 
-class Study(NamedTuple):
+class ReproducedStudy(NamedTuple):
     """A study whose figures are held against bounds: its sentences, and its measures of what its
     runs have left, mostly Evidence."""
 

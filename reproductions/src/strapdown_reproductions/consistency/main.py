@@ -9,11 +9,11 @@ import pandas as pd
 from strapdown.checks import check_choice
 
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import Evidence, campaigns, on_threads, part_of
+from ..common.runner import StudyTables, campaigns, on_threads, part_of
 from . import runs
 from .summary import PICTURE, STUDY, size
 from .twin import SETS, right
-from .worlds import FILTERS, GRADES, SCENARIOS, Cell, check_filter, is_fed
+from .worlds import FILTERS, GRADES, SCENARIOS, WorldCell, check_filter, is_fed
 
 RUNS, QUICK_RUNS = 60, 10
 QUICK_FILTERS, QUICK_SCENARIOS = ("closed-loop",), ("straight", "hand-held")
@@ -41,7 +41,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
         check_choice(name, "scenario", SCENARIOS)
     rows = table(out, labels, names, count, asked)
     links = [("every cell in one figure", PICTURE)]
-    return STUDY.write(out, Evidence(cells=rows), [size(rows)], links=links)
+    return STUDY.write(out, StudyTables(cells=rows), [size(rows)], links=links)
 
 
 def table(
@@ -78,7 +78,9 @@ def table(
     )
     return pd.DataFrame(
         [
-            runs.row(campaign, Cell(label, name, grade), place, twins[name, grade, is_fed(label)])
+            runs.row(
+                campaign, WorldCell(label, name, grade), place, twins[name, grade, is_fed(label)]
+            )
             for (label, name), campaign in found.items()
             for place, grade in enumerate(GRADES)
         ]

@@ -3,7 +3,7 @@
 At most MOST of a filter. They stay in the table with what was measured, and count for no target.
 """
 
-from .worlds import Cell
+from .worlds import WorldCell
 
 MOST = 3
 """Refused cells of a filter."""
@@ -29,12 +29,12 @@ _HAND = (
     "AHRS."
 )
 _LINEAR = ("closed-loop", "mekf", "ekf")
-REFUSED: dict[Cell, str] = {
-    Cell("indirect-ahrs-open", "straight", "consumer"): _RAW.format(59),
-    Cell("indirect-ahrs-open", "ship", "consumer"): _RAW.format(386),
-    Cell("indirect-ahrs-open", "ship", "industrial"): _RAW.format(69),
-    **{Cell(name, "straight", "consumer"): _STRAIGHT for name in _LINEAR},
-    **{Cell(name, "car", "consumer"): _CAR for name in (*_LINEAR, "xkf")},
-    **{Cell(name, "hand-held", "consumer"): _HAND for name in (*_LINEAR, "xkf")},
+REFUSED: dict[WorldCell, str] = {
+    WorldCell("indirect-ahrs-open", "straight", "consumer"): _RAW.format(59),
+    WorldCell("indirect-ahrs-open", "ship", "consumer"): _RAW.format(386),
+    WorldCell("indirect-ahrs-open", "ship", "industrial"): _RAW.format(69),
+    **{WorldCell(name, "straight", "consumer"): _STRAIGHT for name in _LINEAR},
+    **{WorldCell(name, "car", "consumer"): _CAR for name in (*_LINEAR, "xkf")},
+    **{WorldCell(name, "hand-held", "consumer"): _HAND for name in (*_LINEAR, "xkf")},
 }
 """{cell: the measurement that shows why}."""

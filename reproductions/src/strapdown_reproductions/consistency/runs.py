@@ -15,7 +15,7 @@ from strapdown.typing import Array
 from . import verdicts
 from .refused import REFUSED
 from .twin import Right
-from .worlds import EPOCH, Cell, is_fed, keep, world
+from .worlds import EPOCH, WorldCell, is_fed, keep, world
 
 CAMPAIGNS = "campaigns"
 """Folder of the campaigns in that of the results."""
@@ -32,7 +32,7 @@ def folder(out: Path, filter: str, scenario: str) -> Path:
     return out / CAMPAIGNS / filter.replace(":", "-") / scenario
 
 
-def row(campaign: Campaign, cell: Cell, place: int, right: Right) -> dict[str, Any]:
+def row(campaign: Campaign, cell: WorldCell, place: int, right: Right) -> dict[str, Any]:
     """The figures of a cell, the `place`-th of its campaign, beside those of a right filter."""
     name = campaign.cells[place]
     numbers = campaign.numbers(name)
@@ -79,7 +79,9 @@ def anees(nees: Array) -> tuple[float, float]:
     return float(means.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
 
 
-def cells(filters: Iterable[str], scenarios: Iterable[str], grades: Iterable[str]) -> list[Cell]:
+def cells(
+    filters: Iterable[str], scenarios: Iterable[str], grades: Iterable[str]
+) -> list[WorldCell]:
     """All combinations."""
     grades, scenarios = tuple(grades), tuple(scenarios)
-    return [Cell(f, s, g) for f in filters for s in scenarios for g in grades]
+    return [WorldCell(f, s, g) for f in filters for s in scenarios for g in grades]

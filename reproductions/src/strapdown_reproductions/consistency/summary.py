@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from ..common import markdown
-from ..common.runner import Evidence
-from ..common.study import Claims, Study, held_against
+from ..common.runner import StudyTables
+from ..common.study import Claims, ReproducedStudy, held_against
 from ..common.tables import Tables, outcomes, with_rows
 from ..common.targets import Target, table
 from . import figure
@@ -45,7 +45,7 @@ def counted(rows: pd.DataFrame) -> pd.DataFrame:
     return rows[rows["refused"] == ""]
 
 
-def figures(found: Evidence) -> dict[str, float]:
+def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}."""
     rows = found[CELLS]
     own = counted(rows)
@@ -101,7 +101,7 @@ def refused(rows: pd.DataFrame) -> pd.DataFrame:
     return cells.reset_index()[["filters", "scenario", "grade", "reason"]]
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of those that have rows."""
     rows = found[CELLS]
     of = {
@@ -145,7 +145,7 @@ def _said(cells: pd.DataFrame) -> str:
     return f"not {', '.join(no)}" if len(no) < len(yes) else ", ".join(yes)
 
 
-def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
+def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of two files for docs/, targets and a table per filter in the second, and of the
     picture."""
     rows = found[CELLS]
@@ -164,7 +164,7 @@ def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
     }
 
 
-STUDY = Study(
+STUDY = ReproducedStudy(
     "Consistency: is the error as large as the filter says",
     INTRODUCTION,
     held_against(TARGETS, figures, digits=4),

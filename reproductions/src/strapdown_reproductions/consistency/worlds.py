@@ -31,7 +31,7 @@ LONG = 120.0
 EPOCH, KEPT = 1.0, 3
 
 
-class Cell(NamedTuple):
+class WorldCell(NamedTuple):
     """A filter in a scenario with a grade of IMU."""
 
     filter: str

@@ -11,18 +11,18 @@ from strapdown.data.solution.recording import Recording
 
 from .catalogue import FAULTS
 from .fault import NOMINAL, WORLD, Fault
-from .judging import Judged, Nominal, judged, nominal, refused
+from .judging import JudgedRun, Nominal, judged, nominal, refused
 from .not_showable import hidden
 from .raw import Raw, raw
-from .runs import Subject, family, kinds, kinds_with, run, start_of
-from .worlds import DATE, GENTLE, MOTIONS, WORLDS, World, simulated
+from .runs import FaultSubject, family, kinds, kinds_with, run, start_of
+from .worlds import DATE, GENTLE, MOTIONS, WORLDS, FaultWorld, simulated
 
 
-class Task(NamedTuple):
+class CellTask(NamedTuple):
     """What one process does at a time."""
 
     motion: str
-    subject: Subject
+    subject: FaultSubject
     seed: int
 
 
@@ -32,10 +32,10 @@ class _Right(NamedTuple):
     recording: Recording
     start: Start
     nominal: Nominal
-    judged: Judged
+    judged: JudgedRun
 
 
-def right(task: Task, kinds: tuple[str, ...]) -> _Right:
+def right(task: CellTask, kinds: tuple[str, ...]) -> _Right:
     """The run without a fault, with these sources."""
     world = MOTIONS[task.motion]
     recording = simulated(world, task.seed)
@@ -47,7 +47,7 @@ def right(task: Task, kinds: tuple[str, ...]) -> _Right:
     return _Right(recording, start, *nominal(outcome, recording.reference))
 
 
-def cells(task: Task, names: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
+def cells(task: CellTask, names: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
     """Rows of the table: the run without a fault, every fault that concerns the filter (or those
     of these names), and in the gentle motion the worlds without a fault."""
     filter = filters.find(task.subject.filter)
@@ -69,14 +69,16 @@ def cells(task: Task, names: tuple[str, ...] | None = None) -> list[dict[str, An
     return rows
 
 
-def _faulted(task: Task, fault: Fault, kinds: tuple[str, ...], right: _Right) -> Judged:
+def _faulted(task: CellTask, fault: Fault, kinds: tuple[str, ...], right: _Right) -> JudgedRun:
     data = raw(right.recording, kinds, task.seed, fault.name)
     with np.errstate(all="ignore"):
         fault.change(data)
         return _run(task.subject, data, MOTIONS[task.motion], right, right.start)
 
 
-def _elsewhere(task: Task, world: World, kinds: tuple[str, ...], right: _Right) -> Judged:
+def _elsewhere(
+    task: CellTask, world: FaultWorld, kinds: tuple[str, ...], right: _Right
+) -> JudgedRun:
     recording = simulated(world, task.seed)
     there = right._replace(recording=recording, nominal=right.nominal._replace(truth=None))
     data = raw(recording, kinds, task.seed, NOMINAL)
@@ -87,7 +89,9 @@ def _elsewhere(task: Task, world: World, kinds: tuple[str, ...], right: _Right) 
     return _run(task.subject, data, world, there, start)
 
 
-def _run(subject: Subject, data: Raw, world: World, right: _Right, start: Start) -> Judged:
+def _run(
+    subject: FaultSubject, data: Raw, world: FaultWorld, right: _Right, start: Start
+) -> JudgedRun:
     reference = right.recording.reference
     assert reference is not None
     try:
@@ -96,7 +100,7 @@ def _run(subject: Subject, data: Raw, world: World, right: _Right, start: Start)
         return refused(error)
 
 
-def _row(task: Task, name: str, of: str, found: Judged) -> dict[str, Any]:
+def _row(task: CellTask, name: str, of: str, found: JudgedRun) -> dict[str, Any]:
     subject, filter = task.subject, filters.find(task.subject.filter)
     why = hidden(name, family(filter), task.motion, kinds(filter))
     return {

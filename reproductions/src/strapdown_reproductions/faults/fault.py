@@ -7,7 +7,7 @@ import numpy as np
 
 from strapdown.typing import Array, Mask
 
-from .raw import BEGINS, Fixes, Raw
+from .raw import BEGINS, Raw, RawFixes
 
 IMU, GNSS, START, MAGNETOMETER, AHRS, HEIGHT, WORLD, LIVE = (
     "IMU",
@@ -30,7 +30,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 NOMINAL = "nominal"
 
 Change: TypeAlias = Callable[[Raw], None]
-Holder: TypeAlias = Raw | Fixes
+Holder: TypeAlias = Raw | RawFixes
 """The samples, or the fixes of a source."""
 Rows: TypeAlias = Callable[[Raw, Holder], Mask | slice]
 """Which rows of a holder are changed."""
@@ -49,14 +49,14 @@ class Fault(NamedTuple):
 # where
 
 
-class Columns(NamedTuple):
+class FaultColumns(NamedTuple):
     """Arrays of the samples or of some sources, or some axes of them."""
 
     of: Callable[[Raw], Sequence[Holder]]
     names: tuple[str, ...]
     axes: int | slice = slice(None)
 
-    def at(self, axes: int | slice) -> "Columns":
+    def at(self, axes: int | slice) -> "FaultColumns":
         """Some axes of them."""
         return self._replace(axes=axes)
 
@@ -103,7 +103,7 @@ def some(share: float) -> Rows:
 # how
 
 
-def on(columns: Columns, values: Values, rows: Rows = throughout) -> Change:
+def on(columns: FaultColumns, values: Values, rows: Rows = throughout) -> Change:
     """A change of the values of some columns in some rows."""
 
     def change(raw: Raw) -> None:
@@ -116,7 +116,7 @@ def on(columns: Columns, values: Values, rows: Rows = throughout) -> Change:
     return change
 
 
-def drifting(columns: Columns, size: float, seconds: float = 1.0) -> Change:
+def drifting(columns: FaultColumns, size: float, seconds: float = 1.0) -> Change:
     """Adds `size` in so many seconds from the beginning of the fault on."""
 
     def change(raw: Raw) -> None:

@@ -61,7 +61,7 @@ class Nominal(NamedTuple):
     ask: Callable[[], Verdict] = _not_judged
 
 
-class Judged(NamedTuple):
+class JudgedRun(NamedTuple):
     """What a run comes to."""
 
     verdict: str  # one of ORDER
@@ -104,7 +104,7 @@ def _errors(outcome: Outcome, reference: Trajectory) -> _Errors:
     return _Errors(size[late], sd[late], outcome.status[e.rows][late], step)
 
 
-def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
+def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, JudgedRun]:
     """A run without a fault, and what it comes to itself."""
     e = _errors(outcome, reference)
     known = np.isfinite(e.size).any(axis=0)
@@ -116,14 +116,14 @@ def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, Judged]:
     return Nominal(largest, says, truth, outcome.ask), own
 
 
-def refused(error: Exception) -> Judged:
+def refused(error: Exception) -> JudgedRun:
     """Of a run that a DataError ended, or something that should not have."""
     verdict = REFUSED if isinstance(error, DataError) else CRASH
     text = str(error) if verdict == REFUSED else f"{type(error).__name__}: {error}"
-    return Judged(verdict, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, text)
+    return JudgedRun(verdict, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, text)
 
 
-def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
+def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> JudgedRun:
     """What a run comes to beside the run without a fault."""
     new = news((*outcome.notes, *outcome.texts), right.says)
     text = " | ".join(new)
@@ -132,7 +132,7 @@ def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     try:
         e = _errors(outcome, reference)
     except DataError:  # no time in common with the truth: nothing of it is right
-        return Judged(SAID if new else SILENT, np.inf, np.inf, 0.0, np.inf, np.inf, np.inf, text)
+        return JudgedRun(SAID if new else SILENT, np.inf, np.inf, 0.0, np.inf, np.inf, np.inf, text)
     known = np.isfinite(right.largest)
     one_sd = np.where(np.isfinite(e.sd), e.sd, right.largest * TIMES_NOMINAL / SIGMAS)
     with np.errstate(all="ignore"):
@@ -147,7 +147,7 @@ def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> Judged:
     verdict = _verdict(wrong_s, believed_s, bool(new))
     if verdict == SILENT and (against := _against(outcome, right)):
         verdict, text = SAID, f"verdict: {against}"
-    return Judged(
+    return JudgedRun(
         verdict,
         wrong_s,
         believed_s,

@@ -14,8 +14,8 @@ from strapdown.checks import DataError, check_choice
 from ..common import runner
 from ..common.reproduction import Asked, reproduction
 from . import jumps
-from .cells import Task, cells
-from .runs import SLOW, SLOW_SEEDS, Subject, family, subjects
+from .cells import CellTask, cells
+from .runs import SLOW, SLOW_SEEDS, FaultSubject, family, subjects
 from .summary import CELLS, STUDY, TRIALS
 from .worlds import GENTLE, MOTIONS
 
@@ -46,7 +46,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     return STUDY.write(out, runner.collected(wanted, asked.workers, asked.progress))
 
 
-def chosen(names: Sequence[str]) -> list[Subject]:
+def chosen(names: Sequence[str]) -> list[FaultSubject]:
     """The subjects of these names, without any all. Raises DataError."""
     known = {one.name: one for one in subjects()}
     for name in names:
@@ -54,10 +54,10 @@ def chosen(names: Sequence[str]) -> list[Subject]:
     return [one for name, one in known.items() if not names or name in names]
 
 
-def tasks(subjects: Sequence[Subject], seeds: range, quick: bool = False) -> list[Task]:
+def tasks(subjects: Sequence[FaultSubject], seeds: range, quick: bool = False) -> list[CellTask]:
     """Every motion that suits a filter, with each of the seeds; the slow ones with fewer."""
     return [
-        Task(motion, subject, s)
+        CellTask(motion, subject, s)
         for s in seeds
         for subject in subjects
         if subject.filter not in SLOW or s < seeds.start + SLOW_SEEDS

@@ -8,7 +8,7 @@ from .worlds import AFLOAT, ATTITUDE, GENTLE, HARD, HEAVE, NAVIGATION
 IN_FLIGHT = (GENTLE, HARD)
 
 
-class Hidden(NamedTuple):
+class HiddenFault(NamedTuple):
     """Faults that filters of these families cannot be shown in these motions."""
 
     faults: tuple[str, ...]
@@ -18,21 +18,21 @@ class Hidden(NamedTuple):
     shown_by: str = ""  # a kind of source with which the data does show it
 
 
-NOT_SHOWABLE: tuple[Hidden, ...] = (
-    Hidden(
+NOT_SHOWABLE: tuple[HiddenFault, ...] = (
+    HiddenFault(
         ("height above the geoid",),
         (NAVIGATION,),
         IN_FLIGHT,
         "there is one source of height, and its offset is constant",
     ),
-    Hidden(
+    HiddenFault(
         ("position and velocity drift by 0.1 m/s",),
         (NAVIGATION,),
         IN_FLIGHT,
         "position and velocity agree with each other, the IMU feels no constant velocity, and the "
         "step into it is one standard deviation of the velocity",
     ),
-    Hidden(
+    HiddenFault(
         ("mounted 5 deg off in heading",),
         (NAVIGATION,),
         IN_FLIGHT,
@@ -40,20 +40,20 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "of the IMU, and the angle is within what wind makes of heading and course",
         shown_by="attitude",
     ),
-    Hidden(
+    HiddenFault(
         ("mounted 5 deg off in heading", "declination 10 deg off"),
         (ATTITUDE,),
         IN_FLIGHT,
         "the magnetometer alone tells the heading, and in level flight its error and that of the "
         "mounting are one constant",
     ),
-    Hidden(
+    HiddenFault(
         ("declination 10 deg off",),
         (ATTITUDE,),
         ("in a hand",),
         "where north is comes from the reference field alone",
     ),
-    Hidden(
+    HiddenFault(
         (
             "accelerometer x bias steps by 0.5 m/s^2",
             "accelerometer x bias runs away by 0.5 m/s^2 in 120 s",
@@ -63,7 +63,7 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "without position and velocity a bias of the accelerometer is a tilt of 3 deg, and the body "
         "does not turn over, which would tell them apart",
     ),
-    Hidden(
+    HiddenFault(
         ("mounted 5 deg off in heading", "box slips by 10 deg in heading at 90 s"),
         (HEAVE,),
         (AFLOAT,),
@@ -73,7 +73,7 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
 """What the data cannot show."""
 
 
-def hidden(fault: str, family: str, motion: str, kinds: tuple[str, ...]) -> Hidden | None:
+def hidden(fault: str, family: str, motion: str, kinds: tuple[str, ...]) -> HiddenFault | None:
     """Why a fault cannot be shown to a filter of that family with these sources; None where it
     can."""
     for each in NOT_SHOWABLE:

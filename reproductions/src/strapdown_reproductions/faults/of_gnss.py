@@ -12,8 +12,8 @@ from .fault import (
     START,
     ZERO,
     Change,
-    Columns,
     Fault,
+    FaultColumns,
     Rows,
     begun,
     every,
@@ -29,7 +29,7 @@ from .fault import (
     times,
     without,
 )
-from .raw import BEGINS, Fixes, Raw
+from .raw import BEGINS, Raw, RawFixes
 
 FOOT, KNOT = 0.3048, 1852 / 3600
 UNDULATION = 47.0
@@ -37,9 +37,9 @@ UNDULATION = 47.0
 WEEK = 604800
 OF_POSITION, OF_VELOCITY = sources("position"), sources("velocity")
 OF_BOTH = sources(*KINDS[GNSS])
-FIXES, STAMPS, SD = (Columns(OF_BOTH, (name,)) for name in ("y", "t", "sd"))
-POSITION, POSITION_SD = (Columns(OF_POSITION, (name,)) for name in ("y", "sd"))
-VELOCITY, VELOCITY_STAMPS = (Columns(OF_VELOCITY, (name,)) for name in ("y", "t"))
+FIXES, STAMPS, SD = (FaultColumns(OF_BOTH, (name,)) for name in ("y", "t", "sd"))
+POSITION, POSITION_SD = (FaultColumns(OF_POSITION, (name,)) for name in ("y", "sd"))
+VELOCITY, VELOCITY_STAMPS = (FaultColumns(OF_VELOCITY, (name,)) for name in ("y", "t"))
 NORTH, EAST, VERTICAL = range(3)
 
 
@@ -83,7 +83,7 @@ def four_swapped(raw: Raw) -> None:
         source.arrival = arrival
 
 
-def again(source: Fixes, count: int) -> None:
+def again(source: RawFixes, count: int) -> None:
     """Each fix so often."""
     source.take(np.repeat(np.arange(len(source.t)), count))
 

@@ -11,8 +11,8 @@ from .fault import (
     NEGATED,
     ZERO,
     Change,
-    Columns,
     Fault,
+    FaultColumns,
     Rows,
     Values,
     begun,
@@ -35,11 +35,11 @@ from .raw import BEGINS, Raw
 G = 9.80665
 DEG = np.pi / 180
 GYRO, ACCEL, BOTH, TIME, ARRIVAL = (
-    Columns(samples, names)
+    FaultColumns(samples, names)
     for names in (("gyro",), ("accel",), ("gyro", "accel"), ("t",), ("arrival",))
 )
 X, Y, Z = range(3)
-OF_FIXES = Columns(lambda raw: list(raw.sources.values()), ("arrival",))
+OF_FIXES = FaultColumns(lambda raw: list(raw.sources.values()), ("arrival",))
 
 
 def spikes(raw: Raw) -> None:
@@ -54,7 +54,7 @@ def clipped(values: Array) -> Array:
     return np.clip(values, -most, most)
 
 
-def noisier(columns: Columns, factor: float) -> Change:
+def noisier(columns: FaultColumns, factor: float) -> Change:
     """Adds to an axis what makes its noise so many times as large; the noise is what of its second
     differences is common."""
 

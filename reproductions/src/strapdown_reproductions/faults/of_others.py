@@ -10,8 +10,8 @@ from .fault import (
     MISSING,
     NEGATED,
     Change,
-    Columns,
     Fault,
+    FaultColumns,
     begun,
     drifting,
     every,
@@ -30,11 +30,11 @@ DEG = np.pi / 180
 OF_FIELD, OF_ATTITUDE, OF_HEIGHT = (
     sources(*KINDS[sensor]) for sensor in (MAGNETOMETER, AHRS, HEIGHT)
 )
-FIELD, FIELD_STAMPS, FIELD_SD = (Columns(OF_FIELD, (name,)) for name in ("y", "t", "sd"))
+FIELD, FIELD_STAMPS, FIELD_SD = (FaultColumns(OF_FIELD, (name,)) for name in ("y", "t", "sd"))
 ATTITUDE, ATTITUDE_STAMPS, ATTITUDE_SD = (
-    Columns(OF_ATTITUDE, (name,)) for name in ("y", "t", "sd")
+    FaultColumns(OF_ATTITUDE, (name,)) for name in ("y", "t", "sd")
 )
-ALTITUDE = Columns(OF_HEIGHT, ("y",))
+ALTITUDE = FaultColumns(OF_HEIGHT, ("y",))
 ROLL, PITCH, HEADING = range(3)
 
 

@@ -20,7 +20,7 @@ BEGINS = 90.0
 
 
 @dataclass
-class Fixes:
+class RawFixes:
     """One source."""
 
     kind: str
@@ -57,7 +57,7 @@ class Raw:
     t: Array  # (n,) s
     gyro: Array  # (n, 3) rad/s
     accel: Array  # (n, 3) m/s^2
-    sources: dict[str, Fixes]
+    sources: dict[str, RawFixes]
     arrival: Array  # (n,) s
     rng: np.random.Generator
     # what becomes of the start that a right recording has; None: it is found from the data
@@ -74,12 +74,12 @@ class Raw:
             column[rows] for column in (self.t, self.gyro, self.accel, self.arrival)
         )
 
-    def of(self, *kinds: str) -> list[Fixes]:
+    def of(self, *kinds: str) -> list[RawFixes]:
         """The sources of these kinds that are there."""
         return [self.sources[kind] for kind in kinds if kind in self.sources]
 
     @property
-    def gnss(self) -> list[Fixes]:
+    def gnss(self) -> list[RawFixes]:
         """Positions and velocities."""
         return self.of("position", "velocity")
 
@@ -101,7 +101,7 @@ def raw(recording: Recording, kinds: tuple[str, ...], seed: int, name: str) -> R
     each seed and name of a fault."""
     imu = recording.imu
     sources = {
-        a.kind: Fixes(
+        a.kind: RawFixes(
             a.kind,
             a.t.copy(),
             a.y.copy(),

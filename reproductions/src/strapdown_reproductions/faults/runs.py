@@ -19,8 +19,8 @@ from strapdown.typing import Array, Ints
 
 from .fault import AHRS, GNSS, HEIGHT, KINDS, LIVE, MAGNETOMETER, START, Fault
 from .judging import Outcome
-from .raw import Fixes, Raw
-from .worlds import ATTITUDE, DATE, HEAVE, NAVIGATION, World
+from .raw import Raw, RawFixes
+from .worlds import ATTITUDE, DATE, HEAVE, NAVIGATION, FaultWorld
 
 BATCH, SMOOTHED, STREAM = "batch", "smoothed", "live"
 STREAMED = ("closed-loop", "mekf", "nlo", "attitude-mekf")
@@ -36,7 +36,7 @@ WITH_ATTITUDE = ("mekf",)
 """Filters that an attitude record is given to though they could do without."""
 
 
-class Subject(NamedTuple):
+class FaultSubject(NamedTuple):
     """A filter and how it runs."""
 
     filter: str
@@ -48,11 +48,11 @@ class Subject(NamedTuple):
         return self.filter if self.way == BATCH else f"{self.filter} {self.way}"
 
 
-def subjects(names: Sequence[str] | None = None) -> list[Subject]:
+def subjects(names: Sequence[str] | None = None) -> list[FaultSubject]:
     """Every filter in every way that it runs, or those of these names."""
-    found = [Subject(name) for name in filters.own_names()]
-    found += [Subject(name, SMOOTHED) for name in SMOOTHERS]
-    found += [Subject(name, STREAM) for name in STREAMED]
+    found = [FaultSubject(name) for name in filters.own_names()]
+    found += [FaultSubject(name, SMOOTHED) for name in SMOOTHERS]
+    found += [FaultSubject(name, STREAM) for name in STREAMED]
     return [one for one in found if names is None or one.name in names]
 
 
@@ -73,7 +73,7 @@ def kinds(filter: Filter) -> tuple[str, ...]:
     return KINDS[GNSS] + KINDS[AHRS] * fed
 
 
-def kinds_with(fault: Fault, subject: Subject) -> tuple[str, ...] | None:
+def kinds_with(fault: Fault, subject: FaultSubject) -> tuple[str, ...] | None:
     """The sources of a run with a fault: a magnetometer or a second source of height come in where
     they are what fails. None where the fault does not concern the filter."""
     filter = filters.find(subject.filter)
@@ -91,7 +91,9 @@ def kinds_with(fault: Fault, subject: Subject) -> tuple[str, ...] | None:
     return None
 
 
-def run(subject: Subject, raw: Raw, world: World, right: Recording, start: Start | None) -> Outcome:
+def run(
+    subject: FaultSubject, raw: Raw, world: FaultWorld, right: Recording, start: Start | None
+) -> Outcome:
     """The Outcome of a run. right: the recording without the fault, by which a stream is set up;
     start: that of the run without a fault, None there. Raises DataError."""
     given = raw.start(start) if raw.start and start else None
@@ -111,7 +113,7 @@ def outcome(solution: Solution) -> Outcome:
     )
 
 
-def start_of(subject: Subject, right: Recording) -> Start:
+def start_of(subject: FaultSubject, right: Recording) -> Start:
     """Where the run without a fault begins."""
     solution = fuse(right, subject.filter, every=1000, options=OPTIONS.get(subject.filter, {}))
     return Start(**solution.meta["start"])
@@ -121,7 +123,7 @@ Arrival: TypeAlias = tuple[float, Sample | Fix]
 """When an event comes, and the event."""
 
 
-def _live(name: str, raw: Raw, world: World, right: Recording, start: Start | None) -> Outcome:
+def _live(name: str, raw: Raw, world: FaultWorld, right: Recording, start: Start | None) -> Outcome:
     """A stream that gets each event when it arrives, with the stamp that it bears."""
     assert start is not None
     filter = filters.find(name)
@@ -169,7 +171,7 @@ def _samples(raw: Raw) -> Iterator[Arrival]:
         yield at, Sample(t, step, tuple(six[:3]), tuple(six[3:]))
 
 
-def _fixes(source: Fixes, place: int) -> Iterator[Arrival]:
+def _fixes(source: RawFixes, place: int) -> Iterator[Arrival]:
     for i in _order(source.arrival).tolist():
         fix = Fix(
             float(source.t[i]), place, tuple(source.y[i].tolist()), tuple(source.sd[i].tolist())

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from ..common import markdown
-from ..common.runner import Evidence
-from ..common.study import Claims, Study, held_against
+from ..common.runner import StudyTables
+from ..common.study import Claims, ReproducedStudy, held_against
 from ..common.tables import Tables, outcomes
 from ..common.targets import Target, in_docs
 from .judging import CRASH, ORDER, SILENT
@@ -14,7 +14,7 @@ from .not_showable import NOT_SHOWABLE
 from .runs import BATCH, SMOOTHED, STREAM
 
 CELLS, TRIALS = "cells", "trials"
-"""Tables of the Evidence: rows of cells.py and of jumps.py."""
+"""Tables of the StudyTables: rows of cells.py and of jumps.py."""
 INTRODUCTION = (
     "Each fault is made with the same simulated recordings. A run is wrong where from 60 s on a "
     "component of position, velocity or attitude is beyond five of its own standard deviations for "
@@ -76,7 +76,7 @@ def of_thousand(trials: pd.DataFrame, held: pd.Series, of: float) -> float:
     return of * float(held.mean()) if len(trials) else np.nan
 
 
-def figures(found: Evidence) -> dict[str, float]:
+def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}; NaN where the cells do not decide."""
     rows, trials = found[CELLS], found[TRIALS]
     jumped = trials[trials["what"] != NONE]
@@ -180,7 +180,7 @@ def jumped(trials: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)}."""
     rows, trials = found[CELLS], found[TRIALS]
     return {
@@ -209,7 +209,7 @@ IN_DOCS = ("silent", "by-filter", "jumps", "without-fault", "not-showable")
 """Tables that are small enough for docs/reference/evidence/faults.md."""
 
 
-def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
+def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of two files for docs/."""
     few = {name: tables[name] for name in IN_DOCS}
     return {
@@ -218,7 +218,7 @@ def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
     }
 
 
-STUDY = Study(
+STUDY = ReproducedStudy(
     "Sensor faults: whether a filter that is wrong says so",
     INTRODUCTION,
     held_against(TARGETS, figures, digits=4),

@@ -23,7 +23,7 @@ NAVIGATION, ATTITUDE, HEAVE = "navigation", "attitude", "heave"
 GENTLE, HARD, IN_HAND, AFLOAT = "gentle", "hard", "in a hand", "afloat"
 
 
-class World(NamedTuple):
+class FaultWorld(NamedTuple):
     """A motion with its sensors."""
 
     name: str
@@ -96,10 +96,10 @@ def elsewhere(
 MOTIONS = {
     world.name: world
     for world in (
-        World(GENTLE, demo_flight, (NAVIGATION, ATTITUDE)),
-        World(HARD, hard_flight, (NAVIGATION, ATTITUDE)),
-        World(IN_HAND, in_hand, (ATTITUDE,), "consumer"),
-        World(
+        FaultWorld(GENTLE, demo_flight, (NAVIGATION, ATTITUDE)),
+        FaultWorld(HARD, hard_flight, (NAVIGATION, ATTITUDE)),
+        FaultWorld(IN_HAND, in_hand, (ATTITUDE,), "consumer"),
+        FaultWorld(
             AFLOAT,
             lambda: motions.moored((60 * DEG, 5 * DEG, 45.0), 215 * DEG),
             (HEAVE,),
@@ -113,25 +113,25 @@ FLYING = (NAVIGATION, ATTITUDE)
 WORLDS = {
     world.name: world
     for world in (
-        World("across the antimeridian", elsewhere(lon=179.995), FLYING),
-        World("latitude 88.9 deg", elsewhere(lat=88.9), FLYING),
-        World("latitude 88.95 deg, towards 89", elsewhere(lat=88.95), FLYING),
-        World("latitude -85 deg", elsewhere(lat=-85.0), FLYING),
-        World("across the equator", elsewhere(lat=0.0), FLYING),
-        World("height -500 m", elsewhere(height=-500.0), FLYING),
-        World("height 50 km", elsewhere(height=50e3), FLYING),
-        World("IMU at 5 Hz", demo_flight, FLYING, rate=5.0),
-        World("IMU at 1 Hz", demo_flight, FLYING, rate=1.0),
-        World("IMU at 1 kHz", demo_flight, FLYING, rate=1000.0, duration=100.0),
-        World("walking, fixes of 1 m", walk, FLYING, "industrial"),
-        World("walking, fixes of 2 cm", walk, FLYING, "industrial", gnss=CENTIMETRES),
+        FaultWorld("across the antimeridian", elsewhere(lon=179.995), FLYING),
+        FaultWorld("latitude 88.9 deg", elsewhere(lat=88.9), FLYING),
+        FaultWorld("latitude 88.95 deg, towards 89", elsewhere(lat=88.95), FLYING),
+        FaultWorld("latitude -85 deg", elsewhere(lat=-85.0), FLYING),
+        FaultWorld("across the equator", elsewhere(lat=0.0), FLYING),
+        FaultWorld("height -500 m", elsewhere(height=-500.0), FLYING),
+        FaultWorld("height 50 km", elsewhere(height=50e3), FLYING),
+        FaultWorld("IMU at 5 Hz", demo_flight, FLYING, rate=5.0),
+        FaultWorld("IMU at 1 Hz", demo_flight, FLYING, rate=1.0),
+        FaultWorld("IMU at 1 kHz", demo_flight, FLYING, rate=1000.0, duration=100.0),
+        FaultWorld("walking, fixes of 1 m", walk, FLYING, "industrial"),
+        FaultWorld("walking, fixes of 2 cm", walk, FLYING, "industrial", gnss=CENTIMETRES),
     )
 }
 """Where there is no fault."""
 
 
 @lru_cache(maxsize=20)
-def simulated(world: World, seed: int) -> Recording:
+def simulated(world: FaultWorld, seed: int) -> Recording:
     """The right recording of a world, with every source that a filter may ask for."""
     return simulate(
         world.motion(),

@@ -131,7 +131,7 @@ do to the velocity: only with the true noises, for R of the chapter is a weight 
 the variance of an AHRS."""
 
 
-class Case(NamedTuple):
+class FilterCase(NamedTuple):
     """A filter with its sensors. `white`: tunings with which its biases are driven by white
     noise alone; with the others they decay."""
 
@@ -158,22 +158,24 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case(
+    FilterCase(
         "mekf, position + field, 1 Hz", "mekf", ("position", "magnetic-field"), MEKF, interval=1.0
     ),
-    Case("mekf, position + field", "mekf", ("position", "magnetic-field"), MEKF),
-    Case(
+    FilterCase("mekf, position + field", "mekf", ("position", "magnetic-field"), MEKF),
+    FilterCase(
         "mekf, position + velocity + field",
         "mekf",
         ("position", "velocity", "magnetic-field"),
         MEKF,
     ),
-    Case(
+    FilterCase(
         "mekf, position + gravity + field", "mekf", ("position", "gravity", "magnetic-field"), MEKF
     ),
-    Case("mekf, position + compass", "mekf", ("position", "heading"), MEKF),
-    Case("mekf, position + velocity + compass", "mekf", ("position", "velocity", "heading"), MEKF),
-    Case(
+    FilterCase("mekf, position + compass", "mekf", ("position", "heading"), MEKF),
+    FilterCase(
+        "mekf, position + velocity + compass", "mekf", ("position", "velocity", "heading"), MEKF
+    ),
+    FilterCase(
         "mekf, position + field, white-driven biases",
         "mekf",
         ("position", "magnetic-field"),
@@ -181,7 +183,7 @@ CASES = (
         white=TUNINGS,
         tunings=(CHAPTER,),
     ),
-    Case(
+    FilterCase(
         "direct-euler, position + compass",
         "direct-euler",
         ("position", "heading"),
@@ -189,7 +191,7 @@ CASES = (
         white=(CHAPTER,),
         tunings=DECIDING,
     ),
-    Case(
+    FilterCase(
         "euler-direct as printed, position + compass",
         "euler-direct",
         ("position", "heading"),
@@ -197,20 +199,20 @@ CASES = (
         white=(CHAPTER,),
         tunings=DECIDING,
     ),
-    Case(
+    FilterCase(
         "euler-indirect as printed, position + compass",
         "euler-indirect",
         ("position", "heading"),
         EULER,
     ),
-    Case(
+    FilterCase(
         "euler-indirect corrected, position + compass",
         "euler-indirect",
         ("position", "heading"),
         EULER,
         options={"errors": "corrected"},
     ),
-    Case(
+    FilterCase(
         "direct-ahrs",
         "direct-ahrs",
         ("position", "attitude"),
@@ -219,7 +221,7 @@ CASES = (
         tunings=DECIDING,
         options=AS_PUBLISHED,
     ),
-    Case(
+    FilterCase(
         "direct-ahrs, white-driven biases",
         "direct-ahrs",
         ("position", "attitude"),
@@ -228,14 +230,14 @@ CASES = (
         tunings=(RIGHT,),
         options=AS_PUBLISHED,
     ),
-    Case(
+    FilterCase(
         "indirect-ahrs-closed",
         "indirect-ahrs-closed",
         ("position", "attitude"),
         AHRS,
         options=AS_PUBLISHED,
     ),
-    Case(
+    FilterCase(
         "indirect-ahrs-open",
         "indirect-ahrs-open",
         ("position", "attitude"),
@@ -243,10 +245,10 @@ CASES = (
         options=AS_PUBLISHED,
     ),
     *(
-        Case(name + CONSIDERED, name, ("position", "attitude"), AHRS, tunings=(RIGHT,))
+        FilterCase(name + CONSIDERED, name, ("position", "attitude"), AHRS, tunings=(RIGHT,))
         for name in ("direct-ahrs", "indirect-ahrs-closed", "indirect-ahrs-open")
     ),
-    Case(
+    FilterCase(
         "observer, reference by gravity",
         "force-observer",
         ("velocity", "magnetic-field"),
@@ -254,7 +256,7 @@ CASES = (
         tunings=(RIGHT,),
         options={"reference": "gravity", **OBSERVER_GAINS},
     ),
-    Case(
+    FilterCase(
         "observer, reference by GNSS",
         "force-observer",
         ("velocity", "magnetic-field"),
@@ -262,7 +264,7 @@ CASES = (
         tunings=(RIGHT,),
         options={"reference": "gnss", **OBSERVER_GAINS},
     ),
-    Case("fixed-gain", "fixed-gain", ("position", "attitude"), AHRS, tunings=(RIGHT,)),
+    FilterCase("fixed-gain", "fixed-gain", ("position", "attitude"), AHRS, tunings=(RIGHT,)),
 )
 FAST = tuple(
     case._replace(name=f"{case.name}, 1 kHz", rate=1000.0)
@@ -272,7 +274,7 @@ FAST = tuple(
 """At the IMU rate of the published scripts."""
 
 
-def noise(case: Case, tuning: str, excitation: str) -> Noise:
+def noise(case: FilterCase, tuning: str, excitation: str) -> Noise:
     """The Noise that the filter of a case is told.
 
     The chapter's: the published weights as densities, biases of direct filters without decay. true
@@ -292,7 +294,7 @@ def noise(case: Case, tuning: str, excitation: str) -> Noise:
     return Noise(gyro, accel, gyro_bias, accel_bias, gyro_decay, accel_decay)
 
 
-def deviation(case: Case, tuning: str, kind: str) -> float:
+def deviation(case: FilterCase, tuning: str, kind: str) -> float:
     """Standard deviation that a fix of `kind` is given, in the unit of its aiding. Raises
     DataError where no weight is known."""
     if tuning in THE_CHAPTERS and kind not in case.weights.R:
@@ -301,7 +303,7 @@ def deviation(case: Case, tuning: str, kind: str) -> float:
     return float(unit * SIZE.get(kind, 1.0))
 
 
-def sensed(recording: Recording, case: Case, tuning: str) -> Recording:
+def sensed(recording: Recording, case: FilterCase, tuning: str) -> Recording:
     """The recording with the sources of a case alone, which state the deviations of a tuning."""
     chosen = [a for a in recording.aidings if a.kind in case.kinds]
     return replace(
@@ -327,7 +329,7 @@ def start(recording: Recording, tuning: str, seed: int) -> Start:
     )
 
 
-class Run(NamedTuple):
+class CaseRun(NamedTuple):
     """One run at ROWS a second: errors true - estimate, SI and radians, NaN where nothing is
     estimated."""
 
@@ -344,7 +346,7 @@ class Run(NamedTuple):
         return np.linalg.norm(self.error[:, states], axis=1)
 
 
-def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: int) -> Run:
+def run(recording: Recording, case: FilterCase, tuning: str, excitation: str, seed: int) -> CaseRun:
     """Run of a case on a Recording of fossen_signals; a filter that breaks down ends it early."""
     used, every, truth = (
         sensed(recording, case, tuning),
@@ -364,7 +366,7 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
             options=options,
         )
     except DataError as error:
-        return Run(
+        return CaseRun(
             np.empty(0),
             np.empty((0, 15)),
             np.empty((0, 15)),
@@ -387,7 +389,7 @@ def run(recording: Recording, case: Case, tuning: str, excitation: str, seed: in
     ins = np.linalg.norm(position + np.stack(beside, axis=1), axis=1)
     angles = solution.columns.get(LARGEST_COLUMN, np.full(1, np.nan))
     largest = float(angles[-1])
-    return Run(
+    return CaseRun(
         solution.t,
         error,
         solution.trajectory.sd,
@@ -407,7 +409,7 @@ def settled(t: Array, size: Array, below: float) -> float:
     return float(t[above[-1] + 1]) if len(above) else 0.0
 
 
-def numbers(run: Run, duration: float) -> dict[str, float | bool]:
+def numbers(run: CaseRun, duration: float) -> dict[str, float | bool]:
     """{name: number} of a run: times of convergence, rms errors over the last LAST s, shares of the
     biases' deviations that are left.
 

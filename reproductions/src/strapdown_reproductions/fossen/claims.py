@@ -16,7 +16,7 @@ import pandas as pd
 from strapdown.evaluation.consistency import proportion
 from strapdown.typing import Mask
 
-from ..common.claims import Claim, Judged, findings, over
+from ..common.claims import Claim, JudgedClaim, findings, over
 from ..common.kinds import (
     ALWAYS,
     MOSTLY,
@@ -81,7 +81,7 @@ COLUMNS = (
 NO_RUN = pd.DataFrame([dict.fromkeys(COLUMNS, np.nan) | {"stopped": False}])
 
 
-class Evidence(NamedTuple):
+class FossenEvidence(NamedTuple):
     """All that the claims rest on."""
 
     runs: pd.DataFrame  # of fossen_runs.Results
@@ -111,18 +111,20 @@ def pick(
 
 def of_runs(
     cases: Sequence[str], excitations: Collection[str], *tunings: str
-) -> Callable[[Evidence], Cells]:
+) -> Callable[[FossenEvidence], Cells]:
     """The cells of the runs with these excitations, of DECIDING where no tuning is named."""
     return over(RUNS, pick, cases, excitations, tunings or DECIDING)
 
 
-def of_intro(outage: int, forms: Sequence[str], biases: Sequence[str]) -> Callable[[Evidence], Any]:
+def of_intro(
+    outage: int, forms: Sequence[str], biases: Sequence[str]
+) -> Callable[[FossenEvidence], Any]:
     """The cells of the introductory example, one per form and kind of biases."""
 
     return lambda e: chosen(e.intro, ["biases", "form"], outage=[outage], form=forms, biases=biases)
 
 
-def of_dropouts(tuning: str) -> Callable[[Evidence], Cells]:
+def of_dropouts(tuning: str) -> Callable[[FossenEvidence], Cells]:
     """The cells of the dropouts of a tuning: indirect filters and MEKF."""
     cases = (*INDIRECT, MEKF[1])
     return lambda e: chosen(e.dropouts, ["case", "excitation"], case=cases, tuning=[tuning])
@@ -140,17 +142,17 @@ def votes(cells: Cells, what: str) -> Votes:
     return lambda confidence: [vote(*proportion(*each, confidence)[1:], 0.5) for each in found]
 
 
-def everywhere(cells: Cells, what: str) -> Judged:
+def everywhere(cells: Cells, what: str) -> JudgedClaim:
     """ALWAYS, of cells where a condition holds."""
     return always(votes(cells, what))
 
 
-def nowhere(cells: Cells, what: str) -> Judged:
+def nowhere(cells: Cells, what: str) -> JudgedClaim:
     """NEVER, of cells where a condition holds."""
     return never(votes(cells, what))
 
 
-def mainly(cells: Cells, what: str) -> Judged:
+def mainly(cells: Cells, what: str) -> JudgedClaim:
     """MOSTLY, of cells where a condition holds."""
     return mostly(votes(cells, what))
 
@@ -164,7 +166,7 @@ def single(cells: Cells, what: str) -> Share:
     )
 
 
-def at_times(cells: Cells, what: str) -> Judged:
+def at_times(cells: Cells, what: str) -> JudgedClaim:
     """SOMETIMES, of the runs in which a condition holds."""
     return sometimes(single(cells, what))
 
@@ -235,7 +237,7 @@ def left(runs: pd.DataFrame, cases: Sequence[str], excitations: Sequence[str]) -
     return "; ".join(texts)
 
 
-def no_dropouts(e: Evidence) -> str:
+def no_dropouts(e: FossenEvidence) -> str:
     """What a claim on dropouts lacks where runs are too short for one."""
     return "needs runs of 300 s" * e.dropouts.empty
 
@@ -554,6 +556,6 @@ CLAIMS = {
 """In the order of the chapter."""
 
 
-def claims(evidence: Evidence) -> list[dict[str, str]]:
+def claims(evidence: FossenEvidence) -> list[dict[str, str]]:
     """All findings, in the order of the chapter."""
     return findings(CLAIMS.values(), evidence)

@@ -25,10 +25,10 @@ from strapdown.typing import Array
 
 from ..common.figures import names_down, quantile_lines, side_by_side, ticks
 from . import intro as fossen_intro, signals
-from .cases import ACCEL_BELOW, CHAPTER, FADING, GYRO_BELOW, RIGHT, Run
+from .cases import ACCEL_BELOW, CHAPTER, FADING, GYRO_BELOW, RIGHT, CaseRun
 from .claims import MEKF
 from .intro import FORMS, Kept
-from .runs import Results
+from .runs import FossenResults
 
 NED, BODY, ANGLES = (
     ("north", "east", "down"),
@@ -54,7 +54,7 @@ NEVER = 600.0
 """s at which runs stand that have not converged."""
 
 
-def all_figures(results: Results, intro: Kept) -> list[tuple[str, go.Figure, str]]:
+def all_figures(results: FossenResults, intro: Kept) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; intro: the second result of fossen_intro.study."""
     lettered = tuple(zip("ab", signals.SIGNALS))
     samples = {
@@ -150,7 +150,7 @@ def signal(name: str) -> go.Figure:
     return _time(drawn, 5, t)
 
 
-def states(run: Run) -> go.Figure:
+def states(run: CaseRun) -> go.Figure:
     """Errors of position, velocity and attitude of a run with its own 3 sigma."""
     scale = np.r_[np.ones(6), np.full(3, DEG)]
     labels = [
@@ -174,7 +174,7 @@ def states(run: Run) -> go.Figure:
     return _time(drawn, 9, run.t)
 
 
-def estimates(runs: Mapping[str, Run]) -> go.Figure:
+def estimates(runs: Mapping[str, CaseRun]) -> go.Figure:
     """True and estimated biases of runs {tuning: Run}, over the logarithm of time."""
     drawn = panels(
         [
@@ -268,7 +268,7 @@ def times(runs: pd.DataFrame) -> go.Figure:
     )
 
 
-def curves(results: Results, shown: Mapping[str, tuple[str, str]], sensor: int) -> go.Figure:
+def curves(results: FossenResults, shown: Mapping[str, tuple[str, str]], sensor: int) -> go.Figure:
     """Error of the biases of a sensor (0 accelerometer, 1 gyro) over time for {name: (case,
     excitation)}, with both tunings side by side."""
     _, unit, below, scale, _ = SENSORS[sensor]

@@ -39,7 +39,7 @@ OUTAGE = (180.0, 240.0)
 """s without fixes."""
 
 
-class Model(NamedTuple):
+class IntroModel(NamedTuple):
     """What a filter assumes. Densities are roots: m/s/sqrt(s) and so on; time constants in s,
     inf for a random walk."""
 
@@ -58,17 +58,17 @@ class Model(NamedTuple):
         """(2, 2) covariance of a measurement of position and angle."""
         return np.diag([self.position_sd, self.angle_sd]) ** 2
 
-    def without_decay(self) -> "Model":
+    def without_decay(self) -> "IntroModel":
         """The same with biases that are driven by white noise alone, as the chapter's direct
         filters have them."""
         return self._replace(accel_time=np.inf, rate_time=np.inf)
 
 
-MODEL = Model()
+MODEL = IntroModel()
 """That of the published example."""
 
 
-class Record(NamedTuple):
+class IntroRecord(NamedTuple):
     """Simulated records of several runs: IMU samples are means over the dt before their time."""
 
     t: Array  # (n + 1,) s, from 0
@@ -96,19 +96,19 @@ class Fixes(NamedTuple):
 ALWAYS = Fixes()
 
 
-class Estimate(NamedTuple):
-    """What a filter made of a record, rows as those of `Record.true`."""
+class IntroEstimate(NamedTuple):
+    """What a filter made of a record, rows as those of `IntroRecord.true`."""
 
     x: Array  # (n + 1, runs, 5) states
     sd: Array  # (n + 1, 5) standard deviations that it states
     ins: Array  # (n + 1, runs, 3) position, velocity and angle of the INS behind it
 
 
-Kept: TypeAlias = dict[tuple[str, int, str], tuple[Record, Estimate]]
+Kept: TypeAlias = dict[tuple[str, int, str], tuple[IntroRecord, IntroEstimate]]
 """By biases, outage (0 or 1) and form."""
 
 
-def dynamics(model: Model) -> tuple[Array, Array]:
+def dynamics(model: IntroModel) -> tuple[Array, Array]:
     """(F (5, 5), G (5, 4)) of the error states: d dx/dt = F dx + G w, w the noise of
     acceleration, rate and the two biases."""
     F, G = np.zeros((5, 5)), np.zeros((5, 4))
@@ -118,7 +118,7 @@ def dynamics(model: Model) -> tuple[Array, Array]:
     return F, G
 
 
-def discretised(model: Model, dt: float) -> tuple[Array, Array]:
+def discretised(model: IntroModel, dt: float) -> tuple[Array, Array]:
     """(Phi (5, 5), Q (5, 5)) over dt s, by Van Loan's matrix exponential."""
     F, G = dynamics(model)
     W = np.diag([model.accel, model.rate, model.accel_bias, model.rate_bias]) ** 2
@@ -128,7 +128,7 @@ def discretised(model: Model, dt: float) -> tuple[Array, Array]:
     return Phi, 0.5 * (Q + Q.T)
 
 
-def observable(measured: ArrayLike, model: Model = MODEL) -> int:
+def observable(measured: ArrayLike, model: IntroModel = MODEL) -> int:
     """How many of the five states the rows `measured` (k, 5) tell: the rank of the observability
     matrix."""
     F, rows = dynamics(model)[0], [np.atleast_2d(measured)]
@@ -144,9 +144,9 @@ def simulate(
     fixes: Fixes = ALWAYS,
     duration: float = 300.0,
     rate: float = 10.0,
-    model: Model = MODEL,
-) -> Record:
-    """A Record of `duration` s at `rate` Hz: acceleration and rate are the first components of the
+    model: IntroModel = MODEL,
+) -> IntroRecord:
+    """A IntroRecord of `duration` s at `rate` Hz: acceleration and rate are the first components of the
     chapter's signal 1.
 
     biases: "constant", or "decaying" with the time constants of the model, from BEGIN both; the
@@ -177,7 +177,7 @@ def simulate(
     measured = true[1:] @ H.T + np.array([model.position_sd, model.angle_sd]) * rng.standard_normal(
         (n, runs, 2)
     )
-    return Record(t, dt, imu, true, measured, fixes.at(t[1:], rate))
+    return IntroRecord(t, dt, imu, true, measured, fixes.at(t[1:], rate))
 
 
 def strapdown(state: Array, u: Array, dt: float) -> Array:
@@ -194,8 +194,10 @@ def strapdown(state: Array, u: Array, dt: float) -> Array:
     )
 
 
-def estimate(record: Record, form: str = "feedforward", model: Model = MODEL) -> Estimate:
-    """The Estimate of one of FORMS, begun at the true position, velocity and angle and with biases
+def estimate(
+    record: IntroRecord, form: str = "feedforward", model: IntroModel = MODEL
+) -> IntroEstimate:
+    """The IntroEstimate of one of FORMS, begun at the true position, velocity and angle and with biases
     of 0.
 
     feedforward: the INS integrates the raw IMU; its error, biases included, is the filter's state
@@ -213,7 +215,7 @@ def estimate(record: Record, form: str = "feedforward", model: Model = MODEL) ->
     )
 
 
-def _indirect(record: Record, model: Model, feedback: bool) -> Estimate:
+def _indirect(record: IntroRecord, model: IntroModel, feedback: bool) -> IntroEstimate:
     Phi, Q = discretised(model, record.dt)
     runs = record.imu.shape[1]
     ins, bias, dx, P = (
@@ -234,7 +236,7 @@ def _indirect(record: Record, model: Model, feedback: bool) -> Estimate:
     return _stacked(rows)
 
 
-def _direct(record: Record, model: Model) -> Estimate:
+def _direct(record: IntroRecord, model: IntroModel) -> IntroEstimate:
     Phi, Q = discretised(model, record.dt)
     runs = record.imu.shape[1]
     x, P = np.c_[record.true[0, :, :3], np.zeros((runs, 2))], np.diag(model.start_sd) ** 2
@@ -248,9 +250,9 @@ def _direct(record: Record, model: Model) -> Estimate:
     return _stacked(rows)
 
 
-def _stacked(rows: Sequence[tuple[Array, Array, Array]]) -> Estimate:
+def _stacked(rows: Sequence[tuple[Array, Array, Array]]) -> IntroEstimate:
     x, variance, ins = (np.array(column) for column in zip(*rows))
-    return Estimate(x, np.sqrt(variance), ins)
+    return IntroEstimate(x, np.sqrt(variance), ins)
 
 
 def corrected(x: Array, P: Array, y: Array, R: Array) -> tuple[Array, Array]:

@@ -19,10 +19,10 @@ from ..common.markdown import number
 from ..common.reproduction import Asked, reproduction
 from ..common.study import Outcome, Work, choices_table, write_study
 from . import claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
-from .cases import CASES, FAST, LAST, Case
+from .cases import CASES, FAST, LAST, FilterCase
 from .choices import CHOICES
 from .figures import all_figures
-from .runs import KEYS, Results
+from .runs import KEYS, FossenResults
 
 SEEDS, QUICK_SEEDS = 50, 5
 WORK = Work(
@@ -86,7 +86,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
 
 
 def made(
-    out: File, asked: Asked, studied: Sequence[Case], duration: float = fossen_runs.DURATION
+    out: File, asked: Asked, studied: Sequence[FilterCase], duration: float = fossen_runs.DURATION
 ) -> list[dict[str, Any]]:
     """As `reproduce`, of the Cases `studied`, each of so many s."""
     seeds = asked.seeds(SEEDS, QUICK_SEEDS)
@@ -94,11 +94,13 @@ def made(
     return write(out, results, len(seeds), asked.seed)
 
 
-def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, Any]]:
+def write(out: File, results: FossenResults, count: int, seed: int) -> list[dict[str, Any]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
     intro, kept = fossen_intro.study(count, seed)
     cells = fossen_runs.table(results.runs)
-    claims = fossen_claims.claims(fossen_claims.Evidence(results.runs, results.dropouts, intro))
+    claims = fossen_claims.claims(
+        fossen_claims.FossenEvidence(results.runs, results.dropouts, intro)
+    )
     size = (
         f"This page: {count} seeds of each case, {len(results.runs) + len(results.dropouts)} runs "
         f"of {results.t[-1]:.0f} s at 100 Hz and more, "
@@ -117,7 +119,7 @@ def write(out: File, results: Results, count: int, seed: int) -> list[dict[str, 
 
 
 def _tables(
-    results: Results, cells: pd.DataFrame, intro: pd.DataFrame
+    results: FossenResults, cells: pd.DataFrame, intro: pd.DataFrame
 ) -> dict[str, tuple[str | None, pd.DataFrame]]:
     about = (
         f"Times after which the biases have converged, median and 80 % of the runs; medians of rms "

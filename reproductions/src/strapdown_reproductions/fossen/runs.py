@@ -45,7 +45,7 @@ MEDIANS = (*cases.RMS, "ins_m")
 """Columns of a run, besides the times, of which a cell has the median."""
 
 
-class Results(NamedTuple):
+class FossenResults(NamedTuple):
     """What all runs gave."""
 
     runs: pd.DataFrame  # a row per run: case, excitation, tuning, seed, and fossen_cases.numbers
@@ -56,12 +56,12 @@ class Results(NamedTuple):
     # (case, excitation, tuning) -> (2, seeds, m) lengths of the errors of accelerometer and gyro
     # bias; NaN where a run ended
     curves: dict[Key, NDArray[np.float32]]
-    samples: dict[Key, cases.Run]  # (case, excitation, tuning) -> Run of the first seed
+    samples: dict[Key, cases.CaseRun]  # (case, excitation, tuning) -> Run of the first seed
 
 
 def tasks(
-    seeds: Sequence[int], studied: Sequence[cases.Case] = cases.CASES + cases.FAST
-) -> list[tuple[int, str, list[cases.Case]]]:
+    seeds: Sequence[int], studied: Sequence[cases.FilterCase] = cases.CASES + cases.FAST
+) -> list[tuple[int, str, list[cases.FilterCase]]]:
     """[(seed, excitation, [cases])] in order: what shares one truth."""
     found = []
     for seed, excitation in product(seeds, signals.EXCITATIONS):
@@ -78,11 +78,11 @@ def tasks(
 
 def run_all(
     seeds: Sequence[int],
-    studied: Sequence[cases.Case] = cases.CASES + cases.FAST,
+    studied: Sequence[cases.FilterCase] = cases.CASES + cases.FAST,
     duration: float = DURATION,
     progress: Progress | None = None,
     threads: int | None = None,
-) -> Results:
+) -> FossenResults:
     """Results over `seeds` (whole numbers). progress: called with the fraction done; threads: as
     many as there are processors by default."""
     wanted, rows, dropped, curves, samples = tasks(list(seeds), studied), [], [], {}, {}
@@ -98,7 +98,7 @@ def run_all(
             if task[0] == seeds[0]:
                 samples[key] = run
         dropped += lost
-    return Results(
+    return FossenResults(
         pd.DataFrame(rows),
         pd.DataFrame(dropped),
         t,
@@ -108,8 +108,8 @@ def run_all(
 
 
 def _seed(
-    seed: int, excitation: str, studied: Sequence[cases.Case], duration: float
-) -> tuple[list[tuple[Key, cases.Run]], list[dict[str, Any]]]:
+    seed: int, excitation: str, studied: Sequence[cases.FilterCase], duration: float
+) -> tuple[list[tuple[Key, cases.CaseRun]], list[dict[str, Any]]]:
     """([((case, excitation, tuning), Run)], rows of dropouts) of one seed on one excitation."""
     found, dropped, known = [], [], {}
     for case in studied:
@@ -129,7 +129,7 @@ def _seed(
 
 
 def _dropout(
-    recording: Recording, case: cases.Case, tuning: str, excitation: str, seed: int
+    recording: Recording, case: cases.FilterCase, tuning: str, excitation: str, seed: int
 ) -> dict[str, Any]:
     """Row of a run whose fixes all end where the dropout begins: errors and estimates of the
     biases there and at its end."""
@@ -161,7 +161,7 @@ def _dropout(
     }
 
 
-def _curve(run: cases.Run, t: Array) -> NDArray[np.float32]:
+def _curve(run: cases.CaseRun, t: Array) -> NDArray[np.float32]:
     """(2, m) lengths of the bias errors at times t."""
     curve = np.full((2, len(t)), np.nan, np.float32)
     rows = np.round(run.t * cases.ROWS / CURVE).astype(int)

@@ -25,7 +25,7 @@ from strapdown.sensor_models.gnss import Gnss, PositionPlan, VelocityPlan
 from strapdown.sensor_models.imu import ImuSpec
 from strapdown.sensor_models.magnetometer import Magnetometer, MagnetometerPlan
 from strapdown.sensor_models.sampling import fix_times
-from strapdown.sensor_models.streams import Stream
+from strapdown.sensor_models.streams import RandomStream
 from strapdown.sim.analytic import waves
 from strapdown.sim.trajectory import DEG, EARTH_RATE, Motion, normal_gravity, radii, records
 from strapdown.typing import Array, ArrayLike
@@ -233,7 +233,7 @@ def described(rate_hz: float, walking: bool) -> ImuSpec:
     )
 
 
-def biases(walking: bool, count: int, dt: float, stream: Stream) -> tuple[Array, ...]:
+def biases(walking: bool, count: int, dt: float, stream: RandomStream) -> tuple[Array, ...]:
     """(b_a (count, 3) m/s^2, b_g rad/s) at the samples: constant, or where `walking` the
     published Gauss-Markov process begun at the constant values."""
     begun = np.array([ACCEL_BIAS, GYRO_BIAS])
@@ -267,7 +267,7 @@ def recording(
     and rates share no draw by accident of order. meta holds the true biases "b_a" and "b_g".
     """
     truth, imu = ideal(name, float(rate_hz), float(duration))
-    of = Stream.of([seed, EXCITATIONS.index(name)]).named
+    of = RandomStream.of([seed, EXCITATIONS.index(name)]).named
     noisy, _, _ = sensor(rate_hz).corrupt(imu, of("imu"))
     walks = name == "signal 2" if walking is None else walking
     b_a, b_g = biases(walks, len(imu.t), 1 / rate_hz, of("biases"))
@@ -308,7 +308,7 @@ def plans(
     return receiver.position, receiver.velocity, field, Ahrs(AHRS_RATE, AHRS_SD).plan(truth, np.inf)
 
 
-def _compass(truth: Trajectory, stream: Stream) -> Aiding:
+def _compass(truth: Trajectory, stream: RandomStream) -> Aiding:
     t = fix_times(truth, 1 / FIELD_RATE)
     rows = np.searchsorted(truth.t, t)
     y = truth.rph[rows, 2] + COMPASS_SD * stream.standard_normal(len(t))

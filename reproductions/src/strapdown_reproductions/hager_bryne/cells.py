@@ -56,7 +56,7 @@ Numbers: TypeAlias = dict[str, Array]
 """{name: (filter, run, ...)} of Campaign.numbers, or of one of the filters (run, ...)."""
 
 
-class Rows(NamedTuple):
+class CellRows(NamedTuple):
     """Stored rows of the runs of a cell: error, sd (filter, run, epoch, 15), nees, distance
     and within (filter, run, epoch), t (epoch,) s."""
 
@@ -69,7 +69,7 @@ class Rows(NamedTuple):
     within: Mask  # not beyond LIMIT yet
 
 
-Part: TypeAlias = tuple[Numbers, Rows, int]
+Part: TypeAlias = tuple[Numbers, CellRows, int]
 """(numbers, Rows, place) of a filter of a cell: what the cell has, and which one of it."""
 
 
@@ -80,7 +80,7 @@ def numbers_of(campaign: Campaign, cell: str) -> tuple[Numbers, Mask]:
     return {name: values[:, ran] for name, values in numbers.items()}, ran
 
 
-def rows_of(campaign: Campaign, cell: str, numbers: Numbers, ran: Mask) -> Rows:
+def rows_of(campaign: Campaign, cell: str, numbers: Numbers, ran: Mask) -> CellRows:
     """Rows of the same runs; some MB, for one cell at a time."""
     parts = campaign.read(cell, ("t", "error", "sd", "nees_rows", "bias"))
     error, sd, nees, bias = (
@@ -94,7 +94,7 @@ def rows_of(campaign: Campaign, cell: str, numbers: Numbers, ran: Mask) -> Rows:
     ended = t > numbers["lasted"][..., None] + SAME_TIME
     lost = (numbers["reason"] == POSITION_LOST)[..., None] & ended
     within = ~np.logical_or.accumulate((distance > LIMIT) | lost, axis=-1)
-    return Rows(t, error, sd, nees, bias, distance, within)
+    return CellRows(t, error, sd, nees, bias, distance, within)
 
 
 def flight_of(name: str) -> str:
@@ -120,7 +120,7 @@ def tables(campaign: Campaign) -> list[pd.DataFrame]:
     return [pd.DataFrame(own) for own in found]
 
 
-def stacked(*parts: Part) -> tuple[Numbers, Rows]:
+def stacked(*parts: Part) -> tuple[Numbers, CellRows]:
     """(numbers, Rows) of filters from different campaigns with the same runs: parts are
     (numbers, Rows, place)."""
     numbers = {
@@ -133,7 +133,7 @@ def stacked(*parts: Part) -> tuple[Numbers, Rows]:
     return numbers, parts[0][1]._replace(**by_filter)
 
 
-def compared(numbers: Numbers, rows: Rows, first: int = 0, second: int = 1) -> dict[str, float]:
+def compared(numbers: Numbers, rows: CellRows, first: int = 0, second: int = 1) -> dict[str, float]:
     """A dict of what two filters of a cell did, at those places in the campaign: ratios of the
     two, and figures of each (open_, closed_)."""
     pair = [first, second]
@@ -178,13 +178,13 @@ def mean_squares(error: Stored, mask: Mask) -> Array:
     return squares / np.where(count, count, np.nan)
 
 
-def censored(rows: Rows) -> Array:
+def censored(rows: CellRows) -> Array:
     """(filter, run) m^2: mean squared distance with the 500 m rule alone; every stored epoch
     from there on counts as 500 m."""
     return np.where(rows.within, np.minimum(rows.distance, LIMIT) ** 2, LIMIT**2).mean(axis=-1)
 
 
-def _figures(own: Numbers, rows: Rows, place: int) -> dict[str, float]:
+def _figures(own: Numbers, rows: CellRows, place: int) -> dict[str, float]:
     """What one filter of a cell did: {name: value}, with the ends of its interval (name_low,
     name_high) where it has one."""
     within, left, squares = rows.within[place], np.isfinite(own["left_model"]), own["mean_square"]
@@ -236,7 +236,7 @@ def _figures(own: Numbers, rows: Rows, place: int) -> dict[str, float]:
     }
 
 
-def onsets(rows: Rows, place: int) -> Array:
+def onsets(rows: CellRows, place: int) -> Array:
     """(run,) s: when the position error first exceeds ONSET; inf for never."""
     beyond = rows.distance[place] > ONSET
     return np.where(beyond.any(axis=-1), rows.t[beyond.argmax(axis=-1)], np.inf)

@@ -22,7 +22,7 @@ from .rules import (
     TOO_SURE,
     UPDATES,
     UPDATES_AND_STARTS,
-    Evidence,
+    HagerBryneEvidence,
     against_straight,
     amplified,
     as_small,
@@ -458,6 +458,6 @@ CLAIMS = {
 """In the order of the paper."""
 
 
-def claims(evidence: Evidence) -> list[dict[str, str]]:
+def claims(evidence: HagerBryneEvidence) -> list[dict[str, str]]:
     """All findings, in the order of the paper."""
     return findings(CLAIMS.values(), evidence)

@@ -11,7 +11,7 @@ from strapdown.experiments.monte_carlo.study import Study, parsed, seeds, simula
 from strapdown.typing import Array
 
 from ..common.runner import on_threads
-from .cells import Rows, numbers_of, rows_of
+from .cells import CellRows, numbers_of, rows_of
 from .rules import SMALL_DRIFT
 
 RUNS = 3
@@ -78,7 +78,7 @@ def drift(study: Study, number: int, run: int) -> tuple[Array, Array]:
     return solution.t, np.sqrt(sum(np.square(solution.columns[name]) for name in INS))
 
 
-def _points(stored: Rows, run: int, t: Array, drifted: Array) -> pd.DataFrame:
+def _points(stored: CellRows, run: int, t: Array, drifted: Array) -> pd.DataFrame:
     """A row per stored epoch with both filters within 500 m: drift, log NEES ratio and log ratio
     of squared position errors, open by closed."""
     at = np.searchsorted(t, stored.t - 1e-6)

@@ -30,7 +30,7 @@ from strapdown.sim.scenario import Scenario
 from strapdown.typing import Array
 
 from ..common.figures import Marks
-from .cells import LIMIT, ONSET, Numbers, Rows, flight_of, numbers_of, rows_of
+from .cells import LIMIT, ONSET, CellRows, Numbers, flight_of, numbers_of, rows_of
 from .rules import UPDATES
 
 BLUE, ORANGE = COLOURS[:2]
@@ -289,12 +289,12 @@ def _edges(
         line(drawn, t, y, name, row=row, legend=legend, dash="dot", **style)
 
 
-def _along_time(drawn: go.Figure, rows: Rows, last: int) -> go.Figure:
+def _along_time(drawn: go.Figure, rows: CellRows, last: int) -> go.Figure:
     drawn.update_xaxes(title_text="time [s]", row=last, col=1)
     return drawn.update_xaxes(range=[0, float(rows.t[-1])])
 
 
-def _ended(drawn: go.Figure, rows: Rows, numbers: Numbers, place: int) -> go.Figure:
+def _ended(drawn: go.Figure, rows: CellRows, numbers: Numbers, place: int) -> go.Figure:
     """The time axis, and where the run was given up."""
     reason, end = int(numbers["reason"][place, RUN]), float(numbers["lasted"][place, RUN])
     if reason:

@@ -31,7 +31,7 @@ from . import (
 from .cells import tables
 from .choices import CHOICES
 from .figures import all_figures
-from .rules import EXACT, TENTH, UPDATES, UPDATES_AND_STARTS, Evidence
+from .rules import EXACT, TENTH, UPDATES, UPDATES_AND_STARTS, HagerBryneEvidence
 
 FILTERS = (ablation.OPEN, ablation.CLOSED)
 AS_PRINTED = tuple(
@@ -172,7 +172,9 @@ def write(
         if name.startswith("ablation-")
     }
     ablated, resets = ablation.tables(own) if own else ({}, None)
-    claims = hager_bryne_claims.claims(Evidence(cells, moved, drift, initial, resets, readings))
+    claims = hager_bryne_claims.claims(
+        HagerBryneEvidence(cells, moved, drift, initial, resets, readings)
+    )
     said = [
         f"- {name.removeprefix('ablation-')}: {markdown.plain(caption)}"
         for name, (caption, _) in ablated.items()

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from strapdown.evaluation.consistency import paired, proportion
 
-from ..common.claims import Claim, Judged, judge
+from ..common.claims import Claim, JudgedClaim, judge
 from ..common.kinds import CONFIDENCE, Votes, mostly, of_all
 from ..common.verdicts import (
     READINGS,
@@ -45,10 +45,10 @@ AS_CHOSEN = "as chosen here"
 UPDATES, STARTS = (PRINTED, ZERO), (TENTH, EXACT)
 UPDATES_AND_STARTS = tuple(f"{PRINTED} with {start}" for start in STARTS)
 """Readings of the closed loop, of the start of navigation grade, and of both; see Evidence."""
-Rule: TypeAlias = Callable[[Votes], Judged]
+Rule: TypeAlias = Callable[[Votes], JudgedClaim]
 
 
-class Evidence(NamedTuple):
+class HagerBryneEvidence(NamedTuple):
     """All numbers that the claims rest on."""
 
     flights: pd.DataFrame  # of cells.tables
@@ -64,11 +64,11 @@ class Evidence(NamedTuple):
 
 
 FLIGHTS, OFFSET, DRIFT, RESETS = map(attrgetter, ("flights", "offset", "drift", "resets"))
-Reading: TypeAlias = tuple[str, Callable[[Evidence], Evidence | None]]
+Reading: TypeAlias = tuple[str, Callable[[HagerBryneEvidence], HagerBryneEvidence | None]]
 """Its name, and the evidence read so; None where that was not run."""
 
 
-def flown(flights: Sequence[str], *grades: str) -> Callable[[Evidence], pd.DataFrame]:
+def flown(flights: Sequence[str], *grades: str) -> Callable[[HagerBryneEvidence], pd.DataFrame]:
     """Chooses the cells of flights without offset, of some grades."""
     return lambda e: e.flights[e.flights["grade"].isin(grades) & e.flights["flight"].isin(flights)]
 
@@ -114,12 +114,12 @@ def at_95(votes: Sequence[int]) -> Votes:
     return lambda _: votes
 
 
-def better_side(rows: pd.DataFrame, name: str, side: str) -> Judged:
+def better_side(rows: pd.DataFrame, name: str, side: str) -> JudgedClaim:
     """MOSTLY filter `side` is better by ratio `name`."""
     return mostly(for_side(rows, name, side))
 
 
-def position(rows: pd.DataFrame, side: str, rule: Rule = mostly) -> Judged:
+def position(rows: pd.DataFrame, side: str, rule: Rule = mostly) -> JudgedClaim:
     """Filter `side` has the better position, by both readings of the abort rule."""
     found = [rule(for_side(rows, f"position{reading}", side)) for reading in READINGS]
     texts = [
@@ -128,34 +128,34 @@ def position(rows: pd.DataFrame, side: str, rule: Rule = mostly) -> Judged:
             ("Both abort rules, 500 m counted from the abort on", "500 m alone"), found, READINGS
         )
     ]
-    return Judged(over_readings(*(one.verdict for one in found)), "; ".join(texts))
+    return JudgedClaim(over_readings(*(one.verdict for one in found)), "; ".join(texts))
 
 
-def runs_that(rows: pd.DataFrame, name: str, rule: Rule = mostly, more: bool = True) -> Judged:
+def runs_that(rows: pd.DataFrame, name: str, rule: Rule = mostly, more: bool = True) -> JudgedClaim:
     """More than half of the runs of a cell are `name`, or fewer."""
     return rule(above(rows, name, more=more))
 
 
-def survival(rows: pd.DataFrame, loop: str, more: bool, rule: Rule = mostly) -> Judged:
+def survival(rows: pd.DataFrame, loop: str, more: bool, rule: Rule = mostly) -> JudgedClaim:
     """More than half of the runs of a filter survive, or fewer, by both readings of the abort
     rule."""
     both, alone, strict = (
         runs_that(rows, f"{loop}_survived{reading}", rule, more)
         for reading in (*READINGS, "_500_in_model")
     )
-    return Judged(
+    return JudgedClaim(
         over_readings(both.verdict, alone.verdict),
         f"Both abort rules: {both}; 500 m alone: {alone}; 500 m, and leaving the model counts as "
         f"lost: {strict}",
     )
 
 
-def too_sure(rows: pd.DataFrame) -> Judged:
+def too_sure(rows: pd.DataFrame) -> JudgedClaim:
     """MOSTLY the closed loop's NEES/15 is above TOO_SURE."""
     return mostly(above(rows, "closed_anees", TOO_SURE))
 
 
-def biases_better(rows: pd.DataFrame, side: str) -> Judged:
+def biases_better(rows: pd.DataFrame, side: str) -> JudgedClaim:
     """MOSTLY filter `side` has the better biases."""
     return mostly(of_all(*(for_side(rows, name, side) for name in ("accel_bias", "gyro_bias"))))
 
@@ -194,13 +194,13 @@ def one_filter(*names: str) -> Callable[[pd.DataFrame], str]:
     return same
 
 
-def drift_explains(drift: pd.DataFrame) -> Judged:
+def drift_explains(drift: pd.DataFrame) -> JudgedClaim:
     """EXPLANATION: the rank correlation of drift and ratio of the NEES is above 0.5 on average, and
     while the drift is small the NEES of both filters differ by less than TOO_SURE - 1."""
     related = paired(drift["correlation"].to_numpy(float), np.zeros(len(drift)))
     small = paired(np.log(drift["small_ratio"].to_numpy(float)), np.zeros(len(drift)))
     value, low, high = np.exp([small.difference, small.low, small.high])
-    return Judged(
+    return JudgedClaim(
         decided(
             related.low > 0.5 and low > 1 / TOO_SURE and high < TOO_SURE,
             low > TOO_SURE or high < 1 / TOO_SURE,
@@ -219,7 +219,7 @@ def drift_by_grade(drift: pd.DataFrame) -> str:
     )
 
 
-def amplified(flights: pd.DataFrame) -> Judged:
+def amplified(flights: pd.DataFrame) -> JudgedClaim:
     """MOSTLY, over consumer and tactical grade: of the straight flights a shorter dynamic one
     exceeds the open-loop error (supports), or a longer one undercuts it (contradicts)."""
     by_cell = {(row["grade"], row["flight"]): row for _, row in flights.iterrows()}
@@ -238,7 +238,7 @@ Beside: TypeAlias = list[tuple[pd.Series, pd.Series]]
 """[(a cell with offset, the one of its grade and flight without)]."""
 
 
-def with_and_without(e: Evidence) -> Beside:
+def with_and_without(e: HagerBryneEvidence) -> Beside:
     """Chooses the cells with offset that were flown without, too."""
     without = {(row["grade"], row["flight"]): row for _, row in e.flights.iterrows()}
     rows = [(row, without.get((row["grade"], row["flight"]))) for _, row in e.offset.iterrows()]
@@ -253,7 +253,7 @@ def longer(first: pd.Series, second: pd.Series, name: str) -> int:
     return vote(ratio - half, ratio + half, 0.0)
 
 
-def sooner(cells: Beside, name: str) -> Judged:
+def sooner(cells: Beside, name: str) -> JudgedClaim:
     """MOSTLY time `name` is shorter with offset; a flight that ends before both says nothing."""
     told = [
         (row, without)
@@ -263,7 +263,7 @@ def sooner(cells: Beside, name: str) -> Judged:
     return mostly(at_95([-longer(row, without, name) for row, without in told]))
 
 
-def as_small(cells: Beside, name: str, factor: float) -> Judged:
+def as_small(cells: Beside, name: str, factor: float) -> JudgedClaim:
     """MOSTLY `name` is at most `factor` times that without offset."""
     return mostly(
         at_95(
@@ -286,7 +286,7 @@ def beside_straight(
             yield str(grade), dynamic, straight
 
 
-def against_straight(rows: pd.DataFrame, name: str, sign: int) -> Judged:
+def against_straight(rows: pd.DataFrame, name: str, sign: int) -> JudgedClaim:
     """MOSTLY, over the dynamic flights, time `name` is longer (`sign` 1) or shorter (-1) than on the
     straight one of their grade; one that ends before it can tell says nothing."""
     votes = []
@@ -322,7 +322,7 @@ def times(rows: pd.DataFrame, name: str) -> str:
     return ", ".join(filter(None, (span, missing * bool(ended))))
 
 
-def stable_by_resets(resets: pd.DataFrame) -> Judged:
+def stable_by_resets(resets: pd.DataFrame) -> JudgedClaim:
     """One interval of RARELY or more on the longest flight with which runs survive and the
     position is not worse than the closed loop's is enough."""
     rows = resets[(resets["minutes"] == resets["minutes"].max()) & (resets["interval_s"] >= RARELY)]
@@ -332,7 +332,7 @@ def stable_by_resets(resets: pd.DataFrame) -> Judged:
         "every {r.interval_s:.0f} s: {r.survived:.0%} survive, position RMSE {r.position:.4g} times "
         "the closed loop's ({r.position_low:.4g} to {r.position_high:.4g})"
     )
-    return Judged(decided(bool(good.any()), bool(bad.all())), each(rows, form, "; "))
+    return JudgedClaim(decided(bool(good.any()), bool(bad.all())), each(rows, form, "; "))
 
 
 def rarest_that_holds(resets: pd.DataFrame) -> str:
@@ -352,20 +352,20 @@ def in_readings(claim: Claim, about: str, readings: Sequence[Reading]) -> Claim:
     always there; opposite verdicts mean that the reading decides. about: what is read how, for the
     rule."""
 
-    def found(e: Evidence) -> dict[str, dict[str, str]]:
+    def found(e: HagerBryneEvidence) -> dict[str, dict[str, str]]:
         read = {name: of(e) for name, of in readings}
         return {name: judge(claim, own) for name, own in read.items() if own is not None}
 
-    def together(e: Evidence) -> Judged:
+    def together(e: HagerBryneEvidence) -> JudgedClaim:
         judged = found(e)
         texts = [f"{name} ({one['verdict']}): {one['measured']}" for name, one in judged.items()]
         alone = next(iter(judged.values()))
-        return Judged(
+        return JudgedClaim(
             over_readings(*(one["verdict"] for one in judged.values())),
             ". ".join(texts) if len(judged) > 1 else alone["measured"],
         )
 
-    def answered(e: Evidence) -> str:
+    def answered(e: HagerBryneEvidence) -> str:
         judged = found(e)
         verdicts = {name: one["verdict"] for name, one in judged.items()}
         by_verdict = [
@@ -375,7 +375,7 @@ def in_readings(claim: Claim, about: str, readings: Sequence[Reading]) -> Claim:
         first = next(iter(judged.values()))["answer"]
         return f"{first} By reading - {'; '.join(by_verdict)}." if len(judged) > 1 else first
 
-    def same(e: Evidence) -> str:
+    def same(e: HagerBryneEvidence) -> str:
         texts = [one["identity"] for one in found(e).values()]
         return texts[0] if all(texts) else ""
 

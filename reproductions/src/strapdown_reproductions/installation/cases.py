@@ -20,7 +20,7 @@ from ..common.motions import (
     ON_MAST,
     ON_WING,
     RECEIVER,
-    Motion,
+    StudyMotion,
     constraints,
     simulator,
 )
@@ -36,24 +36,25 @@ finds it from the wrongly installed recording itself."""
 class Simulation(NamedTuple):
     """A motion, and what is wrong with its installation."""
 
-    motion: Motion
+    motion: StudyMotion
     priors: Installation = PRIORS
     # of these parameters the motion shows nothing: beginnings of their columns
     hidden: tuple[str, ...] = ()
 
 
 OF_CAR: Installation = {**PRIORS, "mounting": (0.0, TWO_DEG, TWO_DEG), "scale": SCALE}
-WITH_ODOMETER = Motion("car", 330.0, sensors=ODOMETER, constrained=True)
+WITH_ODOMETER = StudyMotion("car", 330.0, sensors=ODOMETER, constrained=True)
 MOTIONS = {
-    "car": Simulation(Motion("car", 330.0)),
+    "car": Simulation(StudyMotion("car", 330.0)),
     "car with odometer": Simulation(WITH_ODOMETER, OF_CAR),
-    "flight": Simulation(Motion("demo", 400.0, ON_WING, sensors=HEIGHT)),
-    "ship": Simulation(Motion("ship", 620.0, ON_MAST)),
+    "flight": Simulation(StudyMotion("demo", 400.0, ON_WING, sensors=HEIGHT)),
+    "ship": Simulation(StudyMotion("ship", 620.0, ON_MAST)),
 }
 """Motions that show what is asked of them."""
 UNSEEN = {
     "straight flight": Simulation(
-        Motion("straight", 300.0, RECEIVER._replace(interval=1.0)), hidden=("clock", "lever arm")
+        StudyMotion("straight", 300.0, RECEIVER._replace(interval=1.0)),
+        hidden=("clock", "lever arm"),
     ),
     "car, roll of the mounting": Simulation(
         WITH_ODOMETER, {**OF_CAR, "mounting": (TWO_DEG,) * 3}, hidden=("mounting roll",)
@@ -62,7 +63,7 @@ UNSEEN = {
 """Motions with parameters that nothing in them shows, as long as nobody knows where they begin."""
 
 
-class Case(NamedTuple):
+class InstallationCase(NamedTuple):
     """A run."""
 
     recording: Recording  # wrongly installed
@@ -78,8 +79,8 @@ def simulation(name: str) -> Simulation:
     return (MOTIONS | UNSEEN)[name]
 
 
-def case(name: str, seed: int, start: str) -> Case:
-    """The Case of a motion and a seed; start: KNOWN or ALIGNED."""
+def case(name: str, seed: int, start: str) -> InstallationCase:
+    """The InstallationCase of a motion and a seed; start: KNOWN or ALIGNED."""
     motion, priors, _ = simulation(name)
     right, at = simulator(motion).run(motion.imu, np.random.SeedSequence(seed))
     rng = np.random.default_rng([seed, 1])
@@ -87,7 +88,7 @@ def case(name: str, seed: int, start: str) -> Case:
         right = replace(right, aidings=(*right.aidings, *constraints(right, rng)))
     installed = drawn(right, priors, np.random.default_rng([seed, 2]))
     known = start == KNOWN
-    return Case(
+    return InstallationCase(
         installed.recording,
         right,
         start_of(installed, at) if known else None,

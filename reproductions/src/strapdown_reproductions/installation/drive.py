@@ -7,7 +7,7 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.data.solution.recording import Recording
-from strapdown.engine.installation import Parameter
+from strapdown.engine.installation import StateParameter
 from strapdown.experiments.monte_carlo.wrong_installation import installed_wrong, parameters_of
 
 from .methods import METHODS, Calibrated, set_up
@@ -29,7 +29,7 @@ WRONG[EVERYTHING] = {key: value for part in WRONG.values() for key, value in par
 """{what is wrong: {parameter: true - given}}, SI."""
 
 
-def named(parameter: Parameter) -> str:
+def named(parameter: StateParameter) -> str:
     """Name and component."""
     return f"{parameter.of.name} {parameter.of.components[parameter.component]}"
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import strapdown as sd
 from strapdown.data.solution.recording import Recording
-from strapdown.engine.installation import Parameter
+from strapdown.engine.installation import StateParameter
 from strapdown.experiments.monte_carlo.wrong_installation import installed_wrong, parameters_of
 from strapdown.installation.findings import FOUND
 from strapdown.typing import Array
@@ -30,7 +30,9 @@ Method = Callable[[Recording, Mapping[str, None]], Calibrated]
 """Of a recording and the names of what is asked for."""
 
 
-def set_up(recording: Recording, parameters: tuple[Parameter, ...], change: Array) -> Recording:
+def set_up(
+    recording: Recording, parameters: tuple[StateParameter, ...], change: Array
+) -> Recording:
     """The recording with its parameters changed: what errs by `change`, true - given, is right
     then."""
     return installed_wrong(recording, parameters, -np.asarray(change)).recording
@@ -85,7 +87,7 @@ def _name(name: str, cause: str) -> str:
     return cause if cause == "clock" else name.partition(" of ")[0]
 
 
-def _words(parameter: Parameter) -> str:
+def _words(parameter: StateParameter) -> str:
     axis = parameter.of.components[parameter.component]
     return " ".join(filter(None, (parameter.of.name.replace("-", " "), axis)))
 

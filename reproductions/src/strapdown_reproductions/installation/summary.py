@@ -7,8 +7,8 @@ import pandas as pd
 
 from strapdown.evaluation.consistency import band
 
-from ..common.runner import Evidence
-from ..common.study import Study, held_against
+from ..common.runner import StudyTables
+from ..common.study import ReproducedStudy, held_against
 from ..common.tables import Tables, grouped, rms, with_rows
 from ..common.targets import Target
 from .cases import ALIGNED, KNOWN, MOTIONS, UNSEEN, simulation
@@ -189,7 +189,7 @@ def driven(drive: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def figures(found: Evidence) -> dict[str, float]:
+def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}; NaN where the runs do not decide."""
     values: dict[str, float] = {}
     if len(found[DRIVE]):
@@ -225,7 +225,7 @@ def figures(found: Evidence) -> dict[str, float]:
     return values
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of what was run."""
     told = intervals(found[RUNS])
     cannot = hidden(told)
@@ -247,7 +247,7 @@ def tables(found: Evidence) -> Tables:
     return with_rows(shown)
 
 
-STUDY = Study(
+STUDY = ReproducedStudy(
     "The installation, estimated",
     INTRODUCTION,
     held_against(TARGETS, figures),

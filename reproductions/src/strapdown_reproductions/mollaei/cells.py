@@ -53,7 +53,7 @@ CONDITIONS = (FEW_FIXES, FAR_START, GUSTS, HZ_20, HZ_10)
 """What else the paper leaves open and might favour its filters."""
 
 
-class Case(NamedTuple):
+class FlightCase(NamedTuple):
     """Flights that are compared with one another."""
 
     experiment: str  # of EXPERIMENTS
@@ -83,24 +83,24 @@ class Case(NamedTuple):
 
 CASES = (
     *(
-        Case(experiment, SIX, prediction, tuning)
+        FlightCase(experiment, SIX, prediction, tuning)
         for experiment in (E0, E1)
         for prediction in (IMU, MODEL)
         for tuning in (SENSORS, PRINTED)
     ),
-    Case(E2),
-    Case(E2, prediction=MODEL),
-    Case(TURN),
-    Case(TURN, prediction=MODEL),
-    Case(WIND),
-    Case(WIND, prediction=MODEL),
+    FlightCase(E2),
+    FlightCase(E2, prediction=MODEL),
+    FlightCase(TURN),
+    FlightCase(TURN, prediction=MODEL),
+    FlightCase(WIND),
+    FlightCase(WIND, prediction=MODEL),
     *(
-        Case(experiment, FULL, prediction)
+        FlightCase(experiment, FULL, prediction)
         for experiment in (E1, E2, TURN)
         for prediction in (IMU, MODEL)
     ),
     *(
-        Case(experiment, prediction=MODEL, condition=condition)
+        FlightCase(experiment, prediction=MODEL, condition=condition)
         for condition in CONDITIONS
         for experiment in (E0, E1)
     ),
@@ -145,7 +145,7 @@ PUBLISHED = {
 TABLE_OF = {E0: "Table 2", E1: "Table 3", E2: "Table 4"}
 
 
-def wide(scores: pd.DataFrame) -> dict[Case, pd.DataFrame]:
+def wide(scores: pd.DataFrame) -> dict[FlightCase, pd.DataFrame]:
     """{Case: DataFrame} of the table of scores: a row per seed, columns by measure and mode, cases
     in their order.
 
@@ -153,21 +153,21 @@ def wide(scores: pd.DataFrame) -> dict[Case, pd.DataFrame]:
     attrs["lost"]: {mode: flights that stopped or diverged}.
     """
     rows = scores.assign(block=scores["seed"], outage=0)
-    found = by_case(rows, list(Case._fields), MEASURES, "mode")
-    for case, own in scores.groupby(list(Case._fields), sort=False):
+    found = by_case(rows, list(FlightCase._fields), MEASURES, "mode")
+    for case, own in scores.groupby(list(FlightCase._fields), sort=False):
         lost = own["said"].ne("").groupby(own["mode"], sort=False).sum()
         found[case].attrs["lost"] = lost.astype(int).to_dict()
-    return {Case(*case): table for case, table in found.items()}
+    return {FlightCase(*case): table for case, table in found.items()}
 
 
 def of(
-    tables: dict[Case, pd.DataFrame],
+    tables: dict[FlightCase, pd.DataFrame],
     experiment: str,
     *,
     form: str = SIX,
     prediction: str | None = None,
     tuning: str | None = None,
-) -> dict[Case, pd.DataFrame]:
+) -> dict[FlightCase, pd.DataFrame]:
     """The tables of one experiment in one form, as usual, of all readings or of those named."""
     return {
         case: table
@@ -218,7 +218,7 @@ CRITERIA = {
 """Rows of Tables 2 to 4 redrawn: rms deviations from the final value, and overshoots."""
 
 
-def redrawn(tables: dict[Case, pd.DataFrame], experiment: str) -> pd.DataFrame:
+def redrawn(tables: dict[FlightCase, pd.DataFrame], experiment: str) -> pd.DataFrame:
     """DataFrame shaped as the paper's table of an experiment: a row per criterion and reading,
     "published / ours" for each mode."""
     return pd.DataFrame(
@@ -265,7 +265,7 @@ LEFT_OUT = {
 
 
 def left_out(
-    tables: dict[Case, pd.DataFrame], cases: Collection[Case] | None = None
+    tables: dict[FlightCase, pd.DataFrame], cases: Collection[FlightCase] | None = None
 ) -> pd.DataFrame:
     """A row per case and mode: medians and quantiles over the seeds, NEES, and flights lost."""
     return pd.DataFrame(

@@ -5,7 +5,7 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from ..common import kinds
-from ..common.claims import Claim, Kind, findings, over
+from ..common.claims import Claim, ClaimKind, findings, over
 from .cells import E0, E1, E2, EKF, EKFS, FILTERS, NO_FILTER, PKF, PUBLISHED, UKF
 from .rules import (
     AWAY,
@@ -20,7 +20,7 @@ from .rules import (
     SETTLING,
     TWICE,
     ZERO,
-    Evidence,
+    MollaeiEvidence,
     Pair,
     algebra,
     away,
@@ -84,7 +84,7 @@ def compared(
     of: Comparison,
     decided_by: str,
     extra: str = "",
-    kind: Kind = kinds.OVERALL,
+    kind: ClaimKind = kinds.OVERALL,
 ) -> Claim:
     """The row of a claim that the first mode of each pair is better in all experiments and
     measures; extra: said after what was measured."""
@@ -370,6 +370,6 @@ CLAIMS = {
 """In the order of the paper."""
 
 
-def claims(evidence: Evidence) -> list[dict[str, str]]:
+def claims(evidence: MollaeiEvidence) -> list[dict[str, str]]:
     """All findings, in the order of the paper."""
     return findings(CLAIMS.values(), evidence)

@@ -48,11 +48,11 @@ from .cells import (
     TRUTH,
     TURN,
     UKF,
-    Case,
+    FlightCase,
 )
-from .metrics import Record
+from .metrics import FlightRecord
 from .rules import DEVIATIONS
-from .runs import Results
+from .runs import MollaeiResults
 
 COLOUR = {
     NO_FILTER: COLOURS[0],
@@ -78,17 +78,17 @@ SHARE = 4.0
 them; what leaves it is named."""
 FIRST = "First seed, whatever it looks like. "
 SHADED = FIRST + "Shaded: no fixes. "
-Signal: TypeAlias = tuple[str, Callable[[str, Record], Array]]
+Signal: TypeAlias = tuple[str, Callable[[str, FlightRecord], Array]]
 """(label of its panel, values (n,) of the flight of a mode)."""
 
 
-def _column(field: str, column: int | None = None) -> Callable[[str, Record], Array]:
+def _column(field: str, column: int | None = None) -> Callable[[str, FlightRecord], Array]:
     """A field of Record, or one column of it."""
     at = ... if column is None else (slice(None), column)
     return lambda mode, record: getattr(record, field)[at]
 
 
-def _estimate(axis: int) -> Callable[[str, Record], Array]:
+def _estimate(axis: int) -> Callable[[str, FlightRecord], Array]:
     """The estimated place of the aircraft; of the reference flight the true one."""
     return lambda mode, record: (
         record.place[:, axis] - (record.position[:, axis] if mode != TRUTH else 0.0)
@@ -117,30 +117,30 @@ DRIVEN = (("a", IMU), ("b", MODEL))
 
 
 def all_figures(
-    results: Results, tables: dict[Case, pd.DataFrame]
+    results: MollaeiResults, tables: dict[FlightCase, pd.DataFrame]
 ) -> list[tuple[str, go.Figure, str]]:
     """[(heading, figure, caption)] of the page; results: runs.Results, tables:
     cells.wide of its scores."""
     return [
         (
             "Figure 1: control inputs with fixes (E0)",
-            over_time(results, Case(E0), CONTROLS),
+            over_time(results, FlightCase(E0), CONTROLS),
             FIRST + "Not in the paper, which speaks of them.",
         ),
         (
             "Figure 2 redrawn: forces with fixes (E0)",
-            over_time(results, Case(E0), FORCES),
+            over_time(results, FlightCase(E0), FORCES),
             FIRST + "Aerodynamic and propulsive, along the body axes.",
         ),
         (
             "Figure 3 redrawn: body speed with fixes (E0)",
-            over_time(results, Case(E0), SPEEDS),
+            over_time(results, FlightCase(E0), SPEEDS),
             FIRST + "True velocity of the aircraft along its axes.",
         ),
         *(
             (
                 f"Figure 4{letter} redrawn: control inputs, GPS cut at 15 s, {each}-driven (E1)",
-                over_time(results, Case(E1, prediction=each), CONTROLS),
+                over_time(results, FlightCase(E1, prediction=each), CONTROLS),
                 SHADED + ALIKE * (each == IMU),
             )
             for letter, each in DRIVEN
@@ -148,7 +148,7 @@ def all_figures(
         *(
             (
                 f"Figure 5{letter} redrawn: position, GPS cut at 15 s, {each}-driven (E1)",
-                over_time(results, Case(E1, prediction=each), PLACES, 170, everything=True),
+                over_time(results, FlightCase(E1, prediction=each), PLACES, 170, everything=True),
                 SHADED + "Estimates; the curve of the true state is where that flight was.",
             )
             for letter, each in DRIVEN
@@ -157,7 +157,7 @@ def all_figures(
             (
                 f"Figure {number}{letter} redrawn: {title}, no GPS for five minutes, {each}-driven "
                 f"(E2)",
-                over_time(results, Case(E2, prediction=each), signals),
+                over_time(results, FlightCase(E2, prediction=each), signals),
                 SHADED,
             )
             for number, title, signals in ((6, "forces", FORCES), (7, "control inputs", CONTROLS))
@@ -198,8 +198,8 @@ RATIOS = (
 
 
 def over_time(
-    results: Results,
-    case: Case,
+    results: MollaeiResults,
+    case: FlightCase,
     signals: tuple[Signal, ...],
     height: int = 140,
     everything: bool = False,
@@ -224,7 +224,7 @@ def over_time(
     return drawn.update_xaxes(title_text="time [s]", row=len(signals), col=1)
 
 
-def _runs(results: Results, case: Case) -> dict[str, Record]:
+def _runs(results: MollaeiResults, case: FlightCase) -> dict[str, FlightRecord]:
     """{mode: Record} of the first seed, the reference flight first; without a filter there is
     one reading."""
     found = {TRUTH: results.references.get(case.experiment)}
@@ -251,7 +251,7 @@ def _framed(drawn: go.Figure, row: int, label: str, values: dict[str, Array]) ->
         )
 
 
-def growth(results: Results, experiment: str, modes: Sequence[str] = MODES) -> go.Figure:
+def growth(results: MollaeiResults, experiment: str, modes: Sequence[str] = MODES) -> go.Figure:
     """Medians and quantiles over the seeds of horizontal error (left) and distance of the
     aircraft (right), both predictions."""
     titles = [
@@ -265,7 +265,7 @@ def growth(results: Results, experiment: str, modes: Sequence[str] = MODES) -> g
     thin = {"width": 0.8, "dash": "dot"}
     for row, each in enumerate((MODEL, IMU), 1):
         for mode in modes:
-            case = Case(experiment, prediction=IMU if mode == NO_FILTER else each)
+            case = FlightCase(experiment, prediction=IMU if mode == NO_FILTER else each)
             if (case, mode) not in results.curves:
                 continue
             t, values = results.curves[case, mode]
@@ -305,7 +305,7 @@ SHORT = {
 }
 
 
-def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
+def ratios(tables: dict[FlightCase, pd.DataFrame]) -> go.Figure:
     """Ratios of DEVIATIONS of the pairs of filters, a panel per case with Q and R from the
     sensors."""
     cases = [
@@ -349,10 +349,10 @@ def ratios(tables: dict[Case, pd.DataFrame]) -> go.Figure:
     )
 
 
-def turning(results: Results) -> go.Figure:
+def turning(results: MollaeiResults) -> go.Figure:
     """Path of the turning flight, IMU-driven, beside that of the reference."""
     drawn = panels(["north [m]"], height=440)
-    for mode, record in _runs(results, Case(TURN)).items():
+    for mode, record in _runs(results, FlightCase(TURN)).items():
         step = max(1, len(record.t) // 800)
         drawn.add_trace(
             go.Scatter(

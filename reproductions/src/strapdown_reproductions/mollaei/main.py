@@ -21,11 +21,11 @@ from . import (
     rules,
     runs as mollaei_runs,
 )
-from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF, Case
+from .cells import E0, E1, E2, FULL, IMU, PKF, SIX, UKF, FlightCase
 from .choices import CHOICES
 from .figures import all_figures
 from .metrics import FINAL
-from .runs import Results
+from .runs import MollaeiResults
 
 SEEDS, QUICK_SEEDS = 200, 2
 COMPONENTS, QUICK_COMPONENTS = 500, 25
@@ -79,14 +79,16 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     return write(out, results, components, asked.seed)
 
 
-def write(out: File, results: Results, components: int, seed: int) -> list[dict[str, Any]]:
+def write(out: File, results: MollaeiResults, components: int, seed: int) -> list[dict[str, Any]]:
     """Write the page of finished Results into the folder `out`; return the claims."""
     scores = results.scores
     tables = cells.wide(scores)
     linear = scores[
         (scores["form"] == SIX) & (scores["prediction"] == IMU) & scores["mode"].isin((UKF, PKF))
     ]
-    claims = mollaei_claims.claims(rules.Evidence(tables, linear[["seed", "mode", "apart_m"]]))
+    claims = mollaei_claims.claims(
+        rules.MollaeiEvidence(tables, linear[["seed", "mode", "apart_m"]])
+    )
     outcome = Outcome(
         sentence(scores, components, seed),
         claims,
@@ -116,7 +118,7 @@ def flights(scores: pd.DataFrame) -> str:
 
 
 def shown(
-    tables: dict[Case, pd.DataFrame], results: Results
+    tables: dict[FlightCase, pd.DataFrame], results: MollaeiResults
 ) -> list[tuple[str, str, pd.DataFrame]]:
     """[(name, heading, DataFrame of text)] of the tables for people."""
     left_out = {

@@ -87,7 +87,7 @@ LOST = MEASURES | {"nees_cut": np.nan, "nees_end": np.nan}
 """Scores of a flight that stopped: the most of each; there is no NEES of it."""
 
 
-class Record(NamedTuple):
+class FlightRecord(NamedTuple):
     """What the scores need of a flight, a row per IMU sample."""
 
     t: Array  # (n,) s
@@ -145,7 +145,9 @@ def settling(t: Array, values: Array, last: float, width: float) -> float:
     return float(t[outside[-1]] - t[0]) if len(outside) else 0.0
 
 
-def score(record: Record, reference: Record, cut: float | None = None) -> dict[str, float | str]:
+def score(
+    record: FlightRecord, reference: FlightRecord, cut: float | None = None
+) -> dict[str, float | str]:
     """{measure: value, "said": text} of a flight, the names of MEASURES; of a stopped flight the
     most of each.
 
@@ -167,7 +169,7 @@ def score(record: Record, reference: Record, cut: float | None = None) -> dict[s
     }
 
 
-def deviations(record: Record, reference: Record) -> dict[str, float]:
+def deviations(record: FlightRecord, reference: FlightRecord) -> dict[str, float]:
     """Rms deviations of SIGNALS from their final value, and from that of the reference flight."""
     return {
         f"{name}{ending}": deviation(record.signal(name), final(judge.t, judge.signal(name)))
@@ -176,7 +178,7 @@ def deviations(record: Record, reference: Record) -> dict[str, float]:
     }
 
 
-def transients(record: Record, reference: Record) -> dict[str, float]:
+def transients(record: FlightRecord, reference: FlightRecord) -> dict[str, float]:
     """Overshoots of velocity, settling times, and how far the final angle of attack is off."""
     overshoots = {
         f"{of}_{axis}_pct": overshoot(
@@ -198,7 +200,7 @@ def transients(record: Record, reference: Record) -> dict[str, float]:
     return overshoots | settled | {"alpha_off_deg": off}
 
 
-def estimates(record: Record, cut: float | None) -> dict[str, float]:
+def estimates(record: FlightRecord, cut: float | None) -> dict[str, float]:
     """Errors of the estimate over the flight and in the outage; NEES of six states at the cut
     and at the end."""
     t, length = record.t, np.linalg.norm
@@ -229,7 +231,7 @@ def estimates(record: Record, cut: float | None) -> dict[str, float]:
     }
 
 
-def ways(record: Record, reference: Record) -> dict[str, float]:
+def ways(record: FlightRecord, reference: FlightRecord) -> dict[str, float]:
     """How far the aircraft is from the reference flight at the same time, m: rms, largest, at
     the end; and beside its route at most."""
     apart = np.linalg.norm(record.place - reference.place[: len(record.place)], axis=1)

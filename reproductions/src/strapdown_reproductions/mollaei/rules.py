@@ -15,7 +15,7 @@ from strapdown.evaluation.consistency import paired, proportion
 from strapdown.typing import Array
 
 from ..common import kinds
-from ..common.claims import Judged
+from ..common.claims import JudgedClaim
 from ..common.kinds import Share, Votes, clustered
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
 from ..common.paired_ratios import LEAST, better as sides, ratio
@@ -39,7 +39,7 @@ from .cells import (
     SENSORS,
     SIX,
     UKF,
-    Case,
+    FlightCase,
     known,
 )
 
@@ -69,7 +69,7 @@ BY_ALGEBRA = (
     "driven by the IMU the process is linear in position and velocity, and the filters are one, the "
     "PKF but for its draws"
 )
-Tables: TypeAlias = dict[Case, pd.DataFrame]
+Tables: TypeAlias = dict[FlightCase, pd.DataFrame]
 Pair: TypeAlias = tuple[str, str]
 """(first, second): two modes, of which the first is to be better."""
 Counting: TypeAlias = Callable[[pd.DataFrame, str], tuple[int, int]]
@@ -94,7 +94,7 @@ READINGS = (
 )
 
 
-class Evidence(NamedTuple):
+class MollaeiEvidence(NamedTuple):
     """All that the claims rest on."""
 
     tables: Tables
@@ -103,7 +103,7 @@ class Evidence(NamedTuple):
     apart: pd.DataFrame
 
 
-def flown(*experiments: str, prediction: str | None = None) -> Callable[[Evidence], Tables]:
+def flown(*experiments: str, prediction: str | None = None) -> Callable[[MollaeiEvidence], Tables]:
     """Chooses the six-state tables of experiments, of all readings or of one prediction."""
     return lambda evidence: {
         case: table
@@ -123,7 +123,7 @@ def usual(tables: Tables, prediction: str | None = None) -> Tables:
     }
 
 
-def foregone(case: Case, pair: Iterable[str]) -> bool:
+def foregone(case: FlightCase, pair: Iterable[str]) -> bool:
     """Whether modes are one filter in a case by algebra, so that nothing has to be measured."""
     return case.linear and set(pair) <= ONE_FILTER
 
@@ -185,7 +185,7 @@ def at_least(tables: Tables, measures: Sequence[str], pair: Pair, factor: float)
 
 
 class Compared(NamedTuple):
-    """A Judged that has a sentence of its own for its answer."""
+    """A JudgedClaim that has a sentence of its own for its answer."""
 
     verdict: str
     text: str
@@ -274,7 +274,7 @@ def median_of(values: Array | Sequence[float]) -> str:
 
 def many_times(
     tables: Tables, measures: Sequence[str], first: str, seconds: Sequence[str], factor: float
-) -> Judged:
+) -> JudgedClaim:
     """The measures of `first` are at least `factor` times those of each of `seconds`, in every cell
     (kinds.always)."""
     own = usual(tables)
@@ -285,7 +285,7 @@ def many_times(
     }
     found = kinds.always(kinds.of_all(*votes))
     least = ", ".join(f"{first} / {second} {value:.3g}" for second, value in smallest.items())
-    return Judged(found.verdict, f"{found}; smallest ratios: {least}")
+    return JudgedClaim(found.verdict, f"{found}; smallest ratios: {least}")
 
 
 def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float) -> Compared:
@@ -386,11 +386,11 @@ def near(table: pd.DataFrame, mode: str) -> tuple[int, int]:
     return int((off < NEAR).sum()), len(off)
 
 
-def nearly_all(tables: Tables, counting: Counting, modes: Sequence[str]) -> Judged:
+def nearly_all(tables: Tables, counting: Counting, modes: Sequence[str]) -> JudgedClaim:
     """With each of the modes it is so in more than NEARLY_ALL of the flights (Wilson), in every
     case (kinds.always); by who predicts."""
 
-    def judge(cases: Tables) -> Judged:
+    def judge(cases: Tables) -> JudgedClaim:
         flights = [counting(table, mode) for table in cases.values() for mode in modes]
         return kinds.always(
             lambda confidence: [
@@ -401,10 +401,10 @@ def nearly_all(tables: Tables, counting: Counting, modes: Sequence[str]) -> Judg
     return by_prediction(tables, judge)
 
 
-def by_prediction(tables: Tables, judge: Callable[[Tables], Judged]) -> Judged:
+def by_prediction(tables: Tables, judge: Callable[[Tables], JudgedClaim]) -> JudgedClaim:
     """What becomes of the flights that the IMU drives and of those that the model does."""
     found = {driven: judge(own) for driven in (IMU, MODEL) if (own := usual(tables, driven))}
-    return Judged(
+    return JudgedClaim(
         over_readings(*(own.verdict for own in found.values())) if found else UNDECIDED,
         ". ".join(f"{driven}-driven: {own.verdict}, {own}" for driven, own in found.items()),
     )
@@ -416,7 +416,7 @@ def shared(table: pd.DataFrame, counting: Counting, mode: str) -> Share:
     return clustered([(1, 1)] * count + [(0, 1)] * (flights - count))
 
 
-def cause(tables: Tables, modes: Sequence[str]) -> Judged:
+def cause(tables: Tables, modes: Sequence[str]) -> JudgedClaim:
     """Most flights diverge (kinds.mostly_of), in each reading: of `modes`, and of who predicts."""
     found = {
         f"{mode}, {case}": kinds.mostly_of(shared(table, away, mode))
@@ -424,7 +424,7 @@ def cause(tables: Tables, modes: Sequence[str]) -> Judged:
         for mode in modes
         if ("off_max_m", mode) in table.columns
     }
-    return Judged(
+    return JudgedClaim(
         over_readings(*(own.verdict for own in found.values())) if found else UNDECIDED,
         "; ".join(f"{name}: {own.verdict}, {own}" for name, own in found.items()),
     )
@@ -466,7 +466,7 @@ def enough(flights: int) -> str:
     )
 
 
-def symmetric(tables: Tables) -> Judged:
+def symmetric(tables: Tables) -> JudgedClaim:
     """Fy and the lateral weight are ZERO in every flight, each of which is a cell."""
     larger = {
         mode: np.concatenate(
@@ -483,16 +483,16 @@ def symmetric(tables: Tables) -> Judged:
     values = np.concatenate(list(larger.values()))
     found = kinds.always(lambda confidence: [1 if value < ZERO else -1 for value in values])
     zero, count = int((values < ZERO).sum()), len(values)
-    return Judged(
+    return JudgedClaim(
         found.verdict, f"{zero} of {count} flights; medians of the larger: {listed(larger, 'N')}"
     )
 
 
-def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) -> Judged:
+def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) -> JudgedClaim:
     """Over the flights of a case `measure` is less than TWICE the measure `other` (geometric mean),
     in every case (kinds.always); by who predicts."""
 
-    def judge(cases: Tables) -> Judged:
+    def judge(cases: Tables) -> JudgedClaim:
         logs = {
             (mode, case): tuple(
                 np.log(np.maximum(known(table, each, mode), LEAST)) for each in (measure, other)
@@ -510,12 +510,12 @@ def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) ->
             for (mode, case), (a, b) in logs.items()
         )
         found = kinds.always(votes)
-        return Judged(found.verdict, f"{found}. {means}")
+        return JudgedClaim(found.verdict, f"{found}. {means}")
 
     return by_prediction(tables, judge)
 
 
-def one_filter(apart: pd.DataFrame) -> Judged:
+def one_filter(apart: pd.DataFrame) -> JudgedClaim:
     """Estimate and aircraft of the UKF are within SAME of those of the EKF."""
     ukf, pkf = (apart.loc[apart["mode"] == mode, "apart_m"].to_numpy(float) for mode in (UKF, PKF))
     most, ended = float(np.max(ukf, initial=0.0)), int(np.isinf(pkf).sum())
@@ -524,7 +524,7 @@ def one_filter(apart: pd.DataFrame) -> Judged:
         f"{pkf[np.isfinite(pkf)].max(initial=0.0):.2g} m"
     )
     text += f", and {ended} flights stopped at another time" * bool(ended)
-    return Judged(decided(0 < len(ukf) and most <= SAME, most > SAME), text)
+    return JudgedClaim(decided(0 < len(ukf) and most <= SAME, most > SAME), text)
 
 
 SHOWN = {

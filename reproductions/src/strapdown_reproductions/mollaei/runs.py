@@ -56,9 +56,9 @@ from .cells import (
     TURN,
     UKF,
     WIND,
-    Case,
+    FlightCase,
 )
-from .metrics import Record
+from .metrics import FlightRecord
 from .six_state import filters as mollaei_six
 
 GRADE = "mollaei"
@@ -112,16 +112,20 @@ TIMES = 50
 """Points of the growth curves."""
 
 
-class Results(NamedTuple):
+class MollaeiResults(NamedTuple):
     """What all flights gave."""
 
     # a row per Case (its fields as columns), mode and seed: metrics.MEASURES, apart_m, said
     scores: pd.DataFrame
-    samples: dict[tuple[Case, str], Record]  # {(Case, mode): ...} of the first seed, six states
-    references: dict[str, Record]  # {experiment: ...} of the flights steered by the true state
+    samples: dict[
+        tuple[FlightCase, str], FlightRecord
+    ]  # {(Case, mode): ...} of the first seed, six states
+    references: dict[
+        str, FlightRecord
+    ]  # {experiment: ...} of the flights steered by the true state
     # {(Case, mode): ((k,) s, (runs, 2, k) m horizontal error and distance of the aircraft from the
     # reference flight)}
-    curves: dict[tuple[Case, str], tuple[Array, Array]]
+    curves: dict[tuple[FlightCase, str], tuple[Array, Array]]
     # {(mode, prediction): wall time of one flight of E2 with six states, nothing else running, s}
     seconds: dict[tuple[str, str], float]
 
@@ -136,7 +140,7 @@ def duration(experiment: str) -> float:
     return SECONDS.get(experiment, 25.0)
 
 
-def modes(case: Case, number: int) -> tuple[str, ...]:
+def modes(case: FlightCase, number: int) -> tuple[str, ...]:
     """What is flown in a case with the seed of that number in the study, from 0.
 
     The readings of the EKF where the flight stays near the trim; AT_TRIM only where the model
@@ -158,13 +162,13 @@ def modes(case: Case, number: int) -> tuple[str, ...]:
     )
 
 
-def share(case: Case) -> int:
+def share(case: FlightCase) -> int:
     """A seed in so many is flown of a case."""
     return SELDOM if case.condition else SHARES.get((case.experiment, case.form), 1)
 
 
 def flight(
-    case: Case, mode: str, seed: int, components: int | None = None, **changes: Any
+    case: FlightCase, mode: str, seed: int, components: int | None = None, **changes: Any
 ) -> Flight:
     """The Flight of a mode in a case; components: of the PKF, None for its default; changes: its
     duration, or fields of what `fly` is given."""
@@ -195,20 +199,20 @@ def flight(
 
 
 @lru_cache(maxsize=16)
-def reference(experiment: str, form: str = SIX, filter_rate: float | None = None) -> Record:
+def reference(experiment: str, form: str = SIX, filter_rate: float | None = None) -> FlightRecord:
     """Record of the flight steered by the true state, over the same Earth and in calm air, at the
     samples of a filter of that rate (Hz; None: the IMU's)."""
     mode = NO_FILTER if form == SIX else CLOSED
     changes = {"feedback": "truth", "filter_rate": filter_rate}
-    return record(flight(Case(experiment, form), mode, 0, **changes))
+    return record(flight(FlightCase(experiment, form), mode, 0, **changes))
 
 
-def beside(case: Case) -> Record:
+def beside(case: FlightCase) -> FlightRecord:
     """The reference of the flights of a case."""
     return reference(case.experiment, case.form, GIVEN[case.condition].get("filter_rate"))
 
 
-def record(flight: Flight) -> Record:
+def record(flight: Flight) -> FlightRecord:
     """Record of a Flight: the scores' view of it, a row per sample flown."""
     column = lambda name: flight.log[name]
     stack = lambda names: np.column_stack([column(name) for name in names])
@@ -227,7 +231,7 @@ def record(flight: Flight) -> Record:
     at = [min(int(np.searchsorted(truth.t, CUT - 1e-6)), rows - 1), rows - 1]
     claimed = np.isfinite(solution.trajectory.sd[at, :6]).all(axis=1)  # without a filter nothing is
     six_off, six_P = np.c_[off.position, off.velocity][at], solution.covariance[at][:, :6, :6]
-    return Record(
+    return FlightRecord(
         *(
             values[:rows]
             for values in (
@@ -252,8 +256,8 @@ def record(flight: Flight) -> Record:
 
 
 def scored(
-    case: Case, mode: str, seed: int, components: int | None
-) -> tuple[dict[str, float | str], Record | None]:
+    case: FlightCase, mode: str, seed: int, components: int | None
+) -> tuple[dict[str, float | str], FlightRecord | None]:
     """(row of the table of scores, Record or None) of one flight; a flight that could not begin
     is lost."""
     try:
@@ -263,21 +267,21 @@ def scored(
     return metrics.score(made, beside(case), None if case.experiment == E0 else CUT), made
 
 
-Flown: TypeAlias = tuple[dict[str, float | str], Array, Record | None]
+Flown: TypeAlias = tuple[dict[str, float | str], Array, FlightRecord | None]
 """(scores and apart_m, curve, Record where it is kept) of a flight."""
 
 
 def run_all(
     seeds: Iterable[int],
     components: int | None = None,
-    cases: Sequence[Case] | None = None,
+    cases: Sequence[FlightCase] | None = None,
     progress: Progress | None = None,
     threads: int | None = None,
-) -> Results:
+) -> MollaeiResults:
     """Results over `seeds`, or SHARES of them; cases: by default all. components: of the PKF;
     progress: called with the fraction done."""
     seeds, cases = list(seeds), CASES if cases is None else cases
-    groups: dict[tuple[str, str, str], list[Case]] = {}
+    groups: dict[tuple[str, str, str], list[FlightCase]] = {}
     for case in cases:
         groups.setdefault((case.experiment, case.form, case.condition), []).append(case)
     # alone, and before the threads, which would each compile
@@ -290,7 +294,7 @@ def run_all(
     ]
     tasks.sort(key=lambda task: (-duration(task[0][0]), task[1]))
     lengths = np.cumsum([duration(group[0]) for group, _ in tasks])
-    flights: dict[tuple[Case, str, int], Flown] = {}
+    flights: dict[tuple[FlightCase, str, int], Flown] = {}
     flown = lambda task: _flown(groups[task[0]], seeds[task[1]], task[1], components)
     for found, done in zip(on_threads(flown, tasks, threads), lengths):
         flights |= found
@@ -303,7 +307,7 @@ def run_all(
         grown.setdefault((case, mode), []).append(growth)
         if own is not None:
             samples[case, mode] = own
-    return Results(
+    return MollaeiResults(
         pd.DataFrame(rows),
         samples,
         {
@@ -324,19 +328,19 @@ def times(seed: int, components: int | None = None) -> dict[tuple[str, str], flo
         (NO_FILTER, IMU),
         *((mode, prediction) for prediction in (IMU, MODEL) for mode in FILTERS),
     ):
-        flight(Case(E2, prediction=prediction), mode, seed, components, duration=CUT + 1)
+        flight(FlightCase(E2, prediction=prediction), mode, seed, components, duration=CUT + 1)
         begun = perf_counter()
-        flight(Case(E2, prediction=prediction), mode, seed, components)
+        flight(FlightCase(E2, prediction=prediction), mode, seed, components)
         found[mode, prediction] = perf_counter() - begun
     return found
 
 
 def _flown(
-    cases: list[Case], seed: int, number: int, components: int | None
-) -> dict[tuple[Case, str, int], Flown]:
+    cases: list[FlightCase], seed: int, number: int, components: int | None
+) -> dict[tuple[FlightCase, str, int], Flown]:
     """{(case, mode, seed): Flown} of all modes of the cases of one experiment, form and condition
     with the seed of that number; of the first with Records, of six states."""
-    found: dict[tuple[Case, str, int], Flown] = {}
+    found: dict[tuple[FlightCase, str, int], Flown] = {}
     unfiltered = None
     kept = number == 0 and cases[0].form == SIX and not cases[0].condition
     for case in cases:
@@ -356,7 +360,7 @@ def _flown(
     return found
 
 
-def apart(one: Record | None, other: Record | None) -> float:
+def apart(one: FlightRecord | None, other: FlightRecord | None) -> float:
     """m: largest distance between two flights' aircraft or between their estimates; NaN where
     one was not flown, inf where it was not as long."""
     if one is None or other is None:
@@ -377,7 +381,7 @@ def curve_times(experiment: str) -> Array:
     return np.linspace(0.0, duration(experiment), TIMES + 1)[1:]
 
 
-def curve(record: Record | None, reference: Record) -> Array:
+def curve(record: FlightRecord | None, reference: FlightRecord) -> Array:
     """(2, TIMES) horizontal error of the estimate, and distance of the aircraft from the
     reference flight, m; inf where it had stopped."""
     found = np.full((2, TIMES), np.inf)

@@ -67,7 +67,7 @@ RESTS = (
 in it rests that long."""
 
 
-class Row(NamedTuple):
+class AllanRow(NamedTuple):
     """One figure of one sensor on one stretch, the mean of its axes, in `unit`."""
 
     recording: str
@@ -87,13 +87,13 @@ class Row(NamedTuple):
         return self.measured / self.assumed
 
 
-def rows(rests: tuple[Rest, ...] = RESTS, folder: Path | None = None) -> list[Row]:
+def rows(rests: tuple[Rest, ...] = RESTS, folder: Path | None = None) -> list[AllanRow]:
     """The Rows of these stretches, of recordings in `folder` (the data folder). Raises DataError
     where one cannot be read, or is not at a constant rate."""
     return [row for rest in rests for row in _of_rest(rest, str(folder or data_folder()))]
 
 
-def frame(found: Iterable[Row]) -> pd.DataFrame:
+def frame(found: Iterable[AllanRow]) -> pd.DataFrame:
     """The Rows as texts for a page: bounds of 68 % in brackets, the unit once."""
     return pd.DataFrame(
         [
@@ -122,7 +122,7 @@ def frame(found: Iterable[Row]) -> pd.DataFrame:
     )
 
 
-def _of_rest(rest: Rest, folder: str) -> Iterator[Row]:
+def _of_rest(rest: Rest, folder: str) -> Iterator[AllanRow]:
     recording = _read(rest.file, folder)
     result = allan(evened(longest(recording.between(rest.start, rest.stop).imu)[0]))
     spec = _told(rest, recording, result)
@@ -133,7 +133,7 @@ def _of_rest(rest: Rest, folder: str) -> Iterator[Row]:
                 in_units(value, SI[sensor.name][kind], UNITS[sensor.name][kind])
                 for value in (measured, low, high, assumed)
             ]
-            yield Row(
+            yield AllanRow(
                 rest.name,
                 result.duration,
                 sensor.name,

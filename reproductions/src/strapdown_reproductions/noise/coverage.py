@@ -35,7 +35,7 @@ SCORED = {"drive0708": DRIVE, "thor75": FLIGHT}
 DEFAULT, TUNED, OTHER_HALF = "as described", "tuned", "tuned on the other half"
 
 
-class Way(NamedTuple):
+class CoverageWay(NamedTuple):
     """Sources and IMU of a run, and the seconds that are scored with them."""
 
     name: str
@@ -55,15 +55,18 @@ def rows(folder: Path, name: str) -> Iterator[dict[str, Any]]:
                     yield own | row
 
 
-def ways(recording: Recording, span: tuple[float, float]) -> list[Way]:
+def ways(recording: Recording, span: tuple[float, float]) -> list[CoverageWay]:
     """As described, tuned on all of it, and each half tuned on the other one."""
     whole = tune(recording)
     middle = (span[0] + span[1]) / 2
     halves = ((span[0], middle), (middle, span[1]))
-    found = [Way(DEFAULT, recording, None, span), Way(TUNED, whole.tuned, whole.imu, span)]
+    found = [
+        CoverageWay(DEFAULT, recording, None, span),
+        CoverageWay(TUNED, whole.tuned, whole.imu, span),
+    ]
     for own, other in (halves, halves[::-1]):
         part = tune(recording, start_s=other[0], stop_s=other[1])
-        found.append(Way(OTHER_HALF, part.tuned, part.imu, own))
+        found.append(CoverageWay(OTHER_HALF, part.tuned, part.imu, own))
     return found
 
 
@@ -74,7 +77,7 @@ def outages(span: tuple[float, float], length: float, shift: int) -> list[tuple[
     return [(t, t + length) for t in np.arange(first, span[1] - length, period)]
 
 
-def hidden(way: Way, windows: Sequence[tuple[float, float]]) -> Iterator[dict[str, Any]]:
+def hidden(way: CoverageWay, windows: Sequence[tuple[float, float]]) -> Iterator[dict[str, Any]]:
     """Of each fix of a position within the windows: error and standard deviation, north and east, m."""
     places = [a for a in way.recording.aidings if a.kind == "position"]
     others = [a.without(windows) for a in way.recording.aidings if a.kind == "velocity"]

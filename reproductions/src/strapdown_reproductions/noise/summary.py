@@ -3,14 +3,14 @@
 import numpy as np
 import pandas as pd
 
-from ..common.runner import Evidence
-from ..common.study import Study, held_against
+from ..common.runner import StudyTables
+from ..common.study import ReproducedStudy, held_against
 from ..common.tables import Tables, grouped, rms
 from ..common.targets import Target
 from . import correlated, coverage, misstated, outliers
 
 CORRELATED, MISSTATED, OUTLIERS, COVERAGE = "correlated", "misstated", "outliers", "coverage"
-"""Tables of the Evidence, each of the rows of its file, and of the page."""
+"""Tables of the StudyTables, each of the rows of its file, and of the page."""
 INTRODUCTION = (
     "What errors that last, noise that is stated wrongly and gross errors do to a filter, and what "
     "states, `tune`, robust and adaptive sources make of it. Simulated runs are scored horizontally, "
@@ -136,7 +136,7 @@ def of_coverage(table: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def figures(found: Evidence) -> dict[str, float]:
+def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}; NaN where the runs do not decide."""
     values: dict[str, float] = {}
     if len(found[CORRELATED]):
@@ -180,7 +180,7 @@ def _white_tuned(table: pd.DataFrame) -> float:
     return float((both[0] / both[1]).max()) if both else np.nan
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)} of what was run."""
     of = {
         CORRELATED: ("Position errors that last, s of correlation", of_correlated),
@@ -195,4 +195,6 @@ def tables(found: Evidence) -> Tables:
     }
 
 
-STUDY = Study("Noise, told by the data", INTRODUCTION, held_against(TARGETS, figures), tables)
+STUDY = ReproducedStudy(
+    "Noise, told by the data", INTRODUCTION, held_against(TARGETS, figures), tables
+)

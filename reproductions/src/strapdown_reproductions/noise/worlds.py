@@ -23,7 +23,7 @@ SETTLED = 60.0
 """s of a run that are not scored."""
 
 
-class World(NamedTuple):
+class NoiseWorld(NamedTuple):
     """What is simulated."""
 
     scenario: str
@@ -36,8 +36,8 @@ class World(NamedTuple):
 RECEIVER = Gnss(1.0, (1.5, 1.5, 2.5), (0.1, 0.1, 0.15))
 CAR, FLIGHT = "car", "flight"
 WORLDS = {
-    CAR: World("car", 300.0, 50.0, "consumer", RECEIVER._replace(interval=0.2)),
-    FLIGHT: World("demo", 400.0, 50.0, "tactical", RECEIVER),
+    CAR: NoiseWorld("car", 300.0, 50.0, "consumer", RECEIVER._replace(interval=0.2)),
+    FLIGHT: NoiseWorld("demo", 400.0, 50.0, "tactical", RECEIVER),
 }
 
 
@@ -74,7 +74,7 @@ def fixes_stated(recording: Recording, factor: float) -> Recording:
     )
 
 
-class Score(NamedTuple):
+class WorldScore(NamedTuple):
     """Sums of squares over the rows of a run, a row a second, m^2 of north and east."""
 
     rows: int
@@ -82,14 +82,14 @@ class Score(NamedTuple):
     claimed: float
 
 
-def score(solution: Solution, recording: Recording) -> Score:
+def score(solution: Solution, recording: Recording) -> WorldScore:
     """How far off it is horizontally, and how far it says it is."""
     found = errors(solution, recording.reference)
     second = np.abs(found.t - np.round(found.t)) < 0.25 / WORLDS[CAR].rate
     rows = second & (found.t > solution.t[0] + SETTLED)
     assert found.position is not None and found.sd is not None
     e, sd = found.position[rows, :2], found.sd[rows, :2]
-    return Score(2 * len(e), float(np.sum(e**2)), float(np.sum(sd**2)))
+    return WorldScore(2 * len(e), float(np.sum(e**2)), float(np.sum(sd**2)))
 
 
 def nis_over_expected(solution: Solution) -> Array:

@@ -21,7 +21,7 @@ from strapdown.typing import File
 
 from ..alam import main as alam
 from ..common import kinds
-from ..common.claims import Kind
+from ..common.claims import ClaimKind
 from ..common.markdown import plain, table
 from ..common.pages import Page, claims_table, counts, write_files
 from ..common.reproduction import Asked, reproduction
@@ -50,7 +50,7 @@ PAPERS = {
     "alam": Paper("Alam et al.", "alam.md", alam, 0.2, ("recordings", "say")),
     "mollaei": Paper("Mollaei et al.", "mollaei.md", mollaei, 0.4),
 }
-KINDS = [each for each in vars(kinds).values() if isinstance(each, Kind)]
+KINDS = [each for each in vars(kinds).values() if isinstance(each, ClaimKind)]
 INTRODUCTION = (
     "<p>What four papers claim, and what became of it here: the verdict, and the number that "
     "decides. A paper's own page has the rule of each claim and the numbers behind it.</p>"

@@ -33,7 +33,7 @@ PARKED_RATE, PARKED_SD, PARKED_SETTLED, PARKED_IMU = 1.0, 0.05, 60.0, "navigatio
 after which it is scored, the grade of its IMU."""
 
 
-class Case(NamedTuple):
+class RecordingCase(NamedTuple):
     """A recording and the seconds of it that are scored."""
 
     group: str  # heading of its column, which the cases of one group share
@@ -50,12 +50,12 @@ class Case(NamedTuple):
         return within & np.isin(t, self.recording.reference.t) if self.held else within
 
 
-def cases(folder: Path) -> list[Case]:
+def cases(folder: Path) -> list[RecordingCase]:
     """The Cases of the descriptions in `folder` and of the data folder. Raises DataError."""
     flight, drive = io.read(folder / "thor75-full.toml"), io.read(folder / "drive0708.toml")
     found = [
-        Case("thor75", "thor75", flight, (FLIGHT,)),
-        Case("drive0708", "drive0708", drive, ((windows_of(drive)[0][0], drive.span[1]),)),
+        RecordingCase("thor75", "thor75", flight, (FLIGHT,)),
+        RecordingCase("drive0708", "drive0708", drive, ((windows_of(drive)[0][0], drive.span[1]),)),
     ]
     data = data_folder(folder)
     trials = [with_optics(path) for path in sorted((data / "broad").glob("*.npz"))]
@@ -70,9 +70,9 @@ def with_optics(path: Path) -> Recording:
     return with_positions(io.read(path), rate=1.0, sd=POSITION_SD)
 
 
-def held_by_hand(group: str, recording: Recording) -> Case:
+def held_by_hand(group: str, recording: Recording) -> RecordingCase:
     """The Case of a BROAD trial, scored while it moves."""
-    return Case(
+    return RecordingCase(
         group,
         recording.meta["name"],
         recording,
@@ -81,8 +81,8 @@ def held_by_hand(group: str, recording: Recording) -> Case:
     )
 
 
-def parked(recording: Recording) -> Case:
-    """The Case of a parked ring-laser IMU: the header's position and zero velocity as fixes, and as
+def parked(recording: Recording) -> RecordingCase:
+    """The RecordingCase of a parked ring-laser IMU: the header's position and zero velocity as fixes, and as
     reference with the attitude that gravity and the Earth's rate have in the mean of the whole
     record.
 
@@ -104,7 +104,7 @@ def parked(recording: Recording) -> Case:
         reference=reference,
         meta=recording.meta | {"grade": PARKED_IMU},
     )
-    return Case(
+    return RecordingCase(
         "ring laser",
         recording.meta["name"],
         made,

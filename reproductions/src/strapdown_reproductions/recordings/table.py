@@ -22,7 +22,7 @@ from strapdown.engine.prepare import positioned
 from strapdown.evaluation.metrics import errors, rms
 from strapdown.typing import Progress, Say
 
-from .cases import Case
+from .cases import RecordingCase
 
 LOST = 100.0
 """Standard deviations of the position fixes: a filter whose horizontal rms is beyond, while they
@@ -81,7 +81,7 @@ INTRODUCTION = (
 
 
 def scores(
-    cases: Sequence[Case],
+    cases: Sequence[RecordingCase],
     names: Sequence[str] | None = None,
     say: Say | None = None,
     progress: Progress | None = None,
@@ -103,7 +103,7 @@ def scores(
     )
 
 
-def _scores(case: Case, name: str, say: Say | None) -> dict[str, Any]:
+def _scores(case: RecordingCase, name: str, say: Say | None) -> dict[str, Any]:
     try:
         solution = fuse(case.recording, name, say=say, options=FEWER.get(name, {}))
     except DataError as error:
@@ -123,7 +123,7 @@ def _scores(case: Case, name: str, say: Say | None) -> dict[str, Any]:
     return found
 
 
-def scored(case: Case, solution: Solution, filter: Filter) -> dict[str, Any]:
+def scored(case: RecordingCase, solution: Solution, filter: Filter) -> dict[str, Any]:
     """{figure: value, "said": text} of a Solution over the case's windows."""
     e = errors(solution, case.recording.reference)
     inside = case.inside(e.t)

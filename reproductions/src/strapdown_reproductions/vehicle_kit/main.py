@@ -6,8 +6,8 @@ from typing import Any
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS
 from ..common.reproduction import Asked, reproduction
-from ..common.runner import Evidence, Task, collected, part_of
-from ..common.study import Claims, Study
+from ..common.runner import StudyTables, Task, collected, part_of
+from ..common.study import Claims, ReproducedStudy
 from ..common.tables import Tables
 from ..common.targets import claim
 from . import on_drive, rest, slips
@@ -29,7 +29,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
     """Measure the kit, write the page into the folder `out`, return the claims; quick: three seeds
     in place of 20. Raises DataError."""
     wanted = stages(Path(asked.recordings or DESCRIPTIONS), FEW if asked.quick else SEEDS)
-    found = Evidence()
+    found = StudyTables()
     for place, (name, tasks) in enumerate(wanted.items()):
         if asked.say:
             asked.say(name)
@@ -52,7 +52,7 @@ def stages(folder: Path, seeds: range) -> dict[str, list[Task]]:
     }
 
 
-def claims(found: Evidence) -> list[dict[str, Any]]:
+def claims(found: StudyTables) -> list[dict[str, Any]]:
     """The claims on the drive, on false alarms and on the scale."""
     medians = on_drive.summary(found[OUTAGES]).set_index(["windows", "set-up"])["median, m"]
     gain = slips.medians(found[SCALES], found[WORTH]).set_index("wheel speed")
@@ -79,7 +79,7 @@ def claims(found: Evidence) -> list[dict[str, Any]]:
     ]
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)}."""
     return {
         "drive0708": (
@@ -96,7 +96,7 @@ def tables(found: Evidence) -> Tables:
     }
 
 
-def texts(found: Evidence, claims: Claims, tables: Tables) -> dict[str, str]:
+def texts(found: StudyTables, claims: Claims, tables: Tables) -> dict[str, str]:
     """{name: text} of the tables, for docs/how-to/vehicle.md."""
     headed = [(f"**{caption}**", table) for caption, table in tables.values()]
     return {"table.md": markdown.tables(headed, _cell)}
@@ -108,4 +108,4 @@ def _cell(value: Any) -> str:
     return "–" if value != value else f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
 
 
-STUDY = Study("The vehicle kit", INTRODUCTION, claims, tables, (OUTAGES,), texts)
+STUDY = ReproducedStudy("The vehicle kit", INTRODUCTION, claims, tables, (OUTAGES,), texts)

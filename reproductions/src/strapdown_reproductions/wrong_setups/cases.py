@@ -28,7 +28,7 @@ from ..common.motions import (
     ON_MAST,
     ON_WING,
     RECEIVER,
-    Motion,
+    StudyMotion,
     constraints,
     simulator,
 )
@@ -47,7 +47,7 @@ SWISSLOG_LAG = 0.22
 """s by which the GNSS of swisslog comes late."""
 
 
-class Case(NamedTuple):
+class SetUpCase(NamedTuple):
     """A recording with its right set-up, and where it is scored."""
 
     name: str
@@ -58,11 +58,13 @@ class Case(NamedTuple):
 
 
 MOTIONS = {
-    "car": Motion("car", 240.0),
-    "car with odometer": Motion("car", 240.0, imu="consumer", sensors=ODOMETER, constrained=True),
-    "flight": Motion("demo", 280.0, ON_WING, sensors=HEIGHT),
-    "ship": Motion("ship", 520.0, ON_MAST),
-    "hand-held": Motion(
+    "car": StudyMotion("car", 240.0),
+    "car with odometer": StudyMotion(
+        "car", 240.0, imu="consumer", sensors=ODOMETER, constrained=True
+    ),
+    "flight": StudyMotion("demo", 280.0, ON_WING, sensors=HEIGHT),
+    "ship": StudyMotion("ship", 520.0, ON_MAST),
+    "hand-held": StudyMotion(
         "hand-held",
         200.0,
         RECEIVER._replace(lever_arm=(0.1, 0.0, -0.2)),
@@ -75,7 +77,7 @@ BEGINS = {"ship": 250.0}
 """s from which a recording is taken: from a straight leg through a turn."""
 
 
-def simulated(name: str, seed: int) -> Case:
+def simulated(name: str, seed: int) -> SetUpCase:
     """The Case of one of MOTIONS, with the errors of a seed."""
     motion = MOTIONS[name]
     recording = simulator(motion).recording(motion.imu, np.random.default_rng(seed))
@@ -83,7 +85,7 @@ def simulated(name: str, seed: int) -> Case:
         recording = recording.between(BEGINS[name])
     if motion.constrained:
         recording = replace(recording, aidings=(*recording.aidings, *constraints(recording)))
-    return Case(name, recording, _settled(recording), True, BETTER[motion.imu])
+    return SetUpCase(name, recording, _settled(recording), True, BETTER[motion.imu])
 
 
 def _settled(recording: Recording) -> tuple[tuple[float, float], ...]:
@@ -91,24 +93,24 @@ def _settled(recording: Recording) -> tuple[tuple[float, float], ...]:
     return ((start + SKIPPED * (stop - start), stop),)
 
 
-def recorded(folder: Path) -> dict[str, Callable[[], Case]]:
+def recorded(folder: Path) -> dict[str, Callable[[], SetUpCase]]:
     """{name: maker of its Case} of the descriptions in `folder` and of the data folder."""
     data = data_folder(folder)
 
-    def described(name: str, windows: tuple[tuple[float, float], ...] = ()) -> Case:
+    def described(name: str, windows: tuple[tuple[float, float], ...] = ()) -> SetUpCase:
         recording = io.read(folder / f"{name}.toml")
-        return Case(name, recording, windows or _settled(recording), False, "tactical")
+        return SetUpCase(name, recording, windows or _settled(recording), False, "tactical")
 
-    def trial(name: str) -> Case:
+    def trial(name: str) -> SetUpCase:
         recording = in_motion(
             with_positions(io.read(data / "broad" / f"{name}.npz"), rate=5.0, sd=0.1)
         )
         windows = tuple(map(tuple, recording.meta["movement"]))
-        return Case(f"BROAD {name[:2]}", recording, windows, True, "tactical")
+        return SetUpCase(f"BROAD {name[:2]}", recording, windows, True, "tactical")
 
-    def swiss() -> Case:
+    def swiss() -> SetUpCase:
         recording = swisslog(data / "swisslog")
-        return Case("swisslog", recording, _settled(recording), False, "tactical")
+        return SetUpCase("swisslog", recording, _settled(recording), False, "tactical")
 
     return {
         "thor75": lambda: described("thor75", (FLIGHT,)),

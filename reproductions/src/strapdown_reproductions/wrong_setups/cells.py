@@ -13,7 +13,7 @@ from strapdown.data.solution.verdict import TRUSTED, Reason
 from strapdown.engine.batch import fuse
 from strapdown.io.facts import recording_facts
 
-from .cases import Case
+from .cases import SetUpCase
 from .harm import Harm, harm, of_right
 from .mistakes import MISTAKES, Mistake
 from .not_showable import hidden, named
@@ -76,7 +76,9 @@ def heard(recording: Recording) -> Heard:
     )
 
 
-def cells(case: Case, seed: int, mistakes: Sequence[Mistake] | None = None) -> list[dict[str, Any]]:
+def cells(
+    case: SetUpCase, seed: int, mistakes: Sequence[Mistake] | None = None
+) -> list[dict[str, Any]]:
     """Rows of the table: the right set-up of a recording, then every mistake that can be made with
     it."""
     right = heard(case.recording)
@@ -99,12 +101,12 @@ def cells(case: Case, seed: int, mistakes: Sequence[Mistake] | None = None) -> l
     return rows
 
 
-def right_row(case: Case, seed: int) -> dict[str, Any]:
+def right_row(case: SetUpCase, seed: int) -> dict[str, Any]:
     """The row of a right set-up."""
     return row(RIGHT, RIGHT, case, seed, heard(case.recording))
 
 
-def judged(mistake: Mistake, case: Case, found: Heard, done: Harm) -> dict[str, Any]:
+def judged(mistake: Mistake, case: SetUpCase, found: Heard, done: Harm) -> dict[str, Any]:
     """The columns of a row that rest on what the mistake was."""
     cannot = hidden(mistake, case.name)
     which, worse, beyond = done
@@ -136,7 +138,7 @@ def refused(text: str, mistake: Mistake) -> bool:
     return any(word in text for cause in mistake.causes for word in WORDS.get(cause, ()))
 
 
-def row(name: str, group: str, case: Case, seed: int, found: Heard) -> dict[str, Any]:
+def row(name: str, group: str, case: SetUpCase, seed: int, found: Heard) -> dict[str, Any]:
     """What is said of a set-up, as a row."""
     texts = lambda of: " | ".join(f"{r.cause} {r.weight:.3g} {r.source} {r.seen}" for r in of[:3])
     cause = lambda of: of[0].cause if of else ""

@@ -6,7 +6,7 @@ from typing import Any
 import strapdown as sd
 from strapdown.checks import DataError
 
-from .cases import Case
+from .cases import SetUpCase
 from .mistakes import MISTAKES, Mistake
 from .not_showable import hidden
 
@@ -22,7 +22,7 @@ GROUPS = (
 COLUMNS = ("mistake", "recording", "seed", "runs", "named", "found")
 
 
-def diagnoses(case: Case, seed: int) -> list[dict[str, Any]]:
+def diagnoses(case: SetUpCase, seed: int) -> list[dict[str, Any]]:
     """Rows of COLUMNS: every mistake of the installation that the recording can show."""
     made = []
     for mistake in MISTAKES:
@@ -34,7 +34,7 @@ def diagnoses(case: Case, seed: int) -> list[dict[str, Any]]:
     return made
 
 
-def row(mistake: Mistake, case: Case, seed: int, recording: sd.Recording) -> dict[str, Any]:
+def row(mistake: Mistake, case: SetUpCase, seed: int, recording: sd.Recording) -> dict[str, Any]:
     """The row of one diagnosis; 0 runs where it is refused."""
     try:
         diagnosis = sd.diagnose(recording)

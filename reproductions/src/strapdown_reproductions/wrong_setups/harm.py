@@ -18,7 +18,7 @@ from strapdown.evaluation.metrics import Errors, attitude_angles, errors
 from strapdown.typing import Array
 
 from ..common.example_recordings import inside
-from .cases import Case
+from .cases import SetUpCase
 
 DOUBLED, SIGMAS, OFTEN = 2.0, 3.0, 0.05
 RATE = 5.0
@@ -41,7 +41,7 @@ class Harm(NamedTuple):
     beyond: float  # largest share of time beyond three claimed standard deviations
 
 
-class Score(NamedTuple):
+class HarmScore(NamedTuple):
     """Of a quantity: rms error, and the share of time beyond three standard deviations."""
 
     rms: float
@@ -61,7 +61,7 @@ def sizes(e: Errors) -> dict[str, Array]:
     return found
 
 
-def scores(e: Errors, sd: Array) -> dict[str, Score]:
+def scores(e: Errors, sd: Array) -> dict[str, HarmScore]:
     """{quantity: Score} of errors against the standard deviations sd (n, 9)."""
     found = {}
     for quantity, size in sizes(e).items():
@@ -70,7 +70,7 @@ def scores(e: Errors, sd: Array) -> dict[str, Score]:
             continue
         claimed = np.sqrt((sd[known, QUANTITIES[quantity]] ** 2).sum(axis=1))
         far = size[known] > SIGMAS * claimed
-        found[quantity] = Score(float(np.sqrt((size[known] ** 2).mean())), float(far.mean()))
+        found[quantity] = HarmScore(float(np.sqrt((size[known] ** 2).mean())), float(far.mean()))
     return found
 
 
@@ -82,14 +82,14 @@ def thinned(solution: Solution, windows: tuple[tuple[float, float], ...]) -> Tra
     return own.taking(within[::step])
 
 
-def against(truth: Trajectory, solution: Solution, case: Case) -> dict[str, Score]:
+def against(truth: Trajectory, solution: Solution, case: SetUpCase) -> dict[str, HarmScore]:
     """{quantity: Score} of a solution against the truth."""
     e = errors(thinned(solution, case.windows), truth)
     assert e.sd is not None
     return scores(e, e.sd)
 
 
-def moved(right: Solution, wrong: Solution, case: Case) -> dict[str, Score]:
+def moved(right: Solution, wrong: Solution, case: SetUpCase) -> dict[str, HarmScore]:
     """{quantity: Score} of a solution against that of the right set-up and what that one
     claims."""
     own = right.trajectory
@@ -99,12 +99,14 @@ def moved(right: Solution, wrong: Solution, case: Case) -> dict[str, Score]:
     return scores(e, own.sd[nearest])
 
 
-def of_right(case: Case, right: Solution) -> dict[str, Score]:
+def of_right(case: SetUpCase, right: Solution) -> dict[str, HarmScore]:
     """{quantity: Score} of the right set-up's solution; empty without truth."""
     return against(case.recording.reference, right, case) if case.true else {}
 
 
-def harm(case: Case, right: Solution, right_scores: dict[str, Score], wrong: Solution) -> Harm:
+def harm(
+    case: SetUpCase, right: Solution, right_scores: dict[str, HarmScore], wrong: Solution
+) -> Harm:
     """The Harm of a wrong set-up's solution beside that of the right one, whose scores are those
     of `of_right`. One that stopped, or has nothing in the scored time, is harmful."""
     if wrong.meta.get("stopped"):
@@ -117,7 +119,7 @@ def harm(case: Case, right: Solution, right_scores: dict[str, Score], wrong: Sol
         return Harm(("no solution",), np.inf, 1.0)
 
 
-def compared(right: dict[str, Score], wrong: dict[str, Score]) -> Harm:
+def compared(right: dict[str, HarmScore], wrong: dict[str, HarmScore]) -> Harm:
     """The Harm by the Scores of both; without those of the right one by `beyond` alone."""
     if not wrong:
         return Harm(("no solution",), np.inf, 1.0)

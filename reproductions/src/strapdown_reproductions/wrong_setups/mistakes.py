@@ -13,7 +13,7 @@ from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.imu import grade
 from strapdown.typing import Array
 
-from .cases import SWISSLOG_LAG, Case
+from .cases import SWISSLOG_LAG, SetUpCase
 
 GNSS = ("position", "velocity")
 UNDULATION = 47.0
@@ -32,16 +32,16 @@ class Mistake(NamedTuple):
     # names of causes (strapdown.data.verdict.CAUSES) that count as the true one; the first is the plain
     # one
     causes: tuple[str, ...]
-    make: Callable[[Case], Recording | None]  # None: it cannot be made with this recording
+    make: Callable[[SetUpCase], Recording | None]  # None: it cannot be made with this recording
     size: float = 0.0  # s of a clock, m of an arm
 
 
 def _on(
     kinds: tuple[str, ...], change: Callable[[Aiding], Aiding]
-) -> Callable[[Case], Recording | None]:
+) -> Callable[[SetUpCase], Recording | None]:
     """A change of every source of these kinds."""
 
-    def make(case: Case) -> Recording | None:
+    def make(case: SetUpCase) -> Recording | None:
         found = case.recording.aidings
         if not any(a.kind in kinds for a in found):
             return None
@@ -51,10 +51,10 @@ def _on(
     return make
 
 
-def clock(kinds: tuple[str, ...], seconds: float) -> Callable[[Case], Recording | None]:
+def clock(kinds: tuple[str, ...], seconds: float) -> Callable[[SetUpCase], Recording | None]:
     """Stamps of these sources that are too late by `seconds`."""
 
-    def make(case: Case) -> Recording | None:
+    def make(case: SetUpCase) -> Recording | None:
         present = {a.kind for a in case.recording.aidings} & set(GNSS)
         if len(present) < 2 and kinds != GNSS:
             return None  # one source alone is all of them
@@ -66,18 +66,18 @@ def clock(kinds: tuple[str, ...], seconds: float) -> Callable[[Case], Recording 
     return make
 
 
-def turned(axis: str, degrees: float) -> Callable[[Case], Recording]:
+def turned(axis: str, degrees: float) -> Callable[[SetUpCase], Recording]:
     """Axes of gyros and accelerometers that are turned by an angle about a body axis."""
     C = _turn(axis, degrees)
     return _samples(lambda dtheta, dv: (dtheta @ C, dv @ C))
 
 
-def mounted(axis: str, degrees: float) -> Callable[[Case], Recording]:
+def mounted(axis: str, degrees: float) -> Callable[[SetUpCase], Recording]:
     """A box that is mounted turned by an angle: the IMU and the magnetometer in it."""
     turn = turned(axis, degrees)
     field = _on(("magnetic-field",), lambda a: replace(a, y=a.y @ _turn(axis, degrees)))
 
-    def make(case: Case) -> Recording:
+    def make(case: SetUpCase) -> Recording:
         made = turn(case)
         return field(case._replace(recording=made)) or made
 
@@ -89,10 +89,12 @@ def _turn(axis: str, degrees: float) -> Array:
     return Rotation.from_euler(axis, degrees, degrees=True).as_matrix()
 
 
-def _samples(change: Callable[[Array, Array], tuple[Array, Array]]) -> Callable[[Case], Recording]:
+def _samples(
+    change: Callable[[Array, Array], tuple[Array, Array]],
+) -> Callable[[SetUpCase], Recording]:
     """A change of the rotation and velocity increments."""
 
-    def make(case: Case) -> Recording:
+    def make(case: SetUpCase) -> Recording:
         imu = case.recording.imu
         dtheta, dv = change(imu.dtheta, imu.dv)
         return replace(case.recording, imu=imu._replace(dtheta=dtheta, dv=dv))
@@ -104,7 +106,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 """Signs of the axes where the sign of y is misread, for both sensors."""
 
 
-def scaled(factor: float) -> Callable[[Case], Recording | None]:
+def scaled(factor: float) -> Callable[[SetUpCase], Recording | None]:
     """Velocities in another unit."""
     return _on(("velocity",), lambda a: replace(a, y=a.y * factor))
 
@@ -122,7 +124,7 @@ def radians_as_degrees(a: Aiding) -> Aiding:
     return replace(a, y=np.c_[speed * np.cos(course), speed * np.sin(course), down])
 
 
-def longer(arm: tuple[float, float, float]) -> Callable[[Case], Recording | None]:
+def longer(arm: tuple[float, float, float]) -> Callable[[SetUpCase], Recording | None]:
     """An antenna said to be further off by `arm` (forward, right, down, m) than it is."""
 
     def change(a: Aiding) -> Aiding:
@@ -137,17 +139,17 @@ def below_geoid(a: Aiding) -> Aiding:
     return replace(a, y=a.y - [0.0, 0.0, UNDULATION])
 
 
-def stated(factor: float) -> Callable[[Case], Recording | None]:
+def stated(factor: float) -> Callable[[SetUpCase], Recording | None]:
     """Standard deviations of position and velocity stated `factor` times as large."""
     return _on(GNSS, lambda a: replace(a, sd=a.sd * factor))
 
 
-def two_grades_better(case: Case) -> Recording:
+def two_grades_better(case: SetUpCase) -> Recording:
     """The IMU described as one two grades better."""
     return replace(case.recording, meta=case.recording.meta | {"grade": case.better})
 
 
-def biased(case: Case) -> Recording:
+def biased(case: SetUpCase) -> Recording:
     """An accelerometer x whose bias is 10 standard deviations of its description."""
     spec = grade(case.recording.meta["grade"])
     imu = case.recording.imu
@@ -172,7 +174,7 @@ def drifting(a: Aiding) -> Aiding:
     return replace(a, y=displaced(a.y, away))
 
 
-def as_logged(case: Case) -> Recording | None:
+def as_logged(case: SetUpCase) -> Recording | None:
     """swisslog as its columns are named: the course in degrees, no lag."""
     if case.name != "swisslog":
         return None

@@ -10,7 +10,7 @@ from strapdown.data.solution.verdict import CAUSES
 from .mistakes import Mistake
 
 
-class Hidden(NamedTuple):
+class HiddenSetUp(NamedTuple):
     """Mistakes that some recordings cannot show."""
 
     groups: tuple[str, ...]
@@ -31,15 +31,15 @@ UNCONSTRAINED = (
     "swisslog",
     *BROAD,
 )
-NOT_SHOWABLE: tuple[Hidden, ...] = (
-    Hidden(
+NOT_SHOWABLE: tuple[HiddenSetUp, ...] = (
+    HiddenSetUp(
         ("mounting",),
         UNCONSTRAINED,
         "no constraint says how the vehicle lies in the axes of the IMU, and the angle is within "
         "what slip, crab and angle of attack are between heading and course",
         "mounting",
     ),
-    Hidden(
+    HiddenSetUp(
         ("height",),
         (
             "car",
@@ -55,7 +55,7 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "there is one source of height alone",
         "height",
     ),
-    Hidden(
+    HiddenSetUp(
         ("clock of GNSS", "clock of velocity"),
         ("ship",),
         "the ship accelerates so little that no estimate of the clock comes below 0.04 s (separate "
@@ -63,7 +63,7 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "clock",
         0.2,
     ),
-    Hidden(
+    HiddenSetUp(
         ("clock of position",),
         ("ship",),
         "at 6 m/s and with 1 m of noise, once a second, no estimate of the position's clock comes "
@@ -71,7 +71,7 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "clock",
         0.4,
     ),
-    Hidden(
+    HiddenSetUp(
         ("antenna arm, forward",),
         ("ship",),
         "one turn of 60 deg: no estimate of the arm's forward part comes below 0.5 m, and a mistake "
@@ -79,14 +79,14 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
         "lever arm",
         2.5,
     ),
-    Hidden(
+    HiddenSetUp(
         ("clock of GNSS",),
         ("BROAD 02",),
         "the body turns in its place: at 0.07 m/s rms it does not leave the noise of its fixes, "
         "and what it accelerates is within that of its accelerometers",
         "clock",
     ),
-    Hidden(
+    HiddenSetUp(
         ("drift",),
         BROAD,
         "no velocity stands beside the positions, and an IMU feels no constant velocity",
@@ -96,7 +96,7 @@ NOT_SHOWABLE: tuple[Hidden, ...] = (
 """What the data cannot show."""
 
 
-def hidden(mistake: Mistake, recording: str) -> Hidden | None:
+def hidden(mistake: Mistake, recording: str) -> HiddenSetUp | None:
     """Why the recording cannot show the mistake; None where it can."""
     for each in NOT_SHOWABLE:
         small = abs(mistake.size) < each.below
@@ -105,7 +105,7 @@ def hidden(mistake: Mistake, recording: str) -> Hidden | None:
     return None
 
 
-def named(why: Hidden, untested: tuple[str, ...]) -> bool:
+def named(why: HiddenSetUp, untested: tuple[str, ...]) -> bool:
     """Whether what was mistaken is named as not tested."""
     words = (why.cause, CAUSES[why.cause])
     return any(word in text for text in untested for word in words)

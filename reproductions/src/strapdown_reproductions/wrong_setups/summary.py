@@ -7,8 +7,8 @@ import pandas as pd
 from strapdown.data.solution.verdict import DOUBTFUL
 
 from ..common import markdown
-from ..common.runner import Evidence
-from ..common.study import Study, held_against
+from ..common.runner import StudyTables
+from ..common.study import ReproducedStudy, held_against
 from ..common.tables import Tables
 from ..common.targets import Target, in_docs
 from . import diagnosed
@@ -17,7 +17,7 @@ from .cells import RIGHT
 from .not_showable import NOT_SHOWABLE
 
 CELLS, DIAGNOSES = "cells", "diagnoses"
-"""Tables of the Evidence: rows of cells.py and of diagnosed.py."""
+"""Tables of the StudyTables: rows of cells.py and of diagnosed.py."""
 INTRODUCTION = (
     "Each mistake is made on each recording. It is harmful where the rms of an error (horizontal "
     "position, height, velocity, roll and pitch, heading) is at least twice that of the right "
@@ -64,7 +64,7 @@ TARGETS = {
 """The targets, by name."""
 
 
-def figures(found: Evidence) -> dict[str, float]:
+def figures(found: StudyTables) -> dict[str, float]:
     """{name of a target: figure}; NaN where the cells do not decide."""
     rows, diagnoses = found[CELLS], found[DIAGNOSES]
     own, unseen, right = harmful(rows), harmful(rows, showable=False), rights(rows)
@@ -83,7 +83,7 @@ def figures(found: Evidence) -> dict[str, float]:
     }
 
 
-def tables(found: Evidence) -> Tables:
+def tables(found: StudyTables) -> Tables:
     """{name: (caption, DataFrame)}: by mistake, by recording, what was missed, right set-ups that
     were not trusted, diagnoses, what cannot be shown."""
     rows = found[CELLS]
@@ -162,7 +162,7 @@ def not_showable() -> pd.DataFrame:
     )
 
 
-STUDY = Study(
+STUDY = ReproducedStudy(
     "Wrong set-ups: who notices, and what is named",
     INTRODUCTION,
     held_against(TARGETS, figures),

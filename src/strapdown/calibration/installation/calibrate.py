@@ -21,7 +21,7 @@ from ...preprocessing.turned_imu import is_of_the_imu
 from ...progress import listener, with_bar
 from ...typing import Progress
 from .as_states import Asking, as_states, check_states
-from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, Installation, Parameter
+from .findings import IMPLAUSIBLE, NOT_CONFIRMED, NOT_CONSTANT, CalibratedParameter, Installation
 from .iterated import Settled, settle, theta_of
 
 CONTRADICT = 3.0
@@ -85,7 +85,7 @@ def calibrate_installation(
     )
     parameters = (
         *(_parameter(each, settled, seen[each]) for each in settled.sought),
-        *(Parameter(**vars(each)) for each in last.parameters if not each.sources),
+        *(CalibratedParameter(**vars(each)) for each in last.parameters if not each.sources),
     )
     if all(each.status == NOT_OBSERVABLE for each in parameters):
         motions = dict.fromkeys(f"the {each.cause}: {each.motion}" for each in settled.sought)
@@ -107,7 +107,7 @@ def calibrate_installation(
     )
 
 
-def _parameter(each: Diagnosed, settled: Settled, seen: EstimatedParameter) -> Parameter:
+def _parameter(each: Diagnosed, settled: Settled, seen: EstimatedParameter) -> CalibratedParameter:
     """The two estimates of a constant together. The value is that of the innovations; the standard
     deviation is the larger."""
     factor, j = each.of.factor, settled.of(each)
@@ -120,13 +120,13 @@ def _parameter(each: Diagnosed, settled: Settled, seen: EstimatedParameter) -> P
         "sd": max(each.sd, seen.sd),
         "halves": halves,
     }
-    found = Parameter(**whole, by_states=float(by_states), states_sd=seen.sd)
+    found = CalibratedParameter(**whole, by_states=float(by_states), states_sd=seen.sd)
     agree = abs(change - by_states) <= CONTRADICT * np.hypot(each.sd, seen.sd)
     moved, sure = bool(settled.theta[j]), bool(agree and settled.sure)
     return replace(found, status=_status(found, moved, sure))
 
 
-def _status(found: Parameter, moved: bool, sure: bool) -> str:
+def _status(found: CalibratedParameter, moved: bool, sure: bool) -> str:
     """The status of two estimates together: `moved` where the recording was changed by the first,
     `sure` where they agree and the first settled."""
     of = found.of
@@ -144,7 +144,7 @@ def _status(found: Parameter, moved: bool, sure: bool) -> str:
     return FOUND if abs(found.by_states) > least else CONSISTENT
 
 
-def _constant(each: Parameter) -> bool:
+def _constant(each: CalibratedParameter) -> bool:
     """Whether both halves of the time say the same, or what differs is within the noise or so
     little that it is not reported."""
     (first, first_sd), (second, second_sd) = each.halves
@@ -157,7 +157,7 @@ def _helps_both(change: float, halves: Iterable[tuple[float, float]]) -> bool:
     return all(abs(half - change) < abs(half) for half, _ in halves)
 
 
-def _check_imu_clock(recording: Recording, parameters: tuple[Parameter, ...]) -> None:
+def _check_imu_clock(recording: Recording, parameters: tuple[CalibratedParameter, ...]) -> None:
     """Refuse to blame the clock of the IMU where not all sources share the offset."""
     clocks = [each for each in parameters if each.of is CLOCK]
     if len(clocks) > 1:
@@ -179,7 +179,10 @@ def _check_imu_clock(recording: Recording, parameters: tuple[Parameter, ...]) ->
 
 
 def _notes(
-    settled: Settled, recording: Recording, parameters: tuple[Parameter, ...], imu_clock: bool
+    settled: Settled,
+    recording: Recording,
+    parameters: tuple[CalibratedParameter, ...],
+    imu_clock: bool,
 ) -> tuple[str, ...]:
     notes = []
     clocks = [each for each in parameters if each.of is CLOCK]

@@ -29,7 +29,7 @@ COMMAND = "calibrate installation"
 
 
 @dataclass(frozen=True)
-class Parameter(Diagnosed):
+class CalibratedParameter(Diagnosed):
     """An estimate that was confirmed, or not, by a second one. Its standard deviation is the larger of
     the two; its status may be one of UNSURE too."""
 
@@ -72,7 +72,7 @@ class Parameter(Diagnosed):
         return super().told
 
 
-def _listed(parameters: Iterable[Parameter]) -> str:
+def _listed(parameters: Iterable[CalibratedParameter]) -> str:
     return " and ".join(each.name for each in parameters)
 
 
@@ -80,7 +80,7 @@ def _listed(parameters: Iterable[Parameter]) -> str:
 class Installation:
     """What `calibrate_installation` found."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[CalibratedParameter, ...]
     recording: Recording  # set up as found
     given: Recording  # as it was
     runs: int  # of `diagnose`
@@ -92,12 +92,12 @@ class Installation:
     written: dict[Path, Path] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
-    def found(self) -> tuple[Parameter, ...]:
+    def found(self) -> tuple[CalibratedParameter, ...]:
         """The parameters that are wrong as given."""
         return tuple(each for each in self.parameters if each.status == FOUND)
 
     @property
-    def unsure(self) -> tuple[Parameter, ...]:
+    def unsure(self) -> tuple[CalibratedParameter, ...]:
         """Those that forbid to write anything, since all others were estimated beside them."""
         return tuple(each for each in self.parameters if each.status in UNSURE)
 

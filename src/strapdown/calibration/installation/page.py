@@ -21,7 +21,7 @@ from ...units.wording import counted
 from .iterated import theta_of
 
 if TYPE_CHECKING:
-    from .findings import Installation, Parameter
+    from .findings import CalibratedParameter, Installation
 
 STEPS = (-6.0, -4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Standard deviations from what was found, of the runs that draw a misfit."""
@@ -182,7 +182,7 @@ def _wrapped(name: str) -> str:
     return "<br>".join(escape(part) for part in wrap(name, 16))
 
 
-def misfit_figure(found: "Installation", each: "Parameter") -> go.Figure:
+def misfit_figure(found: "Installation", each: "CalibratedParameter") -> go.Figure:
     """The sum of min(NIS, 30) of whole runs with one parameter moved, all others as found, over
     the smallest of them."""
     known = constants(found.given.aidings)

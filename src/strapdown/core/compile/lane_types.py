@@ -26,7 +26,7 @@ Given: TypeAlias = tuple[Callable[..., Any], ...]
 """Functions that mean the same."""
 
 
-class SideBySide(types.Type):  # type: ignore[misc]
+class BatchType(types.Type):  # type: ignore[misc]
     """The numba type of a batch: one item for each run. One number or truth value can stand for all
     items."""
 
@@ -43,7 +43,7 @@ class SideBySide(types.Type):  # type: ignore[misc]
         return self if isinstance(other, self.one) else None
 
 
-class LaneType(SideBySide):
+class LaneType(BatchType):
     """A batch of real numbers."""
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
@@ -53,11 +53,11 @@ class LaneType(SideBySide):
         )
 
 
-class MaskType(SideBySide):
+class MaskType(BatchType):
     """A batch of truth values."""
 
 
-class WordType(SideBySide):
+class WordType(BatchType):
     """A batch of 64-bit integers; a shift to the right fills with zeros."""
 
 
@@ -66,7 +66,7 @@ MASK = MaskType(f"Mask{LANES}", types.Boolean, ir.IntType(1))
 WORD = WordType(f"Word{LANES}", types.Integer, ir.IntType(64))
 
 
-def _model(of: SideBySide) -> None:
+def _model(of: BatchType) -> None:
     class Model(models.PrimitiveModel):  # type: ignore[misc]
         def __init__(self, manager: Any, kind: Any) -> None:
             super().__init__(manager, kind, of.vector)
@@ -74,7 +74,7 @@ def _model(of: SideBySide) -> None:
     register_model(type(of))(Model)
 
 
-def _of_one(of: SideBySide, single: Any, item: Any) -> None:
+def _of_one(of: BatchType, single: Any, item: Any) -> None:
     """How one number becomes one for each run."""
 
     def cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
@@ -108,7 +108,7 @@ lower_cast(WordType, LaneType)(_real)
 # ---- operators
 
 
-def _both(of: SideBySide, *given: Any) -> bool:
+def _both(of: BatchType, *given: Any) -> bool:
     """True where at least one of these types is `of` and all others are `of` or its scalar."""
     return any(one is of for one in given) and all(
         one is of or isinstance(one, of.one) for one in given
@@ -116,7 +116,7 @@ def _both(of: SideBySide, *given: Any) -> bool:
 
 
 def _operator(
-    of: SideBySide, result: Any, count: int, emit: Callable[..., Any], *functions: Any
+    of: BatchType, result: Any, count: int, emit: Callable[..., Any], *functions: Any
 ) -> Any:
     """Implement numba's functions of `count` arguments for `of`, by `emit` of a builder and
     vectors."""
@@ -249,7 +249,7 @@ for_each_helper(_overload)
 def _where(typing: Any, condition: Any, this: Any, that: Any) -> Any:
     """One of two values, by a truth value or by those of each run."""
     result = typing.unify_types(this, that)
-    if condition is MASK and not isinstance(result, SideBySide):
+    if condition is MASK and not isinstance(result, BatchType):
         result = LANE if isinstance(result, types.Float) else WORD
 
     def codegen(context: Any, builder: Any, call: Any, values: Any) -> Any:

@@ -44,7 +44,7 @@ class Job(NamedTuple):
     path: Path
 
 
-class Progress(NamedTuple):
+class CompileProgress(NamedTuple):
     """How far compiling is."""
 
     done: int
@@ -61,7 +61,7 @@ def work(kernel: Any) -> float:
         return 0.0
 
 
-def fill(kernels: Sequence[Any], tell: Callable[[Progress], None]) -> None:
+def fill(kernels: Sequence[Any], tell: Callable[[CompileProgress], None]) -> None:
     """Compile kernels that are not at hand into the cache, as far as that goes. `tell` hears how far
     it is, at the beginning and after each kernel."""
     jobs = {kernel: job for kernel in kernels if (job := _job(kernel))}
@@ -139,7 +139,7 @@ class _Clock:
         self._work += size if seconds else 0.0
         self._seconds += seconds
 
-    def now(self) -> Progress:
+    def now(self) -> CompileProgress:
         """The longest kernel, or all of them on all cores, less what is done of them."""
         pace = self._seconds / self._work if self._work else self._before
         whole = self._work + sum(self._left.values())
@@ -148,7 +148,7 @@ class _Clock:
             longest = max(self._left.values(), default=0.0)
             at_best = pace * max(longest, whole / self._processes)
             rest = max(at_best - (time.perf_counter() - self._begun), 0.0)
-        return Progress(self._count - len(self._left), self._count, rest)
+        return CompileProgress(self._count - len(self._left), self._count, rest)
 
     def keep(self) -> None:
         """Leave the pace to the next time."""

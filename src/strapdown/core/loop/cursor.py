@@ -8,7 +8,7 @@ from ..compile.signatures import record
 from ..compile.workspace import MOST_STATES
 from ..mathematics.coupling import Coupling
 from .log import LogRow
-from .motion import Motion
+from .motion import BodyMotion
 
 CHANNELS = 7
 """Tests of a source's innovations: whitened ones above and below what is allowed, by component, and
@@ -156,7 +156,7 @@ class Cursor(NamedTuple):
     axes: Table[Axis]  # six rows
     books: Table[Books]  # a row per source
     log: Table[LogRow]  # what a user must know
-    recent: Table[Motion]  # of the last seconds; no rows where nobody looks back
+    recent: Table[BodyMotion]  # of the last seconds; no rows where nobody looks back
     coupled: Table[Coupling]  # states of the IMU that act on the increments
 
 
@@ -168,6 +168,6 @@ CURSOR = record(
     axes=rows_of(Axis, 6),
     books=rows_of(Books, "sources"),
     log=rows_of(LogRow, "log_rows"),
-    recent=rows_of(Motion, "recent_rows"),
+    recent=rows_of(BodyMotion, "recent_rows"),
     coupled=rows_of(Coupling, "couplings"),
 )

@@ -9,7 +9,7 @@ S, X, ANGLE = 0, 3, 6
 """Where the integrals begin, of force (m/s, n), of that (m) and of the angular rate (rad, body)."""
 
 
-class Motion:
+class BodyMotion:
     """The motion up to an instant."""
 
     t: float  # s

@@ -65,7 +65,7 @@ class Window(NamedTuple):
     parts: tuple[tuple[int, int], ...]  # (first, last) rejected fix of each part of the run
 
 
-class Found(NamedTuple):
+class CauseFound(NamedTuple):
     """A shape and how it fits."""
 
     shape: str  # a cause, or OFFSET or SCALE
@@ -85,7 +85,7 @@ class _Shape(NamedTuple):
     more: int = 1  # parameters beside those of the basis: its onset, its end
 
 
-def find(window: Window) -> Found:
+def find(window: Window) -> CauseFound:
     """The shape that explains a run best, or without any NOISE, OUTLIERS or UNKNOWN."""
     measured = np.isfinite(window.innovation)
     e = whitened(window.root, np.where(measured, window.innovation, 0.0)[:, :, None])[:, :, 0]
@@ -106,7 +106,7 @@ def find(window: Window) -> Found:
         refused = (sums[1].squares - left[1].squares) / max(sums[1].squares - sums[1].rows, 1.0)
         if gain > MARGIN and refused > least:
             spread = float(np.sqrt(spread / count))
-            found.append(Found(shape.name, size, shape.since, shape.until, spread, gain))
+            found.append(CauseFound(shape.name, size, shape.since, shape.until, spread, gain))
     return max(found, key=lambda each: each.gain)
 
 
@@ -165,7 +165,7 @@ def _fit(sums: Sequence[_Sums], own: slice) -> Array:
     return size
 
 
-def _without(window: Window, e: Array, passed: Mask) -> Found:
+def _without(window: Window, e: Array, passed: Mask) -> CauseFound:
     """Classify a run that no shape explains: noise, single outliers, or unknown."""
     spread, good = float(np.sqrt(np.mean(e**2))), e[passed]
     bad = ~window.passed
@@ -173,7 +173,7 @@ def _without(window: Window, e: Array, passed: Mask) -> Found:
         shape = NOISE
     else:
         shape = OUTLIERS if _longest(bad) < IN_A_ROW and not bad.all() else UNKNOWN
-    return Found(shape, np.empty(0), window.t[window.parts[0][0]], np.inf, spread, 0.0)
+    return CauseFound(shape, np.empty(0), window.t[window.parts[0][0]], np.inf, spread, 0.0)
 
 
 def _longest(bad: Mask) -> int:

@@ -18,7 +18,7 @@ from .causes import (
     SCALE,
     START,
     UNKNOWN,
-    Found,
+    CauseFound,
 )
 
 BY_THEMSELVES = (OUTLIERS, START)
@@ -29,7 +29,7 @@ MOST = (
 )
 
 
-class Run(NamedTuple):
+class RejectedRun(NamedTuple):
     """Rejected fixes of a source and what explains them."""
 
     source: int
@@ -38,11 +38,11 @@ class Run(NamedTuple):
     number: int  # rejected
     of: int  # fixes of the source meanwhile
     largest: float  # how far off, standard deviations
-    found: Found
+    found: CauseFound
     others: tuple[int, ...] = ()  # sources that were rejected at the same time
 
 
-def blamed(runs: list[Run]) -> list[Run]:
+def blamed(runs: list[RejectedRun]) -> list[RejectedRun]:
     """Runs in order of time. Of those at the same time some keep their own cause, the others of
     each source become one that contradicts."""
     alone = [run for run in runs if run.found.shape in BY_THEMSELVES]
@@ -51,8 +51,8 @@ def blamed(runs: list[Run]) -> list[Run]:
     return sorted(alone, key=lambda run: (run.start, run.source))
 
 
-def _together(runs: list[Run]) -> Iterator[list[Run]]:
-    gathered: list[Run] = []
+def _together(runs: list[RejectedRun]) -> Iterator[list[RejectedRun]]:
+    gathered: list[RejectedRun] = []
     for run in runs:
         if gathered and run.start > max(each.stop for each in gathered) + CHAIN:
             yield gathered
@@ -61,7 +61,7 @@ def _together(runs: list[Run]) -> Iterator[list[Run]]:
     yield gathered
 
 
-def _judged(runs: list[Run]) -> list[Run]:
+def _judged(runs: list[RejectedRun]) -> list[RejectedRun]:
     sources = {run.source for run in runs}
     if len(sources) < 2:
         return runs
@@ -69,7 +69,7 @@ def _judged(runs: list[Run]) -> list[Run]:
     best = max((run.found for run in runs), key=lambda found: found.gain)
     shaped = sum(run.number for run in runs if run.found.shape not in (NOISE, UNKNOWN))
 
-    def explains(run: Run) -> bool:
+    def explains(run: RejectedRun) -> bool:
         shape = run.found.shape
         if shape == CLOCK:  # which both position and velocity show
             return best.shape == CLOCK
@@ -79,7 +79,7 @@ def _judged(runs: list[Run]) -> list[Run]:
             return run.number > MOST * count
         return shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
 
-    kept = list[Run]()
+    kept = list[RejectedRun]()
     for s in sources:
         others, own = tuple(sorted(sources - {s})), [run for run in runs if run.source == s]
         kept += [run._replace(others=others) for run in own if explains(run)]
@@ -88,13 +88,13 @@ def _judged(runs: list[Run]) -> list[Run]:
     return kept
 
 
-def _one(runs: list[Run], others: tuple[int, ...]) -> Run:
+def _one(runs: list[RejectedRun], others: tuple[int, ...]) -> RejectedRun:
     """Runs of a source that say no more than that it and others contradict each other."""
     biggest = max(runs, key=lambda run: run.number)
     return merged(runs)._replace(found=biggest.found._replace(shape=DISAGREE), others=others)
 
 
-def merged(runs: list[Run]) -> Run:
+def merged(runs: list[RejectedRun]) -> RejectedRun:
     """Runs of a source, in order of time, as one with the cause of the first."""
     spans = [(run.of - 1) / (run.stop - run.start) for run in runs if run.stop > run.start]
     start, stop = runs[0].start, max(run.stop for run in runs)

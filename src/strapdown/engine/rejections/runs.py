@@ -14,10 +14,10 @@ from ...data.solution import Aiding
 from ...typing import Ints, Mask
 from ...units.constants import SETTLING
 from . import causes
-from .causes import Found
+from .causes import CauseFound
 from .chance import as_many, farther
-from .contradictions import CHAIN, Run, blamed, merged
-from .windows import Fixes, window
+from .contradictions import CHAIN, RejectedRun, blamed, merged
+from .windows import WindowFixes, window
 
 FEW = 3  # rejections: fewer are single outliers
 AT_ONCE = 4  # rejections in a row that can stand out
@@ -29,18 +29,18 @@ WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
 """What can explain rejections with good fixes between them."""
 
 
-def find(fixes: Fixes, aidings: Sequence[Aiding]) -> list[Run]:
+def find(fixes: WindowFixes, aidings: Sequence[Aiding]) -> list[RejectedRun]:
     """The runs of all sources, in the order of their beginning; what is chance is left out."""
-    runs: list[Run] = []
+    runs: list[RejectedRun] = []
     for s in np.unique(fixes.rows["source"][fixes.rejected].astype(int)).tolist():
         runs += _of_source(s, fixes.of(s), fixes, aidings[s].kind)
     return blamed(sorted(runs, key=lambda run: (run.start, run.source)))
 
 
-def joined(before: Sequence[Run], now: Sequence[Run]) -> list[Run]:
+def joined(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list[RejectedRun]:
     """Runs found earlier and those after them: single outliers of a source are one run, and so is
     all that comes after MOST_RUNS of it."""
-    found: dict[int, list[Run]] = {}
+    found: dict[int, list[RejectedRun]] = {}
     for run in (*before, *now):
         own = found.setdefault(run.source, [])
         single = run.found.shape == causes.OUTLIERS
@@ -53,8 +53,8 @@ def joined(before: Sequence[Run], now: Sequence[Run]) -> list[Run]:
     return sorted((run for own in found.values() for run in own), key=lambda r: (r.start, r.source))
 
 
-def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
-    found, single = list[Run](), list[int]()
+def _of_source(s: int, own: WindowFixes, every: WindowFixes, kind: str) -> list[RejectedRun]:
+    found, single = list[RejectedRun](), list[int]()
     chains = _apart(own, np.flatnonzero(own.rejected), CHAIN)
     whole = _together(own, every, kind, chains)
     if whole is not None:
@@ -69,12 +69,16 @@ def _of_source(s: int, own: Fixes, every: Fixes, kind: str) -> list[Run]:
             else:
                 found.append(_settling(_run(s, own, part, cause), own.began))
     if single and not _by_chance(own, np.array(single)):
-        nothing = Found(causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0)
+        nothing = CauseFound(
+            causes.OUTLIERS, np.empty(0), float(own.t[single[0]]), np.inf, np.nan, 0.0
+        )
         found.append(_run(s, own, np.array(single), nothing))
     return found
 
 
-def _together(own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found | None:
+def _together(
+    own: WindowFixes, every: WindowFixes, kind: str, chains: list[Ints]
+) -> CauseFound | None:
     """Find one lasting cause of all chains of rejections together; None where there is none."""
     long = [chain for chain in chains if len(chain) >= FEW]
     if len(long) < 2:
@@ -84,8 +88,8 @@ def _together(own: Fixes, every: Fixes, kind: str, chains: list[Ints]) -> Found 
 
 
 def _explained(
-    own: Fixes, every: Fixes, kind: str, bad: Ints
-) -> Iterator[tuple[Ints, Found | None]]:
+    own: WindowFixes, every: WindowFixes, kind: str, bad: Ints
+) -> Iterator[tuple[Ints, CauseFound | None]]:
     """Yield a chain of rejections, or each of its parts, with its cause; None where they are
     few."""
     if len(bad) < FEW:
@@ -107,13 +111,13 @@ def _explained(
         yield part, cause
 
 
-def _without_onset(found: Found, own: Fixes) -> Found:
+def _without_onset(found: CauseFound, own: WindowFixes) -> CauseFound:
     """A drift that was there from the beginning may as well be that of the others."""
     early = found.shape == causes.DRIFT and found.since < own.began + CHAIN
     return found._replace(shape=causes.ALWAYS) if early else found
 
 
-def _settling(run: Run, begin: float) -> Run:
+def _settling(run: RejectedRun, begin: float) -> RejectedRun:
     """A run that is over soon after the filter began shows an error of its start as well as one of
     the fixes."""
     if run.found.shape == causes.NOISE or run.stop > begin + SETTLING:
@@ -121,12 +125,12 @@ def _settling(run: Run, begin: float) -> Run:
     return run._replace(found=run.found._replace(shape=causes.START))
 
 
-def _apart(own: Fixes, bad: Ints, seconds: float) -> list[Ints]:
+def _apart(own: WindowFixes, bad: Ints, seconds: float) -> list[Ints]:
     """Rejections that are further than that from each other."""
     return np.split(bad, np.flatnonzero(np.diff(own.t[bad]) > seconds) + 1)
 
 
-def _parts(own: Fixes, bad: Ints) -> Iterator[Ints]:
+def _parts(own: WindowFixes, bad: Ints) -> Iterator[Ints]:
     """Rejections that belong together."""
     rejected = own.rejected
     for part in _apart(own, bad, FOLD):
@@ -153,14 +157,14 @@ def _split(rejected: Mask, first: int, last: int) -> Iterator[tuple[int, int]]:
         yield from _split(rejected, first + int(starts[longest + 1]), last)
 
 
-def _run(s: int, own: Fixes, bad: Ints, found: Found) -> Run:
+def _run(s: int, own: WindowFixes, bad: Ints, found: CauseFound) -> RejectedRun:
     first, last = int(bad[0]), int(bad[-1])
     off = float(np.sqrt((own.nis[bad] / np.maximum(own.measured[bad], 1)).max()))
     start, stop = float(own.t[first]), float(own.t[last])
-    return Run(s, start, stop, len(bad), last - first + 1, off, found)
+    return RejectedRun(s, start, stop, len(bad), last - first + 1, off, found)
 
 
-def _by_chance(own: Fixes, bad: Ints) -> bool:
+def _by_chance(own: WindowFixes, bad: Ints) -> bool:
     """True where correct measurements would be rejected as often, and as far off, by the
     distribution of the NIS."""
     rows, nearest = own.measured, float(own.nis[own.rejected].min())

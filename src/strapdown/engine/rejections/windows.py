@@ -14,7 +14,7 @@ MOST_BEFORE, MOST_INSIDE, MOST_AFTER = 150, 600, 20  # fixes of them
 MOVED = 0.5  # s to either side over which accelerations are taken
 
 
-class Fixes(NamedTuple):
+class WindowFixes(NamedTuple):
     """Fixes as the loop wrote them, in their order."""
 
     rows: Any  # (m,) a table of FixRow
@@ -22,7 +22,7 @@ class Fixes(NamedTuple):
     after: Array  # (sources,) s: rejections up to then are known already
     begin: Array  # (sources,) s: the first that was tested, kept or not
 
-    def of(self, s: int) -> "Fixes":
+    def of(self, s: int) -> "WindowFixes":
         """Those of a source that were tested."""
         own = (self.rows["source"] == s) & np.isfinite(self.rows["nis"])
         return self._replace(rows=self.rows[own], sd=self.sd[own])
@@ -56,7 +56,9 @@ class Fixes(NamedTuple):
         return new & (self.rows["use"] == Use.REJECTED)
 
 
-def window(own: Fixes, every: Fixes, kind: str, parts: Sequence[Ints], before: int = 0) -> Window:
+def window(
+    own: WindowFixes, every: WindowFixes, kind: str, parts: Sequence[Ints], before: int = 0
+) -> Window:
     """The fixes of a source about these parts of a run, none before number `before`."""
     first, last = int(parts[0][0]), int(parts[-1][-1])
     begin = int(np.searchsorted(own.t, own.t[first] - BEFORE))
@@ -98,7 +100,7 @@ def _root(rows: Any, sd: Array) -> Array:
     return root
 
 
-def _acceleration(every: Fixes, t: Array) -> Array:
+def _acceleration(every: WindowFixes, t: Array) -> Array:
     """(m, 3) m/s^2 of the filter at these times."""
     near = slice(*np.searchsorted(every.t, [t[0] - 10 * MOVED, t[-1] + 10 * MOVED]))
     times, v = every.t[near], np.nan_to_num(every.rows["v"][near])

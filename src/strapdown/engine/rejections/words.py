@@ -21,7 +21,7 @@ from .causes import (
     START,
     UNKNOWN,
 )
-from .contradictions import Run
+from .contradictions import RejectedRun
 
 VERTICAL = 0.3  # part of a vector from which its vertical component is said too
 WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
@@ -36,13 +36,13 @@ REMEDIES = {
 }
 
 
-def rejected(runs: Sequence[Run], aidings: Sequence[Aiding]) -> list[Rejected]:
+def rejected(runs: Sequence[RejectedRun], aidings: Sequence[Aiding]) -> list[Rejected]:
     """The runs in words."""
     names = [a.name or a.kind for a in aidings]
     return [_said(run, aidings[run.source], names) for run in runs]
 
 
-def _said(run: Run, source: Aiding, names: Sequence[str]) -> Rejected:
+def _said(run: RejectedRun, source: Aiding, names: Sequence[str]) -> Rejected:
     shape = run.found.shape
     cause = DISAGREE if shape in (OFFSET, SCALE, ALWAYS) else UNKNOWN if shape == START else shape
     seen = _seen(run, source)
@@ -54,7 +54,7 @@ def _said(run: Run, source: Aiding, names: Sequence[str]) -> Rejected:
     return Rejected(names[run.source], *span, cause, seen, REMEDIES[cause])
 
 
-def _seen(run: Run, source: Aiding) -> str:
+def _seen(run: RejectedRun, source: Aiding) -> str:
     found, size = run.found, run.found.size
     if found.shape == JUMP:
         lasted = found.until - found.since

@@ -35,10 +35,10 @@ from .verdicts import (
     OPEN,
     RESET,
     Decision,
-    Evidence,
+    FilterEvidence,
+    FilterVerdict,
     Rules,
     Runs,
-    Verdict,
     decide,
     evidence,
     guess,
@@ -71,7 +71,7 @@ class Advice:
     scenario: Scenario
     imu: ImuSpec
     rules: Rules
-    found: dict[str, Evidence]  # {filter: Evidence}
+    found: dict[str, FilterEvidence]  # {filter: Evidence}
     decision: Decision
     others: dict[str, Decision]  # {changed threshold: Decision}
     # [(duration s, Decision)] of this mission cut short, by the estimates
@@ -340,7 +340,7 @@ def crossover(
     return rows
 
 
-def _certain(found: Evidence, rules: Rules) -> Verdict:
+def _certain(found: FilterEvidence, rules: Rules) -> FilterVerdict:
     """As `judge`, survival by its estimate: few runs cannot show it."""
     return judge(found._replace(survived=found.survived.alone), rules)
 

@@ -25,8 +25,8 @@ from .verdicts import (
     UNDECIDED,
     YES,
     Decision,
-    Evidence,
-    Verdict,
+    FilterEvidence,
+    FilterVerdict,
     called,
 )
 
@@ -184,7 +184,7 @@ def notes(advice: Advice) -> list[str]:
     return found
 
 
-def _broken(e: Evidence, verdict: Verdict, state: str) -> list[str]:
+def _broken(e: FilterEvidence, verdict: FilterVerdict, state: str) -> list[str]:
     """Return the evidence against a filter: the criteria that are in `state`, in words."""
     factor = np.sqrt(max(e.nees.value, 1 / e.nees.value)) if e.nees.value > 0 else np.nan
     small = "small" if e.nees.value > 1 else "large"
@@ -205,7 +205,7 @@ def _percent(share: float) -> str:
     return f"{100 * share:.3g} %"
 
 
-def _verdict(advice: Advice, e: Evidence) -> str:
+def _verdict(advice: Advice, e: FilterEvidence) -> str:
     verdict = advice.decision.verdicts[e.filter]
     if verdict.admissible == YES:
         ratio = f", position RMSE {_interval(e.ratio)} times the closed loop's"

@@ -44,7 +44,7 @@ class Rules(NamedTuple):
 DEFAULT_RULES = Rules()
 
 
-class Evidence(NamedTuple):
+class FilterEvidence(NamedTuple):
     """Statistics of the runs of one filter."""
 
     filter: str
@@ -58,7 +58,7 @@ class Evidence(NamedTuple):
     heading: float  # deg, root mean square over the rows before an abort
 
 
-class Verdict(NamedTuple):
+class FilterVerdict(NamedTuple):
     """Is a filter admissible: YES, NO or UNDECIDED; by criterion; and how many runs in all an
     open question would take, about."""
 
@@ -75,7 +75,7 @@ class Decision(NamedTuple):
 
     answer: str
     filter: str | None
-    verdicts: dict[str, Verdict]  # {filter: Verdict}
+    verdicts: dict[str, FilterVerdict]  # {filter: Verdict}
     doubtful: str | None = None  # the filter that more runs would decide
     runs: int = 0  # that this would take in all, about
 
@@ -140,7 +140,7 @@ class Runs(NamedTuple):
         )
 
 
-def evidence(runs: Runs) -> dict[str, Evidence]:
+def evidence(runs: Runs) -> dict[str, FilterEvidence]:
     """{filter: Evidence} of Runs, in the order of isolation: open loop first, closed loop last."""
     found, reference = {}, np.log(_mean_square(runs, CLOSED))
     for label in sorted(runs.filters, key=interval_of, reverse=True):
@@ -150,7 +150,7 @@ def evidence(runs: Runs) -> dict[str, Evidence]:
         apart = paired(own, reference)
         ratio = Interval(*np.exp(0.5 * np.array([apart.difference, apart.low, apart.high])))
         heading = float(np.degrees(np.sqrt(mean_of_known(runs.heading[place] ** 2))))
-        found[label] = Evidence(
+        found[label] = FilterEvidence(
             label,
             count,
             lived,
@@ -216,20 +216,22 @@ def called(label: str | None) -> str:
     return {"open": "open loop", "closed": "closed loop", "none": "none"}[kind_of(label)]
 
 
-def judge(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
-    """The Verdict on an Evidence: each criterion is met (YES) or broken (NO) where its whole
+def judge(found: FilterEvidence, rules: Rules = DEFAULT_RULES) -> FilterVerdict:
+    """The FilterVerdict on an FilterEvidence: each criterion is met (YES) or broken (NO) where its whole
     interval says so."""
     survival = _between(found.survived, rules.survival, np.inf)
     belief = _between(found.nees, 1 / rules.belief, rules.belief)
     worse = YES if found.filter == CLOSED else _between(found.ratio, 0.0, 1 + rules.worse)
     criteria = (survival, belief, worse)
     if NO in criteria or UNDECIDED not in criteria:
-        return Verdict(NO if NO in criteria else YES, *criteria, 0)
+        return FilterVerdict(NO if NO in criteria else YES, *criteria, 0)
     needed = zip(criteria, _needed(found, rules))
-    return Verdict(UNDECIDED, *criteria, max(runs for state, runs in needed if state == UNDECIDED))
+    return FilterVerdict(
+        UNDECIDED, *criteria, max(runs for state, runs in needed if state == UNDECIDED)
+    )
 
 
-def guess(found: Evidence, rules: Rules = DEFAULT_RULES) -> Verdict:
+def guess(found: FilterEvidence, rules: Rules = DEFAULT_RULES) -> FilterVerdict:
     """Verdict by the estimates alone, without intervals: for the map, whose runs are few."""
 
     survived, nees, ratio = found.survived.alone, found.nees.alone, found.ratio.alone
@@ -242,7 +244,7 @@ def _between(interval: Interval, least: float, most: float) -> str:
     return YES if least <= interval.low and interval.high <= most else UNDECIDED
 
 
-def _needed(found: Evidence, rules: Rules) -> tuple[int, int, int]:
+def _needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
     """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where
     that cannot be said."""
     count, share = found.count, found.survived.value
@@ -272,9 +274,9 @@ def _shrunk(interval: Interval, limits: tuple[float, ...], count: int) -> int:
 
 
 def decide(
-    found: Mapping[str, Evidence],
+    found: Mapping[str, FilterEvidence],
     rules: Rules = DEFAULT_RULES,
-    judged: Callable[[Evidence, Rules], Verdict] = judge,
+    judged: Callable[[FilterEvidence, Rules], FilterVerdict] = judge,
 ) -> Decision:
     """The Decision on {filter: Evidence} in the order of isolation: the first admissible one, open
     loop first, closed loop last.

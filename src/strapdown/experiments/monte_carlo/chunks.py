@@ -21,12 +21,12 @@ from ...core.compile.signatures import LANES
 from ...core.loop.contract import STATES, Start, compile_kernel, compile_together
 from ...data.recording import Recording
 from ...engine.batch import fuse
-from ...engine.installation import Parameter
+from ...engine.installation import StateParameter
 from ...engine.prepare import prepare
 from ...evaluation.cramer_rao import cramer_rao
 from ...plugins import Plugin
 from ...sensor_models.imu import ImuSpec, grade
-from ...sensor_models.streams import Stream
+from ...sensor_models.streams import RandomStream
 from ...sim.scenario import Scenario, scenario
 from ...sim.synthesis import Simulator
 from ...typing import Array, Say
@@ -95,10 +95,10 @@ def cells(
     return tuple(Cell(s, grade(imu)) for s in known for imu in (imus or (s.imu,)))
 
 
-def seeds(study: Study, cell: Cell, run: int) -> Stream:
+def seeds(study: Study, cell: Cell, run: int) -> RandomStream:
     """The random stream of a run: the same for every IMU and every set of filters, its own for
     every scenario."""
-    return Stream.of(study.seed).named(cell.scenario.name).numbered(run)
+    return RandomStream.of(study.seed).named(cell.scenario.name).numbered(run)
 
 
 _simulators: dict[tuple[Any, ...], tuple[threading.Lock, list[Simulator]]] = {}
@@ -136,7 +136,7 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
     runs = [run for run in range(chunk.first, chunk.stop) if run not in skip]
     lanes = Lanes(wanted, made, cell.imu, at, study.limits) if study.side_by_side else None
     for group in (runs[i : i + LANES] for i in range(0, len(runs), LANES)):
-        records = [Record(study, cell, made, at, run) for run in group]
+        records = [RunRecord(study, cell, made, at, run) for run in group]
         scores: list[list[Scored | None]] = [[None] * len(group)] * len(wanted)
         biases = None
         if lanes:
@@ -152,7 +152,7 @@ def run_chunk(study: Study, chunk: Chunk, skip: Collection[int] = ()) -> Arrays:
     return arrays
 
 
-class Record:
+class RunRecord:
     """A simulated run by itself, as a user would make it; simulated when it is asked for."""
 
     def __init__(self, study: Study, cell: Cell, made: Simulator, at: Epochs, run: int) -> None:
@@ -228,7 +228,7 @@ def _bound(made: Simulator, cell: Cell, at: Epochs) -> Array:
         return np.full((len(at.rows), STATES), np.nan)
 
 
-def _empty(study: Study, chunk: Chunk, at: Epochs, parameters: Sequence[Parameter]) -> Arrays:
+def _empty(study: Study, chunk: Chunk, at: Epochs, parameters: Sequence[StateParameter]) -> Arrays:
     """Arrays for the results of a chunk: runs at the stored epochs, sums over its runs, numbers
     of each run."""
     M, N, kept = (

@@ -4,19 +4,19 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ...io.own.text_rules import Deviation, Finite, Line, Name, Said
+from ...io.own.text_rules import Deviation, Finite, Line, Name, SaidRules
 
 Count = Annotated[int, Field(ge=1, le=10**9)]
 Positive = Annotated[Finite, Field(gt=0)]
 
 
-class Named(Said):
+class Named(SaidRules):
     """The scenario or IMU of a cell."""
 
     name: Line
 
 
-class CellRules(Said):
+class CellRules(SaidRules):
     """A cell, whose name is that of a folder."""
 
     name: Annotated[str, Field(pattern=r"^[^/\\\x00]*[^/\\\x00.][^/\\\x00]*$", max_length=250)]
@@ -24,7 +24,7 @@ class CellRules(Said):
     imu: Named
 
 
-class LimitRules(Said):
+class LimitRules(SaidRules):
     """When a run is given up."""
 
     distance: Deviation
@@ -32,7 +32,7 @@ class LimitRules(Said):
     seconds: Deviation
 
 
-class ManifestRules(Said):
+class ManifestRules(SaidRules):
     """`manifest.json`."""
 
     format: int

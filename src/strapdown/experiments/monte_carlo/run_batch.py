@@ -16,17 +16,17 @@ from ...data.recording import Recording
 from ...engine.batch import begin
 from ...engine.options import run_options
 from ...engine.prepare import Run
-from ...engine.run_batch import Keeper, SideBySide, alongside, kernels, why_alone
-from ...evaluation.consistency import Limits
+from ...engine.run_batch import Keeper, RunBatch, alongside, kernels, why_alone
+from ...evaluation.consistency import LossLimits
 from ...filters.ins.open_loop import LEFT_MODEL
 from ...sensor_models.imu import ImuSpec
 from ...sensor_models.imu_errors import RATES, Own, Shared, simulate_errors_in_lanes
-from ...sensor_models.streams import Stream
+from ...sensor_models.streams import RandomStream
 from ...sim.synthesis import OF_IMU, OF_START, Simulator
 from ...typing import Array
 from ..filter_label import Labelled
 from . import batch_scoring as lane_scoring
-from .scoring import Epochs, FixRows, Rows, Scored, scored
+from .scoring import Epochs, FixRows, Scored, ScoredRows, scored
 
 SAMPLES = 512
 """Samples that are simulated at once: with what a filter works on they stay in the second cache of a
@@ -42,19 +42,19 @@ class Lanes:
         made: Simulator,
         imu: ImuSpec,
         at: Epochs,
-        limits: Limits,
+        limits: LossLimits,
     ) -> None:
         self.wanted, self.made, self.imu, self.at, self.limits = wanted, made, imu, at, limits
         self._shared = imu.shared(made.felt(imu))
         self._true = lane_scoring.known(at)
         self._first: list[Run | None] = []  # by filter, without numbers of its own; None: no lanes
 
-    def run(self, streams: Sequence[Stream]) -> tuple[list[list[Scored | None]], Array]:
+    def run(self, streams: Sequence[RandomStream]) -> tuple[list[list[Scored | None]], Array]:
         """(Scored by filter and run, None of what must be run alone; true biases (runs, epochs, 6),
         m/s^2 and rad/s) of at most LANES runs, each from its stream."""
         runs = len(streams)
         full = [*streams, *[streams[-1]] * (LANES - runs)]
-        simulated = Simulated(self.made, self.imu, self._shared, full, self.at)
+        simulated = SimulatedSamples(self.made, self.imu, self._shared, full, self.at)
         recordings = [
             self.made.sources(self.imu, stream, b_a, b_g)
             for stream, (b_a, b_g) in zip(full, simulated.first_biases())
@@ -67,7 +67,7 @@ class Lanes:
             self._first = [self._begun(label, recordings[0], starts[0]) for label in self.wanted]
         sides = [
             first
-            and SideBySide(
+            and RunBatch(
                 first,
                 starts,
                 recordings,
@@ -107,7 +107,7 @@ def kernels_in_lanes(filter: Filter, kinds: Sequence[str]) -> list[Any]:
     return [*kernels(filter, wide, lane_scoring.keep_errors_in_lanes), simulate_errors_in_lanes]
 
 
-class Simulated:
+class SimulatedSamples:
     """The IMU samples of LANES runs, block after block."""
 
     def __init__(
@@ -115,7 +115,7 @@ class Simulated:
         made: Simulator,
         imu: ImuSpec,
         shared: Shared,
-        streams: Sequence[Stream],
+        streams: Sequence[RandomStream],
         at: Epochs,
     ) -> None:
         """`shared` by all runs, as `imu` has it of what it feels. Each run has its stream; `at` are
@@ -162,7 +162,7 @@ class Simulated:
             yield first, stop
 
 
-def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Scored | None]:
+def _scored(side: RunBatch, runs: int, at: Epochs, limits: LossLimits) -> list[Scored | None]:
     """Scored of the first runs of a filter, None of those that left the lanes."""
     cursor, ended = side.cursor, side.ended[:runs]
     kept, fix = (
@@ -170,7 +170,7 @@ def _scored(side: SideBySide, runs: int, at: Epochs, limits: Limits) -> list[Sco
         for part in (side.out.kept, side.out.fix)
     )
     kept[at.truth.t >= ended[:, None]] = np.nan
-    rows = Rows(
+    rows = ScoredRows(
         kept[..., lane_scoring.ERROR],
         kept[..., lane_scoring.RPH],
         kept[..., lane_scoring.SD],

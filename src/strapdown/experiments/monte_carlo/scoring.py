@@ -68,7 +68,7 @@ def epochs(truth: Trajectory, every: int) -> Epochs:
     return Epochs(truth.taking(rows + 1), every, rows)
 
 
-class Rows(NamedTuple):
+class ScoredRows(NamedTuple):
     """Runs at the scored epochs, before anything is made of them; NaN from where the filter
     stopped."""
 
@@ -90,12 +90,12 @@ class FixRows(NamedTuple):
 
 
 def score(
-    solution: Solution, at: Epochs, b_a: Array, b_g: Array, limits: consistency.Limits
+    solution: Solution, at: Epochs, b_a: Array, b_g: Array, limits: consistency.LossLimits
 ) -> Scored:
     """Scored of a Solution kept at the epochs `at` with its covariance; b_a and b_g (n, 3) are
     the true biases there."""
     n, kept = len(at.rows), len(solution.t)
-    rows = Rows(*(np.full((1, n, *of), np.nan) for of in ((STATES,), (3,), (STATES,), ())))
+    rows = ScoredRows(*(np.full((1, n, *of), np.nan) for of in ((STATES,), (3,), (STATES,), ())))
     error, rph, sd, nees = (part[0, :kept] for part in rows)
     with np.errstate(all="ignore"):  # a filter that diverged may have any number
         error[:], rph[:] = _errors(solution, at, b_a, b_g)
@@ -109,11 +109,11 @@ def score(
 
 
 def scored(
-    rows: Rows,
+    rows: ScoredRows,
     fixes: FixRows,
     left_model: Sequence[float],
     at: Epochs,
-    limits: consistency.Limits,
+    limits: consistency.LossLimits,
 ) -> list[Scored]:
     """Scored of each run, of what was kept of it; left_model: when the raw INS of an open loop left
     its model, s, NaN where it did not."""
@@ -197,7 +197,7 @@ def _left_model(solution: Solution) -> float:
     return next((t for t, text in solution.events if text.startswith(LEFT_MODEL)), np.nan)
 
 
-def _means(rows: Rows, alive: Mask) -> dict[str, Array]:
+def _means(rows: ScoredRows, alive: Mask) -> dict[str, Array]:
     """{name: (runs, ...)} over the epochs `alive` (runs, n) before the abort; NaN where there is
     none."""
     error, rph, sd, nees = rows

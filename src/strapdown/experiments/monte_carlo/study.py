@@ -18,7 +18,7 @@ from ...checks import DataError, check_number
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import COMPILED, Filter
 from ...engine.options import OPTIONS, Option, takes
-from ...evaluation.consistency import Limits
+from ...evaluation.consistency import LossLimits
 from ...progress import listener, with_bar
 from ...sensor_models.imu import ImuSpec
 from ...sim.scenario import Scenario
@@ -74,7 +74,7 @@ class Study:
     seed: int = 0
     epoch: float = 1.0  # s between scored rows
     keep: int = 5  # every keep-th scored row is stored and part of the curves
-    limits: Limits = field(default_factory=Limits)
+    limits: LossLimits = field(default_factory=LossLimits)
     # filter steps in a chunk, about: seconds of work, which is what an interruption loses
     chunk_steps: int = 3_000_000
     # {parameter: standard deviation}, from which each run draws what is wrong with it

@@ -25,9 +25,9 @@ from ...data.calibration_parameters import (
 )
 from ...data.recording import Recording
 from ...data.solution import Aiding, Trajectory
-from ...engine.installation import Parameter, Prior, parameters, with_estimates
+from ...engine.installation import Prior, StateParameter, parameters, with_estimates
 from ...preprocessing.turned_imu import with_the_imu
-from ...sensor_models.streams import SeedLike, Stream
+from ...sensor_models.streams import RandomStream, SeedLike
 from ...typing import Array
 from ..filter_label import check_parameter
 
@@ -42,7 +42,7 @@ class Installed(NamedTuple):
     """A recording with wrong parameters of its installation, and by how much they are wrong."""
 
     recording: Recording  # its reference and its true biases are those of the axes as described
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[StateParameter, ...]
     error: Array  # (m,) true - given, SI
 
     @property
@@ -65,7 +65,7 @@ def checked(installation: object) -> dict[str, tuple[float, ...]]:
     return found
 
 
-def parameters_of(recording: Recording, installation: Installation) -> tuple[Parameter, ...]:
+def parameters_of(recording: Recording, installation: Installation) -> tuple[StateParameter, ...]:
     """The parameters that `estimate=installation` makes states of. Raises DataError."""
     wanted = with_estimates(recording, installation)
     return tuple(parameters(wanted.aidings, wanted.meta.get("estimate", {})))
@@ -78,11 +78,13 @@ def drawn(recording: Recording, installation: Installation, seed: SeedLike) -> I
     return installed_wrong(
         recording,
         found,
-        np.array([each.sd for each in found]) * Stream.of(seed).standard_normal(len(found)),
+        np.array([each.sd for each in found]) * RandomStream.of(seed).standard_normal(len(found)),
     )
 
 
-def installed_wrong(recording: Recording, found: Sequence[Parameter], error: Array) -> Installed:
+def installed_wrong(
+    recording: Recording, found: Sequence[StateParameter], error: Array
+) -> Installed:
     """The recording given with parameters that are wrong by `error` (m,), true - given, SI.
 
     A clock, a lever arm and a scale change their sources. A mounting and what is wrong with the

@@ -28,7 +28,7 @@ from ...typing import Progress
 from ..filter_label import ESTIMATE, NOTHING, parsed, tried
 from .protocols import SETTLING, Protocol, Window, before_start, protocol
 from .result import Comparison
-from .runs import Common, Entrant, Result, Way, through
+from .runs import Common, Entrant, FilterWay, Result, through
 from .scores import known_reference, outages_of
 
 WITHHELD_KINDS = "position", "velocity"
@@ -219,7 +219,7 @@ class Ran(NamedTuple):
     """The filters of a comparison, and what became of them."""
 
     entrants: list[Entrant]
-    ways: list[Way]
+    ways: list[FilterWay]
     results: list[list[Result]]  # per filter and outage
 
 
@@ -283,7 +283,7 @@ def _comparison(
 
 
 def _settings(
-    common: Common, entrants: list[Entrant], ways: list[Way], spec: ImuSpec | None
+    common: Common, entrants: list[Entrant], ways: list[FilterWay], spec: ImuSpec | None
 ) -> dict[str, Any]:
     """Return the settings that all runs share, and those of each filter."""
     ran = [(entrant, way.run) for entrant, way in zip(entrants, ways)]
@@ -329,7 +329,7 @@ def _withheld(common: Common) -> dict[str, int]:
     return dict(found)
 
 
-def _said(common: Common, entrants: list[Entrant], ways: list[Way]) -> list[str]:
+def _said(common: Common, entrants: list[Entrant], ways: list[FilterWay]) -> list[str]:
     """Notes of the filters on what they run on, each once."""
     known = common.recording.meta.get("notes", [])
     said = {e.label: way.run.recording.meta["notes"] for e, way in zip(entrants, ways) if way.run}
@@ -341,7 +341,7 @@ def _said(common: Common, entrants: list[Entrant], ways: list[Way]) -> list[str]
     ]
 
 
-def _doubtful(labels: list[str], ways: list[Way]) -> list[str]:
+def _doubtful(labels: list[str], ways: list[FilterWay]) -> list[str]:
     """A note on the doubtful rows of the whole runs."""
     had = [f"{label} {way.doubtful:.4g} s" for label, way in zip(labels, ways) if way.doubtful]
     return [f"doubtful in the run through all outages: {', '.join(had)}"] if had else []

@@ -39,7 +39,7 @@ from ...pages.drawing import (
 from ...pages.notebook.plots import titled
 from ...typing import Array, Ints, Mask
 from ...units.wording import metres
-from .words import Ratio, ranked, ratio
+from .words import ErrorRatio, ranked, ratio
 
 if TYPE_CHECKING:
     from .protocols import Window
@@ -151,8 +151,8 @@ def _left_out(figure: go.Figure, why: str, names: Iterable[str], shown: Collecti
         note(figure, f"{why}: {', '.join(missing)}.")
 
 
-def _interval(figure: go.Figure, r: Ratio, name: str, style: Style, col: int) -> None:
-    """A Ratio as a mark with its interval, filled where that excludes 1."""
+def _interval(figure: go.Figure, r: ErrorRatio, name: str, style: Style, col: int) -> None:
+    """A ErrorRatio as a mark with its interval, filled where that excludes 1."""
     if not np.isfinite(r.value):
         return
     sure, error = bool(np.isfinite([r.low, r.high]).all()), None
@@ -520,7 +520,7 @@ def _estimates(figure: go.Figure, comparison: Comparison, t: Array, path: Array)
 NAMED = {
     "growth": "Error over the time in the outage",
     "outages": "RMSE of each outage",
-    "paired": "Ratio to",
+    "paired": "ErrorRatio to",
     "course": "Errors in outage",
     "coverage": "Errors within the claimed standard deviations",
     "track": "Seen from above",

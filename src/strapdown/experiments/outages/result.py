@@ -17,7 +17,7 @@ from ...evaluation.metrics import NED_AXES
 from ...fileio.files import together, write_table
 from ...typing import File
 from .protocols import Window
-from .scores import Track
+from .scores import ErrorTrack
 from .summaries import PAIR_COLUMNS, curves, pooled, ratio
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class Comparison:
     windows: tuple[Window, ...]  # ((start, stop), ...) s, outages 1, 2, ...
     kinds: tuple[str, ...]  # of the fixes withheld
     scores: pd.DataFrame  # a row per filter and outage; units in the names of its columns
-    tracks: dict[str, list[Track | None]]  # {label: [scores.Track or None per outage]}
+    tracks: dict[str, list[ErrorTrack | None]]  # {label: [scores.Track or None per outage]}
     reference: Trajectory  # rows whose position is known
     span: Window  # (start of the filters, end of the recording), s
     # imu, noise, start, kinds, withheld, kept, and per filter options, sources
@@ -115,7 +115,7 @@ class Comparison:
             ignore_index=True,
         )
 
-    def _outages(self, name: str, length: float) -> list[tuple[Track, float]]:
+    def _outages(self, name: str, length: float) -> list[tuple[ErrorTrack, float]]:
         """[(Track, its length s)] of a filter in the outages that are pooled under a length."""
         found = zip(self.tracks[name], (round(stop - start, 6) for start, stop in self.windows))
         return [

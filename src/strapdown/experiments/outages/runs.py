@@ -25,14 +25,14 @@ from ...engine.finish import solution
 from ...engine.options import RunOptions
 from ...engine.prepare import Run, new_output
 from ...typing import Progress
-from .scores import Outage, Track, scored
+from .scores import ErrorTrack, ScoredOutage, scored
 
 KEPT_INTERVAL = 1.0
 """s between the rows that are kept of a filter's way, for its verdict."""
 
 Stand: TypeAlias = tuple[Belief, Cursor]
 """A filter on its way, copied before an IMU row."""
-Result: TypeAlias = tuple[dict[str, float], Track, Sequence[tuple[float, str]]] | str
+Result: TypeAlias = tuple[dict[str, float], ErrorTrack, Sequence[tuple[float, str]]] | str
 """Scores, errors and events of a filter in an outage, or why there are none."""
 
 
@@ -42,7 +42,7 @@ class Common(NamedTuple):
     recording: Recording  # with all its fixes
     hidden: Recording  # without those of any outage
     sweep: bool
-    outages: list[Outage]
+    outages: list[ScoredOutage]
     kinds: tuple[str, ...]
     given: (
         RunOptions  # as it was given, with the start of all; its AHRS is of filters that need one
@@ -65,7 +65,7 @@ class Entrant(NamedTuple):
     estimate: tuple[str, ...] | None = None  # None: what the recording has
 
 
-class Way(NamedTuple):
+class FilterWay(NamedTuple):
     """How one filter came to the outages."""
 
     run: Run | None  # that it made; None where it cannot run at all
@@ -80,7 +80,7 @@ class Way(NamedTuple):
 
 def through(
     common: Common, entrants: list[Entrant], threads: int | None, report: Progress
-) -> tuple[list[Way], list[list[Result]]]:
+) -> tuple[list[FilterWay], list[list[Result]]]:
     """([Way], per filter and outage (row, Track, events) or text): first every filter's way to
     the outages, then all outages of all filters."""
     weights = [each.last - each.branch for each in common.outages]
@@ -121,17 +121,17 @@ def _begun(common: Common, entrant: Entrant, recording: Recording) -> Run:
     return begin(recording, entrant.filter, asked)
 
 
-def _way(common: Common, entrant: Entrant) -> Way:
+def _way(common: Common, entrant: Entrant) -> FilterWay:
     """The Way of a filter."""
     base = common.recording if common.sweep else common.hidden
     try:
         run = _begun(common, entrant, base)
     except DataError as error:
-        return Way(None, {}, False, str(error))
+        return FilterWay(None, {}, False, str(error))
     if common.sweep and not _fed_alike(common, entrant, _fed(run, base)):
-        return Way(run, {}, True, "", *_judged(run))
+        return FilterWay(run, {}, True, "", *_judged(run))
     stands = _stands(run, {each.branch for each in common.outages})
-    return Way(run, stands, False, _stopped(run), *_judged(run))
+    return FilterWay(run, stands, False, _stopped(run), *_judged(run))
 
 
 def _judged(run: Run) -> tuple[Verdict | None, float]:
@@ -200,7 +200,7 @@ def _stopped(run: Run) -> str:
         return str(error)
 
 
-def _in_outage(common: Common, entrant: Entrant, way: Way, outage: Outage) -> Result:
+def _in_outage(common: Common, entrant: Entrant, way: FilterWay, outage: ScoredOutage) -> Result:
     """(scores, Track, events) of a filter in an outage, or why there are none."""
     run, stands, said = way.run, way.stands, way.said
     if run is None:
@@ -229,7 +229,7 @@ def _withheld(common: Common, run: Run) -> list[int]:
     ]
 
 
-def _branched(run: Run, stand: Stand, outage: Outage, sources: list[int]) -> Run:
+def _branched(run: Run, stand: Stand, outage: ScoredOutage, sources: list[int]) -> Run:
     """The Run of an outage to its end: from where it branches off, without its fixes; only its
     scored rows are kept."""
     belief, cursor = _copied(*stand)

@@ -38,7 +38,7 @@ DRAWN = 301
 """Rows of an outage that are kept for drawing."""
 
 
-class Outage(NamedTuple):
+class ScoredOutage(NamedTuple):
     """A window, the IMU rows that are scored in it and where a run of it branches off, and what
     the reference says of it."""
 
@@ -59,7 +59,7 @@ class Outage(NamedTuple):
         return self.stop - self.start
 
 
-class Track(NamedTuple):
+class ErrorTrack(NamedTuple):
     """Errors of one filter in one outage, thinned for drawing."""
 
     since: Array  # (k,) s since its start
@@ -109,7 +109,7 @@ def outages_of(
     reference: Trajectory,
     kinds: Collection[str],
     start: Start,
-) -> tuple[list[Outage], list[str]]:
+) -> tuple[list[ScoredOutage], list[str]]:
     """([Outage] of a Protocol, notes). `kinds` are withheld, `start` is the Start of the filters.
 
     A window of a sweep in which nothing is withheld or nothing known of the reference is left out
@@ -117,7 +117,7 @@ def outages_of(
     of one run have no withheld fix between them.
     """
     scene = _scene(made, recording, reference, kinds, start)
-    found: list[Outage] = []
+    found: list[ScoredOutage] = []
     left_out: dict[str, list[Window]] = {}
     for window in made.windows:
         try:
@@ -173,7 +173,7 @@ def _scene(
     )
 
 
-def _outage(window: Window, scene: _Scene) -> Outage:
+def _outage(window: Window, scene: _Scene) -> ScoredOutage:
     begin, stop = window
     # the first fix that is, and the first that is not any more
     missing, again = (int(np.searchsorted(scene.times, edge)) for edge in window)
@@ -211,7 +211,7 @@ def _outage(window: Window, scene: _Scene) -> Outage:
         stop - truth.t[known][-1] <= max(NEAR_END * (stop - begin), scene.sample) + SAME_TIME
     )
     coarse = scene.step > COARSE[1] or COARSE[0] * scene.step > stop - begin + SAME_TIME
-    return Outage(
+    return ScoredOutage(
         float(begin),
         float(stop),
         branch,
@@ -225,7 +225,7 @@ def _outage(window: Window, scene: _Scene) -> Outage:
     )
 
 
-def _poor_references(found: list[Outage], step: float) -> list[str]:
+def _poor_references(found: list[ScoredOutage], step: float) -> list[str]:
     """Notes on the outages that the reference covers in part, not to the end, or at few rows,
     `step` s apart."""
     poor = (
@@ -255,8 +255,8 @@ def _outages(numbers: list[int]) -> str:
     return f"outage{'s' * (len(numbers) > 1)} {text}"
 
 
-def scored(solution: Solution, outage: Outage) -> tuple[dict[str, float], Track]:
-    """({column: value}, Track) of a Solution of the rows of an Outage. Raises DataError where
+def scored(solution: Solution, outage: ScoredOutage) -> tuple[dict[str, float], ErrorTrack]:
+    """({column: value}, Track) of a Solution of the rows of an ScoredOutage. Raises DataError where
     its position is no number."""
     estimate, truth = solution.trajectory, outage.truth
     if not np.isfinite(estimate.lla).all():
@@ -272,7 +272,7 @@ def scored(solution: Solution, outage: Outage) -> tuple[dict[str, float], Track]
     )
     at = np.unique(np.linspace(0, len(p) - 1, min(len(p), DRAWN)).round().astype(int))
     claimed = estimate.sd is not None and np.isfinite(estimate.sd[:, :3]).any()
-    return row, Track(truth.t[known][at] - outage.start, p[at], sd[at] if claimed else None)
+    return row, ErrorTrack(truth.t[known][at] - outage.start, p[at], sd[at] if claimed else None)
 
 
 def _rms(values: Array) -> float:
@@ -280,7 +280,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else np.nan
 
 
-def _position_scores(p: Array, outage: Outage) -> dict[str, float]:
+def _position_scores(p: Array, outage: ScoredOutage) -> dict[str, float]:
     horizontal, end = (
         np.hypot(p[:, 0], p[:, 1]),
         p[-1] if outage.reaches_end else np.full(3, np.nan),
@@ -297,7 +297,7 @@ def _position_scores(p: Array, outage: Outage) -> dict[str, float]:
     }
 
 
-def _velocity_scores(estimate: Trajectory, outage: Outage) -> dict[str, float]:
+def _velocity_scores(estimate: Trajectory, outage: ScoredOutage) -> dict[str, float]:
     v = (
         np.full((1, 3), np.nan)
         if outage.truth.v_n is None or estimate.v_n is None

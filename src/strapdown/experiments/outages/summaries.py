@@ -13,12 +13,12 @@ from ...evaluation.consistency import Paired, paired
 from ...evaluation.metrics import EULER, NED_AXES
 from ...typing import Array, Ints
 from .protocols import ROUNDING
-from .scores import Track
+from .scores import ErrorTrack
 
 GRID = 61
 """Points of a growth curve."""
 CURVE_GAP = 2.5
-"""Usual steps of a Track, thinned to every row or every other one: it is unknown in longer gaps,
+"""Usual steps of a ErrorTrack, thinned to every row or every other one: it is unknown in longer gaps,
 and further than that beyond its ends."""
 MEANS = tuple(f"coverage_{k}" for k in (1, 2, 3)) + tuple(f"down_coverage_{k}" for k in (1, 2, 3))
 MEDIANS = tuple(f"{part}_rmse_deg" for part in EULER) + (
@@ -145,7 +145,7 @@ def _covariance(one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
     return float((np.clip(overlap, 0.0, None) / np.multiply.outer(la, lb)).mean())
 
 
-def curves(own: Iterable[tuple[Track, float]], length: float) -> dict[str, Any]:
+def curves(own: Iterable[tuple[ErrorTrack, float]], length: float) -> dict[str, Any]:
     """Columns of the growth of the error over outages, [(Track, its length s)], on one grid of
     times; see `Comparison.growth`."""
     grid = np.linspace(0.0, length, GRID)
@@ -164,8 +164,8 @@ def curves(own: Iterable[tuple[Track, float]], length: float) -> dict[str, Any]:
     return found
 
 
-def _on(grid: Array, track: Track, values: Array, length: float) -> Array:
-    """Values of a Track at the times `grid` since the start of its outage of this length; NaN
+def _on(grid: Array, track: ErrorTrack, values: Array, length: float) -> Array:
+    """Values of a ErrorTrack at the times `grid` since the start of its outage of this length; NaN
     where it has no rows: before, behind and in gaps."""
     since, steps = track.since, np.diff(track.since)
     wide = CURVE_GAP * float(np.median(steps)) if len(steps) else ROUNDING

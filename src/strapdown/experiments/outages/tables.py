@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ...evaluation.metrics import NED_AXES
-from ...pages.parts import Cell, Html, Ruled, around, caption, paragraphs, split, table
+from ...pages.parts import Html, Ruled, TableCell, around, caption, paragraphs, split, table
 from ...typing import Array
 from ...units.constants import STANDARD_GRAVITY
 from ...units.wording import number
@@ -90,20 +90,20 @@ def _smallest(values: Array) -> list[bool]:
     return [number(value) == number(np.nanmin(values)) for value in values]
 
 
-def _cells(values: Iterable[float], marks: Iterable[bool]) -> list[Cell]:
+def _cells(values: Iterable[float], marks: Iterable[bool]) -> list[TableCell]:
     """Cells of numbers, some of them marked."""
-    return [Cell(number(value), "best" if mark else "") for value, mark in zip(values, marks)]
+    return [TableCell(number(value), "best" if mark else "") for value, mark in zip(values, marks)]
 
 
 def of_outages(comparison: Comparison) -> str:
     """RMSE of every outage, axis by axis, as Table 1 of Alam, Whidborne & Millidere has it; the
     smallest of each outage and axis is marked."""
     values, n = comparison.table().to_numpy(float), len(comparison.filters)
-    above = [Cell("outage", rows=2), Cell("time [s]", rows=2)]
-    above += [Cell(f"{axis.capitalize()} [m]", "split", n) for axis in NED_AXES]
+    above = [TableCell("outage", rows=2), TableCell("time [s]", rows=2)]
+    above += [TableCell(f"{axis.capitalize()} [m]", "split", n) for axis in NED_AXES]
     head = split([*map(_breakable, comparison.filters)] * len(NED_AXES), n)
 
-    def cells(row: Array) -> list[Cell]:
+    def cells(row: Array) -> list[TableCell]:
         marks = map(_smallest, np.split(row, len(NED_AXES)))
         return split(_cells(row, chain.from_iterable(marks)), n)
 
@@ -118,7 +118,7 @@ def of_outages(comparison: Comparison) -> str:
         if len(values) > 1 and len(comparison.lengths) == 1
         else []
     )
-    foot = [[Cell(what, columns=2), *cells(row)] for what, row in pooled]
+    foot = [[TableCell(what, columns=2), *cells(row)] for what, row in pooled]
     said = (
         "RMSE of the position in each outage; shaded: the smallest of its row and axis "
         "(<a href='table.csv'>CSV</a>)."

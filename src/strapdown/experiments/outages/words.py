@@ -17,7 +17,7 @@ HEIGHTS = "altitude", "pressure", "zero-sea-level"
 """Kinds of sources that tell the height alone."""
 
 
-class Ratio(NamedTuple):
+class ErrorRatio(NamedTuple):
     """How much larger one filter's RMSE is than another's on the same outages."""
 
     value: float  # geometric mean of the ratios
@@ -30,8 +30,8 @@ class Ratio(NamedTuple):
 
 def ratio(
     comparison: Comparison, name: str, base: str, length: float, axis: str = "horizontal"
-) -> Ratio:
-    """The Ratio of RMSE of `name` to that of `base` along an axis, over the outages of a length;
+) -> ErrorRatio:
+    """The ErrorRatio of RMSE of `name` to that of `base` along an axis, over the outages of a length;
     NaN where they have none in common."""
     rows = comparison.paired
     rows = rows[(rows["axis"] == axis) & (rows["length_s"] == length)]
@@ -39,8 +39,10 @@ def ratio(
         for row in rows[(rows["a"] == a) & (rows["b"] == b)].to_dict("records"):
             low, high = (row["low"], row["high"])[::sign]
             wins = row["wins_a" if sign > 0 else "wins_b"]
-            return Ratio(row["ratio"] ** sign, low**sign, high**sign, wins, row["n"], row["blocks"])
-    return Ratio(np.nan, np.nan, np.nan, 0, 0, 0)
+            return ErrorRatio(
+                row["ratio"] ** sign, low**sign, high**sign, wins, row["n"], row["blocks"]
+            )
+    return ErrorRatio(np.nan, np.nan, np.nan, 0, 0, 0)
 
 
 def ranked(comparison: Comparison, length: float) -> list[str]:
@@ -109,14 +111,14 @@ def _answer(comparison: Comparison, length: float) -> str:
     )
 
 
-def _times(best: str, found: dict[str, Ratio], names: Iterable[str]) -> str:
+def _times(best: str, found: dict[str, ErrorRatio], names: Iterable[str]) -> str:
     """How the RMSE of `best` stands to that of each other: "best's horizontal RMSE is 0.5 times as
     large as worse's (95 %: 0.45 to 0.56)".
 
     found: {name: Ratio to it}.
     """
 
-    def within(r: Ratio) -> str:
+    def within(r: ErrorRatio) -> str:
         if not np.isfinite([r.low, r.high]).all():
             return ""
         return f" (95 %: {number(1 / r.high)} to {number(1 / r.low)})"

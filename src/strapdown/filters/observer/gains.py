@@ -77,7 +77,7 @@ Jump: TypeAlias = tuple[float, str, Array]
 """A fix of a round: s since the fix before, "position" or "velocity", gains K (3,) on p, v, f."""
 
 
-class Axis(NamedTuple):
+class ObserverAxis(NamedTuple):
     """The fixes of an axis, as far as its gains depend on them; an interval is 0 without two."""
 
     name: str
@@ -299,7 +299,7 @@ def configure(
     return {**options, **decided, **dict(lowered)}, [*notes, *said]
 
 
-def _axes(aidings: Sequence[Source]) -> tuple[tuple[Axis, ...], list[str]]:
+def _axes(aidings: Sequence[Source]) -> tuple[tuple[ObserverAxis, ...], list[str]]:
     """North and down, and east where it has other intervals than north; the names of those that
     have fewer than two positions."""
     found = []
@@ -308,7 +308,7 @@ def _axes(aidings: Sequence[Source]) -> tuple[tuple[Axis, ...], list[str]]:
             (fix_interval(aidings, kind, axis), _deviation(aidings, kind, axis))
             for kind in ("position", "velocity")
         ]
-        found.append(Axis(name, both[0][0], both[1][0], both[0][1], both[1][1]))
+        found.append(ObserverAxis(name, both[0][0], both[1][0], both[0][1], both[1][1]))
     if found[1][1:3] == found[0][1:3]:
         del found[1]
     return tuple(one for one in found if one.interval), [
@@ -337,7 +337,7 @@ def _deviation(aidings: Sequence[Source], kind: str, axis: int) -> float:
 
 @lru_cache(maxsize=256)
 def _designed(
-    options: tuple[tuple[str, Any], ...], axes: tuple[Axis, ...], free: tuple[str, ...]
+    options: tuple[tuple[str, Any], ...], axes: tuple[ObserverAxis, ...], free: tuple[str, ...]
 ) -> tuple[tuple[tuple[str, float], ...], tuple[str, ...]]:
     """(options lowered, of those `free` to be, notes) for these options and axes (name, intervals,
     sds); the same question is answered but once.
@@ -364,7 +364,7 @@ def _designed(
     return tuple(lowered.items()), (*(_note(o, axis) for axis in axes), *said)
 
 
-def _unstable(o: dict[str, Any], axis: Axis) -> tuple[str, float] | None:
+def _unstable(o: dict[str, Any], axis: ObserverAxis) -> tuple[str, float] | None:
     """(what, spectral radius) of the first loop that is not stable at these intervals and
     standard deviations, or None."""
     for end in ("_start", ""):
@@ -379,7 +379,7 @@ def _unstable(o: dict[str, Any], axis: Axis) -> tuple[str, float] | None:
     return None
 
 
-def _note(o: dict[str, Any], axis: Axis) -> str:
+def _note(o: dict[str, Any], axis: ObserverAxis) -> str:
     """The line on an axis: gains, intervals, spectral radii."""
     jumps = schedule(o, *axis[1:])
     every = " and ".join(

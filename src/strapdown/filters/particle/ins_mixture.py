@@ -65,7 +65,7 @@ class Mixture(NamedTuple):
     groups: int
 
 
-class Group(NamedTuple):
+class ComponentGroup(NamedTuple):
     """Eight components: numbers are lanes."""
 
     own: Belief
@@ -116,14 +116,14 @@ def beside(belief: Belief) -> Mixture:
 
 
 @inlined
-def group(m: Mixture, g: int, side: int) -> Group:
+def group(m: Mixture, g: int, side: int) -> ComponentGroup:
     """Group g of the components, below `for side in sides()`."""
     n = m.mean.size
     width, P = component_width(n), TAIL + n - STATES
     numbers = lanes_of(m.components, LANES * width * g, width, side)
     shared = lanes_of(m.workspace, SHARED.start, OF_GROUP, side)
     x, counted = P + n * n, P + n * n + n
-    return Group(
+    return ComponentGroup(
         navigation(numbers, matrix(numbers, P, n, n), shared, numbers[TAIL:P]),
         lanes_of(m.weights, LANES * g, 1, side)[0],
         numbers[x:counted],
@@ -229,7 +229,7 @@ def begin_sums(m: Mixture) -> None:
 
 
 @inlined
-def take_in(m: Mixture, of: Group, side: int) -> None:
+def take_in(m: Mixture, of: ComponentGroup, side: int) -> None:
     """Add a group to the moments."""
     sums = lanes_of(m.workspace, SUMS_LANES.start, m.sums.size, side)
     accumulate(of.weight, of.x, flatten(of.own.P), sums)
@@ -366,7 +366,7 @@ def same_rows(innovation: Array, mine: Array) -> bool:
 
 @inlined
 def _foresee_eight(
-    of: Group, innovation: Array, wrapped: bool, s: Array, m: Mixture, side: int
+    of: ComponentGroup, innovation: Array, wrapped: bool, s: Array, m: Mixture, side: int
 ) -> None:
     """Add a group to the moments of the innovation, about that at the belief."""
     n, P, H, w = m.mean.size, of.own.P, of.H, of.counted[0]

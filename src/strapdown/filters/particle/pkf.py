@@ -63,7 +63,7 @@ from .ins_mixture import (
     SHARED,
     SLOTS,
     TAIL,
-    Group,
+    ComponentGroup,
     Mixture,
     begin_sums,
     beside,
@@ -185,7 +185,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
 @inlined
 def _advance(
     m: Mixture,
-    of: Group,
+    of: ComponentGroup,
     belief: Belief,
     u: Array,
     dt: float,

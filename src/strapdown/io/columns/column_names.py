@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...typing import Array
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 
 GYRO = r"(g|gyr|gyro|gyroscope|w|omega|rate|rates|ang(ular)?_?(vel|velocity|rate))"
 MEASURED = r"_(meas(ured)?|noisy)"
@@ -110,18 +110,18 @@ SPELLINGS = {
 }
 
 
-class Names(NamedTuple):
+class ColumnNames(NamedTuple):
     """The columns of a table by what they are called."""
 
-    table: Table
+    table: FileTable
     names: list[Any]
 
     @classmethod
-    def of(cls, table: Table) -> "Names":
+    def of(cls, table: FileTable) -> "ColumnNames":
         """All columns of a table."""
         return cls(table, [*table.titles])
 
-    def without(self, names: Iterable[str]) -> "Names":
+    def without(self, names: Iterable[str]) -> "ColumnNames":
         """The same without these columns."""
         left = set(names)
         return self._replace(names=[name for name in self.names if name not in left])

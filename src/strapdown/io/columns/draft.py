@@ -10,8 +10,8 @@ import numpy as np
 from ..contract import GUESS, Log, Section
 from ..description.source_files import times_of
 from ..tables.table_arrays import tables_of
-from ..tables.table_file import Table
-from .column_names import ACCEL, GYRO, Names, plain
+from ..tables.table_file import FileTable
+from .column_names import ACCEL, GYRO, ColumnNames, plain
 from .gnss_columns import fix_sections
 from .imu_columns import attitude_section, imu_section, magnetometer_section
 from .time_columns import find_clock
@@ -19,7 +19,7 @@ from .time_columns import find_clock
 
 def open_table(path: Path) -> Log:
     """The Log of a file of bare tables. Raises DataError where it cannot be read."""
-    tables: dict[str, Table] = {}
+    tables: dict[str, FileTable] = {}
     sections: list[Section] = []
     facts: list[str] = []
     left: list[str] = []
@@ -48,9 +48,9 @@ def _is_piece(section: Section) -> bool:
     return section.of == "imu" and not {"gyro", "accel"} <= set(section.keys)
 
 
-def _of_table(table: Table, name: str | None) -> Log:
+def _of_table(table: FileTable, name: str | None) -> Log:
     """The Log of one table; `name` is what its sections name it by, where the file has several."""
-    columns = Names.of(table)
+    columns = ColumnNames.of(table)
     if all(isinstance(name, int) for name in table.frame.columns):
         return _without_header(table)
     label = f"table {name}" if name else "table"
@@ -95,7 +95,7 @@ MOST_NAMES = 40
 """Columns that a line lists at most."""
 
 
-def _not_taken(columns: Names, label: str) -> tuple[str, ...]:
+def _not_taken(columns: ColumnNames, label: str) -> tuple[str, ...]:
     """A line on the columns that nothing is made of, but for empty ones."""
     names = [name for name in columns.names if columns.table.frame[name].notna().any()]
     if not names:
@@ -140,8 +140,8 @@ MADE = "with degrees"
 """Name of the table of a file of one, with columns that are made of its own."""
 
 
-def _without_header(table: Table) -> Log:
-    columns = Names.of(table)
+def _without_header(table: FileTable) -> Log:
+    columns = ColumnNames.of(table)
     values = [(name, columns.numbers(name)) for name in table.frame.columns]
     facts = [f"table: {len(table.lines)} rows without a header line"] + [
         f"column {name}: {np.nanmin(each):.6g} to {np.nanmax(each):.6g}, median "

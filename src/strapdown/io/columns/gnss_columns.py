@@ -11,9 +11,18 @@ from ...core.mathematics.earth import A
 from ...typing import Array, Mask
 from ...units.conversion import UNITS
 from ..contract import Section
-from ..description.schema_base import Condition
+from ..description.schema_base import KeyCondition
 from ..description.source_files import holds
-from .column_names import DEVIATIONS, ECEF, ECEF_VELOCITY, FIX, POSITION, VELOCITY, Names, plain
+from .column_names import (
+    DEVIATIONS,
+    ECEF,
+    ECEF_VELOCITY,
+    FIX,
+    POSITION,
+    VELOCITY,
+    ColumnNames,
+    plain,
+)
 from .track_units import angles_of, unit_of_velocity, units_of_course
 
 POSITION_SD, VELOCITY_SD = (2.0, 2.0, 4.0), (0.2, 0.2, 0.3)
@@ -27,7 +36,7 @@ ARM = (
 )
 
 
-class Fixes(NamedTuple):
+class GnssColumns(NamedTuple):
     """What the table of a receiver has."""
 
     sections: list[Section]
@@ -50,10 +59,12 @@ class Keys(NamedTuple):
         return Keys(self.values | more.values, self.assumed | more.assumed)
 
 
-def fix_sections(columns: Names, time: dict[str, Any], t: Array, is_imu: bool = False) -> Fixes:
-    """The Fixes of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
+def fix_sections(
+    columns: ColumnNames, time: dict[str, Any], t: Array, is_imu: bool = False
+) -> GnssColumns:
+    """The GnssColumns of a table whose times are `time`, t (n,) s; beside those of an IMU they may be held
     from row to row."""
-    found = Fixes([], [], {}, [], [])
+    found = GnssColumns([], [], {}, [], [])
     told = conditions(columns, is_imu)
     shared = Keys({"time": time}, {})
     if told:
@@ -64,7 +75,7 @@ def fix_sections(columns: Names, time: dict[str, Any], t: Array, is_imu: bool = 
     return found
 
 
-def _add(found: Fixes, kind: str, told: Keys) -> None:
+def _add(found: GnssColumns, kind: str, told: Keys) -> None:
     keys = told.values
     section = Section("aiding", "gnss", {"kind": kind, **keys}, assumed=told.assumed, remarks=ARM)
     found.sections.append(section)
@@ -75,7 +86,7 @@ def _add(found: Fixes, kind: str, told: Keys) -> None:
     found.facts.append(f"{kind}: {', '.join(names)} in {shown}{more}")
 
 
-def _position(columns: Names, shared: Keys, found: Fixes) -> Array | None:
+def _position(columns: ColumnNames, shared: Keys, found: GnssColumns) -> Array | None:
     """Add the position; latitude and longitude (n, 2), rad, or None."""
     names = {key: columns.find(pattern) for key, pattern in POSITION.items()}
     lat, lon = names["latitude"], names["longitude"]
@@ -112,7 +123,7 @@ def _position(columns: Names, shared: Keys, found: Fixes) -> Array | None:
 
 
 def _geoid(
-    columns: Names, names: dict[str, str | None], height: str, why: dict[str, str]
+    columns: ColumnNames, names: dict[str, str | None], height: str, why: dict[str, str]
 ) -> dict[str, Any]:
     """The key `geoid` of a height that is not named as ellipsoidal."""
     if names["separation"]:
@@ -133,7 +144,7 @@ def _geoid(
     return {}
 
 
-def _length(columns: Names, name: str) -> tuple[str, float]:
+def _length(columns: ColumnNames, name: str) -> tuple[str, float]:
     """(unit, scale) of a height."""
     named = columns.unit(name, ("m", "mm", "cm", "km", "ft"))
     values = columns.numbers(name)
@@ -141,7 +152,7 @@ def _length(columns: Names, name: str) -> tuple[str, float]:
     return ("m", 0.001) if named is None and typical > 2e4 else (named or "m", 1.0)
 
 
-def _position_sd(columns: Names, unit: str) -> tuple[Any, str]:
+def _position_sd(columns: ColumnNames, unit: str) -> tuple[Any, str]:
     """(sd, why it is assumed); `unit` is that of columns that name none."""
     named = {key: columns.find(pattern) for key, pattern in DEVIATIONS.items()}
     if all(named[key] for key in ("north", "east", "down")):
@@ -156,13 +167,13 @@ def _position_sd(columns: Names, unit: str) -> tuple[Any, str]:
     return [across, across, up], "of the height twice that of the position"
 
 
-def _deviation(columns: Names, name: str, unit: str) -> dict[str, Any]:
+def _deviation(columns: ColumnNames, name: str, unit: str) -> dict[str, Any]:
     """The entry of `sd` of a column, in the unit of its name or else in this one."""
     alike = next(units for units in SPREADS if unit in units)
     return {"column": name, "unit": columns.unit(name, alike) or unit}
 
 
-def _ecef(columns: Names, shared: Keys, found: Fixes) -> None:
+def _ecef(columns: ColumnNames, shared: Keys, found: GnssColumns) -> None:
     """Add a position and a velocity in ECEF, which the size of the numbers shows."""
     names = [name for pattern in ECEF.values() if (name := columns.find(pattern))]
     if len(names) < 3:
@@ -196,7 +207,7 @@ def _ecef_keys(names: list[str], unit: str, covariance: Any, usual_sd: float) ->
     return Keys({**keys, "sd": covariance}, {})
 
 
-def _covariance(columns: Names, of: str, unit: str) -> list[dict[str, Any]] | None:
+def _covariance(columns: ColumnNames, of: str, unit: str) -> list[dict[str, Any]] | None:
     """Six columns of variances and covariances of x, y, z, xy, yz, zx; None where one is missing."""
     sign = r"(σ²|σ\^?2|var(iance)?|cov(ariance)?|p)_?"
     found = []
@@ -208,7 +219,9 @@ def _covariance(columns: Names, of: str, unit: str) -> list[dict[str, Any]] | No
     return found
 
 
-def _velocity(columns: Names, shared: Keys, found: Fixes, t: Array, track: Array | None) -> None:
+def _velocity(
+    columns: ColumnNames, shared: Keys, found: GnssColumns, t: Array, track: Array | None
+) -> None:
     """Add a velocity: north, east and vertical, or speed and course."""
     if any(section.keys["kind"] == "velocity" for section in found.sections):
         return
@@ -224,7 +237,7 @@ def _velocity(columns: Names, shared: Keys, found: Fixes, t: Array, track: Array
 
 
 def _by_components(
-    columns: Names, names: dict[str, str | None], t: Array, track: Array | None
+    columns: ColumnNames, names: dict[str, str | None], t: Array, track: Array | None
 ) -> Keys:
     """Keys of a velocity that has columns for north, east and the vertical."""
     north, east = str(names["north"]), str(names["east"])
@@ -247,7 +260,9 @@ def _by_components(
     return Keys(keys, why)
 
 
-def _by_course(columns: Names, names: dict[str, str | None], t: Array, track: Array | None) -> Keys:
+def _by_course(
+    columns: ColumnNames, names: dict[str, str | None], t: Array, track: Array | None
+) -> Keys:
     """Keys of a velocity that has columns of speed and course, and perhaps of the vertical."""
     speed, course, vertical = (
         str(names["speed"]),
@@ -265,7 +280,7 @@ def _by_course(columns: Names, names: dict[str, str | None], t: Array, track: Ar
     return Keys({"form": form, "columns": in_order, "unit": units, "sd": sd}, why)
 
 
-def _course_sd(columns: Names, units: list[str]) -> tuple[Any, str]:
+def _course_sd(columns: ColumnNames, units: list[str]) -> tuple[Any, str]:
     """(sd, why it is assumed) of speed, course and, where `units` has three, the vertical."""
     of_speed, of_course = (columns.find(DEVIATIONS[key]) for key in ("speed", "course"))
     across = _deviation(columns, of_speed, "m/s") if of_speed else _of(VELOCITY_SD[0], units[0])
@@ -287,14 +302,14 @@ NO_FIX = re.compile(r"no(ne|[ _-]?fix|t .*)?|invalid|v|false|0|2d?|time.*", re.I
 """What a text says of a row that is no fix in three dimensions."""
 
 
-def conditions(columns: Names, is_imu: bool) -> list[tuple[dict[str, Any], str]]:
+def conditions(columns: ColumnNames, is_imu: bool) -> list[tuple[dict[str, Any], str]]:
     """[(condition of the key `where`, why)]; beside an IMU fixes may be held from row to row."""
     fix = _where(columns)
     found = [fix, _zeros(columns, fix[0]), _held(columns) if is_imu else (None, "")]
     return [(where, why) for where, why in found if where]
 
 
-def _where(columns: Names) -> tuple[dict[str, Any] | None, str]:
+def _where(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
     """(Condition on the rows that are fixes, or None; why)."""
     name = columns.find(FIX)
     if name is None:
@@ -323,7 +338,7 @@ def _where(columns: Names) -> tuple[dict[str, Any] | None, str]:
     return {"column": name, "equals": good}, f"{unused} rows of {len(cells)} are no fix"
 
 
-def _zeros(columns: Names, where: dict[str, Any] | None) -> tuple[dict[str, Any] | None, str]:
+def _zeros(columns: ColumnNames, where: dict[str, Any] | None) -> tuple[dict[str, Any] | None, str]:
     """(Condition on the rows that are fixes, or None; why) of a receiver that writes zeros without
     one, of the rows of which `where` holds."""
     names = [columns.find(POSITION["latitude"]), columns.find(POSITION["longitude"])]
@@ -334,7 +349,7 @@ def _zeros(columns: Names, where: dict[str, Any] | None) -> tuple[dict[str, Any]
         return None, ""
     zero = np.stack([columns.numbers(name) == 0 for name in some], axis=1)
     if where:
-        zero = zero[holds(columns.table, Condition.model_validate(where))]
+        zero = zero[holds(columns.table, KeyCondition.model_validate(where))]
     count = int(zero.all(axis=1).sum())
     alone = [name for name, each in zip(some, zero.T) if each.sum() == count]
     if not 0 < count < len(zero) or not alone:
@@ -342,7 +357,7 @@ def _zeros(columns: Names, where: dict[str, Any] | None) -> tuple[dict[str, Any]
     return {"column": alone[0], "unequal": 0}, f"{count} rows of {len(zero)} are zeros, no fix"
 
 
-def _held(columns: Names) -> tuple[dict[str, Any] | None, str]:
+def _held(columns: ColumnNames) -> tuple[dict[str, Any] | None, str]:
     """(Condition on the rows where a fix arrived, or None; why) of fixes that most rows repeat."""
     patterns = [*POSITION.values(), *VELOCITY.values()]
     if not columns.find(POSITION["latitude"]):

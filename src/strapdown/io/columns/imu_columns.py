@@ -22,7 +22,7 @@ from ...units.conversion import UNITS
 from ..contract import GUESS, Section
 from ..description.magnetic_sources import EARTH_FIELD
 from ..description.schema_aiding import HEADING
-from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, Names
+from .column_names import ACCEL, GYRO, MAG, TEMPERATURE, ColumnNames
 
 ANGLES = {"roll": r"(roll|phi)", "pitch": r"(pitch|theta)", "heading": HEADING}
 NO_ANGLE = r"(?!.*(rate|dot|sd|std|sigma|var|cov|err|bias|acc))"
@@ -72,7 +72,7 @@ class Force(NamedTuple):
 
 
 def imu_section(
-    columns: Names, time: dict[str, Any], t: Array
+    columns: ColumnNames, time: dict[str, Any], t: Array
 ) -> tuple[Section | None, list[str], list[str]]:
     """(Section [imu] with gyro, accel or both, or None; facts; what is asked) of a table whose times
     are `time`, t (n,) s, with the units and axes that fit gravity best."""
@@ -93,7 +93,7 @@ def imu_section(
     return Section("imu", "imu", keys, assumed=assumed, remarks=IMU_KEYS), facts, asked
 
 
-def _force(columns: Names, names: list[str]) -> Force:
+def _force(columns: ColumnNames, names: list[str]) -> Force:
     """The Force of these columns."""
     raw = _stack(columns, names)
     found = Force(names, raw, *_accel_unit(columns, names[0], raw), AXES)
@@ -124,7 +124,7 @@ def _accel_part(force: Force) -> Part:
     )
 
 
-def _gyro_part(columns: Names, names: list[str], t: Array, force: Force | None) -> Part:
+def _gyro_part(columns: ColumnNames, names: list[str], t: Array, force: Force | None) -> Part:
     """The key gyro."""
     raw = _stack(columns, names)
     unit, scale, why = _gyro_unit(columns, names[0], t, raw, force)
@@ -143,7 +143,7 @@ def _gyro_part(columns: Names, names: list[str], t: Array, force: Force | None) 
     )
 
 
-def _temperature_part(columns: Names) -> Part:
+def _temperature_part(columns: ColumnNames) -> Part:
     """The key temperature, where a column holds degC."""
     name = columns.find(TEMPERATURE)
     if name is None:
@@ -154,7 +154,7 @@ def _temperature_part(columns: Names) -> Part:
     return Part({"temperature": {"column": name}}, {} if said else {"temperature": "in degC"})
 
 
-def _stack(columns: Names, names: list[str]) -> Array:
+def _stack(columns: ColumnNames, names: list[str]) -> Array:
     return np.stack([columns.numbers(name) for name in names], axis=1)
 
 
@@ -165,7 +165,7 @@ def _strength(vectors: Array) -> float:
 
 
 def _gyro_unit(
-    columns: Names, name: str, t: Array, gyro: Array, force: Force | None
+    columns: ColumnNames, name: str, t: Array, gyro: Array, force: Force | None
 ) -> tuple[str, float, str]:
     """(unit, scale, why they are assumed)."""
     for named in ("mdps", "mrad/s", "deg/h", "rad/s", "deg/s"):
@@ -192,7 +192,7 @@ def _gyro_unit(
     return "rad/s", 1.0, "the unit is not in the name"
 
 
-def _accel_unit(columns: Names, name: str, raw: Array) -> tuple[str, float, str]:
+def _accel_unit(columns: ColumnNames, name: str, raw: Array) -> tuple[str, float, str]:
     """(unit, scale, why they are assumed) of the accelerometer columns."""
     unit = columns.unit(name, ("m/s^2", "mg", "g"))
     if unit is not None:
@@ -230,7 +230,7 @@ def _axes(force: Array) -> tuple[str, str]:
 
 
 def magnetometer_section(
-    columns: Names, time: dict[str, Any], axes: str
+    columns: ColumnNames, time: dict[str, Any], axes: str
 ) -> tuple[Section | None, list[str]]:
     """(Section [[aiding]] of a magnetometer or None, facts), its unit the one of its name or that
     gives about the Earth's field."""
@@ -265,7 +265,9 @@ def magnetometer_section(
     return section, [fact]
 
 
-def attitude_section(columns: Names, time: dict[str, Any]) -> tuple[Section | None, list[str]]:
+def attitude_section(
+    columns: ColumnNames, time: dict[str, Any]
+) -> tuple[Section | None, list[str]]:
     """(Section [[aiding]] of roll, pitch and heading or None, facts), which is left: a logged
     attitude is most often another filter's, made of this same IMU."""
     tilt = {key: columns.find(NO_ANGLE + pattern) for key, pattern in ANGLES.items()}

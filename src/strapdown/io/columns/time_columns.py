@@ -11,7 +11,7 @@ from ...typing import Array
 from ...units.conversion import UNITS
 from ...units.time_scales import DAY, GPS_ZERO, WEEK
 from ..tables.calendar_text import Pattern, moments, patterns
-from .column_names import Names, plain
+from .column_names import ColumnNames, plain
 
 TIME = (
     r"(?!.*(acc|offset|bias|drift|zone|valid|uncert))(t|ts|clock|[mun]s|milli(s|seconds?)|micro(s|seconds?)|zeit|zeitstempel|t_?stamp|seconds?|elapsed|epoch|i_?tow|tow|sow|gwk|gps_?sec|gps_?s|"
@@ -47,7 +47,7 @@ DAYS = 2
 """Of a format with a date of digits alone: the first of them that are tried in a column alone."""
 
 
-class Clock(NamedTuple):
+class ColumnClock(NamedTuple):
     """The time of a table in the keys of a description. A `week` of None is not known: the column
     is the time of week, whose week another file may tell."""
 
@@ -56,12 +56,12 @@ class Clock(NamedTuple):
     assumed: str = ""
 
 
-def find_clock(columns: Names, is_imu: bool) -> Clock | None:
-    """The Clock of a table, or None where no column is named like a time."""
+def find_clock(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
+    """The ColumnClock of a table, or None where no column is named like a time."""
     day, clock = columns.find(DATE), columns.find(CLOCK)
     if day and clock and (form := _format(columns, clock, day)):
         keys = {"column": clock, "date": day, "format": form} | _scale(clock)
-        return Clock(keys, f"time: {day!r} and {clock!r}, {_scale_name(keys)}")
+        return ColumnClock(keys, f"time: {day!r} and {clock!r}, {_scale_name(keys)}")
     name = columns.find(TIME)
     if name is None and (name := columns.find(OF_WEEK)) is None:
         return _by_content(columns, is_imu)
@@ -70,28 +70,30 @@ def find_clock(columns: Names, is_imu: bool) -> Clock | None:
         if form is None:
             raise DataError(_of_no_form(columns, name))
         if form == OF_DAY:
-            return Clock({"column": name, "format": form}, f"time: {name!r}, time of day, UTC")
+            return ColumnClock(
+                {"column": name, "format": form}, f"time: {name!r}, time of day, UTC"
+            )
         keys = {"column": name, "format": form} | _scale(name)
         why = "" if "%d/%m" not in form else "days before months"
-        return Clock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
+        return ColumnClock(keys, f"time: {name!r}, {_scale_name(keys)}", why)
     return _counted(columns, name, is_imu)
 
 
-def _by_content(columns: Names, is_imu: bool) -> Clock | None:
-    """The Clock of the first column that reads as POSIX time or dates, whatever its name."""
+def _by_content(columns: ColumnNames, is_imu: bool) -> ColumnClock | None:
+    """The ColumnClock of the first column that reads as POSIX time or dates, whatever its name."""
     for name in columns.names:
         if columns.table.frame[name].dtype.kind not in "iuf":
             form = _format(columns, name)
             if form:
                 keys = {"column": name, "format": form}
-                return Clock(keys, f"time: {name!r}, UTC", "by its content")
+                return ColumnClock(keys, f"time: {name!r}, UTC", "by its content")
         else:
             t = columns.numbers(name)
             steps = np.diff(t[np.isfinite(t)])
             if len(steps) and steps.min() >= 0 and (unit := _unix_unit(t, UNIX_UNITS, is_imu)):
                 keys = {"column": name, "unit": unit, "clock": "unix"}
                 fact = f"time: {name!r} in {unit}, POSIX time, UTC"
-                return Clock(keys, fact, "by its content")
+                return ColumnClock(keys, fact, "by its content")
     return None
 
 
@@ -109,7 +111,7 @@ def _unix_unit(t: Array, units: Iterable[str], is_imu: bool) -> str | None:
     return None
 
 
-def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
+def _counted(columns: ColumnNames, name: str, is_imu: bool) -> ColumnClock:
     """The Clock of a column of numbers."""
     week = columns.find(WEEK_NUMBER)
     of_week = columns.find(OF_WEEK) if week else None
@@ -121,7 +123,9 @@ def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
     first = float(known[0]) if len(known) else 0.0
     if unit := _unit_of_week(name, t, named, is_imu):
         keys = {"column": name, "unit": unit, "clock": "gps", "week": week}
-        return Clock(keys, f"time: {name!r} in {unit} of the GPS week" + f" {week!r}" * bool(week))
+        return ColumnClock(
+            keys, f"time: {name!r} in {unit} of the GPS week" + f" {week!r}" * bool(week)
+        )
     absolute = _unix_unit(t, [named] if named else UNIX_UNITS, is_imu)
     if absolute:
         seconds = first * UNITS["time"][absolute]
@@ -129,10 +133,10 @@ def _counted(columns: Names, name: str, is_imu: bool) -> Clock:
         keys = {"column": name, "unit": absolute, "clock": "gps" if is_gps else "unix"}
         which = "GPS time since 1980" if is_gps else "POSIX time, UTC"
         sure = "" if is_gps or seconds > LEAST_UNIX + GPS_ZERO else "or GPS time since 1980"
-        return Clock(keys, f"time: {name!r} in {absolute}, {which}", sure)
+        return ColumnClock(keys, f"time: {name!r} in {absolute}, {which}", sure)
     unit = named or _unit_by_interval(t, is_imu)
     why = "" if named or unit == "s" else "by the interval of its rows"
-    return Clock({"column": name, "unit": unit}, f"time: {name!r} in {unit}", why)
+    return ColumnClock({"column": name, "unit": unit}, f"time: {name!r} in {unit}", why)
 
 
 def _unit_of_week(name: str, t: Array, named: str | None, is_imu: bool) -> str | None:
@@ -167,7 +171,7 @@ def _unit_by_interval(t: Array, is_imu: bool) -> str:
     return "s"
 
 
-def _format(columns: Names, name: str, day: str | None = None) -> str | None:
+def _format(columns: ColumnNames, name: str, day: str | None = None) -> str | None:
     """The first of the formats that all of the first and last rows are written in."""
     frame = columns.table.frame[[name, day] if day else [name]].dropna()
     frame = (
@@ -188,7 +192,7 @@ def _format(columns: Names, name: str, day: str | None = None) -> str | None:
     return None
 
 
-def _of_no_form(columns: Names, name: str) -> str:
+def _of_no_form(columns: ColumnNames, name: str) -> str:
     """What is said of a column of text that is no time: which cell is no number, where most are."""
     table = columns.table
     numbers, known = columns.numbers(name), table.frame[name].notna().to_numpy()

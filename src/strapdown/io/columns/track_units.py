@@ -9,7 +9,7 @@ from ...core.mathematics.earth import A
 from ...geometry.geodesy import wrap
 from ...typing import Array, Mask
 from ...units.conversion import DEG, UNITS
-from .column_names import Names
+from .column_names import ColumnNames
 
 BASE = 4.0
 """s between two positions whose difference tells a speed."""
@@ -19,7 +19,7 @@ unit fits."""
 
 
 def units_of_course(
-    columns: Names, speed: str, course: str, t: Array, track: Array | None
+    columns: ColumnNames, speed: str, course: str, t: Array, track: Array | None
 ) -> tuple[list[str], str]:
     """([unit of the speed, of the course], why they are assumed): those of the names, unless the
     positions show another."""
@@ -48,7 +48,7 @@ def units_of_course(
 
 
 def unit_of_velocity(
-    columns: Names, north: str, east: str, t: Array, track: Array | None
+    columns: ColumnNames, north: str, east: str, t: Array, track: Array | None
 ) -> tuple[str, str]:
     """(unit of a velocity, why it is assumed): that of the name, else the one that fits the
     positions."""
@@ -113,7 +113,7 @@ class Angles(NamedTuple):
     why: str = ""
 
 
-def angles_of(columns: Names, lat: str, lon: str) -> Angles:
+def angles_of(columns: ColumnNames, lat: str, lon: str) -> Angles:
     """The Angles of two columns of a table: rad, degrees, 1e-7 degrees, or degrees and minutes as
     ddmm.mmmm of NMEA 0183; columns of N and S, E and W beside them say their signs."""
     values = np.stack([columns.numbers(lat), columns.numbers(lon)], axis=1)
@@ -152,7 +152,7 @@ def _why(lat: str, minutes: bool, beside: list[str | None], signed: bool) -> str
     return f"{text}; taken as {' and '.join(lacking)}, for no column says otherwise"
 
 
-def _negative(columns: Names, name: str | None, letters: str, values: Array) -> Mask | None:
+def _negative(columns: ColumnNames, name: str | None, letters: str, values: Array) -> Mask | None:
     """Which rows (n,) are south or west by the letters of a column; None where the values have
     signs of their own."""
     if name is None or (values < 0).any():
@@ -167,7 +167,7 @@ def _signed(values: Array, negative: Mask | None, minutes: bool) -> Array:
     return np.where(np.signbit(values) if negative is None else negative, -degrees, degrees)
 
 
-def _hemisphere(columns: Names, beside: str, letters: str) -> str | None:
+def _hemisphere(columns: ColumnNames, beside: str, letters: str) -> str | None:
     """The column nearest to that of the coordinate, those behind it first, whose cells are these
     letters or words that begin so."""
     words = {"N", "S", "NORTH", "SOUTH"} if letters == "NS" else {"E", "W", "EAST", "WEST"}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...units.wording import counted
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 
 Bytes = NDArray[np.uint8]
 Follow = Callable[[NDArray[np.int64]], NDArray[np.int64]]
@@ -122,14 +122,14 @@ class Walked(ABC):
         return lines
 
 
-class Tables(Mapping[str, Table]):
+class Tables(Mapping[str, FileTable]):
     """Tables by name, each made when it is asked for."""
 
-    def __init__(self, makers: Mapping[str, Callable[[], Table]]) -> None:
+    def __init__(self, makers: Mapping[str, Callable[[], FileTable]]) -> None:
         self._makers = makers
-        self._made: dict[str, Table] = {}
+        self._made: dict[str, FileTable] = {}
 
-    def __getitem__(self, name: str) -> Table:
+    def __getitem__(self, name: str) -> FileTable:
         if name not in self._made:
             self._made[name] = self._makers[name]()
         return self._made[name]

@@ -12,7 +12,7 @@ import numpy as np
 from ...checks import DataError
 from ...units.time_scales import DAY, WEEK, gps_of, iso
 from ..contract import Log, Section
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 from .schema_base import Time
 from .source_files import times_of
 
@@ -30,7 +30,7 @@ class Timed(NamedTuple):
     last: float
 
 
-def table_of(log: Log, section: Section) -> Table | None:
+def table_of(log: Log, section: Section) -> FileTable | None:
     """The table that a section names, or the only one."""
     name = section.keys.get("table")
     return log.tables.get(name) if name else next(iter(log.tables.values()), None)

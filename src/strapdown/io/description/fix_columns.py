@@ -27,11 +27,11 @@ from ...units.conversion import factor, spread_factor
 from ...units.quantities import dimension, innovation_dimension
 from .schema import ReferencePart, Vector, vector_factors
 from .schema_aiding import AidingPart
-from .schema_base import Separation
+from .schema_base import SeparationKeys
 from .source_files import Files
 
 
-class Fixes(NamedTuple):
+class FixColumns(NamedTuple):
     """Rows of a source: t (m,) s, y (m, components) and sd in SI and radians, where they are
     from, and notes."""
 
@@ -41,10 +41,10 @@ class Fixes(NamedTuple):
     origin: Origin
     notes: list[str]
 
-    def kept(self, keep: Mask, notes: list[str]) -> "Fixes":
+    def kept(self, keep: Mask, notes: list[str]) -> "FixColumns":
         """Only the rows of a mask (m,), with further notes."""
         origin = self.origin.kept(keep, len(self.t))
-        return Fixes(self.t[keep], self.y[keep], self.sd[keep], origin, [*self.notes, *notes])
+        return FixColumns(self.t[keep], self.y[keep], self.sd[keep], origin, [*self.notes, *notes])
 
 
 class Whereabouts(NamedTuple):
@@ -66,13 +66,13 @@ class Whereabouts(NamedTuple):
         return np.broadcast_to(np.array(self.place), (len(t), 3))
 
 
-def read_fixes(part: AidingPart, files: Files, whereabouts: Whereabouts, where: str) -> Fixes:
+def read_fixes(part: AidingPart, files: Files, whereabouts: Whereabouts, where: str) -> FixColumns:
     """The rows of a source that is recorded; an attitude and a magnetic field as their columns
     have them. Raises DataError, which names `where`."""
     # the schema asks every kind that is recorded for these
     assert part.file is not None and part.time is not None and part.columns is not None
     entries = part.deviations
-    geoid = part.geoid.column if isinstance(part.geoid, Separation) else None
+    geoid = part.geoid.column if isinstance(part.geoid, SeparationKeys) else None
     wanted: list[str | int | None] = [*(_deviation_column(entry) for entry, _, _ in entries), geoid]
     more: list[str | int] = [name for name in wanted if name is not None]
     table, t, columns, notes = files.columns(
@@ -88,12 +88,14 @@ def read_fixes(part: AidingPart, files: Files, whereabouts: Whereabouts, where: 
         axis=1,
     )
     with located(where):
-        return _in_ned(part, Fixes(t, y, sd, table.origin, notes), next(read, None), whereabouts)
+        return _in_ned(
+            part, FixColumns(t, y, sd, table.origin, notes), next(read, None), whereabouts
+        )
 
 
 def _in_ned(
-    part: AidingPart, fixes: Fixes, undulations: Array | None, whereabouts: Whereabouts
-) -> Fixes:
+    part: AidingPart, fixes: FixColumns, undulations: Array | None, whereabouts: Whereabouts
+) -> FixColumns:
     """The same with heights above the ellipsoid, latitude and longitude, and velocities north, east,
     down, of those that come otherwise; `undulations` is the column of `geoid`."""
     t, y, sd, origin, notes = fixes
@@ -120,7 +122,7 @@ def upright(values: Array, form: str) -> Array:
 
 
 def separation(
-    geoid: Literal["EGM96"] | Separation, lla: Array, column: Array | None
+    geoid: Literal["EGM96"] | SeparationKeys, lla: Array, column: Array | None
 ) -> tuple[Array, str]:
     """(height of the geoid above the ellipsoid (m,) in m, what is said of it) at geodetic positions
     lla (m, 3), as the model, the column (m,) or the number of the key `geoid` says."""
@@ -174,7 +176,7 @@ def read_columns(part: ReferencePart, files: Files, whereabouts: Whereabouts) ->
     parts = part.parts
     names = [column for vector in parts.values() for column in vector.columns]
     geoid = part.position.geoid if part.position is not None else None
-    if isinstance(geoid, Separation) and geoid.column is not None:
+    if isinstance(geoid, SeparationKeys) and geoid.column is not None:
         names.append(geoid.column)
     table, t, columns, notes = files.columns(part.file, part.time, names, part.table, part.where)
     read, where = iter(columns), f"{files.path}: [reference]"

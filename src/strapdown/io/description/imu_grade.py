@@ -32,7 +32,7 @@ THIRD = 20.0
 """Variance of the third difference of white noise of variance 1; it takes slow motion out."""
 
 
-class Shown(NamedTuple):
+class ShownGrade(NamedTuple):
     """White noise, the largest of what the record shows, and means at rest, NaN without a rest."""
 
     gyro: float  # rad/sqrt(s)
@@ -54,7 +54,7 @@ def nearest_grade(imu: Imu) -> tuple[str, str]:
     )
 
 
-def _allowed(name: str, seen: Shown) -> bool:
+def _allowed(name: str, seen: ShownGrade) -> bool:
     """Whether a grade allows all of it; NaN is allowed."""
     spec = grade(name)
     accel_sd, gyro_sd = spec.bias_sd()
@@ -66,7 +66,7 @@ def _allowed(name: str, seen: Shown) -> bool:
     )
 
 
-def shown(imu: Imu) -> Shown:
+def shown(imu: Imu) -> ShownGrade:
     """The noise and biases that the samples show."""
     dt = float(np.median(imu.dt))
     rate, force = imu.dtheta / imu.dt[:, None], imu.dv / imu.dt[:, None]
@@ -78,9 +78,9 @@ def shown(imu: Imu) -> Shown:
         *(step < STEADY * np.sqrt(2 / MEANS) * sd for step, sd in zip(steps, (gyro, accel)))
     )
     if not steady.any():
-        return Shown(gyro, accel, np.nan, np.nan)
+        return ShownGrade(gyro, accel, np.nan, np.nan)
     rates, forces = (np.linalg.norm(each[1:][steady], axis=1) for each in means)
-    return Shown(gyro, accel, float(rates.min()), float(np.median(forces)) - G)
+    return ShownGrade(gyro, accel, float(rates.min()), float(np.median(forces)) - G)
 
 
 def _deviation(values: Array) -> float:

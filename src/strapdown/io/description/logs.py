@@ -16,7 +16,7 @@ from ...units.conversion import factor
 from ...units.time_scales import rate_of
 from ..contract import GUESS, ROLES, Log, Section
 from ..registry import ask, looker
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 from .clocks import OneClock, one_clock
 from .imu_grade import CLASSES, nearest_grade
 from .messages import load
@@ -353,7 +353,7 @@ ROUNDED = 0.98
 """Of a rate: it may be 99 for 100."""
 
 
-def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | None:
+def slow(section: Section, tables: Mapping[str, FileTable]) -> tuple[str, bool] | None:
     """(line on an IMU that is slow, whether it is refused); None where it is fast enough, or no
     IMU of a log."""
     if section.of != "imu":
@@ -372,7 +372,7 @@ def slow(section: Section, tables: Mapping[str, Table]) -> tuple[str, bool] | No
     return f"{line}; {remedy}", refused
 
 
-def _rate(section: Section, tables: Mapping[str, Table]) -> float:
+def _rate(section: Section, tables: Mapping[str, FileTable]) -> float:
     """Hz of the slower of gyro and accelerometer: 1 / the median interval; infinite where the
     samples have no times in a log."""
     keys, found = section.keys, {}
@@ -384,7 +384,7 @@ def _rate(section: Section, tables: Mapping[str, Table]) -> float:
     return min((hz or math.inf for hz in rates), default=math.inf)
 
 
-def _of(table: Table, time: Mapping[str, Any]) -> float:
+def _of(table: FileTable, time: Mapping[str, Any]) -> float:
     """Hz of the times of one table; of numbers whatever their clock, which takes time to look up."""
     if "format" in time:
         return rate_of(times_of(table, time))

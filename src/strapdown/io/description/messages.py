@@ -11,7 +11,7 @@ from ...checks import DataError, did_you_mean
 from ...fileio.files import read_toml
 from ...typing import File
 from .schema import Description
-from .schema_base import Part
+from .schema_base import KeyPart
 
 
 def load(path: File, content: dict[str, Any] | None = None) -> Description:
@@ -86,13 +86,13 @@ def _place(location: Sequence[int | str], content: dict[str, Any]) -> str:
 
 
 def _keys(location: Sequence[int | str]) -> list[str]:
-    model: type[Part] = Description
+    model: type[KeyPart] = Description
     for name in location:
         if isinstance(name, str):
             annotation = model.model_fields[name].annotation
             model = next(
                 part
                 for part in [annotation, *getattr(annotation, "__args__", ())]
-                if isinstance(part, type) and issubclass(part, Part)
+                if isinstance(part, type) and issubclass(part, KeyPart)
             )
     return list(model.model_fields)

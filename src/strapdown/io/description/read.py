@@ -28,10 +28,10 @@ from ...units.conversion import DEG, factor
 from ...units.time_scales import iso, utc
 from ..contract import Made
 from ..magnetic_record import sound
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 from ..unfelt_tilt import accusation, decided
 from .calibrations import corrected, frames, kept_temperatures
-from .fix_columns import Fixes, Whereabouts, read_columns, read_fixes
+from .fix_columns import FixColumns, Whereabouts, read_columns, read_fixes
 from .installed import installed
 from .magnetic_sources import calibrated, with_field
 from .messages import load
@@ -287,7 +287,7 @@ def _made(part: AidingPart, imu_lever_arm: list[float], t: Array, y: Array, sd: 
 
 def _of_the_body(
     part: AidingPart, imu: Imu, files: Files, whereabouts: Whereabouts, where: str
-) -> Fixes:
+) -> FixColumns:
     """The rows of a recorded source in the axes that its kind is used in, without samples that are
     stuck or saturated."""
     fixes = read_fixes(part, files, whereabouts, where)
@@ -302,8 +302,8 @@ def _of_the_body(
 
 
 def _attitude(
-    part: AidingPart, fixes: Fixes, imu: Imu, whereabouts: Whereabouts, where: str
-) -> Fixes:
+    part: AidingPart, fixes: FixColumns, imu: Imu, whereabouts: Whereabouts, where: str
+) -> FixColumns:
     """Roll, pitch and heading of the body, rad, of an attitude as the columns hold it, without stuck
     fixes."""
     t, y, sd, origin, _ = fixes
@@ -319,7 +319,7 @@ def _attitude(
     return fixes._replace(y=y, sd=sd).kept(keep, notes)
 
 
-def _field(part: AidingPart, fixes: Fixes, imu: Imu, files: Files) -> Fixes:
+def _field(part: AidingPart, fixes: FixColumns, imu: Imu, files: Files) -> FixColumns:
     """The calibrated samples of a magnetometer, without stuck and saturated ones."""
     name = part.name or part.kind
     keep, notes = sound(fixes.t, fixes.y, imu, name, fixes.origin, part.vector_matrix)
@@ -437,7 +437,7 @@ def read_reference(
 
 
 def _own_table(
-    table: Table, files: Files
+    table: FileTable, files: Files
 ) -> tuple[Array, Array, Array | None, Array | None, Origin]:
     """A table of this library: t in s, then columns of `Trajectory.table`, in degrees, m and
     m/s; units may follow the names in brackets."""

@@ -32,7 +32,7 @@ from .schema_base import (
     Column,
     Finite,
     Geoid,
-    Part,
+    KeyPart,
     Signal,
     Time,
     Triple,
@@ -69,7 +69,7 @@ def _epoch(value: Any) -> float:
     return gps_of(value)
 
 
-class Mounting(Part):
+class Mounting(KeyPart):
     """Sensor to body: C_bs = Rz(heading) Ry(pitch) Rx(roll)."""
 
     roll: Finite = 0.0
@@ -88,7 +88,7 @@ class Mounting(Part):
         return rotation_matrix(*self.angles)
 
 
-class Temperature(Part):
+class Temperature(KeyPart):
     """temperature: the column of the IMU's own, degC = column * scale + offset. The table and time
     are those of the section, or its own."""
 
@@ -100,7 +100,7 @@ class Temperature(Part):
     time: Time | None = None
 
 
-class ImuPart(Part):
+class ImuPart(KeyPart):
     """[imu]"""
 
     file: str
@@ -159,7 +159,7 @@ class ImuPart(Part):
         return self
 
 
-class Place(Part):
+class PlaceKeys(KeyPart):
     """place: where the recording is, for models of the magnetic field and of gravity; latitude
     and longitude in `unit`, height in m."""
 
@@ -221,7 +221,7 @@ def _vehicle(value: Any) -> GivenVehicle:
     return Vehicle(str(value.get("name", "own")), **bounds)
 
 
-class Vector(Part):
+class Vector(KeyPart):
     """Columns of a reference with their unit, or a unit for each; a velocity and an attitude
     take axes, an attitude may be a quaternion, a velocity speed and course, a position may be in
     ECEF or have its height above the geoid."""
@@ -245,7 +245,7 @@ class Vector(Part):
         return ("length",) * 3 if self.ecef and key == "position" else VECTORS[key]
 
 
-class ReferencePart(Part):
+class ReferencePart(KeyPart):
     """[reference]: what is missing is not scored; with a file alone, the columns are those of
     the library's own tables."""
 
@@ -276,13 +276,13 @@ class ReferencePart(Part):
         return self
 
 
-class Description(Part):
+class Description(KeyPart):
     """A whole `recording.toml`."""
 
     epoch: Annotated[Any, AfterValidator(_epoch)] = None
     date: Annotated[Any, AfterValidator(_date)] = None
     point: Literal["imu", "reference"] = "imu"
-    place: Place | None = None
+    place: PlaceKeys | None = None
     vehicle: Annotated[Any, AfterValidator(_vehicle)] = None
     imu: ImuPart
     aiding: Annotated[list[AidingPart], Field(max_length=MOST_SOURCES)] = []

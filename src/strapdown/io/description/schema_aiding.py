@@ -23,7 +23,7 @@ from .schema_base import (
     EarthField,
     Finite,
     Geoid,
-    Part,
+    KeyPart,
     Time,
     Triple,
     Where,
@@ -53,7 +53,7 @@ def is_ecef(axes: str | None) -> bool:
     return axes is not None and axes.split()[-1:] == [ECEF]
 
 
-class CorrelatedPart(Part):
+class CorrelatedPart(KeyPart):
     """correlated: errors that last, beside the white ones of `sd`."""
 
     sd: Annotated[Finite, Field(ge=0)] | list[Annotated[Finite, Field(ge=0)]]
@@ -61,7 +61,7 @@ class CorrelatedPart(Part):
     states: bool = True
 
 
-class AidingPart(Part):
+class AidingPart(KeyPart):
     """[[aiding]]: what its kind measures decides which keys it takes."""
 
     kind: str

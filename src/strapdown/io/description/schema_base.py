@@ -49,7 +49,7 @@ AngleUnit = Annotated[float, Unit, BeforeValidator(partial(factor, of="angle"))]
 """Fields whose value is the factor of the unit that the description names."""
 
 
-class Part(BaseModel):
+class KeyPart(BaseModel):
     """Base of all parts: unknown keys are refused, numbers are not taken from text."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -65,7 +65,7 @@ def _day(value: Any) -> Any:
         return value if value is None else column(value)
 
 
-class Condition(Part):
+class KeyCondition(KeyPart):
     """where: only rows count whose `column` is at least `least`, at most `most`, one of
     `equals`, numbers or texts, not the number `unequal`, or `changes`: is not what it was in the row
     before."""
@@ -118,11 +118,11 @@ def _conditions(value: Any) -> Any:
     return [value] if isinstance(value, dict) else value
 
 
-Where = Annotated[list[Condition], BeforeValidator(_conditions)]
+Where = Annotated[list[KeyCondition], BeforeValidator(_conditions)]
 """Conditions of which each must hold for a row to count."""
 
 
-class Time(Part):
+class Time(KeyPart):
     """Numbers: t = column * scale * unit + offset, s, from the epoch of the recording where `clock`
     names an absolute clock: "gps", seconds from the zero of GPS time or of the week that the column
     or the number `week` says, or "unix", POSIX seconds.
@@ -194,7 +194,7 @@ class Time(Part):
         return self
 
 
-class Signal(Part):
+class Signal(KeyPart):
     """Three columns with one unit; `scale` is what a count is worth in that unit. The table and
     time are those of the section, or its own."""
 
@@ -258,7 +258,7 @@ def _field(value: Any) -> str | tuple[float, ...]:
 EarthField = Annotated[Any, AfterValidator(_field)]
 
 
-class Declination(Part):
+class Declination(KeyPart):
     """declination of a field taken from the record: of magnetic from true north, positive east."""
 
     value: Finite
@@ -270,7 +270,7 @@ class Declination(Part):
         return self.value * self.unit
 
 
-class Separation(NamedTuple):
+class SeparationKeys(NamedTuple):
     """geoid: the height of the geoid above the ellipsoid, in m = column * size, or value."""
 
     value: float = 0.0
@@ -278,7 +278,7 @@ class Separation(NamedTuple):
     size: float = 1.0
 
 
-def _geoid(value: Any) -> Literal["EGM96"] | Separation:
+def _geoid(value: Any) -> Literal["EGM96"] | SeparationKeys:
     """ "EGM96", or the separation in a column or as one number."""
     if value == "EGM96":
         return "EGM96"
@@ -288,10 +288,10 @@ def _geoid(value: Any) -> Literal["EGM96"] | Separation:
             '{ value = 46.3, unit = "m" }, or the column that has it, { column = "sep", unit = "m" }'
         )
     if "value" in value:
-        return Separation(quantity(value, "m", "its height", "m", -math.inf))
+        return SeparationKeys(quantity(value, "m", "its height", "m", -math.inf))
     check_keys(value, ["column", "unit", "scale"])
     scale = check_number(value.get("scale", 1.0), "scale", least=-math.inf)
-    return Separation(0.0, column(value["column"]), scale * factor(value.get("unit"), "length"))
+    return SeparationKeys(0.0, column(value["column"]), scale * factor(value.get("unit"), "length"))
 
 
 Geoid = Annotated[Any, AfterValidator(_geoid)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...checks import DataError, did_you_mean, located
 from ...fileio.limits import check_inside, in_force
-from ...preprocessing.origin import Rows
+from ...preprocessing.origin import RowsOfFile
 from ...typing import Array, File, Mask
 from ...units.time_scales import (
     DAY,
@@ -28,14 +28,14 @@ from ..locate import locate
 from ..registry import ask, looker
 from ..tables.calendar_text import Moments, Pattern, read_moments
 from ..tables.table_arrays import MATLAB, tables_of
-from ..tables.table_file import Table
-from .schema_base import Condition, Time
+from ..tables.table_file import FileTable
+from .schema_base import KeyCondition, Time
 
 
-class Columns(NamedTuple):
+class SourceColumns(NamedTuple):
     """Columns of a table, and notes on the rows that were left out."""
 
-    table: Table
+    table: FileTable
     t: Array  # (n,) s
     values: list[Array]  # (n,) each
     notes: list[str]
@@ -64,12 +64,12 @@ class Files:
         self.notes: list[str] = []
         self.epoch = epoch
         self._first: Time | None = None
-        self._read: dict[tuple[int, Time], tuple[Table, Moments]] = {}
+        self._read: dict[tuple[int, Time], tuple[FileTable, Moments]] = {}
         self._start: float | None = None  # of times of day without a date
         # a description may name the same file another way
         self._logs = {path.resolve(): log for path, log in (logs or {}).items()}
 
-    def _table(self, file: str, header: bool = True, table: str | None = None) -> Table:
+    def _table(self, file: str, header: bool = True, table: str | None = None) -> FileTable:
         path = self.locate(file)
         same = path.resolve()
         if same in self._logs and header:
@@ -86,7 +86,7 @@ class Files:
         self.notes += [note for note in found.notes if note not in self.notes]
         return found
 
-    def _opened(self, path: Path, header: bool, alone: bool) -> Mapping[str, Table]:
+    def _opened(self, path: Path, header: bool, alone: bool) -> Mapping[str, FileTable]:
         """The tables of a file that is not yet read; `alone`: a description names none of them."""
         reader = looker(path)
         is_bare = reader.open is None or reader.name == "table"
@@ -115,8 +115,8 @@ class Files:
         time: Time,
         columns: Sequence[str | int],
         table: str | None = None,
-        where: Sequence[Condition] = (),
-    ) -> "Columns":
+        where: Sequence[KeyCondition] = (),
+    ) -> "SourceColumns":
         """Columns of one table, of the rows that count; columns given by number say that it has
         no header."""
         named = [time.column, *columns, *(each.column for each in where)]
@@ -125,11 +125,11 @@ class Files:
         for condition in where:
             found, more = _counting(found, condition)
             notes += more
-        return Columns(
+        return SourceColumns(
             found, self.times(found, time), [found.numbers(column) for column in columns], notes
         )
 
-    def times(self, table: Table, time: Time) -> Array:
+    def times(self, table: FileTable, time: Time) -> Array:
         """Times of the rows of a table (n,), s. Raises DataError where one part of a recording
         has an absolute clock and another has none."""
         if self._first is None:
@@ -155,7 +155,7 @@ class Files:
             )
         return self._since(self.epoch, table, time)
 
-    def _since(self, epoch: float, table: Table, time: Time) -> Array:
+    def _since(self, epoch: float, table: FileTable, time: Time) -> Array:
         """Times on an absolute clock, s since `epoch` in seconds of GPS time since its zero."""
         assert time.absolute is not None
         if time.format is not None:
@@ -171,7 +171,7 @@ class Files:
             week = table.numbers(week)
         return seconds_since(epoch, cells, time.absolute, unit, week) + time.offset
 
-    def _moments(self, table: Table, time: Time) -> Moments:
+    def _moments(self, table: FileTable, time: Time) -> Moments:
         """What the calendar text of a table says, with the day of its `date`; read once, for gyro
         and accelerometer ask for the same."""
         key = (id(table.content), time)  # of the rows that count
@@ -179,7 +179,7 @@ class Files:
             self._read[key] = table, self._read_moments(table, time)
         return self._read[key][1]
 
-    def _read_moments(self, table: Table, time: Time) -> Moments:
+    def _read_moments(self, table: FileTable, time: Time) -> Moments:
         of_days, pattern = time.patterns
 
         def read(column: str | int, pattern: Pattern) -> Moments:
@@ -193,7 +193,7 @@ class Files:
         first = float(DAY) * (time.date - date(1970, 1, 1)).days
         return found._replace(minute=found.minute + first + DAY * rolled(np.add(*found), DAY))
 
-    def _of_day(self, table: Table, time: Time) -> Array:
+    def _of_day(self, table: FileTable, time: Time) -> Array:
         """Times of day without a date, s since midnight before the first sample of the IMU."""
         t = np.add(*self._moments(table, time))
         t += DAY * rolled(t, DAY)
@@ -203,7 +203,7 @@ class Files:
         return t + DAY * np.round((self._start - some[0]) / DAY) if len(some) else t
 
 
-def times_of(table: Table, keys: Mapping[str, Any]) -> Array:
+def times_of(table: FileTable, keys: Mapping[str, Any]) -> Array:
     """Times of the rows of a table (n,), s, by the key `time` of a section: GPS time since its zero on an
     absolute clock, else as they count, as do those of a week without its number."""
     if "week" in keys and keys["week"] is None:
@@ -211,7 +211,7 @@ def times_of(table: Table, keys: Mapping[str, Any]) -> Array:
     return Files("", 0.0).times(table, Time.model_validate(dict(keys)))
 
 
-def _believed(gps: float, table: Table, time: Time) -> float:
+def _believed(gps: float, table: FileTable, time: Time) -> float:
     """A first time, s of GPS time since its zero. Raises DataError where it is none of a recording."""
     year = year_of(gps)
     if not YEARS[0] <= year < YEARS[1]:
@@ -222,7 +222,7 @@ def _believed(gps: float, table: Table, time: Time) -> float:
     return gps
 
 
-def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:
+def _counting(table: FileTable, condition: KeyCondition) -> tuple[FileTable, list[str]]:
     """(Table of the rows of which the condition holds, notes on the others). Raises DataError where
     there is none."""
     left_out = ~holds(table, condition)
@@ -234,13 +234,13 @@ def _counting(table: Table, condition: Condition) -> tuple[Table, list[str]]:
             f"{table.name}: where: none of its {len(cells)} rows has {condition}; the first has "
             f"{str(cells[0])[:40]!r}: check the key where"
         )
-    rows = Rows(table.origin, (np.arange(len(left_out)),), []).without(
+    rows = RowsOfFile(table.origin, (np.arange(len(left_out)),), []).without(
         left_out, "row", f"of {len(left_out)} left out, which do not have {condition}"
     )
     return table.taking(~left_out), rows.notes
 
 
-def holds(table: Table, condition: Condition) -> Mask:
+def holds(table: FileTable, condition: KeyCondition) -> Mask:
     """(n,) the rows of which it holds; it holds of no empty cell."""
     found = np.ones(len(table.lines), bool)
     if condition.least is not None or condition.most is not None:

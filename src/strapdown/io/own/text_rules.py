@@ -27,7 +27,7 @@ Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Deviation = Annotated[float, Field(ge=0)]
 
 
-class Said(BaseModel):
+class SaidRules(BaseModel):
     """What a file says of itself. Keys beyond those that are named stay as they are: a later version
     or a user may have put them there."""
 
@@ -67,7 +67,7 @@ def check_values(model: Any, values: Any, where: object) -> Any:
 # ---- recordings
 
 
-class AidingAttributes(Said):
+class AidingAttributes(SaidRules):
     """Of the group of a source."""
 
     kind: Name
@@ -83,7 +83,7 @@ class AidingAttributes(Said):
     adaptive: Annotated[Finite, Field(ge=0)] = 0.0
 
 
-class RecordingMeta(Said):
+class RecordingMetaRules(SaidRules):
     """`Recording.meta`, as far as the library asks for it."""
 
     name: Line = ""
@@ -112,7 +112,7 @@ Event = Annotated[list[float | Line], Field(min_length=2, max_length=2)]
 Events = list[Event]
 
 
-class StartRules(Said):
+class StartRules(SaidRules):
     """Where a filter began."""
 
     t: Finite
@@ -136,7 +136,7 @@ class RejectedRules(Only):
     remedy: Line
 
 
-class SolutionMeta(Said):
+class SolutionMetaRules(SaidRules):
     """`Solution.meta`, as far as the library asks for it."""
 
     filter: Line = ""
@@ -168,7 +168,7 @@ class ReasonRules(Only):
     weight: Annotated[float, Field(ge=0)] = 1.0
 
 
-class VerdictRules(Said):
+class VerdictRules(SaidRules):
     """A verdict, as `Verdict.as_dict` gives it."""
 
     word: Literal[SEVERITY]  # type: ignore[valid-type]  # a tuple of texts

@@ -14,7 +14,7 @@ from ..decoding.autopilots import autopilot
 from ..decoding.autopilots.ardupilot import Columns, imus, others, receivers, trajectories
 from ..decoding.autopilots.dataflash import HEAD, DataFlash
 from ..decoding.records import Tables
-from ..tables.table_file import Table, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 MAGIC = HEAD + b"\x80"
 """How a log begins: with the record of the format of formats."""
@@ -52,19 +52,19 @@ def open_dataflash(path: Path) -> Log:
     log = DataFlash(read_bytes(path))
     of_receivers, left = receivers(log)
     head = _head(log, [(columns, sections) for columns, _, sections in of_receivers.values()])
-    makers: dict[str, Callable[[], Table]] = {}
+    makers: dict[str, Callable[[], FileTable]] = {}
     sections: list[Section] = []
     of_imus, more = imus(log)
     left += more
     for name, (columns, section) in {**of_imus, **others(log, "date" in head)}.items():
-        makers[name] = partial(Table.of, f"{path} [{name}]", columns)
+        makers[name] = partial(FileTable.of, f"{path} [{name}]", columns)
         sections.append(section)
     for name, (columns, rows, of_receiver) in of_receivers.items():
-        makers[name] = partial(Table.of, f"{path} [{name}]", columns, rows)
+        makers[name] = partial(FileTable.of, f"{path} [{name}]", columns, rows)
         sections += of_receiver
     for columns, section in trajectories(log):
         name = section.keys["table"]
-        makers[name] = partial(Table.of, f"{path} [{name}]", columns)
+        makers[name] = partial(FileTable.of, f"{path} [{name}]", columns)
         sections.append(section)
     left += [f"{name}: {why}" for name, why in LEFT.items() if name in log.counts]
     left += log.remarks

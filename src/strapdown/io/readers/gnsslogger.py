@@ -26,7 +26,7 @@ from ..decoding.phones.phone import (
     no_imu,
     triple,
 )
-from ..tables.table_file import Table, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
 MOST_NS = 4e18
@@ -137,8 +137,8 @@ def open_log(path: Path) -> Log:
     return Log(tables, tuple(sections), tuple(facts + said), tuple(left), head=head)
 
 
-def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
-    """The Table of one kind; rows with other cells than its header line names are left out."""
+def _table(path: Path, kind: str, file: Lines, left: list[str]) -> FileTable:
+    """The FileTable of one kind; rows with other cells than its header line names are left out."""
     names, lines = file.names[kind], file.beginning(kind.encode() + b",")
     text = file.text(lines)
     if text.count(b",") != (len(names) - 1) * len(lines):
@@ -154,20 +154,20 @@ def _table(path: Path, kind: str, file: Lines, left: list[str]) -> Table:
         quoting=3,
         lineterminator="\n",  # a lone carriage return is none, as in `lines`
     )
-    return Table(f"{path} [{kind}]", frame, lines[: len(frame)] + 1)
+    return FileTable(f"{path} [{kind}]", frame, lines[: len(frame)] + 1)
 
 
-def _matching(table: Table, pattern: str) -> str:
+def _matching(table: FileTable, pattern: str) -> str:
     return matching(table.titles, pattern)
 
 
-def _triple(table: Table) -> list[str]:
+def _triple(table: FileTable) -> list[str]:
     """Names of the columns of x, y and z, as UncalGyroXRadPerSec; [] where one is missing."""
     found = triple(table.titles, VECTOR)
     return found if CLOCK in table.names else []
 
 
-def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
+def _zero(tables: dict[str, FileTable]) -> tuple[float | None, list[str]]:
     """(POSIX seconds at the zero of the phone's clock or None, lines on it): the median over fixes
     of the satellite receiver, else the phone's own UTC."""
     by_fix: list[Array] = []
@@ -198,7 +198,7 @@ def _zero(tables: dict[str, Table]) -> tuple[float | None, list[str]]:
     return fix, ["UTC: that of the satellite fixes"]
 
 
-def _on_utc(table: Table, zero: float) -> Table:
+def _on_utc(table: FileTable, zero: float) -> FileTable:
     """The table with the column UNIX, of whole numbers where its clock has such."""
     frame, utc = table.frame, _matching(table, UTC)
     if CLOCK in frame.columns:
@@ -212,14 +212,16 @@ def _on_utc(table: Table, zero: float) -> Table:
     return table._replace(content=frame.assign(**{UNIX: unix}))
 
 
-def _date(tables: dict[str, Table]) -> dict[str, str]:
+def _date(tables: dict[str, FileTable]) -> dict[str, str]:
     """The key date, of the earliest row of most tables."""
     every = [table.numbers(UNIX) for table in tables.values() if UNIX in table.frame.columns]
     firsts = [float(np.median(t[:9])) * 1e-9 for t in every if len(t)]
     return day(float(np.median(firsts))) if firsts else {}
 
 
-def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Section], list[str]]:
+def _inertial(
+    tables: dict[str, FileTable], time: dict[str, Any]
+) -> tuple[list[Section], list[str]]:
     """(sections of the IMU, facts)."""
     from ..description.logs import slow  # loads pydantic: 0.2 s
 
@@ -237,7 +239,9 @@ def _inertial(tables: dict[str, Table], time: dict[str, Any]) -> tuple[list[Sect
     return ([no_imu(f"{sections[0].title}: {found[0]}")] if found and found[1] else sections), facts
 
 
-def _fixes(tables: dict[str, Table], time: dict[str, Any], sections: list[Section]) -> list[str]:
+def _fixes(
+    tables: dict[str, FileTable], time: dict[str, Any], sections: list[Section]
+) -> list[str]:
     """Lines on what is left of the fixes, whose sections are appended."""
     if "Fix" not in tables:
         return []

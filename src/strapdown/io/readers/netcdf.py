@@ -211,7 +211,7 @@ def _checked(group: Content, schema: Schema, where: str) -> dict[str, Array]:
 
 
 def _meta_of(found: Content, path: Path) -> RecordingFacts:
-    from ..own.text_rules import RecordingMeta, check_values, from_json
+    from ..own.text_rules import RecordingMetaRules, check_values, from_json
 
     where = f"{path}: meta"
     meta = check_values(dict[str, Any], from_json(found.texts.get("meta"), where), where)
@@ -225,8 +225,10 @@ def _meta_of(found: Content, path: Path) -> RecordingFacts:
             f"{path}: meta_temperature has the shape {warmth.shape}, it must have rows of time (s) and "
             f"degC; {DAMAGED}"
         )
-    known = {name: arrays[name].tolist() for name in set(arrays) & set(RecordingMeta.model_fields)}
-    check_values(RecordingMeta, meta | known, where)
+    known = {
+        name: arrays[name].tolist() for name in set(arrays) & set(RecordingMetaRules.model_fields)
+    }
+    check_values(RecordingMetaRules, meta | known, where)
     return cast(RecordingFacts, {**meta, **arrays})
 
 

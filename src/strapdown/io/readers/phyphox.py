@@ -26,7 +26,7 @@ from ..decoding.phones.phone import (
     no_imu,
     triple,
 )
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 
 TIME_COLUMN = "Time (s)"
 UNIX = "POSIX time (ns)"
@@ -92,7 +92,7 @@ def open_export(path: Path) -> Log:
     if starts is not None:
         time = {"column": UNIX, "unit": "ns", "clock": "unix"}
         head = day(float(starts.system[0]))
-    tables: dict[str, Table] = {}
+    tables: dict[str, FileTable] = {}
     kinds: dict[str, list[str]] = {}
     left: list[str] = []
     for name in found.files:
@@ -138,7 +138,7 @@ def _clock(found: Export) -> tuple[Starts | None, list[str]]:
     return starts, facts
 
 
-def _on_clock(table: Table, starts: Starts | None) -> Table:
+def _on_clock(table: FileTable, starts: Starts | None) -> FileTable:
     """The table with the column UNIX, whose clock runs on through pauses."""
     if starts is None:
         return table
@@ -165,7 +165,7 @@ def _is_android(found: Export) -> bool:
 
 def _inertial(
     found: Export,
-    tables: dict[str, Table],
+    tables: dict[str, FileTable],
     kinds: dict[str, list[str]],
     time: dict[str, Any],
 ) -> tuple[list[Section], list[str]]:
@@ -181,7 +181,7 @@ def _inertial(
 
 
 def _aidings(
-    tables: dict[str, Table],
+    tables: dict[str, FileTable],
     kinds: dict[str, list[str]],
     sections: list[Section],
     head: dict[str, Any],

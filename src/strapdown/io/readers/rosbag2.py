@@ -81,7 +81,7 @@ def _connect(path: Path) -> tuple[sqlite3.Connection, int]:
 
 def read_database(path: Path, messages: "Messages") -> None:
     """Take in the messages of a database. Raises DataError."""
-    from ..decoding.robots.ros_messages import TRANSFORMS, Topic
+    from ..decoding.robots.ros_messages import TRANSFORMS, RosTopic
 
     try:
         database, size = _connect(path)
@@ -93,7 +93,7 @@ def read_database(path: Path, messages: "Messages") -> None:
         rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
         numbers = {}
         for number, name, kind, encoding in rows.fetchmany(MOST_TOPICS):
-            topic, mine = Topic.of(str(name), str(kind), str(encoding)), messages.next_number
+            topic, mine = RosTopic.of(str(name), str(kind), str(encoding)), messages.next_number
             messages.topics[mine] = topic
             if not topic.why_left or topic.type in TRANSFORMS:
                 numbers[int(number)] = mine

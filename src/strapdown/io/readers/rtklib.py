@@ -18,7 +18,7 @@ from ...units.time_scales import DAY, GPS_ZERO, WEEK
 from ..contract import Log, Reader, Section
 from ..decoding.receivers.cyclic_times import in_order
 from ..decoding.receivers.nmea_sentences import number
-from ..tables.table_file import Table, head_of, packed, read_bytes
+from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 START = 1 << 16
 """Bytes in which the line of column names must stand."""
@@ -62,7 +62,7 @@ ECEF = Form(
 )
 
 
-class Solution(NamedTuple):
+class RtklibSolution(NamedTuple):
     """The columns of a file, and when."""
 
     scale: str  # GPST, UTC or JST
@@ -102,7 +102,7 @@ def open_pos(path: Path) -> Log:
     left = [f"{many} {what}" for many, what in counts if many]
     time, moment = _time(found)
     values = {time["column"]: moment[rows]} | {key: each[rows] for key, each in columns.items()}
-    table = Table.of(str(path), values, found.rows[rows], "line")
+    table = FileTable.of(str(path), values, found.rows[rows], "line")
     kinds = [f"{name} {n}" for q, name in QUALITIES.items() if (n := np.sum(quality[rows] == q))]
     title = f"RTKLIB, {len(rows)} fixes: {', '.join(kinds)}"
     above_sea = "=wgs84/geodetic" in text.lower() and "latitude" in form.position
@@ -111,7 +111,7 @@ def open_pos(path: Path) -> Log:
     return Log({"solution": table}, tuple(sections), (f"{path}: {title}",), tuple(left))
 
 
-def _rows(path: Path, text: str, header: re.Match[str]) -> Solution:
+def _rows(path: Path, text: str, header: re.Match[str]) -> RtklibSolution:
     """The rows of numbers. Raises DataError where there is none."""
     scale, names = header.group(1), header.group(2)
     dms = "d'" in names
@@ -139,7 +139,7 @@ def _rows(path: Path, text: str, header: re.Match[str]) -> Solution:
         angles = [_degrees(values[:, 3 * i : 3 * i + 3]) for i in range(2)]
         values = np.column_stack([*angles, values[:, 6:]])
     named = dict(zip(words, values.T))
-    return Solution(scale, moments, named, np.array(numbers)[rows], broken)
+    return RtklibSolution(scale, moments, named, np.array(numbers)[rows], broken)
 
 
 def _numbers(cells: list[list[str]], many: int) -> Array:
@@ -174,7 +174,7 @@ def _degrees(dms: Array) -> Array:
     return np.where(np.signbit(dms[:, 0]), -size, size)
 
 
-def _time(found: Solution) -> tuple[dict[str, Any], Ints]:
+def _time(found: RtklibSolution) -> tuple[dict[str, Any], Ints]:
     """(the key `time`, its column)."""
     if found.scale == "GPST":
         return {"column": "gps_ms", "unit": "ms", "clock": "gps"}, found.ms - 1000 * GPS_ZERO

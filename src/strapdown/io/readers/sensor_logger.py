@@ -26,7 +26,7 @@ from ..decoding.phones.phone import (
     median_force,
     no_imu,
 )
-from ..tables.table_file import Table
+from ..tables.table_file import FileTable
 
 TIME = {"column": "time", "unit": "ns", "clock": "unix"}
 XYZ = ["x", "y", "z"]
@@ -105,14 +105,14 @@ def open_recording(path: Path) -> Log:
     return Log(tables, tuple(sections), tuple(facts), tuple(left), head=head)
 
 
-def _head(tables: dict[str, Table]) -> dict[str, str]:
+def _head(tables: dict[str, FileTable]) -> dict[str, str]:
     """The date of the first sample."""
     firsts = [table.numbers("time")[:1] * 1e-9 for table in tables.values()]
     return day(float(np.median(np.concatenate(firsts)))) if firsts else {}
 
 
 def _inertial(
-    found: Export, tables: dict[str, Table], platform: Platform
+    found: Export, tables: dict[str, FileTable], platform: Platform
 ) -> tuple[list[Section], list[str]]:
     """(sections of the IMU, facts)."""
     gyro = next((each for each in ("Gyroscope", "GyroscopeUncalibrated") if each in tables), None)
@@ -132,7 +132,7 @@ def _inertial(
     return sections, facts + more
 
 
-def _force_table(tables: dict[str, Table]) -> str | None:
+def _force_table(tables: dict[str, FileTable]) -> str | None:
     """The table of specific force, made of the acceleration and gravity where none has both; None
     where gravity is in none."""
     if "TotalAcceleration" in tables:
@@ -147,14 +147,14 @@ def _force_table(tables: dict[str, Table]) -> str | None:
             for axis in XYZ
         }
         rows = {"time": accel.cells("time"), **columns}
-        tables[SUM] = Table.of(accel.name, rows, accel.lines, accel.word)
+        tables[SUM] = FileTable.of(accel.name, rows, accel.lines, accel.word)
         return SUM
     if "AccelerometerUncalibrated" in tables:
         return "AccelerometerUncalibrated"
     return None
 
 
-def _platform(found: Export, tables: dict[str, Table]) -> Platform:
+def _platform(found: Export, tables: dict[str, FileTable]) -> Platform:
     """By the file of metadata, else by what only one of them writes."""
     metadata = next((each for each in found.files if each.lower() == "metadata"), None)
     if metadata:
@@ -188,7 +188,7 @@ def _signs(platform: Platform, name: str, norm: float) -> Signs:
 
 
 def _aidings(
-    tables: dict[str, Table], sections: list[Section], head: dict[str, Any], android: bool
+    tables: dict[str, FileTable], sections: list[Section], head: dict[str, Any], android: bool
 ) -> list[str]:
     """Lines on what is left; the sections of other sensors are appended."""
     left: list[str] = []

@@ -14,13 +14,13 @@ import numpy as np
 from ...checks import DataError
 from ...units.time_scales import gps_from_unix
 from ..contract import Log, Reader, Section
-from ..decoding.receivers.cyclic_times import Clock
+from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
 from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
-from ..decoding.receivers.ubx_frames import Frames, Message, clock, find_frames
-from ..decoding.receivers.ubx_imu import Epochs, imu_sections
-from ..tables.table_file import Table, head_of, packed, read_bytes
+from ..decoding.receivers.ubx_frames import Message, UbxFrames, clock, find_frames
+from ..decoding.receivers.ubx_imu import ImuEpochs, imu_sections
+from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 START = 1 << 18
 """Bytes in which a log must show a frame to be known by its content."""
@@ -44,7 +44,7 @@ def open_ubx(path: Path) -> Log:
     if not len(frames.start):
         raise DataError(f"{path}: holds no whole UBX message; is it the log of a u-blox receiver?")
     time = clock(frames)
-    tables: dict[str, Table] = {}
+    tables: dict[str, FileTable] = {}
     name, found = solutions(frames, time)
     said, sections = _fixes(path, name, found, time, tables)
     left = untimed(frames) + said
@@ -67,14 +67,14 @@ def open_ubx(path: Path) -> Log:
     return Log(tables, tuple(sections), tuple(facts), tuple(left))
 
 
-def _kinds(frames: Frames) -> str:
+def _kinds(frames: UbxFrames) -> str:
     known = {each.value: each.title for each in Message}
     keys, many = np.unique(frames.key, return_counts=True)
     shown = [f"{known[key]} {n}" for key, n in zip(keys.tolist(), many) if key in known]
     return f": {', '.join(shown)}" if shown else ""
 
 
-def _damage(frames: Frames) -> list[str]:
+def _damage(frames: UbxFrames) -> list[str]:
     lines = []
     if frames.rejected:
         lines.append(f"{frames.rejected} UBX frames fail their checksum")
@@ -83,14 +83,14 @@ def _damage(frames: Frames) -> list[str]:
     return lines
 
 
-def _table(path: Path, name: str, columns: Columns, time: Clock) -> Table:
+def _table(path: Path, name: str, columns: Columns, time: CyclicClock) -> FileTable:
     values = {key: each for key, each in columns.items() if key not in ("t", "row", "place", "ok")}
     first = {time.column: columns["t"]}
-    return Table.of(f"{path} [{name}]", first | values, columns["row"], "message")
+    return FileTable.of(f"{path} [{name}]", first | values, columns["row"], "message")
 
 
 def _fixes(
-    path: Path, name: str, found: Columns, time: Clock, tables: dict[str, Table]
+    path: Path, name: str, found: Columns, time: CyclicClock, tables: dict[str, FileTable]
 ) -> tuple[list[str], list[Section]]:
     """(lines on what is left, sections) of positions and velocities."""
     left: list[str] = []
@@ -123,7 +123,7 @@ def _fixes(
 
 
 def _pair(
-    table: str, moving: bool, time: Clock, instance: int, title: str, why: str
+    table: str, moving: bool, time: CyclicClock, instance: int, title: str, why: str
 ) -> list[Section]:
     """Sections of position and velocity of one table."""
     common = {"table": table, "time": time.time}
@@ -145,7 +145,9 @@ def _pair(
     return [Section("aiding", "gnss", keys, instance, title, left=why) for keys in every]
 
 
-def _vehicle(path: Path, frames: Frames, time: Clock, tables: dict[str, Table]) -> list[Section]:
+def _vehicle(
+    path: Path, frames: UbxFrames, time: CyclicClock, tables: dict[str, FileTable]
+) -> list[Section]:
     """The receiver's own fusion as a reference, left until it is asked for."""
     if not frames.count(Message.NAV_PVAT):
         return []
@@ -165,12 +167,12 @@ def _vehicle(path: Path, frames: Frames, time: Clock, tables: dict[str, Table]) 
     return [Section("reference", "reference", keys, 0, title, left=why)]
 
 
-def _epochs(found: Columns, time: Clock, sentences: Sentences) -> Epochs:
+def _epochs(found: Columns, time: CyclicClock, sentences: Sentences) -> ImuEpochs:
     """Of the UBX messages, else of the NMEA in the file."""
     if found:
-        return Epochs(found["place"], found["t"] / 1e3, time.absolute)
+        return ImuEpochs(found["place"], found["t"] / 1e3, time.absolute)
     place, ms, absolute = epochs(sentences)
-    return Epochs(place, gps_from_unix(ms / 1e3) if absolute else ms / 1e3, absolute)
+    return ImuEpochs(place, gps_from_unix(ms / 1e3) if absolute else ms / 1e3, absolute)
 
 
 def sniff(path: Path) -> bool:

@@ -22,12 +22,12 @@ from ..decoding.autopilots.px4 import (
 )
 from ..decoding.autopilots.ulog import MAGIC, ULog
 from ..decoding.records import Tables
-from ..tables.table_file import Table, packed, read_bytes
+from ..tables.table_file import FileTable, packed, read_bytes
 
 
-def _table(path: Path, log: ULog, name: str, instance: int) -> Table:
+def _table(path: Path, log: ULog, name: str, instance: int) -> FileTable:
     columns, rows = prepared(log, name, instance)
-    return Table.of(f"{path} [{name} {instance}]", columns, rows)
+    return FileTable.of(f"{path} [{name} {instance}]", columns, rows)
 
 
 def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def _head(log: ULog, sections: list[Section]) -> dict[str, Any]:
 def open_ulog(path: Path) -> Log:
     """Raises DataError."""
     log = ULog(read_bytes(path))
-    makers: dict[str, Callable[[], Table]] = {
+    makers: dict[str, Callable[[], FileTable]] = {
         f"{name} {instance}": partial(_table, path, log, name, instance)
         for name, instance in log.topics
     }
@@ -62,7 +62,7 @@ def open_ulog(path: Path) -> Log:
     sections += of_receivers + others(log, "date" in head)
     for columns, section in trajectories(log):
         table = section.keys["table"]
-        makers[table] = partial(Table.of, f"{path} [{table}]", columns)
+        makers[table] = partial(FileTable.of, f"{path} [{table}]", columns)
         sections.append(section)
     left += log.remarks
     left += autopilot.changes(log.parameters, log.changed, DELAYS)

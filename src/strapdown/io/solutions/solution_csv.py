@@ -21,7 +21,7 @@ from ...fileio.spreadsheet import as_written, inert
 from ...typing import Array
 from ...units.time_scales import gps_of, iso, iso_text
 from ..own.array_rules import broken_rules
-from ..tables.table_file import Table, open_text, reading
+from ..tables.table_file import FileTable, open_text, reading
 from ..tables.table_text import read_table
 from .number_text import lines
 from .solution_netcdf import SCHEMA, columns_of, state_of
@@ -118,7 +118,7 @@ def read_csv(path: Path) -> Solution:
     )
 
 
-def _check_rows(table: Table, first: int, rows: int | None) -> None:
+def _check_rows(table: FileTable, first: int, rows: int | None) -> None:
     """Refuse a table that was cut, or has lines without data below or above its header; `first`
     is the line that data begin in. Raises DataError."""
     odd = np.flatnonzero(table.lines != np.arange(first, first + len(table.lines)))
@@ -134,7 +134,7 @@ def _check_rows(table: Table, first: int, rows: int | None) -> None:
         )
 
 
-def _check_cells(table: Table, columns: Mapping[str, str]) -> None:
+def _check_cells(table: FileTable, columns: Mapping[str, str]) -> None:
     """Refuse numbers that no solution has, with their line. Raises DataError."""
     for name, column in columns.items():
         if name not in SCHEMA and name != "t":
@@ -152,7 +152,7 @@ def _check_cells(table: Table, columns: Mapping[str, str]) -> None:
         )
 
 
-def _meta(path: Path, table: Table, verdict: dict[str, Any]) -> SolutionMeta:
+def _meta(path: Path, table: FileTable, verdict: dict[str, Any]) -> SolutionMeta:
     """What the table says beside its numbers."""
     note = f"read from {path.name}: a table without innovations, events or covariance"
     meta: SolutionMeta = {"recording": path.name, "notes": [note]}
@@ -163,7 +163,7 @@ def _meta(path: Path, table: Table, verdict: dict[str, Any]) -> SolutionMeta:
     return meta
 
 
-def _epoch_of(table: Table) -> str | None:
+def _epoch_of(table: FileTable) -> str | None:
     """UTC of t = 0 where the table has a column of UTC."""
     if UTC not in table.frame.columns:
         return None

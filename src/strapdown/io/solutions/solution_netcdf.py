@@ -305,7 +305,7 @@ def _texts(found: Content, path: Path) -> dict[str, Any]:
         "sources": rules.Sources,
         "gates": rules.Gates,
         "events": rules.Events,
-        "meta": rules.SolutionMeta,
+        "meta": rules.SolutionMetaRules,
         "verdict": rules.VerdictRules,
     }
     return {

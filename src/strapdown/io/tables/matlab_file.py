@@ -32,7 +32,7 @@ STORED_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 """The same of version 4."""
 
 
-class Part(NamedTuple):
+class MatlabPart(NamedTuple):
     """Bytes and the order of the numbers in them."""
 
     content: bytes
@@ -65,7 +65,7 @@ def variables(path: Path) -> dict[str, Any]:
             return dict(_of_version_4(content, path))
         if order is None:
             raise _damaged(path, "its header says no version")
-        return dict(_of_version_5(Part(content, order, path)))
+        return dict(_of_version_5(MatlabPart(content, order, path)))
     except struct.error as error:
         raise _damaged(path, "it ends within a matrix") from error
 
@@ -74,7 +74,7 @@ def _damaged(path: Path, why: str) -> DataError:
     return DataError(f"{path}: is no whole MATLAB file ({why}); save or copy it again")
 
 
-def _array(part: Part, kind: str, at: int, sizes: tuple[int, ...], end: int) -> Any:
+def _array(part: MatlabPart, kind: str, at: int, sizes: tuple[int, ...], end: int) -> Any:
     """The array of that type and shape that begins at a byte and has those up to `end`."""
     count, end = math.prod(sizes), min(end, len(part.content))
     if min(sizes) < 0 or count * int(kind[1]) > end - at:
@@ -90,7 +90,7 @@ def _array(part: Part, kind: str, at: int, sizes: tuple[int, ...], end: int) -> 
 def _of_version_4(content: bytes, path: Path) -> Iterator[tuple[str, Any]]:
     at = 0
     while at < len(content):
-        part = Part(content, "<", path)
+        part = MatlabPart(content, "<", path)
         if not 0 <= part.numbers("i", at)[0] < 1000:
             part = part._replace(order=">")
         said, rows, columns, imaginary, length = part.numbers("5i", at)
@@ -105,7 +105,7 @@ def _of_version_4(content: bytes, path: Path) -> Iterator[tuple[str, Any]]:
         at = begin + array.nbytes * (2 if imaginary else 1)
 
 
-def _of_version_5(file: Part) -> Iterator[tuple[str, Any]]:
+def _of_version_5(file: MatlabPart) -> Iterator[tuple[str, Any]]:
     meter, at = Meter(file.path, len(file.content)), HEADER
     while at + 8 <= len(file.content):
         kind, size = file.numbers("II", at)
@@ -133,7 +133,7 @@ def _inflated(packed: bytes, meter: Meter, path: Path) -> bytes:
     return b"".join(pieces)
 
 
-def _element(part: Part, at: int) -> Element:
+def _element(part: MatlabPart, at: int) -> Element:
     kind, size = part.numbers("II", at)
     if kind >> 16:  # a small one has its data within its tag
         if kind >> 16 > 4:
@@ -142,7 +142,7 @@ def _element(part: Part, at: int) -> Element:
     return Element(kind, at + 8, at + 8 + size, at + 8 + size + -size % 8)
 
 
-def _inner(part: Part, matrix: Element) -> Iterator[Element]:
+def _inner(part: MatlabPart, matrix: Element) -> Iterator[Element]:
     at = matrix.begin
     while at + 8 <= matrix.end:
         found = _element(part, at)
@@ -150,7 +150,7 @@ def _inner(part: Part, matrix: Element) -> Iterator[Element]:
         at = found.next
 
 
-def _matrix(part: Part, matrix: Element, depth: int) -> tuple[str, Any]:
+def _matrix(part: MatlabPart, matrix: Element, depth: int) -> tuple[str, Any]:
     """(name, value) of a matrix; None of what is neither real numbers nor one struct."""
     check_count(depth, part.path, "matrices within matrices", "depth")
     if matrix.end > len(part.content):
@@ -177,7 +177,7 @@ def _matrix(part: Part, matrix: Element, depth: int) -> tuple[str, Any]:
     return name, _array(part, STORED[data.kind], data.begin, sizes, data.end)
 
 
-def _struct(part: Part, inner: Iterator[Element], depth: int) -> dict[str, Any]:
+def _struct(part: MatlabPart, inner: Iterator[Element], depth: int) -> dict[str, Any]:
     """{field: value} of the elements after the name of a struct."""
     head = list(islice(inner, 2))
     length = part.numbers("i", head[0].begin)[0] if len(head) == 2 else 0

@@ -12,7 +12,7 @@ from ...fileio.file_access import open_file
 from ...fileio.limits import Meter, check_count, regular
 from .hdf5_file import open_hdf5
 from .matlab_file import variables
-from .table_file import SUFFIXES as TEXT, Table, first_line_of, is_number, reading
+from .table_file import SUFFIXES as TEXT, FileTable, first_line_of, is_number, reading
 from .table_text import read_table
 
 MATLAB, PARQUET = ".mat", ".parquet"
@@ -22,7 +22,7 @@ AT_ONCE = 1 << 18
 """Rows of a Parquet file."""
 
 
-def tables_of(path: Path, header: bool | None = None) -> dict[str, Table]:
+def tables_of(path: Path, header: bool | None = None) -> dict[str, FileTable]:
     """{name: Table}: one of a text file or a Parquet file, whose name is that of the file; of a MATLAB
     file one for each struct, or for the arrays of one length, whose matrices (n, k) are the
     columns NAME_1 to NAME_k. Raises DataError.
@@ -42,7 +42,7 @@ def tables_of(path: Path, header: bool | None = None) -> dict[str, Table]:
     return {path.name.partition(".")[0]: table}
 
 
-def _parquet(path: Path) -> Table:
+def _parquet(path: Path) -> FileTable:
     try:
         import pyarrow
         import pyarrow.parquet
@@ -59,7 +59,7 @@ def _parquet(path: Path) -> Table:
     if any(frame.index.names):
         frame = frame.reset_index()
     columns = {str(name): _plain(frame[name]) for name in frame}
-    return Table.of(str(path), columns, word="row")._replace(notes=left)
+    return FileTable.of(str(path), columns, word="row")._replace(notes=left)
 
 
 def _parquet_frame(path: Path) -> tuple[Any, tuple[str, ...]]:
@@ -95,7 +95,7 @@ def _plain(cells: Any) -> Any:
     return cells.to_numpy() if cells.dtype.kind in "iuf" else cells.to_numpy(object)
 
 
-def _matlab(path: Path) -> dict[str, Table]:
+def _matlab(path: Path) -> dict[str, FileTable]:
     with open_file(path) as file:
         is_hdf5 = file.read(4) == HDF5 or _is_hdf5_with_header(file)
     content = _of_version_73(path) if is_hdf5 else variables(path)
@@ -135,7 +135,7 @@ def _of_version_73(path: Path) -> dict[str, Any]:
         raise DataError(f"{path}: is no whole MATLAB file ({first_line_of(error)})") from error
 
 
-def _tables(path: Path, name: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Table]]:
+def _tables(path: Path, name: str, content: Mapping[str, Any]) -> Iterator[tuple[str, FileTable]]:
     """(name, Table) of the arrays of a struct and of those in it; arrays of one length are one."""
     lengths: dict[int, dict[str, Any]] = {}
     for key, value in content.items():
@@ -153,4 +153,4 @@ def _tables(path: Path, name: str, content: Mapping[str, Any]) -> Iterator[tuple
     for columns in lengths.values():
         called = name if len(lengths) == 1 else f"{name}.{next(iter(columns))}"
         label = called.removeprefix(f"{path.stem}.")
-        yield label, Table.of(f"{path} [{label}]", columns, word="row")
+        yield label, FileTable.of(f"{path} [{label}]", columns, word="row")

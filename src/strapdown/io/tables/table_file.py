@@ -77,7 +77,7 @@ def reading(path: File) -> Iterator[None]:
         ) from error
 
 
-class Numbers(dict[str | int, np.ndarray[Any, Any]]):
+class NumberColumns(dict[str | int, np.ndarray[Any, Any]]):
     """{name: column (n,)} of floats or whole numbers: a table that needs no pandas, which takes
     0.25 s to load."""
 
@@ -88,17 +88,17 @@ class Numbers(dict[str | int, np.ndarray[Any, Any]]):
 
         return pd.DataFrame(self, copy=False)
 
-    def taking(self, rows: Mask) -> "Numbers":
+    def taking(self, rows: Mask) -> "NumberColumns":
         """These rows of it."""
-        return Numbers({name: column[rows] for name, column in self.items()})
+        return NumberColumns({name: column[rows] for name, column in self.items()})
 
 
-class Table(NamedTuple):
+class FileTable(NamedTuple):
     """A table of a file: its raw cells, and the line (or record) of the file that each row stands
     in."""
 
     name: str
-    content: "pd.DataFrame | Numbers"
+    content: "pd.DataFrame | NumberColumns"
     lines: Ints
     word: str = "line"  # what a row is called in the file
     units: Mapping[str, str] = {}  # of columns, where a line of the file names them
@@ -111,7 +111,7 @@ class Table(NamedTuple):
         columns: Mapping[str, ArrayLike],
         rows: Ints | None = None,
         word: str = "record",
-    ) -> "Table":
+    ) -> "FileTable":
         """A table of columns (n,) by name; `rows` (n,) are their numbers in the file, counted from
         0 where they are not given."""
         import pandas as pd
@@ -122,7 +122,7 @@ class Table(NamedTuple):
     @property
     def frame(self) -> "pd.DataFrame":
         """The raw cells as a pandas DataFrame."""
-        return self.content.frame if isinstance(self.content, Numbers) else self.content
+        return self.content.frame if isinstance(self.content, NumberColumns) else self.content
 
     @property
     def names(self) -> list[str | int]:
@@ -134,10 +134,10 @@ class Table(NamedTuple):
         """Names of the columns as text, their numbers where there is no header."""
         return [str(name) for name in self.names]
 
-    def taking(self, rows: Mask) -> "Table":
+    def taking(self, rows: Mask) -> "FileTable":
         """These rows of it."""
         content = self.content
-        some = content.taking(rows) if isinstance(content, Numbers) else content[rows]
+        some = content.taking(rows) if isinstance(content, NumberColumns) else content[rows]
         return self._replace(content=some, lines=self.lines[rows])
 
     @property

@@ -37,7 +37,7 @@ UNIT = re.compile(
 """What stands in a line of units."""
 
 
-class Layout(NamedTuple):
+class TableLayout(NamedTuple):
     """How a file writes its table."""
 
     encoding: str
@@ -49,8 +49,8 @@ class Layout(NamedTuple):
     units: dict[str, str]  # of a line of units below the header
 
 
-def layout(path: Path) -> Layout:
-    """The Layout of a text file by its first lines. Raises DataError where it holds no text."""
+def layout(path: Path) -> TableLayout:
+    """The TableLayout of a text file by its first lines. Raises DataError where it holds no text."""
     with open_bytes(path) as file:
         head = file.read(HEAD)
     if not head.strip():
@@ -83,7 +83,7 @@ def layout(path: Path) -> Layout:
             f"a line of names and rows of numbers, or the device's own format"
         )
     decimal = _decimal(rows)
-    return Layout(encoding, separator, decimal, skipped, names, columns, units)
+    return TableLayout(encoding, separator, decimal, skipped, names, columns, units)
 
 
 def _encoding(head: bytes) -> str:

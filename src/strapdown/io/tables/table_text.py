@@ -17,8 +17,16 @@ from ...fileio.file_access import CELL, ROW, TEXT, check_lines, open_file
 from ...fileio.limits import Meter, check_count, check_size, regular
 from ...typing import Ints, Mask
 from ...units.wording import counted
-from .table_file import PACKED, Numbers, Table, is_number, open_bytes, reading, split_error
-from .table_layout import STAMP, Layout, cells_of, distinct, is_data, layout
+from .table_file import (
+    PACKED,
+    FileTable,
+    NumberColumns,
+    is_number,
+    open_bytes,
+    reading,
+    split_error,
+)
+from .table_layout import STAMP, TableLayout, cells_of, distinct, is_data, layout
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,13 +45,13 @@ WORD = re.compile(r"\s*\"?[^\W\d_]+(?![^\W_])")
 """Beginning of a cell that is a word, and no damaged number."""
 
 
-def read_table(path: Path, header: bool = True) -> Table:
-    """The Table of a text file, plain or packed. Raises DataError.
+def read_table(path: Path, header: bool = True) -> FileTable:
+    """The FileTable of a text file, plain or packed. Raises DataError.
 
     Lines that begin with #, % or //, titles above the header and lines without any number are left
-    out; those after the first row are counted in the notes of the Table. Without `header` the
+    out; those after the first row are counted in the notes of the FileTable. Without `header` the
     columns are numbered from 1. A table without a header line, read with one, has its first row as
-    names, by which `Table.numbers` says so.
+    names, by which `FileTable.numbers` says so.
     """
     with reading(path):
         found = layout(path)
@@ -55,12 +63,12 @@ def read_table(path: Path, header: bool = True) -> Table:
             found = _first_row_as_names(path, found)
         if is_plain and (numbers := numbers_of(path, found)):
             lines = 1 + found.skipped + np.arange(len(next(iter(numbers.values()))))
-            return Table(str(path), numbers, lines, units=found.units)
+            return FileTable(str(path), numbers, lines, units=found.units)
         return _of_any_cells(path, found)
 
 
-def _of_any_cells(path: Path, found: Layout) -> Table:
-    """The Table of a text that holds more than numbers, as pandas parses it."""
+def _of_any_cells(path: Path, found: TableLayout) -> FileTable:
+    """The FileTable of a text that holds more than numbers, as pandas parses it."""
     import pandas as pd
 
     try:
@@ -79,10 +87,10 @@ def _of_any_cells(path: Path, found: Layout) -> Table:
     _to_numbers(frame)
     kept = [not str(name).startswith("Unnamed: ") or frame[name].notna().any() for name in frame]
     frame = frame if all(kept) else frame.loc[:, kept]
-    return Table(str(path), frame, lines, units=found.units, notes=tuple(notes))
+    return FileTable(str(path), frame, lines, units=found.units, notes=tuple(notes))
 
 
-def _rows(path: Path, found: Layout) -> tuple["pd.DataFrame", Ints, list[str]]:
+def _rows(path: Path, found: TableLayout) -> tuple["pd.DataFrame", Ints, list[str]]:
     """(frame, line of each row, notes) of the lines that hold data. The file is parsed again where
     others do not, so that whole numbers stay such."""
     import pandas as pd
@@ -183,7 +191,7 @@ def _to_numbers(frame: "pd.DataFrame") -> None:
                 frame[name] = form
 
 
-def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFrame":
+def _parsed(path: Path, found: TableLayout, left: Sequence[int] = ()) -> "pd.DataFrame":
     """What pandas makes of the file without the lines `left`, counted from 0. To skip blanks before
     cells takes time, so that it is done where there is more than numbers."""
     frame = _as_pandas_parses(path, found, left, blanks=False)
@@ -194,7 +202,7 @@ def _parsed(path: Path, found: Layout, left: Sequence[int] = ()) -> "pd.DataFram
 
 
 def _as_pandas_parses(
-    path: Path, found: Layout, left: Sequence[int], blanks: bool
+    path: Path, found: TableLayout, left: Sequence[int], blanks: bool
 ) -> "pd.DataFrame":
     import pandas as pd
 
@@ -245,7 +253,7 @@ def _gathered(
     return frames
 
 
-def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
+def _marks_of_many_cells(path: Path, found: TableLayout) -> list[int]:
     """Numbers, from 0, of the lines below the header that have more cells than it and no data."""
     marks, most, in_words = [], len(found.names), False
     with io.TextIOWrapper(open_bytes(path, lines=True), found.encoding, "replace") as file:
@@ -261,7 +269,7 @@ def _marks_of_many_cells(path: Path, found: Layout) -> list[int]:
     return marks
 
 
-def _first_row_as_names(path: Path, found: Layout) -> Layout:
+def _first_row_as_names(path: Path, found: TableLayout) -> TableLayout:
     with io.TextIOWrapper(open_bytes(path, lines=True), found.encoding, "replace") as file:
         for _ in range(found.skipped):
             next(file)
@@ -278,7 +286,7 @@ ahead, and keeps no text of each line."""
 WHOLE = re.compile(r"\s*[+-]?\d+\s*", re.ASCII)
 
 
-def numbers_of(path: Path, found: Layout) -> Numbers | None:
+def numbers_of(path: Path, found: TableLayout) -> NumberColumns | None:
     """The columns of a plain text each of whose lines has a finite number in every column, as pandas
     reads them: a column is whole where each of its numbers is written so. None of any other text.
     Raises OSError, and DataError of a file beyond the limits."""
@@ -294,7 +302,7 @@ def numbers_of(path: Path, found: Layout) -> Numbers | None:
         names = found.names or range(1, square.shape[1] + 1)
         if square.shape != (len(lines), len(names)) or not np.isfinite(square).all():
             return None
-        columns = Numbers(zip(names, np.ascontiguousarray(square.T)))
+        columns = NumberColumns(zip(names, np.ascontiguousarray(square.T)))
         first = lines[0].split(found.separator)
         round_ones = np.flatnonzero((square == np.rint(square)).all(axis=0)).tolist()
         whole = [k for k in round_ones if WHOLE.fullmatch(first[k])]

@@ -10,7 +10,7 @@ from ...core.compile.signatures import Number, Numbers, Record
 from ...core.loop.kernels import KERNELS
 from ...core.loop.stages import Needed
 from ..ir import c_types
-from .layout import BYTES, RECORDS, Layout
+from .layout import BYTES, RECORDS, ExportLayout
 
 RUN, ATTITUDE = "strapdown_run", "strapdown_attitude"
 """Their symbols."""
@@ -18,7 +18,7 @@ HEAD = 'target datalayout = ""\ntarget triple = ""'
 """What the target fills in."""
 
 
-class Bound(NamedTuple):
+class BoundFunction(NamedTuple):
     """The kernels of an exported filter."""
 
     run: Kernel
@@ -34,7 +34,7 @@ class Bound(NamedTuple):
         return list(dict.fromkeys((*own, *self.stages.kernels)))
 
 
-def binding(made: Layout, kernels: Bound, attitude: Kernel) -> str:
+def binding(made: ExportLayout, kernels: BoundFunction, attitude: Kernel) -> str:
     """LLVM's intermediate representation of the functions."""
     called = [f"ptr %{record}" for record in ("kernels", *RECORDS)]
     return "\n".join(
@@ -60,7 +60,7 @@ def binding(made: Layout, kernels: Bound, attitude: Kernel) -> str:
     )
 
 
-def _kernels(kernels: Bound) -> Iterator[str]:
+def _kernels(kernels: BoundFunction) -> Iterator[str]:
     """The struct of addresses that the loop takes."""
     count, stages = max(kernels.observers, default=-1) + 1, kernels.stages
     tables = {
@@ -94,7 +94,7 @@ def _address(kernel: Kernel | None) -> str:
     return f"ptrtoint (ptr @{kernel.symbol} to i64)" if kernel else "0"
 
 
-def _struct(record: str, made: Layout) -> Iterator[str]:
+def _struct(record: str, made: ExportLayout) -> Iterator[str]:
     """A record as C has it, on the stack: what one compiler builds and takes apart costs nothing."""
     kinds, values = RECORDS[record], list[str]()
     for place, kind in zip(made.of(record), kinds.kinds, strict=True):

@@ -22,13 +22,13 @@ from ...fileio.files import replacing, together
 from ...fileio.locks import part_of
 from ...typing import Say
 from .. import ir, object_files
-from ..emit import TARGETS, Object, Target, emit
-from .binding import ATTITUDE, RUN, Bound, binding
+from ..emit import TARGETS, Object, Platform, emit
+from .binding import ATTITUDE, RUN, BoundFunction, binding
 from .chosen import Chosen
 from .glue import glue
 from .header import header
 from .image import image
-from .layout import BYTES, Layout, layout, sizes_of
+from .layout import BYTES, ExportLayout, layout, sizes_of
 from .readme import Sizes, readme
 from .replay import replay
 from .start_attitude import attitude
@@ -49,12 +49,12 @@ class Exported(NamedTuple):
     """The files of an export, with target, sizes and notes."""
 
     files: tuple[str, ...]
-    target: Target
+    target: Platform
     sizes: Sizes
     notes: tuple[str, ...]
 
 
-def find_target(name: str) -> Target:
+def find_target(name: str) -> Platform:
     """The target of that name, `host` being this machine. Raises DataError with the nearest one."""
     names = [HOST, *TARGETS]
     check_choice(name, "target", names)
@@ -68,7 +68,7 @@ def find_target(name: str) -> Target:
     return TARGETS[HOSTS[machine]]
 
 
-def export(of: Chosen, target: Target, folder: Path, say: Say | None = None) -> Exported:
+def export(of: Chosen, target: Platform, folder: Path, say: Say | None = None) -> Exported:
     """Write the object of a filter for a target, its header, its functions in C, an example with a
     replay and a README into an existing folder. Calls `say` before steps that take long.
 
@@ -121,7 +121,7 @@ def _own(of: Chosen) -> None:
         )
 
 
-def compiled(of: Chosen, made: Layout, target: Target) -> Object:
+def compiled(of: Chosen, made: ExportLayout, target: Platform) -> Object:
     """The object of the filter with these sizes."""
     observers: dict[int, Kernel] = {
         aiding.number(a.kind): aiding.find(a.kind).observe  # type: ignore[misc]  # typed as functions
@@ -130,7 +130,7 @@ def compiled(of: Chosen, made: Layout, target: Target) -> Object:
     run, predict, correct = cast(Any, (loop.run, of.filter.predict, of.filter.correct))
     records = of.records(of.start)
     needed = stages.needed(Fixes(*records["fixes"]), Cursor(*records["cursor"]))
-    bound = Bound(run, predict, correct, observers, needed)
+    bound = BoundFunction(run, predict, correct, observers, needed)
     kernels = list(dict.fromkeys((*bound.all, attitude)))
     texts = [binding(made, bound, attitude), *_texts(kernels, made.sizes)]
     return emit(texts, target, (RUN, ATTITUDE), inside=[kernel.symbol for kernel in kernels])

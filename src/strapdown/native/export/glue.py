@@ -13,7 +13,7 @@ from ...units.constants import MAX_PAUSE
 from .chosen import Chosen
 from .header import template
 from .image import Image, Known
-from .layout import Place
+from .layout import MemoryPlace
 
 HERE = {"C": "C[{}]", "variance": "variance[{}]", "t": "values->t"}
 """Parts of a start that C computes or has as one number; others are arrays of strapdown_values."""
@@ -68,7 +68,7 @@ def _fixed(made: Image) -> Iterator[str]:
             yield "        return STRAPDOWN_FIXED;"
 
 
-def _assigned(numbers: Mapping[Place, Mapping[int, object]], text: object) -> Iterator[str]:
+def _assigned(numbers: Mapping[MemoryPlace, Mapping[int, object]], text: object) -> Iterator[str]:
     for place, values in numbers.items():
         for k, value in values.items():
             yield f"    filter->{place.record}.{place.name}{place.within(k)[0]} = {text(value)};"  # type: ignore[operator]

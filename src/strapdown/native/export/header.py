@@ -16,8 +16,8 @@ from ...core.mathematics import solution_row
 from ...engine.prepare import axes_of_rows, brought
 from ...units import quantities
 from .chosen import GIVEN, Chosen
-from .layout import RECORDS, Layout, Place
-from .texts import CLASSES, ENUMS, FIELDS, SIZES, Name, Names
+from .layout import RECORDS, ExportLayout, MemoryPlace
+from .texts import CLASSES, ENUMS, FIELDS, SIZES, ExportNames, Name
 
 PREFIX = "STRAPDOWN_"
 WIDTH = 100
@@ -38,9 +38,9 @@ def template(name: str) -> Template:
     return Template((files(__package__) / "templates" / name).read_text(encoding="utf-8"))
 
 
-def header(of: Chosen, made: Layout) -> str:
+def header(of: Chosen, made: ExportLayout) -> str:
     """The text of strapdown.h."""
-    sources = Names(
+    sources = ExportNames(
         "strapdown_source_index",
         "SOURCE_",
         "The sources. y and sd are what strapdown_fix takes, parameters what strapdown_source takes.",
@@ -121,7 +121,7 @@ def _constant(name: str, value: int, text: str) -> Iterator[str]:
     yield f"    {PREFIX}{name} = {value},"
 
 
-def _enum(names: Names) -> str:
+def _enum(names: ExportNames) -> str:
     lines = [*comment(names.text), f"enum {names.name} {{"]
     for each in names.constants:
         lines += _constant(names.prefix + each.name.removeprefix("ROW_"), each.value, each.text)
@@ -129,7 +129,7 @@ def _enum(names: Names) -> str:
     return "\n".join([*lines, "};"])
 
 
-def _struct(record: str, made: Layout, indent: str) -> str:
+def _struct(record: str, made: ExportLayout, indent: str) -> str:
     """The fields of a record; of what takes no room only a line."""
     lines: list[str] = []
     for place in made.of(record):
@@ -148,7 +148,7 @@ def type_name(row: Row) -> str:
     return "strapdown_" + "_".join(words).lower() + ("" if words[-1] == "Row" else "_row")
 
 
-def _rows(made: Layout) -> str:
+def _rows(made: ExportLayout) -> str:
     """The structs of the tables that there are."""
     found = {place.row: None for place in made.places if place.row and place.length}
     return "\n\n".join(map(_row, found))
@@ -165,7 +165,7 @@ def _row(row: Row) -> str:
     return "\n".join([*lines, f"}} {type_name(row)};"])
 
 
-def _shape(place: Place) -> str:
+def _shape(place: MemoryPlace) -> str:
     """In brackets, sizes that have a name in C by that."""
     return "".join(
         f"[{PREFIX}{SIZES[declared][0]}]" if declared in SIZES else f"[{size}]"

@@ -15,7 +15,7 @@ from ...core.compile.workspace import Slots
 from ...core.loop.contract import STATES, Filter, Noise, Start
 from ...core.mathematics.rotation import euler_to_matrix
 from ...typing import Array, Ints
-from .layout import Layout, Place, numbers
+from .layout import ExportLayout, MemoryPlace, numbers
 
 PROBES = 16
 """Starts that are tried: enough that no two parts of them agree by chance, from very certain to very
@@ -32,8 +32,10 @@ class Known(NamedTuple):
 class Image(NamedTuple):
     """The struct before the first sample."""
 
-    constants: Mapping[Place, Mapping[int, float]]  # by the number in the place; all others are 0
-    copies: Mapping[Place, Mapping[int, Known]]
+    constants: Mapping[
+        MemoryPlace, Mapping[int, float]
+    ]  # by the number in the place; all others are 0
+    copies: Mapping[MemoryPlace, Mapping[int, Known]]
     fixed: tuple[str, ...]  # parts of which it is computed, and which are those of the export
 
 
@@ -42,7 +44,9 @@ MAY_BE_FIXED = ("noise", "lla")
 """Of one vehicle these are often the same: its IMU, and where it is, as far as attitude goes."""
 
 
-def image(filter: Filter, records: Records, made: Layout, start: Start, noise: Noise) -> Image:
+def image(
+    filter: Filter, records: Records, made: ExportLayout, start: Start, noise: Noise
+) -> Image:
     """The image of a filter whose records at a start and a noise are those.
 
     Raises DataError where its start computes what is no copy, of more than what may be fixed.
@@ -59,8 +63,8 @@ def image(filter: Filter, records: Records, made: Layout, start: Start, noise: N
             f"filter {filter.name!r} cannot be exported: its start computes {names}, where an export "
             f"knows constants and copies alone"
         )
-    constants: dict[Place, dict[int, float]] = {}
-    copies: dict[Place, dict[int, Known]] = {}
+    constants: dict[MemoryPlace, dict[int, float]] = {}
+    copies: dict[MemoryPlace, dict[int, Known]] = {}
     values, whole, _ = tried[0]
     for place in made.places:
         for k in range(place.first, place.first + place.length):
@@ -123,7 +127,7 @@ def _probes(start: Start, noise: Noise, fixed: Sequence[str]) -> Iterator[tuple[
 Tried = tuple[Array, Ints, dict[Known, float]]
 
 
-def _numbers(records: Records, made: Layout, start: Start, noise: Noise) -> Tried:
+def _numbers(records: Records, made: ExportLayout, start: Start, noise: Noise) -> Tried:
     return *numbers(records(start, noise), made), known(start, noise)
 
 
@@ -148,7 +152,7 @@ def _copies(tried: Sequence[Tried]) -> dict[int, Known]:
     return found
 
 
-def _name(filter: Filter, made: Layout, k: int) -> str:
+def _name(filter: Filter, made: ExportLayout, k: int) -> str:
     """Return the name of a number of the struct, for messages."""
     place = next(place for place in made.places if place.first <= k < place.first + place.length)
     if place.name == "workspace":

@@ -26,7 +26,7 @@ BYTES = 8
 """Of every number, so that no compiler leaves a gap between them."""
 
 
-class Place(NamedTuple):
+class MemoryPlace(NamedTuple):
     """A field of a record."""
 
     record: str
@@ -73,10 +73,10 @@ def _index(shape: Sequence[int], k: int) -> str:
     return found
 
 
-class Layout(NamedTuple):
+class ExportLayout(NamedTuple):
     """The fields in their order, and the sizes by name."""
 
-    places: tuple[Place, ...]
+    places: tuple[MemoryPlace, ...]
     sizes: Mapping[str, int]
 
     @property
@@ -85,12 +85,12 @@ class Layout(NamedTuple):
         last = self.places[-1]
         return last.first + last.length
 
-    def of(self, record: str) -> Iterator[Place]:
+    def of(self, record: str) -> Iterator[MemoryPlace]:
         """Those of a record."""
         return (place for place in self.places if place.record == record)
 
 
-def layout(sizes: Mapping[str, int]) -> Layout:
+def layout(sizes: Mapping[str, int]) -> ExportLayout:
     """The layout with these sizes. Sizes of one name are the same in all records, but `states` of
     Output, which is `n` of a Belief."""
     places, first = [], 0
@@ -104,9 +104,9 @@ def layout(sizes: Mapping[str, int]) -> Layout:
             elif isinstance(kind, Rows):
                 declared = kind.shape
             shape = tuple(sizes[size] if isinstance(size, str) else size for size in declared)
-            places.append(Place(record, name, real, shape, first, declared, row))
+            places.append(MemoryPlace(record, name, real, shape, first, declared, row))
             first += places[-1].length
-    return Layout(tuple(places), dict(sizes))
+    return ExportLayout(tuple(places), dict(sizes))
 
 
 def sizes_of(values: Mapping[str, Sequence[Any]]) -> dict[str, int]:
@@ -125,7 +125,7 @@ def sizes_of(values: Mapping[str, Sequence[Any]]) -> dict[str, int]:
     return found
 
 
-def numbers(values: Mapping[str, Sequence[Any]], made: Layout) -> tuple[Array, Ints]:
+def numbers(values: Mapping[str, Sequence[Any]], made: ExportLayout) -> tuple[Array, Ints]:
     """All numbers of the records of a run in the order of the struct: as doubles, and as int64;
     each is 0 in the other."""
     real, whole = np.zeros(made.length), np.zeros(made.length, np.int64)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ...core.loop import contract
 from ...core.loop.cursor import Axis, Books, Limits, LoopState, Work
 from ...core.loop.log import Code, LogRow
-from ...core.loop.motion import Motion
+from ...core.loop.motion import BodyMotion
 from ...core.loop.tables import FixRow
 from ...core.mathematics import solution_row
 from ...core.mathematics.coupling import Coupling
@@ -89,7 +89,7 @@ class Name(NamedTuple):
     text: str
 
 
-class Names(NamedTuple):
+class ExportNames(NamedTuple):
     """An enum."""
 
     name: str
@@ -102,7 +102,7 @@ def _named(module: object, texts: Mapping[str, str]) -> tuple[Name, ...]:
     return tuple(Name(name, int(getattr(module, name)), text) for name, text in texts.items())
 
 
-STATUS = Names(
+STATUS = ExportNames(
     "strapdown_status",
     "",
     "What a row is worth; the result of strapdown_sample.",
@@ -116,7 +116,7 @@ STATUS = Names(
         },
     ),
 )
-USE = Names(
+USE = ExportNames(
     "strapdown_use",
     "",
     "What became of a fix.",
@@ -131,7 +131,7 @@ USE = Names(
         },
     ),
 )
-ROW = Names(
+ROW = ExportNames(
     "strapdown_row",
     "ROW_",
     "Columns of out.nav[0], the solution after a sample.",
@@ -149,7 +149,7 @@ ROW = Names(
         },
     ),
 )
-CODE = Names(
+CODE = ExportNames(
     "strapdown_code",
     "",
     "What an event is.",
@@ -181,7 +181,7 @@ CODE = Names(
         },
     ),
 )
-RESULTS = Names(
+RESULTS = ExportNames(
     "strapdown_result",
     "",
     "What functions return. Below 0 nothing was done, but where the filter stopped.",
@@ -199,6 +199,17 @@ RESULTS = Names(
 ENUMS = (RESULTS, STATUS, USE, ROW, CODE)
 CLASSES = {
     one.__name__: one
-    for one in (SourceRow, FixRow, LoopState, Work, Limits, Axis, Books, LogRow, Motion, Coupling)
+    for one in (
+        SourceRow,
+        FixRow,
+        LoopState,
+        Work,
+        Limits,
+        Axis,
+        Books,
+        LogRow,
+        BodyMotion,
+        Coupling,
+    )
 }
 """The classes of tables, by name."""

@@ -12,7 +12,7 @@ from ...core.loop.cursor import Books
 from ...core.mathematics import solution_row
 from .chosen import Chosen
 from .header import template
-from .layout import BYTES, Layout, words
+from .layout import BYTES, ExportLayout, words
 
 FUNCTIONS = (
     "strapdown_start",
@@ -49,7 +49,7 @@ def linked(contents: Mapping[str, bytes]) -> bytes | None:
         return (Path(place) / "strapdown.wasm").read_bytes()
 
 
-def script(of: Chosen, made: Layout, bytes_of_filter: int) -> str:
+def script(of: Chosen, made: ExportLayout, bytes_of_filter: int) -> str:
     """The text of main.mjs."""
     (nav,) = (one for one in made.of("out") if one.name == "nav")
     (books,) = (one for one in made.of("cursor") if one.name == "books")

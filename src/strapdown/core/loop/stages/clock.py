@@ -30,7 +30,7 @@ from ..cursor import Cursor
 from ..integrity import doubt
 from ..kernels import STAGE, STEP as PREDICTED, Kernels
 from ..log import Code, say
-from ..motion import ANGLE, ROWS, Motion, S, X
+from ..motion import ANGLE, ROWS, BodyMotion, S, X
 from ..tables import Fixes
 
 STEP = 0.0099  # s that rows are kept apart, at least
@@ -44,7 +44,7 @@ make a derivative by time too large. The rate is that of the instant, since it m
 
 def new_recent(t: float, needed: bool) -> Any:
     """Cursor.recent at time t, whose row 1 is now; without rows where nobody looks back."""
-    recent = rows(Motion, ROWS if needed else 0)
+    recent = rows(BodyMotion, ROWS if needed else 0)
     recent["t"] = np.inf
     recent["t"][:2] = t
     return recent
@@ -75,7 +75,7 @@ def keep(belief: Belief, u: Array, dt: float, cursor: Cursor, record: Array) -> 
 
 
 @helper
-def _at(recent: Table[Motion], now: int, t: float, column: int) -> float:
+def _at(recent: Table[BodyMotion], now: int, t: float, column: int) -> float:
     """The value of a column at time t, not before the first row: between rows S and ANGLE are
     linear."""
     newer = older = now
@@ -101,7 +101,7 @@ def _at(recent: Table[Motion], now: int, t: float, column: int) -> float:
 
 @helper
 def _slope(
-    recent: Table[Motion], now: int, begin: float, t: float, width: float, column: int
+    recent: Table[BodyMotion], now: int, begin: float, t: float, width: float, column: int
 ) -> float:
     """The mean derivative of a column over `width` s about t, or next to it within what was kept,
     which begins at `begin`."""
@@ -160,7 +160,7 @@ def _at_rest(belief: Belief, source: SourceRow, u: Array) -> None:
 
 
 @helper
-def _begin(recent: Table[Motion], now: int) -> float:
+def _begin(recent: Table[BodyMotion], now: int) -> float:
     """Time of the first row that was kept, s."""
     oldest = (now + 1) % ROWS
     return recent[oldest].t if recent[oldest].t < math.inf else recent[0].t
@@ -174,7 +174,9 @@ def _sigma(belief: Belief, source: SourceRow) -> float:
 
 
 @helper
-def _since(recent: Table[Motion], now: int, age: float, belief: Belief, source: SourceRow) -> None:
+def _since(
+    recent: Table[BodyMotion], now: int, age: float, belief: Belief, source: SourceRow
+) -> None:
     """From `force` to `turn` of the instant `age` s ago. Before the first row and behind the last
     the motion is taken to go on, by `off` s, as it was next to it."""
     t, C, begin = recent[now].t, belief.C, _begin(recent, now)
@@ -198,7 +200,7 @@ def _since(recent: Table[Motion], now: int, age: float, belief: Belief, source: 
 
 @helper
 def _turned_since(
-    recent: Table[Motion], now: int, s: float, held: float, belief: Belief, source: SourceRow
+    recent: Table[BodyMotion], now: int, s: float, held: float, belief: Belief, source: SourceRow
 ) -> None:
     """`rate`, `spin` and `turn` of the instant `held`, to which s is the nearest that was kept."""
     begin, off, sigma = _begin(recent, now), held - s, _sigma(belief, source)
@@ -219,7 +221,9 @@ def _turned_since(
 
 
 @helper
-def _bent(recent: Table[Motion], now: int, age: float, belief: Belief, source: SourceRow) -> None:
+def _bent(
+    recent: Table[BodyMotion], now: int, age: float, belief: Belief, source: SourceRow
+) -> None:
     """Standard deviations of what the observation of a position and of a velocity leaves out, which
     is linear in the errors of clock and lever arm: with D the second difference of its motion over
     one standard deviation of the clock, D^2/4 times the mean fourth power of a normal error, and the
@@ -256,7 +260,7 @@ def _bent(recent: Table[Motion], now: int, age: float, belief: Belief, source: S
 
 @helper
 def _second_difference(
-    recent: Table[Motion], now: int, t: float, step: float, column: int
+    recent: Table[BodyMotion], now: int, t: float, step: float, column: int
 ) -> float:
     """That of a column about time t."""
     before, after = _at(recent, now, t - step, column), _at(recent, now, t + step, column)

@@ -38,7 +38,7 @@ Fields = list[tuple[str, str, int]]
 """(name, numpy type, offset in bytes) of each number of a record."""
 
 
-class Topic(NamedTuple):
+class UlogTopic(NamedTuple):
     """What one id of a log's data messages stands for."""
 
     name: str
@@ -61,7 +61,7 @@ class ULog(Walked):
         self.info: dict[str, str] = {}
         self.dropouts: list[int] = []  # ms
         self._formats: dict[str, str] = {}
-        self._topics: dict[int, Topic] = {}
+        self._topics: dict[int, UlogTopic] = {}
         self._sizes: list[tuple[int, ...] | None] = [None] * (LONGEST + 1)
         self._handlers = {
             ord("F"): self._format,
@@ -211,7 +211,7 @@ class ULog(Walked):
             fields = []
         # padding at the end is not logged
         sizes = tuple({whole + 2, logged + 2}) if fields else ()
-        self._topics[number] = Topic(name, body[0], fields, sizes)
+        self._topics[number] = UlogTopic(name, body[0], fields, sizes)
         self._sizes[number] = sizes if fields else None
 
     def _flat(

@@ -14,7 +14,7 @@ import numpy as np
 from ....checks import DataError
 from ....fileio.file_access import Zip, files_of
 from ....fileio.limits import Meter
-from ...tables.table_file import Table, first_line_of, open_bytes, packed, reading, split_error
+from ...tables.table_file import FileTable, first_line_of, open_bytes, packed, reading, split_error
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,8 +45,8 @@ class Export(NamedTuple):
             text = file.read(HEAD).decode("utf-8-sig", "replace")
         return text.splitlines()[0].replace('"', "") if text.strip() else ""
 
-    def table(self, name: str) -> Table:
-        """A file as a Table, without rows where it has none. Raises DataError."""
+    def table(self, name: str) -> FileTable:
+        """A file as a FileTable, without rows where it has none. Raises DataError."""
         label = str(self.path) if self.alone else f"{self.path} [{name}.csv]"
         head = self.head(name)
         separator = max(",;\t", key=head.count)
@@ -56,7 +56,7 @@ class Export(NamedTuple):
         comma = separator != "," and re.search(rb"\d,\d", content[len(head) :][:HEAD])
         decimal = "," if comma else "."
         frame = parsed(content, label, sep=separator, decimal=decimal, index_col=False)
-        return Table(label, frame, np.arange(len(frame)) + 2)
+        return FileTable(label, frame, np.arange(len(frame)) + 2)
 
     @contextmanager
     def _reading(self) -> Iterator[None]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....typing import Array
 from ...contract import Section
-from ...tables.table_file import Table
+from ...tables.table_file import FileTable
 
 AXES = "RFU"
 """x to the right and y to the top of the screen, z out of it: forward is the top of the phone."""
@@ -78,7 +78,7 @@ def triple(columns: Sequence[str], pattern: str) -> list[str]:
     return found if all(found) else []
 
 
-def fixes(table: Table, names: FixColumns, android: bool) -> tuple[Table, list[str]]:
+def fixes(table: FileTable, names: FixColumns, android: bool) -> tuple[FileTable, list[str]]:
     """(Table with the columns ADDED, lines on rows that are left out) of a phone's fixes; `android`:
     their accuracy is that of Android.
 
@@ -114,7 +114,7 @@ def fixes(table: Table, names: FixColumns, android: bool) -> tuple[Table, list[s
 
 
 def location(
-    tables: dict[str, Table],
+    tables: dict[str, FileTable],
     name: str,
     names: FixColumns,
     time: Mapping[str, Any],
@@ -134,7 +134,7 @@ def location(
 
 def fix_sections(
     name: str,
-    table: Table,
+    table: FileTable,
     names: FixColumns,
     time: Mapping[str, Any],
     android: bool,
@@ -187,7 +187,7 @@ def day(unix: float) -> dict[str, str]:
 def inertial(
     gyro: Piece | None,
     accel: Piece | None,
-    tables: Mapping[str, Table],
+    tables: Mapping[str, FileTable],
     record: str,
     alone: bool = False,
     assumed: Mapping[str, str] = NOTHING,
@@ -272,7 +272,7 @@ def barometer_section(name: str, time: Mapping[str, Any], column: str) -> Sectio
     return Section("aiding", "barometer", keys, title=name, assumed={"sd": "m, as MEMS barometers"})
 
 
-def median_force(table: Table, columns: list[str]) -> tuple[float, Array]:
+def median_force(table: FileTable, columns: list[str]) -> tuple[float, Array]:
     """(median magnitude, median vector (3,)) of three columns; NaN where there is no whole row."""
     force = np.stack([table.numbers(column) for column in columns], axis=1)
     force = force[np.isfinite(force).all(axis=1)]

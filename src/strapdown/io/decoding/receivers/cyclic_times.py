@@ -12,7 +12,7 @@ DAY_MS = 86_400_000
 WEEK_MS = 604_800_000
 
 
-class Clock(NamedTuple):
+class CyclicClock(NamedTuple):
     """The moments that records of a file say."""
 
     place: Ints  # in the file (m,)
@@ -37,8 +37,8 @@ def clock_of(
     period: int,
     absolute: dict[str, Any],
     own: dict[str, Any],
-) -> Clock:
-    """The Clock of records with a date, each (place, moment), or where there is none of those with a
+) -> CyclicClock:
+    """The CyclicClock of records with a date, each (place, moment), or where there is none of those with a
     time (place, t); `absolute` and `own` are the key `time` of a description then."""
     none = np.zeros(0, int)
     place, moment = (np.concatenate([none, *each]) for each in zip((none, none), *dated))
@@ -49,7 +49,9 @@ def clock_of(
     if not len(place):
         place = moment = np.zeros(1, int)
     order = np.argsort(place, kind="stable")
-    return Clock(place[order], moment[order], period, is_absolute, absolute if is_absolute else own)
+    return CyclicClock(
+        place[order], moment[order], period, is_absolute, absolute if is_absolute else own
+    )
 
 
 def moments(place: Ints, t: Ints, dated: Ints, moment: Ints, period: int) -> Ints:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ....typing import Ints
 from ...contract import Log, Section
-from ...tables.table_file import Table
-from .cyclic_times import Clock, in_order, same_time
-from .nmea_sentences import TIME_FIELD, Kind, Sentences, clock as clock_of
+from ...tables.table_file import FileTable
+from .cyclic_times import CyclicClock, in_order, same_time
+from .nmea_sentences import TIME_FIELD, SentenceKind, Sentences, clock as clock_of
 
 ERRORS = {1: 4.0, 2: 1.5, 3: 1.5, 4: 0.02, 5: 0.5, 9: 1.5}
 """m, horizontal, by quality of the fix (1 alone, 2 and 9 with corrections, 3 PPS, 4 RTK fixed, 5 RTK
@@ -44,23 +44,23 @@ class Sorting(NamedTuple):
 
     path: Path
     sentences: Sentences
-    clock: Clock
-    tables: dict[str, Table]  # those that are made
+    clock: CyclicClock
+    tables: dict[str, FileTable]  # those that are made
     left: list[str]  # lines on what is not taken
 
     @property
-    def kinds(self) -> dict[str, Kind]:
+    def kinds(self) -> dict[str, SentenceKind]:
         """{name: sentences of that name}."""
         return self.sentences.kinds
 
     def table(
         self,
         name: str,
-        kind: Kind,
+        kind: SentenceKind,
         t: Ints,
         good: NDArray[np.bool_],
         columns: dict[str, NDArray[Any]],
-    ) -> Table:
+    ) -> FileTable:
         """The good rows in the order of time, each time once."""
         rows = np.flatnonzero(good)
         moment = self.clock.ms(kind.place[rows], t[rows])
@@ -72,7 +72,7 @@ class Sorting(NamedTuple):
             self.left.append(f"{twice} {name} that repeat a time")
         values = {self.clock.column: moment[order]}
         values |= {key: each[rows] for key, each in columns.items()}
-        return Table.of(f"{self.path} [{name}]", values, rows, "sentence")
+        return FileTable.of(f"{self.path} [{name}]", values, rows, "sentence")
 
 
 def nmea_log(path: Path, sentences: Sentences) -> Log:
@@ -159,7 +159,7 @@ def _flat(sentences: Sentences, t: Ints) -> NDArray[np.bool_]:
     return np.isin(t, there[mode == 2]) & ~np.isin(t, there[mode == 3])
 
 
-def _heights(table: Table, left: list[str]) -> tuple[bool, dict[str, Any]]:
+def _heights(table: FileTable, left: list[str]) -> tuple[bool, dict[str, Any]]:
     """(whether there are heights, the key that says how far the geoid is from the ellipsoid)."""
     known = np.isfinite(table.numbers("altitude"))
     if not known.any():
@@ -172,7 +172,7 @@ def _heights(table: Table, left: list[str]) -> tuple[bool, dict[str, Any]]:
     return True, {"geoid": {"column": "separation", "unit": "m"}}
 
 
-def _quality(name: str, kind: Kind) -> Ints:
+def _quality(name: str, kind: SentenceKind) -> Ints:
     """Of each fix as GGA counts it; 0 where it is not used."""
     if name == "GGA":
         return np.nan_to_num(kind.numbers(6)).astype(int)
@@ -188,7 +188,7 @@ def _quality(name: str, kind: Kind) -> Ints:
     return np.array([each if state == b"A" else 0 for each, state in zip(best, states)], int)
 
 
-def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
+def _place_columns(name: str, kind: SentenceKind) -> dict[str, NDArray[Any]]:
     at = {"GGA": 2, "GNS": 2, "RMC": 3, "GLL": 1}[name]
     found = {"lat": kind.degrees(at), "lon": kind.degrees(at + 2)}
     nothing = np.full(len(kind.place), np.nan)
@@ -202,7 +202,9 @@ def _place_columns(name: str, kind: Kind) -> dict[str, NDArray[Any]]:
     return found | {"altitude": nothing, "separation": nothing, "hdop": nothing}
 
 
-def _with_deviations(table: Table, sentences: Sentences, clock: Clock) -> tuple[Table, str]:
+def _with_deviations(
+    table: FileTable, sentences: Sentences, clock: CyclicClock
+) -> tuple[FileTable, str]:
     """(the table with standard deviations of GST, or assumed ones; why)."""
     quality, hdop = table.cells("quality"), table.numbers("hdop")
     assumed = np.array([ERRORS[each] for each in quality.tolist()]) * np.fmax(hdop, 1.0)

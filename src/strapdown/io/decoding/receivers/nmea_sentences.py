@@ -13,7 +13,7 @@ import numpy as np
 
 from ....typing import Array, Ints
 from ....units.time_scales import days_of
-from .cyclic_times import DAY_MS, Clock, clock_of
+from .cyclic_times import DAY_MS, CyclicClock, clock_of
 
 TYPES = ("GGA", "GNS", "GLL", "RMC", "VTG", "GST", "ZDA", "HDT", "THS", "GSA")
 """Sentences that are read; all others, such as GSV, are passed over."""
@@ -24,7 +24,7 @@ TIME_FIELD = {"GGA": 1, "GNS": 1, "GLL": 5, "RMC": 1, "GST": 1, "ZDA": 1}
 """Where a sentence has the time of day; VTG, HDT, THS and GSA have none."""
 
 
-class Kind(NamedTuple):
+class SentenceKind(NamedTuple):
     """The sentences of one type, in the order of the file."""
 
     place: Ints  # of the $ in the file (n,)
@@ -62,9 +62,9 @@ class Kind(NamedTuple):
             ms = 1000 * (3600 * hours + 60 * minutes + seconds) + np.round(1000 * (value - clock))
         return np.where(fits, ms, -1).astype(int)
 
-    def rows(self, keep: Ints) -> "Kind":
+    def rows(self, keep: Ints) -> "SentenceKind":
         """These sentences alone."""
-        return Kind(
+        return SentenceKind(
             self.place[keep],
             self.end[keep],
             [self.talkers[i] for i in keep],
@@ -75,7 +75,7 @@ class Kind(NamedTuple):
 class Sentences(NamedTuple):
     """What a file has of the TYPES."""
 
-    kinds: dict[str, Kind]
+    kinds: dict[str, SentenceKind]
     rejected: int  # sentences of these types that fail their checksum
     bare: int  # and those without one
 
@@ -93,7 +93,7 @@ class Sentences(NamedTuple):
         order = np.argsort(place)
         return place[order], end[order], t[order]
 
-    def time_beside(self, kind: Kind) -> Ints:
+    def time_beside(self, kind: SentenceKind) -> Ints:
         """Time of day (n,), ms, of sentences that have none: that of the sentence nearest in the
         file, of two the one before; -1 where there is none."""
         place, end, t = self.timed
@@ -119,7 +119,7 @@ def find_sentences(data: bytes) -> Sentences:
     for i in np.flatnonzero(right).tolist():
         by_type.setdefault(whole[i].group(2).decode(), []).append(i)
     kinds = {
-        name: Kind(
+        name: SentenceKind(
             start[rows],
             star[rows] + 3,
             [whole[i].group(1) for i in rows],
@@ -155,7 +155,7 @@ OF_DAY = {"column": "day_ms", "unit": "ms"}
 """The key `time` of a description, with a date and without any: days then count from the first."""
 
 
-def clock(sentences: Sentences) -> Clock:
+def clock(sentences: Sentences) -> CyclicClock:
     """The clock of a file."""
     dated = dates(sentences.kinds)
     if len(dated[0]):
@@ -173,7 +173,7 @@ def epochs(sentences: Sentences) -> tuple[Ints, Ints, bool]:
     return place[first], ms[first], bool(len(place)) and found.absolute
 
 
-def dates(kinds: dict[str, Kind]) -> tuple[Ints, Ints]:
+def dates(kinds: dict[str, SentenceKind]) -> tuple[Ints, Ints]:
     """(place (m,), POSIX ms (m,)) of the sentences that say a date: RMC of a fix, else ZDA, else any
     RMC."""
     empty = np.zeros(0, int)
@@ -193,7 +193,9 @@ def dates(kinds: dict[str, Kind]) -> tuple[Ints, Ints]:
     return next((each for each in every if len(each[0])), (empty, empty))
 
 
-def _moments(kind: Kind, t: Ints, year: Array, month: Array, day: Array) -> tuple[Ints, Ints]:
+def _moments(
+    kind: SentenceKind, t: Ints, year: Array, month: Array, day: Array
+) -> tuple[Ints, Ints]:
     days = days_of(year, month, day)
     fits = (t >= 0) & (year >= 1980) & (year < 2100) & np.isfinite(days)
     return kind.place[fits], days[fits].astype(int) * DAY_MS + t[fits]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....typing import Array, Ints
-from .cyclic_times import Clock, in_order, same_time
-from .ubx_frames import LAYOUTS, Frames, Message
+from .cyclic_times import CyclicClock, in_order, same_time
+from .ubx_frames import LAYOUTS, Message, UbxFrames
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
@@ -17,7 +17,7 @@ LEAST_SD = 1e-3
 """m and m/s, the resolution of NAV-PVT: a smaller standard deviation reads 0."""
 
 
-def solutions(frames: Frames, clock: Clock) -> tuple[str, Columns]:
+def solutions(frames: UbxFrames, clock: CyclicClock) -> tuple[str, Columns]:
     """(name of the message, its columns) of all epochs with a valid time in the order of the file:
     `t` in ms, `fixType`, `ok` (the receiver's own limits are kept), positions, velocities and their
     accuracies. Nothing where there is no position."""
@@ -35,7 +35,7 @@ def solutions(frames: Frames, clock: Clock) -> tuple[str, Columns]:
     return "", {}
 
 
-def vehicle(frames: Frames, clock: Clock) -> Columns:
+def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
     """NAV-PVAT: position, velocity and attitude by the receiver's own fusion."""
     place, records = frames.records(Message.NAV_PVAT, LAYOUTS[Message.NAV_PVAT])
     found = _pvt(frames, clock, place, records)
@@ -46,7 +46,7 @@ def vehicle(frames: Frames, clock: Clock) -> Columns:
     return found
 
 
-def untimed(frames: Frames) -> list[str]:
+def untimed(frames: UbxFrames) -> list[str]:
     """Lines on the messages whose receiver did not yet know date and time; they are not used."""
     lines = []
     for key in (Message.NAV_PVT, Message.NAV_PVAT):
@@ -57,7 +57,7 @@ def untimed(frames: Frames) -> list[str]:
     return lines
 
 
-def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Columns:
+def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[Any]) -> Columns:
     valid = records["valid"] & TIME_VALID == TIME_VALID
     place, records = place[valid], records[valid]
     found = {
@@ -76,7 +76,7 @@ def _pvt(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Co
     return found
 
 
-def _of_older(frames: Frames, clock: Clock, place: Ints, records: NDArray[Any]) -> Columns:
+def _of_older(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[Any]) -> Columns:
     """From a message of the position alone, the velocity and the state of the fix at its times."""
     t = clock.ms(place, records["iTOW"])
     found = {"row": np.arange(len(t)), "place": place, "t": t, **_position(records)}
@@ -107,7 +107,7 @@ def _position(records: NDArray[Any]) -> Columns:
     return {name: np.where(invalid, np.nan, values) for name, values in found.items()}
 
 
-def _high_precision(frames: Frames, clock: Clock, found: Columns) -> Columns:
+def _high_precision(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Columns:
     """The same with the positions of NAV-HPPOSLLH, 0.1 mm, at the epochs that have one."""
     place, records = frames.records(Message.NAV_HPPOSLLH, LAYOUTS[Message.NAV_HPPOSLLH])
     if not len(records):
@@ -120,7 +120,7 @@ def _high_precision(frames: Frames, clock: Clock, found: Columns) -> Columns:
 
 
 def _at(
-    frames: Frames, clock: Clock, key: Message, t: Ints, names: tuple[str, ...]
+    frames: UbxFrames, clock: CyclicClock, key: Message, t: Ints, names: tuple[str, ...]
 ) -> dict[str, Array]:
     """Fields of the messages of one kind at the epochs t; NaN where there is none."""
     place, records = frames.records(key, LAYOUTS[key])

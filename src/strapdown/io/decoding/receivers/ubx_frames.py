@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....typing import Array, Ints
 from ....units.time_scales import DAY, days_of, gps_from_unix
 from ..records import Bytes, structured
-from .cyclic_times import WEEK_MS, Clock, clock_of, moments
+from .cyclic_times import WEEK_MS, CyclicClock, clock_of, moments
 
 
 class Message(IntEnum):
@@ -39,7 +39,7 @@ class Message(IntEnum):
         return self.name.replace("_", "-")
 
 
-class Frames(NamedTuple):
+class UbxFrames(NamedTuple):
     """Frames in the order of the file, whose checksums are right and which do not overlap."""
 
     content: Bytes
@@ -59,7 +59,7 @@ class Frames(NamedTuple):
         return start, structured(self.content, start, layout)
 
 
-def find_frames(data: bytes) -> Frames:
+def find_frames(data: bytes) -> UbxFrames:
     """The frames in these bytes."""
     content = np.frombuffer(data, np.uint8)
     sync = np.flatnonzero((content[:-1] == 0xB5) & (content[1:] == 0x62))
@@ -78,7 +78,7 @@ def find_frames(data: bytes) -> Frames:
     free = wrong >= ends[before + 1]
     beyond = np.arange(len(wrong)) >= np.count_nonzero(~right)
     key = 256 * content[start + 2].astype(int) + content[start + 3]
-    return Frames(
+    return UbxFrames(
         content,
         start + 6,
         size,
@@ -221,7 +221,7 @@ OF_WEEK = {"column": "tow_ms", "unit": "ms", "clock": "gps", "week": None}
 """The key `time` of a description, with a known week and without any."""
 
 
-def clock(frames: Frames) -> Clock:
+def clock(frames: UbxFrames) -> CyclicClock:
     """The clock of a file."""
     dated, timed = [], []
     for key in EPOCHS:

@@ -9,12 +9,12 @@ import numpy as np
 from ....typing import Array, Ints
 from ....units.time_scales import rate_of
 from ...contract import GUESS, Section
-from ...tables.table_file import Table
-from .ubx_frames import LAYOUTS, Frames, Message
+from ...tables.table_file import FileTable
+from .ubx_frames import LAYOUTS, Message, UbxFrames
 from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, Sensors, sensors
 
 
-class Epochs(NamedTuple):
+class ImuEpochs(NamedTuple):
     """What sets the clock of the sensors."""
 
     place: Ints  # in the file (n,)
@@ -24,9 +24,9 @@ class Epochs(NamedTuple):
 
 def imu_sections(
     path: Path,
-    frames: Frames,
-    by: Epochs,
-    tables: dict[str, Table],
+    frames: UbxFrames,
+    by: ImuEpochs,
+    tables: dict[str, FileTable],
     left: list[str],
 ) -> list[Section]:
     """Sections of the IMU, those of the fastest message first."""
@@ -58,7 +58,7 @@ def _imu(
     instance: int,
     mounting: tuple[Mapping[str, Any], str],
     gps: bool,
-    tables: dict[str, Table],
+    tables: dict[str, FileTable],
 ) -> Section:
     """[imu], whose accelerometer has a table of its own where it has times of its own."""
     absolute = each.absolute and gps
@@ -86,7 +86,7 @@ def _imu(
     for name, samples, (_, values) in zip(names, (each.gyro, each.accel), (gyro, accel)):
         columns.setdefault(name, {column: samples.t}).update(values)
     for name, values in columns.items():
-        tables[name] = Table.of(f"{path} [{name}]", values, word="sample")
+        tables[name] = FileTable.of(f"{path} [{name}]", values, word="sample")
     keys = {
         "table": names[0],
         "time": time,
@@ -109,7 +109,7 @@ def _signal(
     return {"columns": names, **unit}, values
 
 
-def _mounting(frames: Frames) -> tuple[dict[str, Any], str]:
+def _mounting(frames: UbxFrames) -> tuple[dict[str, Any], str]:
     """(how the receiver says that its IMU is mounted, where that is from), of ESF-ALG where it has
     found the angles (status 3 and 4) or uses those that a user has set (status 0): they turn the
     installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right, down yaw

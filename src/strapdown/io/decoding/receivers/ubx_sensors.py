@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....typing import Array, Ints
 from ..records import side_by_side
 from .cyclic_times import in_order
-from .ubx_frames import Frames, Message
+from .ubx_frames import Message, UbxFrames
 
 GYRO, ACCEL = (14, 13, 5), (16, 17, 18)
 """Types of the data, x, y, z."""
@@ -125,7 +125,7 @@ class _Measurements(NamedTuple):
     value: Ints
 
 
-def sensors(frames: Frames, key: Message, place: Ints, gps: Array) -> Sensors | None:
+def sensors(frames: UbxFrames, key: Message, place: Ints, gps: Array) -> Sensors | None:
     """The IMU by the messages of one kind; `place` and `gps` (s) are of the epochs of the file,
     which set its clock. None where there is no gyro and accelerometer or no time."""
     found = _measurements(frames, key)
@@ -149,7 +149,7 @@ def sensors(frames: Frames, key: Message, place: Ints, gps: Array) -> Sensors | 
     return Sensors(key.title, timed[0], timed[1], True, scatter, lost)
 
 
-def _measurements(frames: Frames, key: Message) -> _Measurements:
+def _measurements(frames: UbxFrames, key: Message) -> _Measurements:
     """All measurements of the messages of one kind, in the order of the file."""
     ours = frames.key == key
     parts = []
@@ -196,7 +196,7 @@ def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Sample
 
 
 def _lines(
-    frames: Frames,
+    frames: UbxFrames,
     key: Message,
     sample_place: Ints,
     tag: Ints,

@@ -12,7 +12,7 @@ from ....fileio.limits import LimitError, Meter
 from ....typing import Ints
 from ..records import how_it_begins
 from .packed_chunks import unpack
-from .ros_messages import Messages, Topic, take
+from .ros_messages import Messages, RosTopic, take
 
 MAGIC = b"#ROSBAG V2.0\n"
 OLDER = b"#ROSBAG V1"
@@ -89,9 +89,9 @@ def _values(header: bytes | memoryview) -> dict[bytes, bytes]:
     return {name: bytes(header[begin:end]) for name, (begin, end) in fields(header).items()}
 
 
-def _topic(name: bytes, info: dict[bytes, bytes]) -> Topic:
+def _topic(name: bytes, info: dict[bytes, bytes]) -> RosTopic:
     definition = _text(info.get(b"message_definition", b""))
-    return Topic.of(_text(name), _text(info[b"type"]), "ros1", definition)
+    return RosTopic.of(_text(name), _text(info[b"type"]), "ros1", definition)
 
 
 def fields(header: bytes | memoryview) -> dict[bytes, tuple[int, int]]:

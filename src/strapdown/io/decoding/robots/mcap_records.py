@@ -12,7 +12,7 @@ from ....fileio.limits import LimitError, Meter
 from ....typing import Ints
 from ..records import how_it_begins
 from .packed_chunks import unpack
-from .ros_messages import Messages, Topic, take
+from .ros_messages import Messages, RosTopic, take
 
 MAGIC = b"\x89MCAP0\r\n"
 SCHEMA, CHANNEL, MESSAGE, CHUNK, DATA_END = 3, 4, 5, 6, 15
@@ -97,7 +97,7 @@ class _File:
         encoding, _ = _text(content, at, end)
         self.encodings.add(encoding)
         name, text = self.schemas.get(schema, ("", ""))
-        known = Topic.of(topic, name, encoding, text)
+        known = RosTopic.of(topic, name, encoding, text)
         # it stands in every chunk, and at the end
         self.messages.topics.setdefault(self.first + number, known)
 

@@ -9,7 +9,7 @@ import numpy as np
 from ....typing import Array
 from ...contract import Section
 from .robot_parts import Made, Robot, deviations, median, not_measured, vector
-from .robot_streams import Stream
+from .robot_streams import TopicStream
 from .ros_messages import Columns
 from .ros_transforms import Pose
 
@@ -23,7 +23,7 @@ FIELD_SD = 2.5
 """Assumed where a log states none: m, m/s, m/s, m, uT."""
 
 
-def fix(stream: Stream, robot: Robot) -> Made:
+def fix(stream: TopicStream, robot: Robot) -> Made:
     """Positions of sensor_msgs/NavSatFix; rows without a fix are missing."""
     columns = stream.columns
     lla = np.stack([columns[name] for name in ("latitude", "longitude", "altitude")], axis=1)
@@ -47,7 +47,7 @@ def fix(stream: Stream, robot: Robot) -> Made:
     return [section], {**vector("latitude longitude altitude", lla), **more}
 
 
-def twist(stream: Stream, robot: Robot) -> Made:
+def twist(stream: TopicStream, robot: Robot) -> Made:
     """Of a receiver a velocity, of a vehicle its speed."""
     linear = _linear(stream.columns)
     if stream.type != "geometry_msgs/Twist" and RECEIVER.search(f"{stream.topic} {stream.frame}"):
@@ -68,7 +68,7 @@ def _variances(columns: Columns) -> Array:
     return found
 
 
-def _velocity(stream: Stream, robot: Robot, linear: Array) -> Made:
+def _velocity(stream: TopicStream, robot: Robot, linear: Array) -> Made:
     velocity = linear
     axes = "NED" if re.search(r"(^|[/_])ned($|[/_])", stream.topic) else "ENU"
     flat = not velocity[:, 2].any()
@@ -91,12 +91,12 @@ def _velocity(stream: Stream, robot: Robot, linear: Array) -> Made:
     return [section], {**vector("v1 v2 v3", velocity), **more}
 
 
-def odometry(stream: Stream, robot: Robot) -> Made:
+def odometry(stream: TopicStream, robot: Robot) -> Made:
     """Speeds of nav_msgs/Odometry, whose twist is that of its child frame."""
     return _speed(stream, robot, stream.text("child_frame_id").lstrip("/"))
 
 
-def _speed(stream: Stream, robot: Robot, frame: str, doubt: str = "") -> Made:
+def _speed(stream: TopicStream, robot: Robot, frame: str, doubt: str = "") -> Made:
     """The speed forward of the frame that a twist is of, left where there is a `doubt`."""
     place = robot.frames.pose(frame, robot.base)
     velocity = _linear(stream.columns)
@@ -117,7 +117,7 @@ def _speed(stream: Stream, robot: Robot, frame: str, doubt: str = "") -> Made:
     return [section], {"speed": velocity[:, 0], **more}
 
 
-def magnetometer(stream: Stream, robot: Robot) -> Made:
+def magnetometer(stream: TopicStream, robot: Robot) -> Made:
     """Fields of sensor_msgs/MagneticField in the vehicle's axes; the unit by its magnitude."""
     field = stream.columns["magnetic_field"].astype(float)
     place = robot.place(stream)
@@ -142,7 +142,7 @@ def magnetometer(stream: Stream, robot: Robot) -> Made:
     return [section], vector("mx my mz", field)
 
 
-def barometer(stream: Stream, robot: Robot) -> Made:
+def barometer(stream: TopicStream, robot: Robot) -> Made:
     """Pressures of sensor_msgs/FluidPressure; the unit by its magnitude."""
     pressure = stream.columns["fluid_pressure"].astype(float)
     usual = median(pressure)
@@ -166,7 +166,7 @@ ATTITUDE_SD = [0.02, 0.02, 0.1]
 """rad, of roll, pitch and heading where a log states none."""
 
 
-def imu(stream: Stream, robot: Robot) -> Made:
+def imu(stream: TopicStream, robot: Robot) -> Made:
     """Sections and columns of sensor_msgs/Imu: the IMU, and its attitude, which is left."""
     gyro, accel = stream.columns["angular_velocity"], stream.columns["linear_acceleration"]
     place = robot.place(stream)
@@ -191,7 +191,7 @@ def imu(stream: Stream, robot: Robot) -> Made:
     return [*sections, *attitude], {**columns, **more}
 
 
-def _doubt(stream: Stream, force: Array) -> tuple[str, str]:
+def _doubt(stream: TopicStream, force: Array) -> tuple[str, str]:
     """Why an IMU is not taken, or "", and what gravity says of its axes; `force` is its median
     in the vehicle's axes, forward, left, up."""
     for name, sensor in (("angular_velocity", "gyro"), ("linear_acceleration", "accelerometer")):
@@ -227,7 +227,7 @@ def _doubt(stream: Stream, force: Array) -> tuple[str, str]:
     )
 
 
-def _attitude(stream: Stream, place: Pose | None) -> Made:
+def _attitude(stream: TopicStream, place: Pose | None) -> Made:
     """What an IMU's message has of its attitude."""
     q, covariance = (
         stream.columns["orientation"].astype(float),

@@ -9,9 +9,9 @@ import numpy as np
 
 from ....typing import Array
 from ...contract import Section
-from .robot_streams import Stream
+from .robot_streams import TopicStream
 from .ros_messages import Columns
-from .ros_transforms import WORLD, Frames, Pose
+from .ros_transforms import WORLD, Pose, RosFrames
 
 FUSED = re.compile(
     r"filter|fused|fusion|ekf|ukf|kalman|combined|vins|vio|slam|lio|visual|locali[sz]ation|rtab",
@@ -31,10 +31,10 @@ class Robot(NamedTuple):
     """What a section needs to know of the log."""
 
     path: Path
-    frames: Frames
+    frames: RosFrames
     base: str  # the frame that is taken for the vehicle's
 
-    def place(self, stream: Stream) -> Pose | None:
+    def place(self, stream: TopicStream) -> Pose | None:
         """Of the sensor in the vehicle; None: the log does not say it."""
         return self.frames.pose(stream.frame, self.base)
 
@@ -46,13 +46,13 @@ class Robot(NamedTuple):
             return ""
         return f"the log has no transform from {self.base} to its frame {frame}"
 
-    def said(self, stream: Stream, place: Pose | None) -> str:
+    def said(self, stream: TopicStream, place: Pose | None) -> str:
         """Words on it for a title."""
         if stream.frame == self.base or place is None:
             return ""
         return f", mounted as the transforms say ({self.base} to {stream.frame})"
 
-    def arm(self, stream: Stream) -> tuple[dict[str, Any], dict[str, str]]:
+    def arm(self, stream: TopicStream) -> tuple[dict[str, Any], dict[str, str]]:
         """`lever_arm`, and why it was assumed."""
         place = self.place(stream)
         if place is not None:
@@ -88,7 +88,7 @@ def vector(names: str, values: Array) -> Columns:
     return dict(zip(names.split(), np.ascontiguousarray(values.T, dtype=float)))
 
 
-def not_measured(stream: Stream) -> str:
+def not_measured(stream: TopicStream) -> str:
     """Why a topic is not taken for a measurement, by its name; "": it is."""
     if FUSED.search(stream.topic):
         return "its name says that it is estimated, probably of the same IMU"

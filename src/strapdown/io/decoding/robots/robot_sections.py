@@ -12,14 +12,14 @@ import numpy as np
 
 from ....sensor_models.errors import LARGEST
 from ...contract import Log, Section
-from ...tables.table_file import Table
+from ...tables.table_file import FileTable
 from .robot_aiding import barometer, fix, imu, magnetometer, odometry, twist
 from .robot_parts import BASE, Made, Robot
-from .robot_streams import Stream, streams_of, unread
+from .robot_streams import TopicStream, streams_of, unread
 from .ros_messages import Columns, Messages
-from .ros_transforms import Frames
+from .ros_transforms import RosFrames
 
-MAKERS: Mapping[str, Callable[[Stream, Robot], Made]] = {
+MAKERS: Mapping[str, Callable[[TopicStream, Robot], Made]] = {
     "sensor_msgs/Imu": imu,
     "sensor_msgs/NavSatFix": fix,
     "sensor_msgs/MagneticField": magnetometer,
@@ -35,8 +35,8 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
     """The Log of a robot's messages; `what` they were found in. Raises DataError where there is
     nothing that is read."""
     streams, left = streams_of(messages)
-    robot = Robot(path, frames := Frames(messages.transforms), _base(streams, frames))
-    tables: dict[str, Table] = {}
+    robot = Robot(path, frames := RosFrames(messages.transforms), _base(streams, frames))
+    tables: dict[str, FileTable] = {}
     sections: list[Section] = []
     counts: Counter[str] = Counter()
     for stream in streams:
@@ -44,7 +44,9 @@ def log_of(path: Path, what: str, messages: Messages) -> Log:
             made, columns = MAKERS[stream.type](stream, robot)
             left += _without_nonsense(stream.topic, columns)
         name = f"{path} [{stream.topic}]"
-        tables[stream.topic] = Table.of(name, {"stamp": stream.stamp, **columns}, word="message")
+        tables[stream.topic] = FileTable.of(
+            name, {"stamp": stream.stamp, **columns}, word="message"
+        )
         for section in made:
             sections.append(_completed(section, stream, counts[section.role]))
             counts[section.role] += 1
@@ -73,7 +75,7 @@ def _without_nonsense(topic: str, columns: Columns) -> list[str]:
     )
 
 
-def _completed(section: Section, stream: Stream, number: int) -> Section:
+def _completed(section: Section, stream: TopicStream, number: int) -> Section:
     """With its table, its time and its number."""
     return section._replace(
         keys={**section.keys, "table": stream.topic, "time": stream.time},
@@ -97,7 +99,7 @@ def _asked(sections: list[Section]) -> list[str]:
     return [f"{each.keys['table']}: {each.left}" for each in of_imus[:1]]
 
 
-def _base(streams: list[Stream], frames: Frames) -> str:
+def _base(streams: list[TopicStream], frames: RosFrames) -> str:
     """The frame that is taken for the vehicle's: base_link, that of the odometry, or the IMU's."""
     imus = [each.frame for each in streams if each.type == "sensor_msgs/Imu"]
     if not imus:
@@ -112,7 +114,7 @@ def _base(streams: list[Stream], frames: Frames) -> str:
     return imus[0]
 
 
-def _with_receivers(sections: list[Section], streams: list[Stream]) -> list[Section]:
+def _with_receivers(sections: list[Section], streams: list[TopicStream]) -> list[Section]:
     """The same with velocities of a receiver numbered as its positions: those that may be taken, of
     the topic whose name begins alike, or of the same frame."""
     frames = {each.topic: each.frame for each in streams}

@@ -8,7 +8,7 @@ import numpy as np
 from ....checks import DataError
 from ....typing import Ints
 from ....units.time_scales import rate_of
-from .ros_messages import Columns, Decoded, Messages, Topic
+from .ros_messages import Columns, Decoded, Messages, RosTopic
 from .ros_transforms import plain
 
 SECOND = 1_000_000_000
@@ -17,7 +17,7 @@ YEAR_2000 = 946_684_800 * SECOND
 """ns of POSIX time. A clock that is before it counts from elsewhere."""
 
 
-class Stream(NamedTuple):
+class TopicStream(NamedTuple):
     """The messages of one topic."""
 
     topic: str
@@ -56,7 +56,7 @@ class Stream(NamedTuple):
         return _commonest(self.columns[column])
 
 
-def streams_of(messages: Messages) -> tuple[list[Stream], list[str]]:
+def streams_of(messages: Messages) -> tuple[list[TopicStream], list[str]]:
     """The streams of a log on one clock by the names of their topics, and lines on what is left.
 
     The clock is absolute where one of them has an absolute one. Raises DataError where a log has
@@ -87,8 +87,8 @@ def streams_of(messages: Messages) -> tuple[list[Stream], list[str]]:
     return on_clock, left
 
 
-def _stream(topic: Topic, decoded: Decoded) -> tuple[Stream | None, list[str]]:
-    """The Stream of a topic on its own clock, and lines on what is not used of it."""
+def _stream(topic: RosTopic, decoded: Decoded) -> tuple[TopicStream | None, list[str]]:
+    """The TopicStream of a topic on its own clock, and lines on what is not used of it."""
     columns, record, left = decoded.columns, decoded.record, []
     many = len(record) + decoded.wrong
     if decoded.wrong:
@@ -109,7 +109,7 @@ def _stream(topic: Topic, decoded: Decoded) -> tuple[Stream | None, list[str]]:
         left.append(f"{np.sum(~stamped)} of {many} messages of {topic.name} have no stamp")
         stamp, record = stamp[stamped], record[stamped]
         columns = {name: each[stamped] for name, each in columns.items()}
-    return Stream(topic.name, topic.type, frame, stamp, record, columns, remark), left
+    return TopicStream(topic.name, topic.type, frame, stamp, record, columns, remark), left
 
 
 def _is_absolute(times: Ints) -> bool:
@@ -128,7 +128,7 @@ def _text(raw: bytes) -> str:
     return bytes(raw).rstrip(b"\0").decode("utf-8", "replace")
 
 
-def unread(topics: Iterable[Topic]) -> list[str]:
+def unread(topics: Iterable[RosTopic]) -> list[str]:
     """Lines on the topics that are not read, those of one type together."""
     by_type: dict[tuple[str, str], list[str]] = {}
     for topic in topics:

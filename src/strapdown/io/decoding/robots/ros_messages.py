@@ -108,7 +108,7 @@ MOST_TRANSFORMS = 1000
 ALIGNED = {"ros1": False, "cdr": True}
 
 
-class Topic(NamedTuple):
+class RosTopic(NamedTuple):
     """A topic of a log, or what one node publishes there."""
 
     name: str
@@ -117,7 +117,7 @@ class Topic(NamedTuple):
     definition: str = ""
 
     @classmethod
-    def of(cls, name: str, kind: str, encoding: str, definition: str = "") -> "Topic":
+    def of(cls, name: str, kind: str, encoding: str, definition: str = "") -> "RosTopic":
         """Of the names that a log has; "sensor_msgs/msg/Imu" is that of ROS 2."""
         return cls(name, kind.replace("/msg/", "/"), encoding, definition)
 
@@ -152,8 +152,8 @@ class Messages:
     those that are read, and lines on what could not be used."""
 
     def __init__(self) -> None:
-        self.topics: dict[int, Topic] = {}
-        self.transforms: list[tuple[Topic, bytes]] = []
+        self.topics: dict[int, RosTopic] = {}
+        self.transforms: list[tuple[RosTopic, bytes]] = []
         self.left: list[str] = []
         self._found: dict[int, dict[int, list[tuple[np.ndarray[Any, Any], Ints]]]] = {}
         self._looked: dict[int, int] = {}
@@ -189,7 +189,12 @@ class Messages:
                 )
 
     def _look(
-        self, number: int, topic: Topic, content: np.ndarray[Any, Any], offsets: Ints, lengths: Ints
+        self,
+        number: int,
+        topic: RosTopic,
+        content: np.ndarray[Any, Any],
+        offsets: Ints,
+        lengths: Ints,
     ) -> None:
         seen = self._looked.get(number, 0)
         if topic.encoding not in ALIGNED or seen >= MOST_TRANSFORMS:
@@ -198,7 +203,7 @@ class Messages:
             self.transforms.append((topic, content[offset : offset + length].tobytes()))
         self._looked[number] = seen + len(offsets)
 
-    def decoded(self) -> Iterator[tuple[Topic, Decoded]]:
+    def decoded(self) -> Iterator[tuple[RosTopic, Decoded]]:
         """The messages of each topic, those of several nodes together, by the name of the topic."""
         by_topic: dict[tuple[str, str, str], list[int]] = {}
         for number in self._found:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....typing import Array
-from .ros_messages import Topic
+from .ros_messages import RosTopic
 
 STATIC = "tf_static"
 LEAST = 3
@@ -71,13 +71,13 @@ def plain(frame: str) -> str:
     return frame.strip().lstrip("/")
 
 
-class Frames:
+class RosFrames:
     """The fixed transforms of a log, by the frame that they are of.
 
     What parts a vehicle from the ground moves sooner or later, so that /tf fixes no frame of WORLD.
     """
 
-    def __init__(self, messages: Iterable[tuple[Topic, bytes]] = ()) -> None:
+    def __init__(self, messages: Iterable[tuple[RosTopic, bytes]] = ()) -> None:
         seen: dict[tuple[str, str], list[tuple[bool, tuple[float, ...]]]] = {}
         for topic, payload in messages:
             static = topic.name.endswith(STATIC)
