@@ -184,7 +184,7 @@ def test_every_page_has_its_marks(name):
 
 def test_a_page_of_few_runs_has_no_verdicts(tmp_path):
     claims = findings([CLAIM._replace(answer="{most:.0f} is most")], {"a": [2, 3], "b": [2]})
-    work = study.Work("A study", ["About it."])
+    work = study.StudyWork("A study", ["About it."])
     outcome = study.Outcome("Small.", claims, pd.DataFrame({"x": ["y"]}), {}, ())
     few, enough = (
         study.write_study(tmp_path / str(runs), work, outcome._replace(runs=runs))

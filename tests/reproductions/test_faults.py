@@ -33,8 +33,8 @@ from strapdown_reproductions.faults.judging import (
     REFUSED,
     SAID,
     SILENT,
+    FaultOutcome,
     Nominal,
-    Outcome,
     judged,
     nominal,
     refused,
@@ -76,7 +76,7 @@ def off(by, start, lasting):
 
 def outcome(north=0.0, status=VALID, notes=(), events=(), sd=SD):
     told = tuple((71.5, text) for text in events)
-    return Outcome(trajectory(north, sd), np.full(len(T), status), notes, told)
+    return FaultOutcome(trajectory(north, sd), np.full(len(T), status), notes, told)
 
 
 RIGHT = Nominal(np.full(9, 0.1), frozenset({"nothing of note at # s"}))

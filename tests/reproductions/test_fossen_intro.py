@@ -104,7 +104,7 @@ def test_the_raw_ins_drifts_as_a_constant_bias_says():
 
 def test_in_a_dropout_feedforward_lets_the_bias_decay_and_the_others_hold_it():
     record = intro.simulate(
-        np.random.default_rng(3), duration=80.0, fixes=intro.Fixes(((50.0, 100.0),))
+        np.random.default_rng(3), duration=80.0, fixes=intro.IntroFixes(((50.0, 100.0),))
     )
     rows = [np.searchsorted(record.t, at - 1e-9) for at in (50.0, 80.0)]
     assert not record.fixed[rows[0] - 1 :].any() and record.fixed[: rows[0] - 1].sum() == 49

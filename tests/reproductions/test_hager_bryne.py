@@ -344,7 +344,7 @@ def test_onset_and_resolution_times():
 @pytest.mark.short
 def test_a_page_of_findings_escapes_and_counts(tmp_path):
     one = Finding("a <claim>", "V", "", "a rule", "", "1 < 2", "", "figure 1", "")
-    page = pages.Page(
+    page = pages.ReproductionPage(
         "A <title>",
         ["text & more"],
         [one._replace(verdict=verdict)._asdict() for verdict in COLOURS],
@@ -400,7 +400,7 @@ def test_findings_as_markdown_go_between_the_marks(out, claims, goes_into_its_pa
 
 @pytest.mark.short
 def test_a_page_of_bounds_links_its_reports(tmp_path):
-    page = pages.Page(
+    page = pages.ReproductionPage(
         "Recordings",
         ["a `command` & <b>"],
         [claim("heading", 1.5, 2.0, "deg"), claim("roll", 0.5, 0.4, "deg")],

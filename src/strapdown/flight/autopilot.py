@@ -58,7 +58,7 @@ class Pilot:
     high: Annotated[Array, 4]
 
 
-class Memory:
+class AutopilotMemory:
     """What the autopilot remembers."""
 
     segment: int  # row of the route
@@ -102,7 +102,7 @@ class Steering(NamedTuple):
 
     gains: Table[Gains]  # one row
     pilot: Table[Pilot]  # one row
-    memory: Table[Memory]  # one row
+    memory: Table[AutopilotMemory]  # one row
     route: Table[Segment]
     wind: Array  # (3,) m/s NED: the steady wind it is told
 
@@ -111,7 +111,7 @@ STEERING = record(
     Steering,
     gains=rows_of(Gains, 1),
     pilot=rows_of(Pilot, 1),
-    memory=rows_of(Memory, 1),
+    memory=rows_of(AutopilotMemory, 1),
     route=rows_of(Segment, "legs"),
     wind=reals(3),
 )

@@ -16,7 +16,7 @@ from ..core.compile.records import Table, rows
 from .aircraft.modes import MODEL_STATES, Modes
 from .aircraft.parameters import Aircraft, Parameters
 from .aircraft.trim import SURFACES, Trim
-from .autopilot import Gains, Memory, Pilot, Segment, Steering
+from .autopilot import AutopilotMemory, Gains, Pilot, Segment, Steering
 
 RAD_PER_DEG = math.pi / 180
 ROLL_ERROR, PITCH_ERROR, SPEED_ERROR = 45 * RAD_PER_DEG, 15 * RAD_PER_DEG, 0.2
@@ -119,7 +119,7 @@ def steering(
         )
     chosen = rows(Gains, 1)
     chosen[0] = gains
-    return Steering(chosen, pilots, rows(Memory, 1), route, np.array(wind))
+    return Steering(chosen, pilots, rows(AutopilotMemory, 1), route, np.array(wind))
 
 
 def _inner(

@@ -81,7 +81,7 @@ class Cause(IntEnum):
     FILTER = 5
 
 
-class Progress:
+class RouteProgress:
     """Where a flight stands, and how it is flown."""
 
     row: int  # next sample
@@ -95,7 +95,7 @@ class Progress:
     steps: int  # of the aircraft in a sample
 
 
-class LogRow:
+class FlightLogRow:
     """What the log has of a sample, at its end. flight.LOG names its numbers."""
 
     commands: Annotated[Array, 4]
@@ -185,9 +185,9 @@ class Journal(NamedTuple):
     lla: Array  # (n + 1, 3)
     v: Array  # (n + 1, 3)
     q: Array  # (n + 1, 4)
-    log: Table[LogRow]  # of the samples
+    log: Table[FlightLogRow]  # of the samples
     cut: Ints  # int64 (n,): 1 where the model may predict
-    at: Table[Progress]  # one row
+    at: Table[RouteProgress]  # one row
 
 
 CALLS = record(Calls, step=WHOLE, evaluate=WHOLE, gust=WHOLE, run=WHOLE)
@@ -219,9 +219,9 @@ JOURNAL = record(
     lla=reals("moments_flown", 3),
     v=reals("moments_flown", 3),
     q=reals("moments_flown", 4),
-    log=rows_of(LogRow, "flown"),
+    log=rows_of(FlightLogRow, "flown"),
     cut=wholes("flown"),
-    at=rows_of(Progress, 1),
+    at=rows_of(RouteProgress, 1),
 )
 FLY = signature(
     "fly",
@@ -462,7 +462,9 @@ def _read(numbers: Array, sensor: int, axis: int, increment: float, dt: float) -
 
 
 @helper
-def _tell(workspace: Array, at: Progress, cut: int, work: Array, wind: Array, dt: float) -> None:
+def _tell(
+    workspace: Array, at: RouteProgress, cut: int, work: Array, wind: Array, dt: float
+) -> None:
     """The filter's inputs, where it takes any, see inputs.py."""
     if at.inputs < 0:
         return
@@ -479,7 +481,7 @@ def _tell(workspace: Array, at: Progress, cut: int, work: Array, wind: Array, dt
 def _fill(
     errors: FlightErrors,
     fixes: Fixes,
-    at: Progress,
+    at: RouteProgress,
     state: Array,
     C: Array,
     t: float,
@@ -560,7 +562,7 @@ def _write(
 
 
 @helper
-def _write_asked(log: LogRow, steering: Steering, lla: Array) -> None:
+def _write_asked(log: FlightLogRow, steering: Steering, lla: Array) -> None:
     """What the autopilot asks for, and how far the aircraft is off its route."""
     memory, pilot = steering.memory[0], steering.pilot[0]
     log.course, log.roll, log.pitch = memory.course, memory.roll, memory.pitch + pilot.trim_pitch
@@ -573,7 +575,7 @@ def _write_asked(log: LogRow, steering: Steering, lla: Array) -> None:
 
 
 @inlined
-def _cause(vehicle: FlightVehicle, C: Array, at: Progress, dt: float) -> int:
+def _cause(vehicle: FlightVehicle, C: Array, at: RouteProgress, dt: float) -> int:
     """Why the flight cannot go on, or FLYING."""
     state, limits, alpha, total = vehicle.state, vehicle.limits, vehicle.loads[0].alpha, 0.0
     for i in range(CONTROLS.start):

@@ -347,7 +347,7 @@ def _journal(
     windows: Windows,
     asked: Loop,
 ) -> kernels.Journal:
-    cut, at = np.zeros(len(t), np.int64), rows(kernels.Progress, 1)
+    cut, at = np.zeros(len(t), np.int64), rows(kernels.RouteProgress, 1)
     cut[:] = asked.prediction == "model-always"
     for first, stop in windows:
         cut[(t - dt >= first - SAME_TIME) & (t - dt < stop - SAME_TIME)] = 1
@@ -358,7 +358,7 @@ def _journal(
         np.empty((moments, 3)),
         np.empty((moments, 3)),
         np.empty((moments, 4)),
-        rows(kernels.LogRow, len(t)),
+        rows(kernels.FlightLogRow, len(t)),
         cut,
         at,
     )

@@ -18,7 +18,7 @@ import llvmlite.binding as llvm
 from .object_files import undefined
 
 
-class Platform(NamedTuple):
+class TargetMachine(NamedTuple):
     """A machine to make objects for."""
 
     name: str
@@ -32,30 +32,30 @@ class Platform(NamedTuple):
     call: int = 0  # bytes that a call itself puts on the stack
 
 
-TARGETS: Mapping[str, Platform] = {
+TARGETS: Mapping[str, TargetMachine] = {
     one.name: one
     for one in (
-        Platform(
+        TargetMachine(
             "x86-64-v2",
             "x86-64 processors since 2009, Linux",
             "x86_64-unknown-linux-gnu",
             "x86-64-v2",
             call=8,
         ),
-        Platform(
+        TargetMachine(
             "x86-64-v3",
             "x86-64 processors with AVX2 and FMA, Linux",
             "x86_64-unknown-linux-gnu",
             "x86-64-v3",
             call=8,
         ),
-        Platform(
+        TargetMachine(
             "aarch64",
             "ARM processors of 64 bits, Linux",
             "aarch64-unknown-linux-gnu",
             "cortex-a53",
         ),
-        Platform(
+        TargetMachine(
             "cortex-m4f",
             "ARM Cortex-M4 with floating-point unit; doubles are computed in software",
             "thumbv7em-unknown-none-eabihf",
@@ -64,7 +64,7 @@ TARGETS: Mapping[str, Platform] = {
             speed=2,
             size=1,
         ),
-        Platform(
+        TargetMachine(
             "cortex-m7",
             "ARM Cortex-M7 with a floating-point unit for doubles",
             "thumbv7em-unknown-none-eabihf",
@@ -74,7 +74,7 @@ TARGETS: Mapping[str, Platform] = {
             speed=2,
             size=1,
         ),
-        Platform(
+        TargetMachine(
             "wasm32",
             "WebAssembly",
             "wasm32-unknown-unknown",
@@ -85,23 +85,23 @@ TARGETS: Mapping[str, Platform] = {
     )
 }
 
-LIBRARY: Mapping[str, Platform] = {
+LIBRARY: Mapping[str, TargetMachine] = {
     **{name: TARGETS[name] for name in ("x86-64-v3", "x86-64-v2", "aarch64")},
     **{
         one.name: one
         for one in (
             # reserved: a register that is the system's own
-            Platform(
+            TargetMachine(
                 "macos-arm64",
                 "Apple's ARM processors, macOS",
                 "aarch64-unknown-none-elf",
                 "apple-m1",
                 "+reserve-x18",
             ),
-            Platform(
+            TargetMachine(
                 "macos-x86-64", "Intel processors, macOS", "x86_64-apple-macosx-elf", "x86-64-v2"
             ),
-            Platform(
+            TargetMachine(
                 "windows-x86-64",
                 "x86-64 processors, Windows",
                 "x86_64-pc-windows-msvc-elf",
@@ -149,7 +149,7 @@ class Object(NamedTuple):
 
 def emit(
     texts: Iterable[str],
-    target: Platform,
+    target: TargetMachine,
     exported: Sequence[str],
     inside: Sequence[str] = (),
 ) -> Object:
@@ -205,7 +205,7 @@ def _listed(symbols: Sequence[str]) -> str:
 
 
 @cache
-def _machine(target: Platform) -> tuple[Any, str]:
+def _machine(target: TargetMachine) -> tuple[Any, str]:
     """(machine, its layout of data)."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
@@ -227,7 +227,7 @@ def _strict(text: str, symbols: Sequence[str]) -> None:
         )
 
 
-def _neutral(text: str, target: Platform, layout: str) -> str:
+def _neutral(text: str, target: TargetMachine, layout: str) -> str:
     """The text for another machine: the host's triple, layout and processor stand in it. Each function
     is to say the size of its frame."""
     text = re.sub(r'^target triple = ".*"', f'target triple = "{target.triple}"', text, flags=re.M)
@@ -250,7 +250,7 @@ def _prepare(module: Any, machine: Any) -> None:
     passes.run(module, builder)
 
 
-def _optimise(module: Any, machine: Any, target: Platform) -> None:
+def _optimise(module: Any, machine: Any, target: TargetMachine) -> None:
     options = llvm.create_pipeline_tuning_options(speed_level=target.speed)
     options.loop_vectorization = options.slp_vectorization = target.speed == 3
     builder = llvm.create_pass_builder(machine, options)
@@ -295,7 +295,7 @@ def _stack(
     exported: Sequence[str],
     inside: Sequence[str],
     lines: Sequence[str],
-    target: Platform,
+    target: TargetMachine,
 ) -> dict[str, int]:
     """Bytes at most, by exported function. A call by address may reach every function of these names
     that takes and returns the same."""

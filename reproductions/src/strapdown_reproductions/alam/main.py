@@ -18,7 +18,7 @@ from ..common.markdown import number
 from ..common.paired_ratios import ratio
 from ..common.reproduction import Asked, reproduction
 from ..common.runner import part_of
-from ..common.study import Outcome, Work, choices_table, write_study
+from ..common.study import Outcome, StudyWork, choices_table, write_study
 from . import claims as alam_claims, convergence, on_recordings, runs as alam_runs, table1
 from .choices import CHOICES
 from .figures import all_figures
@@ -28,7 +28,7 @@ from .runs import ABLATIONS, AXES, EKF_NO_COURSE, FILTERS, XKF_NO_COURSE, AlamRe
 SEEDS, QUICK_SEEDS = 50, 3
 QUICK_STARTS = 20
 """Starts of the convergence study with --quick; else those of convergence.SEEDS."""
-WORK = Work(
+WORK = StudyWork(
     "EKF, nonlinear observer and exogenous Kalman filter in GNSS outages: the study of Alam et al. again",
     (
         "Alam, Whidborne and Millidere compare a two-stage EKF, a nonlinear observer (NLO) and their "

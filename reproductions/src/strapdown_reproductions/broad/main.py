@@ -180,7 +180,7 @@ def peer_runs(trial: BroadTrial, quick: bool) -> Iterator[TrialRun]:
             )
 
 
-class Compared(NamedTuple):
+class BroadComparison(NamedTuple):
     """Estimators beside each other on the same trials."""
 
     trials: Sequence[BroadTrial]
@@ -204,7 +204,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
         if asked.progress:
             asked.progress(i / len(trials))
         runs += [*own_runs(trial, names, asked.say), *peer_runs(trial, asked.quick)]
-    found = Compared(trials, runs, tables(trials, runs))
+    found = BroadComparison(trials, runs, tables(trials, runs))
     figures = broad_figures.figures(trials, runs)
     return STUDY.write(out, found, figures=figures, notes=_notes(asked.quick, found.tables))
 

@@ -65,7 +65,7 @@ class Finding(NamedTuple):
     identity: str  # by what algebra the verdict holds whatever is measured, "" where by none
 
 
-class Page(NamedTuple):
+class ReproductionPage(NamedTuple):
     """A page of results with the files beside it, before they are written."""
 
     title: str
@@ -90,8 +90,8 @@ def counts(claims: Claims) -> str:
     return f"{len(claims)} claims: {', '.join(found)}"
 
 
-def write_page(out: File, page: Page) -> None:
-    """Write claims.json, one CSV per table, index.html and the further texts of a Page into the
+def write_page(out: File, page: ReproductionPage) -> None:
+    """Write claims.json, one CSV per table, index.html and the further texts of a ReproductionPage into the
     folder `out`, all or none."""
     said = "".join(f"<p>{_marked(text)}</p>" for text in page.introduction)
     if page.banner:
@@ -99,7 +99,9 @@ def write_page(out: File, page: Page) -> None:
     write_files(out, page, said, [(heading, text) for heading, text in _sections(page) if text])
 
 
-def write_files(out: File, page: Page, said: str, sections: Sequence[tuple[str, str]]) -> None:
+def write_files(
+    out: File, page: ReproductionPage, said: str, sections: Sequence[tuple[str, str]]
+) -> None:
     """Write the same with an index.html of the HTML `said` and [(heading, HTML)]."""
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -119,7 +121,7 @@ def _marked(text: str) -> str:
     return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
-def _sections(page: Page) -> list[tuple[str, str]]:
+def _sections(page: ReproductionPage) -> list[tuple[str, str]]:
     """[(heading, HTML)] of the page; empty where there is nothing."""
     shown = {
         name: (caption, table)

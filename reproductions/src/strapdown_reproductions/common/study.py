@@ -9,7 +9,7 @@ import pandas as pd
 from strapdown.typing import File
 
 from . import markdown
-from .pages import TOO_FEW, Claims, Figure, Page, write_page
+from .pages import TOO_FEW, Claims, Figure, ReproductionPage, write_page
 from .runner import ENOUGH, StudyTables
 from .tables import Tables
 from .targets import Target, in_docs, judged
@@ -48,9 +48,9 @@ class ReproducedStudy(NamedTuple):
         self, out: File, found: Any, size: Sequence[str] = (), **page: Any
     ) -> list[dict[str, Any]]:
         """Write page and tables into the folder `out`; return the claims. size: sentences on how
-        large the study was; page: more of the Page."""
+        large the study was; page: more of the ReproductionPage."""
         claims, tables = self.claims(found), self.tables(found)
-        made = Page(
+        made = ReproductionPage(
             self.title,
             (*self.introduction, *size),
             claims,
@@ -70,7 +70,7 @@ def choices_table(
     return pd.DataFrame(rows, columns=["what", where, "here"])
 
 
-class Work(NamedTuple):
+class StudyWork(NamedTuple):
     """A published work that is studied again."""
 
     title: str  # of the page
@@ -96,8 +96,8 @@ class Outcome(NamedTuple):
     runs: int = ENOUGH  # of each cell; with fewer than ENOUGH the page has no verdicts
 
 
-def write_study(out: File, work: Work, found: Outcome) -> list[dict[str, Any]]:
-    """Write the page of the study of a Work, and beside it findings.md for docs/, into the folder
+def write_study(out: File, work: StudyWork, found: Outcome) -> list[dict[str, Any]]:
+    """Write the page of the study of a StudyWork, and beside it findings.md for docs/, into the folder
     `out`; return the claims as they stand there."""
     banner, claims = "", found.claims
     if found.runs < ENOUGH:
@@ -109,7 +109,7 @@ def write_study(out: File, work: Work, found: Outcome) -> list[dict[str, Any]]:
     headed = [(heading, table) for _, heading, table in found.shown]
     left_open = f"What the {work.kind} leaves open, and what was chosen"
     text = markdown.findings(found.size, claims, [*headed, *found.listed], found.between, work.kind)
-    page = Page(
+    page = ReproductionPage(
         work.title,
         (*work.introduction, found.size),
         claims,

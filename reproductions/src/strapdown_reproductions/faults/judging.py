@@ -35,7 +35,7 @@ def _not_judged() -> Verdict:
     return Verdict(NOT_JUDGED)
 
 
-class Outcome(NamedTuple):
+class FaultOutcome(NamedTuple):
     """What a run leaves."""
 
     trajectory: Trajectory
@@ -91,7 +91,7 @@ class _Errors(NamedTuple):
     step: float  # s
 
 
-def _errors(outcome: Outcome, reference: Trajectory) -> _Errors:
+def _errors(outcome: FaultOutcome, reference: Trajectory) -> _Errors:
     """Errors from SETTLED on; what is not known is NaN."""
     e = errors(outcome.trajectory, reference)
     unknown = np.full((len(e.t), 3), np.nan)
@@ -104,7 +104,7 @@ def _errors(outcome: Outcome, reference: Trajectory) -> _Errors:
     return _Errors(size[late], sd[late], outcome.status[e.rows][late], step)
 
 
-def nominal(outcome: Outcome, reference: Trajectory) -> tuple[Nominal, JudgedRun]:
+def nominal(outcome: FaultOutcome, reference: Trajectory) -> tuple[Nominal, JudgedRun]:
     """A run without a fault, and what it comes to itself."""
     e = _errors(outcome, reference)
     known = np.isfinite(e.size).any(axis=0)
@@ -123,7 +123,7 @@ def refused(error: Exception) -> JudgedRun:
     return JudgedRun(verdict, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, text)
 
 
-def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> JudgedRun:
+def judged(outcome: FaultOutcome, reference: Trajectory, right: Nominal) -> JudgedRun:
     """What a run comes to beside the run without a fault."""
     new = news((*outcome.notes, *outcome.texts), right.says)
     text = " | ".join(new)
@@ -159,7 +159,7 @@ def judged(outcome: Outcome, reference: Trajectory, right: Nominal) -> JudgedRun
     )
 
 
-def _against(outcome: Outcome, right: Nominal) -> str:
+def _against(outcome: FaultOutcome, right: Nominal) -> str:
     """What the verdict has against a run and not against the one without a fault, or nothing."""
     known = {reason.what for reason in right.ask().reasons if reason.weight >= 1}
     return " | ".join(

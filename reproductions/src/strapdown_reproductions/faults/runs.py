@@ -18,7 +18,7 @@ from strapdown.engine.stream import Fix, Sample, Stream
 from strapdown.typing import Array, Ints
 
 from .fault import AHRS, GNSS, HEIGHT, KINDS, LIVE, MAGNETOMETER, START, Fault
-from .judging import Outcome
+from .judging import FaultOutcome
 from .raw import Raw, RawFixes
 from .worlds import ATTITUDE, DATE, HEAVE, NAVIGATION, FaultWorld
 
@@ -93,8 +93,8 @@ def kinds_with(fault: Fault, subject: FaultSubject) -> tuple[str, ...] | None:
 
 def run(
     subject: FaultSubject, raw: Raw, world: FaultWorld, right: Recording, start: Start | None
-) -> Outcome:
-    """The Outcome of a run. right: the recording without the fault, by which a stream is set up;
+) -> FaultOutcome:
+    """The FaultOutcome of a run. right: the recording without the fault, by which a stream is set up;
     start: that of the run without a fault, None there. Raises DataError."""
     given = raw.start(start) if raw.start and start else None
     options = OPTIONS.get(subject.filter, {})
@@ -105,10 +105,10 @@ def run(
     return outcome(way(recording, subject.filter, start=given, every=world.every, **options))
 
 
-def outcome(solution: Solution) -> Outcome:
+def outcome(solution: Solution) -> FaultOutcome:
     """The Outcome of a Solution."""
     notes = tuple(solution.meta["notes"])
-    return Outcome(
+    return FaultOutcome(
         solution.trajectory, solution.status, notes, solution.events, lambda: solution.verdict
     )
 
@@ -123,7 +123,9 @@ Arrival: TypeAlias = tuple[float, Sample | Fix]
 """When an event comes, and the event."""
 
 
-def _live(name: str, raw: Raw, world: FaultWorld, right: Recording, start: Start | None) -> Outcome:
+def _live(
+    name: str, raw: Raw, world: FaultWorld, right: Recording, start: Start | None
+) -> FaultOutcome:
     """A stream that gets each event when it arrives, with the stamp that it bears."""
     assert start is not None
     filter = filters.find(name)
@@ -145,7 +147,7 @@ def _live(name: str, raw: Raw, world: FaultWorld, right: Recording, start: Start
     stream.finish()
     events = tuple(stream.events)
     table = np.array(rows).reshape(-1, 16 + STATES)
-    return Outcome(
+    return FaultOutcome(
         _trajectory(table, filter),
         np.array(status),
         tuple(stream.notes),

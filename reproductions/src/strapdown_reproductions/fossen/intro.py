@@ -79,7 +79,7 @@ class IntroRecord(NamedTuple):
     fixed: Mask  # (n,) whether there is a fix
 
 
-class Fixes(NamedTuple):
+class IntroFixes(NamedTuple):
     """When there are fixes: each `every` s but in the outages [(start, stop)], s."""
 
     outages: Sequence[tuple[float, float]] = ()
@@ -93,7 +93,7 @@ class Fixes(NamedTuple):
         return fixed
 
 
-ALWAYS = Fixes()
+ALWAYS = IntroFixes()
 
 
 class IntroEstimate(NamedTuple):
@@ -141,7 +141,7 @@ def simulate(
     rng: np.random.Generator,
     runs: int = 1,
     biases: str = "constant",
-    fixes: Fixes = ALWAYS,
+    fixes: IntroFixes = ALWAYS,
     duration: float = 300.0,
     rate: float = 10.0,
     model: IntroModel = MODEL,
@@ -278,7 +278,7 @@ def study(runs: int, seed: int = SEED) -> tuple[pd.DataFrame, Kept]:
                 np.random.default_rng([seed, i, outage]),
                 runs,
                 biases,
-                Fixes((OUTAGE,) if outage else ()),
+                IntroFixes((OUTAGE,) if outage else ()),
             )
             before, after = (int(np.argmin(np.abs(record.t - at))) for at in OUTAGE)
             after, end = after - 1, after - 1 if outage else len(record.t) - 1

@@ -17,7 +17,7 @@ from strapdown.typing import File
 
 from ..common.markdown import number
 from ..common.reproduction import Asked, reproduction
-from ..common.study import Outcome, Work, choices_table, write_study
+from ..common.study import Outcome, StudyWork, choices_table, write_study
 from . import claims as fossen_claims, intro as fossen_intro, runs as fossen_runs
 from .cases import CASES, FAST, LAST, FilterCase
 from .choices import CHOICES
@@ -25,7 +25,7 @@ from .figures import all_figures
 from .runs import KEYS, FossenResults
 
 SEEDS, QUICK_SEEDS = 50, 5
-WORK = Work(
+WORK = StudyWork(
     "Filters for aided inertial navigation: the case studies of Fossen's chapter 14 again",
     (
         "Chapter 14 of Fossen's Handbook of Marine Craft Hydrodynamics and Motion Control derives "

@@ -20,7 +20,7 @@ from strapdown.typing import File
 from ..common import markdown
 from ..common.reproduction import USUAL, Asked, reproduction
 from ..common.runner import campaigns
-from ..common.study import Outcome, Work, choices_table, write_study
+from ..common.study import Outcome, StudyWork, choices_table, write_study
 from ..common.verdicts import BETTER, interval
 from . import (
     ablations as ablation,
@@ -48,7 +48,7 @@ OFFSET_FLIGHTS, OFFSET = FLIGHTS[:7], (0.5, 0.5, 0.5)
 START_FLIGHTS = (*FLIGHTS[:7], FLIGHTS[9])
 """Flights with other starts: all that a claim about short ones needs, and one of 90 minutes."""
 RUNS, QUICK_RUNS = 50, 5
-WORK = Work(
+WORK = StudyWork(
     "Open or closed loop: the study of Hager & Bryne again",
     (
         "Hager & Bryne compare an open-loop (feed-forward) and a closed-loop (feedback) error-state "

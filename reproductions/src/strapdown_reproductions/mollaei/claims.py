@@ -67,7 +67,7 @@ OF_STEP = ("step_x_pct", "step_z_pct")
 """The second readings of DEVIATIONS and OVERSHOOTS."""
 
 
-class Comparison(NamedTuple):
+class ClaimComparison(NamedTuple):
     """What is compared: the first mode of each pair with the second."""
 
     experiments: tuple[str, ...]
@@ -81,7 +81,7 @@ class Comparison(NamedTuple):
 def compared(
     text: str,
     source: str,
-    of: Comparison,
+    of: ClaimComparison,
     decided_by: str,
     extra: str = "",
     kind: ClaimKind = kinds.OVERALL,
@@ -107,7 +107,9 @@ CLAIMS = {
         "Nonlinear filters, particularly the PKF, outperform the EKF in accurate position and "
         "velocity estimates.",
         "Abstract; 5",
-        Comparison((E0, E1), ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"), BOTH),
+        ClaimComparison(
+            (E0, E1), ("horizontal_rmse_m", "vertical_rmse_m", "velocity_rmse_m_s"), BOTH
+        ),
         'figure 8; tables "Left out"',
         extra=". The paper shows no error of an estimate",
     ),
@@ -132,14 +134,14 @@ CLAIMS = {
         "With fixes, UKF and PKF resemble the direct feedback, while the EKF leads to greater "
         "deviations of forces and moments.",
         "4; Table 2",
-        Comparison((E0,), DEVIATIONS, BOTH, FROM_REFERENCE, TWO_FINALS),
+        ClaimComparison((E0,), DEVIATIONS, BOTH, FROM_REFERENCE, TWO_FINALS),
         "Table 2 redrawn; figure 2",
         extra=rows_smaller("Table 2", PRINTED_DEVIATIONS, EKF),
     ),
     "better_than_none": compared(
         "With fixes, deviations and overshoots are smaller with UKF and PKF than without a filter.",
         "4; its Table 2 contradicts it in most rows",
-        Comparison(
+        ClaimComparison(
             (E0,),
             (*DEVIATIONS, *OVERSHOOTS),
             ((UKF, NO_FILTER), (PKF, NO_FILTER)),
@@ -152,7 +154,7 @@ CLAIMS = {
     "overshoots": compared(
         "The overshoot of velocity is smaller with UKF and PKF than with the EKF.",
         "4; 4.1; its Table 2 has 5.07 % in X with the EKF and 56.36 % with the UKF",
-        Comparison((E0, E1), OVERSHOOTS, BOTH, OF_STEP, TWO_OVERSHOOTS),
+        ClaimComparison((E0, E1), OVERSHOOTS, BOTH, OF_STEP, TWO_OVERSHOOTS),
         "Tables 2, 3 redrawn; figure 3",
         extra=(
             ". Published rows smaller: "
@@ -167,7 +169,7 @@ CLAIMS = {
         "With fixes, the deviations of elevator and rudder are smaller with UKF and PKF than with "
         "the EKF or no filter.",
         "4",
-        Comparison(
+        ClaimComparison(
             (E0,),
             ("elevator_deg", "rudder_deg"),
             (*BOTH, (UKF, NO_FILTER), (PKF, NO_FILTER)),
@@ -179,7 +181,7 @@ CLAIMS = {
     "engine_and_alpha": compared(
         "Engine speed, AOF and elevator deviate less with UKF and PKF than with the EKF.",
         "4; 4.1; AOF taken as the angle of attack",
-        Comparison(
+        ClaimComparison(
             (E0, E1),
             ("engine_rad_s", "alpha_deg", "elevator_deg"),
             BOTH,
@@ -229,7 +231,7 @@ CLAIMS = {
     "convergence": compared(
         "The curves of UKF and PKF converge much faster than those of the EKF.",
         "4.1",
-        Comparison((E1,), SETTLING, BOTH),
+        ClaimComparison((E1,), SETTLING, BOTH),
         "figure 4",
         extra=". Settled: elevator, engine speed and angle of attack within a tenth of the reference "
         "flight's range about the final value",
@@ -238,7 +240,7 @@ CLAIMS = {
         "After the cut the position estimates of UKF and PKF are more accurate than those of the "
         "EKF.",
         "4.1; figure 5",
-        Comparison(
+        ClaimComparison(
             (E1,),
             (
                 "outage_horizontal_rmse_m",
@@ -253,7 +255,7 @@ CLAIMS = {
     "deviations_in_outage": compared(
         "With the GPS cut, forces and moments deviate less with UKF and PKF than with the EKF.",
         "4.1; Table 3",
-        Comparison((E1,), DEVIATIONS, BOTH, FROM_REFERENCE, TWO_FINALS),
+        ClaimComparison((E1,), DEVIATIONS, BOTH, FROM_REFERENCE, TWO_FINALS),
         "Table 3 redrawn",
         extra=rows_smaller("Table 3", PRINTED_DEVIATIONS, EKF),
     ),
@@ -275,7 +277,7 @@ CLAIMS = {
     "pkf_over_ukf": compared(
         "The PKF usually gives a better response than the UKF: smaller deviations and overshoots.",
         "4.1; 4.2; Tables 3, 4",
-        Comparison(
+        ClaimComparison(
             (E1, E2),
             (*DEVIATIONS, *OVERSHOOTS),
             ((PKF, UKF),),
@@ -327,7 +329,7 @@ CLAIMS = {
     "fastest": compared(
         "The PKF converges the fastest.",
         "5; 4.2",
-        Comparison((E0, E1, E2), SETTLING, ((PKF, UKF), (PKF, EKF))),
+        ClaimComparison((E0, E1, E2), SETTLING, ((PKF, UKF), (PKF, EKF))),
         "figures 1, 4, 7",
     ),
     "negligible": Claim(

@@ -14,7 +14,7 @@ from strapdown import __version__
 from strapdown.typing import File
 
 from ..common.reproduction import Asked, reproduction
-from ..common.study import Outcome, Work, choices_table, write_study
+from ..common.study import Outcome, StudyWork, choices_table, write_study
 from . import (
     cells,
     claims as mollaei_claims,
@@ -30,7 +30,7 @@ from .runs import MollaeiResults
 SEEDS, QUICK_SEEDS = 200, 2
 COMPONENTS, QUICK_COMPONENTS = 500, 25
 """Of the particle Kalman filter."""
-WORK = Work(
+WORK = StudyWork(
     "EKF, UKF and particle Kalman filter when GPS is lost: the study of Mollaei et al. again",
     (
         "Mollaei, Shafieirad and Moradi fly a model of a fixed-wing aircraft on the estimates of an "

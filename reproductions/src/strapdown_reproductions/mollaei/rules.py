@@ -184,7 +184,7 @@ def at_least(tables: Tables, measures: Sequence[str], pair: Pair, factor: float)
     return votes
 
 
-class Compared(NamedTuple):
+class ComparedRule(NamedTuple):
     """A JudgedClaim that has a sentence of its own for its answer."""
 
     verdict: str
@@ -197,7 +197,7 @@ class Compared(NamedTuple):
 
 def better(
     tables: Tables, measures: Sequence[str], pairs: Sequence[Pair], others: Sequence[str] = ()
-) -> Compared:
+) -> ComparedRule:
     """The first of each pair is better in most cells (kinds.mostly), in every reading, whoever
     predicts, and, if there are `others`, with these in place of `measures`.
 
@@ -239,7 +239,7 @@ def better(
     texts += [f"{same} cells more are identities: {BY_ALGEBRA}"] * bool(same)
     none = NOT_REPRODUCED if same else UNDECIDED
     verdict = over_readings(*verdicts.values()) if verdicts else none
-    return Compared(verdict, ". ".join(texts) or "not flown", _answer(verdicts, ratios, same))
+    return ComparedRule(verdict, ". ".join(texts) or "not flown", _answer(verdicts, ratios, same))
 
 
 def _answer(verdicts: dict[str, str], ratios: dict[str, str], same: int) -> str:
@@ -288,7 +288,7 @@ def many_times(
     return JudgedClaim(found.verdict, f"{found}; smallest ratios: {least}")
 
 
-def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float) -> Compared:
+def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float) -> ComparedRule:
     """The EKF's `measures` are `factor` times those of `second`, because of what is not linear:
     where the model predicts they are (kinds.mostly), and driven by the IMU, where the process is
     linear, they are not; in each reading of the EKF."""
@@ -325,7 +325,7 @@ def suitable(tables: Tables, measures: Sequence[str], second: str, factor: float
         answers.append(f"{ekf} {middle}")
     answer = f"Model-driven deviations over the {second}'s, medians: {', '.join(answers)}."
     verdict = over_readings(*verdicts) if verdicts else UNDECIDED
-    return Compared(verdict, ". ".join(texts) or "not flown", answer * bool(texts))
+    return ComparedRule(verdict, ". ".join(texts) or "not flown", answer * bool(texts))
 
 
 def listed(values: dict[str, Array], unit: str) -> str:

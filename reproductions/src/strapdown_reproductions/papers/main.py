@@ -23,7 +23,7 @@ from ..alam import main as alam
 from ..common import kinds
 from ..common.claims import ClaimKind
 from ..common.markdown import plain, table
-from ..common.pages import Page, claims_table, counts, write_files
+from ..common.pages import ReproductionPage, claims_table, counts, write_files
 from ..common.reproduction import Asked, reproduction
 from ..common.runner import part_of
 from ..fossen import main as fossen
@@ -86,7 +86,7 @@ def write(out: File, found: Mapping[str, list[dict[str, Any]]]) -> list[dict[str
         )
         for name, own in found.items()
     ]
-    page = Page(
+    page = ReproductionPage(
         "The claims of four papers",
         (),
         claims,

@@ -30,7 +30,7 @@ from strapdown.typing import Ints, Progress, Say
 
 from ..common import markdown
 from ..common.example_recordings import DESCRIPTIONS, FLIGHT, windows_of
-from ..common.pages import Page, write_page
+from ..common.pages import ReproductionPage, write_page
 from ..common.reproduction import Asked, reproduction
 from ..common.targets import claim
 from . import calibrated_compass, drift, table as recordings_table
@@ -106,7 +106,7 @@ def reproduce(out: Path, asked: Asked) -> list[dict[str, Any]]:
         + (LASER_INTRODUCTION if "lasergyro" in tables else NO_LASER)
         + recordings_table.INTRODUCTION
     )
-    page = Page(
+    page = ReproductionPage(
         "strapdown on recorded data",
         introduction,
         claims,

@@ -16,7 +16,7 @@ from ...typing import Array, Ints
 from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import parsed
 from ..decoding.phones.phone import (
-    FixColumns,
+    PhoneFixColumns,
     Piece,
     day,
     inertial,
@@ -39,7 +39,7 @@ SENSORS = {
     "magnetometer": ("UncalMag", "Mag"),
 }
 """Kinds of rows, the one that is taken first: the filter estimates biases itself."""
-FIX = FixColumns(
+FIX = PhoneFixColumns(
     r"Latitude(Degrees)?",
     r"Longitude(Degrees)?",
     r"Altitude(Meters)?",

@@ -16,7 +16,7 @@ from ...typing import Array
 from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import CSV, Export, export, heads
 from ..decoding.phones.phone import (
-    FixColumns,
+    PhoneFixColumns,
     Piece,
     barometer_section,
     day,
@@ -35,7 +35,7 @@ TIMES = "meta/time"
 DEVICE = "meta/device"
 VECTOR = r".*?\b{axis} \((m/s\^2|rad/s|[µμ]T)\)"
 """Names of the columns of a vector, as "X (m/s^2)" or "Linear Acceleration x (m/s^2)"."""
-FIX = FixColumns(
+FIX = PhoneFixColumns(
     r"latitude .*",
     r"longitude .*",
     r"(height|altitude)( wgs84)? \(m\)",

@@ -16,7 +16,7 @@ from ..contract import Log, Reader, Section
 from ..decoding.phones.csv_export import CSV, Export, export, heads
 from ..decoding.phones.phone import (
     GRAVITY,
-    FixColumns,
+    PhoneFixColumns,
     Piece,
     barometer_section,
     day,
@@ -30,7 +30,7 @@ from ..tables.table_file import FileTable
 
 TIME = {"column": "time", "unit": "ns", "clock": "unix"}
 XYZ = ["x", "y", "z"]
-FIX = FixColumns(
+FIX = PhoneFixColumns(
     "latitude",
     "longitude",
     "altitude",

@@ -18,7 +18,7 @@ from ..decoding.receivers.cyclic_times import CyclicClock
 from ..decoding.receivers.nmea_fixes import nmea_log
 from ..decoding.receivers.nmea_sentences import Sentences, epochs, find_sentences
 from ..decoding.receivers.ubx_fixes import Columns, solutions, untimed, usable, vehicle
-from ..decoding.receivers.ubx_frames import Message, UbxFrames, clock, find_frames
+from ..decoding.receivers.ubx_frames import UbxFrames, UbxMessage, clock, find_frames
 from ..decoding.receivers.ubx_imu import ImuEpochs, imu_sections
 from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
@@ -52,7 +52,7 @@ def open_ubx(path: Path) -> Log:
     if not name:
         nmea = nmea_log(path, sentences)
         tables |= nmea.tables
-        fused = frames.count(Message.NAV_PVAT) > 0
+        fused = frames.count(UbxMessage.NAV_PVAT) > 0
         sections += [
             each._replace(left=FUSED.format(0)) if fused else each for each in nmea.sections
         ]
@@ -68,7 +68,7 @@ def open_ubx(path: Path) -> Log:
 
 
 def _kinds(frames: UbxFrames) -> str:
-    known = {each.value: each.title for each in Message}
+    known = {each.value: each.title for each in UbxMessage}
     keys, many = np.unique(frames.key, return_counts=True)
     shown = [f"{known[key]} {n}" for key, n in zip(keys.tolist(), many) if key in known]
     return f": {', '.join(shown)}" if shown else ""
@@ -149,7 +149,7 @@ def _vehicle(
     path: Path, frames: UbxFrames, time: CyclicClock, tables: dict[str, FileTable]
 ) -> list[Section]:
     """The receiver's own fusion as a reference, left until it is asked for."""
-    if not frames.count(Message.NAV_PVAT):
+    if not frames.count(UbxMessage.NAV_PVAT):
         return []
     columns, _, _ = usable(vehicle(frames, time), (2, 3, 4))
     if not len(columns["t"]):

@@ -22,7 +22,7 @@ from ...fileio.files import replacing, together
 from ...fileio.locks import part_of
 from ...typing import Say
 from .. import ir, object_files
-from ..emit import TARGETS, Object, Platform, emit
+from ..emit import TARGETS, Object, TargetMachine, emit
 from .binding import ATTITUDE, RUN, BoundFunction, binding
 from .chosen import Chosen
 from .glue import glue
@@ -49,12 +49,12 @@ class Exported(NamedTuple):
     """The files of an export, with target, sizes and notes."""
 
     files: tuple[str, ...]
-    target: Platform
+    target: TargetMachine
     sizes: Sizes
     notes: tuple[str, ...]
 
 
-def find_target(name: str) -> Platform:
+def find_target(name: str) -> TargetMachine:
     """The target of that name, `host` being this machine. Raises DataError with the nearest one."""
     names = [HOST, *TARGETS]
     check_choice(name, "target", names)
@@ -68,7 +68,7 @@ def find_target(name: str) -> Platform:
     return TARGETS[HOSTS[machine]]
 
 
-def export(of: Chosen, target: Platform, folder: Path, say: Say | None = None) -> Exported:
+def export(of: Chosen, target: TargetMachine, folder: Path, say: Say | None = None) -> Exported:
     """Write the object of a filter for a target, its header, its functions in C, an example with a
     replay and a README into an existing folder. Calls `say` before steps that take long.
 
@@ -121,7 +121,7 @@ def _own(of: Chosen) -> None:
         )
 
 
-def compiled(of: Chosen, made: ExportLayout, target: Platform) -> Object:
+def compiled(of: Chosen, made: ExportLayout, target: TargetMachine) -> Object:
     """The object of the filter with these sizes."""
     observers: dict[int, Kernel] = {
         aiding.number(a.kind): aiding.find(a.kind).observe  # type: ignore[misc]  # typed as functions

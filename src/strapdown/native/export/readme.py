@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ... import aiding
-from ..emit import Platform
+from ..emit import TargetMachine
 from .chosen import Chosen
 from .header import identifier, source_text, template
 from .image import Image
@@ -58,7 +58,9 @@ class Sizes(NamedTuple):
         )
 
 
-def readme(of: Chosen, made: Image, target: Platform, sizes: Sizes, files: Sequence[str]) -> str:
+def readme(
+    of: Chosen, made: Image, target: TargetMachine, sizes: Sizes, files: Sequence[str]
+) -> str:
     """The text of README.md."""
     sources = "\n".join(
         f"| {i} | `STRAPDOWN_SOURCE_{identifier(name)}` | {source_text(aiding.find(a.kind))} |"

@@ -40,7 +40,7 @@ DIVISORS = {"c": 100, "C": 100, "e": 100, "E": 100, "L": 10_000_000}
 """Counts of a letter that make a unit: hundredths, and degrees of 1e-7."""
 
 
-class Message(NamedTuple):
+class DataflashMessage(NamedTuple):
     """What a log declares of one kind of message."""
 
     name: str
@@ -75,8 +75,8 @@ class DataFlash(Walked):
         if HEAD not in content[:4096]:
             raise DataError("is no DataFlash log; is it the .BIN file of the autopilot?")
         super().__init__(content)
-        self.messages: dict[int, Message] = {
-            FORMAT: Message(
+        self.messages: dict[int, DataflashMessage] = {
+            FORMAT: DataflashMessage(
                 "FMT",
                 FORMAT_LENGTH,
                 "BBnNZ",
@@ -155,5 +155,7 @@ class DataFlash(Walked):
             for part in (body[2:6], body[6:22], body[22:86])
         )
         if number not in self.messages and length > 3:
-            self.messages[number] = Message(name, length, letters, tuple(columns.split(",")))
+            self.messages[number] = DataflashMessage(
+                name, length, letters, tuple(columns.split(","))
+            )
             self._lengths[number] = length

@@ -36,7 +36,7 @@ ADDED = ("north sd (m)", "up sd (m)", "speed (m/s)", "course (deg)", "speed sd (
 NOTHING: Mapping[str, str] = MappingProxyType({})
 
 
-class FixColumns(NamedTuple):
+class PhoneFixColumns(NamedTuple):
     """Names of the columns of a table of fixes; "" where it has none."""
 
     latitude: str
@@ -49,9 +49,9 @@ class FixColumns(NamedTuple):
     speed_accuracy: str = ""  # m/s
     course_accuracy: str = ""  # deg
 
-    def among(self, columns: Sequence[str]) -> "FixColumns":
+    def among(self, columns: Sequence[str]) -> "PhoneFixColumns":
         """The columns of a table whose names are of these patterns."""
-        return FixColumns(*(matching(columns, pattern) for pattern in self))
+        return PhoneFixColumns(*(matching(columns, pattern) for pattern in self))
 
 
 class Piece(NamedTuple):
@@ -78,7 +78,7 @@ def triple(columns: Sequence[str], pattern: str) -> list[str]:
     return found if all(found) else []
 
 
-def fixes(table: FileTable, names: FixColumns, android: bool) -> tuple[FileTable, list[str]]:
+def fixes(table: FileTable, names: PhoneFixColumns, android: bool) -> tuple[FileTable, list[str]]:
     """(Table with the columns ADDED, lines on rows that are left out) of a phone's fixes; `android`:
     their accuracy is that of Android.
 
@@ -116,7 +116,7 @@ def fixes(table: FileTable, names: FixColumns, android: bool) -> tuple[FileTable
 def location(
     tables: dict[str, FileTable],
     name: str,
-    names: FixColumns,
+    names: PhoneFixColumns,
     time: Mapping[str, Any],
     android: bool,
     needed: str,
@@ -135,7 +135,7 @@ def location(
 def fix_sections(
     name: str,
     table: FileTable,
-    names: FixColumns,
+    names: PhoneFixColumns,
     time: Mapping[str, Any],
     android: bool,
     geoid: str = "",

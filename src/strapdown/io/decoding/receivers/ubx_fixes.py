@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ....typing import Array, Ints
 from .cyclic_times import CyclicClock, in_order, same_time
-from .ubx_frames import LAYOUTS, Message, UbxFrames
+from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
 
 Columns = dict[str, NDArray[Any]]
 TIME_VALID = 0x03
@@ -22,14 +22,14 @@ def solutions(frames: UbxFrames, clock: CyclicClock) -> tuple[str, Columns]:
     `t` in ms, `fixType`, `ok` (the receiver's own limits are kept), positions, velocities and their
     accuracies. Nothing where there is no position."""
     for key, read in (
-        (Message.NAV_PVT, _pvt),
-        (Message.NAV_HPPOSLLH, _of_older),
-        (Message.NAV_POSLLH, _of_older),
+        (UbxMessage.NAV_PVT, _pvt),
+        (UbxMessage.NAV_HPPOSLLH, _of_older),
+        (UbxMessage.NAV_POSLLH, _of_older),
     ):
         place, records = frames.records(key, LAYOUTS[key])
         if len(records):
             found = read(frames, clock, place, records)
-            if key == Message.NAV_PVT:
+            if key == UbxMessage.NAV_PVT:
                 found = _high_precision(frames, clock, found)
             return key.title, found
     return "", {}
@@ -37,7 +37,7 @@ def solutions(frames: UbxFrames, clock: CyclicClock) -> tuple[str, Columns]:
 
 def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
     """NAV-PVAT: position, velocity and attitude by the receiver's own fusion."""
-    place, records = frames.records(Message.NAV_PVAT, LAYOUTS[Message.NAV_PVAT])
+    place, records = frames.records(UbxMessage.NAV_PVAT, LAYOUTS[UbxMessage.NAV_PVAT])
     found = _pvt(frames, clock, place, records)
     valid = records["valid"] & TIME_VALID == TIME_VALID
     flags = records["flags"][valid]
@@ -49,7 +49,7 @@ def vehicle(frames: UbxFrames, clock: CyclicClock) -> Columns:
 def untimed(frames: UbxFrames) -> list[str]:
     """Lines on the messages whose receiver did not yet know date and time; they are not used."""
     lines = []
-    for key in (Message.NAV_PVT, Message.NAV_PVAT):
+    for key in (UbxMessage.NAV_PVT, UbxMessage.NAV_PVAT):
         _, records = frames.records(key, LAYOUTS[key])
         many = int(np.count_nonzero(records["valid"] & TIME_VALID != TIME_VALID))
         if many:
@@ -71,7 +71,7 @@ def _pvt(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArray[An
     }
     names = ("height", "hAcc", "vAcc", "velN", "velE", "velD", "sAcc")
     found |= {name: records[name] / 1e3 for name in names}
-    if records.dtype == LAYOUTS[Message.NAV_PVT]:
+    if records.dtype == LAYOUTS[UbxMessage.NAV_PVT]:
         found["ok"] &= records["flags3"] & 1 == 0
     return found
 
@@ -80,9 +80,9 @@ def _of_older(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArr
     """From a message of the position alone, the velocity and the state of the fix at its times."""
     t = clock.ms(place, records["iTOW"])
     found = {"row": np.arange(len(t)), "place": place, "t": t, **_position(records)}
-    velocity = _at(frames, clock, Message.NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
+    velocity = _at(frames, clock, UbxMessage.NAV_VELNED, t, ("velN", "velE", "velD", "sAcc"))
     found |= {name: values / 100 for name, values in velocity.items()}
-    state = Message.NAV_SOL if frames.count(Message.NAV_SOL) else Message.NAV_STATUS
+    state = UbxMessage.NAV_SOL if frames.count(UbxMessage.NAV_SOL) else UbxMessage.NAV_STATUS
     told = _at(frames, clock, state, t, ("fixType", "flags"))
     known = np.isfinite(told["fixType"])
     # a receiver that says no state of its fixes says their accuracy
@@ -94,7 +94,7 @@ def _of_older(frames: UbxFrames, clock: CyclicClock, place: Ints, records: NDArr
 
 
 def _position(records: NDArray[Any]) -> Columns:
-    if records.dtype != LAYOUTS[Message.NAV_HPPOSLLH]:
+    if records.dtype != LAYOUTS[UbxMessage.NAV_HPPOSLLH]:
         found = {name: records[name] / 1e7 for name in ("lat", "lon")}
         return found | {name: records[name] / 1e3 for name in ("height", "hAcc", "vAcc")}
     found = {
@@ -109,7 +109,7 @@ def _position(records: NDArray[Any]) -> Columns:
 
 def _high_precision(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Columns:
     """The same with the positions of NAV-HPPOSLLH, 0.1 mm, at the epochs that have one."""
-    place, records = frames.records(Message.NAV_HPPOSLLH, LAYOUTS[Message.NAV_HPPOSLLH])
+    place, records = frames.records(UbxMessage.NAV_HPPOSLLH, LAYOUTS[UbxMessage.NAV_HPPOSLLH])
     if not len(records):
         return found
     t, finer = clock.ms(place, records["iTOW"]), _position(records)
@@ -120,7 +120,7 @@ def _high_precision(frames: UbxFrames, clock: CyclicClock, found: Columns) -> Co
 
 
 def _at(
-    frames: UbxFrames, clock: CyclicClock, key: Message, t: Ints, names: tuple[str, ...]
+    frames: UbxFrames, clock: CyclicClock, key: UbxMessage, t: Ints, names: tuple[str, ...]
 ) -> dict[str, Array]:
     """Fields of the messages of one kind at the epochs t; NaN where there is none."""
     place, records = frames.records(key, LAYOUTS[key])

@@ -18,7 +18,7 @@ from ..records import Bytes, structured
 from .cyclic_times import WEEK_MS, CyclicClock, clock_of, moments
 
 
-class Message(IntEnum):
+class UbxMessage(IntEnum):
     """The messages that are read: 256 times class plus identifier."""
 
     NAV_POSLLH = 0x0102
@@ -53,7 +53,7 @@ class UbxFrames(NamedTuple):
         """How many frames are of this kind."""
         return int(np.count_nonzero(self.key == key))
 
-    def records(self, key: Message, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:
+    def records(self, key: UbxMessage, layout: np.dtype[Any]) -> tuple[Ints, NDArray[Any]]:
         """(start (n,), records (n,)) of the frames of one kind that are long enough."""
         start = self.start[(self.key == key) & (self.length >= layout.itemsize)]
         return start, structured(self.content, start, layout)
@@ -144,8 +144,8 @@ def _solution(at: int) -> dict[str, tuple[int, str]]:
     return {name: (at + 4 * i, "u4" if name in unsigned else "i4") for i, name in enumerate(names)}
 
 
-LAYOUTS: dict[Message, np.dtype[Any]] = {
-    Message.NAV_PVT: _layout(
+LAYOUTS: dict[UbxMessage, np.dtype[Any]] = {
+    UbxMessage.NAV_PVT: _layout(
         iTOW=(0, "u4"),
         **_date(4),
         valid=(11, "u1"),
@@ -155,7 +155,7 @@ LAYOUTS: dict[Message, np.dtype[Any]] = {
         sAcc=(68, "u4"),
         flags3=(78, "u2"),
     ),
-    Message.NAV_PVAT: _layout(
+    UbxMessage.NAV_PVAT: _layout(
         iTOW=(0, "u4"),
         valid=(5, "u1"),
         **_date(6),
@@ -167,7 +167,7 @@ LAYOUTS: dict[Message, np.dtype[Any]] = {
         vehPitch=(76, "i4"),
         vehHeading=(80, "i4"),
     ),
-    Message.NAV_POSLLH: _layout(
+    UbxMessage.NAV_POSLLH: _layout(
         iTOW=(0, "u4"),
         lon=(4, "i4"),
         lat=(8, "i4"),
@@ -175,7 +175,7 @@ LAYOUTS: dict[Message, np.dtype[Any]] = {
         hAcc=(20, "u4"),
         vAcc=(24, "u4"),
     ),
-    Message.NAV_HPPOSLLH: _layout(
+    UbxMessage.NAV_HPPOSLLH: _layout(
         invalid=(3, "u1"),
         iTOW=(4, "u4"),
         lon=(8, "i4"),
@@ -187,13 +187,15 @@ LAYOUTS: dict[Message, np.dtype[Any]] = {
         hAcc=(28, "u4"),
         vAcc=(32, "u4"),
     ),
-    Message.NAV_VELNED: _layout(
+    UbxMessage.NAV_VELNED: _layout(
         iTOW=(0, "u4"), velN=(4, "i4"), velE=(8, "i4"), velD=(12, "i4"), sAcc=(28, "u4")
     ),
-    Message.NAV_SOL: _layout(iTOW=(0, "u4"), week=(8, "i2"), fixType=(10, "u1"), flags=(11, "u1")),
-    Message.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
-    Message.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
-    Message.ESF_ALG: _layout(
+    UbxMessage.NAV_SOL: _layout(
+        iTOW=(0, "u4"), week=(8, "i2"), fixType=(10, "u1"), flags=(11, "u1")
+    ),
+    UbxMessage.NAV_STATUS: _layout(iTOW=(0, "u4"), fixType=(4, "u1"), flags=(5, "u1")),
+    UbxMessage.NAV_TIMEGPS: _layout(iTOW=(0, "u4"), week=(8, "i2"), valid=(11, "u1")),
+    UbxMessage.ESF_ALG: _layout(
         flags=(5, "u1"), error=(6, "u1"), yaw=(8, "u4"), pitch=(12, "i2"), roll=(14, "i2")
     ),
 }
@@ -203,15 +205,15 @@ last field that is needed, because newer receivers append fields."""
 
 # ---- moments
 
-EPOCHS = (Message.NAV_PVT, Message.NAV_SOL, Message.NAV_TIMEGPS, Message.NAV_PVAT)
+EPOCHS = (UbxMessage.NAV_PVT, UbxMessage.NAV_SOL, UbxMessage.NAV_TIMEGPS, UbxMessage.NAV_PVAT)
 """Messages that say a date or a week."""
-WEEKLESS = (Message.NAV_POSLLH, Message.NAV_HPPOSLLH)
+WEEKLESS = (UbxMessage.NAV_POSLLH, UbxMessage.NAV_HPPOSLLH)
 """Messages of positions that say no week."""
 VALID = {
-    Message.NAV_PVT: 0x03,
-    Message.NAV_PVAT: 0x03,
-    Message.NAV_TIMEGPS: 0x03,
-    Message.NAV_SOL: 0x0C,
+    UbxMessage.NAV_PVT: 0x03,
+    UbxMessage.NAV_PVAT: 0x03,
+    UbxMessage.NAV_TIMEGPS: 0x03,
+    UbxMessage.NAV_SOL: 0x0C,
 }
 """Bits that all stand where date (or week) and time are valid."""
 
@@ -226,10 +228,12 @@ def clock(frames: UbxFrames) -> CyclicClock:
     dated, timed = [], []
     for key in EPOCHS:
         place, records = frames.records(key, LAYOUTS[key])
-        valid = records["flags" if key == Message.NAV_SOL else "valid"] & VALID[key] == VALID[key]
+        valid = (
+            records["flags" if key == UbxMessage.NAV_SOL else "valid"] & VALID[key] == VALID[key]
+        )
         tow = records["iTOW"].astype(int)
         timed.append((place, tow))
-        if key in (Message.NAV_PVT, Message.NAV_PVAT):
+        if key in (UbxMessage.NAV_PVT, UbxMessage.NAV_PVAT):
             gps = np.round(1e3 * gps_from_unix(_unix(records)))
             valid &= np.isfinite(gps)
             moment = moments(place, tow, place, np.nan_to_num(gps).astype(int), WEEK_MS)

@@ -10,8 +10,8 @@ from ....typing import Array, Ints
 from ....units.time_scales import rate_of
 from ...contract import GUESS, Section
 from ...tables.table_file import FileTable
-from .ubx_frames import LAYOUTS, Message, UbxFrames
-from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, Sensors, sensors
+from .ubx_frames import LAYOUTS, UbxFrames, UbxMessage
+from .ubx_sensors import ACCEL, ACCEL_SCALE, GYRO, GYRO_SCALE, Samples, UbxSensors, sensors
 
 
 class ImuEpochs(NamedTuple):
@@ -33,7 +33,7 @@ def imu_sections(
     mounting = _mounting(frames)
     read = {
         key: sensors(frames, key, by.place, by.gps)
-        for key in (Message.ESF_RAW, Message.ESF_MEAS)
+        for key in (UbxMessage.ESF_RAW, UbxMessage.ESF_MEAS)
         if frames.count(key)
     }
     for key, each in read.items():
@@ -54,7 +54,7 @@ def imu_sections(
 
 def _imu(
     path: Path,
-    each: Sensors,
+    each: UbxSensors,
     instance: int,
     mounting: tuple[Mapping[str, Any], str],
     gps: bool,
@@ -115,7 +115,7 @@ def _mounting(frames: UbxFrames) -> tuple[dict[str, Any], str]:
     installation frame (forward, left, up) to the IMU, yaw first; seen in forward, right, down yaw
     and pitch change their signs. Angles of 0 that were never set are none. Empty where there are
     none."""
-    _, records = frames.records(Message.ESF_ALG, LAYOUTS[Message.ESF_ALG])
+    _, records = frames.records(UbxMessage.ESF_ALG, LAYOUTS[UbxMessage.ESF_ALG])
     status = records["flags"] >> 1 & 7
     turned = (records["yaw"] != 0) | (records["pitch"] != 0) | (records["roll"] != 0)
     ready = ((status >= 3) | (status == 0) & turned) & (records["error"] == 0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ....typing import Array, Ints
 from ..records import side_by_side
 from .cyclic_times import in_order
-from .ubx_frames import Message, UbxFrames
+from .ubx_frames import UbxFrames, UbxMessage
 
 GYRO, ACCEL = (14, 13, 5), (16, 17, 18)
 """Types of the data, x, y, z."""
@@ -107,7 +107,7 @@ class Samples(NamedTuple):
     values: dict[int, NDArray[np.int64]]  # counts by type (n,)
 
 
-class Sensors(NamedTuple):
+class UbxSensors(NamedTuple):
     """The IMU of one kind of message."""
 
     name: str
@@ -125,7 +125,7 @@ class _Measurements(NamedTuple):
     value: Ints
 
 
-def sensors(frames: UbxFrames, key: Message, place: Ints, gps: Array) -> Sensors | None:
+def sensors(frames: UbxFrames, key: UbxMessage, place: Ints, gps: Array) -> UbxSensors | None:
     """The IMU by the messages of one kind; `place` and `gps` (s) are of the epochs of the file,
     which set its clock. None where there is no gyro and accelerometer or no time."""
     found = _measurements(frames, key)
@@ -138,18 +138,18 @@ def sensors(frames: UbxFrames, key: Message, place: Ints, gps: Array) -> Sensors
     lines = _lines(frames, key, found.place, tag, piece, place, gps)
     gyro, accel = (_together(found, tag, types) for types in (GYRO, ACCEL))
     if not lines:
-        if key != Message.ESF_MEAS or len(place):
+        if key != UbxMessage.ESF_MEAS or len(place):
             return None
         us = int(1e6 * TICKS[0])
         gyro, accel = (Samples(each.t % 2**40 * us, each.values) for each in (gyro, accel))
-        return Sensors(key.title, gyro, accel, False, 0.0, 0)
+        return UbxSensors(key.title, gyro, accel, False, 0.0, 0)
     timed = [_timed(each, lines) for each in (gyro, accel)]
     lost = len(gyro.t) - len(timed[0].t)
     scatter = max(line.scatter for line in lines.values())
-    return Sensors(key.title, timed[0], timed[1], True, scatter, lost)
+    return UbxSensors(key.title, timed[0], timed[1], True, scatter, lost)
 
 
-def _measurements(frames: UbxFrames, key: Message) -> _Measurements:
+def _measurements(frames: UbxFrames, key: UbxMessage) -> _Measurements:
     """All measurements of the messages of one kind, in the order of the file."""
     ours = frames.key == key
     parts = []
@@ -159,7 +159,7 @@ def _measurements(frames: UbxFrames, key: Message) -> _Measurements:
         if size < 8:
             continue
         words = side_by_side(frames.content, start, size).view("<u4").astype(np.int64)
-        if key == Message.ESF_RAW:
+        if key == UbxMessage.ESF_RAW:
             data, tag = words[:, 1:-1:2], words[:, 2::2]
             some = np.ones(data.shape, bool)
         else:
@@ -197,7 +197,7 @@ def _together(found: _Measurements, tag: Ints, types: tuple[int, ...]) -> Sample
 
 def _lines(
     frames: UbxFrames,
-    key: Message,
+    key: UbxMessage,
     sample_place: Ints,
     tag: Ints,
     piece: Ints,
@@ -213,7 +213,7 @@ def _lines(
     same = piece[a] == piece[b]
     a, b, moment = a[same], b[same], gps[inside][same]
     middle = (tag[a] + tag[b]) / 2
-    ticks = (TICKS[0],) if key == Message.ESF_MEAS else TICKS
+    ticks = (TICKS[0],) if key == UbxMessage.ESF_MEAS else TICKS
     numbers, many = np.unique(piece[a], return_counts=True)
     lines = {}
     for number in numbers[np.argsort(-many, kind="stable")][:MOST_PIECES]:
