@@ -7,7 +7,7 @@ from recordings import at_rest, flight, start
 from test_stream import events_of, play, stream_of
 
 import strapdown as sd
-from strapdown.alignment.missing_fields import left_open
+from strapdown.alignment.missing_fields import missing_fields
 from strapdown.checks import DataError
 from strapdown.core.loop.contract import Start
 from strapdown.data.solution.solution import INVALID
@@ -122,7 +122,7 @@ def test_a_stream_waits_for_what_is_left_open():
         assert stream.started == (event.t >= 15.0 - 1e-6 and type(event) is sd.Sample) or (
             stream.started and event.t > 15.0
         )
-    assert left_open(stream.start) == [] and stream.start.t == truth.t
+    assert missing_fields(stream.start) == [] and stream.start.t == truth.t
     batch = sd.fuse(recording.between(stop=15.0), start=few)
     assert stream.start == Start(**batch.meta["start"])
     whole = sd.fuse(recording, start=stream.start)

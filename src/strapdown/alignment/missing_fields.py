@@ -18,7 +18,7 @@ GIVEN_ANGLE_SD = np.radians(2.0)  # the same of roll, pitch and heading
 REST_SPEED_SD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
 
 
-def left_open(start: Start) -> list[str]:
+def missing_fields(start: Start) -> list[str]:
     """Names of the parts that are not given; `rph` where roll and pitch are NaN."""
     return [name for name in PARTS if not _given(start, name)]
 
@@ -41,16 +41,14 @@ def _heading_alone(name: str, values: object) -> bool:
     )
 
 
-def completed(
-    start: Start, recording: Recording, imu: StatesBiases, position: bool = True
-) -> Start:
+def filled(start: Start, recording: Recording, imu: StatesBiases, position: bool = True) -> Start:
     """`start` with what it leaves open, `()` or roll and pitch NaN, found from what `recording`
     holds around its time; position: False for a filter that estimates attitude alone.
 
     A part given without standard deviations gets those that such knowledge usually has. Raises
     DataError where something can neither be found.
     """
-    missing = left_open(start)
+    missing = missing_fields(start)
     if not missing:
         return start
     heading, heading_sd = None, float(GIVEN_ANGLE_SD)

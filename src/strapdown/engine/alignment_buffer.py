@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..alignment.missing_fields import completed
+from ..alignment.missing_fields import filled
 from ..checks import DataError
 from ..core.loop.contract import Filter, Imu, Start
 from ..data.recording import Recording, RecordingMeta
@@ -101,7 +101,7 @@ class Gathering:
             )
         recording, position = self.recording(), positioned(self._filter)
         if self._given is not None:
-            return completed(self._given, recording, self._spec, position)
+            return filled(self._given, recording, self._spec, position)
         return aligned(recording, self._spec, position, self._noise, self._say)
 
     def worth(self, start: Start) -> bool:

@@ -3,7 +3,7 @@
 from typing import Unpack
 
 from .. import filters
-from ..alignment.missing_fields import completed, left_open
+from ..alignment.missing_fields import filled, missing_fields
 from ..core.loop.contract import Filter, Start
 from ..data.recording import Recording, check_recording
 from ..data.solution import Solution
@@ -23,7 +23,7 @@ from .prepare import (
     ready,
 )
 from .source_weights import with_weights
-from .with_ahrs import fed
+from .with_ahrs import with_ahrs
 
 
 @takes(RunOptions)
@@ -71,7 +71,7 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
         recording = recording.knowing(vehicle=find_vehicle(asked["vehicle"]))
     recording = with_estimates(recording, asked["estimate"])
     imu, start = asked["imu"], asked["start"]
-    whole = isinstance(start, Start) and not left_open(start)
+    whole = isinstance(start, Start) and not missing_fields(start)
     noise, spec = assumed_noise(
         recording.meta.get("grade") if imu is None else imu, asked["noise"], needed=not whole
     )
@@ -81,20 +81,20 @@ def begin(recording: Recording, filter: str | Filter, asked: RunOptions) -> Run:
         if said:
             recording = recording.noting(said).knowing(estimate=axes)
     if start is not None:  # before an AHRS or anything else takes it for one
-        check_start(start, noise, left_open(start) if isinstance(start, Start) else ())
+        check_start(start, noise, missing_fields(start) if isinstance(start, Start) else ())
     known: RunOptions = {
         **asked,
         "imu": spec,
         "noise": noise if asked["noise"] else None,
         "start": start if whole else None,
     }
-    recording, made = fed(recording, filter, known)
+    recording, made = with_ahrs(recording, filter, known)
     check_needs(filter, recording.aidings)
     if start is None or not whole:
         assert spec is not None  # it was needed above
         start = (
             aligned(recording, spec, positioned(filter), asked["noise"], asked["say"])
             if start is None
-            else completed(start, recording, spec, positioned(filter))
+            else filled(start, recording, spec, positioned(filter))
         )
     return ready(recording, filter, start, noise, spec, asked, made)

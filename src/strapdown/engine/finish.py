@@ -13,7 +13,7 @@ from ..core.mathematics.solution_row import BIASES, LLA, NAV_WIDTH, ROW_STATUS, 
 from ..data.solution import Aiding, Innovations, Solution, SolutionMeta, Trajectory
 from ..typing import Array
 from .installation import told
-from .prepare import Run, brought
+from .prepare import Run, augmented_states
 
 
 def solution(run: Run) -> Solution:
@@ -101,7 +101,7 @@ def _trajectory(run: Run, nav: Array) -> Trajectory:
 
 def _columns(run: Run, nav: Array) -> dict[str, Array]:
     """The filter's own columns, and parameters that were states with their deviations, by name."""
-    own = brought(run.recording.aidings, run.recording.meta.get("estimate"))
+    own = augmented_states(run.recording.aidings, run.recording.meta.get("estimate"))
     names = [(name, 1.0) for name in run.filter.columns]
     names += [(each.name, each.factor) for each in own]
     names += [(f"sd of {each.name}", each.factor) for each in own]

@@ -56,7 +56,7 @@ from .events import Events
 from .installation import OfImu
 from .limits import floors, limits
 from .options import GivenImu, RunOptions
-from .source_noise import correlated_rows, followed, place_noise, weighable
+from .source_noise import correlated_rows, place_noise, weighable, with_correlated_errors
 
 ROWS_AT_ONCE = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
@@ -189,7 +189,7 @@ def axes_of_rows(sensor: Measurement) -> tuple[str, ...]:
     return ("forward", "right", "down") if body else ("north", "east", "down")
 
 
-class Brought(NamedTuple):
+class AugmentedState(NamedTuple):
     """A state beyond the fifteenth."""
 
     name: str  # with its unit
@@ -197,22 +197,24 @@ class Brought(NamedTuple):
     factor: float = 1.0  # from SI to its unit
 
 
-def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brought]:
+def augmented_states(
+    aidings: Sequence[Aiding], of_imu: OfImu | None = None
+) -> list[AugmentedState]:
     """Return the augmented states, in their order: those of these sources, then the estimated
     parameters of the installation. Raises DataError."""
-    states: list[Brought] = []
+    states: list[AugmentedState] = []
     for a in aidings:
         sensor, name = aiding.find(a.kind), a.name or a.kind
-        states += [Brought(f"{name} {each}", sensor.state_sd) for each in sensor.states]
+        states += [AugmentedState(f"{name} {each}", sensor.state_sd) for each in sensor.states]
         states += [
-            Brought(f"{name} correlated error{axis} [{unit}]", a.correlated.sd[i], shown)
+            AugmentedState(f"{name} correlated error{axis} [{unit}]", a.correlated.sd[i], shown)
             for i in correlated_rows(a)
             if a.correlated is not None
             for unit, shown in [quantities.shown_unit(sensor.quantities[i])]
             for axis in [f" {axes_of_rows(sensor)[i]}" if np.shape(a.sd)[1] > 1 else ""]
         ]
     states += [
-        Brought(each.name, each.sd, each.of.factor)
+        AugmentedState(each.name, each.sd, each.of.factor)
         for each in installation.parameters(aidings, of_imu or {})
     ]
     if len(states) > MOST_STATES - STATES:
@@ -226,7 +228,7 @@ def brought(aidings: Sequence[Aiding], of_imu: OfImu | None = None) -> list[Brou
 
 def usable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
     """(the sources that `filter` can use, notes about the others and about having none)."""
-    aidings, widened = followed(filter, aidings)
+    aidings, widened = with_correlated_errors(filter, aidings)
     fits = [filter.uses is None or a.kind in filter.uses for a in aidings]
     others = dict.fromkeys(a.name or a.kind for a, fit in zip(aidings, fits) if not fit)
     notes = [f"{filter.name} has no use for {', '.join(others)}"] if others else []
@@ -267,7 +269,7 @@ def new_cursor(
     """A Cursor at time `t` before the first sample, for these sources; `limits` as
     `engine.limits.limits` gives them. of_imu: what of the IMU is estimated."""
     sources, parameters = len(aidings), installation.parameters(aidings, of_imu or {})
-    first = STATES + len(brought(aidings, of_imu)) - len(parameters)
+    first = STATES + len(augmented_states(aidings, of_imu)) - len(parameters)
 
     cursor = Cursor(
         records.rows(LoopState, 1),
@@ -528,7 +530,7 @@ def new_belief(
     check_options(filter, options)
     found = installation.parameters(aidings, of_imu or {})
     installation.check_estimates(filter, found)
-    start = start._replace(sd=(*start.sd, *(each.sd for each in brought(aidings, of_imu))))
+    start = start._replace(sd=(*start.sd, *(each.sd for each in augmented_states(aidings, of_imu))))
     try:
         belief = filter.begin(start, noise, **options)
     except (TypeError, ValueError) as error:

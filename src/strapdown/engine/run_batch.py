@@ -17,7 +17,7 @@ from ..core.loop.lane_loop import LaneCursor, LaneOutput, LaneState
 from ..core.loop.loop import SAME_TIME
 from ..data.recording import Recording
 from ..typing import Array
-from .prepare import Run, brought, rows_of, usable, used_in_order
+from .prepare import Run, augmented_states, rows_of, usable, used_in_order
 
 NOT_IN_LANES = {
     "estimated": "parameters of the installation are estimated",
@@ -75,7 +75,7 @@ class RunBatch:
         nothing against. Raises ValueError where the fixes of the recordings differ in more than what
         was measured."""
         filter, cursor, fixes = first.filter, first.cursor, first.fixes
-        own = tuple(each.sd for each in brought(first.recording.aidings))
+        own = tuple(each.sd for each in augmented_states(first.recording.aidings))
         beliefs = [
             filter.begin(start._replace(sd=(*start.sd, *own)), first.noise, **first.options)
             for start in starts

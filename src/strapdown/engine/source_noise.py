@@ -68,7 +68,9 @@ def weighable(filter: Filter, aidings: Sequence[Aiding]) -> tuple[Sequence[Aidin
     ]
 
 
-def followed(filter: Filter, aidings: Iterable[Aiding]) -> tuple[tuple[Aiding, ...], list[str]]:
+def with_correlated_errors(
+    filter: Filter, aidings: Iterable[Aiding]
+) -> tuple[tuple[Aiding, ...], list[str]]:
     """(these sources with their correlated errors as states only where `filter` can have them,
     notes about the others). Raises DataError for such that cannot be."""
     found, changed = [checked_noise(a) for a in aidings], dict[str, None]()

@@ -10,7 +10,7 @@ from typing import NoReturn, Unpack
 import numpy as np
 
 from .. import filters
-from ..alignment.missing_fields import left_open
+from ..alignment.missing_fields import missing_fields
 from ..checks import DataError, check_number
 from ..core.loop.contract import INVALID, STATES, VALID, Belief, Filter, Start
 from ..core.loop.loop import SAME_TIME
@@ -50,7 +50,7 @@ from .notifier import BEYOND, OnEvent, Telling
 from .options import RunOptions, run_options, takes
 from .prepare import (
     assumed_noise,
-    brought,
+    augmented_states,
     check_needs,
     check_options,
     check_start,
@@ -60,7 +60,7 @@ from .prepare import (
     stages_of,
     usable,
 )
-from .source_noise import followed
+from .source_noise import with_correlated_errors
 from .source_weights import weighed
 from .with_ahrs import SILENT, attitudes, chosen, notes_on, taken_by, whose
 
@@ -130,12 +130,12 @@ class Stream:
         aidings = weighed(checked_aidings(aidings), asked["robust"], asked["adaptive"])
         aidings, of_imu = _estimated(aidings, asked["estimate"])
         start, vehicle = asked["start"], asked["vehicle"]
-        whole = isinstance(start, Start) and not left_open(start)
+        whole = isinstance(start, Start) and not missing_fields(start)
         self.noise, self._spec = assumed_noise(
             asked["imu"], asked["noise"], needed=not whole, without=""
         )
         self._filter = filter = filters.find(filter)
-        aidings, widened = followed(filter, aidings)
+        aidings, widened = with_correlated_errors(filter, aidings)
         self._ahrs: _Ahrs | None = None
         first = chosen(filter, {a.kind for a in aidings}, asked["ahrs"], asked["ahrs_rate"])
         if first:
@@ -163,7 +163,9 @@ class Stream:
         self._telling = Telling(_events(filter, self._used, self._vehicle, first), on_event)
         self._nothing_yet()
         if start is not None:
-            check_start(start, self.noise, left_open(start) if isinstance(start, Start) else ())
+            check_start(
+                start, self.noise, missing_fields(start) if isinstance(start, Start) else ()
+            )
         check_options(filter, asked["options"] or {})
         self._make_ready(aidings, tries=start is None and self._spec is not None)
         self._gathered = Gathering(
@@ -185,7 +187,7 @@ class Stream:
         self._used, _ = usable(self._filter, left)
         check_needs(self._filter, left)
         check_estimates(self._filter, parameters(self._used, of_imu))
-        brought(self._used, of_imu)  # refuses too many
+        augmented_states(self._used, of_imu)  # refuses too many
         self._of_imu, self._sources, self._elsewhere = of_imu, Sources(aidings), of_ahrs
         # among those that the filter can use
         self._places = [

@@ -45,7 +45,9 @@ REMEDY = (
 )
 
 
-def fed(recording: Recording, filter: Filter, asked: RunOptions) -> tuple[Recording, Aiding | None]:
+def with_ahrs(
+    recording: Recording, filter: Filter, asked: RunOptions
+) -> tuple[Recording, Aiding | None]:
     """(Recording for `filter`, Aiding of the AHRS that ran first, or None): the attitude that the
     filter needs is among the sources.
 
@@ -69,7 +71,7 @@ def chosen(
     filter: Filter, measured: Collection[str], ahrs: str | Filter | None, rate: float
 ) -> Filter | None:
     """The AHRS that runs before `filter` where these kinds are measured, None where there is none
-    to run; arguments and errors as of `fed`."""
+    to run; arguments and errors as of `with_ahrs`."""
     if isinstance(rate, bool) or not isinstance(rate, Real) or not 0 < rate < math.inf:
         raise DataError(f"ahrs_rate is {rate!r} Hz; it must be a number above 0")
     if ahrs is None:

@@ -15,7 +15,7 @@ from ..checks import DataError, check_choice
 from ..core.loop.contract import ATT, BA, BG, POS, STATES, VEL
 from ..data.recording import Recording
 from ..data.solution import Solution
-from ..engine.prepare import Brought, brought
+from ..engine.prepare import AugmentedState, augmented_states
 from ..typing import Array, ArrayLike
 from . import metrics
 
@@ -375,14 +375,14 @@ def errors_beyond(solution: Solution, true: Mapping[str, ArrayLike]) -> tuple[li
     return [STATES + place for place in places], errors
 
 
-def _brought(solution: Solution) -> list[Brought]:
+def _brought(solution: Solution) -> list[AugmentedState]:
     """The states beyond the fifteenth of a Solution. Raises DataError."""
     if solution.recording is None:
         raise DataError(
             "the solution comes from a file and does not know its states beyond the fifteenth; "
             "fuse the recording again"
         )
-    return brought(solution.recording.aidings, solution.recording.meta.get("estimate"))
+    return augmented_states(solution.recording.aidings, solution.recording.meta.get("estimate"))
 
 
 def nees_of(

@@ -124,7 +124,7 @@ class Felt(NamedTuple):
         if not arm.any() or len(self.t) < 2:
             return self.v
         rate = np.gradient(self.body_turn, STEP, axis=0)
-        return self.v + turned(self.attitude, np.cross(rate, arm))
+        return self.v + rotated(self.attitude, np.cross(rate, arm))
 
     def mean(self, integral: Array, at: Array, half: float) -> Array:
         """(k, 3) mean over +- `half` s around the times `at` (k,); NaN outside."""
@@ -155,14 +155,14 @@ def felt(imu: Imu) -> Felt:
     if len(dtheta):
         attitude = np.concatenate([attitude, running_matrices(dtheta)])
     v, turn = (
-        np.cumsum(np.vstack([zero, turned(attitude[: len(column)], column)]), axis=0)
+        np.cumsum(np.vstack([zero, rotated(attitude[: len(column)], column)]), axis=0)
         for column in (dv + np.cross(dtheta, dv) / 2, dtheta)
     )
     body_v, body_turn = (np.cumsum(np.vstack([zero, column]), axis=0) for column in (dv, dtheta))
     return Felt(grid, v, turn, body_v, body_turn, attitude)
 
 
-def turned(C: Array, vectors: Array) -> Array:
+def rotated(C: Array, vectors: Array) -> Array:
     """(n, 3) vectors (n, 3) or (3,), each by its matrix of C (n, 3, 3)."""
     return np.asarray((C * vectors[..., None, :]).sum(axis=-1))
 

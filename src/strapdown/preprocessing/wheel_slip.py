@@ -18,9 +18,9 @@ SURELY = 5.0  # standard deviations of an innovation: beyond it is slip
 FORCE_NOISE = 0.05  # m/s/sqrt(s): what vibration and the lever arm leave in the increments
 OFFSET, OFFSET_WALK = 0.5, 0.02  # m/s^2 and m/s^2/sqrt(s) of what the acceleration is wrong by
 LEVELLING = 10.0  # s in which the lateral force corrects the roll
-LONGEST = 8.0  # s: what contradicts for longer is no slip, and the fixes are followed again
+MAX_SLIP = 8.0  # s: what contradicts for longer is no slip, and the fixes are followed again
 BEGIN = 1.0  # s over whose mean force the direction of gravity begins
-MOST = 0.3  # of the fixes that slip
+MAX_SHARE = 0.3  # of the fixes that slip
 SHOWN = 5  # slips whose times a note tells
 SCALE = 0.02  # of a change of speed, by which a wheel speed may be off without slip
 LATE = 0.05  # s by which it may be late
@@ -28,11 +28,11 @@ LATE = 0.05  # s by which it may be late
 
 def without_slip(wheel: Aiding, imu: Imu) -> tuple[Aiding, list[str]]:
     """(the wheel speed, of kind speed and below zero backwards, without the fixes that contradict the
-    samples of the IMU; a note on them). Where more than `MOST` do, all are kept: that is no slip."""
+    samples of the IMU; a note on them). Where more than `MAX_SHARE` do, all are kept: that is no slip."""
     slips, name = slipping(wheel, imu), wheel.name or wheel.kind
     if not slips.any():
         return wheel, []
-    if slips.mean() > MOST:
+    if slips.mean() > MAX_SHARE:
         return wheel, [
             f"{name}: {slips.mean():.0%} of the fixes contradict the accelerometer, which is no slip "
             f"of wheels, so all are kept; check scale, unit, sign and clock"
@@ -116,7 +116,7 @@ def _follow(
         if innovation * innovation > SURELY**2 * S:
             found[k] = True
             since += step
-            if since < LONGEST:
+            if since < MAX_SLIP:
                 continue
             v, offset, pvv, pvo, poo, since = measured, 0.0, noise * noise, 0.0, OFFSET**2, 0.0
             continue

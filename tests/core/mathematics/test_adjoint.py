@@ -29,9 +29,9 @@ from strapdown.core.mathematics.error_state import (
     PREDICTED,
     X,
     allocate,
+    inject_and_reset,
     linearised_step,
     measure,
-    take_over,
 )
 from strapdown.core.mathematics.smoother import work_size
 from strapdown.core.mathematics.source import new_source
@@ -172,7 +172,7 @@ def correct(belief, y, sd, kind, observe, parameters, gate, innovation):
     """As the filters."""
     nis = measure(belief, y, sd, observe, parameters, gate, innovation)
     if nis <= gate:
-        take_over(belief, belief.workspace[DX])
+        inject_and_reset(belief, belief.workspace[DX])
     return nis
 
 

@@ -12,8 +12,8 @@ from strapdown.core.loop.contract import Noise, Start
 from strapdown.core.mathematics.earth import gravity
 from strapdown.engine.prepare import prepare
 from strapdown.filters.two_stage.model import (
-    doubt,
     from_angles,
+    inflate_velocity,
     to_angles,
     turn_attitude,
     turn_velocity,
@@ -243,7 +243,7 @@ def test_p_is_carried_to_other_angles_and_attitudes():
         P[np.ix_(two, two)], (T @ kept @ T.T)[np.ix_(two, two)], rtol=1e-9, atol=1e-9
     )
     moved, before = np.array([0.3, -0.2, 0.1]), P[3:6, 3:6].copy()
-    doubt(P, moved)
+    inflate_velocity(P, moved)
     np.testing.assert_allclose(
         P[3:6, 3:6] - before, np.outer([0.3, -0.2, 0.1], [0.3, -0.2, 0.1]), atol=1e-12
     )

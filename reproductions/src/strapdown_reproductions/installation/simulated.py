@@ -70,10 +70,10 @@ def _parameters(solution: Solution, true: dict[str, float]) -> list[dict[str, An
 
 
 def _prior(solution: Solution, name: str) -> float:
-    from strapdown.engine.prepare import brought
+    from strapdown.engine.prepare import augmented_states
 
     assert solution.recording is not None
-    states = brought(solution.recording.aidings, solution.recording.meta.get("estimate"))
+    states = augmented_states(solution.recording.aidings, solution.recording.meta.get("estimate"))
     return next(each.sd * each.factor for each in states if each.name == name)
 
 

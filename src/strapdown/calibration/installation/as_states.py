@@ -9,7 +9,7 @@ from ...data.calibration_parameters import CLOCK, MOUNTING, Estimable
 from ...data.recording import Recording
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions
-from ...engine.prepare import brought
+from ...engine.prepare import augmented_states
 from ...engine.smoothing import smooth
 from ...installation.findings import Diagnosed
 from ...installation.iteration import unknowns
@@ -75,7 +75,7 @@ def check_states(recording: Recording) -> None:
     wanted = unknowns(constants(recording.aidings))
     priors = _priors((each.of, [names[i] for i in each.sources], each.axis) for each in wanted)
     asked = with_estimates(recording, priors)
-    brought(asked.aidings, asked.meta.get("estimate", {}))
+    augmented_states(asked.aidings, asked.meta.get("estimate", {}))
 
 
 def _priors(wanted: Iterable[tuple[Estimable, Sequence[str], int]]) -> dict[str, tuple[float, ...]]:

@@ -19,12 +19,12 @@ from .tables import Fixes
 
 CONFIRM, CONFIRM_AFTER = 3, 1.0
 """Fixes in a row that must pass their gates, the first of them this time (s) after the last cause,
-before a doubt ends."""
+before a flag_unreliable ends."""
 HEARD = 10.0  # s after which a source that sends nothing contradicts nothing any more
 LEFT = -1  # in Books.rejecting: left out
 NO_GYRO, NO_ACCEL = 2, 4  # bits of what `plausible` says of a sample that cannot be
 LEVELLED = 30.0
-"""s without a fix after which a filter that estimates no position ends a doubt by itself: gravity
+"""s without a fix after which a filter that estimates no position ends a flag_unreliable by itself: gravity
 has levelled it, and a wrong vertical would have shown in the mean force, which attitude filters
 take over 20 s."""
 SAME_VALUE = 1e-9  # of a value: less is rounding and no change
@@ -56,7 +56,7 @@ NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
 
 @inlined
-def doubt(cursor: Cursor, t: float) -> None:
+def flag_unreliable(cursor: Cursor, t: float) -> None:
     """Rows are doubtful from here until fixes confirm."""
     cursor.state[0].unconfirmed = CONFIRM
     cursor.state[0].cause = t
@@ -77,7 +77,7 @@ def confirm(cursor: Cursor, t: float) -> None:
 
 
 @helper
-def leave_out(cursor: Cursor, s: int) -> None:
+def exclude_source(cursor: Cursor, s: int) -> None:
     """Source `s` contradicts nothing any more, until one of its fixes passes."""
     forget(cursor.books[s])
     cursor.books[s].rejecting = LEFT
@@ -100,7 +100,7 @@ def forget(books: Books) -> None:
 
 
 @helper
-def level_again(cursor: Cursor, t: float) -> bool:
+def recover_attitude(cursor: Cursor, t: float) -> bool:
     """True where gravity confirms a filter that estimates no position: no measurement was tested
     and no doubt arose for LEVELLED seconds."""
     last = cursor.state[0].cause
@@ -138,7 +138,7 @@ def plausible(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, cur
     if not (inside and below):
         code = max(code, _beyond(dtheta, dv, dt, t, cursor, inside))
     if code > 0:
-        doubt(cursor, t)
+        flag_unreliable(cursor, t)
     return code
 
 
@@ -185,7 +185,7 @@ def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, curs
     known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
     if cursor.state[0].positioned and axes[worst].jitter > MOST_JITTER * MOST_JITTER * known > 0:
         say(cursor, Code.COARSE, 0, t, 2 * math.sqrt(axes[worst].jitter) / dt)
-        doubt(cursor, t)
+        flag_unreliable(cursor, t)
 
 
 @helper
@@ -342,6 +342,6 @@ def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t:
             say(cursor, Code.NIS_OFF, s, t, mean)
         else:
             say(cursor, Code.MEAN_OFF, 3 * s + channel % 3, t, mean if channel < 3 else -mean)
-        doubt(cursor, t)
+        flag_unreliable(cursor, t)
     else:
         fails[channel] = 0.0

@@ -30,7 +30,7 @@ from .gaps import (
     rates_held,
     wider,
 )
-from .integrity import NO_ACCEL, NO_GYRO, doubt, level_again, plausible
+from .integrity import NO_ACCEL, NO_GYRO, flag_unreliable, plausible, recover_attitude
 from .kernels import KERNELS, Kernels, predict_at, step_at
 from .log import LOG_FULL, Code, say
 from .measurement import use_next
@@ -67,7 +67,7 @@ def run(
     for row in range(state.row, state.stop):
         t, dt = imu.t[row], imu.dt[row]
         if t - dt - state.t > 0.5 * dt + SAME_TIME:
-            _cross_gap(kernels, belief, fixes, noise, cursor, out, t - dt)
+            _bridge_gap(kernels, belief, fixes, noise, cursor, out, t - dt)
         elif state.status == Status.BRIDGED or state.positioned == 0:
             state.status = Status.VALID
         # a run may begin anywhere inside its first sample
@@ -132,7 +132,7 @@ def _rest_of_sample(t: float, dt: float, cursor: Cursor) -> float:
 
 
 @helper
-def _cross_gap(
+def _bridge_gap(
     kernels: Kernels,
     belief: Belief,
     fixes: Fixes,
@@ -254,7 +254,7 @@ def _shown(belief: Belief, cursor: Cursor, t: float) -> int:
             doubtful |= (state.doubtful_conditions >> (condition - 1)) & 1 == 1
     if state.positioned:
         _watch_belief(belief, cursor, t)
-    if state.unconfirmed > 0 and level_again(cursor, t):
+    if state.unconfirmed > 0 and recover_attitude(cursor, t):
         state.unconfirmed = 0
     if state.status == Status.INVALID or not (doubtful or state.unconfirmed > 0):
         return state.status
@@ -268,10 +268,10 @@ def _watch_belief(belief: Belief, cursor: Cursor, t: float) -> None:
     square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     if square > limits.speed * limits.speed:
         say(cursor, Code.BELIEF_TOO_FAST, 0, t, math.sqrt(square))
-        doubt(cursor, t)
+        flag_unreliable(cursor, t)
     if belief.lla[2] < limits.lowest or belief.lla[2] > limits.highest:
         say(cursor, Code.BELIEF_TOO_HIGH, 0, t, belief.lla[2])
-        doubt(cursor, t)
+        flag_unreliable(cursor, t)
 
 
 @inlined

@@ -24,8 +24,8 @@ from .integrity import (
     CONFIRM,
     LEFT,
     confirm,
-    doubt,
-    leave_out,
+    exclude_source,
+    flag_unreliable,
     length,
     measured,
     reachable,
@@ -145,7 +145,7 @@ def _lift(
     s, t, state, work = fixes.source[k], fixes.t[k], cursor.state[0], cursor.work[0]
     source, books, several = fixes.sources[s], cursor.books[s], cursor.state[0].heights > 1
     books.rejecting = 1
-    doubt(cursor, t)
+    flag_unreliable(cursor, t)
     if source.kind == Kind.POSITION and not reachable(belief, work.innovation, s, t, cursor):
         say(cursor, Code.TOO_FAR, s, t, length(work.innovation))
         work.weight = 0.0
@@ -219,7 +219,7 @@ def _beyond(source: SourceRow, books: Books, s: int, t: float, cursor: Cursor) -
             books.since = t
     if books.lifts == LIFTS and books.in_a_row == books.lifted_at + REJECTED:
         say(cursor, Code.LEFT_OUT, s, books.since, 0.0)
-        leave_out(cursor, s)
+        exclude_source(cursor, s)
 
 
 @inlined

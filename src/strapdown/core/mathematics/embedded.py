@@ -41,7 +41,7 @@ def navigation(numbers: Array, P: Array, workspace: Array, extra_states: Array) 
 
 
 @inlined
-def take_over(belief: Belief, other: Belief, wanted: bool = True) -> None:
+def copy_motion(belief: Belief, other: Belief, wanted: bool = True) -> None:
     """Position, velocity, attitude and biases of the belief become those of another, where that is
     wanted."""
     for i in range(3):

@@ -179,7 +179,7 @@ def observed(
 
 
 @inlined
-def take_over(belief: Belief, dx: Array) -> None:
+def inject_and_reset(belief: Belief, dx: Array) -> None:
     """Compose the whole correction into the belief; P becomes that of the errors about it."""
     inject_all(belief, dx)
     theta = dx[ATT]

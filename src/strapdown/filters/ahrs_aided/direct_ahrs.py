@@ -36,13 +36,13 @@ from .known_attitude import (
     euler_rates,
     fade_shared,
     gentle,
+    inflate_attitude_noise,
     know,
     predict_fed,
     rate_of_body,
     read_angles,
     steep,
     tilt_variances,
-    weigh,
     with_angles,
 )
 
@@ -148,7 +148,7 @@ def correct(
 ) -> float:
     """Correct P and the states. A measured attitude also is the known one from now on."""
     fade_shared(belief, source)
-    weigh(belief, sd, kind)
+    inflate_attitude_noise(belief, sd, kind)
     nis = correct_angles(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         corrected(belief, y, sd, kind)

@@ -20,9 +20,9 @@ from .known_attitude import (
     KNOWN_ATTITUDE,
     corrected,
     fade_shared,
+    inflate_attitude_noise,
     know,
     predict_fed,
-    weigh,
 )
 
 
@@ -60,7 +60,7 @@ def correct(
     """Correct P; inject the errors into INS and biases. A measured attitude also is the known
     one from now on."""
     fade_shared(belief, source)
-    weigh(belief, sd, kind)
+    inflate_attitude_noise(belief, sd, kind)
     nis = measure(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         inject_all(belief, belief.workspace[DX])

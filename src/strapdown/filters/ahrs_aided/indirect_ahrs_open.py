@@ -42,9 +42,9 @@ from .known_attitude import (
     KNOWN_ATTITUDE,
     corrected,
     fade_shared,
+    inflate_attitude_noise,
     know,
     move,
-    weigh,
 )
 
 SLOTS = Slots(after=KNOWN_ATTITUDE)
@@ -105,7 +105,7 @@ def correct(
     """Correct P and the error beside the INS. A measured attitude also is the known one from now
     on."""
     fade_shared(belief, source)
-    weigh(belief, sd, kind)
+    inflate_attitude_noise(belief, sd, kind)
     nis = correct_beside(belief, y, belief.workspace[DV], observe, source, gate, innovation)
     if nis <= gate:
         x, attitude = belief.workspace[X], matrix(belief.workspace, C, 3, 3)

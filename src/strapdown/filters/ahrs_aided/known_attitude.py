@@ -168,7 +168,7 @@ def fade_shared(belief: Belief, source: SourceRow) -> None:
 
 
 @helper
-def weigh(belief: Belief, sd: Array, kind: int) -> None:
+def inflate_attitude_noise(belief: Belief, sd: Array, kind: int) -> None:
     """Write the standard deviations to use of a fix into workspace[DV], which is free between
     predictions: those given.
 

@@ -21,9 +21,9 @@ from ...core.mathematics.error_state import (
     HEIGHT,
     allocate,
     bias_free,
+    inject_and_reset,
     linearised_step,
     measure,
-    take_over,
 )
 from ...core.mathematics.mechanization import mechanize
 from ...typing import Array
@@ -66,7 +66,7 @@ def correct(
     """Correct P; inject the errors into INS and biases."""
     nis = measure(belief, y, sd, observe, source, gate, innovation)
     if any_of(nis <= gate):
-        take_over(belief, belief.workspace[DX])
+        inject_and_reset(belief, belief.workspace[DX])
     return nis
 
 

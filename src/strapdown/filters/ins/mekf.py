@@ -28,7 +28,7 @@ from ...core.loop.contract import (
 )
 from ...core.mathematics.adjoint import SMOOTHER
 from ...core.mathematics.elementary import arctangent
-from ...core.mathematics.error_state import DX, ERROR_STATE, measure, take_over
+from ...core.mathematics.error_state import DX, ERROR_STATE, inject_and_reset, measure
 from ...typing import Array
 from .closed_loop import predict, start
 
@@ -52,7 +52,7 @@ def correct(
     if any_of(nis <= gate):
         dx = belief.workspace[DX]
         rotation_vector(dx[ATT])
-        take_over(belief, dx)
+        inject_and_reset(belief, dx)
     return nis
 
 

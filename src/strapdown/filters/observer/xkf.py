@@ -33,7 +33,7 @@ from ...core.loop.contract import (
     matrix,
 )
 from ...core.mathematics.earth import place
-from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
+from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import (
     DX,
     ERROR_STATE,
@@ -142,8 +142,8 @@ def model_point(belief: Belief, bar: Belief, itself: bool, z: float) -> Belief:
     back by z (rad). Its state is in POINT."""
     numbers = belief.workspace[POINT]
     point = at(belief, navigation(numbers, belief.P, belief.workspace, belief.extra_states))
-    take_over(point, bar)
-    take_over(point, belief, itself)
+    copy_motion(point, bar)
+    copy_motion(point, belief, itself)
     turn_heading(point.C, -z)
     return point
 
@@ -248,7 +248,7 @@ def carry(belief: Belief, bar: Belief, u: Array, dt: float, noise: Noise) -> Non
     point, moved = model_point(belief, bar, itself, z), any_of(affine | (z != 0))
     if moved:
         turn_tilts(belief.P, -z)
-        take_over(belief, point, affine | itself)
+        copy_motion(belief, point, affine | itself)
         for i in range(STATES):
             x[i] = where(affine, x[i], 0.0)
         x[8] += z
@@ -341,7 +341,7 @@ def move(belief: Belief, point: Belief, itself: bool, z: float, taken: bool) -> 
     compose(point, x)
     orthonormalise(point.C)
     turn_heading(point.C, z)
-    take_over(belief, point, taken)
+    copy_motion(belief, point, taken)
     inject_tail(belief, dx)
     shift_rates(belief, dx, where(itself, 0.0, -1.0))
 

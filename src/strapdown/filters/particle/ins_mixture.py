@@ -13,7 +13,7 @@ from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
 from ...core.loop.contract import MOST_STATES, STATES, Belief, Kind, Observe, Slots, SourceRow
 from ...core.mathematics.earth import place
-from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
+from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
 from ...core.mathematics.kalman import LEAST_NOISE
 from ...core.mathematics.rotation import rotation_between, wrap
@@ -274,7 +274,7 @@ def carry(belief: Belief, m: Mixture) -> None:
 @inlined
 def put(own: Belief, belief: Belief, x: Array) -> None:
     """The component whose error about the belief is x."""
-    take_over(own, belief)
+    copy_motion(own, belief)
     for i in range(own.extra_states.size):
         own.extra_states[i] = belief.extra_states[i]
     inject_all(own, x)

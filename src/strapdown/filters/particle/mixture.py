@@ -27,7 +27,7 @@ SHRINK = 0.8
 
 
 @helper
-def weigh(logs: Array, weights: Array) -> int:
+def update_weights(logs: Array, weights: Array) -> int:
     """Multiply weights by likelihoods, whose logarithms are `logs` (overwritten), and normalise
     them. Returns 1 where none is finite, 0 else.
 

@@ -40,9 +40,9 @@ from ...core.mathematics.error_state import (
     allocate,
     bias_free,
     decay_biases,
+    inject_and_reset,
     linearised_step,
     publish_rates,
-    take_over,
 )
 from ...core.mathematics.kalman import decay, of_estimates, update, used_rows
 from ...core.mathematics.mechanization import mechanize
@@ -85,7 +85,7 @@ from .mixture import (
     effective,
     kernel_width,
     resample,
-    weigh,
+    update_weights,
 )
 
 LARGEST_NIS = 1e300  # of a NIS that is used: beyond it nothing is finite
@@ -290,12 +290,12 @@ def _correct_each(m: Mixture, sd: Array, innovation: Array) -> int:
                 work, dx = own.workspace[WORK], own.workspace[DX]
                 nis = update(own.P, of.H, of.seen, sd, 3, LARGEST_NIS, work, dx)
                 if any_of(nis <= LARGEST_NIS):  # of the others the correction is nothing
-                    take_over(own, dx)
+                    inject_and_reset(own, dx)
                 likelihood = -0.5 * nis
                 for i in range(rows):
                     likelihood += logarithm(work[used + 4 + i])
                 log[0] = where(of.counted[0] > 0, likelihood, -math.inf)
-    degenerate = weigh(m.logs, m.weights)
+    degenerate = update_weights(m.logs, m.weights)
     _replace_lost(m)
     return degenerate
 

@@ -342,7 +342,7 @@ def turn_attitude(
 
 
 @helper
-def doubt(P: Array, moved: Array) -> None:
+def inflate_velocity(P: Array, moved: Array) -> None:
     """The velocity was turned by `moved` (m/s, n) along with the attitude, since v_b stays; but v_b
     was found with the attitude as it was.
 

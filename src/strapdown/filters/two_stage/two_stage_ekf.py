@@ -59,7 +59,7 @@ from .model import (
     USES,
     StageOptions,
     configure,
-    doubt,
+    inflate_velocity,
     middle,
     propagate,
     set_options,
@@ -216,7 +216,7 @@ def _inject_attitude(belief: Belief, x: float, y: float, z: float) -> None:
     v0, v1, v2 = turned(C, v0, v1, v2)
     moved = belief.workspace[MOVED]
     moved[0], moved[1], moved[2] = v0 - v[0], v1 - v[1], v2 - v[2]
-    doubt(P, moved)
+    inflate_velocity(P, moved)
     v[0], v[1], v[2] = v0, v1, v2
 
 

@@ -33,7 +33,7 @@ from ...core.loop.contract import (
     matrix,
 )
 from ...core.mathematics.earth import displace, place
-from ...core.mathematics.embedded import NAVIGATION, navigation, take_over
+from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import DV, DX, MID, allocate, bias_free, decay_biases
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import euler_to_matrix, matrix_to_euler, rotate_left, turned, wrap
@@ -58,8 +58,8 @@ from .model import (
     USES,
     StageOptions,
     configure as configure_model,
-    doubt,
     from_angles,
+    inflate_velocity,
     middle,
     propagate,
     set_options,
@@ -243,7 +243,7 @@ def correct_around(
     velocity corrects stage 1 first. Returns the NIS."""
     P, workspace, x = belief.P, belief.workspace, belief.workspace[ERROR]
     before = (x[6], x[7], x[8])
-    doubt(P, workspace[MOVED])
+    inflate_velocity(P, workspace[MOVED])
     rows = see(belief, bar, y, sd, kind, observe, source, innovation)
     nis = correct_rows(
         P,
@@ -284,7 +284,7 @@ def swing(belief: Belief, bar: Belief, before: tuple[float, float, float]) -> No
 def leave(belief: Belief, bar: Belief) -> None:
     """Keep the observer's state before it moves."""
     left = navigation(belief.workspace[LEFT], belief.P, belief.workspace, belief.extra_states)
-    take_over(left, bar)
+    copy_motion(left, bar)
 
 
 @inlined

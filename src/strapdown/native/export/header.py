@@ -13,7 +13,7 @@ from ...core.compile.records import notes
 from ...core.compile.signatures import Row
 from ...core.loop.contract import Measurement
 from ...core.mathematics import solution_row
-from ...engine.prepare import axes_of_rows, brought
+from ...engine.prepare import augmented_states, axes_of_rows
 from ...units import quantities
 from .chosen import GIVEN, Chosen
 from .layout import RECORDS, ExportLayout, MemoryPlace
@@ -87,7 +87,7 @@ def identifier(name: str) -> str:
 
 def columns(of: Chosen) -> list[str]:
     """Return the meaning of each column behind the status."""
-    states = [each.name for each in brought(of.aidings)]
+    states = [each.name for each in augmented_states(of.aidings)]
     return [*of.filter.columns, *states, *(f"standard deviation of {name}" for name in states)]
 
 

@@ -35,7 +35,7 @@ from strapdown.filters.particle.mixture import (
     moments_size,
     resample,
     resample_size,
-    weigh,
+    update_weights,
 )
 from strapdown.filters.sigma_point.sigma_points import covariance, factor, symmetric
 from strapdown.typing import Array
@@ -232,7 +232,7 @@ def correct(
             if math.isfinite(m.logs[k]):
                 copy(trial, spread, x, P)
     innovation[0], innovation[1], innovation[2] = e0, e1, e2
-    workspace[DEGENERATE] += weigh(m.logs, m.weights)
+    workspace[DEGENERATE] += update_weights(m.logs, m.weights)
     clear(sums)
     for k in range(m.weights.size):
         if m.weights[k] > 0:

@@ -39,12 +39,12 @@ def widened(
     below its floor."""
     s, work = fixes.source[k], cursor.work[0]
     if fixes.sources[s].memory > 0:
-        followed(work.sd, cursor.books[s], work.factor)
+        adapted(work.sd, cursor.books[s], work.factor)
     return 0
 
 
 @helper
-def followed(sd: Array, books: Books, factor: Array) -> None:
+def adapted(sd: Array, books: Books, factor: Array) -> None:
     """Multiply standard deviations by the factors that the books tell, not below their floor."""
     lasting = books.alike > LASTING * books.power
     for i in range(3):

@@ -27,7 +27,7 @@ from ...mathematics.mechanization import stationary_increments
 from ...mathematics.rotation import rotate_left, turned
 from ...mathematics.source import Kind, SourceRow
 from ..cursor import Cursor
-from ..integrity import doubt
+from ..integrity import flag_unreliable
 from ..kernels import STAGE, STEP as PREDICTED, Kernels
 from ..log import Code, say
 from ..motion import ANGLE, ROWS, BodyMotion, S, X
@@ -125,7 +125,7 @@ def look_back(
     if source.clock_state > 0:
         if not followed_back(belief, source, cursor):
             say(cursor, Code.CLOCK_OFF, s, fixes.t[k], source.clock)
-            doubt(cursor, fixes.t[k])
+            flag_unreliable(cursor, fixes.t[k])
         for i in range(3):
             if source.kind == Kind.POSITION:
                 work.sd[i] = math.hypot(work.sd[i], source.bent_position[i])

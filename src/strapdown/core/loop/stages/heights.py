@@ -22,7 +22,7 @@ from ...compile.jit import helper, kernel
 from ...mathematics.belief import Belief
 from ...mathematics.source import Kind
 from ..cursor import Cursor
-from ..integrity import HEARD, doubt, forget
+from ..integrity import HEARD, flag_unreliable, forget
 from ..kernels import STAGE, Kernels
 from ..log import Code, say
 from ..observation import observed_alone
@@ -56,7 +56,7 @@ def compare_heights(
             work.height = fixes.y[k, work.withheld]
             fixes.y[k, work.withheld] = math.nan
         else:
-            _leave_out_pulling(belief, fixes, s, fixes.t[k], cursor)
+            _exclude_pulling(belief, fixes, s, fixes.t[k], cursor)
     return 0
 
 
@@ -69,7 +69,7 @@ def contradicted(
     s, t = fixes.source[k], fixes.t[k]
     wrong, right, told, _ = _contradiction(fixes, s, t, cursor)
     if wrong >= 0:
-        _leave_out(wrong, right, told, t, cursor)
+        _exclude(wrong, right, told, t, cursor)
         if wrong != s:
             _make_room(belief.P, right, t, cursor)
     return 1 if wrong == s else 0
@@ -149,14 +149,14 @@ def _farthest(fixes: Fixes, s: int, t: float, cursor: Cursor) -> int:
 
 
 @helper
-def _leave_out_pulling(belief: Belief, fixes: Fixes, s: int, t: float, cursor: Cursor) -> None:
+def _exclude_pulling(belief: Belief, fixes: Fixes, s: int, t: float, cursor: Cursor) -> None:
     """Leave out the height that pulls the belief away from source `s`, whose innovations have long
     been off on average, where the data tell which it is or the two are FAR apart."""
     fails, row = cursor.books[s].fails, row_of_height(fixes.sources[s].kind)
     if row >= 0 and fails[row] + fails[3 + row] > 0:
         wrong, right, told, apart = _contradiction(fixes, s, t, cursor)
         if wrong >= 0 and wrong != s and (told or apart > FAR):
-            _leave_out(wrong, right, told, t, cursor)
+            _exclude(wrong, right, told, t, cursor)
             _make_room(belief.P, right, t, cursor)
 
 
@@ -187,13 +187,13 @@ def _contradiction(fixes: Fixes, s: int, t: float, cursor: Cursor) -> tuple[int,
 
 
 @helper
-def _leave_out(wrong: int, right: int, told: bool, t: float, cursor: Cursor) -> None:
+def _exclude(wrong: int, right: int, told: bool, t: float, cursor: Cursor) -> None:
     """Leave out the height of a source that that of another contradicts."""
     books = cursor.books
     which = 2 * (wrong * books.size + right) + told
     books[wrong].suspended, books[wrong].rejecting = 1 + which, 0
     forget(books[wrong])
-    doubt(cursor, t)
+    flag_unreliable(cursor, t)
     _tell(wrong, t, cursor)
 
 
