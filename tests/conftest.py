@@ -19,7 +19,7 @@ from strapdown.cli import app
 from strapdown.io.locate import data_folder as find_data_folder
 
 NO_DATA = "recorded data not found (STRAPDOWN_DATA)"
-LEAST_ROOM = 2**28
+MIN_ROOM = 2**28
 """Bytes that the temporary folder must take for tests to be run there."""
 ELSEWHERE = Path(__file__).resolve().parents[1] / "build" / "tmp"
 """Where they are run otherwise."""
@@ -127,12 +127,12 @@ def pytest_configure(config):
     if config.option.basetemp or hasattr(config, "workerinput"):
         return
     try:
-        is_full = shutil.disk_usage(tempfile.gettempdir()).free < LEAST_ROOM
+        is_full = shutil.disk_usage(tempfile.gettempdir()).free < MIN_ROOM
     except OSError:
         is_full = True
     if is_full:
         config.stash[NO_ROOM] = (
-            f"temporary folder without {LEAST_ROOM // 2**20} MiB: used {ELSEWHERE}"
+            f"temporary folder without {MIN_ROOM // 2**20} MiB: used {ELSEWHERE}"
         )
         ELSEWHERE.mkdir(parents=True, exist_ok=True)
         os.environ["TMPDIR"], tempfile.tempdir = str(ELSEWHERE), None

@@ -4,7 +4,7 @@
     python tests/deep.py --changed   those that changes since the recorded commit can reach: `make changed`
     python tests/deep.py --again     those that failed, and records which of them pass now
     python tests/deep.py --fitting   those of them that are soon done, and how long ago all were run;
-                                     fails beyond MOST_COMMITS: the end of `make test`
+                                     fails beyond MAX_COMMITS: the end of `make test`
 
 The first writes deep.txt beside this file, which is committed: commit, date, versions, and of each file
 how long its tests took and what failed.
@@ -34,7 +34,7 @@ import figures  # noqa: E402
 import reach  # noqa: E402
 
 RECORD = HERE / "deep.txt"
-MOST_COMMITS = 150
+MAX_COMMITS = 150
 """Commits after which `make test` fails until all deep tests were run again."""
 FITTING = 40.0
 """s of the processor that deep tests may take in `make test`."""
@@ -265,9 +265,9 @@ def ago(last: Recorded, files: list[str], within: int, run_now: int) -> int:
         f"functions of kernels ago, {last.failed} failed; what changed since can reach "
         f"{within} of their {len(last.seconds)} files, {run_now} were run now"
     )
-    if commits > MOST_COMMITS:
-        print(f"more than {MOST_COMMITS} commits: run `make deep` and commit tests/deep.txt")
-    return int(commits > MOST_COMMITS)
+    if commits > MAX_COMMITS:
+        print(f"more than {MAX_COMMITS} commits: run `make deep` and commit tests/deep.txt")
+    return int(commits > MAX_COMMITS)
 
 
 def bench_ago() -> str:

@@ -41,7 +41,7 @@ HERE, SOURCE = branches.HERE, branches.SOURCE
 sys.path.insert(0, str(HERE / "support"))
 import source_mutants  # noqa: E402
 
-MOST = 800.0  # s; a mutant that takes longer hangs
+MAX = 800.0  # s; a mutant that takes longer hangs
 BROKEN = 99
 """Exit status of a child in which this command itself failed."""
 
@@ -130,7 +130,7 @@ class Server:
                     "." if status else f"\n{told(file, mutant, tests)}", end="", flush=True
                 )
             for each, (*_, begin) in running.items():
-                if time.monotonic() - begin > MOST:
+                if time.monotonic() - begin > MAX:
                     os.kill(each, signal.SIGKILL)
             time.sleep(0.01)
 
@@ -202,7 +202,7 @@ def in_a_copy(file, mutant, chosen):
                 cwd=HERE.parent,
                 env=environment,
                 capture_output=True,
-                timeout=MOST,
+                timeout=MAX,
             )
         except subprocess.TimeoutExpired:
             return 1

@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 class DataError(ValueError):
     """Input that cannot be used: one line that names file, row or field, and the remedy. Whatever
-    the input put into it, it is printable and not longer than LONGEST."""
+    the input put into it, it is printable and not longer than MAX."""
 
     def __init__(self, text: object = "") -> None:
         text = printable(str(text))
-        if len(text) > LONGEST:
-            text = f"{text[: LONGEST - 505]} ... {text[-500:]}"
+        if len(text) > MAX_MESSAGE:
+            text = f"{text[: MAX_MESSAGE - 505]} ... {text[-500:]}"
         super().__init__(text)
 
 
-LONGEST = 3000
+MAX_MESSAGE = 3000
 """Characters of a message."""
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strapdown import aiding
-from strapdown.aiding.course import LEAST_SPEED, SURELY
+from strapdown.aiding.course import MIN_SPEED, SURELY
 from strapdown.aiding.pressure import pressure_altitude
 from strapdown.core.loop.contract import Belief, compile_kernel
 from strapdown.core.mathematics.source import new_source
@@ -49,7 +49,7 @@ def test_a_course_is_that_of_the_antennas_velocity(heading):
 
 @pytest.mark.parametrize("speed, told", [(0.99, False), (1.0, True), (1.01, True)])
 def test_at_walking_pace_there_is_none(speed, told):
-    assert LEAST_SPEED == 1.0
+    assert MIN_SPEED == 1.0
     for v in ((speed, 0.0), (0.0, -speed)):
         assert np.isfinite(course(v)) == told
 

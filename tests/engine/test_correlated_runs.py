@@ -10,7 +10,7 @@ from test_stream import equal, events_of, play, shuffled
 
 import strapdown as sd
 from strapdown.checks import DataError
-from strapdown.core.loop.contract import MOST_STATES
+from strapdown.core.loop.contract import MAX_STATES
 from strapdown.data.solution.solution import Correlated
 from strapdown.engine.batch import begin
 from strapdown.engine.options import run_options
@@ -69,7 +69,7 @@ def test_more_states_than_there_is_room_for_are_refused():
     recording, start = straight()
     many = tuple(
         replace(recording.aidings[0], name=f"receiver {k}", correlated=Correlated((1.0,) * 3, 30.0))
-        for k in range((MOST_STATES - 15) // 3 + 1)
+        for k in range((MAX_STATES - 15) // 3 + 1)
     )
     with pytest.raises(DataError, match="at most 30 can be estimated: leave"):
         fused(replace(recording, aidings=many), start)

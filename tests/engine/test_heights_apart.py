@@ -15,7 +15,7 @@ from strapdown.sensor_models.gnss import Gnss
 from strapdown.sensor_models.simulated import Simulated
 from strapdown.sim.trajectory import demo_flight
 
-MOST = 1.5  # rms error with a wrong source of height, over that without the source
+MAX = 1.5  # rms error with a wrong source of height, over that without the source
 ERRORS = {
     "15 m": lambda t: 15.0,
     "50 m": lambda t: 50.0,
@@ -76,7 +76,7 @@ def test_one_wrong_height_harms_nothing_else(name, error):
     recording = simulated()
     spoilt = sd.fuse(wrong(recording, ERRORS[error]), name)
     clean = sd.fuse(without_altitude(recording), name)
-    assert ratios(spoilt, clean, recording).max() <= MOST
+    assert ratios(spoilt, clean, recording).max() <= MAX
     assert set(left_out(spoilt)) == {"altitude"}
     (said,) = {text for _, text in spoilt.events if "its height is left out" in text}
     assert said.startswith("altitude: ")
@@ -88,7 +88,7 @@ def test_robust_and_adaptive_sources_too(weights, error):
     recording = simulated()
     spoilt = sd.fuse(wrong(recording, ERRORS[error]), **weights)
     clean = sd.fuse(without_altitude(recording), **weights)
-    assert ratios(spoilt, clean, recording).max() <= MOST
+    assert ratios(spoilt, clean, recording).max() <= MAX
     assert set(left_out(spoilt)) == {"altitude"}
 
 
@@ -105,7 +105,7 @@ def test_other_motions_grades_and_sources(motion, grade, seed, sd_m, rate, error
     recording = simulated(motion, seed, 150.0, grade, sd_m, rate)
     spoilt = sd.fuse(wrong(recording, ERRORS[error]))
     clean = sd.fuse(without_altitude(recording))
-    assert ratios(spoilt, clean, recording).max() <= MOST
+    assert ratios(spoilt, clean, recording).max() <= MAX
     assert set(left_out(spoilt)) == {"altitude"}
 
 
@@ -135,7 +135,7 @@ def test_a_position_whose_height_jumps_is_followed_in_the_horizontal():
     solution = sd.fuse(wrong(recording, lambda t: 20.0 * (t > 60.0), "position"))
     clean = sd.fuse(recording)
     assert left_out(solution) == ["GNSS position"]
-    assert ratios(solution, clean, recording).max() <= MOST
+    assert ratios(solution, clean, recording).max() <= MAX
     e = sd.errors(solution, recording.reference)
     assert np.abs(e.position[e.t > 70.0, 2]).max() < 2.0  # that of the altitude
     assert solution.counts()["GNSS position"][0] > 0.9 * len(recording.aidings[0].t)
@@ -176,7 +176,7 @@ def test_a_stream_does_the_same():
 def test_smoothing_runs_over_it_twice_alike():
     recording = wrong(simulated(seconds=60.0), ERRORS["15 m"])
     smoothed, clean = sd.smooth(recording), sd.smooth(without_altitude(recording))
-    assert ratios(smoothed, clean, recording).max() <= MOST
+    assert ratios(smoothed, clean, recording).max() <= MAX
 
 
 def test_altitude_alone_bends_neither_attitude_nor_biases():

@@ -418,7 +418,7 @@ def test_fixes_that_no_source_delivers_are_refused(fix, words):
 def test_fixes_without_samples_are_refused_when_the_room_is_full():
     recording = flight()
     stream = stream_of(recording)
-    for k in range(live.MOST_WAITING_FIXES):
+    for k in range(live.MAX_WAITING_FIXES):
         stream.step(Fix(1 + 1e-3 * k, 0, tuple(recording.aidings[0].y[0]), (1e3,) * 3))
     with pytest.raises(
         DataError,
@@ -428,7 +428,7 @@ def test_fixes_without_samples_are_refused_when_the_room_is_full():
     for event in events_of(recording):
         if type(event) is Sample:
             stream.step(event)
-    assert sum(stream.counts()[0]) == live.MOST_WAITING_FIXES
+    assert sum(stream.counts()[0]) == live.MAX_WAITING_FIXES
 
 
 @pytest.mark.parametrize("lag", [-0.1, float("nan")])

@@ -11,7 +11,7 @@ from test_stream import eventful, events_of, play, shuffled, stream_of
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.data.solution.solution import INVALID, VALID
-from strapdown.engine.events import MOST_OF_A_KIND
+from strapdown.engine.events import MAX_OF_A_KIND
 from strapdown.engine.stream import Fix, Sample, Stream
 
 pytestmark = pytest.mark.short
@@ -220,7 +220,7 @@ def test_events_by_the_thousand_are_folded():
     play(stream, samples[:200])
     for k in range(20_000):
         stream.step(samples[k % 100])
-    assert stream.dropped == 20_000 and len(stream.events) <= 2 * MOST_OF_A_KIND
+    assert stream.dropped == 20_000 and len(stream.events) <= 2 * MAX_OF_A_KIND
     assert sum("late" in text for _, text in told) == 1
 
 

@@ -14,7 +14,7 @@ import pytest
 from at_most import at_most
 
 import strapdown as sd
-from strapdown.checks import LONGEST, DataError
+from strapdown.checks import MAX_MESSAGE, DataError
 from strapdown.fileio.file_access import (
     LINE,
     Zip,
@@ -244,7 +244,7 @@ def test_settings_are_bounded(tmp_path):
 
 def test_messages_are_one_printable_line():
     message = str(DataError("a\nb\x1b[31m\u202eevil\x9b " + "x" * 9000 + " remedy"))
-    assert message.isprintable() and len(message) == LONGEST and message.endswith("remedy")
+    assert message.isprintable() and len(message) == MAX_MESSAGE and message.endswith("remedy")
     assert message.startswith(r"a b\x1b[31m\u202eevil\x9b x")
 
 

@@ -11,7 +11,7 @@ from installed import car, flown, wrong
 import strapdown as sd
 from strapdown.checks import DataError
 from strapdown.installation.findings import CONSISTENT, FOUND, NOT_OBSERVABLE
-from strapdown.installation.iteration import MOST_RUNS
+from strapdown.installation.iteration import MAX_RUNS
 from strapdown.sensor_models.gnss import Gnss
 
 DEG = np.pi / 180
@@ -43,7 +43,7 @@ def test_what_is_wrong_is_found_and_nothing_else(name):
     assert one.change == pytest.approx(size(fault), abs=tolerance)
     assert abs(one.change - size(fault)) < 5 * one.sd and one.sd < tolerance
     assert found.gain > 25 and one.gain == pytest.approx(found.gain)
-    assert found.runs <= MOST_RUNS and found.misfit < 1.5
+    assert found.runs <= MAX_RUNS and found.misfit < 1.5
     (reason,) = found.reasons
     assert reason.cause == fault[0] and reason.weight >= 1
 

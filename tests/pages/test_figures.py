@@ -102,14 +102,14 @@ def test_thinning_keeps_the_extremes_and_the_breaks():
     y[60_000:60_010] = np.nan
     keep = drawing.thin(y)
     assert (
-        len(keep) <= drawing.MOST_POINTS + 2
+        len(keep) <= drawing.MAX_POINTS + 2
         and np.all(np.diff(keep) > 0)
         and keep[0] == 0
         and keep[-1] == 99_999
     )
     assert np.nanmax(y[keep]) == 9.0 and np.nanmin(y[keep]) == -8.0 and np.isnan(y[keep]).any()
     assert np.array_equal(drawing.thin(y[:50]), np.arange(50))
-    assert len(drawing.thin(np.full(5000, np.nan))) <= drawing.MOST_POINTS
+    assert len(drawing.thin(np.full(5000, np.nan))) <= drawing.MAX_POINTS
 
 
 def test_no_trace_of_a_long_run_is_long():
@@ -117,7 +117,7 @@ def test_no_trace_of_a_long_run_is_long():
     made = solution(truth)
     for figure in everything(made, truth):
         # a band is a polygon, there and back
-        assert max(len(t.x) for t in figure.data) <= 2 * drawing.MOST_POINTS + 10
+        assert max(len(t.x) for t in figure.data) <= 2 * drawing.MAX_POINTS + 10
 
 
 def test_the_initial_convergence_does_not_flatten_the_rest_but_is_told():

@@ -109,7 +109,7 @@ def test_readings_and_intervals_share_the_time_of_the_solutions():
         assert figure.layout.meta["time"] == alone.layout.meta["time"] == 0
         assert figure.layout.xaxis.range == (t[0], t[-1]) and alone.layout.xaxis.range == (0, t[-1])
         assert len(figure.layout.annotations) == 3 and not alone.layout.annotations
-        assert max(len(trace.x) for trace in figure.data) <= drawing.MOST_POINTS
+        assert max(len(trace.x) for trace in figure.data) <= drawing.MAX_POINTS
         assert draw(None) is None
     assert [figure.layout[name].title.text for name in ("yaxis", "yaxis2")] == [
         "IMU [ms]",

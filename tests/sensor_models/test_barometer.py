@@ -8,8 +8,8 @@ from scipy.stats import chi2, norm
 from strapdown.aiding import pressure as aiding_kernel
 from strapdown.checks import DataError
 from strapdown.sensor_models.atmosphere import (
-    HIGHEST_AIR,
-    LOWEST_AIR,
+    MAX_AIR,
+    MIN_AIR,
     pressure_altitude,
     pressure_gradient,
     standard_pressure,
@@ -47,7 +47,7 @@ def test_the_atmosphere_is_that_of_the_standard(height, pressure):
 
 
 def test_height_and_pressure_undo_each_other():
-    heights = np.linspace(LOWEST_AIR, HIGHEST_AIR, 2501)
+    heights = np.linspace(MIN_AIR, MAX_AIR, 2501)
     np.testing.assert_allclose(pressure_altitude(standard_pressure(heights)), heights, atol=1e-7)
     assert np.all(np.diff(standard_pressure(heights)) < 0)
 

@@ -5,10 +5,10 @@ import numpy as np
 from scipy import stats
 
 from strapdown.core.loop.integrity import (
+    MAX_NIS,
+    MAX_WHITENED,
     MEAN_ALARM,
     MEAN_ALLOWED,
-    MOST_NIS,
-    MOST_WHITENED,
     NIS_ALARM,
     NIS_ALLOWED,
 )
@@ -32,7 +32,7 @@ def of_mean():
     """Seconds between false alarms of one side of one component."""
 
     def cdf(x):
-        largest = MOST_WHITENED - MEAN_ALLOWED
+        largest = MAX_WHITENED - MEAN_ALLOWED
         return np.where(x >= largest, 1.0, stats.norm.cdf(x + MEAN_ALLOWED))
 
     return run_length(cdf, MEAN_ALARM)
@@ -42,7 +42,7 @@ def of_nis(rows):
     """Seconds between false alarms of the NIS of a source with so many rows."""
 
     def cdf(x):
-        largest = MOST_NIS - NIS_ALLOWED
+        largest = MAX_NIS - NIS_ALLOWED
         return np.where(x >= largest, 1.0, stats.chi2.cdf((x + NIS_ALLOWED) * rows, rows))
 
     return run_length(cdf, NIS_ALARM / rows)

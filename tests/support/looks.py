@@ -9,7 +9,7 @@ import numpy as np
 
 CRASHED, MEMORY = "fails at it in", "needs more memory than there is"
 """What the registry says of a reader that raises anything else than DataError."""
-LONGEST = 3000
+MAX = 3000
 """Characters of a complaint that is still one line for people, its paths included."""
 
 
@@ -19,7 +19,7 @@ def complaint(text):
         return text
     if not text.isprintable():
         return f"the complaint has control characters: {text!r}"
-    return f"the complaint has {len(text)} characters: {text}" if len(text) > LONGEST else ""
+    return f"the complaint has {len(text)} characters: {text}" if len(text) > MAX else ""
 
 
 def judged(look, paths, also_slow):

@@ -7,7 +7,7 @@ from strapdown.core.loop.contract import CORRECT, PREDICT, Filter, kernel
 from strapdown.data.solution.solution import Aiding
 
 GATE = 16.0
-LEAST_DEVIATION = 1.0  # larger than any floor
+MIN_DEVIATION = 1.0  # larger than any floor
 
 
 def begin(start, noise):
@@ -38,6 +38,4 @@ def scripted(nis, kind="position", t=None, whitened=np.nan, off=0.0):
     nis = np.asarray(nis, float)
     t = np.arange(1.0, len(nis) + 1) if t is None else np.asarray(t, float)
     y = nis[:, None] if kind == "altitude" else np.c_[nis, np.ones(len(nis)), whitened + 0 * nis]
-    return Aiding(
-        kind, t, y, np.full(y.shape, LEAST_DEVIATION), (off, 0.0, 0.0), GATE, name="script"
-    )
+    return Aiding(kind, t, y, np.full(y.shape, MIN_DEVIATION), (off, 0.0, 0.0), GATE, name="script")

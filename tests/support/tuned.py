@@ -9,8 +9,8 @@ from installed import car
 import strapdown as sd
 from strapdown.data.solution.solution import Correlated
 from strapdown.tuning.findings import (
-    AT_LEAST,
-    AT_MOST,
+    AT_MAX,
+    AT_MIN,
     KEPT,
     OPEN,
     TUNED,
@@ -58,7 +58,7 @@ def gnss(name="position"):
         parameter(
             f"GNSS {name}", "correlated error horizontal", "m", 1.0, 0.0, 1.5, TUNED, 1.2, 1.9
         ),
-        parameter(f"GNSS {name}", "correlation time", "s", 1.0, 0.0, 30.0, AT_LEAST, 12.0),
+        parameter(f"GNSS {name}", "correlation time", "s", 1.0, 0.0, 30.0, AT_MIN, 12.0),
     )
 
 
@@ -93,7 +93,7 @@ def of(wrong, factors):
                 3600 * SHEET,
                 walk,
                 walk,
-                AT_MOST,
+                AT_MAX,
                 high=3 * walk,
             ),
             parameter(IMU, "accel bias walk", "mg/sqrt(h)", 6118.0, 1e-5, 1e-5, OPEN),

@@ -13,7 +13,7 @@ from strapdown.data.solution.solution import Correlated
 from strapdown.engine.options import run_options
 from strapdown.geometry.geodesy import displaced
 from strapdown.sensor_models.gnss import Gnss
-from strapdown.tuning.findings import AT_MOST, KEPT, OPEN
+from strapdown.tuning.findings import AT_MAX, KEPT, OPEN
 from strapdown.tuning.likelihood import slope
 from strapdown.tuning.search import Search
 
@@ -102,7 +102,7 @@ def test_noise_stated_five_times_wrong_is_found(right):
         b.sd[:, 0] / a.sd[:, 0], found(tuning, "noise horizontal").value * 5 / SIZES[0]
     )
     walk = found(tuning, "gyro bias walk", "imu")
-    assert walk.status in (AT_MOST, OPEN) and "data" in str(walk)  # 200 s tell none
+    assert walk.status in (AT_MAX, OPEN) and "data" in str(walk)  # 200 s tell none
 
 
 def test_errors_that_last_are_found_and_white_ones_are_not(right):

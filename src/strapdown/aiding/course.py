@@ -2,7 +2,7 @@
 velocity, not of the body: side slip and leeway are no error of it.
 
 A slow vehicle has no course, and around one that is hardly known no derivative holds. So nothing is
-measured where the estimated horizontal speed is below `LEAST_SPEED`, or below `SURELY` of its own
+measured where the estimated horizontal speed is below `MIN_SPEED`, or below `SURELY` of its own
 standard deviations.
 """
 
@@ -14,7 +14,7 @@ from ..core.mathematics.elementary import arctangent2
 from ..core.mathematics.rotation import turned, wrap
 from ..typing import Array
 
-LEAST_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations
+MIN_SPEED, SURELY = 1.0, 3.0  # m/s; standard deviations
 
 
 @kernel(OBSERVE)
@@ -26,7 +26,7 @@ def observe(belief: Belief, y: Array, source: SourceRow, innovation: Array, H: A
     north, east = belief.v[0] + by_turning[0], belief.v[1] + by_turning[1]
     square = north * north + east * east
     doubt = SURELY * SURELY * max(belief.P[3, 3], belief.P[4, 4])
-    least = max(LEAST_SPEED * LEAST_SPEED, doubt)
+    least = max(MIN_SPEED * MIN_SPEED, doubt)
     slow = square < least
     if all_of(slow):
         innovation[0] = math.nan

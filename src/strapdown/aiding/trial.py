@@ -32,7 +32,7 @@ PARTS = (
     ("gyro bias", "rad/s", 0.01),
 )
 """Parts of the error state, with errors that count."""
-STEP, LEAST = 1e-3, 0.1
+STEP, MIN_STEP = 1e-3, 0.1
 """Part of such an error by which the belief is moved; part of the largest term of a row from which on
 a difference is told of."""
 MARGIN, UNTOUCHED = 4096, 12345.678
@@ -141,7 +141,7 @@ def _differences(
             sides.append(moved if moved.shape == e.shape else np.full(e.shape, np.nan))
         change[:, i] = -(sides[0] - sides[1]) / (2 * STEP * error)
     weight = np.maximum(np.abs(H), np.abs(change)) * count
-    wrong = np.abs(H - change) * count > LEAST * weight.max(axis=1, initial=1e-12, keepdims=True)
+    wrong = np.abs(H - change) * count > MIN_STEP * weight.max(axis=1, initial=1e-12, keepdims=True)
     return [
         f"H[{row}, {i}] is {H[row, i]:.4g} ({_state(sensor, i)}), and the innovation changes by "
         f"{change[row, i]:.4g} for each unit of that error: check sign and derivative"

@@ -29,7 +29,7 @@ their standard deviations say."""
 MOVING = 5.0  # m/s: a course that is worth waiting for
 WAIT = 300.0  # s for it, from the first course on
 ENOUGH = 0.06  # rad of noise: no more fixes are asked
-LONGEST = 10.0  # s that the fixes of one course may span
+MAX_SPAN = 10.0  # s that the fixes of one course may span
 UNSEEN_TURN = 1e3  # rad: a turn in a gap of samples, of which nothing is known
 
 
@@ -54,7 +54,7 @@ class Courses(NamedTuple):
 
 def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
     """The Courses of a velocity source, else of displacements between positions: each over 1, 2, 4,
-    ... intervals within `LONGEST` seconds."""
+    ... intervals within `MAX_SPAN` seconds."""
     t, v, sd = velocities(position, velocity)
     angle = np.cumsum(_turns(imu, t), axis=0)
     best = Courses(t, v[:, :2].copy(), _rms(sd), np.zeros(len(t)))
@@ -62,7 +62,7 @@ def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
         last = slice(int(several) - 1, None)
         first = slice(None, len(t) - int(several) + 1)
         span = t[last] - t[first]
-        if not (span <= LONGEST).any():
+        if not (span <= MAX_SPAN).any():
             break
         if velocity is None:
             mean = _displacement_rate(position, int(several))
@@ -70,7 +70,7 @@ def courses(imu: Imu, position: Aiding, velocity: Aiding | None) -> Courses:
             mean = _mean(velocity, int(several), span)
         turned = np.linalg.norm(angle[last] - angle[first], axis=1)
         found, here = Courses(t[last], *mean, turned), Courses(*(column[last] for column in best))
-        surer = (here.noise > ENOUGH) & (found.noise < here.noise) & (span <= LONGEST)
+        surer = (here.noise > ENOUGH) & (found.noise < here.noise) & (span <= MAX_SPAN)
         for column, better in zip(here, found):
             column[surer] = better[surer]
     return best

@@ -48,7 +48,7 @@ REST_AGE = 30.0  # s for which the gyros carry on the level of a rest
 EARTH_RADIUS = 6.4e6  # m: standard deviation of a place that is not known
 GYRO_SCALE = 0.01  # of the angle turned: what a MEMS gyro's scale and axes may be off by
 SWAYING = 0.01  # rad/s: mean rates of single seconds that scatter by more are those of no rest
-LEAST_LINE = 0.25  # s: noise makes a slope of a shorter line, 8 times that over half a second
+MIN_LINE = 0.25  # s: noise makes a slope of a shorter line, 8 times that over half a second
 UNFELT = 0.5  # m/s^2: steady acceleration that smooth motion hides
 WEIGHTLESS = 0.8  # of gravity: a mean specific force further from it has no level in it
 
@@ -392,7 +392,7 @@ def _arm(source: Aiding | None) -> Array:
 def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array, Array]:
     """Angular rate (rad/s, less the gyro bias) at t, of a straight line through half a second before
     and after without a gap, mean specific force (m/s^2) over these, and the slope of the line (rad/s^2),
-    which is 0 where samples of less than `LEAST_LINE` tell it."""
+    which is 0 where samples of less than `MIN_LINE` tell it."""
     imu, (near, _) = recording.imu, nearest_felt(recording.imu, t)
     rows = slice(
         *np.clip(
@@ -405,7 +405,7 @@ def _rates(recording: Recording, t: float, bg: Array) -> tuple[Array, Array, Arr
     seconds, after = dt.sum(), imu.t[rows] - 0.5 * dt - t
     mean, rate = after @ dt / seconds, imu.dtheta[rows].sum(axis=0) / seconds
     away = after - mean
-    slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9) * (seconds > LEAST_LINE)
+    slope = away @ imu.dtheta[rows] / max(away**2 @ dt, 1e-9) * (seconds > MIN_LINE)
     return rate - mean * slope - bg, imu.dv[rows].sum(axis=0) / seconds, slope
 
 

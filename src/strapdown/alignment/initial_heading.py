@@ -23,7 +23,7 @@ UNKNOWN_SD = np.radians(104.0)  # uniform over the circle
 MAGNETIC_SD = np.radians(5.0)
 MAGNETIC_SD_LIMIT = np.radians(60.0)  # deviation from which on a magnetic heading is none
 GYROCOMPASS_SD = np.radians(5.0)  # deviation from which on the Earth's rate gives no heading
-LEAST_FELT = 0.8
+MIN_FELT = 0.8
 """Share of a window between fixes that samples must cover: 3 m/s^2 in the rest of it tilt the level by
 3.5 deg, which is less than `LEVEL_SD_MOVING`."""
 
@@ -124,7 +124,7 @@ def mean_force(
 ) -> MeanForce | None:
     """The MeanForce at t: over the `window` (begin and end, s), else over half a second before and
     after it, or over a second after or before it where the record, or a stretch of it without a gap,
-    begins or ends there; None where samples cover less than `LEAST_FELT` of a given window, or none
+    begins or ends there; None where samples cover less than `MIN_FELT` of a given window, or none
     of another one; weighted by a triangle over the window where its `peak` (s) is given, as a second difference weights.
 
     Every sample is turned by the gyros, less their bias bg (rad/s), to the body as it is at t: a
@@ -134,7 +134,7 @@ def mean_force(
     begin, end = window or _second_around(imu, t)
     rows = slice(*np.searchsorted(imu.t, [begin + 1e-9, end + 1e-9]))
     seconds = imu.dt[rows]
-    if not len(seconds) or (window and seconds.sum() < LEAST_FELT * (end - begin)):
+    if not len(seconds) or (window and seconds.sum() < MIN_FELT * (end - begin)):
         return None
     turned = _turned(imu.dtheta[rows] - bg * seconds[:, None])
     middles, edges = imu.t[rows] - 0.5 * seconds, np.r_[imu.t[rows][0] - seconds[0], imu.t[rows]]

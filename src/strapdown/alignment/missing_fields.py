@@ -12,7 +12,7 @@ from .rest import rests
 
 PARTS = {"lla": 3, "v": 3, "rph": 3, "ba": 3, "bg": 3, "sd": 15}
 """Fields of a Start that may be left open, and their length."""
-MOST_HEADING = 4 * np.pi  # rad: more is in degrees
+MAX_HEADING = 4 * np.pi  # rad: more is in degrees
 GIVEN_SPEED_SD = 0.5  # m/s, of a velocity that was given without its standard deviation
 GIVEN_ANGLE_SD = np.radians(2.0)  # the same of roll, pitch and heading
 REST_SPEED_SD = 0.1  # m/s, where no fix tells the velocity and the IMU feels rest
@@ -35,7 +35,7 @@ def _heading_alone(name: str, values: object) -> bool:
         rph = np.asarray(values, float)
     except (TypeError, ValueError):
         return False
-    known = np.isfinite(rph) & (np.abs(rph) <= MOST_HEADING)
+    known = np.isfinite(rph) & (np.abs(rph) <= MAX_HEADING)
     return (
         name == "rph" and known.tolist() == [False, False, True] and bool(np.isnan(rph[:2]).all())
     )

@@ -25,7 +25,7 @@ PER_DECADE = 12
 """Cluster times per decade."""
 CONFIDENCE = 0.683
 """Probability of the confidence bounds: one standard deviation of a normal estimate."""
-LEAST_CLUSTERS = 4
+MIN_CLUSTERS = 4
 """The longest cluster is a quarter of the record: beyond, an estimate has hardly a degree of
 freedom."""
 FEWEST = 100
@@ -52,8 +52,8 @@ def oadev(increments: Array, dt: float, sizes: Ints) -> Array:
 
 
 def cluster_sizes(n: int) -> Ints:
-    """Cluster sizes of n samples: log-spaced, each once, from 1 to n / LEAST_CLUSTERS."""
-    most = n // LEAST_CLUSTERS
+    """Cluster sizes of n samples: log-spaced, each once, from 1 to n / MIN_CLUSTERS."""
+    most = n // MIN_CLUSTERS
     return np.unique(
         np.round(10 ** np.linspace(0, np.log10(most), int(PER_DECADE * np.log10(most)) + 1)).astype(
             int

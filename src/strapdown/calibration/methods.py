@@ -25,7 +25,7 @@ NEAR_AXIS = np.radians(30.0)
 BLOCK_TIME, SAME, BLOCKS_PER_REST = 1.0, np.radians(2.0), 2
 """A rest is BLOCKS_PER_REST blocks of BLOCK_TIME (s) or more whose mean specific force has one
 direction within SAME (rad)."""
-LEAST_CHANGE = 5e-6
+MIN_CHANGE = 5e-6
 """T: half the range that a sensor must have seen where the strength is unknown; the Earth's
 field has 22 to 67 uT."""
 HALF_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -169,7 +169,7 @@ def _refuse_still(y: Array, strength: float | None) -> None:
             f"magnetometer: {axis} is constant: the sensor is stuck or was not turned; nothing can "
             f"be calibrated"
         )
-    if strength is None and (change := typical(y)) < LEAST_CHANGE:
+    if strength is None and (change := typical(y)) < MIN_CHANGE:
         raise DataError(
             f"magnetometer: it changes by +-{change * 1e6:.2g} uT in its widest axis, and the "
             f"Earth's field has 22 to 67 uT: "

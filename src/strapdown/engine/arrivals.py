@@ -13,11 +13,11 @@ from ..core.mathematics.earth import LATITUDE_LIMIT
 from ..data.solution import Aiding
 from ..preprocessing.attitude_record import possible_attitude
 from ..preprocessing.fixes import possible
-from ..preprocessing.imu_samples import LONGEST_INTERVAL
+from ..preprocessing.imu_samples import MAX_INTERVAL
 from ..preprocessing.origin import Origin
 from ..units import quantities
 
-MOST_WAITING_FIXES = 1024
+MAX_WAITING_FIXES = 1024
 """Fixes that a stream holds while it waits for a sample."""
 
 
@@ -64,9 +64,9 @@ def refuse_sample(sample: Sample) -> NoReturn:
     for name, value in (("t", t), ("dt", dt)):
         if not is_number(value):
             raise DataError(f"{where}: {name} is {brief(value)}; it must be a number of seconds")
-    if dt <= 0 or dt > LONGEST_INTERVAL:
+    if dt <= 0 or dt > MAX_INTERVAL:
         raise DataError(
-            f"{where}: dt is {dt:g} s; it must be above 0 and at most {LONGEST_INTERVAL:g}: the "
+            f"{where}: dt is {dt:g} s; it must be above 0 and at most {MAX_INTERVAL:g}: the "
             f"seconds over which the sample was summed up{'; is it in ms?' if dt > 0 else ''}"
         )
     wrong = ("dv", dv, "m/s") if _is_vector(dtheta) else ("dtheta", dtheta, "rad")

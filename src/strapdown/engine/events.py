@@ -10,7 +10,7 @@ import numpy as np
 from .. import aiding
 from ..core.compile.records import copied, rows
 from ..core.loop.contract import POS, Cursor, Filter
-from ..core.loop.integrity import MOST_NIS, MOST_WHITENED
+from ..core.loop.integrity import MAX_NIS, MAX_WHITENED
 from ..core.loop.log import FOLD, Code, LogRow
 from ..core.loop.measurement import LIFT_AFTER, LIFTS, REJECTED
 from ..data.solution import Aiding, Rejected
@@ -23,7 +23,7 @@ from .rejections.contradictions import RejectedRun
 from .rejections.windows import WindowFixes
 from .rejections.words import rejected
 
-MOST_OF_A_KIND = 20
+MAX_OF_A_KIND = 20
 """Events of one kind and source that are kept apart; the last one takes in all that follow."""
 
 
@@ -105,7 +105,7 @@ class Events:
             row, before = cursor.log[k], cursor.log[:k]
             alike = self._alike(row)
             there = int(((before["code"] == row.code) & (before["which"] == row.which)).sum())
-            if there + len(alike) < MOST_OF_A_KIND and (there or not _goes_on(alike, row)):
+            if there + len(alike) < MAX_OF_A_KIND and (there or not _goes_on(alike, row)):
                 begun.append(copied(row))
         return begun
 
@@ -116,7 +116,7 @@ class Events:
         """Take over a row, as one more or as part of the last one of its kind; whether it is one
         more."""
         alike = self._alike(row)
-        if len(alike) == MOST_OF_A_KIND or _goes_on(alike, row):
+        if len(alike) == MAX_OF_A_KIND or _goes_on(alike, row):
             _merge(alike[-1], row)
             return False
         alike.append(copied(row))
@@ -284,7 +284,7 @@ def _at_least(value: float, most: float) -> str:
 
 def _mean_off(events: Events, row: LogRow, which: int, value: float) -> str:
     return (
-        f"{events.component(which)}: fixes are {_at_least(abs(value), MOST_WHITENED)} standard deviations off the "
+        f"{events.component(which)}: fixes are {_at_least(abs(value), MAX_WHITENED)} standard deviations off the "
         f"prediction on average, until {row.until:.0f} s: they drift or jump, or contradict "
         f"another source"
     )
@@ -346,7 +346,7 @@ WORDS: dict[int, Words] = {
     ),
     Code.MEAN_OFF: _mean_off,
     Code.NIS_OFF: lambda e, row, s, value: (
-        f"{e.name(s)}: fixes scatter {_at_least(np.sqrt(value), np.sqrt(MOST_NIS))} times as much as their standard deviations "
+        f"{e.name(s)}: fixes scatter {_at_least(np.sqrt(value), np.sqrt(MAX_NIS))} times as much as their standard deviations "
         f"say, until {row.until:.0f} s"
     ),
     Code.BELIEF_TOO_FAST: lambda e, row, s, value: (

@@ -38,9 +38,9 @@ LOST = 12.0  # by which a sum in its scale exceeds the least: this heading is gi
 LIKELIEST = np.radians(60.0)  # spread of all headings, below which one is worth naming
 TOGETHER = np.radians(20.0)  # spread of what is left, below which it is one heading
 DECIDED = np.radians(20.0)  # standard deviation below which it is found
-MOST_ROUNDS = 5
+MAX_ROUNDS = 5
 OUTLIER = 100.0  # NIS from which on a fix is one for every heading
-LEAST_SD = np.radians(1.0)
+MIN_SD = np.radians(1.0)
 FIXED_SD = np.radians(0.1)  # of a heading that is held as known
 
 
@@ -179,7 +179,7 @@ def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
     """The _Peak of the likelihood around a heading: a parabola through the sums of runs whose
     heading is fixed, as wide as the peak; None where there is none."""
     width = np.radians(10.0)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         offsets = width * np.arange(-2.0, 3.0)
         sums, scale = _sums(trials.runs(heading + offsets), row)
         least = int(np.argmin(sums))
@@ -193,7 +193,7 @@ def _refined(trials: _Trials, heading: float, row: int) -> _Peak | None:
         best, sd = -0.5 * slope / curvature, 1 / np.sqrt(curvature)
         heading += best
         if sd > 0.5 * width:
-            return _Peak(float(wrap(heading)), max(float(sd), LEAST_SD))
+            return _Peak(float(wrap(heading)), max(float(sd), MIN_SD))
         width = sd
     return None
 

@@ -31,8 +31,8 @@ from ..typing import Array
 
 IMU = "imu"
 """What names the IMU where a source could stand."""
-WAIT, LONGEST_WAIT = 3.0, 1.0
-"""A fix whose clock is a state waits WAIT prior standard deviations, but at most LONGEST_WAIT s:
+WAIT, MAX_WAIT = 3.0, 1.0
+"""A fix whose clock is a state waits WAIT prior standard deviations, but at most MAX_WAIT s:
 later than it holds, with any probable offset."""
 
 Prior: TypeAlias = float | Sequence[float] | None
@@ -329,5 +329,5 @@ def place(sources: Any, found: Sequence[StateParameter], first: int) -> None:
             states[parameter.component] = first + k
             sources[s].estimated = 1
             if parameter.of is CLOCK:
-                sources[s].delay = min(WAIT * parameter.sd, LONGEST_WAIT)
+                sources[s].delay = min(WAIT * parameter.sd, MAX_WAIT)
     sources["turn"] = np.eye(3)

@@ -32,7 +32,7 @@ from ..data.solution import Aiding, Solution, Trajectory
 from ..data.vehicle import Vehicle
 from ..sensor_models.imu import ImuSpec
 from ..typing import Array, Say
-from .arrivals import MOST_WAITING_FIXES, Sample, UsableFix
+from .arrivals import MAX_WAITING_FIXES, Sample, UsableFix
 from .events import Events
 from .finish import solution, stopped
 from .installation import OfImu
@@ -71,7 +71,7 @@ class _Room:
         rows: int,
         covariance: bool = False,
     ) -> None:
-        most = rows + MOST_WAITING_FIXES
+        most = rows + MAX_WAITING_FIXES
         self.imu = Imu(np.empty(rows), np.empty(rows), np.empty((rows, 3)), np.empty((rows, 3)))
         self.fixes = merge(of.aidings, of_imu=of.of_imu)._replace(
             t=np.empty(most),

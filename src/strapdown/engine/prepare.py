@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import aiding, filters
-from ..alignment.missing_fields import MOST_HEADING, PARTS
+from ..alignment.missing_fields import MAX_HEADING, PARTS
 from ..checks import DataError, brief, check_number, shown
 from ..core.compile import records
 from ..core.compile.records import Table
@@ -19,7 +19,7 @@ from ..core.loop import loop, stages
 from ..core.loop.contract import (
     BIAS,
     COMPILED,
-    MOST_STATES,
+    MAX_STATES,
     POS,
     STATES,
     VEL,
@@ -62,9 +62,9 @@ ROWS_AT_ONCE = 65536 if COMPILED else 500
 """IMU rows between two looks at the keyboard and the progress bar."""
 GATES = {1: 10.828, 2: 13.816, 3: 16.266}
 """Bound on the NIS by number of rows: 0.1 % of right fixes are rejected (chi-square quantiles)."""
-LARGEST_ANGLES = {"lla": np.array([np.pi / 2, 2 * np.pi]), "rph": np.full(3, MOST_HEADING)}
+MAX_ANGLES = {"lla": np.array([np.pi / 2, 2 * np.pi]), "rph": np.full(3, MAX_HEADING)}
 """rad: latitude and longitude; roll, pitch and heading."""
-LARGEST_OF_START = {
+MAX_OF_START = {
     "v": (1e4, "m/s: is it in mm/s?"),
     "ba": (5.0, "m/s^2: is gravity in it, or is it in mg?"),
     "bg": (1.0, "rad/s: is it in deg/s or deg/h?"),
@@ -72,7 +72,7 @@ LARGEST_OF_START = {
 """What a component of a start can be, generously, and what is probably wrong beyond it."""
 HEIGHTS = ("position", "altitude")
 """Kinds that measure the height above the ellipsoid; that of pressures is a state beside."""
-MOST_SLIP = 0.1
+MAX_SLIP = 0.1
 """rad per m/s^2: tyres on ice have less."""
 
 
@@ -180,7 +180,7 @@ def checked_slip(a: Aiding, sensor: Measurement) -> float:
     what = f"{a.name or a.kind}: slip"
     if a.slip and not sensor.slips:
         raise DataError(f"{what}: {a.kind} takes none; a constraint across the wheels does")
-    return check_number(a.slip, what, "rad per m/s^2", least=0, most=MOST_SLIP)
+    return check_number(a.slip, what, "rad per m/s^2", least=0, most=MAX_SLIP)
 
 
 def axes_of_rows(sensor: Measurement) -> tuple[str, ...]:
@@ -217,10 +217,10 @@ def augmented_states(
         AugmentedState(each.name, each.sd, each.of.factor)
         for each in installation.parameters(aidings, of_imu or {})
     ]
-    if len(states) > MOST_STATES - STATES:
+    if len(states) > MAX_STATES - STATES:
         raise DataError(
             f"there are {len(states)} states beside the filter's own, the last is "
-            f"{states[-1].name!r}; at most {MOST_STATES - STATES} can be estimated: leave sources "
+            f"{states[-1].name!r}; at most {MAX_STATES - STATES} can be estimated: leave sources "
             f"out, or estimate less"
         )
     return states
@@ -481,14 +481,14 @@ def _check_part(name: str, value: object, size: int) -> None:
     except (TypeError, ValueError):
         values = np.empty(0)
     what = f"start: {name} is {shown(value)}"
-    if name == "rph" and np.isnan(values[:2]).all() and (np.abs(values[2:]) > MOST_HEADING).any():
+    if name == "rph" and np.isnan(values[:2]).all() and (np.abs(values[2:]) > MAX_HEADING).any():
         raise DataError(f"start: heading is {values[2]:g} rad; is it in degrees?")
     if values.shape != (size,) or not np.isfinite(values).all():
         raise DataError(f"{what}; it must be {size} finite number{'s' * (size > 1)}")
-    angles = LARGEST_ANGLES.get(name, np.empty(0))
+    angles = MAX_ANGLES.get(name, np.empty(0))
     if (np.abs(values[: len(angles)]) > angles).any():
         raise DataError(f"{what}, in rad; is it in degrees?")
-    most, hint = LARGEST_OF_START.get(name, (np.inf, ""))
+    most, hint = MAX_OF_START.get(name, (np.inf, ""))
     if np.abs(values).max() > most:
         raise DataError(f"{what}; each number is at most {most:g} {hint}")
 

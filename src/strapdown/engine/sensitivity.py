@@ -23,7 +23,7 @@ from ..core.loop.contract import (
     compile_kernel,
     compile_together,
 )
-from ..core.loop.gaps import LONGEST_HOLD, LONGEST_STEP
+from ..core.loop.gaps import MAX_HOLD, MAX_STEP
 from ..core.loop.tables import FixRow
 from ..core.mathematics.adjoint import INNOVATION, SMOOTHER, width
 from ..core.mathematics.error_state import PREDICTED
@@ -50,7 +50,7 @@ WINDOW = 0.2
 samples would make derivatives by time too large."""
 BLOCKS = 20
 """Pieces of time whose sums are kept apart, to see how an estimate scatters."""
-LARGEST_NIS = 30.0
+MAX_NIS = 30.0
 """A fix that fits worse counts as this in `fit`."""
 
 
@@ -153,7 +153,7 @@ def most_calls(run: Run, stop: int) -> int:
     row, k = run.cursor.state[0].row, run.cursor.state[0].fix
     t, dt = run.samples.t[row:stop], run.samples.dt[row:stop]
     gaps = t - dt - np.r_[run.cursor.state[0].t, t[:-1]]
-    steps = np.ceil(np.clip(gaps, 0.0, LONGEST_HOLD) / LONGEST_STEP) + 1
+    steps = np.ceil(np.clip(gaps, 0.0, MAX_HOLD) / MAX_STEP) + 1
     fixes = np.searchsorted(run.fixes.t, t[-1] + 2 * loop.SAME_TIME, side="right") - k
     return int(len(t) + 4 * fixes + steps[gaps > 0].sum())
 
@@ -209,7 +209,7 @@ class _Forces:
 class SensitivityFit(NamedTuple):
     """How well a Run fits its fixes."""
 
-    cost: float  # mean of their NIS, `LARGEST_NIS` at most each; that of a run that broke off
+    cost: float  # mean of their NIS, `MAX_NIS` at most each; that of a run that broke off
     fixes: int  # that were measured
     expected: float  # mean of the NIS of a right filter: the components measured
 
@@ -228,7 +228,7 @@ def fit(run: Run) -> SensitivityFit:
         return SensitivityFit(0.0, 0, 1.0)
     rows = np.isfinite(fix["innovation"]).sum(axis=1)
     whole = not run.cursor.state[0].fault
-    cost = np.minimum(fix["nis"], LARGEST_NIS).mean() if whole else LARGEST_NIS
+    cost = np.minimum(fix["nis"], MAX_NIS).mean() if whole else MAX_NIS
     return SensitivityFit(float(cost), len(fix), float(rows.mean()))
 
 

@@ -135,7 +135,7 @@ def _smoother(run: Run) -> Smoother:
 class _Stand(NamedTuple):
     """Where a filter stands between two samples: next sample, calls so far, and of all its arrays
     (the log apart, which is empty), one after the other, what is not 0, bit by bit: a
-    workspace has room for MOST_STATES, of which a run uses few."""
+    workspace has room for MAX_STATES, of which a run uses few."""
 
     row: int
     calls: int
@@ -239,7 +239,7 @@ class Differences:
     """Squares of the differences between filter and smoother over their variance, which is that
     of the filter less that of the smoother."""
 
-    LEAST = 0.05  # part of the filter's variance below which there is nothing to compare
+    MIN_VARIANCE = 0.05  # part of the filter's variance below which there is nothing to compare
 
     def __init__(self) -> None:
         self.sums, self.counts = np.zeros(9), np.zeros(9)
@@ -264,7 +264,7 @@ class Differences:
         before, after = filtered[:, first:last] ** 2, smoothed[:, first:last] ** 2
         apart = np.c_[position, velocity, turn] ** 2
         with np.errstate(invalid="ignore", divide="ignore"):
-            variance = np.where(before - after > self.LEAST * before, before - after, np.nan)
+            variance = np.where(before - after > self.MIN_VARIANCE * before, before - after, np.nan)
             squares = apart / variance
         self.sums += np.nansum(squares, axis=0)
         self.counts += np.isfinite(squares).sum(axis=0)

@@ -18,14 +18,14 @@ from ..data.recording import RecordingMeta
 from ..data.solution import Aiding, Solution
 from ..data.vehicle import Vehicle, find as find_vehicle
 from ..data.verdict import Verdict
-from ..preprocessing.imu_samples import LONGEST_INTERVAL
+from ..preprocessing.imu_samples import MAX_INTERVAL
 from ..preprocessing.plausible import mistakes
 from ..typing import Array
 from ..units.constants import MAX_PAUSE
 from . import events as words
 from .alignment_buffer import Gathering
 from .arrivals import (
-    MOST_WAITING_FIXES,
+    MAX_WAITING_FIXES,
     Fix as Fix,
     Sample as Sample,
     Sources,
@@ -68,7 +68,7 @@ AHEAD = 10.0
 """s by which a fix may be ahead of the newest sample, or the lag where that is longer."""
 HISTORY = 65536
 """Samples that a stream keeps, at least the newer half of them."""
-MOST_HISTORY = 10_000_000
+MAX_HISTORY = 10_000_000
 """The most that it may keep, 4 GB; with covariances a fifth of that."""
 LOOKS = (10.0, 60.0, inf)
 """s of samples after which they are compared with gravity."""
@@ -346,7 +346,7 @@ class Stream:
         try:
             t, dt, (a, b, c), (d, e, f) = event
             finite = isfinite(t + dt + a + b + c + d + e + f)
-            possible = 0 < dt <= LONGEST_INTERVAL and type(t) is not bool and type(dt) is not bool
+            possible = 0 < dt <= MAX_INTERVAL and type(t) is not bool and type(dt) is not bool
         except (TypeError, ValueError):
             refuse_sample(event)
         if not finite:
@@ -388,9 +388,9 @@ class Stream:
             self._drop_fix(fix)
         else:
             self._compare_clocks(fix)
-            if len(self._waiting) == MOST_WAITING_FIXES:
+            if len(self._waiting) == MAX_WAITING_FIXES:
                 raise DataError(
-                    f"{MOST_WAITING_FIXES} fixes wait for an IMU sample, the first at "
+                    f"{MAX_WAITING_FIXES} fixes wait for an IMU sample, the first at "
                     f"{self._waiting[0][-1].t:.3f} s; the stream needs samples to go on"
                 )
             self._number += 1
@@ -662,7 +662,7 @@ def _check(lag: float, align_within: float, history: int, covariance: bool) -> N
     """Refuse what is out of range. Raises DataError."""
     check_number(lag, "lag", "s", least=0)
     check_number(align_within, "align_within", "s", least=0, infinite=True)
-    most = MOST_HISTORY // 5 if covariance else MOST_HISTORY
+    most = MAX_HISTORY // 5 if covariance else MAX_HISTORY
     check_number(history, "history", "samples", least=100, most=most, whole=True)
 
 

@@ -30,13 +30,13 @@ SEPARATION, FOLLOWING = 5.0, 3.0
 course."""
 # squared proportional rate over the integral one: two real poles, 6 % overshoot of a step at most
 INTEGRAL = 8.0
-ROLL_MOST, PITCH_MOST, CLIMB_MOST, COURSE_ZONE = (
+ROLL_MAX, PITCH_MAX, CLIMB_MAX, COURSE_ZONE = (
     45 * RAD_PER_DEG,
     20 * RAD_PER_DEG,
     8 * RAD_PER_DEG,
     20 * RAD_PER_DEG,
 )
-LEAST_TRAVEL = 0.1 * RAD_PER_DEG  # of aileron and elevator from their trim
+MIN_TRAVEL = 0.1 * RAD_PER_DEG  # of aileron and elevator from their trim
 
 
 def gains(aircraft: Aircraft, trim: Trim, modes: Modes, gravity: float) -> Gains:
@@ -104,8 +104,8 @@ def steering(
     """The Steering of an aircraft from its trim along a route from the trim's origin, with the
     scales and the gravity of its parameters, in the steady wind (m/s, NED) that it is told."""
     (pilot,) = pilots = rows(Pilot, 1)
-    pilot.course_zone, pilot.height_zone = COURSE_ZONE, CLIMB_MOST / gains.height_p
-    pilot.max_roll, pilot.max_pitch = ROLL_MOST, PITCH_MOST
+    pilot.course_zone, pilot.height_zone = COURSE_ZONE, CLIMB_MAX / gains.height_p
+    pilot.max_roll, pilot.max_pitch = ROLL_MAX, PITCH_MAX
     pilot.north_scale, pilot.east_scale = (
         1 / parameters.latitude_rate,
         1 / parameters.longitude_rate,
@@ -145,7 +145,7 @@ def _travel(aircraft: Aircraft, trim: Trim, i: int, control: str) -> float:
             trim.commands[i] - aircraft[f"{control}_min"],
         )
     )
-    if not left > LEAST_TRAVEL:
+    if not left > MIN_TRAVEL:
         raise DataError(
             f"aircraft {aircraft.name!r}: in trim at {trim.airspeed:g} m/s the {control} stands at "
             f"its stop, and no autopilot can "

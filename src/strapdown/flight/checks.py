@@ -20,7 +20,7 @@ from .aircraft.wind import TURBULENCE_LEVELS
 from .asked import RECORDS, Loop, Sensors, World
 from .sensor_errors import Outage, Windows, outage_windows
 
-MOST_FLIGHT_SAMPLES = 2_000_000
+MAX_FLIGHT_SAMPLES = 2_000_000
 """Of the IMU, in one flight."""
 
 
@@ -130,10 +130,10 @@ def times(duration: float, rate: float, steps: int = 1) -> tuple[Array, Array, A
     """(ends of the samples, their lengths, ends of the steps, their lengths), s: of samples at
     `rate` (1/s) of so many steps each."""
     count = check_number(duration, "duration", "s", above=0) * rate
-    if round(count) < 2 or count * steps > MOST_FLIGHT_SAMPLES:
+    if round(count) < 2 or count * steps > MAX_FLIGHT_SAMPLES:
         raise DataError(
             f"cannot fly {duration!r} s at {rate * steps:g} Hz; give two samples or more, and at "
-            f"most {MOST_FLIGHT_SAMPLES / 1e6:g} million"
+            f"most {MAX_FLIGHT_SAMPLES / 1e6:g} million"
         )
     grid = np.arange(round(count) * steps + 1) / (rate * steps)
     samples = grid[::steps]

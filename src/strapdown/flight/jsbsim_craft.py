@@ -23,7 +23,7 @@ INTEGRATORS = {
 }
 """Adams-Bashforth of third order for all; as it comes, JSBSim integrates rotation by the
 first-order rectangle rule."""
-HIGHEST_FLIGHT = 100e3
+MAX_FLIGHT = 100e3
 """m: beyond, a flight is lost."""
 SUBSTEPS = 10
 """Steps of JSBSim per interval of the controls."""
@@ -81,7 +81,7 @@ def fly_jsbsim(
                 )
                 executive.run()
             told[row] = [executive[key] for key in STATE_PROPERTIES + RATE_PROPERTIES]
-            if not np.isfinite(told[row]).all() or abs(told[row, 2]) > HIGHEST_FLIGHT / FOOT:
+            if not np.isfinite(told[row]).all() or abs(told[row, 2]) > MAX_FLIGHT / FOOT:
                 raise DataError(f"JSBSim lost {aircraft.name} after {row * dt:.2f} s")
     told[:, :9] *= STATE_UNITS
     return np.hstack([told[:, :6], quaternions(told[:, 6:9]), told[:, 9:], controls])

@@ -37,8 +37,8 @@ ALONE = 0.1 * HALF
 the size of the specific force, such as a mounting that is off, shifts where it fits best."""
 STRETCH = 30.0
 """Seconds over which the gyros hold axes still."""
-BLOCKS, LEAST_BLOCKS = 10, 4
-SURE, LEAST = 5.0, 0.08
+BLOCKS, MIN_BLOCKS = 10, 4
+SURE, MIN_OFFSET = 5.0, 0.08
 """A lag is a reason from so many standard deviations and seconds on."""
 LEAPS = {
     18.0: "the leap seconds between GPS time and UTC",
@@ -147,7 +147,7 @@ def _by_vectors(fixes: Moved, kind: str, motion: Felt, near: float) -> tuple[flo
     use = np.isfinite(a).all(axis=1) & inside
     t, a = fixes.t[use], a[use]
     _, edges = np.unique(np.floor(t / STRETCH), return_index=True)
-    if len(edges) < LEAST_BLOCKS or len(t) < MIN_FIXES:
+    if len(edges) < MIN_BLOCKS or len(t) < MIN_FIXES:
         return near, np.inf
     integral = motion.at_antenna(fixes.arm)
     left = np.stack([left_over(a, motion.mean(integral, t + lag, half), edges) for lag in lags])
@@ -275,7 +275,7 @@ def _reasons(lags: list[Lag], sources: int, apart: bool) -> Iterator[Reason]:
         return
     sure = min(wrong, key=lambda lag: lag.sd)
     together = all(
-        abs(lag.seconds - sure.seconds) < max(SURE * np.hypot(lag.sd, sure.sd), LEAST)
+        abs(lag.seconds - sure.seconds) < max(SURE * np.hypot(lag.sd, sure.sd), MIN_OFFSET)
         for lag in lags
     )
     if together and sources > 1 and not apart:
@@ -303,4 +303,4 @@ def _reason(lag: Lag, seen: str, source: str, alone: bool = True) -> Reason:
 
 
 def _weight(lag: Lag) -> float:
-    return abs(lag.seconds) / max(SURE * lag.sd, LEAST)
+    return abs(lag.seconds) / max(SURE * lag.sd, MIN_OFFSET)

@@ -10,7 +10,7 @@ from ..typing import Array, Ints
 
 MIN_FIXES = 30
 """Fewer fixes say nothing of clocks, axes, units and noise."""
-LEAST_BLOCKS = 5
+MIN_BLOCKS = 5
 """A standard deviation that rests on fewer blocks of time is not believed."""
 
 
@@ -53,7 +53,7 @@ def clustered(A: Array, y: Array, block: Ints) -> tuple[Array, Array, Array]:
     k, blocks = A.shape[1], int(block.max()) + 1 if len(block) else 0
     N = A.T @ A
     scale = np.sqrt(np.diag(N))
-    if blocks < LEAST_BLOCKS or not scale.all() or np.linalg.cond(N / np.outer(scale, scale)) > 1e6:
+    if blocks < MIN_BLOCKS or not scale.all() or np.linalg.cond(N / np.outer(scale, scale)) > 1e6:
         return np.full(k, np.nan), np.full(k, np.nan), y
     inverse = np.linalg.inv(N)
     x = inverse @ (A.T @ y)

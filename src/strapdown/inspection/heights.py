@@ -16,10 +16,10 @@ from .motion import InspectedRecording
 KINDS = {"position": 2, "altitude": 0}
 """Kinds that tell a height above the ellipsoid, and which component it is. Pressures are none: their
 zero is estimated."""
-LEAST_FIXES, SEVERAL = 10, 4.0
+MIN_FIXES, SEVERAL = 10, 4.0
 """Fixes that are needed, and standard deviations of both from which a difference counts."""
-LEAST, GEOID = 5.0, 110.0
-"""A difference counts from LEAST metres on; the geoid is up to GEOID off the ellipsoid."""
+MIN_DIFFERENCE, GEOID = 5.0, 110.0
+"""A difference counts from MIN_DIFFERENCE metres on; the geoid is up to GEOID off the ellipsoid."""
 """Key of the meta of a recording: {column of heights above the ellipsoid: source that takes it}."""
 SEA_LEVEL = re.compile("msl|orthometric|geoid|sea_?level", re.IGNORECASE)
 """Part of the name of a column of heights above mean sea level."""
@@ -31,7 +31,7 @@ def check(subject: InspectedRecording) -> Checked:
     for column, name in subject.recording.meta.get("height_columns", {}).items():
         found.reasons.extend(above_sea_level(name, column))
     sources = [(a, *_heights(a)) for a in subject.sources(*KINDS)]
-    sources = [each for each in sources if len(each[1]) >= LEAST_FIXES]
+    sources = [each for each in sources if len(each[1]) >= MIN_FIXES]
     if len(sources) == 1:
         found.add(
             Checked.unknown(
@@ -41,7 +41,7 @@ def check(subject: InspectedRecording) -> Checked:
         )
     for (one, t, h, sd), (other, t_other, h_other, sd_other) in combinations(sources, 2):
         inside = (t >= t_other[0]) & (t <= t_other[-1])
-        if inside.sum() < LEAST_FIXES:
+        if inside.sum() < MIN_FIXES:
             continue
         off = h[inside] - np.interp(t[inside], t_other, h_other)
         claimed = float(np.hypot(np.median(sd), np.median(sd_other)))
@@ -76,7 +76,7 @@ def _compared(one: str, other: str, off: Array, claimed: float) -> Checked:
     middle = float(np.median(off))
     scatter = 1.48 * float(np.median(np.abs(off - middle)))
     fact = f"{what}: median {middle:+.1f} m, scatter {scatter:.1f} m"
-    least = max(LEAST, SEVERAL * claimed, 2 * scatter)
+    least = max(MIN_DIFFERENCE, SEVERAL * claimed, 2 * scatter)
     if abs(middle) <= least:
         return Checked([fact], [], [])
     likely = (

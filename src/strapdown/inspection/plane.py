@@ -29,7 +29,7 @@ BLOCKS = 10
 CLEAR, NOISIEST, EVIDENCE = 0.6, 0.8, 10.0
 """Correlation, freed of the claimed noise of the fixes up to a share of it, from which the force is that of the accelerations, and what is asked of the logarithm
 of the likelihood of a left-handed set over that of the axes as they are."""
-SURE, LEAST = 5.0, np.radians(20.0)
+SURE, MIN_TURN = 5.0, np.radians(20.0)
 """An angle is a reason from so many standard deviations and rad on: wind and current set a course
 off the heading by up to that."""
 RIGHT_ANGLE = np.radians(20.0)
@@ -105,7 +105,7 @@ def _by_source(subject: InspectedRecording, source: Aiding) -> Checked:
         f"{MOUNTING}: forces point {degrees:+.0f} +- {sd:.0f} deg off the accelerations of "
         f"{label(source)} (correlation {fit.correlation:.2f})"
     )
-    weight = abs(fit.angle) / max(SURE * fit.sd, LEAST)
+    weight = abs(fit.angle) / max(SURE * fit.sd, MIN_TURN)
     if weight <= 1:
         return Checked([fact], [], [])
     return Checked([], [_reason(fit, label(source), weight, subject.recording.meta)], [])

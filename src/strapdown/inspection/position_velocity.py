@@ -22,21 +22,21 @@ from .motion import InspectedRecording
 
 WINDOW, BLOCK = 5.0, 20.0
 """Seconds of a displacement, and of a block of the fine comparison."""
-LEAST_WINDOWS, LEAST_STEPS = 6, 8
+MIN_WINDOWS, MIN_STEPS = 6, 8
 """Displacements that move, and steps from block to block that are needed."""
-MOST_FIXES = 1500
+MAX_FIXES = 1500
 """Positions that are compared: more would say little more."""
 MOVING = 5.0
 """A displacement tells something from so many claimed standard deviations on."""
 WRONG, RIGHT = 0.3, 0.2
 """Median misfit of displacements, as a share of them: axes are wrong above WRONG, and others
 explain them where they halve it and come below RIGHT."""
-MOST_WEIGHT = 100.0
+MAX_WEIGHT = 100.0
 SURE = 5.0
 """Standard deviations from which a difference is no chance."""
 SCALE, ANGLE, LAG, DRIFT = 0.015, np.radians(1.5), 0.08, 0.04
 """Differences up to these are not spoken of: ratio, rad, s, m/s."""
-FARTHEST, SETTLED, MOST_STEPS = 60.0, 0.02, 5
+FARTHEST, SETTLED, MAX_STEPS = 60.0, 0.02, 5
 """The largest lag that is looked for, the last step of the search, both s, and the most steps."""
 EQUATOR = np.radians(15.0)
 """Latitude and longitude up to which a degree of both is about as long."""
@@ -224,7 +224,7 @@ def _pair(position: Aiding, velocity: Aiding) -> Pair | None:
     common = (t >= t_v[0]) & (t <= t_v[-1])
     if common.sum() < MIN_FIXES:
         return None
-    some = np.flatnonzero(common)[:: max(1, int(common.sum()) // MOST_FIXES)]
+    some = np.flatnonzero(common)[:: max(1, int(common.sum()) // MAX_FIXES)]
     t, y, sd = t[some], y[some], sd[some]
     high = np.isfinite(y[:, 2])
     heights = np.interp(t, t[high], y[high, 2]) if high.any() else np.zeros(len(t))
@@ -262,7 +262,7 @@ def _gross(pair: Pair) -> list[Reason] | None:
         off = np.linalg.norm(d - W, axis=1)[use] / size[use]
         return float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else np.inf
 
-    if use.sum() < LEAST_WINDOWS:
+    if use.sum() < MIN_WINDOWS:
         return _still(pair, d[whole], noise[whole], integrated(pair.v[:, :2])[whole])
     as_read = misfit(integrated(pair.v[:, :2]))
     if as_read < WRONG:
@@ -273,7 +273,7 @@ def _gross(pair: Pair) -> list[Reason] | None:
     # another reading must be clearly better than the axes as they are
     best = min(fits, key=lambda fit: fit[0])
     off, factor, axes = fits[0] if fits[0][0] < max(RIGHT, 2 * best[0]) else best
-    weight = min(as_read / WRONG * SURE, MOST_WEIGHT)
+    weight = min(as_read / WRONG * SURE, MAX_WEIGHT)
     if off < min(RIGHT, as_read / 2):
         return _misread(pair, axes, factor, off, as_read, weight)
     lag, off = _coarse_lag(pair, misfit, integrated)
@@ -343,7 +343,7 @@ def _still(pair: Pair, d: Array, noise: Array, W: Array) -> list[Reason] | None:
     known = np.isfinite(W).all(axis=1)
     claimed = np.linalg.norm(W[known], axis=1)
     moves = claimed > MOVING * noise[known] + 5 * np.linalg.norm(d[known], axis=1) + 1.0
-    if known.sum() < LEAST_WINDOWS or moves.mean() < 0.5:
+    if known.sum() < MIN_WINDOWS or moves.mean() < 0.5:
         return None
     return [
         Reason(
@@ -375,7 +375,7 @@ def _fine(pair: Pair, what: str) -> Checked:
     found = Checked.nothing()
     block = _blocks(pair)
     lag, x, sd = 0.0, np.full(3, np.nan), np.full(3, np.nan)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         x, sd = _horizontal(pair, block, lag)
         if not np.isfinite(x).all():
             return Checked.unknown(what, "too little motion for scale and latency")
@@ -540,7 +540,7 @@ def _drift(pair: Pair, block: Ints, lag: float) -> Iterator[Reason]:
     count = count[count > 0]
     middle = np.bincount(number, pair.t[use]) / count
     same = np.diff(np.bincount(number, pair.pauses(pair.t)[use]) / count) == 0
-    if same.sum() < LEAST_STEPS:
+    if same.sum() < MIN_STEPS:
         return
     for axis, name in enumerate(("north", "east", "down")):
         level = np.bincount(number, e[use, axis]) / count

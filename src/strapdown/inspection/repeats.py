@@ -18,10 +18,10 @@ from .motion import InspectedRecording
 
 AROUND = 5
 """A fix moves where it and so many before and after it take two values or more."""
-EVEN, MOST_EVEN = 0.25, 0.6
+EVEN, MAX_EVEN = 0.25, 0.6
 """Values are held however long where so many of them last as long as is usual, within a share:
 those of a vehicle that stands last as long as chance has it."""
-LEAST_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
+MIN_FIXES, SHARE, COARSE_SHARE = 11, 0.15, 0.5
 """Fixes that must move, and the share of repeated ones from which they are a reason: of positions
 and velocities, and of others, which may be coarse."""
 IMU_SHARE = 0.3
@@ -59,7 +59,7 @@ def _same(y: Array) -> Mask:
 def _repeated(aiding: Aiding) -> Iterator[Reason]:
     """Fixes that repeat the one before while those around them change."""
     same = _same(aiding.y)
-    if len(same) < LEAST_FIXES:
+    if len(same) < MIN_FIXES:
         return
     # of 2 AROUND fixes, how many are new ones: none while a vehicle stands and its fixes are round
     total = np.r_[0, np.cumsum(~same)]
@@ -67,7 +67,7 @@ def _repeated(aiding: Aiding) -> Iterator[Reason]:
     first, last = np.maximum(k - AROUND, 0), np.minimum(k + AROUND, len(same))
     alive = total[last] - total[first] >= 2
     count = int(alive.sum())
-    share = float(same[alive].mean()) if count >= LEAST_FIXES else 0.0
+    share = float(same[alive].mean()) if count >= MIN_FIXES else 0.0
     share = max(share, _held(same))
     most = SHARE if aiding.kind in ("position", "velocity") else COARSE_SHARE
     if share > most:
@@ -84,11 +84,11 @@ def _repeated(aiding: Aiding) -> Iterator[Reason]:
 def _held(same: Mask) -> float:
     """The share of repeated fixes where all are held equally long, else 0."""
     lasts = np.diff(np.flatnonzero(~same))
-    if len(lasts) < LEAST_FIXES:
+    if len(lasts) < MIN_FIXES:
         return 0.0
     usual = float(np.median(lasts))
     even = np.abs(lasts - usual) <= EVEN * usual
-    return 1.0 - 1.0 / usual if even.mean() > MOST_EVEN else 0.0
+    return 1.0 - 1.0 / usual if even.mean() > MAX_EVEN else 0.0
 
 
 def _stuck(aiding: Aiding) -> Iterator[Reason]:
@@ -122,7 +122,7 @@ def _imu(imu: Imu) -> Iterator[Reason]:
     values = np.c_[imu.dtheta, imu.dv] / imu.dt[:, None]
     same = np.r_[False, (np.abs(np.diff(values, axis=0)) < 1e-9).all(axis=1)] & moving
     share = same.sum() / max(int(moving.sum()), 1)
-    if moving.sum() > LEAST_FIXES and share > IMU_SHARE:
+    if moving.sum() > MIN_FIXES and share > IMU_SHARE:
         yield Reason(
             "repeated",
             f"{100 * share:.0f} % of the IMU samples in motion read the same as the one before: written "

@@ -21,12 +21,12 @@ HALF, REACH, STEP = 1.0, 3.0, 0.1
 SURE, VERY_SURE = 0.7, 0.95
 """Correlation from which turns are the same ones, and from which a ratio that no unit explains
 counts: the antenna of a rolling ship swings, and its course with it."""
-LEAST_TURN = np.radians(1.0)
+MIN_TURN = np.radians(1.0)
 """Root mean square rate of the course that tells something, rad/s."""
 FAST_TURNS = 1.0
 """Root mean square rate of a gyro that may be in deg/s, read as rad/s."""
 REMEDY = "correct `gyro.unit` or `gyro.scale` of [imu]"
-LEAST_RATIO, MOST_RATIO = 0.4, 2.5
+MIN_RATIO, MAX_RATIO = 0.4, 2.5
 """What turns of the gyro may be as multiples of those of the course."""
 FACTORS = {
     np.degrees(1): "deg/s read as rad/s",
@@ -59,7 +59,7 @@ def _by_course(subject: InspectedRecording) -> Checked:
     half = max(HALF, 2 * fixes.interval)
     theirs = course_rate(fixes, half, fixes.fast)
     use = np.isfinite(theirs)
-    if use.sum() < MIN_FIXES or not theirs[use].std() > LEAST_TURN:
+    if use.sum() < MIN_FIXES or not theirs[use].std() > MIN_TURN:
         return Checked.unknown(what, "the course is known too seldom, or hardly turns")
     ours = _gyro_turns(subject, fixes.t[use], half)
     r = correlations(theirs[use], ours)
@@ -70,7 +70,7 @@ def _by_course(subject: InspectedRecording) -> Checked:
     ratio = float(ours[top][known].std() / theirs[use][known].std())
     reasons = _reasons(sources[0], float(r[top]), ratio)
     as_course = np.array([1.0, 1.0, np.sign(r[top])])
-    if not LEAST_RATIO < ratio < MOST_RATIO:
+    if not MIN_RATIO < ratio < MAX_RATIO:
         as_course /= ratio
     if reasons and likelier(subject, as_course) < -EVIDENCE:
         return Checked.unknown(what, "they differ, and the accelerations of the fixes fit the gyro")
@@ -103,7 +103,7 @@ def _reasons(source: Aiding, r: float, ratio: float) -> list[Reason]:
         found.append(Reason("axes", seen, remedy, weight=10.0))
     near = min(FACTORS, key=lambda known: abs(np.log(ratio / known)))
     likely = FACTORS[near] if abs(np.log(ratio / near)) < np.log(2) else ""
-    if not LEAST_RATIO < ratio < MOST_RATIO and (likely or abs(r) > VERY_SURE):
+    if not MIN_RATIO < ratio < MAX_RATIO and (likely or abs(r) > VERY_SURE):
         seen = (
             f"the gyro turns {ratio:.3g} times as much as the course of {label(source)}: "
             f"{likely or 'a wrong unit or scale'}"

@@ -13,7 +13,7 @@ from ..inspection.motion import InspectedRecording
 from ..typing import Array
 from .model import Constant
 
-LEAST = 0.5
+MIN_LAG = 0.5
 """s: a smaller lag is left to the estimate, which finds it better."""
 APART = 1.0
 """s: by so much the lags of two sources must differ to be believed to."""
@@ -32,7 +32,7 @@ def coarse_clocks(subject: InspectedRecording, constants: Sequence[Constant]) ->
     what they and the IMU tell of the motion.
 
     In the first, sources whose own lag is not believed go with the surest one; in the second each
-    has its own. 0 below `LEAST`, and for all other constants. A run must confirm them.
+    has its own. 0 below `MIN_LAG`, and for all other constants. A run must confirm them.
     """
     clocks = [j for j, constant in enumerate(constants) if constant.of is CLOCK]
     lags = {
@@ -50,7 +50,7 @@ def coarse_clocks(subject: InspectedRecording, constants: Sequence[Constant]) ->
             own = lags.get(j, surest)
             apart = abs(own.seconds - surest.seconds) > APART and (own.believed or not believed)
             theta[j] = own.seconds if apart else surest.seconds
-        theta[np.abs(theta) < LEAST] = 0.0
+        theta[np.abs(theta) < MIN_LAG] = 0.0
         if theta.any() and not any(np.array_equal(theta, other) for other in found):
             found.append(theta)
     return found

@@ -24,8 +24,8 @@ from .coarse_clocks import check_axes, coarse_clocks
 from .findings import (
     CONSISTENT,
     FOUND,
-    LEAST_GAIN,
-    LEAST_Z,
+    MIN_GAIN,
+    MIN_Z,
     MISFIT,
     NOT_OBSERVABLE,
     Diagnosed,
@@ -35,10 +35,10 @@ from .findings import (
     named,
     reasons,
 )
-from .iteration import MOST_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns, whole
+from .iteration import MAX_RUNS, Estimated, Settling, Trial, Unknown, estimated, unknowns, whole
 from .model import SHOWN_BY, InstallationModel, applied, constants
 
-LEAST_CLOCK_ALONE = 0.5
+MIN_CLOCK_ALONE = 0.5
 """s: a smaller offset of a clock is not reported where no source measures velocity."""
 COARSE_GAIN = 0.8
 """A coarse step is believed where it takes the mean NIS, 30 at most each, below this share."""
@@ -58,7 +58,7 @@ def diagnose(
     of its antenna, mounting of the IMU, scale of the odometer.
 
     Each is estimated from the innovations of the filter (separate bias estimation, Friedland 1969),
-    applied, and the filter is run again until nothing moves: `settling.MOST_RUNS` runs at most.
+    applied, and the filter is run again until nothing moves: `settling.MAX_RUNS` runs at most.
     What the recording names to be estimated as states is not, here. Without a source of velocity no
     more than a clock offset beyond 0.5 s is reported.
 
@@ -112,7 +112,7 @@ class _Runs:
             run,
             model.derivatives,
             model.start,
-            lambda part: self.progress((before + part) / MOST_RUNS),
+            lambda part: self.progress((before + part) / MAX_RUNS),
         )
         return Trial(theta, fit(run), found, run)
 
@@ -176,7 +176,7 @@ class _Runs:
             best.complete()
             self.way.runs += 1
         gain = (first.fit.cost - fit(best).cost) * first.fit.fixes
-        if gain <= LEAST_GAIN:
+        if gain <= MIN_GAIN:
             wrong, value, gain = np.zeros(len(sought), bool), final.value, 0.0
             theta, best = first.theta, first.made
         shares = (value / final.model_sd) ** 2 * wrong
@@ -209,8 +209,8 @@ class _Runs:
         """Whether the i-th estimate is one to report."""
         least = unknown.of.min_reported
         if "velocity" not in self.kinds:
-            least = LEAST_CLOCK_ALONE if unknown.of is CLOCK else np.inf
-        return bool(abs(final.value[i]) > least and final.z[i] > LEAST_Z)
+            least = MIN_CLOCK_ALONE if unknown.of is CLOCK else np.inf
+        return bool(abs(final.value[i]) > least and final.z[i] > MIN_Z)
 
     def alone(self, last: Trial, some: Sequence[Unknown], value: Array) -> Estimated:
         """The unknowns `some` with all others as given."""
@@ -243,9 +243,7 @@ class _Runs:
         motion = of.motions[axis]
         if "velocity" not in self.kinds and status == CONSISTENT:
             status = NOT_OBSERVABLE
-            motion = (
-                f"add a source of velocity: positions show no less than {LEAST_CLOCK_ALONE:g} s"
-            )
+            motion = f"add a source of velocity: positions show no less than {MIN_CLOCK_ALONE:g} s"
         antennas = sum(each.of is LEVER_ARM for each in self.constants) // 3
         return Diagnosed(
             of,

@@ -20,9 +20,9 @@ from .iteration import NOTABLE, Unknown
 from .model import rotation
 
 FOUND, CONSISTENT, NOT_OBSERVABLE = "found", "consistent", "not observable"
-LEAST_Z = 5.0
+MIN_Z = 5.0
 """Standard deviations from which a change is reported."""
-LEAST_GAIN = LEAST_Z**2
+MIN_GAIN = MIN_Z**2
 """By which the sum of squared innovations must fall with what is reported."""
 
 MISFIT = 1.5
@@ -213,7 +213,7 @@ def reasons(estimates: Sequence[Diagnosed], lines: dict[str, list[str]]) -> tupl
                 f"{seen}; the sum of min(NIS, 30) falls by {gain:.0f} with it",
                 "; ".join(remedy),
                 own[0].sources[0] if alone else "",
-                max(1.0, min(z / LEAST_Z, float(np.sqrt(gain / LEAST_GAIN)))),
+                max(1.0, min(z / MIN_Z, float(np.sqrt(gain / MIN_GAIN)))),
             )
         )
     return tuple(sorted(made, key=lambda reason: -reason.weight))

@@ -12,7 +12,7 @@ from ..engine.sensitivity import SensitivityFit, Sums
 from ..typing import Array
 from .model import Constant
 
-MOST_RUNS = 15
+MAX_RUNS = 15
 RISE = 1.02
 """A step is taken unless the cost of a run rises by more than this factor."""
 HALVINGS = 3
@@ -146,7 +146,7 @@ class Settling:
     def settled(self, trial: Trial, sought: Sequence[Unknown], keep: int = 1) -> Trial:
         """The trial from which the unknowns `sought` no longer move, or the last for which there
         are runs, `keep` of them left over."""
-        while self.runs < MOST_RUNS - keep:
+        while self.runs < MAX_RUNS - keep:
             found = estimated(trial, sought, self.centre)
             if (np.abs(found.step) <= SETTLED * found.sd).all():
                 break
@@ -161,7 +161,7 @@ class Settling:
     def _stepped(self, trial: Trial, step: Array, keep: int) -> Trial | None:
         """The trial after that step, or half of it, ...; None where the cost rises with each."""
         for halving in range(HALVINGS + 1):
-            if self.runs >= MOST_RUNS - keep:
+            if self.runs >= MAX_RUNS - keep:
                 break
             new = self.tried(trial.theta + step / 2**halving)
             if new.fit.cost <= RISE * trial.fit.cost:

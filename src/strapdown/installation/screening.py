@@ -19,8 +19,8 @@ from ..engine.sensitivity import begin_sensitive, fit, sums
 from ..preprocessing.axes import rotation_matrix
 from ..preprocessing.unbroken import summed
 from ..typing import Array
-from .diagnose import LEAST_CLOCK_ALONE
-from .findings import LEAST_GAIN, LEAST_Z
+from .diagnose import MIN_CLOCK_ALONE
+from .findings import MIN_GAIN, MIN_Z
 from .iteration import Trial, Unknown, estimated, explained, groups
 from .model import CONSTRAINED, GNSS, InstallationModel, applied, constants, rotation
 from .states import installation
@@ -254,9 +254,9 @@ def of_installation(aidings: Sequence[Aiding]) -> list[Aiding]:
 def _matters(suspect: Suspect, alone: bool) -> bool:
     """Whether it is a reason; of positions `alone`, without velocities, only a clock is."""
     of = suspect.of
-    least = LEAST_CLOCK_ALONE if alone else of.min_doubted
-    clear = (suspect.z > LEAST_Z) & (np.abs(suspect.value) > least) & (not alone or of is CLOCK)
-    explains = suspect.explained > max(LEAST_GAIN, PART_OF_EXCESS * suspect.excess)
+    least = MIN_CLOCK_ALONE if alone else of.min_doubted
+    clear = (suspect.z > MIN_Z) & (np.abs(suspect.value) > least) & (not alone or of is CLOCK)
+    explains = suspect.explained > max(MIN_GAIN, PART_OF_EXCESS * suspect.excess)
     return bool(clear.any() and explains)
 
 
@@ -266,7 +266,7 @@ def _reason(solution: Solution, suspect: Suspect) -> Reason:
     values = ", ".join(
         f"{value * of.factor:+.2g} {of.unit} {of.components[unknown.axis]}".rstrip()
         for value, unknown, z in zip(suspect.value, suspect.unknowns, suspect.z)
-        if z > LEAST_Z
+        if z > MIN_Z
     )
     what = {
         CLOCK: f"the innovations ask for {values} on the time stamps",
@@ -277,7 +277,7 @@ def _reason(solution: Solution, suspect: Suspect) -> Reason:
     times = harm(solution, suspect)
     return Reason(
         of.cause,
-        f"{what}, {suspect.z.max():.0f} standard deviations ({LEAST_Z:.0f} at most); errors of about "
+        f"{what}, {suspect.z.max():.0f} standard deviations ({MIN_Z:.0f} at most); errors of about "
         f"{times:.0f} claimed standard deviations",
         "run `strapdown diagnose` for the value and what it changes",
         sources,

@@ -18,7 +18,7 @@ from ..data.verdict import Reason
 from ..preprocessing.axes import rotation_matrix
 from ..typing import Array
 from ..units.constants import REST_SPEED
-from .findings import CONSISTENT, FOUND, LEAST_Z, NOT_OBSERVABLE, Estimate
+from .findings import CONSISTENT, FOUND, MIN_Z, NOT_OBSERVABLE, Estimate
 from .iteration import NOTABLE
 from .model import CONSTRAINED, GNSS, SHOWN_BY, rotation
 
@@ -166,7 +166,7 @@ def _parameter(solution: Solution, facts: dict[str, Any], value: float) -> Estim
     status = CONSISTENT
     if not sd < KNOWN * facts["prior"]:
         status = NOT_OBSERVABLE
-    elif abs(change) > max(LEAST_Z * sd, of.min_reported):
+    elif abs(change) > max(MIN_Z * sd, of.min_reported):
         status = FOUND
     name = of.component(axis)
     return EstimatedParameter(

@@ -19,9 +19,9 @@ SECTIONS = {"gyro": "rad/s", "accel": "m/s^2", "magnetometer": "T"}
 """Sections of a calibration file and the unit of their bias."""
 HEATED = ("gyro", "accel")
 """Sections that take a temperature table."""
-MOST_BIAS = 1e-3
+MAX_BIAS = 1e-3
 """T: beyond it no magnetometer of a vehicle reads."""
-MOST = 1e6
+MAX_NUMBER = 1e6
 """Magnitude of a number of a calibration, SI or degC, which no sensor reaches: sums and products of
 what is far beyond it overflow."""
 
@@ -93,9 +93,9 @@ def _correction(path: File, name: str, section: Any) -> Correction:
             f"{path}: [{name}] matrix mirrors the field (its determinant is below 0): check the "
             f"sign of each row and column"
         )
-    if name == "magnetometer" and np.abs(bias).max() > MOST_BIAS:
+    if name == "magnetometer" and np.abs(bias).max() > MAX_BIAS:
         raise DataError(
-            f"{path}: [{name}] bias is {bias.tolist()} T, beyond {MOST_BIAS * 1e3:g} mT, where the "
+            f"{path}: [{name}] bias is {bias.tolist()} T, beyond {MAX_BIAS * 1e3:g} mT, where the "
             f"Earth's field has 22 to 67 uT: "
             "it must be in T; is it in uT?"
         )
@@ -103,7 +103,7 @@ def _correction(path: File, name: str, section: Any) -> Correction:
 
 
 def _bounded(value: Any, where: str, shape: tuple[int | None, ...]) -> Array:
-    return check_array(value, where, shape, least=-MOST, most=MOST)
+    return check_array(value, where, shape, least=-MAX_NUMBER, most=MAX_NUMBER)
 
 
 def _temperature(path: File, name: str, section: dict[str, Any]) -> tuple[tuple[float, ...], ...]:

@@ -13,7 +13,7 @@ from ..data.verdict import Reason
 from ..inspection.all import check
 from ..preprocessing.attitude_checks import facts_and_reasons as of_attitude
 from ..preprocessing.fixes import little_overlap
-from ..preprocessing.imu_samples import GAP_MEDIANS, MOST_SHORT_GAPS, SHORT_GAP
+from ..preprocessing.imu_samples import GAP_MEDIANS, MAX_SHORT_GAPS, SHORT_GAP
 from ..preprocessing.plausible import doubts
 from ..preprocessing.stationary import at_rest, stretches
 from ..preprocessing.vehicle_rest import moving
@@ -42,20 +42,20 @@ def recording_facts(recording: Recording, *more: str) -> Findings:
     return found
 
 
-LEAST_REST = 5.0
+MIN_REST = 5.0
 """s of rest that no fix denies, where one denies some of it, for a reading of the gyro there to be a
 bias: an even turn and a roll that is even for a second look like rest to the IMU."""
 
 
 def unusual_imu(recording: Recording, gyro_bias_sd: float) -> list[Reason]:
     """Reasons of what is unusual about the IMU: `doubts`, but for a gyro bias at what the fixes say is no rest,
-    see `LEAST_REST`."""
+    see `MIN_REST`."""
     imu = recording.imu
     found = doubts(imu, gyro_bias_sd)
     if any(each.cause == "gyro" for each in found):
         rest = at_rest(imu)
         denied = rest & moving(recording.aidings, imu.t)
-        if denied.any() and imu.dt[rest & ~denied].sum() < LEAST_REST:
+        if denied.any() and imu.dt[rest & ~denied].sum() < MIN_REST:
             found = [each for each in found if each.cause != "gyro"]
     return found
 
@@ -121,7 +121,7 @@ def _gaps(imu: Imu, missing: Array, gaps: Ints, median: float) -> list[str]:
         return [f"gaps: none (no interval beyond {GAP_MEDIANS} medians)"]
     short = gaps[missing[gaps] <= SHORT_GAP * median]
     lines = []
-    if len(short) > MOST_SHORT_GAPS:
+    if len(short) > MAX_SHORT_GAPS:
         gaps = gaps[missing[gaps] > SHORT_GAP * median]
         scatter = 1e3 * float(np.diff(imu.t).std())
         lines = [

@@ -18,8 +18,8 @@ from ..typing import Array, ArrayLike, Mask
 from ..units.constants import STANDARD_GRAVITY
 from ..units.wording import counted
 
-LEAST_LEVELS, PILE, TIMES = 20, 0.01, 5
-"""A column is saturated where it has more than LEAST_LEVELS values and its extreme one holds more
+MIN_LEVELS, PILE, TIMES = 20, 0.01, 5
+"""A column is saturated where it has more than MIN_LEVELS values and its extreme one holds more
 than PILE of the samples and TIMES those of the next (at the turning point of an oscillation the
 last level holds 2.4 times as many as the next, or fewer)."""
 QUIET_FORCE, QUIET_RATE, QUIET_WINDOW = 0.4, 0.35, 0.5
@@ -98,7 +98,7 @@ def _saturated(raw: Array) -> Mask:
     full = np.zeros(len(raw), bool)
     for column in raw.T:
         values, counts = np.unique(column[np.isfinite(column)], return_counts=True)
-        if len(values) <= LEAST_LEVELS:
+        if len(values) <= MIN_LEVELS:
             continue
         for extreme, following in ((0, slice(1, 4)), (-1, slice(-4, -1))):
             if counts[extreme] > max(20, PILE * len(raw), TIMES * counts[following].max()):

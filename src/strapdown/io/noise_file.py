@@ -17,7 +17,7 @@ from ..units.quantities import shown_unit
 
 FACTOR, CORRELATED = "sd_factor", "correlated"
 """Keys of a section."""
-LARGEST_FACTOR = 1e6
+MAX_FACTOR = 1e6
 
 
 class SourceNoise(NamedTuple):
@@ -106,7 +106,7 @@ def _section(value: Any, where: str) -> dict[str, Any]:
 
 def _factor(value: Any, where: str) -> tuple[float, ...]:
     values = items(value, where) if isinstance(value, list) else [value]
-    return tuple(float(check_number(each, where, above=0, most=LARGEST_FACTOR)) for each in values)
+    return tuple(float(check_number(each, where, above=0, most=MAX_FACTOR)) for each in values)
 
 
 def _correlated(value: Any, where: str) -> Correlated:

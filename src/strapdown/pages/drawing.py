@@ -20,9 +20,9 @@ from ..geometry.geodesy import displacement
 from ..typing import Array, ArrayLike, Ints
 from ..units.time_scales import utc
 
-MOST_POINTS = 1500
+MAX_POINTS = 1500
 """Points per line at most. Longer runs keep the smallest and the largest value of each of
-MOST_POINTS/2 stretches, so that no peak is lost."""
+MAX_POINTS/2 stretches, so that no peak is lost."""
 BAND_POINTS = 500
 """Points per edge of a band at most: bands change slowly, and are read for their size."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -51,7 +51,7 @@ MARKED = 20
 events."""
 
 
-def thin(y: ArrayLike, most: int = MOST_POINTS) -> Ints:
+def thin(y: ArrayLike, most: int = MAX_POINTS) -> Ints:
     """Indices of about `most` values of y that keep the smallest and largest value of each
     stretch, and a NaN wherever some begin."""
     y = np.asarray(y, float)
@@ -67,7 +67,7 @@ def thin(y: ArrayLike, most: int = MOST_POINTS) -> Ints:
     return np.unique(np.r_[0, low, high, breaks[even(len(breaks), most // 4)], len(y) - 1])
 
 
-def even(n: int, most: int = MOST_POINTS) -> Ints:
+def even(n: int, most: int = MAX_POINTS) -> Ints:
     """Indices of at most `most` of n rows at even steps, the last one included."""
     return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(int)) if n else np.arange(0)
 
@@ -289,7 +289,7 @@ def line(
     """One thinned line; `rank` is its place in the legend, where it is shown if
     `legend` says so, by default in the first row. The pointer shows its value with the unit, and
     with the standard deviations `sd` where there are any."""
-    keep = thin(y, MOST_POINTS)
+    keep = thin(y, MAX_POINTS)
     claimed = sd is not None and bool(np.isfinite(sd).any())
     figure.add_trace(
         go.Scatter(

@@ -28,7 +28,7 @@ from .drawing import (
     COLOURS,
     FAR,
     GREY,
-    MOST_POINTS,
+    MAX_POINTS,
     RED,
     SHADED_BANDS,
     BandStyle,
@@ -79,7 +79,7 @@ FROM_SOUTH = {"x": 0.25, "y": -1.0, "z": 0.75}
 """Where a track in three dimensions is seen from: north is away, as on a map."""
 AWAY = 0.25
 """Part of the time for which it must be so far to leave it."""
-LEAST_SHARE, MOST_TIMES = 1e-6, 1e4
+MIN_SHARE, MAX_TIMES = 1e-6, 1e4
 """Of the peak of the best solution: lower and upper end of a logarithmic axis at most."""
 TO_SEE_ALL = "Double-click a panel to see all of it."
 DOTTED = {"color": GREY, "dash": "dot", "width": 1.5}
@@ -100,13 +100,13 @@ def track(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     for label, marker, t, seen in _fixes(first.solution, paths[0]):
         path(figure, seen[:, :2], label, mode="markers", marker=marker, t=t)
     for rank, one, there in places.last_first():
-        keep = even(len(there), MOST_POINTS)
+        keep = even(len(there), MAX_POINTS)
         style = {"color": one.colour, "width": 2, "dash": one.dash}
         t = one.solution.t[keep]
         path(figure, there[keep, :2], one.label(), line=style, legendrank=rank, t=t)
     if places.reference is not None:
         t, there = places.reference
-        keep = even(len(there), MOST_POINTS)
+        keep = even(len(there), MAX_POINTS)
         path(figure, there[keep, :2], "reference", line=DOTTED, t=t[keep])
     for label, marker, t, there in places.ends():
         path(figure, there[:, :2], label, mode="markers", marker=marker, t=t)
@@ -124,7 +124,7 @@ def space(solutions: Solutions, reference: Trajectory | None = None) -> go.Figur
     figure.layout.meta["track"] = True
 
     def drawn(t: Array, there: Array, name: str, rank: int, **style: object) -> None:
-        keep = even(len(there), MOST_POINTS)
+        keep = even(len(there), MAX_POINTS)
         figure.add_trace(
             go.Scatter3d(
                 **dict(zip("xyz", map(column, there[keep].T))),
@@ -225,7 +225,7 @@ def _fixes(solution: Solution, estimates: Array, of: str = "position") -> list[M
         own = (fixes.source == index) & np.isfinite(fixes.innovation[:, :2]).all(axis=1)
         for good, label, marker in FIX_MARKS:
             chosen = np.flatnonzero(own & (fixes.accepted == good))
-            chosen = chosen[even(len(chosen), MOST_POINTS)]
+            chosen = chosen[even(len(chosen), MAX_POINTS)]
             if len(chosen):
                 t, seen = fixes.t[chosen], fixes.innovation[chosen]
                 seen = seen[:, [1, 0, 2]] * [1, 1, -1] if of == "position" else seen
@@ -370,7 +370,7 @@ def horizontal(solutions: Solutions, reference: Reference) -> go.Figure | None:
     values = positive(*(part for _, *parts in drawn for part in parts))
     if len(values):
         best = min(peak(error) or np.inf for _, error, _ in drawn)
-        low, top = max(np.quantile(values, 0.01), best * LEAST_SHARE), best * MOST_TIMES
+        low, top = max(np.quantile(values, 0.01), best * MIN_SHARE), best * MAX_TIMES
         log_range(figure, low, min(values.max(), top))
         for one, error, _ in drawn:
             if peak(error) > top:

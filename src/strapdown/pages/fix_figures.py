@@ -42,7 +42,7 @@ from .drawing import (
 
 ALIKE = 0.05
 """Expected standard deviations of components that differ by less than this part are one line."""
-MOST_NIS = 1e3
+MAX_NIS = 1e3
 """Over the peak of the best solution: upper end of an axis of NIS at most."""
 FEWEST, LAGS, QUANTILES = 30, 20, 200
 """Fixes that are needed for autocorrelations and quantiles, lags shown, and quantiles drawn."""
@@ -179,7 +179,7 @@ def nis(solution: Solution, solutions: Mapping[str, Solution] | None = None) -> 
         ends_of = [_nis_ends(other, name) for other in [solution, *(solutions or {}).values()]]
         low, top = min(low for low, _ in ends_of), max(top for _, top in ends_of)
         # what diverged does not hide the others
-        top = min(top, MOST_NIS * min(top for _, top in ends_of if top))
+        top = min(top, MAX_NIS * min(top for _, top in ends_of if top))
         log_range(figure, max(low, top * 1e-7), top, row)
         if peak(values) > 1.5 * top:
             note(figure, f"{name}: up to {peak(values):.3g}, beyond the frame.")

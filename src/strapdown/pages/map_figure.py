@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from ..data.solution import Solution, Trajectory
 from ..typing import Array
-from .drawing import GREY, MOST_POINTS, each, even, finish
+from .drawing import GREY, MAX_POINTS, each, even, finish
 
 HEIGHT = 560
 """px."""
@@ -30,7 +30,7 @@ def track_map(
 
     def drawn(t: Array, lla: Array, name: str, **line: object) -> None:
         known = np.flatnonzero(np.isfinite(lla[:, :2]).all(axis=1))
-        rows = known[even(len(known), MOST_POINTS)]
+        rows = known[even(len(known), MAX_POINTS)]
         if not len(rows):
             return
         places = np.degrees(np.unwrap(lla[rows, :2], axis=0))

@@ -19,7 +19,7 @@ from ..core.loop.contract import Imu
 from ..data.recording import Recording
 from ..data.solution import Solution
 from ..engine.limits import AT_FULL_SCALE
-from ..io.magnetic_record import LEAST_LEVELS, PILE, TIMES
+from ..io.magnetic_record import MIN_LEVELS, PILE, TIMES
 from ..preprocessing.imu_samples import GAP_MEDIANS
 from ..sensor_models.imu import ImuSpec, grade
 from ..typing import Array
@@ -39,13 +39,13 @@ from .drawing import (
 from .parts import caption, table
 from .spectra import power_spectrum, segments
 
-MOST_SAMPLES = 2**20
+MAX_SAMPLES = 2**20
 """Samples at most of which spectra are taken: those of longer stretches from their middle."""
-SEGMENT, SEGMENTS, LEAST_SEGMENT = 20.0, 8, 64
+SEGMENT, SEGMENTS, MIN_SEGMENT = 20.0, 8, 64
 """s of the segments of Welch's method, at least so many segments, and their least samples."""
 SPECTRUM_POINTS = 250
 """Of a spectrum that are drawn: means over bins of like width on a logarithmic axis."""
-MOST_SOURCES = 6
+MAX_SOURCES = 6
 """Sources at most whose intervals are drawn; the table has all."""
 
 
@@ -93,9 +93,7 @@ def at_limit(triad: TriadFigure) -> float:
     for column in triad.values.T:
         close = 1e-6 * (peak(column) or 1.0)
         few = np.unique(np.rint(column[:: max(len(column) // 2000, 1)] / close))
-        for away in (
-            (column.max() - column, column - column.min()) if len(few) > LEAST_LEVELS else ()
-        ):
+        for away in (column.max() - column, column - column.min()) if len(few) > MIN_LEVELS else ():
             there = away <= close
             following = away[~there].min() if not there.all() else np.inf
             beside = np.count_nonzero(np.abs(away - following) <= close)
@@ -170,7 +168,7 @@ def intervals(
     if recording is None or len(recording.imu.t) < 2:
         return None
     shown = [("IMU", "ms", 1e3, recording.imu.t)]
-    shown += [(name, "s", 1.0, t) for name, t in _sources(recording)][:MOST_SOURCES]
+    shown += [(name, "s", 1.0, t) for name, t in _sources(recording)][:MAX_SOURCES]
     figure = panels([_broken(name, unit) for name, unit, *_ in shown], 110, log=True)
     zero = origin(recording.imu.t)
     for row, (name, unit, scale, t) in enumerate(shown, start=1):
@@ -226,7 +224,7 @@ def spectra(recording: Recording | None) -> go.Figure | None:
         return None
     rows, rate = _longest_stretch(recording.imu)
     segment = int(min(SEGMENT * rate, (rows.stop - rows.start) // SEGMENTS))
-    if segment < LEAST_SEGMENT:
+    if segment < MIN_SEGMENT:
         return None
     both = triads(recording)
     figure = panels([f"{each.quantity} [({each.unit})²/Hz]" for each in both], 230, log=True)
@@ -255,15 +253,15 @@ def spectra(recording: Recording | None) -> go.Figure | None:
 
 
 def _longest_stretch(imu: Imu) -> tuple[slice, float]:
-    """Rows of the longest stretch without a gap, MOST_SAMPLES of its middle, and their rate, Hz."""
+    """Rows of the longest stretch without a gap, MAX_SAMPLES of its middle, and their rate, Hz."""
     steps = np.diff(imu.t)
     usual = float(np.median(steps))
     edges = np.r_[0, np.flatnonzero(steps > GAP_MEDIANS * usual) + 1, len(imu.t)]
     longest = int(np.argmax(np.diff(edges)))
     first, last = int(edges[longest]), int(edges[longest + 1])
-    if last - first > MOST_SAMPLES:
-        first = (first + last - MOST_SAMPLES) // 2
-        last = first + MOST_SAMPLES
+    if last - first > MAX_SAMPLES:
+        first = (first + last - MAX_SAMPLES) // 2
+        last = first + MAX_SAMPLES
     span = float(imu.t[last - 1] - imu.t[first])
     return slice(first, last), (last - first - 1) / span if span else 1 / usual
 

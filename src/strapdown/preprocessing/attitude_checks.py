@@ -23,10 +23,10 @@ from .stuck import STUCK_TIME, stuck
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation, Slerp
 
-SECOND, LEAST_TURN, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
-"""Turns are compared over about SECOND (s), where the gyro turned by LEAST_TURN (rad) and more; at
+SECOND, MIN_TURN, PAIRS, ENOUGH = 1.0, np.radians(3), 1000, 20
+"""Turns are compared over about SECOND (s), where the gyro turned by MIN_TURN (rad) and more; at
 most PAIRS of them and at least ENOUGH."""
-LONGEST_SHIFT = 3.0
+MAX_SHIFT = 3.0
 """s: clocks are compared up to this shift."""
 
 
@@ -130,7 +130,7 @@ def turns(t: Array, y: Array, imu: Imu) -> Callable[..., tuple[Array, Array]]:
         before = vertical(attitude[rows])
         return turn.as_rotvec() if heading else np.cross(turn.inv().apply(before), before)
 
-    first = first[np.linalg.norm(gyro(first, 0.0), axis=1) > LEAST_TURN]
+    first = first[np.linalg.norm(gyro(first, 0.0), axis=1) > MIN_TURN]
     first = first[:: max(1, -(-len(first) // PAIRS))]
     before, after = attitude[first], attitude[first + step]
     recorded = (
@@ -152,7 +152,7 @@ def _no_turns(shift: float = 0.0) -> tuple[Array, Array]:
 
 def _margin(imu: Imu) -> float:
     """s at both ends of a record that a shift of time may need."""
-    return LONGEST_SHIFT if np.ptp(imu.t) > 4 * LONGEST_SHIFT else 0.0
+    return MAX_SHIFT if np.ptp(imu.t) > 4 * MAX_SHIFT else 0.0
 
 
 def _gyro_path(imu: Imu) -> "Slerp":
@@ -186,9 +186,7 @@ def facts_and_reasons(aiding: Aiding, imu: Imu) -> tuple[list[str], list[Reason]
         )
         seen = f"{name} unit: it turns {factor:.3g} times as much as the gyro: {likely}"
         return facts, [Reason("unit", seen, "check its unit and columns", name), *reasons]
-    shifts = (
-        np.arange(-LONGEST_SHIFT, LONGEST_SHIFT + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
-    )
+    shifts = np.arange(-MAX_SHIFT, MAX_SHIFT + 0.01, 0.05)[1:-1] if _margin(imu) else np.zeros(1)
     others = np.array([_likeness(*fit(shift)) for shift in shifts])
     best = int(np.argmax(others))
     if others[best] > 0.9 and 1 - others[best] < 0.5 * (1 - now) and abs(shifts[best]) > 0.2:

@@ -16,7 +16,7 @@ ORDERS: dict[QuaternionOrder, list[int]] = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0,
 """Where scalar, x, y and z stand among the columns of a quaternion."""
 UNIT_NORM = 0.01
 """A quaternion's norm is off 1 by at most this; what is left is rounding and is normalised away."""
-MOST_PITCH, MOST_TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
+MAX_PITCH, MAX_TURN = np.pi / 2 + 1e-6, 2 * np.pi * (1 + 1e-9)
 """Largest pitch and largest roll or heading that a record can hold, rad."""
 
 
@@ -123,7 +123,7 @@ def possible_attitude(y: Array, origin: Origin) -> None:
     Infinite ones count as missing.
     """
     for name, column, limit in zip(
-        ("roll", "pitch", "heading"), y.T, (MOST_TURN, MOST_PITCH, MOST_TURN)
+        ("roll", "pitch", "heading"), y.T, (MAX_TURN, MAX_PITCH, MAX_TURN)
     ):
         origin.refuse(
             (np.abs(column) > limit) & np.isfinite(column),

@@ -25,8 +25,8 @@ from .origin import Origin, RowsOfFile
 PRESSURES = (5e3, 200e3)
 """Lowest and highest pressure that air has for a vehicle, Pa: 20 km above the sea, where the
 standard atmosphere of the library ends, and a pressurised or submerged sensor."""
-LEAST_SHARE, LONG_RECORD = 0.2, 10.0
-"""An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than LEAST_SHARE of
+MIN_SHARE, LONG_RECORD = 0.2, 10.0
+"""An aiding and an IMU record, both longer than LONG_RECORD (s), that have less than MIN_SHARE of
 one of them in common, probably differ in clock."""
 PRESSURE_SLIPS = {
     1e-5: "bar read as Pa",
@@ -261,7 +261,7 @@ def little_overlap(imu: Imu, aiding: Aiding) -> list[Reason]:
     common = min(stop, float(aiding.t[-1])) - max(start, float(aiding.t[0]))
     if (
         min(stop - start, float(np.ptp(aiding.t))) <= LONG_RECORD
-        or min(inside / len(aiding.t), common / (stop - start)) >= LEAST_SHARE
+        or min(inside / len(aiding.t), common / (stop - start)) >= MIN_SHARE
     ):
         return []
     seen = (

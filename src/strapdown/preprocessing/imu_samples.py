@@ -17,13 +17,13 @@ from .plausible import refuse_mistakes
 GAP_MEDIANS = 1.75
 """An interval longer than this many median ones is a gap: a lost sample makes 2, jitter and
 coarse time stamps rarely reach it."""
-SHORT_GAP, MOST_SHORT_GAPS = 2.5, 5
+SHORT_GAP, MAX_SHORT_GAPS = 2.5, 5
 """Gaps up to so many intervals are told in one line where there are more than so many: single lost
 samples, or time stamps that jitter."""
 LATE = 10
 """Rows that come later in a file than their time says by at most this many are sorted; at most
 so many in a row are dropped as stray."""
-LONGEST_INTERVAL, SHORTEST_INTERVAL = 1.0, 2e-5
+MAX_INTERVAL, MIN_INTERVAL = 1.0, 2e-5
 """Median intervals that an IMU may have, s; others are a mistaken unit of time."""
 ARRAYS = Origin("IMU")
 """What messages name where samples come from arrays and no file."""
@@ -161,10 +161,10 @@ def _distinct(rows: RowsOfFile) -> RowsOfFile:
 def _intervals(t: Array, origin: Origin, notes: list[str]) -> Array:
     steps = np.diff(t)
     median = float(np.median(steps))
-    if not SHORTEST_INTERVAL <= median <= LONGEST_INTERVAL:
+    if not MIN_INTERVAL <= median <= MAX_INTERVAL:
         raise DataError(
             f"{origin.name}: IMU samples are {median:.6g} s apart; is the unit of time right? "
-            f"{SHORTEST_INTERVAL:g} to {LONGEST_INTERVAL:g} s are accepted"
+            f"{MIN_INTERVAL:g} to {MAX_INTERVAL:g} s are accepted"
         )
     gap = steps > GAP_MEDIANS * median
     if gap.any():

@@ -9,7 +9,7 @@ from ..typing import Array
 from ..units.wording import counted
 from .imu_samples import GAP_MEDIANS
 
-LEAST_COVERED = 0.99
+MIN_COVERED = 0.99
 """Share of an interval of the gyro over which the accelerometer must have measured: all of it, but for
 rounding of the times."""
 
@@ -32,7 +32,7 @@ def joined(gyro: Imu, accel: Imu) -> tuple[Imu, list[str]]:
     sums = np.insert(sums, gaps + 1, sums[gaps], axis=0)
     over = _between(knots, sums, gyro.t) - _between(knots, sums, gyro.t - gyro.dt)
     covered = over[:, 3] / gyro.dt
-    keep = covered >= LEAST_COVERED
+    keep = covered >= MIN_COVERED
     if keep.sum() < 2:
         raise DataError(
             f"gyro and accelerometer have no time in common: gyro {gyro.t[0]:.3f} to "

@@ -15,7 +15,7 @@ from ..typing import Array, ArrayLike
 from ..units.constants import COMMON_GYRO_RANGE, STANDARD_GRAVITY as G
 from .stationary import rate_at_rest
 
-LEAST_MEDIAN_FORCE, MOST_MEDIAN_FORCE = 3.0, 60.0
+MIN_MEDIAN_FORCE, MAX_MEDIAN_FORCE = 3.0, 60.0
 """Median magnitude of the specific force, m/s^2, that a vehicle can have for most of a
 recording."""
 STEADY, TILT_RATE = 0.4, 0.5
@@ -81,10 +81,10 @@ def half_seconds(imu: Imu) -> tuple[Array, Array]:
 
 def _unit_of_accel(force: Array, interval: float, kind: str | None) -> list[tuple[str, str]]:
     magnitude = float(np.median(np.linalg.norm(force, axis=1)))
-    if LEAST_MEDIAN_FORCE <= magnitude <= MOST_MEDIAN_FORCE:
+    if MIN_MEDIAN_FORCE <= magnitude <= MAX_MEDIAN_FORCE:
         return []
     least, most = np.percentile(np.linalg.norm(force, axis=1), [10, 90])
-    if magnitude < LEAST_MEDIAN_FORCE and most > UNEVEN * least:
+    if magnitude < MIN_MEDIAN_FORCE and most > UNEVEN * least:
         return [
             (
                 "accel",

@@ -81,11 +81,11 @@ def _moving_sum(values: Array, width: int) -> Array:
     return total[width:] - total[:-width]
 
 
-REST_STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_LEAST = 10.0, 60, 360, 3
+REST_STEP, STEPS_BEFORE, STEPS_AFTER, STEPS_MIN = 10.0, 60, 360, 3
 """A long rest is judged by the means over steps of `REST_STEP` seconds, so many before and after an
 instant, and so many at least."""
-MOST_PARTS = 10
-MOST_TURN_RATE, MOST_TILT = 20 * RATE, np.radians(1.0)
+MAX_PARTS = 10
+MAX_TURN_RATE, MAX_TILT = 20 * RATE, np.radians(1.0)
 """In a long rest no step turns faster (rad/s) or is tilted more against the step at the instant
 (rad): people board, springs settle, engines shake."""
 
@@ -94,7 +94,7 @@ class Motionless(NamedTuple):
     """Means over a long rest."""
 
     rate: Array  # (3,) angular rate, rad/s
-    # of it, rad/s: scatter of up to `MOST_PARTS` parts of the rest, the largest of the axes, and
+    # of it, rad/s: scatter of up to `MAX_PARTS` parts of the rest, the largest of the axes, and
     # the mean rate at which it tilts
     rate_sd: float
     force: Array  # (3,) specific force, m/s^2
@@ -122,13 +122,13 @@ def motionless(imu: Imu, t: float) -> Motionless | None:
         dtheta / np.where(full, seconds, np.inf)[:, None],
         dv / np.where(full, seconds, np.inf)[:, None],
     )
-    turning = ~full | (np.linalg.norm(rate, axis=1) >= MOST_TURN_RATE)
+    turning = ~full | (np.linalg.norm(rate, axis=1) >= MAX_TURN_RATE)
     anchors = STEPS_BEFORE - 1, STEPS_BEFORE  # t may end it or begin it
     runs = [
-        _run(turning | (_angle(force, force[anchor]) >= MOST_TILT), anchor) for anchor in anchors
+        _run(turning | (_angle(force, force[anchor]) >= MAX_TILT), anchor) for anchor in anchors
     ]
     first, last = max(runs, key=lambda run: run[1] - run[0])
-    if last - first < STEPS_LEAST:
+    if last - first < STEPS_MIN:
         return None
     rows = slice(first, last)
     mean_rate, mean_force = (
@@ -137,7 +137,7 @@ def motionless(imu: Imu, t: float) -> Motionless | None:
     )
     # long ones: rocking averages out
     parts = np.array(
-        [part.mean(axis=0) for part in np.array_split(rate[rows], min(MOST_PARTS, last - first))]
+        [part.mean(axis=0) for part in np.array_split(rate[rows], min(MAX_PARTS, last - first))]
     )
     scatter = parts.std(axis=0, ddof=1).max() / np.sqrt(len(parts))
     tilts = _angle(force[rows], mean_force)

@@ -17,7 +17,7 @@ the second."""
 FORCE, RATE, MEAN = 0.15, 0.009, 0.03
 """At rest: standard deviations of these means of specific force (m/s^2) and rate (rad/s), three axes
 together, whose squares over these add up to less than 1; bound on the mean rate (rad/s)."""
-MOST_BIAS = 0.2  # rad/s (11 deg/s): what turns on faster is no gyro bias
+MAX_BIAS = 0.2  # rad/s (11 deg/s): what turns on faster is no gyro bias
 SURELY = 4.0  # standard deviations by which a speed is above that of a rest
 HEARD = 1.5  # s for which a speed counts
 
@@ -34,7 +34,7 @@ def vehicle_at_rest(imu: Imu, aidings: Iterable[Aiding] = ()) -> Mask:
     if len(first) < width:
         return np.zeros(len(imu.t), bool)
     middle = np.median(imu.dtheta / imu.dt[:, None], axis=0)
-    bias = np.where(np.abs(middle) < MOST_BIAS, middle, 0.0)
+    bias = np.where(np.abs(middle) < MAX_BIAS, middle, 0.0)
     dt, dtheta, dv = (np.add.reduceat(column, first) for column in imu[1:])
     force, _ = spread(dv, dt, width)
     rate, mean = spread(dtheta - bias * dt[:, None], dt, width)

@@ -25,7 +25,7 @@ from .streams import RandomStream, SeedLike
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-LARGEST_ANGLE_SD = np.radians(30)
+MAX_ANGLE_SD = np.radians(30)
 """rad: errors beyond this are no small angles, and probably in deg."""
 
 
@@ -47,7 +47,7 @@ class Ahrs:
             (3,),
             what="numbers: of roll, pitch and heading, rad",
             above=0,
-            most=LARGEST_ANGLE_SD,
+            most=MAX_ANGLE_SD,
         )
         object.__setattr__(self, "sd", tuple(sd.tolist()))
 

@@ -14,7 +14,7 @@ from ..units.constants import STANDARD_GRAVITY
 
 SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE = 101325.0, 288.15  # Pa, K
 LAPSE, GAS = 6.5e-3, 287.05287  # K/m, J/(kg K) of dry air
-TROPOPAUSE, LOWEST_AIR, HIGHEST_AIR = 11_000.0, -5_000.0, 20_000.0  # m
+TROPOPAUSE, MIN_AIR, MAX_AIR = 11_000.0, -5_000.0, 20_000.0  # m
 """Constants of ISO 2533:1975; its gravity is the standard one."""
 _POWER = STANDARD_GRAVITY / (GAS * LAPSE)
 _COLD = SEA_LEVEL_TEMPERATURE - LAPSE * TROPOPAUSE  # K
@@ -27,10 +27,9 @@ def standard_pressure(height: ArrayLike) -> Array:
     DataError outside -5 to 20 km."""
     height = np.asarray(height, float)
     _refuse(
-        ~((height >= LOWEST_AIR) & (height <= HIGHEST_AIR)),
+        ~((height >= MIN_AIR) & (height <= MAX_AIR)),
         height,
-        f"height {{:.6g}} m; the standard atmosphere here goes from {LOWEST_AIR:g} to "
-        f"{HIGHEST_AIR:g} m",
+        f"height {{:.6g}} m; the standard atmosphere here goes from {MIN_AIR:g} to {MAX_AIR:g} m",
     )
     low = (
         SEA_LEVEL_PRESSURE
@@ -44,10 +43,10 @@ def pressure_altitude(pressure: ArrayLike) -> Array:
     number). Raises DataError outside -5 to 20 km."""
     pressure = np.asarray(pressure, float)
     _refuse(
-        ~((pressure >= _LEAST) & (pressure <= _MOST)),
+        ~((pressure >= _MIN) & (pressure <= _MAX)),
         pressure,
-        f"pressure {{:.6g}} Pa; between {LOWEST_AIR / 1e3:g} and {HIGHEST_AIR / 1e3:g} km it is "
-        f"{_LEAST:.0f} to {_MOST:.0f} Pa: is the unit right?",
+        f"pressure {{:.6g}} Pa; between {MIN_AIR / 1e3:g} and {MAX_AIR / 1e3:g} km it is "
+        f"{_MIN:.0f} to {_MAX:.0f} Pa: is the unit right?",
     )
     low = (
         SEA_LEVEL_TEMPERATURE
@@ -69,4 +68,4 @@ def _refuse(bad: Mask, values: Array, text: str) -> None:
         raise DataError(text.format(float(values[bad].flat[0])))
 
 
-_MOST, _LEAST = float(standard_pressure(LOWEST_AIR)), float(standard_pressure(HIGHEST_AIR))
+_MAX, _MIN = float(standard_pressure(MIN_AIR)), float(standard_pressure(MAX_AIR))

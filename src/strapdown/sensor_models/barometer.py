@@ -19,8 +19,8 @@ from ..checks import DataError, check_array, check_choice, check_number
 from ..data.solution import Aiding, Trajectory
 from ..typing import Array
 from .atmosphere import (
-    HIGHEST_AIR,
-    LOWEST_AIR,
+    MAX_AIR,
+    MIN_AIR,
     pressure_altitude,
     pressure_gradient,
     standard_pressure,
@@ -31,11 +31,11 @@ from .streams import RandomStream, SeedLike
 
 KIND_OF_QUANTITY = {"pressure": "pressure", "height": "pressure-altitude"}
 """What a barometer can give, and the kind of aiding that this is."""
-LARGEST_ERROR = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
+MAX_ERROR = 10_000.0  # Pa: of weather, offset and noise; the weather of the Earth stays within
 BOUNDS: dict[str, tuple[str, dict[str, Any]]] = {
-    "sd": ("Pa", {"above": 0, "most": LARGEST_ERROR}),
-    "bias": ("Pa", {"least": -LARGEST_ERROR, "most": LARGEST_ERROR}),
-    "drift": ("Pa", {"least": 0, "most": LARGEST_ERROR}),
+    "sd": ("Pa", {"above": 0, "most": MAX_ERROR}),
+    "bias": ("Pa", {"least": -MAX_ERROR, "most": MAX_ERROR}),
+    "drift": ("Pa", {"least": 0, "most": MAX_ERROR}),
     "drift_time": ("s", {"above": 0}),
     "zero": ("m", {}),
 }
@@ -80,11 +80,11 @@ class Barometer:
             - arm_in_navigation(truth, t, self.lever_arm, "barometer")[:, 2]
         )
         above = height - self.zero
-        if np.any((above < LOWEST_AIR) | (above > HIGHEST_AIR)):
+        if np.any((above < MIN_AIR) | (above > MAX_AIR)):
             raise DataError(
                 f"barometer: it comes to {above[np.argmax(np.abs(above))]:.6g} m above its zero; "
                 f"the standard atmosphere here goes from "
-                f"{LOWEST_AIR:g} to {HIGHEST_AIR:g} m"
+                f"{MIN_AIR:g} to {MAX_AIR:g} m"
             )
         sd = self.sd / -pressure_gradient(above)  # m, as the innovation of both kinds
         aiding = Aiding(

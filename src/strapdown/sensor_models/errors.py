@@ -16,9 +16,9 @@ from ..typing import Array
 from ..units.conversion import SHEET
 from .noise import FLICKER_FLOOR, FLICKER_TIMES, FLICKER_VARIANCE
 
-LARGEST = 1e12
+MAX_NUMBER = 1e12
 """What no number of a sensor exceeds (SI units): squares of larger ones overflow."""
-LARGEST_TERMS = (
+MAX_TERMS = (
     ("scale_factor", 1.0, "1 (100 %)"),
     ("misalignment", np.pi / 4, "0.785 rad (45 deg)"),
 )
@@ -88,8 +88,8 @@ class Triad:
 
     def __post_init__(self) -> None:
         for term in terms():
-            check_number(getattr(self, term.name), term.name, least=0, most=LARGEST)
-        for name, most, text in LARGEST_TERMS:
+            check_number(getattr(self, term.name), term.name, least=0, most=MAX_NUMBER)
+        for name, most, text in MAX_TERMS:
             if getattr(self, name) > most:
                 raise DataError(
                     f"{name} is {getattr(self, name):g}; it must be at most {text}; is its unit "

@@ -22,7 +22,7 @@ from ..core.mathematics.earth import LATITUDE_LIMIT
 YEARS = 5.0  # that each WMM is meant for
 IGRF, IGRF_YEARS = "IGRF-14", (1900.0, 2030.0)
 # m: the deepest sea, and where currents of the ionosphere and beyond end what the models claim
-LOWEST_PLACE, HIGHEST_PLACE = -12e3, 850e3
+MIN_PLACE, MAX_PLACE = -12e3, 850e3
 COMPASS = 6e-6  # T: horizontal intensity below which the WMM warns of compasses (its caution zone)
 
 
@@ -128,10 +128,10 @@ def _check_place(lat: float, lon: float, height: float) -> None:
             f"latitude is {math.degrees(lat):.6g} deg; results hold up to "
             f"{math.degrees(LATITUDE_LIMIT):.0f} deg"
         )
-    if not LOWEST_PLACE <= height <= HIGHEST_PLACE:
+    if not MIN_PLACE <= height <= MAX_PLACE:
         raise DataError(
-            f"height is {height:g} m; geomagnetic models hold from {LOWEST_PLACE / 1000:.0f} to "
-            f"{HIGHEST_PLACE / 1000:.0f} km"
+            f"height is {height:g} m; geomagnetic models hold from {MIN_PLACE / 1000:.0f} to "
+            f"{MAX_PLACE / 1000:.0f} km"
         )
 
 

@@ -28,7 +28,7 @@ UNIFORM = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Soft iron that changes nothing."""
 STRONGEST_MAGNET = 0.1  # T: beside a magnet; a larger number is a mistaken unit
 STRONGEST_EARTH = 100e-6  # T: no field of the Earth is as strong
-LEAST_LEFT = 1e-3  # of its largest value: the least singular value that soft iron may leave
+MIN_LEFT = 1e-3  # of its largest value: the least singular value that soft iron may leave
 
 
 class Disturbance(NamedTuple):
@@ -210,7 +210,7 @@ def _soft_iron(matrix: ArrayLike) -> tuple[tuple[float, ...], ...]:
     leaves too little of it in some direction."""
     rows = check_array(matrix, "magnetometer: soft_iron", (3, 3))
     values = np.linalg.svd(rows, compute_uv=False)
-    if np.linalg.det(rows) <= 0 or values[2] < LEAST_LEFT * values[0]:
+    if np.linalg.det(rows) <= 0 or values[2] < MIN_LEFT * values[0]:
         raise DataError(
             "magnetometer: soft_iron mirrors the field or leaves nothing of it in a direction; its "
             "determinant must be above 0"

@@ -32,7 +32,7 @@ from .streams import RandomStream, SeedLike
 
 STEP = {"latitude": 1e-6, "longitude": 1e-6, "angle": 1e-6}
 """By which y is changed to see what it does to the innovation; 1 of any other quantity."""
-MOST_ATTEMPTS = 50
+MAX_ATTEMPTS = 50
 CLOSE = 1e-6  # of its standard deviation: an innovation as good as 0
 
 
@@ -144,7 +144,7 @@ def _solved(sensor: Simulated, beliefs: Sequence[Belief]) -> tuple[Array, Array]
     # no sensor reads a pressure of 0
     y = np.tile(steps.sum(axis=0), (len(beliefs), 1))
     silent: Mask = np.asarray(np.isnan(innovations(y)).all(axis=1))
-    for _ in range(0 if silent.all() and len(y) else MOST_ATTEMPTS):
+    for _ in range(0 if silent.all() and len(y) else MAX_ATTEMPTS):
         error = np.where(silent[:, None], 0.0, innovations(y))
         if not np.isfinite(error).all():
             break

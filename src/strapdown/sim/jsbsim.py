@@ -22,7 +22,7 @@ STEP_RATE = 200.0
 """Steps of JSBSim per second, 1/s."""
 ROW_SPACING = 0.02
 """Time from row to row of what it flew, s: the pieces of the splines."""
-MOST_STEP_RATE, MOST_STEPS = 1e5, 1e9
+MAX_STEP_RATE, MAX_STEPS = 1e5, 1e9
 """Steps of JSBSim per second, 1/s, and in one flight, beyond which nothing is flown: JSBSim
 itself checks neither."""
 HOLDS = {
@@ -129,10 +129,10 @@ def session(rate: float = STEP_RATE) -> Iterator[tuple[Any, list[str]]]:
     another has ended.
     """
     engine = found()
-    if not is_number(rate) or not 0 < rate <= MOST_STEP_RATE:
+    if not is_number(rate) or not 0 < rate <= MAX_STEP_RATE:
         raise DataError(
             f"JSBSim's rate is {rate!r} steps per second; it must be above 0 and at most "
-            f"{MOST_STEP_RATE:g}"
+            f"{MAX_STEP_RATE:g}"
         )
     with _ONE:
         yield from _listened(engine, rate)
@@ -200,11 +200,11 @@ def _checked(
         check_number(rate, "rate", "steps per second", above=0)
         check_number(row, "row", "s", above=0)
         check_number(heading, "heading", "rad")
-    if row > duration or duration * rate > MOST_STEPS:
+    if row > duration or duration * rate > MAX_STEPS:
         raise DataError(
             f"a flight of {duration:g} s cannot have rows of {row:g} s at {rate:g} steps per "
             f"second; rows are no longer than the flight, "
-            f"and {MOST_STEPS:g} steps are the most"
+            f"and {MAX_STEPS:g} steps are the most"
         )
     targets = (
         list(targets)

@@ -24,7 +24,7 @@ from .trajectory import DEG, Motion, radii, ramp, ramp_rate, static as _static
 LEG_KEYS = ("duration", "turn", "bank", "speed", "climb", "gradient", "repeat", "legs")
 CLIMB_KEYS = {"flight": "climb", "sortie": "climb", "car": "gradient", "ship": None}
 """What climbs in a leg of each motion by legs."""
-MOST_LEGS, LONGEST_MOTION = 5000, 10 * 86400.0
+MAX_LEGS, MAX_MOTION = 5000, 10 * 86400.0
 """Legs, and s, of a motion at most."""
 _SLACK = 1.0  # s that a geodesic is solved for beyond its end, so that slopes there can be checked
 # of a light aircraft in light turbulence: amplitude rad or m/s, period s, phase rad
@@ -443,8 +443,8 @@ def leg_keys(vertical: str | None) -> list[str]:
 
 
 def _bounded(count: int) -> None:
-    if count > MOST_LEGS:
-        raise DataError(f"{count} legs, repeats written out; at most {MOST_LEGS} are flown")
+    if count > MAX_LEGS:
+        raise DataError(f"{count} legs, repeats written out; at most {MAX_LEGS} are flown")
 
 
 def profiles(
@@ -484,10 +484,9 @@ def profiles(
         changing.append((then - now) / duration)
         climbing.append(leg["climb"])
         now = then
-    if sum(durations) > LONGEST_MOTION:
+    if sum(durations) > MAX_MOTION:
         raise DataError(
-            f"the legs last {sum(durations):g} s; at most {LONGEST_MOTION:g} s (10 days) are "
-            f"simulated"
+            f"the legs last {sum(durations):g} s; at most {MAX_MOTION:g} s (10 days) are simulated"
         )
     path, pace, climb = (
         MotionProfile.of(value, [*durations, np.inf], [*slopes, 0.0], smoothing)

@@ -27,13 +27,13 @@ from .trajectory import DEG, Motion, sample
 
 START_SD: tuple[float | None, ...] = (1.0, 1.0, 1.5, 0.1, 0.1, 0.1, 2e-3, 2e-3, 10e-3, *[None] * 6)
 """Default errors of a start: m, m/s, rad, and the biases' as the IMU has them (None)."""
-FASTEST_MOTION, LOWEST_MOTION, HIGHEST_MOTION = 3000.0, -1000.0, 100e3
+FASTEST_MOTION, MIN_MOTION, MAX_MOTION = 3000.0, -1000.0, 100e3
 """What the models are made for: m/s, m, m."""
 STEEPEST_PITCH = 89 * DEG
 """Pitch at most, rad: beyond it roll and heading cannot be told apart."""
-MOST_IMU_SAMPLES, LONGEST_SCENARIO = 50_000_000, 10 * 86400.0
+MAX_IMU_SAMPLES, MAX_SCENARIO = 50_000_000, 10 * 86400.0
 """IMU samples, and s, of a scenario at most: a simulation is held in memory."""
-LARGEST_OFFSET = 1000.0  # m/s^2
+MAX_OFFSET = 1000.0  # m/s^2
 GRAVITIES = ("height", "latitude")
 OTHER_SENSORS = {"magnetometer": Magnetometer, "barometer": Barometer, "attitude": Ahrs}
 """Sensors that a scenario may have beside IMU and GNSS, by its fields, in the order of their
@@ -101,11 +101,11 @@ class Scenario:
                 f"cannot simulate {self.duration!r} s at {self.rate!r} Hz; both must be larger than "
                 f"0 and give two samples or more"
             )
-        if self.duration * self.rate > MOST_IMU_SAMPLES or self.duration > LONGEST_SCENARIO:
+        if self.duration * self.rate > MAX_IMU_SAMPLES or self.duration > MAX_SCENARIO:
             raise DataError(
                 f"{self.duration:g} s at {self.rate:g} Hz are "
                 f"{self.duration * self.rate:.3g} IMU samples; "
-                f"at most {MOST_IMU_SAMPLES / 1e6:g} million in {LONGEST_SCENARIO / 86400:g} days "
+                f"at most {MAX_IMU_SAMPLES / 1e6:g} million in {MAX_SCENARIO / 86400:g} days "
                 f"are simulated (a day at 100 Hz has 8.6 million)"
             )
         check_choice(self.gravity, "gravity", GRAVITIES)
@@ -116,8 +116,8 @@ class Scenario:
             "accel_offset",
             (3,),
             what="numbers in m/s^2",
-            least=-LARGEST_OFFSET,
-            most=LARGEST_OFFSET,
+            least=-MAX_OFFSET,
+            most=MAX_OFFSET,
         )
         _check_start(self.start_sd)
         self.gnss.check(self.rate)
@@ -185,8 +185,8 @@ class Scenario:
                 np.abs(pitch) >= STEEPEST_PITCH,
                 f"has a pitch of {STEEPEST_PITCH / DEG:g} deg or more",
             ),
-            (alt < LOWEST_MOTION, f"is lower than {LOWEST_MOTION:g} m"),
-            (alt > HIGHEST_MOTION, f"is higher than {HIGHEST_MOTION / 1e3:g} km"),
+            (alt < MIN_MOTION, f"is lower than {MIN_MOTION:g} m"),
+            (alt > MAX_MOTION, f"is higher than {MAX_MOTION / 1e3:g} km"),
         ):
             if bad.any():
                 raise DataError(

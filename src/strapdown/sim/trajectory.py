@@ -26,7 +26,7 @@ DEG = np.pi / 180
 
 # as of the models: beyond it, heading and longitude turn too fast to mean anything
 _POLEWARD = 89 * DEG
-_LONGEST = 0.02  # s; a longer sample is integrated in pieces
+_MAX_SAMPLE = 0.02  # s; a longer sample is integrated in pieces
 _STEP = 1e-20  # of the complex-step derivative: no cancellation, so it may vanish against t
 _BLOCK = 400_000  # pieces worked on at a time: a day of samples is too long for temporary arrays
 _NODES = 0.5 + np.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
@@ -79,7 +79,7 @@ class _Positions(NamedTuple):
 def sample(
     motion: Motion,
     t: ArrayLike,
-    longest: float = _LONGEST,
+    longest: float = _MAX_SAMPLE,
     lla: Sequence[float] | Array | None = None,
 ) -> Trajectory:
     """Truth at increasing times t (n,), s, at or after 0, as data.Trajectory; position is the exact
@@ -113,7 +113,7 @@ def records(
         raise DataError(
             f"a recording begins at 0 s and has two times or more, not {len(t)} from {t[0]:g} s"
         )
-    rows = max(1, _BLOCK // max(1, int(np.ceil(np.diff(t).max() / _LONGEST - 1e-9))))
+    rows = max(1, _BLOCK // max(1, int(np.ceil(np.diff(t).max() / _MAX_SAMPLE - 1e-9))))
     lla: Array | None = None
     truths: list[Trajectory] = []
     imus: list[Imu] = []
@@ -300,7 +300,10 @@ def demo_flight() -> Motion:
 
 
 def _positions(
-    motion: Motion, t: Array, lla: Sequence[float] | Array | None = None, longest: float = _LONGEST
+    motion: Motion,
+    t: Array,
+    lla: Sequence[float] | Array | None = None,
+    longest: float = _MAX_SAMPLE,
 ) -> _Positions:
     """The positions at t (n,) and at the quadrature nodes between.
 

@@ -11,7 +11,7 @@ from ..geometry.geodesy import displacement
 from ..typing import Array
 from ..units.constants import STANDARD_GRAVITY as G
 from .analytic import MotionProfile
-from .motions import LONGEST_MOTION, flown
+from .motions import MAX_MOTION, flown
 from .trajectory import DEG, Motion, sample
 
 _ROUNDS = 5  # each brings the aim at a waypoint a hundred times closer
@@ -120,9 +120,9 @@ def _check(places: Sequence[tuple[float, ...]], speed: float) -> None:
                 f"waypoints {number - 1} and {number} are at the same place; leave one of them out"
             )
         total += length / speed
-    if total > LONGEST_MOTION:
+    if total > MAX_MOTION:
         raise DataError(
-            f"the flight by these waypoints takes {total:.3g} s; at most {LONGEST_MOTION:g} s (10 "
+            f"the flight by these waypoints takes {total:.3g} s; at most {MAX_MOTION:g} s (10 "
             f"days) are simulated; fly faster"
         )
 

@@ -10,7 +10,7 @@ from ..data.solution import Solution
 from ..evaluation.fix_statistics import counts
 from ..typing import Array
 from ..units.constants import CHI_SQUARE_95
-from .findings import AT_LEAST, AT_MOST, KEPT, OPEN, TUNED, Direction, NoiseParameter, SourceFit
+from .findings import AT_MAX, AT_MIN, KEPT, OPEN, TUNED, Direction, NoiseParameter, SourceFit
 from .scoring import LikelihoodProfile, Top, climb
 from .search import Search
 from .unknowns import NoiseUnknown
@@ -34,7 +34,7 @@ def judge(search: Search, profiles: Sequence[LikelihoodProfile]) -> Conclusions:
     the interval, else the upper end, and the others follow it."""
     bounds = [(np.isfinite(each.low), np.isfinite(each.high)) for each in profiles]
     status = [
-        {(True, True): TUNED, (False, True): AT_MOST, (True, False): AT_LEAST}.get(each, OPEN)
+        {(True, True): TUNED, (False, True): AT_MAX, (True, False): AT_MIN}.get(each, OPEN)
         for each in bounds
     ]
     theta = _stated(search, profiles, status)
@@ -50,7 +50,7 @@ def _stated(search: Search, profiles: Sequence[LikelihoodProfile], status: Seque
     best = top.point.log_likelihood
     theta = top.point.theta
     free = np.ones(len(theta), bool)
-    loose = [j for j, each in enumerate(status) if each in (AT_MOST, OPEN)]
+    loose = [j for j, each in enumerate(status) if each in (AT_MAX, OPEN)]
     for j in sorted(loose, key=lambda j: -profiles[j].high):
         wanted = min(_given(search.unknowns[j], theta[j]), profiles[j].high)
         tried = theta.copy()

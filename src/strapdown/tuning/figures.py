@@ -35,7 +35,7 @@ DRAWN = {BEFORE: GREY, AFTER: COLOURS[0]}
 MEANT = COLOURS[1]
 """Colour of what a right filter shows."""
 """Twice the loss of log-likelihood at the ends of a 95 % interval (Wilks 1938)."""
-HIGHEST = 16.0
+MAX_LOSS = 16.0
 """Of it, at the top of a panel."""
 ACROSS = 3
 """Panels beside each other."""
@@ -70,7 +70,7 @@ def _profile(drawn: go.Figure, each: "NoiseParameter", row: int, column: int) ->
     drawn.add_trace(
         go.Scatter(
             x=values,
-            y=np.minimum(loss, 4 * HIGHEST),
+            y=np.minimum(loss, 4 * MAX_LOSS),
             mode="lines+markers",
             line={"color": COLOURS[0], "shape": "spline", "smoothing": 0.8},
             marker={"size": 5},
@@ -96,7 +96,7 @@ def _profile(drawn: go.Figure, each: "NoiseParameter", row: int, column: int) ->
     else:
         drawn.update_xaxes(nticks=5, tickformat=".3~g", **where)
     title = "2 x loss of log-likelihood [-]" if column == 1 else ""
-    drawn.update_yaxes(title_text=title, range=[-0.5, HIGHEST], **where)
+    drawn.update_yaxes(title_text=title, range=[-0.5, MAX_LOSS], **where)
 
 
 def _log_axis(*values: Array) -> dict[str, Any]:

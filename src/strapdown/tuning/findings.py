@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from ..pages.shell import Page
 
-TUNED, AT_MOST, AT_LEAST, OPEN, KEPT = "tuned", "at most", "at least", "open", "kept"
+TUNED, AT_MAX, AT_MIN, OPEN, KEPT = "tuned", "at most", "at least", "open", "kept"
 """Status of a NoiseParameter: both ends of its interval are there; only the upper; only the lower; none;
 or its innovations are correlated for reasons that the model lacks, so that a smaller value would
 mean nothing, and the given one stays."""
@@ -150,7 +150,7 @@ class Tuning:
         counts = [
             (sum(each.status in states for each in self.parameters), text)
             for text, states in (
-                ("only bounded", (AT_MOST, AT_LEAST)),
+                ("only bounded", (AT_MAX, AT_MIN)),
                 ("not decided", (OPEN,)),
                 ("kept as given because innovations stay correlated", (KEPT,)),
             )

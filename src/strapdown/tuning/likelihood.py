@@ -23,7 +23,7 @@ THREADS = min(2, os.cpu_count() or 1)
 SETTLING, SETTLING_SHARE = 60.0, 0.2
 """s, or share of the run, in which a filter settles: while it turns by large angles and learns large
 biases, its innovations are not what it says, so they tell no noise."""
-LEAST_STEP = 1e-2
+MIN_STEP = 1e-2
 """Of a logarithm, for differences between two runs."""
 
 
@@ -169,7 +169,7 @@ def slope(likelihood: Likelihood, point: Point, free: Ints) -> Slope:
     F_ab = sum [de_a' S^-1 de_b + tr(S^-1 dS_a S^-1 dS_b) / 2], with S = L L' (Gupta and Mehra 1974).
     The score is the difference of log L, less what the curvature F adds to it over the step.
     """
-    steps = np.where(point.theta[free] + LEAST_STEP <= likelihood.high[free], 1, -1) * LEAST_STEP
+    steps = np.where(point.theta[free] + MIN_STEP <= likelihood.high[free], 1, -1) * MIN_STEP
     moved = [
         point.theta + step * (np.arange(len(point.theta)) == j) for j, step in zip(free, steps)
     ]

@@ -18,7 +18,7 @@ from .numbers import WHITE
 from .unknowns import NoiseUnknown, run_with
 
 ROUNDS, SETTLED = 6, 0.1
-LARGEST = np.log(30.0)
+MAX_FACTOR = np.log(30.0)
 """Of a rough factor: what is further off shows by the likelihood."""
 
 
@@ -44,7 +44,7 @@ def rough(run: Run, asked: RunOptions, unknowns: Sequence[NoiseUnknown]) -> Roug
                 squares = squares[np.isfinite(squares)]
                 if len(squares):
                     change[j] = 0.5 * np.log(np.median(squares) / MEDIANS[1])
-        theta = np.clip(theta + change, begin - LARGEST, begin + LARGEST)
+        theta = np.clip(theta + change, begin - MAX_FACTOR, begin + MAX_FACTOR)
         last = passed(run, asked, unknowns, theta)
         if np.abs(change).max() < SETTLED:
             break

@@ -19,7 +19,7 @@ STEP = 0.01
 """s: shorter samples are summed to this."""
 LEARNT = 300.0
 """s of fixes from which a start is smoothed."""
-LEAST_SECONDS, LEAST_FIXES = 60.0, 100
+MIN_SECONDS, MIN_FIXES = 60.0, 100
 
 
 def part(before: Solution, start_s: float | None, stop_s: float | None) -> tuple[Recording, Start]:
@@ -64,13 +64,13 @@ def thinned(imu: Imu) -> Imu:
 def check_length(recording: Recording, start: Start, fixes: int) -> None:
     """Refuse what is too short to tell a noise. Raises DataError."""
     seconds = recording.span[1] - start.t
-    if seconds < LEAST_SECONDS:
+    if seconds < MIN_SECONDS:
         raise DataError(
             f"{seconds:.0f} s are left after the start at {start.t:.1f} s; the noise needs "
-            f"{LEAST_SECONDS:.0f} s or more: give a longer recording"
+            f"{MIN_SECONDS:.0f} s or more: give a longer recording"
         )
-    if fixes < LEAST_FIXES:
+    if fixes < MIN_FIXES:
         raise DataError(
-            f"there are {fixes} fixes in {seconds:.0f} s; the noise needs {LEAST_FIXES} or more: "
+            f"there are {fixes} fixes in {seconds:.0f} s; the noise needs {MIN_FIXES} or more: "
             f"give a longer recording"
         )

@@ -11,7 +11,7 @@ from .likelihood import Likelihood, Point, Slope, slope
 
 ENOUGH = 0.02
 """Gain in log L that a further step must promise."""
-LARGEST = np.log(3.0)
+MAX_STEP = np.log(3.0)
 """Of a logarithm, in one step."""
 FLAT = np.log(100.0) ** -2
 """Added to the information of each unknown in a step: what the data do not decide stays where it
@@ -65,7 +65,7 @@ def _advance(
 
 
 def _step(likelihood: Likelihood, point: Point, here: Slope, damping: float) -> Array:
-    """(p,) by which to go on: within the bounds, and none by more than LARGEST."""
+    """(p,) by which to go on: within the bounds, and none by more than MAX."""
     step = np.zeros(len(point.theta))
     free = here.free
     low, high = (likelihood.low - point.theta)[free], (likelihood.high - point.theta)[free]
@@ -80,7 +80,7 @@ def _step(likelihood: Likelihood, point: Point, here: Slope, damping: float) -> 
         if not outwards.any():
             break
         inside &= ~outwards
-    found *= min(1.0, LARGEST / max(np.abs(found).max(initial=0.0), 1e-12))
+    found *= min(1.0, MAX_STEP / max(np.abs(found).max(initial=0.0), 1e-12))
     step[free] = np.clip(found, low, high)
     return step
 

@@ -32,11 +32,11 @@ from .unknowns import (
     sources_with,
 )
 
-LEAST_OF_SOURCE = 20
+MIN_OF_SOURCE = 20
 """Fixes: of a source with fewer nothing is sought."""
 AGAIN = 0.005
 """Share of the fixes that must change sides between outliers and others for another search."""
-MOST_CLIMBS = 3  # from a better place that a profile met
+MAX_CLIMBS = 3  # from a better place that a profile met
 SMOOTHED = 2  # times that the start is taken from a smoother
 CORRELATED_FROM = 0.1
 """Correlation one fix apart from which correlated errors are tried in sources of any kind."""
@@ -65,7 +65,7 @@ class Search:
         self._check(sum(fixes.values()))
         self.unknowns = of_imu(self.run.noise)
         for s, many in fixes.items():
-            if many >= LEAST_OF_SOURCE:
+            if many >= MIN_OF_SOURCE:
                 self.unknowns += of_source(aidings[s], s)
         self._runs = 0  # of likelihoods that are left
         self.lasting: set[int] = set()  # sources whose innovations stay correlated
@@ -215,12 +215,12 @@ class Search:
     def profiles(self, tell: Callable[[float], None]) -> list[LikelihoodProfile]:
         """The LikelihoodProfile of each unknown; where one meets a better place, from there again."""
         free = np.arange(len(self.unknowns))
-        for climbs in range(MOST_CLIMBS):
+        for climbs in range(MAX_CLIMBS):
             found = []
             for j in free:
                 found.append(profile(self.likelihood, self.top, int(j)))
                 tell((j + 1) / len(free))
-                if (better := found[-1].better) and climbs < MOST_CLIMBS - 1:
+                if (better := found[-1].better) and climbs < MAX_CLIMBS - 1:
                     self.top = climb(self.likelihood, better.theta, free, point=better)
                     break
             else:

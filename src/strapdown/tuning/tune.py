@@ -14,7 +14,7 @@ from ..engine.prepare import assumed_noise
 from ..progress import listener, with_bar
 from ..typing import Progress
 from .conclusions import directions, fits, judge, parameters
-from .findings import AT_LEAST, OPEN, Tuning
+from .findings import AT_MIN, OPEN, Tuning
 from .search import Search
 
 MOVES = ("position", "velocity", "speed")
@@ -82,7 +82,7 @@ def tune(
     profiles = search.profiles(lambda done: tell(0.5 + 0.4 * done))
     judged = judge(search, profiles)
     tell(0.95)
-    if all(status in (OPEN, AT_LEAST) for status in judged.status):
+    if all(status in (OPEN, AT_MIN) for status in judged.status):
         raise DataError(
             "the likelihood has no maximum: no noise of these sources shows in this motion; give a "
             "longer recording, or one with more motion"

@@ -33,7 +33,7 @@ prediction: recorded receivers that state whole errors come to 0.85, the velocit
 whose sd was divided until it is the scatter from fix to fix to 2.3 and 3.4 and more."""
 SURELY = 4.0  # standard deviations of a correlation that counts
 REJECTED = 0.13  # share of the fixes of a source; one in a thousand is expected
-MOST_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
+MAX_OF_THEM = 0.5  # of the rejected fixes of a source: a run of so many is why
 LIFTED = 0.03  # share of the fixes for which the gate was lifted
 UNBELIEVED = 10.0  # s in which every fix of a source is rejected
 MOVING = 3.0  # m/s above which a course is compared with the heading
@@ -287,7 +287,7 @@ def explained(reason: Reason, runs: Iterable[Rejected]) -> Reason:
     """A Reason of rejections with what the cause says of most of them, where there is one."""
     own = [run for run in runs if run.source == reason.source]
     largest = max(own, key=lambda run: run.number, default=None)
-    if largest is None or largest.number < MOST_OF_THEM * sum(run.number for run in own):
+    if largest is None or largest.number < MAX_OF_THEM * sum(run.number for run in own):
         return reason
     if largest.cause == "not known":
         return reason

@@ -20,7 +20,7 @@ from .evidence import GATED, JudgedFixes
 from .guessed_axes import of_guessed_axes
 
 Found = TypeVar("Found")
-SHORTEST = 30.0  # s of a run that says something of itself
+MIN_TIME = 30.0  # s of a run that says something of itself
 HEIGHTS = {"position", "altitude", "pressure", "pressure-altitude", "zero-sea-level"}
 """Kinds that measure a height."""
 
@@ -31,7 +31,7 @@ def judge(solution: Solution) -> Verdict:
     assert recording is not None  # `Solution.verdict` asks for no other
     sources = evidence.by_source(solution)
     seconds = recording.span[1] - solution.meta["start"]["t"]
-    little = seconds < SHORTEST or all(len(source.t) < GATED for source in sources)
+    little = seconds < MIN_TIME or all(len(source.t) < GATED for source in sources)
     untested = list(_untested(solution, sources, seconds))
 
     def attempt(what: str, function: Callable[..., Found], *arguments: Any) -> Found | None:
@@ -104,8 +104,8 @@ def _symptoms(solution: Solution, sources: list[JudgedFixes]) -> Iterator[Reason
 
 def _untested(solution: Solution, sources: list[JudgedFixes], seconds: float) -> Iterator[str]:
     """What could not be tested, and why."""
-    if seconds < SHORTEST:
-        yield f"anything that takes time: the run lasts {seconds:.0f} s, of {SHORTEST:.0f} s needed"
+    if seconds < MIN_TIME:
+        yield f"anything that takes time: the run lasts {seconds:.0f} s, of {MIN_TIME:.0f} s needed"
     few = [source.name for source in sources if len(source.t) < GATED]
     if few:
         yield f"innovations of {', '.join(few)}: fewer than {GATED} fixes"

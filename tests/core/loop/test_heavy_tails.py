@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from strapdown.core.compile.records import rows
 from strapdown.core.loop.cursor import Books
-from strapdown.core.loop.stages.adaptive import MOST_FACTOR, adapted, follow
+from strapdown.core.loop.stages.adaptive import MAX_FACTOR, adapted, follow
 from strapdown.core.loop.stages.robust import OUTLIERS, SCALES, STEP, variance_factor
 from strapdown.core.mathematics.innovation_moments import moments
 
@@ -128,7 +128,7 @@ def test_ten_fixes_decide_at_least_and_nothing_leaves_its_bounds():
     tests = books()
     watched(lambda t: 1.0, 1.0, 100.0, tests=tests, fixes=1, first=1)
     assert abs(tests.factor[0] - 1) < 1.0
-    assert watched(lambda t: 1e4, 2.0, 1.0, fixes=400).max() <= MOST_FACTOR
+    assert watched(lambda t: 1e4, 2.0, 1.0, fixes=400).max() <= MAX_FACTOR
 
 
 def test_lasting_errors_are_not_believed():

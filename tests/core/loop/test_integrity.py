@@ -16,7 +16,7 @@ from strapdown.core.loop.log import Code
 from strapdown.core.loop.loop import SAME_TIME
 from strapdown.data.solution.solution import DOUBTFUL, INVALID, VALID, Aiding
 from strapdown.data.solution.vehicle import VEHICLES
-from strapdown.engine.events import MOST_OF_A_KIND, Events, log_row
+from strapdown.engine.events import MAX_OF_A_KIND, Events, log_row
 from strapdown.engine.limits import AT_FULL_SCALE, limits
 from strapdown.engine.prepare import new_cursor
 from strapdown.filters import find
@@ -210,10 +210,10 @@ def twin(t, whitened):
         if at - tested >= integrity.SECOND:
             tested, mean, second = at, np.mean(second), []
             for side, sign in enumerate((1, -1)):
-                most = integrity.MOST_WHITENED
+                most = integrity.MAX_WHITENED
                 total = sums[side] + np.clip(sign * mean, -most, most) - integrity.MEAN_ALLOWED
                 terms[side] = terms[side] + 1 if total > 0 else 0
-                sums[side] = min(max(total, 0.0), integrity.MOST_OF_BOUND * integrity.MEAN_ALARM)
+                sums[side] = min(max(total, 0.0), integrity.MAX_OF_BOUND * integrity.MEAN_ALARM)
                 bound = (integrity.RECOVERED if fails[side] else 1.0) * integrity.MEAN_ALARM
                 fails[side] = total > bound
                 if fails[side]:
@@ -324,7 +324,7 @@ def folded(said_so):
     found = {}
     for t, code, which, value in said_so:
         own = found.setdefault((code, which), [])
-        if own and (t - own[-1][1] <= log.FOLD or len(own) == MOST_OF_A_KIND):
+        if own and (t - own[-1][1] <= log.FOLD or len(own) == MAX_OF_A_KIND):
             first, last, *_, count, most = own[-1]
             most = value if abs(value) > abs(most) else most
             own[-1] = (first, max(last, t), code, which, count + 1, most)

@@ -12,7 +12,7 @@ from strapdown.core.compile.signatures import reals, signature
 from strapdown.core.loop.contract import kernel
 from strapdown.core.mathematics import elementary
 from strapdown.core.mathematics.elementary import (
-    LARGEST_ANGLE,
+    MAX_ANGLE,
     arctangent,
     arctangent2,
     cosine,
@@ -59,7 +59,7 @@ def each(function, *columns):
 def test_sine_and_cosine_are_right_to_the_last_place():
     multiples = np.arange(1, 400_000, 997) * (np.pi / 2)  # next to a zero of one of them
     near = np.r_[multiples, np.nextafter(multiples, 0), np.arange(1, 9) * np.pi / 4]
-    x = np.r_[spread(1, -40, np.log2(LARGEST_ANGLE)), near]
+    x = np.r_[spread(1, -40, np.log2(MAX_ANGLE)), near]
     long = x.astype(np.longdouble)
     assert units(each(sine, x), np.sin(long)) < 1
     assert units(each(cosine, x), np.cos(long)) < 1
@@ -89,7 +89,7 @@ def test_logarithm_and_exponential_are_right_to_the_last_place():
 
 
 def test_tangents_are_right_to_the_last_places():
-    x = np.r_[spread(15, -40, np.log2(LARGEST_ANGLE)), np.arange(1, 4000) * (np.pi / 2)]
+    x = np.r_[spread(15, -40, np.log2(MAX_ANGLE)), np.arange(1, 4000) * (np.pi / 2)]
     assert units(each(tangent, x), np.tan(x.astype(np.longdouble))) < 3
 
 
@@ -118,7 +118,7 @@ def test_special_values_are_those_of_the_standard(a):
         same(exponential_less_one(a), float(np.expm1(a)))
         if not (a == 0 and math.copysign(1, a) < 0):
             same(logarithm(a), float(np.log(a)))
-    inside = abs(a) <= LARGEST_ANGLE
+    inside = abs(a) <= MAX_ANGLE
     same(sine(a), math.sin(a) if inside else math.nan)
     same(cosine(a), math.cos(a) if inside else math.nan)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from strapdown.checks import DataError
-from strapdown.experiments.outages.protocols import MOST_WINDOWS, protocol
+from strapdown.experiments.outages.protocols import MAX_WINDOWS, protocol
 
 pytestmark = pytest.mark.short
 SPAN = (0.0, 1000.0)
@@ -117,11 +117,11 @@ def test_steps_that_are_no_whole_numbers_keep_their_last_window():
         (5, "must be text or a list"),
         ([("a", "b")], "must be text or a list"),
         ([(np.nan, 5.0)], "finite"),
-        (f"1@0:{MOST_WINDOWS}/0.5", f"more than {MOST_WINDOWS} windows"),
-        ("1e-8/2e-8", f"more than {MOST_WINDOWS} windows; give a longer period"),
-        ("1e-320/2e-320", f"more than {MOST_WINDOWS} windows"),
-        (((k, k + 1) for k in count()), f"more than {MOST_WINDOWS} windows in a list"),
-        (",".join(["1:2"] * (MOST_WINDOWS + 1)), f"more than {MOST_WINDOWS} windows in a list"),
+        (f"1@0:{MAX_WINDOWS}/0.5", f"more than {MAX_WINDOWS} windows"),
+        ("1e-8/2e-8", f"more than {MAX_WINDOWS} windows; give a longer period"),
+        ("1e-320/2e-320", f"more than {MAX_WINDOWS} windows"),
+        (((k, k + 1) for k in count()), f"more than {MAX_WINDOWS} windows in a list"),
+        (",".join(["1:2"] * (MAX_WINDOWS + 1)), f"more than {MAX_WINDOWS} windows in a list"),
     ],
     ids=lambda value: str(value)[:40] if isinstance(value, str) else type(value).__name__,
 )

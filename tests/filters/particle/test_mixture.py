@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 
 from strapdown.core.mathematics.threefry import COUNTER, new_stream
 from strapdown.filters.particle import mixture as compiled_mixture
-from strapdown.filters.particle.mixture import MOST_COMPONENTS, begin, kernel_width, silverman
+from strapdown.filters.particle.mixture import MAX_COMPONENTS, begin, kernel_width, silverman
 
 pytestmark = pytest.mark.short
 mixture = uncompiled(compiled_mixture)
@@ -269,7 +269,7 @@ def test_the_kernel_that_is_taken_keeps_the_loss_at_each_resampling_small(n):
         ((2.5, 0.5), "components is 2.5"),
         ((-3, 0.5), "at least 1"),
         ((math.nan, 0.5), "components is nan"),
-        ((MOST_COMPONENTS + 1, 0.5), "at most 100000"),
+        ((MAX_COMPONENTS + 1, 0.5), "at most 100000"),
         ((5, 0.0), "kernel is 0.0"),
         ((5, 1.1), "kernel is 1.1"),
         ((5, math.nan), "kernel is nan"),

@@ -216,7 +216,7 @@ def test_slow_or_banked_the_heading_is_held_and_the_time_counted(changes):
     for _ in range(math.ceil(LONG_HELD / 3)):  # a pause counts as 3 s at most
         before = workspace[model.HELD]
         assert corrections.course(belief, belief, v[0], v[1], 0.1, 50.0) == 0
-        assert workspace[model.HELD] == before + model.LONGEST_WITHOUT_VELOCITY
+        assert workspace[model.HELD] == before + model.MAX_WITHOUT_VELOCITY
     assert workspace[model.CONDITION] == 1.0
 
 

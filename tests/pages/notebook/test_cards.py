@@ -72,7 +72,7 @@ def test_gaps_and_dates_and_notes_of_a_recording_are_said(recording):
     shown = text(made._repr_html_())
     assert "date 2024-05-01 12:00:00.0 to 12:00:08.0 UTC" in shown
     assert "1, the longest 5 s" in shown
-    assert shown.count("a spike was left out") == cards.MOST_LINES and "and 8 more" in shown
+    assert shown.count("a spike was left out") == cards.MAX_LINES and "and 8 more" in shown
 
 
 def test_a_solution_says_its_verdict_first_then_where_it_is_and_how_sure(solution):

@@ -18,7 +18,7 @@ from strapdown.typing import Array, Ints
 from .kinds import Votes
 from .verdicts import SIZE
 
-LEAST = 1e-6
+MIN_ERROR = 1e-6
 """m and m/s: smaller errors count as this, so that they have a logarithm."""
 
 
@@ -76,7 +76,7 @@ def both_of(
     have; empty where one is not in the table."""
     if not {(measure, first), (measure, second)} <= set(table.columns):
         return np.empty(0, int), np.empty(0), np.empty(0)
-    a, b = (np.maximum(table[measure, name].to_numpy(float), LEAST) for name in (first, second))
+    a, b = (np.maximum(table[measure, name].to_numpy(float), MIN_ERROR) for name in (first, second))
     known = np.isfinite(a) & np.isfinite(b)
     return table.index.get_level_values("block").to_numpy()[known], a[known], b[known]
 
@@ -119,7 +119,7 @@ def change(
     ):
         return np.empty(0, int), np.empty(0)
     a, b, c, d = (
-        np.log(np.maximum(table[measure, name].to_numpy(float), LEAST))
+        np.log(np.maximum(table[measure, name].to_numpy(float), MIN_ERROR))
         for name in (first, second, other_first, other_second)
     )
     return table.index.get_level_values("block").to_numpy(), a - b - (c - d)

@@ -1,11 +1,11 @@
 """Cells that are refused: a filter is not to be used there, and why.
 
-At most MOST of a filter. They stay in the table with what was measured, and count for no target.
+At most MAX of a filter. They stay in the table with what was measured, and count for no target.
 """
 
 from .worlds import WorldCell
 
-MOST = 3
+MAX_SHOWN = 3
 """Refused cells of a filter."""
 _RAW = (
     "Its INS keeps the turn-on bias of the accelerometers for all of the run: at the end it is {} km "

@@ -36,7 +36,7 @@ from strapdown.sim.synthesis import draw_start
 from strapdown.typing import Array
 
 from . import signals
-from .euler_filters import EULER_FILTERS, LARGEST_COLUMN
+from .euler_filters import EULER_FILTERS, MAX_COLUMN
 from .force_observer import FORCE_OBSERVER
 
 PUBLISHED_STEP = 1e-3
@@ -387,7 +387,7 @@ def run(recording: Recording, case: FilterCase, tuning: str, excitation: str, se
     error = np.c_[position, velocity, e.attitude, bias - np.c_[solution.b_a, solution.b_g]]
     beside = [solution.columns.get(name, np.full(len(e.t), np.nan)) for name in OPEN_LOOP.columns]
     ins = np.linalg.norm(position + np.stack(beside, axis=1), axis=1)
-    angles = solution.columns.get(LARGEST_COLUMN, np.full(1, np.nan))
+    angles = solution.columns.get(MAX_COLUMN, np.full(1, np.nan))
     largest = float(angles[-1])
     return CaseRun(
         solution.t,

@@ -46,9 +46,9 @@ from strapdown.core.mathematics.rotation import Three, euler_to_matrix, turned
 from strapdown.typing import Array
 
 SLOTS = Slots()
-LARGEST_COLUMN = "largest_angle_sd [rad]"
+MAX_COLUMN = "largest_angle_sd [rad]"
 # standard deviation of an angle that a prediction left, the largest so far
-LARGEST = SLOTS.output(LARGEST_COLUMN)
+MAX = SLOTS.output(MAX_COLUMN)
 ANGLES = SLOTS.array("ANGLES", 3)  # roll, pitch, heading, rad
 P_ANGLES = SLOTS.matrix("P_ANGLES", STATES, STATES)  # covariance, with errors of the angles
 F = SLOTS.matrix("F", STATES, STATES)  # 1/s
@@ -215,7 +215,7 @@ def _propagate(belief: Belief, dt: float, noise: Noise) -> None:
         for j in range(STATES):
             P[i, j] = 0.5 * (X[i, j] + X[j, i])
     for i in range(6, 9):
-        workspace[LARGEST] = max(workspace[LARGEST], math.sqrt(max(P[i, i], 0.0)))
+        workspace[MAX] = max(workspace[MAX], math.sqrt(max(P[i, i], 0.0)))
 
 
 @helper

@@ -53,9 +53,9 @@ BEFORE = SLOTS.array("BEFORE", 3)  # that velocity, m/s
 KNOWN = SLOTS.number("KNOWN")  # 1 where there was one
 SINCE = SLOTS.number("SINCE")  # s since the last field or compass
 REFERENCES = {"gravity": 0.0, "gnss": 1.0}
-LONGEST = 1.0
+MAX_INTERVAL = 1.0
 """s between two fixes, beyond which a direction counts as if it had come after so long."""
-LEAST_FORCE = 0.5  # m/s^2: below it a mean specific force has no direction
+MIN_FORCE = 0.5  # m/s^2: below it a mean specific force has no direction
 
 
 def start(
@@ -133,10 +133,10 @@ def _by_velocity(belief: Belief, y: Array) -> None:
     if workspace[BY_GNSS] > 0:
         r0, r1, r2 = y[0] - before[0], y[1] - before[1], r2 + y[2] - before[2]
     size = math.sqrt((s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) * (r0 * r0 + r1 * r1 + r2 * r2))
-    least = LEAST_FORCE * T
+    least = MIN_FORCE * T
     if workspace[KNOWN] > 0 and size > least * least:
         x, y_, z = s[1] * r2 - s[2] * r1, s[2] * r0 - s[0] * r2, s[0] * r1 - s[1] * r0
-        gain = 1 - decay(workspace[K1] * min(T, LONGEST))
+        gain = 1 - decay(workspace[K1] * min(T, MAX_INTERVAL))
         _pull(belief, x / size, y_ / size, z / size, gain)
     for i in range(3):
         before[i], s[i] = y[i], 0.0
@@ -169,7 +169,7 @@ def correct(
         n0, n1 = source.parameters[0], source.parameters[1]
         innovation[0] = math.atan2(m0 * n1 - m1 * n0, m0 * n0 + m1 * n1)
     if not math.isnan(innovation[0]):
-        gain = 1 - decay(workspace[K2] * min(workspace[SINCE], LONGEST))
+        gain = 1 - decay(workspace[K2] * min(workspace[SINCE], MAX_INTERVAL))
         _pull(belief, 0.0, 0.0, math.sin(innovation[0]), gain)
         workspace[SINCE] = 0.0
     return math.nan

@@ -19,7 +19,7 @@ RUNS = 3
 EDGES = 10.0 ** np.arange(0, 7.5, 0.5)
 """m: bins of drift in the figure."""
 INS = tuple(f"ins_error_{axis} [m]" for axis in ("north", "east", "down"))
-LEAST = 20
+MIN_EPOCHS = 20
 """Epochs that a rank correlation needs."""
 
 
@@ -95,15 +95,15 @@ def _points(stored: CellRows, run: int, t: Array, drifted: Array) -> pd.DataFram
 
 
 def _rank_correlation(x: pd.Series, y: pd.Series) -> float:
-    return float(spearmanr(x, y).statistic) if len(x) >= LEAST and np.ptp(y) > 0 else np.nan
+    return float(spearmanr(x, y).statistic) if len(x) >= MIN_EPOCHS and np.ptp(y) > 0 else np.nan
 
 
 def _binned(points: pd.DataFrame) -> pd.DataFrame:
     """Quartiles of the NEES ratio and the median position ratio per bin of drift, as a
-    DataFrame; bins with fewer than LEAST epochs are left out."""
+    DataFrame; bins with fewer than MIN_EPOCHS epochs are left out."""
     found = []
     for k, own in points.groupby(np.digitize(points["drift"], EDGES)):
-        if 0 < k < len(EDGES) and len(own) >= LEAST:
+        if 0 < k < len(EDGES) and len(own) >= MIN_EPOCHS:
             low, middle, high = np.exp(np.quantile(own["nees"], (0.25, 0.5, 0.75)))
             position = float(np.exp(np.median(own["position"]) / 2))
             at = float(np.sqrt(EDGES[k - 1] * EDGES[k]))

@@ -30,7 +30,7 @@ METHOD = "calibrate installation"
 """By which the drive is judged; the tables have the others."""
 SETTLED = 30.0
 """s after the start from which NEES counts."""
-LOWEST, HIGHEST, MANY = 0.90, 0.99, 100
+MIN_INSIDE, MAX_INSIDE, MANY = 0.90, 0.99, 100
 """Shares of runs whose 95 % interval holds the truth; the upper counts for so many runs at least,
 for all of a few is no sign."""
 FIVE_MINUTES = 300.0
@@ -206,7 +206,7 @@ def figures(found: StudyTables) -> dict[str, float]:
     nees = consistency(found[EPOCHS])
     for start in (KNOWN, ALIGNED):
         own = seen[(seen["start"] == start) & (seen["found"] > 0)]
-        off = (own["inside"] < LOWEST) | ((own["inside"] > HIGHEST) & (own["found"] >= MANY))
+        off = (own["inside"] < MIN_INSIDE) | ((own["inside"] > MAX_INSIDE) & (own["found"] >= MANY))
         values[f"intervals, {start}"] = float(off.sum()) if len(own) else np.nan
         rows = nees[
             (nees["start"] == start)

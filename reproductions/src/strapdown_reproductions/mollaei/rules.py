@@ -18,7 +18,7 @@ from ..common import kinds
 from ..common.claims import JudgedClaim
 from ..common.kinds import Share, Votes, clustered
 from ..common.pages import NOT_REPRODUCED, REPRODUCED, UNDECIDED
-from ..common.paired_ratios import LEAST, better as sides, ratio
+from ..common.paired_ratios import MIN_ERROR, better as sides, ratio
 from ..common.verdicts import both, decided, over_readings, vote
 from .cells import (
     AT_TRIM,
@@ -495,7 +495,7 @@ def no_larger(tables: Tables, measure: str, other: str, modes: Sequence[str]) ->
     def judge(cases: Tables) -> JudgedClaim:
         logs = {
             (mode, case): tuple(
-                np.log(np.maximum(known(table, each, mode), LEAST)) for each in (measure, other)
+                np.log(np.maximum(known(table, each, mode), MIN_ERROR)) for each in (measure, other)
             )
             for mode in modes
             for case, table in cases.items()

@@ -14,7 +14,7 @@ from ...data.calibration_parameters import CLOCK, LEVER_ARM, MOUNTING
 from ...data.recording import Recording, check_recording
 from ...engine.installation import with_estimates
 from ...engine.options import SetUpOptions, takes
-from ...installation.findings import CONSISTENT, FOUND, LEAST_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
+from ...installation.findings import CONSISTENT, FOUND, MIN_Z, MISFIT, NOT_OBSERVABLE, Diagnosed
 from ...installation.model import applied
 from ...installation.states import EstimatedParameter
 from ...preprocessing.turned_imu import is_of_the_imu
@@ -130,7 +130,7 @@ def _status(found: CalibratedParameter, moved: bool, sure: bool) -> str:
     """The status of two estimates together: `moved` where the recording was changed by the first,
     `sure` where they agree and the first settled."""
     of = found.of
-    least = max(of.min_reported * of.factor, LEAST_Z * found.sd)
+    least = max(of.min_reported * of.factor, MIN_Z * found.sd)
     if found.sd > of.known_sd * of.factor:
         return NOT_OBSERVABLE
     if not moved or abs(found.change) <= least:

@@ -11,12 +11,12 @@ from ...data.calibration_parameters import CLOCK
 from ...data.recording import Recording
 from ...installation.diagnose import diagnose
 from ...installation.findings import Diagnosed, Diagnosis
-from ...installation.iteration import MOST_RUNS
+from ...installation.iteration import MAX_RUNS
 from ...installation.model import Constant, applied, constants
 from ...typing import Array
 from .as_states import Asking
 
-MOST_TURNS = 3
+MAX_TURNS = 3
 """So often `diagnose` is run, on what it found before."""
 
 
@@ -33,7 +33,7 @@ class Settled(NamedTuple):
     @property
     def sure(self) -> bool:
         """Whether nothing was found in the end, before the runs were used up."""
-        return not self.last.found and self.last.runs < MOST_RUNS
+        return not self.last.found and self.last.runs < MAX_RUNS
 
     def of(self, each: Diagnosed) -> int:
         """The constant that an estimate is of: the first, of several that share it."""
@@ -44,9 +44,9 @@ def settle(recording: Recording, asking: Asking) -> Settled:
     """`diagnose` on the recording, and on what it found, until that has nothing wrong."""
     known = constants(recording.aidings)
     theta, runs = np.zeros(len(known)), 0
-    for turn in range(MOST_TURNS):
+    for turn in range(MAX_TURNS):
         before = theta.copy()
-        part = asking.within(0.7 * turn / MOST_TURNS, 0.7 * (turn + 1) / MOST_TURNS)
+        part = asking.within(0.7 * turn / MAX_TURNS, 0.7 * (turn + 1) / MAX_TURNS)
         found = diagnose(
             applied(recording, known, theta),
             part.filter,

@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from ...data.recording import Recording
 from ...data.solution import Solution
 from ...engine.batch import fuse
-from ...engine.sensitivity import LARGEST_NIS
+from ...engine.sensitivity import MAX_NIS
 from ...installation.model import applied, constants
 from ...pages.drawing import COLOURS, GREY, finish, line, note, origin, panels, time_label
 from ...pages.parts import listing, paragraphs, remarks, table
@@ -195,7 +195,7 @@ def misfit_figure(found: "Installation", each: "CalibratedParameter") -> go.Figu
             [other if other is not each else replace(each, change=value) for other in found.found],
         )
         nis = _fused(found, applied(found.given, known, theta)).innovations.nis
-        costs.append(np.minimum(nis[np.isfinite(nis)], LARGEST_NIS).sum())
+        costs.append(np.minimum(nis[np.isfinite(nis)], MAX_NIS).sum())
     drawn = finish(go.Figure(), 300)
     drawn.add_trace(
         go.Scatter(

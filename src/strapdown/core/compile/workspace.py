@@ -9,7 +9,7 @@
 What a declaration gives is a plain number or slice. numba freezes it into the kernels, which read
 workspace[ELAPSED], workspace[FORCE] and matrix(workspace, BEFORE, 3, 3). Sizes follow: `start`
 takes SLOTS.zeros(), and the Filter says slots=SLOTS. What depends on the number of states n is
-declared for MOST_STATES of them.
+declared for MAX_STATES of them.
 """
 
 import math
@@ -19,7 +19,7 @@ import numpy as np
 
 from ...typing import Array
 
-MOST_STATES = 45
+MAX_STATES = 45
 """States of a filter at most: the library's fifteen, the eighteen of scale and misalignment of an
 IMU, and a dozen of sources and installation."""
 

@@ -25,7 +25,7 @@ from ..compile.jit import (
     matrix,
 )
 from ..compile.signatures import in_lanes
-from ..compile.workspace import MOST_STATES, Slots
+from ..compile.workspace import MAX_STATES, Slots
 from ..mathematics.belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
 from ..mathematics.rotation import euler_to_matrix, quaternion_to_euler
 from ..mathematics.source import OBSERVE, Kind, Observe, SourceRow
@@ -87,7 +87,7 @@ __all__ = [
     "DECAYING",
     "HELD",
     "RANDOM_WALK",
-    "MOST_STATES",
+    "MAX_STATES",
     "COMPILED",
     "kernel",
     "helper",

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 from ...typing import Array
 from ..compile.records import Table, rows_of
 from ..compile.signatures import record
-from ..compile.workspace import MOST_STATES
+from ..compile.workspace import MAX_STATES
 from ..mathematics.coupling import Coupling
 from .log import LogRow
 from .motion import BodyMotion
@@ -144,7 +144,7 @@ class Work:
     covariance: Annotated[Array, 6]  # S and R of a measurement, lower triangles by rows
     noise: Annotated[Array, 6]
     widened: Annotated[Array, 3]  # standard deviations
-    jacobian: Annotated[Array, 3 * MOST_STATES]  # H (3, n) by rows
+    jacobian: Annotated[Array, 3 * MAX_STATES]  # H (3, n) by rows
 
 
 class Cursor(NamedTuple):

@@ -1,7 +1,7 @@
 """Missing samples: increments that stand for them, and the noise that they bring.
 
 A gap of at most BRIDGE seconds is bridged with the last sample's rates and added noise. Over a longer
-one velocity and attitude are held, and the covariance grows at the HOLD densities for LONGEST_HOLD
+one velocity and attitude are held, and the covariance grows at the HOLD densities for MAX_HOLD
 seconds at most.
 """
 
@@ -15,10 +15,10 @@ from .cursor import Cursor
 from .kernels import Kernels, step_at
 
 BRIDGE = 1.0  # s
-LONGEST_STEP = 0.1  # s: longest prediction inside a gap
+MAX_STEP = 0.1  # s: longest prediction inside a gap
 BRIDGE_GYRO, BRIDGE_ACCEL = 0.05, 1.0  # rad/sqrt(s), m/s/sqrt(s): added in a bridged gap
 HOLD_GYRO, HOLD_ACCEL = 0.1, 3.0  # the same in a longer one
-LONGEST_HOLD = 300.0
+MAX_HOLD = 300.0
 """s: how long P grows in a gap; beyond, the unstable height alone would let it explode."""
 
 

@@ -33,8 +33,8 @@ SELDOM, LONG_SAMPLE = (
     0.05,
 )  # changes are tested every SELDOM samples, or in longer ones (s)
 LAST_CHANGES = 16.0  # over which they are averaged
-MOST_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
-MOST_JITTER = 2.0
+MAX_UNEVEN = 0.15  # mean difference of neighbouring intervals, over their length
+MAX_JITTER = 2.0
 """What samples do not tell of the velocity, over its standard deviation. Recorded cars, aircraft and
 hands stay below 0.5."""
 LEARNED = 200  # samples from which the rate of repeated values is known
@@ -43,14 +43,14 @@ STUCK_LIKELIHOOD = 25.0  # -ln of how likely so many repeated values are by chan
 LATEST, MORE_THAN_USUAL = 64.0, 0.2
 """Samples over which the share of repeats is averaged; how much above its usual one is unusual."""
 SECOND = 1.0 - 1e-6  # s of fixes that count as one
-MOST_WHITENED = 4.0  # of one second, so that one wild fix is no drift
+MAX_WHITENED = 4.0  # of one second, so that one wild fix is no drift
 MEAN_ALLOWED, MEAN_ALARM = 0.5, 14.0
 """Mean of whitened innovations that lasting errors of right fixes have; what its sum beyond that
 reaches by chance once in 1000 h of a component."""
 NIS_ALLOWED, NIS_ALARM = 2.0, 36.0
 """The same of the NIS over its expectation; the bound is divided by the rows of a fix."""
-MOST_NIS = 8.0  # of one second over its expectation
-MOST_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
+MAX_NIS = 8.0  # of one second over its expectation
+MAX_OF_BOUND, RECOVERED = 2.0, 0.5  # where a sum stops growing, and where its test holds again
 NULL = 1e-12  # rad: latitude and longitude of a receiver without a fix
 NEAR_NULL = 0.01  # rad from there, where a fix can be that
 
@@ -180,10 +180,10 @@ def _changes(dtheta: Array, dv: Array, dt: float, t: float, belief: Belief, curs
             worst = i
     uneven = abs(dt - previous[6]) / dt
     axes[0].uneven += (uneven - axes[0].uneven) / LAST_CHANGES
-    if axes[0].uneven > MOST_UNEVEN:
+    if axes[0].uneven > MAX_UNEVEN:
         say(cursor, Code.JITTERED, 0, t, axes[0].uneven)
     known = min(belief.P[3, 3], belief.P[4, 4], belief.P[5, 5])
-    if cursor.state[0].positioned and axes[worst].jitter > MOST_JITTER * MOST_JITTER * known > 0:
+    if cursor.state[0].positioned and axes[worst].jitter > MAX_JITTER * MAX_JITTER * known > 0:
         say(cursor, Code.COARSE, 0, t, 2 * math.sqrt(axes[worst].jitter) / dt)
         flag_unreliable(cursor, t)
 
@@ -328,13 +328,13 @@ def test(cursor: Cursor, s: int, innovation: Array, nis: float, t: float) -> Non
 def _sum_up(cursor: Cursor, s: int, channel: int, value: float, bound: float, t: float) -> None:
     """One term of a cumulative sum, which fails above its bound until it is well below."""
     books, of_nis = cursor.books[s], channel == 6
-    allowed, most = (NIS_ALLOWED, MOST_NIS) if of_nis else (MEAN_ALLOWED, MOST_WHITENED)
+    allowed, most = (NIS_ALLOWED, MAX_NIS) if of_nis else (MEAN_ALLOWED, MAX_WHITENED)
     sums, terms, fails = books.sums, books.terms, books.fails
     total = sums[channel] + min(max(value, -most), most) - allowed
     terms[channel] += 1
     if total <= 0:
         total = terms[channel] = 0.0
-    sums[channel] = min(total, MOST_OF_BOUND * bound)
+    sums[channel] = min(total, MAX_OF_BOUND * bound)
     if total > bound or fails[channel] > 0 and total > RECOVERED * bound:
         fails[channel] = 1.0
         mean = min(total / terms[channel] + allowed, most)

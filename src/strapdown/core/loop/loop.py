@@ -25,8 +25,8 @@ from .gaps import (
     BRIDGE_GYRO,
     HOLD_ACCEL,
     HOLD_GYRO,
-    LONGEST_HOLD,
-    LONGEST_STEP,
+    MAX_HOLD,
+    MAX_STEP,
     rates_held,
     wider,
 )
@@ -141,16 +141,16 @@ def _bridge_gap(
     out: Output,
     until: float,
 ) -> None:
-    """Bring the belief over missing samples to the time `until`, in steps of at most LONGEST_STEP
+    """Bring the belief over missing samples to the time `until`, in steps of at most MAX_STEP
     seconds."""
     state, u = cursor.state[0], cursor.work[0].increments
     short = until - state.t <= BRIDGE
     gyro, accel = (BRIDGE_GYRO, BRIDGE_ACCEL) if short else (HOLD_GYRO, HOLD_ACCEL)
     wide = wider(noise, gyro, accel)
     say(cursor, Code.BRIDGED_GAP if short else Code.HELD_GAP, 0, state.t, until - state.t)
-    grown = state.t + LONGEST_HOLD
+    grown = state.t + MAX_HOLD
     while min(until, grown) - state.t > SAME_TIME:
-        step = min(LONGEST_STEP, until - state.t)
+        step = min(MAX_STEP, until - state.t)
         rates_held(kernels, belief, step, cursor, not short, u)
         _advance(kernels, belief, fixes, wide, cursor, out, state.t + step, step)
     state.t = until

@@ -41,7 +41,7 @@ QUARTERS = 6.36619772367581382433e-01  # 2/pi
 PI_2 = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624871116645580e-21)
 """Pieces of pi/2 of 33 bits each, so that their products with a whole number below 2^20 are exact."""
 PI_2_REST = 8.47842766036889956997e-32
-LARGEST_ANGLE = 2.0**20
+MAX_ANGLE = 2.0**20
 """Rad: sine and cosine of a larger one are NaN."""
 TWO_PI, TWO_PI_LOW = 6.28318530717958623200, 2.44929359829470641435e-16
 S1, S2, S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
@@ -53,29 +53,29 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 @stands_for(math.sin, np.sin)
 @helper
 def sine(x: float) -> float:
-    """Return the sine of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    """Return the sine of an angle in rad; NaN beyond `MAX_ANGLE`."""
     return sine_cosine(x)[0]
 
 
 @stands_for(math.cos, np.cos)
 @helper
 def cosine(x: float) -> float:
-    """Return the cosine of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    """Return the cosine of an angle in rad; NaN beyond `MAX_ANGLE`."""
     return sine_cosine(x)[1]
 
 
 @stands_for(math.tan, np.tan)
 @helper
 def tangent(x: float) -> float:
-    """Return the tangent of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
+    """Return the tangent of an angle in rad; NaN beyond `MAX_ANGLE`."""
     s, c = sine_cosine(x)
     return s / c
 
 
 @helper
 def sine_cosine(x: float) -> tuple[float, float]:
-    """(sine, cosine) of an angle in rad; NaN beyond `LARGEST_ANGLE`."""
-    x = where(_magnitude(x) <= LARGEST_ANGLE, x, NAN)
+    """(sine, cosine) of an angle in rad; NaN beyond `MAX_ANGLE`."""
+    x = where(_magnitude(x) <= MAX_ANGLE, x, NAN)
     rounded = x * QUARTERS + ROUNDS
     n = rounded - ROUNDS
     first, lost = _difference(x - n * PI_2[0], n * PI_2[1])
@@ -133,7 +133,7 @@ ONE_BITS, ROOT_HALF_BITS = 0x3FF0000000000000, 0x3FE6A09E00000000  # of 1 and, c
 FRACTION = (1 << 52) - 1
 WHOLE_BITS, WHOLE = 0x4330000000000000, 2.0**52
 """With the bits of a whole number below 2^52 in the place of its zeros it is 2^52 larger than that."""
-SMALLEST, RAISED = (
+MIN_NORMAL, RAISED = (
     2.0**-1022,
     54.0,
 )  # the smallest normal number; 2^54 times a smaller one is normal
@@ -143,7 +143,7 @@ SMALLEST, RAISED = (
 @helper
 def logarithm(x: float) -> float:
     """Natural; -inf of 0, NaN below it."""
-    small = x < SMALLEST
+    small = x < MIN_NORMAL
     found = logarithm_of_normal(where(small, x * 2.0**RAISED, x))
     far, near = -RAISED * LN2_HIGH, -RAISED * LN2_LOW
     found = where(small, (found + near) + far, found)

@@ -7,7 +7,7 @@ from ...checks import check_choice
 from ...typing import Array
 from ..compile.jit import flatten, helper, inlined, matrix
 from ..compile.selection import any_of, where
-from ..compile.workspace import MOST_STATES, Slots
+from ..compile.workspace import MAX_STATES, Slots
 from .belief import ATT, BA, BG, POS, STATES, VEL, Belief, Noise
 from .earth import displace
 from .error_dynamics import BLOCKS, LATITUDE_GRAVITY, MODELS, kinematic_blocks
@@ -46,9 +46,9 @@ HELD = ERROR_STATE.number("HELD")  # Noise.held
 BLOCK = ERROR_STATE.array("BLOCK", BLOCKS)  # blocks of F
 MID = ERROR_STATE.matrix("MID", 3, 3)  # C_nb at mid-interval
 DV = ERROR_STATE.array("DV", 3)  # specific-force velocity increment in n, bias-free, m/s
-DX = ERROR_STATE.array("DX", MOST_STATES)  # the correction that `measure` found, n numbers
+DX = ERROR_STATE.array("DX", MAX_STATES)  # the correction that `measure` found, n numbers
 WORK = ERROR_STATE.array("WORK", WORKSPACE)  # of core.mathematics.kalman
-JACOBIAN = ERROR_STATE.matrix("JACOBIAN", 3, MOST_STATES)  # H (3, n) of a fix
+JACOBIAN = ERROR_STATE.matrix("JACOBIAN", 3, MAX_STATES)  # H (3, n) of a fix
 
 
 def allocate(slots: Slots, error_model: str = "corrected", rest: int = 0) -> Array:

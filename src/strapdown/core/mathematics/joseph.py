@@ -5,7 +5,7 @@ in Joseph's form, which holds for any gain. Source: Bucy & Joseph (1968); Gelb (
 from ...typing import Array
 from ..compile.jit import helper, inlined, matrix
 from ..compile.selection import any_of
-from ..compile.workspace import MOST_STATES, Slots
+from ..compile.workspace import MAX_STATES, Slots
 from .belief import Noise
 from .error_dynamics import BLOCKS, CORRECTED, kinematic_blocks
 from .kalman import WORKSPACE, propagate, update
@@ -16,14 +16,14 @@ JOSEPH = Slots()
 BLOCK = JOSEPH.array("BLOCK", BLOCKS)  # blocks of F
 MID = JOSEPH.matrix("MID", 3, 3)  # C_nb at mid-interval
 WORK = JOSEPH.array("WORK", WORKSPACE)  # of core.mathematics.kalman
-DX = JOSEPH.array("DX", MOST_STATES)  # not used
+DX = JOSEPH.array("DX", MAX_STATES)  # not used
 # since the last step: rotation (rad) and velocity increments (m/s) without biases, s, the noise
 PENDING = JOSEPH.array("PENDING", 6)
 SECONDS = JOSEPH.number("SECONDS")
 NOISE = JOSEPH.array("NOISE", 6)
 FORCE = JOSEPH.array("FORCE", 3)  # mean specific force of the last step, body, m/s^2
-PRODUCT = JOSEPH.matrix("PRODUCT", 3, MOST_STATES)  # of `spread`
-LONGEST_STEP = 0.05  # s: P need not see each sample, which would cost more than such a filter
+PRODUCT = JOSEPH.matrix("PRODUCT", 3, MAX_STATES)  # of `spread`
+MAX_STEP = 0.05  # s: P need not see each sample, which would cost more than such a filter
 
 
 @inlined
@@ -46,7 +46,7 @@ def await_step(own: Array, omega: Array, f: Array, dt: float, noise: Noise) -> b
         sums[i] += omega[i] * dt
         sums[3 + i] += f[i] * dt
     own[SECONDS] += dt
-    return float(own[SECONDS]) >= LONGEST_STEP
+    return float(own[SECONDS]) >= MAX_STEP
 
 
 @helper

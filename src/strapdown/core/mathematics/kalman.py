@@ -14,7 +14,7 @@ from typing import TypeAlias
 from ...typing import Array
 from ..compile.jit import flatten, helper, inlined, matrix
 from ..compile.selection import all_of, any_of, one_or_several, where
-from ..compile.workspace import MOST_STATES
+from ..compile.workspace import MAX_STATES
 from .belief import Noise
 from .elementary import exponential
 from .error_dynamics import PP, TP, TV, VP, VV
@@ -28,7 +28,7 @@ WIDTH = 48
 WIDE, WIDE_PRODUCT, WIDE_END = 600, 600 + 15 * WIDTH, 600 + 24 * WIDTH
 """The same of more than fifteen states: P (15 rows of WIDTH) and Phi P (9 rows of WIDTH). What is written
 eight numbers at a time is read so: the processor waits where the two do not match."""
-LEAST_NOISE = 1e-9
+MIN_NOISE = 1e-9
 """A fix has at least this fraction of the variance that its states would bring without their
 correlations: below it P would lose its positive sign to rounding."""
 
@@ -515,7 +515,7 @@ def used_rows(n: int) -> int:
 COUNT, WHITENED, SCALE, ROW, OVERLAP, SHARED = 0, 1, 4, 7, 10, 13
 """Behind U, of the rows that were used: how many there are; of each its innovation by L^-1, 1 over the
 diagonal of L, and which row of H it is; then what L has below its diagonal, row by row."""
-WORKSPACE = max(WIDE_END, used_rows(MOST_STATES) + SHARED)
+WORKSPACE = max(WIDE_END, used_rows(MAX_STATES) + SHARED)
 """Numbers of the flat workspace of `propagate`, and of `update`, which uses it in its own way."""
 
 
@@ -631,7 +631,7 @@ def _whitened(
         e -= overlap * shared[WHITENED + k]
         for j in range(n):
             u[j] -= overlap * U[k, j]
-    scale = 1 / math.sqrt(_along(h, u, first, last) + max(sd * sd, LEAST_NOISE * terms))
+    scale = 1 / math.sqrt(_along(h, u, first, last) + max(sd * sd, MIN_NOISE * terms))
     for j in range(n):
         u[j] = where(missing, 0.0, u[j] * scale)
     w = where(missing, 0.0, e * scale)

@@ -15,7 +15,7 @@ Trans. Automatic Control 14(4).
 from ...typing import Array
 from ..compile.jit import helper, inlined, kernel, matrix
 from ..compile.signatures import WHOLE, reals, signature
-from ..compile.workspace import MOST_STATES
+from ..compile.workspace import MAX_STATES
 from .adjoint import (
     DECAY_A,
     DECAY_G,
@@ -52,7 +52,7 @@ BEHIND = 27
 INVERSE = 18
 LANES = 16
 """Columns that V has room for."""
-MOVED = LANES * MOST_STATES
+MOVED = LANES * MAX_STATES
 """Where, behind the rows of V, the moved ones of a prediction stand for a moment."""
 V_SIZE = MOVED + 9 * LANES
 """Numbers of V with its workspace: row i of V is [LANES i, LANES (i + 1))."""

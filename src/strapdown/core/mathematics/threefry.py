@@ -19,7 +19,7 @@ from .elementary import ONE_BITS, logarithm_of_normal, sine_cosine_of_turns
 KEY, COUNTER, STREAM = 0, 2, 3
 """Of a stream kept as float64 numbers: its key (two numbers below 2^32), how many blocks were
 drawn (exact below 2^53), its size."""
-LARGEST_SEED = 2**53 - 1
+MAX_SEED = 2**53 - 1
 MASK, PARITY = 0xFFFFFFFF, 0x1BD11BDA
 TURNS = (13, 15, 26, 6, 17, 29, 16, 24)  # bits by which the rounds turn the second word
 FILL = signature("fill", k0=WHOLE, k1=WHOLE, out=reals("n"))
@@ -117,6 +117,6 @@ def normal_rows(stream: Array, out: Array) -> None:
 def new_stream(seed: float) -> Array:
     """A stream (STREAM,) that begins at the first number of a seed. Raises ValueError where it
     is no whole number from 0 to 2^53 - 1."""
-    if not (0 <= seed <= LARGEST_SEED and seed == int(seed)):
+    if not (0 <= seed <= MAX_SEED and seed == int(seed)):
         raise ValueError(f"seed is {seed}; it must be a whole number, at least 0 and below 2^53")
     return np.array([int(seed) & MASK, int(seed) >> 32, 0.0])

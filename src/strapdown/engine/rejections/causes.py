@@ -27,13 +27,13 @@ PARTS = {JUMP: 0.5, CLOCK: 0.1}
 PART_OF_LASTING = 0.2
 """Part of the chi-square of rejected fixes, beyond what is expected, that a shape must explain. What lasts shakes the
 filter each time that a gate is lifted, which no shape follows."""
-LEAST_SPREAD = 0.25  # of the claimed variance: rows that share the filter's error scatter less
+MIN_SPREAD = 0.25  # of the claimed variance: rows that share the filter's error scatter less
 SPREAD = 1.8
 """Variance, over the claimed one, of innovations that passed the gate, from which noise is too small:
 a gate leaves 2.4 of the 4 of a standard deviation half as large as it is."""
 BLOCK = 32  # rows
 IN_A_ROW = 5  # rejections: so many are no single outliers
-MOST_STEPS = 12  # parts of a run that may each begin with a jump
+MAX_STEPS = 12  # parts of a run that may each begin with a jump
 ONSETS = (
     0.0,
     2.0,
@@ -149,7 +149,7 @@ class _Sums(NamedTuple):
 def _deviance(sums: Sequence[_Sums]) -> float:
     """Return the deviance of normal rows of free spread, one spread for each of the sums."""
     return sum(
-        each.rows * (float(np.log(max(each.squares / each.rows, LEAST_SPREAD))) + 1.0)
+        each.rows * (float(np.log(max(each.squares / each.rows, MIN_SPREAD))) + 1.0)
         for each in sums
         if each.rows
     )
@@ -193,7 +193,7 @@ def _shapes(window: Window) -> Iterator[_Shape]:
     if len(window.parts) == 1:
         yield from _jumps(t, ~window.passed, *window.parts[0])
     else:
-        onsets = [t[part[0]] for part in window.parts[:MOST_STEPS]]
+        onsets = [t[part[0]] for part in window.parts[:MAX_STEPS]]
         steps = np.concatenate([_each((t >= since) * ones) for since in onsets], axis=2)
         yield _Shape(JUMP, t[first], np.inf, steps, True, len(onsets))
     for back in ONSETS:

@@ -24,7 +24,7 @@ from .causes import (
 BY_THEMSELVES = (OUTLIERS, START)
 """Shapes that say nothing of other sources."""
 CHAIN = 30.0  # s within which rejections may have one cause
-MOST = (
+MIN_EXPLAINED = (
     0.5  # part of what is to be explained that one run must explain to be the cause of the others
 )
 
@@ -74,10 +74,10 @@ def _judged(runs: list[RejectedRun]) -> list[RejectedRun]:
         if shape == CLOCK:  # which both position and velocity show
             return best.shape == CLOCK
         if shape == NOISE:  # of each source by itself
-            return run.number > MOST * (shaped + run.number)
+            return run.number > MIN_EXPLAINED * (shaped + run.number)
         if shape in (OFFSET, SCALE, ALWAYS):
-            return run.number > MOST * count
-        return shape in (JUMP, DRIFT) and run.found.gain > MOST * gain
+            return run.number > MIN_EXPLAINED * count
+        return shape in (JUMP, DRIFT) and run.found.gain > MIN_EXPLAINED * gain
 
     kept = list[RejectedRun]()
     for s in sources:

@@ -24,7 +24,7 @@ AT_ONCE = 4  # rejections in a row that can stand out
 STANDS_OUT = 1e-3  # how often so many in a row may be expected by the share of the others
 UNLIKELY = 1e-3  # of single rejections by chance: as many, or one as far off
 INEXACT = 2.0  # times as many as expected by chance: no model is as exact as its distribution
-MOST_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
+MAX_RUNS = 10  # of a source that are kept apart; the last takes in all that follow
 WHOLE = (*causes.LASTING, causes.NOISE, causes.ALWAYS)
 """What can explain rejections with good fixes between them."""
 
@@ -39,13 +39,13 @@ def find(fixes: WindowFixes, aidings: Sequence[Aiding]) -> list[RejectedRun]:
 
 def joined(before: Sequence[RejectedRun], now: Sequence[RejectedRun]) -> list[RejectedRun]:
     """Runs found earlier and those after them: single outliers of a source are one run, and so is
-    all that comes after MOST_RUNS of it."""
+    all that comes after MAX_RUNS of it."""
     found: dict[int, list[RejectedRun]] = {}
     for run in (*before, *now):
         own = found.setdefault(run.source, [])
         single = run.found.shape == causes.OUTLIERS
         alike = [k for k, each in enumerate(own) if single and each.found.shape == causes.OUTLIERS]
-        if alike or len(own) > MOST_RUNS:
+        if alike or len(own) > MAX_RUNS:
             k = alike[0] if alike else len(own) - 1
             own[k] = merged([own[k], run])
         else:
@@ -60,7 +60,7 @@ def _of_source(s: int, own: WindowFixes, every: WindowFixes, kind: str) -> list[
     if whole is not None:
         return [_run(s, own, np.concatenate(chains), whole)]
     for bad in chains:
-        if len(found) >= MOST_RUNS:
+        if len(found) >= MAX_RUNS:
             found[-1] = merged([found[-1], _run(s, own, bad, found[-1].found)])
             continue
         for part, cause in _explained(own, every, kind, bad):
@@ -101,8 +101,8 @@ def _explained(
         yield bad, found
         return
     before = 0
-    if len(parts) > MOST_RUNS:
-        parts[MOST_RUNS - 1 :] = [np.concatenate(parts[MOST_RUNS - 1 :])]
+    if len(parts) > MAX_RUNS:
+        parts[MAX_RUNS - 1 :] = [np.concatenate(parts[MAX_RUNS - 1 :])]
     for part in parts:
         cause = None
         if len(part) >= FEW:

@@ -10,7 +10,7 @@ from ...typing import Array, Ints, Mask
 from .causes import Window
 
 BEFORE, AFTER = 60.0, 5.0  # s of fixes about a run in which its cause is looked for
-MOST_BEFORE, MOST_INSIDE, MOST_AFTER = 150, 600, 20  # fixes of them
+MAX_BEFORE, MAX_INSIDE, MAX_AFTER = 150, 600, 20  # fixes of them
 MOVED = 0.5  # s to either side over which accelerations are taken
 
 
@@ -62,10 +62,10 @@ def window(
     """The fixes of a source about these parts of a run, none before number `before`."""
     first, last = int(parts[0][0]), int(parts[-1][-1])
     begin = int(np.searchsorted(own.t, own.t[first] - BEFORE))
-    begin = max(begin, first - MOST_BEFORE, before)
-    stop = min(last, first + MOST_INSIDE)
+    begin = max(begin, first - MAX_BEFORE, before)
+    stop = min(last, first + MAX_INSIDE)
     end = int(np.searchsorted(own.t, own.t[stop] + AFTER, "right"))
-    rows = own.rows[begin : min(end, stop + 1 + MOST_AFTER)]
+    rows = own.rows[begin : min(end, stop + 1 + MAX_AFTER)]
     t, use = rows["t"], rows["use"]
     sd = own.sd[begin : begin + len(rows)]
     used = use != Use.REJECTED

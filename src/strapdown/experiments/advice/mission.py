@@ -21,7 +21,7 @@ from ...units.wording import elapsed
 
 DURATION_UNITS = {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 """Units of a duration, in seconds."""
-SHORTEST_MISSION, LONGEST_MISSION = 10.0, 24 * 3600.0
+MIN_MISSION, MAX_MISSION = 10.0, 24 * 3600.0
 """s: what is advised on."""
 MISSION_RATE = 20.0
 """IMU samples per second of a mission, at most: vibration is no part of the question, and the
@@ -79,10 +79,10 @@ def seconds(text: str | float) -> float:
         raise DataError(f"duration {text!r}: write seconds as a number, or a text as 90min")
     else:
         value = float(text)
-    if not SHORTEST_MISSION <= value <= LONGEST_MISSION:
+    if not MIN_MISSION <= value <= MAX_MISSION:
         raise DataError(
-            f"duration {text!r} is {value:g} s; advice is on {SHORTEST_MISSION:g} s to "
-            f"{LONGEST_MISSION / 3600:g} h"
+            f"duration {text!r} is {value:g} s; advice is on {MIN_MISSION:g} s to "
+            f"{MAX_MISSION / 3600:g} h"
         )
     return value
 

@@ -19,7 +19,7 @@ from ...typing import ArrayLike
 from ...units.wording import elapsed, enumerated, number
 from .verdicts import (
     CLOSED,
-    MOST_RUNS,
+    MAX_RUNS,
     NO,
     STRETCHES,
     UNDECIDED,
@@ -134,8 +134,8 @@ def _headline(advice: Advice) -> str:
 
 def _runs(needed: int) -> str:
     """How many runs would decide, in words; two digits, for it is a guess."""
-    if needed >= MOST_RUNS:
-        return f"more than {MOST_RUNS} runs: it is on the boundary"
+    if needed >= MAX_RUNS:
+        return f"more than {MAX_RUNS} runs: it is on the boundary"
     step = 10 ** max(len(str(needed)) - 2, 0)
     return f"about {-(-needed // step) * step} runs in all"
 

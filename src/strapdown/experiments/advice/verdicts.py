@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 OPEN, CLOSED, RESET = "open-loop", "closed-loop", "periodic-reset:interval="
 STRETCHES = 10
 """Equal parts of a mission in which the NEES is looked at."""
-MOST_RUNS = 100_000
+MAX_RUNS = 100_000
 """As many runs as an open question may be said to take."""
 YES, NO, UNDECIDED = "yes", "no", "undecided"
 
@@ -248,7 +248,7 @@ def _needed(found: FilterEvidence, rules: Rules) -> tuple[int, int, int]:
     """Runs in all that would decide each criterion if the estimates stayed as they are; 0 where
     that cannot be said."""
     count, share = found.count, found.survived.value
-    sizes = np.unique(np.geomspace(count + 1, MOST_RUNS, 400).astype(int))
+    sizes = np.unique(np.geomspace(count + 1, MAX_RUNS, 400).astype(int))
 
     def decided(n: int) -> bool:
         p = proportion(round(share * n), int(n))
@@ -269,8 +269,8 @@ def _shrunk(interval: Interval, limits: tuple[float, ...], count: int) -> int:
         return 0
     half = 0.5 * (interval.high - interval.low)
     room = min(abs(interval.value - limit) for limit in limits)
-    needed = np.ceil(count * (half / room) ** 2 - 1e-6) if room > 0 else MOST_RUNS
-    return int(min(needed, MOST_RUNS))
+    needed = np.ceil(count * (half / room) ** 2 - 1e-6) if room > 0 else MAX_RUNS
+    return int(min(needed, MAX_RUNS))
 
 
 def decide(

@@ -489,7 +489,7 @@ def _hard(figure: go.Figure, comparison: Comparison, t: Array, path: Array) -> N
 
 
 def _breaks(hidden: Mask) -> Ints:
-    """At most MOST_POINTS rows of a line that is drawn where `hidden`, each stretch with a row
+    """At most MAX_POINTS rows of a line that is drawn where `hidden`, each stretch with a row
     beside it to break the line."""
     wanted = np.flatnonzero(hidden)
     edges = np.flatnonzero(np.diff(hidden))

@@ -22,7 +22,7 @@ SWEEP_STEP = 5.0
 """s between the windows of a sweep that does not say it."""
 SETTLING = 60.0
 """s after the start in which a sweep that names no range withholds nothing."""
-MOST_WINDOWS = 5000
+MAX_WINDOWS = 5000
 """Windows that a protocol may have."""
 ROUNDING = 1e-6
 """s: times are compared with this much room."""
@@ -65,7 +65,7 @@ def protocol(
 def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
     """A Protocol of windows that are withheld in one run, in order."""
     try:
-        windows = tuple(islice(windows, MOST_WINDOWS + 1))
+        windows = tuple(islice(windows, MAX_WINDOWS + 1))
         found = tuple(sorted((float(start), float(stop)) for start, stop in windows))
     except (TypeError, ValueError):
         raise DataError(
@@ -74,8 +74,8 @@ def _listed(windows: Iterable[Window], text: str | None = None) -> Protocol:
         ) from None
     if not found:
         raise DataError(f"outages: there are none; {PROTOCOL_HINT}")
-    if len(found) > MOST_WINDOWS:
-        raise DataError(f"outages: more than {MOST_WINDOWS} windows in a list; give fewer")
+    if len(found) > MAX_WINDOWS:
+        raise DataError(f"outages: more than {MAX_WINDOWS} windows in a list; give fewer")
     count = (
         f"{len(found)} outages of a list, all in one run"
         if len(found) > 1
@@ -103,8 +103,8 @@ def _periodic(text: str, span: Window) -> Protocol:
     first, last = span
     if length > last - first:
         raise _too_long(length, span)
-    if (last - first) / period > MOST_WINDOWS:
-        raise DataError(f"outages {text!r}: more than {MOST_WINDOWS} windows; give a longer period")
+    if (last - first) / period > MAX_WINDOWS:
+        raise DataError(f"outages {text!r}: more than {MAX_WINDOWS} windows; give a longer period")
     ends = [first + k * period for k in range(2, int((last - first + ROUNDING) / period) + 1)]
     if not ends:
         raise DataError(
@@ -125,8 +125,8 @@ def _sweep(text: str, span: Window, end: float, settled: Callable[[], float]) ->
     if lengths[-1] > span[1] - span[0]:
         raise _too_long(lengths[-1], span)
     first, last = _window(within, end, text) if within.strip() else (settled(), end)
-    if sum((last - first) / step for _ in lengths) > MOST_WINDOWS:
-        raise DataError(f"outages {text!r}: more than {MOST_WINDOWS} windows; give a longer step")
+    if sum((last - first) / step for _ in lengths) > MAX_WINDOWS:
+        raise DataError(f"outages {text!r}: more than {MAX_WINDOWS} windows; give a longer step")
     windows = [
         (first + k * step, first + k * step + length)
         for length in lengths

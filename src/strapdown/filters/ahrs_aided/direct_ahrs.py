@@ -46,7 +46,7 @@ from .known_attitude import (
     with_angles,
 )
 
-LEAST_COSINE = math.cos(STEEP_PITCH)
+MIN_COSINE = math.cos(STEEP_PITCH)
 
 
 def start(
@@ -70,7 +70,7 @@ def predict(belief: Belief, u: Array, dt: float, noise: Noise) -> None:
     r0, r1, r2 = rate_of_body(belief, r0, r1, r2)
     mid = flatten(matrix(belief.workspace, MID, 3, 3))
     cosine = math.sqrt(mid[7] * mid[7] + mid[8] * mid[8])
-    if cosine > LEAST_COSINE and gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
+    if cosine > MIN_COSINE and gentle(belief, math.sqrt(r0 * r0 + r1 * r1 + r2 * r2)):
         roll, pitch, heading = euler_rates(
             mid[7] / cosine, mid[8] / cosine, -mid[6] / cosine, cosine, r0, r1, r2
         )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...checks import check_number
 from ...core.loop.contract import (
     CORRECT,
-    MOST_STATES,
+    MAX_STATES,
     PREDICT,
     STATES,
     Belief,
@@ -50,14 +50,14 @@ SINCE = SLOTS.array("SINCE", 6)  # s since the last position and velocity fix, n
 FORCE = SLOTS.array("FORCE", 3)  # specific-force increment, m/s
 CHANGE = SLOTS.array("CHANGE", 9)  # of position, velocity and bias in n, by a fix
 GAIN = SLOTS.array("GAIN", 9)  # on the three, of each axis, by a fix
-JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H
+JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MAX_STATES)  # H
 CORRELATION = SLOTS.number("CORRELATION")  # s for which the errors of attitudes are alike
 SINCE_TILT, SINCE_HEADING = SLOTS.numbers("SINCE_TILT", "SINCE_HEADING")  # s since each
 A = SLOTS.matrix("A", 3, STATES)  # of core.mathematics.joseph.spread
 B = SLOTS.matrix("B", 3, STATES)
 R = SLOTS.matrix("R", 3, 3)
 OWN = SLOTS.part("OWN", JOSEPH)
-SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes at one time the second changes nothing
+MIN_FIX_INTERVAL = 1e-6  # s: of two fixes at one time the second changes nothing
 
 
 def start(
@@ -286,7 +286,7 @@ def _pull(workspace: Array, axis: int, kind: int, K: Array) -> None:
         workspace[VERTICAL.start if axis == 2 else HORIZONTAL.start :],
     )
     T = since[kind + axis]
-    if T < SHORTEST_FIX_INTERVAL:
+    if T < MIN_FIX_INTERVAL:
         return
     since[kind + axis] = 0.0
     if kind == 0:

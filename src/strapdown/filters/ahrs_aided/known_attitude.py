@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from ...checks import check_choice, check_number
 from ...core.compile.jit import helper, matrix
 from ...core.loop.contract import (
-    MOST_STATES,
+    MAX_STATES,
     STATES,
     Belief,
     Kind,
@@ -80,11 +80,11 @@ CONSIDERED = KNOWN_ATTITUDE.number("CONSIDERED")  # 1, or 0 where these errors a
 # attitude, in n, and the share by which they shorten the force; that with attitude and gyro biases
 # is left out
 CONSIDER = 4
-SHARED = KNOWN_ATTITUDE.matrix("SHARED", CONSIDER, MOST_STATES)
+SHARED = KNOWN_ATTITUDE.matrix("SHARED", CONSIDER, MAX_STATES)
 STEEP_PITCH = math.radians(85.0)
 """Pitch from which on Euler angles are read off the rotation matrix: roll and heading move 11
 times as fast as the body, and ever faster."""
-SHORTEST_RECORD_INTERVAL = 1e-3  # s between two attitude records
+MIN_RECORD_INTERVAL = 1e-3  # s between two attitude records
 ATTITUDE_ERRORS = {"considered": 1.0, "neglected": 0.0}
 """What the errors of the known attitude do to the velocity: names of the option, and CONSIDERED."""
 WITH_ANGLES = Slots(after=KNOWN_ATTITUDE)
@@ -179,7 +179,7 @@ def inflate_attitude_noise(belief: Belief, sd: Array, kind: int) -> None:
     if kind == Kind.ATTITUDE:
         scale = math.sqrt(
             max(
-                2 * workspace[CORRELATION] / max(workspace[SINCE_TILT], SHORTEST_RECORD_INTERVAL),
+                2 * workspace[CORRELATION] / max(workspace[SINCE_TILT], MIN_RECORD_INTERVAL),
                 1.0,
             )
         )

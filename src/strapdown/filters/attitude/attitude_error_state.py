@@ -9,7 +9,7 @@ import math
 
 from ...core.compile.jit import helper, inlined
 from ...core.loop.contract import Belief, Noise, Slots
-from ...core.mathematics.kalman import LEAST_NOISE, decay
+from ...core.mathematics.kalman import MIN_NOISE, decay
 from ...core.mathematics.rotation import orthonormalise, rotate_left, rotate_right, turned
 from ...typing import Array
 
@@ -193,7 +193,7 @@ def measured(
     k5 = h0 * P[6, 14] + h1 * P[7, 14] + h2 * P[8, 14]
     e -= h0 * dx[0] + h1 * dx[1] + h2 * dx[2]
     known = h0 * k0 + h1 * k1 + h2 * k2
-    total = known + max(variance, LEAST_NOISE * known)
+    total = known + max(variance, MIN_NOISE * known)
     record[INVERSE] = 0.0
     if not total > 0:  # nothing is uncertain: no start, noise or measurement
         return math.nan

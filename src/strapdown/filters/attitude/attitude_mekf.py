@@ -36,7 +36,7 @@ from ...core.loop.contract import (
 )
 from ...core.mathematics.earth import GRAVITY_EQUATOR, RATE, gravity
 from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, allocate, observed
-from ...core.mathematics.kalman import LEAST_NOISE, decay, of_estimates
+from ...core.mathematics.kalman import MIN_NOISE, decay, of_estimates
 from ...core.mathematics.rotation import turned
 from ...typing import Array
 from .attitude_error_state import (
@@ -132,7 +132,7 @@ STRENGTH_ALLOWED, DIP_ALLOWED = 0.15, math.radians(8.0)
 uncertainty. A room bends it by as much (the BROAD trials without a magnet: 12 % and 8 deg)."""
 STUCK_TURN = 0.5
 """rad: a body cannot turn so far while its field stays the same number by number."""
-REFUSED_FOR, REFUSED_MOST = 1.0, 5.0
+REFUSED_FOR, REFUSED_MAX = 1.0, 5.0
 """s: refused fields that count; and at most, so that the count is over as soon again."""
 GONE = 10.0
 """s: a source of which nothing came for so long is gone."""
@@ -478,7 +478,7 @@ def _used(
         innovation[3] = math.copysign(math.sqrt(nis), e)
     if innovation.size > 6:
         prior = known - variance
-        innovation[6] = math.sqrt((prior + max(variance, LEAST_NOISE * prior)) * wider)
+        innovation[6] = math.sqrt((prior + max(variance, MIN_NOISE * prior)) * wider)
     inject(belief, dx)
     return nis
 
@@ -580,7 +580,7 @@ def refused(
         workspace[REASON][s] = reason
     count += seconds if reason > 0 else -seconds
     workspace[REFUSED][s], workspace[SEEN_AT][s] = (
-        min(max(count, 0.0), REFUSED_MOST),
+        min(max(count, 0.0), REFUSED_MAX),
         workspace[CLOCK],
     )
     return reason > 0

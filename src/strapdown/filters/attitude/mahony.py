@@ -84,7 +84,7 @@ SINCE_FIELD, SINCE_COMPASS = SLOTS.numbers("SINCE_FIELD", "SINCE_COMPASS")
 # gains of the six states about north, east and down, of the last pull
 K_NORTH, K_EAST, K_DOWN = (SLOTS.array(name, 6) for name in ("K_NORTH", "K_EAST", "K_DOWN"))
 LEVEL = SLOTS.number("LEVEL")  # density of the specific force besides gravity, m^2/s^3
-LONGEST_GAP = 1.0
+MAX_GAP = 1.0
 """s: a direction that was not measured for longer counts as if it were for so long."""
 ACCELERATION_LEFT, SCALE_ERROR = 0.9, 0.002
 """m/s^2 sqrt(s): what the low-pass leaves of the body's own acceleration, for its standard deviation
@@ -217,7 +217,7 @@ def _gains(belief: Belief, k: float, seconds: float) -> float:
     """Return the gain of a correction by k (1/s) over `seconds`, exact for a small error that
     nothing else corrects; write those of the six states, K_NORTH to K_DOWN."""
     workspace, C = belief.workspace, belief.C
-    gain = 1 - decay(k * min(seconds, LONGEST_GAP))
+    gain = 1 - decay(k * min(seconds, MAX_GAP))
     K_north, K_east, K_down = workspace[K_NORTH], workspace[K_EAST], workspace[K_DOWN]
     for i in range(3):
         K_north[i] = K_east[i] = K_down[i] = 0.0
@@ -312,7 +312,7 @@ def _field(belief: Belief, y: Array, sd: Array, source: SourceRow, innovation: A
     )
     if not (size > 0 and level > 0):
         return
-    seconds = min(workspace[SINCE_FIELD], LONGEST_GAP)
+    seconds = min(workspace[SINCE_FIELD], MAX_GAP)
     workspace[SINCE_FIELD] = 0.0
     if refused(belief, y, sd, source, size * size, -along):
         return

@@ -53,7 +53,7 @@ TILT_AND_BIAS = (6, 7, 9, 10, 11)
 HEIGHT_SD = 10e3
 """m: nothing that a barometer or the sea aids is further from height 0; an unknown place says
 the radius of the Earth."""
-LEAST_ACCEL, SHORTEST_LEVEL_INTERVAL = 1e-6, 1e-3
+MIN_ACCEL, MIN_LEVEL_INTERVAL = 1e-6, 1e-3
 """m/s/sqrt(s): accelerometer noise to reckon with at least; s: between two heights of
 zero-sea-level, which may come at one time."""
 MANY_HEIGHTS = 18
@@ -112,7 +112,7 @@ def wave_density(accel: float, wave_period: float) -> float:
     takes density S for a corner of w0 = (q/S)^1/4. Of waves at w it lets 2 (w0/w)^2 s^2 through,
     the noise adds q/(2 sqrt(2) w0^3); their sum is least at w0^5 = 3 q w^2/(8 sqrt(2) s^2).
     """
-    w, q = 2 * math.pi / wave_period, max(accel, LEAST_ACCEL) ** 2
+    w, q = 2 * math.pi / wave_period, max(accel, MIN_ACCEL) ** 2
     return q**0.2 * (8 * math.sqrt(2) / (3 * w * w)) ** 0.8
 
 
@@ -294,9 +294,7 @@ def correct(
     if gated:  # one height errs by all the heave, and is gated so; many in a row know better
         nis, limit = innovation[0] * innovation[0] / (known + variance), math.inf
         variance = (
-            _waves(workspace, variance) / max(seconds, SHORTEST_LEVEL_INTERVAL)
-            if waves
-            else variance
+            _waves(workspace, variance) / max(seconds, MIN_LEVEL_INTERVAL) if waves else variance
         )
     if nis <= gate and workspace[MEASURED] == 0:
         _untie(P, workspace)

@@ -12,7 +12,7 @@ from ...core.loop.contract import (
     ATT,
     CORRECT,
     DECAYING,
-    MOST_STATES,
+    MAX_STATES,
     PREDICT,
     STATES,
     Belief,
@@ -44,7 +44,7 @@ from ...core.mathematics.error_state import (
     publish_rates,
     turn_half,
 )
-from ...core.mathematics.kalman import LEAST_NOISE
+from ...core.mathematics.kalman import MIN_NOISE
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import Three
 from ...typing import Array
@@ -53,17 +53,17 @@ SLOTS = Slots()
 BLOCK = SLOTS.array("BLOCK", BLOCKS)  # blocks of F
 JACOBIAN_F = SLOTS.matrix("JACOBIAN_F", STATES, STATES)  # 1/s
 # of the prediction, each (n, n): a term of the series in dt, and half of the next
-TERM = SLOTS.matrix("TERM", MOST_STATES, MOST_STATES)
-HALF = SLOTS.matrix("HALF", MOST_STATES, MOST_STATES)
+TERM = SLOTS.matrix("TERM", MAX_STATES, MAX_STATES)
+HALF = SLOTS.matrix("HALF", MAX_STATES, MAX_STATES)
 # of the correction, each (3, n): H, then (n, n): (I - K H) P
-JACOBIAN_H = SLOTS.matrix("JACOBIAN_H", 3, MOST_STATES)
-PRODUCT = SLOTS.matrix("PRODUCT", 3, MOST_STATES)  # H P
-GAIN = SLOTS.matrix("GAIN", 3, MOST_STATES)  # K'
-LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)
+JACOBIAN_H = SLOTS.matrix("JACOBIAN_H", 3, MAX_STATES)
+PRODUCT = SLOTS.matrix("PRODUCT", 3, MAX_STATES)  # H P
+GAIN = SLOTS.matrix("GAIN", 3, MAX_STATES)  # K'
+LEFT = SLOTS.matrix("LEFT", MAX_STATES, MAX_STATES)
 ROOT = SLOTS.matrix("ROOT", 3, 3)  # Cholesky factor of the covariance of the innovation
 USED = SLOTS.array("USED", 3)  # innovations of the measured rows
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of their noise
-DX = SLOTS.array("DX", MOST_STATES)  # the correction, n numbers
+DX = SLOTS.array("DX", MAX_STATES)  # the correction, n numbers
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 
 
@@ -188,7 +188,7 @@ def correct(
                 H[used, j] = where(missing, 0.0, H[i, j])
                 terms += H[used, j] * H[used, j] * P[j, j]
             e[used] = where(missing, 0.0, innovation[i])
-            variance[used] = where(missing, 1.0, max(sd[i] * sd[i], LEAST_NOISE * terms))
+            variance[used] = where(missing, 1.0, max(sd[i] * sd[i], MIN_NOISE * terms))
             measured = where(missing, measured, 1.0)
             used += 1
     for j in range(n):

@@ -18,7 +18,7 @@ import math
 
 from ...core.compile.jit import helper, inlined, matrix
 from ...core.compile.selection import any_of, where
-from ...core.loop.contract import MOST_STATES, Belief, Kind, Noise, Observe, Slots, SourceRow
+from ...core.loop.contract import MAX_STATES, Belief, Kind, Noise, Observe, Slots, SourceRow
 from ...core.mathematics.earth import displace, place
 from ...core.mathematics.elementary import arctangent, arctangent2, tangent
 from ...core.mathematics.embedded import NAVIGATION, navigation
@@ -52,7 +52,7 @@ GYRO_BOUND = OBSERVER.number("GYRO_BOUND")  # rad/s
 ACCEL_BOUND = OBSERVER.number("ACCEL_BOUND")  # m/s^2
 ADAPTATION = OBSERVER.number("ADAPTATION")  # 1/s
 MODE, FIELD = OBSERVER.numbers("MODE", "FIELD")  # of the course, of the field
-LEAST_SPEED = OBSERVER.number("LEAST_SPEED")  # of a course, m/s; 0: as its sd says
+MIN_SPEED = OBSERVER.number("MIN_SPEED")  # of a course, m/s; 0: as its sd says
 SLOW = OBSERVER.number("SLOW")  # s in a row of velocities without a course
 # s since the start without excitation, - inf once there was some
 UNEXCITED = OBSERVER.number("UNEXCITED")
@@ -70,7 +70,7 @@ EIGEN = OBSERVER.matrix("EIGEN", 4, 4)  # MOMENT as it is made diagonal
 MOTION = OBSERVER.part("MOTION", TRANSLATION)  # the translational motion observer
 LAW = OBSERVER.number("LAW")  # of the accelerometer bias
 ADAPTIVE = OBSERVER.part("ADAPTIVE", adaptive.ADAPTIVE)
-JACOBIAN = OBSERVER.matrix("JACOBIAN", 3, MOST_STATES)  # H of a fix, which is not used
+JACOBIAN = OBSERVER.matrix("JACOBIAN", 3, MAX_STATES)  # H of a fix, which is not used
 EMBEDDED = Slots()
 """What an observer inside another filter takes of its workspace."""
 STATE = EMBEDDED.part("STATE", NAVIGATION)
@@ -82,8 +82,8 @@ VECTOR, ACROSS = range(2)
 FIELDS = {"across": ACROSS, "vector": VECTOR}
 BY_XI, BY_NORM = range(2)
 LAWS = {"xi": BY_XI, "norm": BY_NORM}
-LONGEST_GAP = 1.0  # s: a direction not measured for longer counts as if it were for so long
-LARGEST_COURSE_SD = math.radians(5.0)
+MAX_GAP = 1.0  # s: a direction not measured for longer counts as if it were for so long
+MAX_COURSE_SD = math.radians(5.0)
 """Standard deviation of a course, that of the velocity across over the speed, beyond which it is
 none: as large as the angle between course and heading commonly is. A receiver at rest does not reach
 it: its velocity would have to be 11 of its own standard deviations."""
@@ -95,7 +95,7 @@ KNOWN_ENOUGH = 0.5  # of EXCITATION, in which 1 is a bias without error
 NOMINAL_GRAVITY = 9.81  # m/s^2, scale of MOMENT
 FADE_AT_START = math.exp(2.0)  # falls to 1 in twice its time constant
 OUTER = 1.1  # the biases never pass this times their bound
-LEAST_SINE = 0.1  # between specific force and field: below it the field tells no heading
+MIN_SINE = 0.1  # between specific force and field: below it the field tells no heading
 FREE_FALL_FORCE = 0.5  # m/s^2: a specific force below it has no direction
 
 
@@ -356,7 +356,7 @@ def take(
         workspace[ADAPTIVE][adaptive.COURSE][i] = 0.0
     if kind == Kind.HEADING:
         measured = (e[0] == e[0]) & wanted
-        since = min(workspace[SINCE_HEADING], LONGEST_GAP)
+        since = min(workspace[SINCE_HEADING], MAX_GAP)
         _towards_heading(bar, y[0], since, measured & free)
         workspace[SINCE_HEADING] = where(measured, 0.0, workspace[SINCE_HEADING])
         workspace[SLOW] = where(measured & free, 0.0, workspace[SLOW])
@@ -439,7 +439,7 @@ def _learn(bar: Belief, wanted: bool) -> None:
     """Biases and wind by xi and what the course has told, and the observer by what it answers."""
     workspace, own, ba, xi = bar.workspace, bar.workspace[ADAPTIVE], bar.ba, bar.workspace[XI]
     adaptive.begin(own, wanted & (workspace[FADE] < 1) & (own[adaptive.BEGUN] == 0))
-    noise, T = own[adaptive.XI_NOISE], min(own[adaptive.SINCE], LONGEST_GAP)
+    noise, T = own[adaptive.XI_NOISE], min(own[adaptive.SINCE], MAX_GAP)
     weight = (1 - min(workspace[FADE], 1.0)) * T / (noise * noise)
     adaptive.see_force(own, xi, where(wanted, weight, 0.0))
     adaptive.forget(own, wanted)
@@ -493,8 +493,8 @@ def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> 
     wanted = wanted & (not told) & (speed == speed)
     if mode == NONE or not any_of(wanted):
         return
-    slow = too_slow(speed, sd, float(workspace[LEAST_SPEED]))
-    held = where(wanted & slow, min(workspace[MOTION][VELOCITY_AGE][0], LONGEST_GAP), 0.0)
+    slow = too_slow(speed, sd, float(workspace[MIN_SPEED]))
+    held = where(wanted & slow, min(workspace[MOTION][VELOCITY_AGE][0], MAX_GAP), 0.0)
     fast = wanted & (not slow)
     workspace[HELD] += held
     workspace[SLOW] = where(fast, 0.0, workspace[SLOW] + held)
@@ -505,7 +505,7 @@ def _course(bar: Belief, north: float, east: float, sd: float, wanted: bool) -> 
     workspace[COURSE_SD] = where(fast, own_sd, workspace[COURSE_SD])
     workspace[COURSE] = where(fast, course, workspace[COURSE])
     workspace[SINCE_COURSE] = where(fast, 0.0, since)
-    seconds = min(since, LONGEST_GAP)
+    seconds = min(since, MAX_GAP)
     by_wind = 1 / where(fast, speed, 1.0)
     if by_xi:
         own, slip = workspace[ADAPTIVE], workspace[ADAPTIVE][adaptive.SLIP]
@@ -531,7 +531,7 @@ def too_slow(speed: float, sd: float, least: float) -> bool:
     large."""
     if least > 0:
         return speed < least
-    return not speed * LARGEST_COURSE_SD >= sd
+    return not speed * MAX_COURSE_SD >= sd
 
 
 @inlined
@@ -576,9 +576,7 @@ def _towards_field(bar: Belief, y: Array, source: SourceRow, wanted: bool) -> No
         h0 = f0 + C[0, 0] * xi[0] + C[1, 0] * xi[1] + C[2, 0] * xi[2]
         h1 = f1 + C[0, 1] * xi[0] + C[1, 1] * xi[1] + C[2, 1] * xi[2]
         h2 = f2 + C[0, 2] * xi[0] + C[1, 2] * xi[1] + C[2, 2] * xi[2]
-        large = (
-            LEAST_SINE * LEAST_SINE * (e0 * e0 + e1 * e1 + e2 * e2) * (h0 * h0 + h1 * h1 + h2 * h2)
-        )
+        large = MIN_SINE * MIN_SINE * (e0 * e0 + e1 * e1 + e2 * e2) * (h0 * h0 + h1 * h1 + h2 * h2)
         e0, e1, e2 = h1 * e2 - h2 * e1, h2 * e0 - h0 * e2, h0 * e1 - h1 * e0
         wanted = wanted & (e0 * e0 + e1 * e1 + e2 * e2 >= large)
         b0, b1, b2 = f1 * b2 - f2 * b1, f2 * b0 - f0 * b2, f0 * b1 - f1 * b0
@@ -593,7 +591,7 @@ def _towards_field(bar: Belief, y: Array, source: SourceRow, wanted: bool) -> No
         e0 / known,
         e1 / known,
         e2 / known,
-        min(workspace[SINCE_FIELD], LONGEST_GAP),
+        min(workspace[SINCE_FIELD], MAX_GAP),
         wanted,
     )
     workspace[SINCE_FIELD] = where(wanted, 0.0, workspace[SINCE_FIELD])

@@ -504,7 +504,7 @@ def _riccati(
         for T, kind in times:
             Phi, row = transition(T), int(kind == "velocity")
             P = Phi @ P @ Phi.T + driving(T, wander**2)
-            K = P[:, row] / (P[row, row] + max(sd[kind], translation_gains.LEAST_SD) ** 2)
+            K = P[:, row] / (P[row, row] + max(sd[kind], translation_gains.MIN_SD) ** 2)
             P = P - np.outer(K, P[row])
             gains.append(K)
         if np.abs(np.concatenate(gains) - before).max() < 1e-13:
@@ -563,7 +563,7 @@ def attitude_loop(o: dict[str, Any], jumps: list[Jump], end: str) -> tuple[float
     A[3, 2], A[3, 3], A[3, 4] = k1 / g, -k1, 1.0
     A[4, 2], A[4, 3] = ki * k1 / g, -ki * k1
     keep = 5 if ki else 4
-    T = min(seconds, equations.LONGEST_GAP)
+    T = min(seconds, equations.MAX_GAP)
     left = math.exp(-k2 * T)
     heading = np.array([[left, left * T], [-ki * (1 - left), 1 - ki * (1 - left) * T]])[
         : keep - 3, : keep - 3

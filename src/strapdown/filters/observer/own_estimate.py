@@ -16,16 +16,16 @@ from ...core.mathematics.elementary import arctangent2, sine_cosine
 from ...core.mathematics.error_state import turn_half
 from ...core.mathematics.rotation import wrap
 from ...typing import Array
-from .equations import LARGEST_COURSE_SD, SINCE_COURSE, SINCE_FIELD, SINCE_HEADING, TRUSTED
+from .equations import MAX_COURSE_SD, SINCE_COURSE, SINCE_FIELD, SINCE_HEADING, TRUSTED
 
 OWN = Slots()
 TURN = OWN.number("TURN")  # rad, estimated heading less that of the model
 DOUBT = OWN.number("DOUBT")  # forgetting mean of the NIS by rows
-CERTAIN = 0.5 * LARGEST_COURSE_SD
+CERTAIN = 0.5 * MAX_COURSE_SD
 """Standard deviation of the heading, rad, below which the model is taken at it."""
 SHARE = 0.05
 """Of a fix in DOUBT."""
-LARGEST_NIS = 10.0
+MAX_NIS = 10.0
 """By rows, that counts in DOUBT: one outlier is no reason for it."""
 LOST = 2.0
 """DOUBT, 1 for a filter that is right, beyond which the fixes speak against the estimate."""

@@ -29,8 +29,8 @@ VELOCITY_GAINS = TRANSLATION.array("VELOCITY_GAINS", 3)
 P = TRANSLATION.array("P", 18)  # three axes of 6 numbers: pp, pv, pf, vv, vf, ff
 RICCATI, BY_POLES, GIVEN = range(3)
 DESIGNS = {"riccati": RICCATI, "poles": BY_POLES, "given": GIVEN}
-SHORTEST_FIX_INTERVAL = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
-LEAST_SD = 1e-4  # m, m/s
+MIN_FIX_INTERVAL = 1e-6  # s: of two fixes of an axis at one time the second finds it no older
+MIN_SD = 1e-4  # m, m/s
 
 
 @helper
@@ -53,7 +53,7 @@ def pulled(
     design = int(own[DESIGN])
     if design == RICCATI:
         A = own[P][6 * axis : 6 * axis + 6]
-        _by_riccati(own, A, axis, velocity, max(sd, LEAST_SD), accel, wander, K, measured)
+        _by_riccati(own, A, axis, velocity, max(sd, MIN_SD), accel, wander, K, measured)
     elif design == BY_POLES:
         _by_poles(own, axis, velocity, K, measured)
     else:
@@ -124,7 +124,7 @@ def _by_poles(own: Array, axis: int, velocity: bool, K: Array, measured: bool) -
     has all three.
     """
     ages, pair = own[VELOCITY_AGE.start if velocity else AGE.start :], own[PAIR]
-    fresh = measured & (ages[axis] >= SHORTEST_FIX_INTERVAL)
+    fresh = measured & (ages[axis] >= MIN_FIX_INTERVAL)
     T = where(fresh, ages[axis], 1.0)
     ages[axis] = where(measured, 0.0, ages[axis])
     if not any_of(fresh):

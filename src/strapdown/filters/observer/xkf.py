@@ -58,8 +58,8 @@ from .equations import BLOCK, CONDITION, EMBEDDED, OBSERVER, advance, embedded, 
 from .gains import configure, implant, takes_options
 from .own_estimate import (
     DOUBT,
-    LARGEST_NIS,
     LOST,
+    MAX_NIS,
     OWN,
     SHARE,
     TURN,
@@ -318,7 +318,7 @@ def correct_around(
 def wonder(workspace: Array, nis: float, n: int) -> None:
     """The doubt about an estimate of n states after a fix of that NIS."""
     doubt, rows = workspace[MINE][DOUBT], workspace[WORK.start + used_rows(n)]
-    by_rows = min(nis / max(rows, 1.0), LARGEST_NIS)
+    by_rows = min(nis / max(rows, 1.0), MAX_NIS)
     workspace[MINE][DOUBT] = where(nis == nis, doubt + SHARE * (by_rows - doubt), doubt)
 
 

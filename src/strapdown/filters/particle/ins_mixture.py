@@ -11,11 +11,11 @@ from typing import NamedTuple
 from ...core.compile.jit import flatten, helper, inlined, lanes_of, matrix, sides
 from ...core.compile.selection import any_of, where
 from ...core.compile.signatures import LANES
-from ...core.loop.contract import MOST_STATES, STATES, Belief, Kind, Observe, Slots, SourceRow
+from ...core.loop.contract import MAX_STATES, STATES, Belief, Kind, Observe, Slots, SourceRow
 from ...core.mathematics.earth import place
 from ...core.mathematics.embedded import NAVIGATION, copy_motion, navigation
 from ...core.mathematics.error_state import DX, ERROR_STATE, JACOBIAN, inject_all, observed
-from ...core.mathematics.kalman import LEAST_NOISE
+from ...core.mathematics.kalman import MIN_NOISE
 from ...core.mathematics.rotation import rotation_between, wrap
 from ...core.mathematics.threefry import STREAM
 from ...typing import Array
@@ -28,23 +28,23 @@ RESAMPLINGS = SLOTS.output("resamplings")
 REPAIRS = SLOTS.output("repairs")
 DEGENERATE = SLOTS.output("degenerate")
 # how many components there are, h, and below how many effective ones they are drawn anew
-COUNT, KERNEL, LEAST = SLOTS.numbers("COUNT", "KERNEL", "LEAST")
+COUNT, KERNEL, RESAMPLE_AT = SLOTS.numbers("COUNT", "KERNEL", "RESAMPLE_AT")
 RANDOM = SLOTS.array("RANDOM", STREAM)  # see core/mathematics/threefry.py
 # of a fix: covariance of the innovation (3 x 3), its mean, variances without correlations
 FORESEEN = SLOTS.array("FORESEEN", 15)
-LEFT = SLOTS.matrix("LEFT", MOST_STATES, MOST_STATES)  # (n, n) covariance as the last call left it
-SUMS = SLOTS.array("SUMS", moments_size(MOST_STATES))  # see there
-MEAN = SLOTS.array("MEAN", MOST_STATES)  # n numbers
-PHI = SLOTS.matrix("PHI", MOST_STATES, MOST_STATES)  # (n, n)
-DRAWING = SLOTS.array("DRAWING", resample_size(MOST_STATES))  # see there
+LEFT = SLOTS.matrix("LEFT", MAX_STATES, MAX_STATES)  # (n, n) covariance as the last call left it
+SUMS = SLOTS.array("SUMS", moments_size(MAX_STATES))  # see there
+MEAN = SLOTS.array("MEAN", MAX_STATES)  # n numbers
+PHI = SLOTS.matrix("PHI", MAX_STATES, MAX_STATES)  # (n, n)
+DRAWING = SLOTS.array("DRAWING", resample_size(MAX_STATES))  # see there
 ONE = SLOTS.part("ONE", NAVIGATION)  # a component that is observed, its extra states and P
-ONE_EXTRA = SLOTS.array("ONE_EXTRA", MOST_STATES - STATES)
-ONE_P = SLOTS.matrix("ONE_P", MOST_STATES, MOST_STATES)
+ONE_EXTRA = SLOTS.array("ONE_EXTRA", MAX_STATES - STATES)
+ONE_P = SLOTS.matrix("ONE_P", MAX_STATES, MAX_STATES)
 OF_GROUP = ERROR_STATE.size
 SHARED = SLOTS.array("SHARED", LANES * OF_GROUP)
 """The slots of the error state side by side, which groups of eight components take turns with."""
 FORESEEN_LANES = SLOTS.array("FORESEEN_LANES", LANES * 15)
-SUMS_LANES = SLOTS.array("SUMS_LANES", LANES * moments_size(MOST_STATES))
+SUMS_LANES = SLOTS.array("SUMS_LANES", LANES * moments_size(MAX_STATES))
 COMPONENTS = SLOTS.rest("COMPONENTS")  # what `places` says
 
 
@@ -423,7 +423,7 @@ def _surprise(s: Array, total: float, sd: Array, innovation: Array) -> float:
                 s[3 * i + r] = value / s[3 * r + r]
                 e -= s[3 * i + r] * s[12 + r]
             else:
-                value += max(sd[i] * sd[i], LEAST_NOISE * s[12 + i] / total)
+                value += max(sd[i] * sd[i], MIN_NOISE * s[12 + i] / total)
                 if not value > 0:
                     return math.inf
                 s[3 * i + i] = math.sqrt(value)

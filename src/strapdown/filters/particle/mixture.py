@@ -19,7 +19,7 @@ from ...core.compile.jit import helper, inlined, matrix
 from ...core.mathematics.threefry import new_stream, normal_rows, normals, uniform
 from ...typing import Array
 
-MOST_COMPONENTS = 100000
+MAX_COMPONENTS = 100000
 """Components of a mixture at most; 500 with 15 states take a megabyte."""
 NOTHING = 1e-13  # of a variance: a pivot below it is none
 # in steps of it the deviations of too few components shrink, until they fit into the covariance
@@ -381,10 +381,10 @@ def begin(P: Array, components: float, kernel: float, seed: float) -> tuple[Arra
     One component has P itself; with N <= n, which cannot span P, Phi is at least kernel^2 P. Raises
     ValueError for bad options.
     """
-    if not (1 <= components <= MOST_COMPONENTS and components == int(components)):
+    if not (1 <= components <= MAX_COMPONENTS and components == int(components)):
         raise ValueError(
             f"components is {components}; it must be a whole number, at least 1 and at most "
-            f"{MOST_COMPONENTS}"
+            f"{MAX_COMPONENTS}"
         )
     check_number(kernel, "kernel", above=0, most=1)
     N, n, stream = int(components), len(P), new_stream(seed)

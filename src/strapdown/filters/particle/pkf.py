@@ -55,10 +55,10 @@ from .ins_mixture import (
     DEGENERATE,
     EFFECTIVE,
     KERNEL,
-    LEAST,
     LEFT,
     RANDOM,
     REPAIRS,
+    RESAMPLE_AT,
     RESAMPLINGS,
     SHARED,
     SLOTS,
@@ -88,7 +88,7 @@ from .mixture import (
     update_weights,
 )
 
-LARGEST_NIS = 1e300  # of a NIS that is used: beyond it nothing is finite
+MAX_NIS = 1e300  # of a NIS that is used: beyond it nothing is finite
 
 
 def start(
@@ -115,7 +115,7 @@ def start(
     logs, _, _, first, end, groups = places(n, N)
     workspace = allocate(SLOTS, rest=end)
     workspace[EFFECTIVE] = workspace[COUNT] = N
-    workspace[KERNEL], workspace[LEAST], workspace[RANDOM] = kernel, resample * N, random
+    workspace[KERNEL], workspace[RESAMPLE_AT], workspace[RANDOM] = kernel, resample * N, random
     workspace[LEFT : LEFT + n * n] = belief.P.ravel()
     for slot in MODEL, HEIGHT:
         workspace[SHARED][LANES * slot : LANES * slot + LANES] = workspace[slot]
@@ -228,7 +228,7 @@ def correct(
     workspace[DEGENERATE] += _correct_each(m, sd, innovation)
     workspace[EFFECTIVE] = effective(m.weights)
     recentre(belief, m)
-    if workspace[EFFECTIVE] < workspace[LEAST]:
+    if workspace[EFFECTIVE] < workspace[RESAMPLE_AT]:
         _draw_anew(belief, m)
     return nis
 
@@ -288,8 +288,8 @@ def _correct_each(m: Mixture, sd: Array, innovation: Array) -> int:
                 of = group(m, g, side)
                 own, log = of.own, lanes_of(m.logs, LANES * g, 1, side)
                 work, dx = own.workspace[WORK], own.workspace[DX]
-                nis = update(own.P, of.H, of.seen, sd, 3, LARGEST_NIS, work, dx)
-                if any_of(nis <= LARGEST_NIS):  # of the others the correction is nothing
+                nis = update(own.P, of.H, of.seen, sd, 3, MAX_NIS, work, dx)
+                if any_of(nis <= MAX_NIS):  # of the others the correction is nothing
                     inject_and_reset(own, dx)
                 likelihood = -0.5 * nis
                 for i in range(rows):

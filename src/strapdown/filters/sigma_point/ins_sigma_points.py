@@ -4,7 +4,7 @@ sources, through filters/sigma_point/sigma_points.py.
 A sigma point is the belief with an error composed into it, as a correction is: metres, a rotation
 vector from the left, sums. The errors of the propagated points are taken back the same way, about
 the propagated belief. The square root is kept in workspace and factored anew where the loop changed
-P. Points that would turn further than LARGEST_TURN are drawn in.
+P. Points that would turn further than MAX_TURN are drawn in.
 """
 
 import math
@@ -15,7 +15,7 @@ from ...core.compile.signatures import LANES
 from ...core.loop.contract import (
     ATT,
     CORRECT,
-    MOST_STATES,
+    MAX_STATES,
     PREDICT,
     STATES,
     Belief,
@@ -39,7 +39,7 @@ from ...core.mathematics.error_state import (
     publish_rates,
     turn_half,
 )
-from ...core.mathematics.kalman import LEAST_NOISE, decay
+from ...core.mathematics.kalman import MIN_NOISE, decay
 from ...core.mathematics.mechanization import mechanize
 from ...core.mathematics.rotation import Three, nearest_turn, rotation_between, wrap
 from ...typing import Array
@@ -55,8 +55,8 @@ def width(n: int) -> int:
 NOISES = 12
 """Components of the process noise: white noise of gyros and accelerometers, driving noise of
 their biases."""
-MOST_LANES = width(MOST_STATES)
-MOST_ROWS = 2 * (STATES + 6) + 2 + NOISES + MOST_STATES - STATES
+MAX_LANES = width(MAX_STATES)
+MAX_ROWS = 2 * (STATES + 6) + 2 + NOISES + MAX_STATES - STATES
 """Of the table of propagated errors: pairs of points, their centre, noise and other states, and
 one of workspace."""
 SLOTS = Slots()
@@ -65,7 +65,7 @@ REPAIRED = SLOTS.output("repairs")  # so far
 STEP_SPREAD, STEP_REST, SPREAD, REST = SLOTS.numbers("STEP_SPREAD", "STEP_REST", "SPREAD", "REST")
 AUGMENTED = SLOTS.number("AUGMENTED")  # 1 or 0: white noise has points of its own
 POINT = SLOTS.part("POINT", NAVIGATION)  # a sigma point, and its augmented states
-POINT_EXTRA = SLOTS.array("POINT_EXTRA", MOST_STATES - STATES)
+POINT_EXTRA = SLOTS.array("POINT_EXTRA", MAX_STATES - STATES)
 CENTRE = SLOTS.part("CENTRE", NAVIGATION)  # the propagated belief
 ERRORS = (
     STATES + 6
@@ -75,14 +75,14 @@ EIGHT = SLOTS.array("EIGHT", LANES * EIGHT_NUMBERS)  # eight points side by side
 FORCE = SLOTS.array("FORCE", 3)  # specific-force velocity increment in n, m/s
 VARIANCE = SLOTS.array("VARIANCE", 3)  # of the noise of a fix
 # the square root, n + 1 rows
-ROOT = SLOTS.array("ROOT", MOST_LANES * (MOST_STATES + 1))
-LEFT = SLOTS.array("LEFT", MOST_STATES * MOST_STATES)  # P as it was left: a change is noticed by it
-ERROR = SLOTS.array("ERROR", MOST_LANES)  # of a point; of the mean
-JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MOST_STATES)  # H of a fix
-SEEN = SLOTS.matrix("SEEN", 2 * MOST_STATES + 1, 3)  # innovations at the points
-WORK = SLOTS.array("WORK", 3 * (MOST_STATES + 8))  # of `corrected` and `downdate`
-TABLE = SLOTS.array("TABLE", MOST_ROWS * MOST_LANES)  # of propagated errors
-LARGEST_TURN = 0.5 * math.pi
+ROOT = SLOTS.array("ROOT", MAX_LANES * (MAX_STATES + 1))
+LEFT = SLOTS.array("LEFT", MAX_STATES * MAX_STATES)  # P as it was left: a change is noticed by it
+ERROR = SLOTS.array("ERROR", MAX_LANES)  # of a point; of the mean
+JACOBIAN = SLOTS.matrix("JACOBIAN", 3, MAX_STATES)  # H of a fix
+SEEN = SLOTS.matrix("SEEN", 2 * MAX_STATES + 1, 3)  # innovations at the points
+WORK = SLOTS.array("WORK", 3 * (MAX_STATES + 8))  # of `corrected` and `downdate`
+TABLE = SLOTS.array("TABLE", MAX_ROWS * MAX_LANES)  # of propagated errors
+MAX_TURN = 0.5 * math.pi
 """How far a point may turn, rad: beyond a quarter of a turn a larger error has less effect, as
 that of its sine, and beyond half a turn the opposite."""
 
@@ -126,7 +126,7 @@ def _refreshed(belief: Belief, n: int, lanes: int) -> None:
 
 @helper
 def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple[float, float]:
-    """(spread, rest) of a set so close that no point turns by more than LARGEST_TURN; `rest` is
+    """(spread, rest) of a set so close that no point turns by more than MAX_TURN; `rest` is
     that of the set with its alpha smaller (exactly so for kappa = 0)."""
     most, root = 0.0, workspace[ROOT]
     for i in range(9):
@@ -137,9 +137,9 @@ def _drawn_in(workspace: Array, lanes: int, spread: float, rest: float) -> tuple
             + root[row + 7] * root[row + 7]
             + root[row + 8] * root[row + 8],
         )
-    if not spread * spread * most > LARGEST_TURN * LARGEST_TURN:
+    if not spread * spread * most > MAX_TURN * MAX_TURN:
         return spread, rest
-    nearer = LARGEST_TURN / math.sqrt(most)
+    nearer = MAX_TURN / math.sqrt(most)
     return nearer, rest * (spread / nearer) ** 4
 
 
@@ -399,7 +399,7 @@ def correct(
         terms = 0.0
         for j in range(n):
             terms += H[a, j] * H[a, j] * belief.P[j, j]
-        E[0, a], variance[a] = innovation[a], max(sd[a] * sd[a], LEAST_NOISE * terms)
+        E[0, a], variance[a] = innovation[a], max(sd[a] * sd[a], MIN_NOISE * terms)
     for k in range(2 * n):
         j, scale = (k, spread) if k < n else (k - n, -spread)
         for lane in range(lanes):

@@ -32,10 +32,10 @@ from .model import (
     HELD,
     INNOVATION,
     KNOWN,
-    LARGEST_BANK,
-    LEAST_COSINE,
-    LEAST_SPEED,
-    LONGEST_WITHOUT_VELOCITY,
+    MAX_BANK,
+    MAX_WITHOUT_VELOCITY,
+    MIN_COSINE,
+    MIN_SPEED,
     RAW,
     SECONDS,
     SINCE_HEADING,
@@ -50,7 +50,7 @@ from .model import (
 FAR_SCALAR, FAR_VECTOR = 10.828, 16.266
 """NIS of a course and of a gravity vector beyond which their variance is multiplied by how far
 they are beyond."""
-MANY_FAR, MOST_GROWTH = 5, 9.0
+MANY_FAR, MAX_GROWTH = 5, 9.0
 """So many beyond in a row let P of stage 1 grow instead, by so much at most: the rule of the
 loop."""
 
@@ -109,7 +109,7 @@ def level_alone(belief: Belief, bar: Belief, noise: Noise) -> int:
     differs from gravity in size, counts as noise.
     """
     workspace, P, w, T = belief.workspace, belief.P, bar.omega, belief.workspace[SECONDS]
-    if workspace[SINCE_VELOCITY] < LONGEST_WITHOUT_VELOCITY or T < workspace[WINDOW]:
+    if workspace[SINCE_VELOCITY] < MAX_WITHOUT_VELOCITY or T < workspace[WINDOW]:
         return 0
     f, a = workspace[FORCE], workspace[CENTRIFUGAL]
     swing = (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (P[3, 3] + P[4, 4] + P[5, 5])
@@ -207,8 +207,8 @@ def course(belief: Belief, bar: Belief, v0: float, v1: float, sd: float, since: 
     speed, bank = math.hypot(v0, v1), math.atan2(C[2, 1], C[2, 2])
     if workspace[COURSE] == 0 or workspace[SINCE_HEADING] < TRUSTED:
         return 0
-    if too_slow(speed, sd, workspace[LEAST_SPEED]) or abs(bank) > workspace[LARGEST_BANK]:
-        held = min(since, LONGEST_WITHOUT_VELOCITY)
+    if too_slow(speed, sd, workspace[MIN_SPEED]) or abs(bank) > workspace[MAX_BANK]:
+        held = min(since, MAX_WITHOUT_VELOCITY)
         workspace[HELD] += held
         workspace[SLOW] += held
         workspace[CONDITION] = 1.0 if workspace[SLOW] >= LONG_HELD else 0.0
@@ -219,7 +219,7 @@ def course(belief: Belief, bar: Belief, v0: float, v1: float, sd: float, since: 
         workspace[INNOVATION],
         workspace[DEVIATION],
     )
-    horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], LEAST_COSINE * LEAST_COSINE)
+    horizontal = max(C[0, 0] * C[0, 0] + C[1, 0] * C[1, 0], MIN_COSINE * MIN_COSINE)
     for j in range(n):
         H[0, j] = 0.0
     H[0, 6], H[0, 7], H[0, 8] = (
@@ -262,7 +262,7 @@ def correct_rows(
         own, excess = False, nis / bound
         workspace[far] = workspace[far] + 1 if excess > 1 else 0.0
         if workspace[far] >= MANY_FAR:
-            _grow(P, min(excess, MOST_GROWTH))
+            _grow(P, min(excess, MAX_GROWTH))
         elif excess > 1:
             for i in range(rows):
                 sd[i] *= math.sqrt(excess)

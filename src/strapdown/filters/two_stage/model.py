@@ -44,10 +44,10 @@ KNOWN = TWO_STAGE.number("KNOWN")
 SINCE_VELOCITY, SINCE_HEADING = TWO_STAGE.numbers("SINCE_VELOCITY", "SINCE_HEADING")
 # options as numbers: whether only the downward component of v_b is measured, whether the course is
 DOWN, COURSE = TWO_STAGE.numbers("DOWN", "COURSE")
-LEAST_SPEED = TWO_STAGE.number("LEAST_SPEED")  # of a course, m/s; 0: as its sd says
+MIN_SPEED = TWO_STAGE.number("MIN_SPEED")  # of a course, m/s; 0: as its sd says
 SLOW = TWO_STAGE.number("SLOW")  # s in a row of velocities without a course
 CONDITION = TWO_STAGE.number("CONDITION")  # 1: SLOW for long
-LARGEST_BANK = TWO_STAGE.number("LARGEST_BANK")  # rad
+MAX_BANK = TWO_STAGE.number("MAX_BANK")  # rad
 CRAB = TWO_STAGE.number("CRAB")  # its sd, rad
 CORRELATION = TWO_STAGE.number("CORRELATION")  # s for which it and attitude errors are alike
 WINDOW = TWO_STAGE.number("WINDOW")  # s
@@ -66,11 +66,11 @@ MOVED = TWO_STAGE.array("MOVED", 3)  # change of v, see `doubt`
 FAR_VECTORS, FAR_COURSES = TWO_STAGE.numbers("FAR_VECTORS", "FAR_COURSES")
 BEYOND = TWO_STAGE.output(BEYOND_COLUMN)  # with the pitch there
 HELD = TWO_STAGE.output(HELD_COLUMN)  # with velocity fixes but without a course
-LEAST_COSINE = math.cos(math.radians(85.0))
+MIN_COSINE = math.cos(math.radians(85.0))
 """Of the pitch, in Jacobians: beyond 85 deg roll and heading are not separate."""
 TRUSTED = 5.0
 """s after a heading or magnetic field during which the course is left alone."""
-LONGEST_WITHOUT_VELOCITY = 3.0
+MAX_WITHOUT_VELOCITY = 3.0
 """s without a velocity fix after which the specific force is taken for gravity but for the
 anti-centrifugal acceleration."""
 
@@ -128,10 +128,10 @@ def set_options(belief: Belief, noise: Noise, options: StageOptions) -> None:
         ("acceleration", "m/s^2 sqrt(s)"),
     ):
         check_number(getattr(options, name), name, unit, least=0)
-    check_number(options.window, "window", "s", above=0, below=LONGEST_WITHOUT_VELOCITY)
+    check_number(options.window, "window", "s", above=0, below=MAX_WITHOUT_VELOCITY)
     check_number(options.largest_bank, "largest_bank", "deg", above=0, most=90)
     workspace = belief.workspace
-    workspace[DOWN], workspace[COURSE], workspace[LEAST_SPEED], workspace[LARGEST_BANK] = (
+    workspace[DOWN], workspace[COURSE], workspace[MIN_SPEED], workspace[MAX_BANK] = (
         options.velocity == "down",
         options.course == "gnss",
         options.least_speed,
@@ -145,7 +145,7 @@ def set_options(belief: Belief, noise: Noise, options: StageOptions) -> None:
     )
     workspace[TOLD], workspace[SINCE_VELOCITY], workspace[SINCE_HEADING], workspace[RAW] = (
         noise.accel,
-        LONGEST_WITHOUT_VELOCITY,
+        MAX_WITHOUT_VELOCITY,
         TRUSTED,
         options.level == "raw",
     )
@@ -174,7 +174,7 @@ def to_angles(
     """J^-1: changes of roll, pitch and heading (rad) by a small rotation (x, y, z) in n, to
     first order."""
     ch, sh = math.cos(heading), math.sin(heading)
-    forward = (ch * x + sh * y) / max(math.cos(pitch), LEAST_COSINE)
+    forward = (ch * x + sh * y) / max(math.cos(pitch), MIN_COSINE)
     return forward, ch * y - sh * x, z + math.sin(pitch) * forward
 
 
@@ -186,7 +186,7 @@ def from_angles(
     ch, sh, forward = (
         math.cos(heading),
         math.sin(heading),
-        max(math.cos(pitch), LEAST_COSINE) * roll_change,
+        max(math.cos(pitch), MIN_COSINE) * roll_change,
     )
     return (
         ch * forward - sh * pitch_change,
@@ -214,7 +214,7 @@ def propagate(
             P[9 + i, 9 + j] *= keep * keep
         P[9 + i, 9 + i] += noise.accel_bias * noise.accel_bias * dt
     # without velocities nothing tells that the known attitude, that of `bar`, is not the estimate's
-    told, own = workspace[SINCE_VELOCITY] < LONGEST_WITHOUT_VELOCITY, workspace[OWN_ATTITUDE]
+    told, own = workspace[SINCE_VELOCITY] < MAX_WITHOUT_VELOCITY, workspace[OWN_ATTITUDE]
     x, known = workspace[ERROR], 0.0 if told or own > 0 else 1.0
     d = (known * x[6], known * x[7], known * x[8])
     _tilted(P, d, f0, f1, f2, 2 * workspace[CORRELATION] / dt)

@@ -50,9 +50,9 @@ class Loads:
 
 
 LOADS = row_of(Loads)
-LONGEST_RK4_STEP = 0.01
+MAX_RK4_STEP = 0.01
 """s; a longer step is integrated in pieces."""
-LONGEST_HELD = 1.0
+MAX_HELD = 1.0
 """s; commands and wind that are held for longer are none of a flight."""
 
 
@@ -260,10 +260,10 @@ def step(
     `increments` (6,) gets the integrals of omega_ib_b and f_ib_b.
 
     Wind is steady velocity NED (m/s), gust velocity (m/s) and gust rates (rad/s) in body axes. RK4
-    in pieces of at most LONGEST_RK4_STEP; the actuators, which are linear but for their rate limit,
+    in pieces of at most MAX_RK4_STEP; the actuators, which are linear but for their rate limit,
     are exact. Longitude stays in [-pi, pi], the quaternion's scalar part at 0 or above.
     """
-    pieces = max(1, int(math.ceil(dt / LONGEST_RK4_STEP - 1e-9)))
+    pieces = max(1, int(math.ceil(dt / MAX_RK4_STEP - 1e-9)))
     h = dt / pieces
     x: tuple[float, ...] = (
         state[0],
@@ -387,7 +387,7 @@ def respond(
     STATE_SIZE) and the Imu of an ideal IMU.
 
     `aircraft` is an Aircraft or its name; wind: none, (9,) or (n, 9), as for `step`; dt: at most
-    LONGEST_HELD. The flat Earth touches WGS-84 where the flight begins. Raises DataError, also
+    MAX_HELD. The flat Earth touches WGS-84 where the flight begins. Raises DataError, also
     where the motion does not stay finite.
     """
     aircraft, commands, state = (
@@ -395,7 +395,7 @@ def respond(
         checked_array(commands, (None, 4), "respond: commands"),
         checked_state(state, "respond"),
     )
-    check_number(dt, "respond: dt", "s", above=0, most=LONGEST_HELD)
+    check_number(dt, "respond: dt", "s", above=0, most=MAX_HELD)
     parameters, n = aircraft.parameters(earth, state[:3]), len(commands)
     winds = _winds(wind, n)
     states, increments = np.empty((n + 1, STATE_SIZE)), np.empty((n, 6))

@@ -59,7 +59,7 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     clock = find_clock(columns, is_imu)
     if clock is None:
         no_time = (
-            f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MOST_NAMES])}: "
+            f"no column is named like a time, nor reads like one, among {', '.join(columns.names[:MAX_NAMES])}: "
             f"rename it to time, or name it in `time` of a recording.toml"
         )
         return Log({"": table}, (), tuple(facts), asked=(no_time,))
@@ -91,7 +91,7 @@ def _of_table(table: FileTable, name: str | None) -> Log:
     return Log({"": table}, tuple(sections), tuple(facts), left, tuple(asked))
 
 
-MOST_NAMES = 40
+MAX_NAMES = 40
 """Columns that a line lists at most."""
 
 
@@ -100,9 +100,9 @@ def _not_taken(columns: ColumnNames, label: str) -> tuple[str, ...]:
     names = [name for name in columns.names if columns.table.frame[name].notna().any()]
     if not names:
         return ()
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
     of = f" of {label}" if label else ""
-    text = f"columns{of} not recognised or not needed: {', '.join(names[:MOST_NAMES])}{more}"
+    text = f"columns{of} not recognised or not needed: {', '.join(names[:MAX_NAMES])}{more}"
     if {"vx", "vy", "vz"} <= {plain(name) for name in names}:
         text += "; nothing tells the axes of vx, vy, vz: rename them vn, ve, vd or ve, vn, vu"
     return (text,)
@@ -134,7 +134,7 @@ def _told(section: Section, clock_assumed: str, table: str | None) -> Section:
     return section._replace(keys=keys, assumed=assumed)
 
 
-MOST_KINDS = 20
+MAX_KINDS = 20
 """Texts in a column at most that are kinds of rows."""
 MADE = "with degrees"
 """Name of the table of a file of one, with columns that are made of its own."""
@@ -152,7 +152,7 @@ def _without_header(table: FileTable) -> Log:
     asked = "the table has no header line: name its columns by number in a recording.toml, the first is 1"
     for name, each in values:
         texts: list[str] = list(table.frame[name].dropna().unique()) if np.isnan(each).all() else []
-        if 1 < len(texts) <= MOST_KINDS:
+        if 1 < len(texts) <= MAX_KINDS:
             asked = (
                 f"column {name} holds {', '.join(map(repr, texts))}: each row is of another kind; "
                 f"write a file of each kind, as with grep, and a header line into it"

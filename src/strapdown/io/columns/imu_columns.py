@@ -10,7 +10,7 @@ from ...checks import DataError
 from ...preprocessing.axes import BODY_AXES, axes_matrix
 from ...preprocessing.imu_samples import increments
 from ...preprocessing.plausible import (
-    LEAST_MEDIAN_FORCE,
+    MIN_MEDIAN_FORCE,
     NO_GRAVITY,
     UNFELT,
     is_temperature,
@@ -120,7 +120,7 @@ def _accel_part(force: Force) -> Part:
         {"axes": axes + GUESS, "accel": accel},
         {"axes": why_axes} | ({"accel": force.why} if force.why else {}),
         [f"accel: {names} in {force.unit}{times}; axes {axes} ({why_axes})"],
-        asked if size < LEAST_MEDIAN_FORCE else [],
+        asked if size < MIN_MEDIAN_FORCE else [],
     )
 
 
@@ -201,7 +201,7 @@ def _accel_unit(columns: ColumnNames, name: str, raw: Array) -> tuple[str, float
     for unit, gravity in (("m/s^2", G), ("g", 1.0), ("mg", 1000.0)):
         if 0.6 < magnitude / gravity < 1.7:
             return unit, 1.0, f"median magnitude is {magnitude:.4g}"
-    if magnitude < LEAST_MEDIAN_FORCE:
+    if magnitude < MIN_MEDIAN_FORCE:
         return "m/s^2", 1.0, f"median magnitude is {magnitude:.4g}"
     why = "counts? scale was set so that the median magnitude is gravity"
     return "m/s^2", G / magnitude, why

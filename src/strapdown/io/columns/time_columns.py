@@ -26,9 +26,9 @@ GPS_TIME = r"gps_?time"
 AFTER = r"([_ .,\[(].*)?"
 """What may stand behind a name."""
 UNIX_UNITS = ("s", "ms", "us", "ns")
-LONGEST = (float(DAY), 100.0)
+MAX_INTERVALS = (float(DAY), 100.0)
 """s between two fixes, and two samples of an IMU: a unit that gives more is another."""
-LEAST_UNIX = 0.95e9
+MIN_UNIX = 0.95e9
 """POSIX seconds of 2000; no clock of a device counts so far from its own start."""
 FORMATS = (
     "iso",
@@ -105,8 +105,8 @@ def _unix_unit(t: Array, units: Iterable[str], is_imu: bool) -> str | None:
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     for unit in units:
         size = UNITS["time"][unit]
-        longest = LONGEST[is_imu]
-        if len(known) and LEAST_UNIX <= known[0] * size < 3e9 and step * size < longest:
+        longest = MAX_INTERVALS[is_imu]
+        if len(known) and MIN_UNIX <= known[0] * size < 3e9 and step * size < longest:
             return unit
     return None
 
@@ -132,7 +132,7 @@ def _counted(columns: ColumnNames, name: str, is_imu: bool) -> ColumnClock:
         is_gps = bool(re.fullmatch(GPS_NAME, plain(name)))
         keys = {"column": name, "unit": absolute, "clock": "gps" if is_gps else "unix"}
         which = "GPS time since 1980" if is_gps else "POSIX time, UTC"
-        sure = "" if is_gps or seconds > LEAST_UNIX + GPS_ZERO else "or GPS time since 1980"
+        sure = "" if is_gps or seconds > MIN_UNIX + GPS_ZERO else "or GPS time since 1980"
         return ColumnClock(keys, f"time: {name!r} in {absolute}, {which}", sure)
     unit = named or _unit_by_interval(t, is_imu)
     why = "" if named or unit == "s" else "by the interval of its rows"

@@ -17,9 +17,9 @@ Follow = Callable[[NDArray[np.int64]], NDArray[np.int64]]
 """Where the record ends that begins at each of these places; -1 where none does."""
 IN_A_ROW = 4
 """Records that must follow each other for a place to be the beginning of one."""
-MOST_DAMAGES = 1000
+MAX_DAMAGES = 1000
 """Places at which a walk finds its way again; what follows the last is left out."""
-MOST_AT_ONCE = 1 << 18
+MAX_AT_ONCE = 1 << 18
 """Places that are looked at together: each takes some hundred bytes of arrays."""
 
 
@@ -46,7 +46,7 @@ def next_record(follow: Follow, begin: int, end: int) -> int:
             last = np.where(inside, follow(np.where(inside, last, begin)), last)
         if (last >= 0).any():
             return int(at[np.argmax(last >= 0)])
-        begin, size = begin + size, min(2 * size, MOST_AT_ONCE)
+        begin, size = begin + size, min(2 * size, MAX_AT_ONCE)
     return end
 
 
@@ -88,7 +88,7 @@ class Walked(ABC):
                 return
             self.damages += 1
             found = end
-            if self.damages <= MOST_DAMAGES:
+            if self.damages <= MAX_DAMAGES:
                 found = next_record(self._follow(end), begin + 1, end)
             self.unread += found - begin
             begin = found

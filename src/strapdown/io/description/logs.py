@@ -345,7 +345,7 @@ def read_logs(paths: Sequence[File], take: Take | None = None) -> Recording:
 
 # ---- fast enough
 
-LEAST_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
+MIN_RATES = {"rate": (20.0, 100.0), "increment": (10.0, 20.0)}
 """Hz by the kind of the samples below which a log is refused, and below which it is noted: between point
 samples motion and vibration are lost, which no filter gets back; increments hold all of the motion.
 docs/how-to/flight-controllers.md has what was measured."""
@@ -359,7 +359,7 @@ def slow(section: Section, tables: Mapping[str, FileTable]) -> tuple[str, bool] 
     if section.of != "imu":
         return None
     hz, kind = _rate(section, tables), section.keys.get("kind", "rate")
-    least, safe = LEAST_RATES.get(kind, (0.0, 0.0))
+    least, safe = MIN_RATES.get(kind, (0.0, 0.0))
     if hz >= safe * ROUNDED:
         return None
     samples = "increments" if kind == "increment" else "samples"

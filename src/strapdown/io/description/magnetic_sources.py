@@ -17,7 +17,7 @@ from ..magnetic_record import facts_and_reasons, vertical
 from .schema_aiding import AidingPart
 from .source_files import Files
 
-MOST_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
+MAX_STRENGTH_RATIO, EARTH_FIELD = 5.0, 48e-6
 """Factor of the Earth's field, by default EARTH_FIELD (T), beyond which a median strength is a
 mistaken unit."""
 
@@ -59,7 +59,7 @@ def with_field(
 
 
 def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
-    """Raises DataError where the median strength is beyond a factor MOST_STRENGTH_RATIO of `total`
+    """Raises DataError where the median strength is beyond a factor MAX_STRENGTH_RATIO of `total`
     (T), which a mistaken unit makes of it, not hard iron."""
     if len(aiding.t) < 10:
         return
@@ -68,7 +68,7 @@ def _refuse_strength(part: AidingPart, aiding: Aiding, total: float) -> None:
         float(np.nanmax(np.ptp(aiding.y, axis=0)) / 2),
     )
     # a turn changes the field by its strength, whatever the hard iron
-    if 1 / MOST_STRENGTH_RATIO <= median / total <= MOST_STRENGTH_RATIO or 0.5 < change / total < 2:
+    if 1 / MAX_STRENGTH_RATIO <= median / total <= MAX_STRENGTH_RATIO or 0.5 < change / total < 2:
         return
     known = UNITS["magnetic field"]
     likely = [

@@ -45,7 +45,7 @@ OF_LOGS = (
     "it out"
 )
 """Where keys are written that logs lack."""
-MOST_PER_SAMPLE = 10
+MAX_PER_SAMPLE = 10
 """Fixes of a constraint per sample of the IMU: more tell a filter nothing and fill the memory."""
 FAR_LEVEL = 10
 """Standard deviations between the level of a sea and the height of the place that are worth a
@@ -374,10 +374,10 @@ def _constraint_times(
     """(Times at the rate of a constraint, s, within samples of the IMU and, where its kind says
     so, at rest; notes). Raises DataError."""
     assert part.rate is not None  # the schema asks every constraint for one
-    start, most = float(imu.t[0] - imu.dt[0]), MOST_PER_SAMPLE / float(np.median(imu.dt))
+    start, most = float(imu.t[0] - imu.dt[0]), MAX_PER_SAMPLE / float(np.median(imu.dt))
     if part.rate > most * (1 + 1e-6):
         raise DataError(
-            f"{where} rate: {part.rate:g} Hz is more than {MOST_PER_SAMPLE} times that of the IMU; "
+            f"{where} rate: {part.rate:g} Hz is more than {MAX_PER_SAMPLE} times that of the IMU; "
             f"give {most:.4g} Hz or less"
         )
     t = start + np.arange(1, int((imu.t[-1] - start) * part.rate + 1e-9) + 1) / part.rate

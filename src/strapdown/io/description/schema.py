@@ -41,7 +41,7 @@ from .schema_base import (
     refuse,
 )
 
-MOST_SOURCES = 200
+MAX_SOURCES = 200
 """Sections [[aiding]]: each looks at all before it."""
 
 
@@ -285,7 +285,7 @@ class Description(KeyPart):
     place: PlaceKeys | None = None
     vehicle: Annotated[Any, AfterValidator(_vehicle)] = None
     imu: ImuPart
-    aiding: Annotated[list[AidingPart], Field(max_length=MOST_SOURCES)] = []
+    aiding: Annotated[list[AidingPart], Field(max_length=MAX_SOURCES)] = []
     reference: ReferencePart | None = None
 
     @property

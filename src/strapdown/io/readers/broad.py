@@ -47,7 +47,7 @@ MAG_DENSITY = 0.078e-6
 uT/sqrt(tau) from 0.1 to 1 s. From one row to the next it has 0.7 uT, less than the 1.3 uT that
 white noise of this density would have, because the magnetometer is slower than the gyro and 29 %
 of its rows repeat."""
-SHORTEST_REST = 2.0
+MIN_REST = 2.0
 """s: the shortest rest from which the reference field is taken."""
 BROAD_IMU = ImuSpec(
     "broad",
@@ -239,7 +239,7 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
         else np.array([False])
     )
     if not inside.any():
-        missing = f"no rest of {SHORTEST_REST:g} s with a magnetic field to take its reference from: magnetometer left out"
+        missing = f"no rest of {MIN_REST:g} s with a magnetic field to take its reference from: magnetometer left out"
         return recording.noting([missing])
     force = recording.imu.dv[rest].sum(axis=0)
     down = -force / np.linalg.norm(force)
@@ -253,12 +253,12 @@ def _with_field(recording: Recording, t: Array, field: Array, fs: float) -> Reco
 
 
 def first_rest(imu: Imu) -> slice | None:
-    """slice of the first rest of at least `SHORTEST_REST` s in an Imu, judged by itself; None where
+    """slice of the first rest of at least `MIN_REST` s in an Imu, judged by itself; None where
     there is none."""
     long = (
         slice(int(first), int(stop))
         for first, stop in stretches(at_rest(imu))
-        if imu.t[stop - 1] - imu.t[first] >= SHORTEST_REST
+        if imu.t[stop - 1] - imu.t[first] >= MIN_REST
     )
     return next(long, None)
 

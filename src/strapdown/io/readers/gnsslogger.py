@@ -29,7 +29,7 @@ from ..decoding.phones.phone import (
 from ..tables.table_file import FileTable, head_of, packed, read_bytes
 
 CLOCK = "elapsedRealtimeNanos"
-MOST_NS = 4e18
+MAX_NS = 4e18
 """ns that whole numbers can count from 1970, or a phone since it started."""
 UNIX = "POSIX ns"
 """Column that is added: the phone's clock, on UTC."""
@@ -203,7 +203,7 @@ def _on_utc(table: FileTable, zero: float) -> FileTable:
     frame, utc = table.frame, _matching(table, UTC)
     if CLOCK in frame.columns:
         clock = table.cells(CLOCK)
-        whole = clock.dtype.kind == "i" and np.all(np.abs(clock) < MOST_NS)
+        whole = clock.dtype.kind == "i" and np.all(np.abs(clock) < MAX_NS)
         unix = clock + round(zero * 1e9) if whole else table.numbers(CLOCK) + zero * 1e9
     elif utc:
         unix = table.numbers(utc) * 1e6

@@ -24,12 +24,12 @@ SQLITE, START = b"SQLite format 3\0", 1 << 16
 """How a database begins, and bytes of it in which its tables are named."""
 RECOVER = "sqlite3 FILE.db3 .recover | sqlite3 whole.db3"
 """What SQLite's own program does with a damaged database."""
-MOST_TOPICS = 10_000
+MAX_TOPICS = 10_000
 AT_ONCE = 5000
 """Messages."""
 ZSTD = b"\x28\xb5\x2f\xfd"
 """How a frame of zstd begins; of a bag whose messages are packed each for itself."""
-MOST_UNPACKED = 1 << 16
+MAX_UNPACKED = 1 << 16
 """Bytes of a packed message that is of use here."""
 STEPS = 100_000
 """Of SQLite's machine, between two looks at whether it has done more of them than a file has bytes:
@@ -92,7 +92,7 @@ def read_database(path: Path, messages: "Messages") -> None:
         database.set_progress_handler(lambda: int(next(budget, None) is None), STEPS)
         rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
         numbers = {}
-        for number, name, kind, encoding in rows.fetchmany(MOST_TOPICS):
+        for number, name, kind, encoding in rows.fetchmany(MAX_TOPICS):
             topic, mine = RosTopic.of(str(name), str(kind), str(encoding)), messages.next_number
             messages.topics[mine] = topic
             if not topic.why_left or topic.type in TRANSFORMS:
@@ -169,7 +169,7 @@ def _unpacked(rows: list[Row]) -> Iterator[Row]:
 
     for number, time, packed_message in rows:
         try:
-            yield number, time, unpack_frames(packed_message, MOST_UNPACKED)
+            yield number, time, unpack_frames(packed_message, MAX_UNPACKED)
         except DataError:
             continue
 

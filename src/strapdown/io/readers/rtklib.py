@@ -24,7 +24,7 @@ START = 1 << 16
 """Bytes in which the line of column names must stand."""
 NAMES = re.compile(r"^%\s*(GPST|UTC|JST)[\s,;]+(.*(?:latitude|x-ecef|e-baseline).*)$", re.MULTILINE)
 REFERENCE = re.compile(r"^%\s*ref pos\s*:[ \t]*(.*)$", re.MULTILINE)
-LEAST_SD = 1e-4
+MIN_SD = 1e-4
 """m and m/s, the last digit that RTKLIB writes: a smaller standard deviation reads 0."""
 QUALITIES = {1: "fixed", 2: "float", 3: "SBAS", 4: "DGPS", 5: "single", 6: "PPP"}
 DEGREES = np.array([np.pi / 180, np.pi / 180, 1.0])
@@ -197,7 +197,7 @@ def _formed(path: Path, columns: dict[str, Array], text: str) -> tuple[dict[str,
         columns |= {name: np.where(untold, np.nan, columns[name]) for name in form.velocity}
     for name in (*form.sd[:3], *form.velocity_sd[:3]):
         if name in columns:
-            columns[name] = np.maximum(columns[name], LEAST_SD)
+            columns[name] = np.maximum(columns[name], MIN_SD)
     return columns, form
 
 

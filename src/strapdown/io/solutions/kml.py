@@ -9,7 +9,7 @@ from ...data.solution import Solution
 from ...typing import Ints
 from .track import HEIGHTS, Track, track_of, xml
 
-MOST_VERTICES, MOST_POINTS = 10000, 500
+MAX_VERTICES, MAX_POINTS = 10000, 500
 """At most this many vertices of the line and points with their time, taken at even steps."""
 DOCUMENT = """<?xml version='1.0' encoding='UTF-8'?>
 <kml xmlns="http://www.opengis.net/kml/2.2">
@@ -57,7 +57,7 @@ def kml(solution: Solution, path: Path) -> bytes:
     """The KML document of a Solution that is written to `path`. Raises DataError where there is no
     position."""
     track = track_of(solution, path)
-    vertices = _every(len(track.t), MOST_VERTICES)
+    vertices = _every(len(track.t), MAX_VERTICES)
     # cut at the antimeridian: a viewer would draw the missing step around the Earth
     cuts = np.flatnonzero(np.abs(np.diff(track.longitude[vertices])) > 180) + 1
     description = (
@@ -71,7 +71,7 @@ def kml(solution: Solution, path: Path) -> bytes:
             LINE.format(" ".join(_coordinates(track, row) for row in piece))
             for piece in np.split(vertices, cuts)
         ),
-        points="\n".join(_point(track, row) for row in _every(len(track.t), MOST_POINTS)),
+        points="\n".join(_point(track, row) for row in _every(len(track.t), MAX_POINTS)),
     ).encode()
 
 

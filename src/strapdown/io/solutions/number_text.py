@@ -16,7 +16,7 @@ Bytes: TypeAlias = np.ndarray[Any, np.dtype[np.uint8]]
 
 DECIMALS = 10
 """Digits after the point: 0.01 mm of latitude, and nine orders below the biases of any sensor."""
-LARGEST = 10**5
+MAX_EXACT = 10**5
 """Numbers from this on are written one by one; below, fifteen digits in all are exact."""
 SMALL = 10**6
 """Units of the last digit below which Python writes an exponent: 0.0001."""
@@ -101,7 +101,7 @@ def _lines(columns: Sequence[np.ndarray[Any, Any]]) -> bytes:
 
 def _large(column: np.ndarray[Any, Any]) -> bool:
     """Whether any number of it is infinite or too large for a cell, once rounded."""
-    return bool((np.abs(column.astype(float)) >= LARGEST - 0.5 * 10.0**-DECIMALS).any())
+    return bool((np.abs(column.astype(float)) >= MAX_EXACT - 0.5 * 10.0**-DECIMALS).any())
 
 
 def _numbers(columns: Sequence[np.ndarray[Any, Any]]) -> Bytes:

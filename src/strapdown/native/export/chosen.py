@@ -37,7 +37,7 @@ from ...typing import Say
 WAITING = 16
 """Fixes that an exported filter has room for until the sample that reaches their time, where nobody
 asks for more."""
-MOST_WAITING = 4096
+MAX_WAITING = 4096
 LOG_ROWS = 32
 """Rows of its log."""
 REPLAYED = 60.0
@@ -124,7 +124,7 @@ def chosen(
     Raises DataError.
     """
     filter = filters.find(filter)
-    check_number(waiting, "waiting", least=1, most=MOST_WAITING, whole=True)
+    check_number(waiting, "waiting", least=1, most=MAX_WAITING, whole=True)
     if not sources:
         raise DataError("sources: there are none; name one or more, as position,velocity")
     aidings = _of(recording, sources)

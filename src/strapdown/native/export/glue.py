@@ -8,7 +8,7 @@ from ...core.loop.contract import Noise, Start
 from ...core.loop.log import FOLD
 from ...core.loop.loop import SAME_TIME
 from ...core.mathematics.earth import LATITUDE_LIMIT
-from ...preprocessing.imu_samples import LONGEST_INTERVAL
+from ...preprocessing.imu_samples import MAX_INTERVAL
 from ...units.constants import MAX_PAUSE
 from .chosen import Chosen
 from .header import template
@@ -24,7 +24,7 @@ def glue(of: Chosen, made: Image) -> str:
     components = (len(aiding.find(a.kind).quantities) for a in of.aidings)
     return template("strapdown_calls.c").substitute(
         most_latitude=repr(LATITUDE_LIMIT),
-        longest_sample=repr(LONGEST_INTERVAL),
+        longest_sample=repr(MAX_INTERVAL),
         longest_gap=repr(MAX_PAUSE),
         same_time=repr(SAME_TIME),
         same_event=repr(FOLD),

@@ -44,7 +44,7 @@ STYLE = """<style>
 </style>"""
 LOOKS = {TRUSTED: "right", DOUBTFUL: "doubt", NOT_TO_BE_TRUSTED: "wrong"}
 """{word of a Verdict: class of its ground}."""
-MOST_LINES = 12
+MAX_LINES = 12
 """So many notes or rows are shown; then how many more there are."""
 USUAL_GAP = 3.0
 """Usual intervals between fixes beyond which there is a gap, and at least one second."""
@@ -64,15 +64,15 @@ def card(title: str, facts: Mapping[str, object] = {}, *parts: str, first: str =
 
 
 def lines(texts: Sequence[object]) -> str:
-    """HTML of a list of texts, the first MOST_LINES of them."""
-    return listing(texts, "", MOST_LINES)
+    """HTML of a list of texts, the first MAX_LINES of them."""
+    return listing(texts, "", MAX_LINES)
 
 
 def frame(shown: pd.DataFrame) -> str:
     """HTML of a DataFrame, without its index; cells are escaped."""
-    rows = shown.iloc[:MOST_LINES].itertuples(index=False)
+    rows = shown.iloc[:MAX_LINES].itertuples(index=False)
     cells = ([number(cell) if isinstance(cell, float) else cell for cell in row] for row in rows)
-    left = len(shown) - MOST_LINES
+    left = len(shown) - MAX_LINES
     return table(map(str, shown.columns), cells) + (
         f"<p>and {left} rows more</p>" if left > 0 else ""
     )

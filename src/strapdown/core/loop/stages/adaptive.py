@@ -24,11 +24,11 @@ from ..cursor import Books, Cursor
 from ..kernels import STAGE, Kernels
 from ..tables import Fixes
 
-LEAST_FACTOR, MOST_FACTOR = 0.01, 100.0  # of the variance: standard deviations of 0.1 to 10 times
+MIN_FACTOR, MAX_FACTOR = 0.01, 100.0  # of the variance: standard deviations of 0.1 to 10 times
 LASTING = 0.3  # correlation of whitened innovations one fix apart
-LARGEST_STEP = 0.1  # of the memory, at one fix: ten fixes decide at least
-MOST_NIS = 16.0  # which a fix counts with at most: an outlier is no noise
-MOST_WHITENED = 3.0  # with which it counts for the correlation
+MAX_STEP = 0.1  # of the memory, at one fix: ten fixes decide at least
+MAX_NIS = 16.0  # which a fix counts with at most: an outlier is no noise
+MAX_WHITENED = 3.0  # with which it counts for the correlation
 
 
 @kernel(STAGE)
@@ -59,13 +59,13 @@ def follow(
 ) -> None:
     """Take what a fix at `t` s says into the books of its source; S and R of
     `innovation_moments.moments`, `factor` the one on R with which a robust source uses it."""
-    share = 1 - math.exp(-min((t - books.followed_at) / memory, LARGEST_STEP))
+    share = 1 - math.exp(-min((t - books.followed_at) / memory, MAX_STEP))
     books.followed_at = t
     e0, e1, e2 = known(innovation[0]), known(innovation[1]), known(innovation[2])
     x0, x1, x2, nis, _ = solved(S, R, factor, e0, e1, e2)
     if math.isnan(nis):
         return
-    bounded = min(1.0, MOST_NIS / nis) if nis > 0 else 1.0
+    bounded = min(1.0, MAX_NIS / nis) if nis > 0 else 1.0
     for i in range(3):
         if math.isnan(innovation[i]):
             continue
@@ -73,7 +73,7 @@ def follow(
         y = solved(S, R, factor, 1.0 * (i == 0), 1.0 * (i == 1), 1.0 * (i == 2))[i]
         change = factor * R[i * (i + 3) // 2] * (bounded * x * x - y)
         told = books.factor[i] * (1 + share * change)
-        books.factor[i] = min(max(told, LEAST_FACTOR), MOST_FACTOR)
+        books.factor[i] = min(max(told, MIN_FACTOR), MAX_FACTOR)
     _correlate(books, innovation, share)
 
 
@@ -85,7 +85,7 @@ def _correlate(books: Books, innovation: Array, share: float) -> None:
         w = innovation[3 + i]
         if math.isnan(w):
             continue
-        w = min(max(w, -MOST_WHITENED), MOST_WHITENED)
+        w = min(max(w, -MAX_WHITENED), MAX_WHITENED)
         alike, power, rows = alike + w * before[i], power + w * w, rows + 1
         before[i] = w
     if rows > 0:

@@ -32,7 +32,7 @@ TYPES = {
     "char": "i1",
 }
 FIELD = re.compile(r"^(\w+)(?:\[(\d{1,5})\])? (\w+)$")
-LONGEST = 65535  # bytes of a message
+MAX_MESSAGE = 65535  # bytes of a message
 DEEPEST = 8  # types within types
 Fields = list[tuple[str, str, int]]
 """(name, numpy type, offset in bytes) of each number of a record."""
@@ -62,7 +62,7 @@ class ULog(Walked):
         self.dropouts: list[int] = []  # ms
         self._formats: dict[str, str] = {}
         self._topics: dict[int, UlogTopic] = {}
-        self._sizes: list[tuple[int, ...] | None] = [None] * (LONGEST + 1)
+        self._sizes: list[tuple[int, ...] | None] = [None] * (MAX_MESSAGE + 1)
         self._handlers = {
             ord("F"): self._format,
             ord("I"): self._information,
@@ -173,7 +173,7 @@ class ULog(Walked):
     def _follow(self, end: int) -> Follow:
         """By data of a known size, sync marks, and short texts."""
         data = self.data
-        sizes = np.full((LONGEST + 1, 2), -1)
+        sizes = np.full((MAX_MESSAGE + 1, 2), -1)
         for number, topic in self._topics.items():
             sizes[number, : len(topic.sizes)] = topic.sizes
         plain = np.zeros(256, bool)
@@ -236,7 +236,7 @@ class ULog(Walked):
                     if not padding:
                         fields.append((label, TYPES[of], at))
                     at += np.dtype(TYPES[of]).itemsize
-                if at > LONGEST:
+                if at > MAX_MESSAGE:
                     raise DataError(f"{name} is too long")
                 logged = logged if padding else at
         return at, logged

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 CSV = tuple(end for end in packed(".csv") if not end.endswith(".zip"))
 """How the names of the files end."""
-MOST_FILES = 200
+MAX_FILES = 200
 """Files of an export: an app has some twenty sensors."""
 HEAD = 4096
 """Bytes of a file that hold its header line."""
@@ -105,7 +105,7 @@ def export(path: Path) -> Export:
             files = {_name(path.name): partial(open_bytes, path, True)}
         else:
             files = {}
-    return found._replace(files=dict(sorted(files.items())[:MOST_FILES]))
+    return found._replace(files=dict(sorted(files.items())[:MAX_FILES]))
 
 
 def heads(path: Path) -> dict[str, str]:

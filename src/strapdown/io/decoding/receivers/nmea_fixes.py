@@ -27,7 +27,7 @@ SPEED_SD = 0.6
 """knot (0.3 m/s), of each component of a velocity. Receivers claim 0.05 m/s and filter."""
 HEADING_SD = 2.0
 """deg"""
-LEAST_SD, LEAST_SD_RTK = 0.1, 0.01
+MIN_SD, MIN_SD_RTK = 0.1, 0.01
 """m: no fix is better, of quality 4 (RTK fixed) the second. GST of some receivers is 0 throughout."""
 QUALITY_OF_MODE = {b"A": 1, b"D": 2, b"P": 3, b"R": 4, b"F": 5, b"": 1}
 """Of RMC, GLL, GNS and VTG; E (estimated), M (manual), S (simulated) and N (none) are not used."""
@@ -211,7 +211,7 @@ def _with_deviations(
     assumed = np.where(np.isfinite(assumed), assumed, 10.0)
     sd = np.stack([assumed, assumed, VERTICAL * assumed], axis=1)
     told, raised = np.zeros(sd.shape, bool), False
-    least = np.where(quality == 4, LEAST_SD_RTK, LEAST_SD)[:, None]
+    least = np.where(quality == 4, MIN_SD_RTK, MIN_SD)[:, None]
     if "GST" in sentences.kinds:
         gst = sentences.kinds["GST"]
         t = gst.time_of_day(1)
@@ -230,7 +230,7 @@ def _with_deviations(
         assumptions.append(f"{where}{used}, times HDOP where above 1; height twice as much")
     if raised:
         assumptions.append(
-            f"those of GST raised to at least {LEAST_SD_RTK:g} m for quality 4, else {LEAST_SD:g} m"
+            f"those of GST raised to at least {MIN_SD_RTK:g} m for quality 4, else {MIN_SD:g} m"
         )
     return table._replace(content=frame), "; ".join(assumptions)
 

@@ -21,7 +21,7 @@ GYRO, ACCEL = (14, 13, 5), (16, 17, 18)
 """Types of the data, x, y, z."""
 GYRO_SCALE, ACCEL_SCALE = 2.0**-12, 2.0**-10
 """deg/s and m/s^2 a count."""
-MOST_PIECES = 50
+MAX_PIECES = 50
 """Beginnings of a sensor's clock that are taken from one file, those with the most epochs."""
 
 
@@ -216,7 +216,7 @@ def _lines(
     ticks = (TICKS[0],) if key == UbxMessage.ESF_MEAS else TICKS
     numbers, many = np.unique(piece[a], return_counts=True)
     lines = {}
-    for number in numbers[np.argsort(-many, kind="stable")][:MOST_PIECES]:
+    for number in numbers[np.argsort(-many, kind="stable")][:MAX_PIECES]:
         rows = piece[a] == number
         line = fit(middle[rows], moment[rows], ticks)
         if line is not None:

@@ -19,9 +19,9 @@ OLDER = b"#ROSBAG V1"
 MESSAGE, CHUNK, CONNECTION = b"\2", b"\5", b"\7"
 HEAD = {b"op": 1, b"conn": 4, b"time": 8}
 """Fields of the header of a message, and their bytes."""
-LEAST_HEAD, MOST_HEAD = 34, 255
+MIN_HEAD, MAX_HEAD = 34, 255
 """Bytes of such a header: those of these fields with their names, and some more."""
-MOST_LAYOUTS = 16
+MAX_LAYOUTS = 16
 """Orders of these fields in headers of one length. A program writes one."""
 
 
@@ -130,10 +130,10 @@ def message_heads(raw: np.ndarray[Any, Any], places: Ints) -> tuple[Ints, Ints, 
     """(rows of `places` that are messages, their connections, their times in ns)."""
     lengths = places[:, 1] - places[:, 0]
     found = [(np.zeros(0, np.int64),) * 3]
-    for length in np.unique(lengths[(lengths >= LEAST_HEAD) & (lengths <= MOST_HEAD)]).tolist():
+    for length in np.unique(lengths[(lengths >= MIN_HEAD) & (lengths <= MAX_HEAD)]).tolist():
         rows = np.flatnonzero(lengths == length)
         heads = take(raw, places[rows, 0], length).view("u1").reshape(-1, length)
-        for _ in range(MOST_LAYOUTS):
+        for _ in range(MAX_LAYOUTS):
             if not len(rows):
                 break
             alike, which, connections, times = _like_first(heads)

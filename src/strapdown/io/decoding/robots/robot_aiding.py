@@ -159,7 +159,7 @@ def barometer(stream: TopicStream, robot: Robot) -> Made:
 
 # ---- the IMU
 
-LEAST_FORCE = 3.0
+MIN_FORCE = 3.0
 """m/s^2, least median of the specific force where gravity is in it."""
 DIRECTIONS = ("forward", "backward"), ("left", "right"), ("up", "down")
 ATTITUDE_SD = [0.02, 0.02, 0.1]
@@ -205,7 +205,7 @@ def _doubt(stream: TopicStream, force: Array) -> tuple[str, str]:
             f'set unit = "g" of accel',
             "",
         )
-    if not norm >= LEAST_FORCE:
+    if not norm >= MIN_FORCE:
         return (
             f"its accelerometer is free of gravity: its median is {norm:.2f} m/s^2, about 9.8 is "
             f"needed; record the topic with gravity",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ....sensor_models.errors import LARGEST
+from ....sensor_models.errors import MAX_NUMBER
 from ...contract import Log, Section
 from ...tables.table_file import FileTable
 from .robot_aiding import barometer, fix, imu, magnetometer, odometry, twist
@@ -64,12 +64,12 @@ def _without_nonsense(topic: str, columns: Columns) -> list[str]:
     """Make numbers that nothing measures missing; a line on them."""
     wrong = 0
     for name, values in columns.items():
-        beyond = np.abs(values) > LARGEST
+        beyond = np.abs(values) > MAX_NUMBER
         if beyond.any():
             wrong += int(beyond.sum())
             columns[name] = np.where(beyond, np.nan, values)
     return (
-        [f"{wrong} numbers beyond {LARGEST:g} of {topic}: damaged, taken as missing"]
+        [f"{wrong} numbers beyond {MAX_NUMBER:g} of {topic}: damaged, taken as missing"]
         if wrong
         else []
     )

@@ -103,7 +103,7 @@ def is_known(message: str, text: str) -> bool:
 
 Columns = dict[str, np.ndarray[Any, Any]]
 TRANSFORMS = ("tf2_msgs/TFMessage", "tf/tfMessage")
-MOST_TRANSFORMS = 1000
+MAX_TRANSFORMS = 1000
 """Messages with transforms that are looked at, of each topic: what is mounted does not change."""
 ALIGNED = {"ros1": False, "cdr": True}
 
@@ -197,7 +197,7 @@ class Messages:
         lengths: Ints,
     ) -> None:
         seen = self._looked.get(number, 0)
-        if topic.encoding not in ALIGNED or seen >= MOST_TRANSFORMS:
+        if topic.encoding not in ALIGNED or seen >= MAX_TRANSFORMS:
             return
         for offset, length in zip(offsets.tolist(), lengths.tolist()):
             self.transforms.append((topic, content[offset : offset + length].tobytes()))

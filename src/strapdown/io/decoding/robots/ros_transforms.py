@@ -12,7 +12,7 @@ from ....typing import Array
 from .ros_messages import RosTopic
 
 STATIC = "tf_static"
-LEAST = 3
+MIN_EQUAL = 3
 """Equal transforms by which one of a topic other than that of fixed ones is taken for fixed."""
 
 WORLD = re.compile(
@@ -90,7 +90,7 @@ class RosFrames:
         for (child, parent), found in seen.items():
             static, numbers = found[-1]
             ground = WORLD.search(parent) or WORLD.search(child)
-            still = len(found) >= LEAST and all(each == numbers for _, each in found)
+            still = len(found) >= MIN_EQUAL and all(each == numbers for _, each in found)
             fixed = static or (still and not ground)
             pose = _pose(numbers)
             if fixed and pose is not None and child != parent:
